@@ -1,0 +1,64 @@
+"""Touch-based motion sensing for robot hands: pressure scans in, object motion and slip out."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording, Truth
+    from taxelflow.api import Result, estimate, estimator, read
+    from taxelflow.condition.conditioner import Conditioner
+    from taxelflow.errors import TaxelflowError
+    from taxelflow.layout import Layout, Pad, Sensor, load_sensor
+    from taxelflow.messages import Event, Motions, RawScans, Scans, Slips
+    from taxelflow.monitor.slip import SlipMonitor
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Conditioner": "condition.conditioner",
+    "Event": "messages",
+    "Layout": "layout",
+    "Motions": "messages",
+    "Pad": "layout",
+    "RawScans": "messages",
+    "Recording": "acquire.base",
+    "Result": "api",
+    "Scans": "messages",
+    "Sensor": "layout",
+    "SlipMonitor": "monitor.slip",
+    "Slips": "messages",
+    "TaxelflowError": "errors",
+    "Truth": "acquire.base",
+    "estimate": "api",
+    "estimator": "api",
+    "load_sensor": "layout",
+    "read": "api",
+}
+
+__all__ = [
+    "Conditioner",
+    "Event",
+    "Layout",
+    "Motions",
+    "Pad",
+    "RawScans",
+    "Recording",
+    "Result",
+    "Scans",
+    "Sensor",
+    "SlipMonitor",
+    "Slips",
+    "TaxelflowError",
+    "Truth",
+    "estimate",
+    "estimator",
+    "load_sensor",
+    "read",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use, so that `taxelflow --help` needs neither NumPy nor numba."""
+    if name in _HOME:
+        return getattr(import_module(f"taxelflow.{_HOME[name]}"), name)
+    raise AttributeError(f"module 'taxelflow' has no attribute {name!r}")

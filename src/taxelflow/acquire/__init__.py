@@ -1,0 +1,1 @@
+"""World -> RawScans: readers of recordings and the simulated rig."""

@@ -1,0 +1,132 @@
+"""What every source of scans is: a recording that can be read again and again, block by block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWrong, TimesNotIncreasing
+from taxelflow.layout import Sensor
+from taxelflow.messages import Bools, Floats, RawScans, joined
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from taxelflow.layout import Layout
+
+BLOCK_SCANS = 1024
+"""Scans in a block: large enough to be fast, small enough to hold many sensors' blocks in memory."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """Where the object really was, in the frame of one pad.
+
+    t_s: (times,). pose: (times, 3), x, y in m and theta in rad; theta counts from the first time.
+    """
+
+    pad: str
+    t_s: Floats
+    pose: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Scans of one sensor, read lazily: `blocks()` starts again at each call.
+
+    source: the file, or what made the scans. scans: how many the source promises, None if it does not say.
+    masked: (taxels,), taxels that the recording itself declares switched off. truth: if known.
+    read: opens the source and yields its blocks as they stand there.
+    """
+
+    source: Path | str
+    format: str
+    sensor: Sensor
+    read: Callable[[], Iterator[RawScans]] = field(repr=False)
+    scans: int | None = None
+    masked: Bools = field(default_factory=lambda: np.zeros(0, dtype=np.bool_), repr=False)
+    truth: Truth | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        if not len(self.masked):
+            object.__setattr__(self, "masked", np.zeros(self.layout.taxels, dtype=np.bool_))
+
+    @property
+    def layout(self) -> Layout:
+        """Taxel arrays of the sensor."""
+        return self.sensor.layout
+
+    def blocks(self) -> Reading:
+        """Checked blocks of scans, from the start."""
+        return Reading(self)
+
+    def load(self) -> RawScans:
+        """The whole recording in memory. Raises what `Reading` raises; a truncated one gives what is there."""
+        blocks = list(self.blocks())
+        return joined(blocks) if blocks else RawScans(np.zeros(0), np.zeros((0, self.layout.taxels)))
+
+
+class Reading:
+    """One pass over a recording: checks counts and times, drops repeated stamps, remembers what was lost.
+
+    Iterating raises TaxelCountWrong, TimesNotIncreasing and RecordingCorrupt. A recording that ends too early
+    simply ends; `loss` then says how much is missing.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self.scans = 0
+        self.repeated = 0
+        self.loss: RecordingTruncated | None = None
+        self._recording = recording
+        self._fault: TimesNotIncreasing | None = None
+        self._last_s = -np.inf
+        self._blocks = recording.read()
+
+    def __iter__(self) -> Reading:
+        return self
+
+    def __next__(self) -> RawScans:
+        while True:
+            if self._fault is not None:
+                raise self._fault
+            try:
+                block = self._checked(next(self._blocks))
+            except RecordingTruncated as loss:
+                if not self.scans:
+                    raise self._empty(str(loss)) from loss
+                self.loss = loss
+                raise StopIteration from None
+            except StopIteration:
+                if not self.scans and self.loss is None:
+                    raise self._empty("it ends before the first scan") from None
+                raise
+            if len(block):
+                return block
+
+    def _empty(self, seen: str) -> RecordingCorrupt:
+        return RecordingCorrupt(self._recording.source, f"no scan is readable: {seen}", "record or copy it again")
+
+    def _checked(self, block: RawScans) -> RawScans:
+        taxels = self._recording.layout.taxels
+        if block.values.shape[1] != taxels:
+            raise TaxelCountWrong(self._recording.source, block.values.shape[1], self._recording.sensor.name, taxels)
+        before = np.concatenate([[self._last_s], block.t_s[:-1]])
+        fresh = block.t_s > before
+        repeated = block.t_s == before
+        if not np.all(fresh | repeated):
+            wrong = int(np.argmin(fresh | repeated))
+            number = self.scans + self.repeated + wrong
+            self._fault = TimesNotIncreasing(
+                self._recording.source, number, float(before[wrong]), float(block.t_s[wrong])
+            )
+            fresh[wrong:] = repeated[wrong:] = False  # what came before it still stands
+        self.repeated += int(repeated.sum())
+        if not fresh.all():
+            block = RawScans(block.t_s[fresh], block.values[fresh])
+        self.scans += len(block)
+        if len(block):
+            self._last_s = float(block.t_s[-1])
+        return block

@@ -1,0 +1,45 @@
+"""How kernels are compiled: once, cached on disk, announced, and before a loop starts."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, TypeVar, cast
+
+import numba
+from numba.core import event
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from typing import Any
+
+    Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+_log = logging.getLogger("taxelflow")
+
+
+def kernel(function: Kernel) -> Kernel:
+    """`numba.njit(cache=True)` that keeps the function's type for mypy."""
+    return cast("Kernel", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+class _Announce(event.Listener):
+    """Says once that numba compiles. Loading a cached kernel is no compile and stays silent."""
+
+    def __init__(self) -> None:
+        self.said = False
+
+    def on_start(self, _event: object) -> None:
+        if not self.said:
+            self.said = True
+            _log.warning("compiling kernels for this machine, once (some seconds; later runs load them from a cache)")
+
+    def on_end(self, _event: object) -> None:
+        """Nothing to say: the caller goes on."""
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """Within this context the first compile is logged to `taxelflow` at level WARNING."""
+    with event.install_listener("numba:compile", _Announce()):
+        yield

@@ -1,0 +1,1 @@
+"""RawScans -> Scans: units, tare, noise, missing taxels, contact."""

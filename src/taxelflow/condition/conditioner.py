@@ -1,0 +1,44 @@
+"""The conditioner's parameters: raw scans in, tared pressure with noise and contact out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from taxelflow.errors import ParameterInvalid
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from taxelflow.condition.session import Session
+    from taxelflow.layout import Sensor
+    from taxelflow.messages import Bools, RawScans
+
+
+@dataclass(frozen=True)
+class Conditioner:
+    """How scans are made comparable before any motion is estimated."""
+
+    tare: Literal["auto", "none", "start"] = "auto"
+    """What is subtracted per taxel. auto: the mean of idle scans, where a pad has any (never a steady contact);
+    none: nothing; start: the first 12 scans, which you declare idle."""
+    contact_on: float = 6.0
+    """A pad is in contact when its largest taxel and its sum both exceed so many standard deviations of noise."""
+    contact_off: float = 4.0
+    """... and stays in contact until one of the two falls below so many."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.contact_off <= self.contact_on:
+            raise ParameterInvalid(
+                "contact_off", self.contact_off, f"it lies above 0, up to contact_on = {self.contact_on}"
+            )
+
+    def start(self, sensor: Sensor, masked: Bools, lookahead: Iterable[RawScans] | None) -> Session:
+        """Begin a session. masked: (taxels,) known to be off.
+
+        With `lookahead`, a first pass over the same recording, tare and noise are learned from all of it (batch).
+        Without, they are learned from what has gone by (stream): the first 12 scans are held back until known.
+        """
+        from taxelflow.condition.session import Session
+
+        return Session(self, sensor, masked, lookahead)

@@ -1,0 +1,130 @@
+"""The tree of what can go wrong. Each message says what is wrong, what was seen, what to do.
+
+TaxelflowError
+├── RecordingError            a recording cannot be used
+│   ├── RecordingMissing      no such file
+│   ├── FormatUnknown         no reader for this file
+│   ├── RecordingCorrupt      not what its name says, or damaged before the first scan
+│   ├── RecordingTruncated    damaged after some scans, which were read
+│   ├── TaxelCountWrong       the scans do not fit the sensor
+│   ├── TimesNotIncreasing    a time stamp runs backwards
+│   └── SensorNeeded          the format carries no layout and none was named
+├── SensorFileInvalid         a sensor's TOML breaks the schema
+├── NameUnknown               no sensor, estimator, ... of that name
+├── ParameterInvalid          a parameter out of its range
+├── ResultMissing             a directory is not a result, or lacks a file
+└── ExtraMissing              an optional dependency is not installed
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+
+class TaxelflowError(Exception):
+    """Root of all errors that taxelflow raises on purpose; the CLI prints them as one line."""
+
+
+class RecordingError(TaxelflowError):
+    """A recording cannot be used."""
+
+
+class RecordingMissing(RecordingError):
+    """The path names no file."""
+
+    def __init__(self, path: Path) -> None:
+        what = "is a directory, not a file" if path.is_dir() else "does not exist"
+        super().__init__(f"recording {path} {what}; give the path of a recording")
+
+
+class FormatUnknown(RecordingError):
+    """No reader is registered for the file's suffix."""
+
+    def __init__(self, path: Path, known: Iterable[str]) -> None:
+        super().__init__(
+            f"no reader for {path}: its suffix is {path.suffix or 'empty'!r}; known are {', '.join(known)}"
+        )
+
+
+class RecordingCorrupt(RecordingError):
+    """The content is not what the suffix promises, or is damaged before the first scan."""
+
+    def __init__(self, path: Path | str, seen: str, remedy: str) -> None:
+        super().__init__(f"cannot read {path}: {seen}; {remedy}")
+
+
+class RecordingTruncated(RecordingError):
+    """The recording ends too early; the scans before the damage have been delivered."""
+
+    def __init__(self, path: Path, read: int, expected: int | None, seen: str) -> None:
+        self.read, self.expected = read, expected
+        of = f" of {expected}" if expected is not None else ""
+        super().__init__(f"{path} is truncated: {read}{of} scans could be read ({seen}); record or copy it again")
+
+
+class TaxelCountWrong(RecordingError):
+    """Scans have another number of taxels than the sensor."""
+
+    def __init__(self, path: Path | str, seen: int, sensor: str, expected: int) -> None:
+        super().__init__(
+            f"{path} has {seen} taxels per scan but sensor {sensor!r} has {expected}; "
+            "choose the matching sensor with --sensor NAME or --sensor FILE.toml"
+        )
+
+
+class TimesNotIncreasing(RecordingError):
+    """A time stamp is smaller than the one before, or not a number."""
+
+    def __init__(self, path: Path | str, scan: int, before_s: float, t_s: float) -> None:
+        super().__init__(
+            f"times in {path} do not increase: scan {scan} is at {t_s:.6f} s after {before_s:.6f} s; "
+            "sort the recording by time (repeated stamps are dropped, earlier ones are not repaired)"
+        )
+
+
+class SensorNeeded(RecordingError):
+    """The recording does not say which sensor it is of."""
+
+    def __init__(self, path: Path, known: Iterable[str]) -> None:
+        super().__init__(
+            f"{path} does not say which sensor it is of; add --sensor NAME ({', '.join(known)}) or --sensor FILE.toml"
+        )
+
+
+class SensorFileInvalid(TaxelflowError):
+    """A sensor's TOML breaks the schema; the message names file, table and field."""
+
+    def __init__(self, source: str, where: str, seen: str, remedy: str) -> None:
+        super().__init__(f"sensor file {source}: {where}: {seen}; {remedy}")
+
+
+class NameUnknown(TaxelflowError):
+    """Nothing of this kind has that name."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        super().__init__(f"unknown {kind} {name!r}; known are {', '.join(known)}")
+
+
+class ParameterInvalid(TaxelflowError):
+    """A parameter is out of its range."""
+
+    def __init__(self, name: str, seen: object, allowed: str) -> None:
+        super().__init__(f"{name} is {seen!r}; {allowed}")
+
+
+class ResultMissing(TaxelflowError):
+    """A directory does not hold what `taxelflow estimate` writes."""
+
+    def __init__(self, directory: Path, lacks: str) -> None:
+        super().__init__(f"{directory} holds no {lacks}; give a directory that `taxelflow estimate --out` has written")
+
+
+class ExtraMissing(TaxelflowError):
+    """An optional dependency is needed and not installed."""
+
+    def __init__(self, extra: str, module: str) -> None:
+        super().__init__(f"{module} is not installed; install it with: pip install 'taxelflow[{extra}]'")

@@ -1,0 +1,1 @@
+"""Scans -> Slips: the motion seen by each pad, by method."""

@@ -1,0 +1,35 @@
+"""What an estimator is: frozen parameters that start a session, which turns scans into slips."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, Protocol
+
+if TYPE_CHECKING:
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Scans, Slips
+
+Mode = Literal["batch", "stream"]
+
+
+class EstimatorSession(Protocol):
+    """An estimator at work, with its memory."""
+
+    def step(self, scans: Scans) -> Slips:
+        """Slips of all pads for these scans, which follow those of the last call.
+
+        However the stream is cut into blocks, the slips are the same. A session that needs the whole contact
+        (batch) may return fewer rows than scans, even none, and give the rest later or at `finish`.
+        """
+        ...
+
+    def finish(self) -> Slips:
+        """Slips still held back at the end of the stream; none for a causal estimator."""
+        ...
+
+
+class Estimator(Protocol):
+    """Parameters of a method: a frozen dataclass in a module that imports neither NumPy nor numba."""
+
+    def start(self, layout: Layout, mode: Mode) -> EstimatorSession:
+        """Begin a session; everything slow (imports, compilation) happens here."""
+        ...

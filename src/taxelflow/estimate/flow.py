@@ -1,0 +1,113 @@
+"""The fast form of Method II: centroids in one pass, and their covariance from the noise of the taxels.
+
+The centroid of a full convolution is the sum of the two centroids. With c[T] the 1-based pressure-weighted
+centroid, equation (2) gives i[T] = c[T-1] + c[T] - 1, so that S[T] = c[T] - c[T-2]: the motion over two scans,
+half a scan late. `literal.py` holds the equations to the letter; a test holds both equal.
+
+In the pad's frame (y up, against the row index) and with one scan's motion as half of S:
+    x[T] = gain pitch_x (i[T] - N) / 2 = gain (cx[T-1] + cx[T]) / 2,   dx[T] = x[T] - x[T-1].
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.compiling import kernel
+from taxelflow.estimate.translation import (
+    COV_XY,
+    D_COV_XY,
+    D_VAR_X,
+    D_VAR_Y,
+    DX,
+    DY,
+    LAG,
+    SPAN,
+    VAR_X,
+    VAR_Y,
+    X,
+    Y,
+    mark_border,
+)
+from taxelflow.messages import Bools, Floats
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# Memory per pad: how many usable scans in a row (0, 1, 2), then t, x, y, var_x, var_y, cov_xy of the last of them
+# and of the one before.
+_RUN, _LAST, _BEFORE, MEMORY = 0, 1, 7, 13
+
+
+@kernel
+def convolution_flow(
+    t: Floats,
+    pressure: Floats,
+    noise: Floats,
+    contact: Bools,
+    complete: Bools,
+    places: Floats,
+    border: Bools,
+    starts: NDArray[np.int64],
+    gain: float,
+    memory: Floats,
+    rows: Floats,
+    at_border: Bools,
+) -> None:
+    """Fill rows (scans, pads, COLUMNS) and at_border (scans, pads, 2); rows come in as NaN.
+
+    t: (scans,). pressure: (scans, taxels). noise: (taxels,). contact, complete: (scans, pads).
+    places: (2, taxels). border: (taxels, 2). starts: (pads + 1,). memory: (pads, 13), kept from block to block.
+    The index needs two usable scans in a row, the slip vector three; a scan without contact, or with a missing
+    loaded taxel, begins anew, so that nothing jumps at lift-off and re-contact.
+    """
+    for pad in range(len(starts) - 1):
+        begin, end = starts[pad], starts[pad + 1]
+        n0 = nx = ny = nxx = nyy = nxy = 0.0  # moments of the noise over the pad
+        for taxel in range(begin, end):
+            variance = noise[taxel] * noise[taxel]
+            x, y = places[0, taxel], places[1, taxel]
+            n0 += variance
+            nx += variance * x
+            ny += variance * y
+            nxx += variance * x * x
+            nyy += variance * y * y
+            nxy += variance * x * y
+        m = memory[pad]
+        for scan in range(len(t)):
+            if not (contact[scan, pad] and complete[scan, pad]):
+                m[_RUN] = 0.0
+                continue
+            s = sx = sy = 0.0
+            for taxel in range(begin, end):
+                p = pressure[scan, taxel]
+                s += p
+                sx += p * places[0, taxel]
+                sy += p * places[1, taxel]
+            cx, cy = sx / s, sy / s  # contact means that s stands well above its noise
+            # c = sum(p r) / sum(p), so dc/dp_i = (r_i - c) / s: first-order propagation of the taxels' noise.
+            g = gain * gain / (s * s)
+            var_x = g * (nxx - 2.0 * cx * nx + cx * cx * n0)
+            var_y = g * (nyy - 2.0 * cy * ny + cy * cy * n0)
+            cov = g * (nxy - cx * ny - cy * nx + cx * cy * n0)
+            cx, cy = gain * cx, gain * cy
+            mark_border(pressure[scan], noise, border, begin, end, at_border[scan, pad])
+            row = rows[scan, pad]
+            if m[_RUN] >= 1.0:
+                row[X], row[Y] = 0.5 * (m[_LAST + 1] + cx), 0.5 * (m[_LAST + 2] + cy)
+                row[VAR_X] = 0.25 * (m[_LAST + 3] + var_x)
+                row[VAR_Y] = 0.25 * (m[_LAST + 4] + var_y)
+                row[COV_XY] = 0.25 * (m[_LAST + 5] + cov)
+                row[LAG] = 0.5 * (t[scan] - m[_LAST])
+            if m[_RUN] >= 2.0:
+                row[DX], row[DY] = 0.5 * (cx - m[_BEFORE + 1]), 0.5 * (cy - m[_BEFORE + 2])
+                row[SPAN] = 0.5 * (t[scan] - m[_BEFORE])
+                row[D_VAR_X] = 0.25 * (m[_BEFORE + 3] + var_x)
+                row[D_VAR_Y] = 0.25 * (m[_BEFORE + 4] + var_y)
+                row[D_COV_XY] = 0.25 * (m[_BEFORE + 5] + cov)
+            for k in range(6):
+                m[_BEFORE + k] = m[_LAST + k]
+            m[_LAST], m[_LAST + 1], m[_LAST + 2] = t[scan], cx, cy
+            m[_LAST + 3], m[_LAST + 4], m[_LAST + 5] = var_x, var_y, cov
+            m[_RUN] = min(m[_RUN] + 1.0, 2.0)

@@ -1,0 +1,32 @@
+"""Method I of the paper: the place of the largest pressure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taxelflow.errors import ParameterInvalid
+
+if TYPE_CHECKING:
+    from taxelflow.estimate.base import Mode
+    from taxelflow.estimate.translation import TranslationSession
+    from taxelflow.layout import Layout
+
+
+@dataclass(frozen=True)
+class LNorm:
+    """Position = centre of the taxel with the largest pressure (the L-infinity norm); moves in whole taxels."""
+
+    gain: float = 1.0
+    """Factor on the taxel's place, to calibrate it like Method II; 1 takes one column for one pitch."""
+
+    def __post_init__(self) -> None:
+        if not self.gain > 0:
+            raise ParameterInvalid("gain", self.gain, "it is above 0, and 1 when uncalibrated")
+
+    def start(self, layout: Layout, mode: Mode) -> TranslationSession:
+        """Begin a session."""
+        from taxelflow.estimate.peak import MEMORY, peak_flow
+        from taxelflow.estimate.translation import TranslationSession
+
+        return TranslationSession(layout, peak_flow, MEMORY, self.gain, layout.pitch_m)

@@ -1,0 +1,99 @@
+"""The session that both of the paper's methods share: a kernel, its memory, and the message it fills."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.compiling import kernel
+from taxelflow.messages import Bools, Floats, Scans, Slips
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from taxelflow.layout import Layout
+
+DX, DY, X, Y, VAR_X, VAR_Y, COV_XY, D_VAR_X, D_VAR_Y, D_COV_XY, SPAN, LAG, COLUMNS = range(13)
+"""Columns of the row that a kernel fills per scan and pad: displacement, pose, the pose's covariance, the
+displacement's, its span of time, and the pose's lag."""
+
+_BORDER_SIGMAS = 6.0
+"""A border taxel that reads above so many standard deviations of its noise is loaded."""
+
+
+class TranslationSession:
+    """A causal estimator of translation. Nothing is kept but the kernel's few numbers per pad."""
+
+    def __init__(self, layout: Layout, kernel: Callable[..., None], memory: int, *constants: Any) -> None:
+        """kernel: called with (t, pressure, noise, contact, complete, places, border, starts, *constants,
+        memory, rows, at_border), as `flow.convolution_flow`. memory: numbers it keeps per pad.
+        """
+        places = np.stack([layout.x_m, layout.y_m])
+        self._pads = len(layout.pads)
+        self._kernel = kernel
+        self._constants = (places, layout.border, layout.starts, *constants)
+        self._memory = np.zeros((self._pads, memory))
+        self._nothing = Scans(
+            np.zeros(0),
+            np.zeros((0, layout.taxels)),
+            np.zeros(layout.taxels),
+            *(np.zeros((0, self._pads), dtype=np.bool_) for _ in range(2)),
+        )
+        self.step(self._nothing)  # compiles the kernel, or loads it from the cache, before the loop begins
+
+    def step(self, scans: Scans) -> Slips:
+        """Slips of all pads; see `EstimatorSession.step`."""
+        rows = np.full((len(scans), self._pads, COLUMNS), np.nan)
+        border = np.zeros((len(scans), self._pads, 2), dtype=np.bool_)
+        self._kernel(
+            scans.t_s,
+            scans.pressure,
+            scans.noise,
+            scans.contact,
+            scans.complete,
+            *self._constants,
+            self._memory,
+            rows,
+            border,
+        )
+        return Slips(
+            t_s=scans.t_s,
+            contact=scans.contact,
+            border=border,
+            displacement=_planar(rows[..., DX : DY + 1]),
+            pose=_planar(rows[..., X : Y + 1]),
+            covariance=_symmetric(rows[..., VAR_X : COV_XY + 1]),
+            displacement_covariance=_symmetric(rows[..., D_VAR_X : D_COV_XY + 1]),
+            span_s=rows[..., SPAN],
+            lag_s=rows[..., LAG],
+        )
+
+    def finish(self) -> Slips:
+        """Nothing is held back."""
+        return self.step(self._nothing)
+
+
+@kernel
+def mark_border(pressure: Floats, noise: Floats, border: Bools, begin: int, end: int, at_border: Bools) -> None:
+    """Set at_border (2,) where a loaded taxel of the pad begin..end lies at a border facing x, y."""
+    for taxel in range(begin, end):
+        if (border[taxel, 0] or border[taxel, 1]) and 0.0 < _BORDER_SIGMAS * noise[taxel] < pressure[taxel]:
+            at_border[0] |= border[taxel, 0]
+            at_border[1] |= border[taxel, 1]
+
+
+def _planar(two: Floats) -> Floats:
+    """(..., 2) -> (..., 3) with an unknown rotation."""
+    three = np.full((*two.shape[:-1], 3), np.nan)
+    three[..., :2] = two
+    return three
+
+
+def _symmetric(parts: Floats) -> Floats:
+    """(..., 3) of var_x, var_y, cov_xy -> (..., 3, 3) with an unknown rotation."""
+    matrix = np.full((*parts.shape[:-1], 3, 3), np.nan)
+    matrix[..., 0, 0] = parts[..., 0]
+    matrix[..., 1, 1] = parts[..., 1]
+    matrix[..., 0, 1] = matrix[..., 1, 0] = parts[..., 2]
+    return matrix

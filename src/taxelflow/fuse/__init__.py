@@ -1,0 +1,1 @@
+"""Slips -> Motions: one motion of the object from all pads."""

@@ -1,0 +1,144 @@
+"""What the stages pass on: raw scans, scans, slips, motions, events.
+
+Every message is a block of one or more scans in time order, so that one kernel serves a live stream
+(blocks of one) and a recording (blocks of thousands), and no result depends on how a stream is cut.
+Unknown numbers are NaN. Axis order of three components is always (x, y, theta), in m, m, rad.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    Block = TypeVar("Block", "RawScans", "Scans", "Slips", "Motions")
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class RawScans:
+    """Scans as the sensor gave them.
+
+    t_s: (scans,) sensor's clock in s, strictly increasing.
+    values: (scans, taxels) in the sensor's own unit; NaN where a taxel is missing in a scan.
+    """
+
+    t_s: Floats
+    values: Floats
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Scans:
+    """Conditioned scans: tared, in Pa (counts for a sensor without a scale), free of NaN.
+
+    t_s: (scans,). pressure: (scans, taxels), 0 where a taxel is masked or missing.
+    noise: (taxels,) standard deviation of one reading, same unit; 0 marks a masked taxel.
+    contact: (scans, pads). complete: (scans, pads), False where a loaded taxel is missing in that scan.
+    """
+
+    t_s: Floats
+    pressure: Floats
+    noise: Floats
+    contact: Bools
+    complete: Bools
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Slips:
+    """Motion of the object relative to the skin, per scan and pad, in each pad's frame.
+
+    t_s: (scans,). contact: (scans, pads).
+    border: (scans, pads, 2), the contact reaches a border of the pad that faces x (left, right), y.
+    displacement: (scans, pads, 3), since the pad's previous scan. pose: (scans, pads, 3).
+    covariance: (scans, pads, 3, 3) of the pose.
+    displacement_covariance: (scans, pads, 3, 3), what noise alone makes of a still object.
+    span_s: (scans, pads), time in which the displacement happened. lag_s: (scans, pads), how much older than t_s
+    the pose is.
+    """
+
+    t_s: Floats
+    contact: Bools
+    border: Bools
+    displacement: Floats
+    pose: Floats
+    covariance: Floats
+    displacement_covariance: Floats
+    span_s: Floats
+    lag_s: Floats
+
+    @property
+    def velocity(self) -> Floats:
+        """(scans, pads, 3), in m/s and rad/s."""
+        velocity: Floats = self.displacement / self.span_s[..., np.newaxis]
+        return velocity
+
+    @property
+    def valid(self) -> Bools:
+        """(scans, pads), True where the displacement is known."""
+        known: Bools = np.isfinite(self.displacement[..., 0])
+        return known
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Motions:
+    """Fused motion of the object, one row per scan.
+
+    t_s: (scans,). velocity, pose: (scans, 3). velocity_covariance: (scans, 3, 3). pads: (scans,), how many took part.
+    """
+
+    t_s: Floats
+    velocity: Floats
+    pose: Floats
+    velocity_covariance: Floats
+    pads: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened on a pad: `contact`, `release`, `slip_start` or `slip_stop`."""
+
+    t_s: float
+    pad: str
+    event: str
+
+
+def joined(blocks: Sequence[Block]) -> Block:
+    """Blocks of one kind, at least one, as a single block. Scans must share one noise model."""
+    first = blocks[0]
+    if len(blocks) == 1:
+        return first
+    parts = {
+        field.name: getattr(first, field.name)
+        if field.name == "noise"
+        else np.concatenate([getattr(block, field.name) for block in blocks])
+        for field in fields(first)
+    }
+    return type(first)(**parts)
+
+
+def cut(block: Block, start: int, stop: int) -> Block:
+    """Scans `start` to `stop` (excluded) of a block, as views."""
+    parts = {
+        field.name: getattr(block, field.name)[... if field.name == "noise" else slice(start, stop)]
+        for field in fields(block)
+    }
+    return type(block)(**parts)

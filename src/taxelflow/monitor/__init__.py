@@ -1,0 +1,1 @@
+"""Slips -> events: contact and slip."""

@@ -1,0 +1,1 @@
+"""Messages -> world: tables, summaries, pictures."""

@@ -1,0 +1,125 @@
+"""Results as CSV files: rows stand in `*.csv.part` while a run lasts, and are renamed at its end."""
+
+from __future__ import annotations
+
+import csv
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from taxelflow.publish.summary import to_json
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from types import TracebackType
+
+    from taxelflow.messages import Bools, Event, Floats, Motions, Slips
+    from taxelflow.publish.summary import Summary
+
+# fmt: off
+SLIPS = (
+    "t_s", "pad", "contact", "dx_m", "dy_m", "dtheta_rad", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s",
+    "omega_rad_s", "std_x_m", "std_y_m", "std_theta_rad", "slipping", "border_x", "border_y", "lag_s",
+)
+OBJECT = (
+    "t_s", "vx_m_s", "vy_m_s", "omega_rad_s", "x_m", "y_m", "theta_rad", "pads", "std_vx_m_s", "std_vy_m_s",
+)
+# fmt: on
+EVENTS = ("t_s", "pad", "event")
+
+
+class Tables:
+    """Writes a run's messages to a directory, block by block; a context that renames the files if all went well.
+
+    If it ends by an exception, the rows written so far stay in the `.part` files.
+    """
+
+    def __init__(self, directory: Path, pads: tuple[str, ...]) -> None:
+        self.directory, self._pads = directory, pads
+        self._files: dict[str, Any] = {}
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        self.directory.mkdir(parents=True, exist_ok=True)
+        for name, columns in (("slips", SLIPS), ("object", OBJECT), ("events", EVENTS)):
+            file = self._stack.enter_context(
+                (self.directory / f"{name}.csv.part").open("w", newline="", encoding="utf-8")
+            )
+            self._files[name] = file
+            csv.writer(file, lineterminator="\n").writerow(columns)
+        self._flush()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+        if kind is None:
+            for name in self._files:
+                part = self.directory / f"{name}.csv.part"
+                part.replace(part.with_suffix(""))
+
+    def write(self, slips: Slips, slipping: Bools, motions: Motions, events: list[Event]) -> None:
+        """Append one block; it is on disk when this returns."""
+        self._append("slips", _slip_rows(slips, slipping, self._pads))
+        self._append("object", _motion_rows(motions))
+        self._append("events", ((f"{event.t_s:.6f}", event.pad, event.event) for event in events))
+        self._flush()
+
+    def write_summary(self, summary: Summary) -> None:
+        """Write `summary.json`, whole or not at all."""
+        part = self.directory / "summary.json.part"
+        part.write_bytes(to_json(summary))
+        part.replace(part.with_suffix(""))
+
+    def _append(self, name: str, rows: Iterable[Iterable[str]]) -> None:
+        csv.writer(self._files[name], lineterminator="\n").writerows(rows)
+
+    def _flush(self) -> None:
+        for file in self._files.values():
+            file.flush()
+
+
+def _slip_rows(slips: Slips, slipping: Bools, pads: tuple[str, ...]) -> Iterable[list[str]]:
+    count = len(slips) * len(pads)
+    std = np.sqrt(np.diagonal(slips.covariance, axis1=2, axis2=3))
+    numbers = np.concatenate([slips.displacement, slips.pose, slips.velocity, std], axis=2).reshape(count, 12)
+    flags = [flag.reshape(count) for flag in (slips.contact, slipping, slips.border[..., 0], slips.border[..., 1])]
+    times = [f"{t:.6f}" for t in slips.t_s]
+    for row, (values, contact, slips_now, border_x, border_y, lag) in enumerate(
+        zip(numbers.tolist(), *(flag.tolist() for flag in flags), slips.lag_s.reshape(count).tolist(), strict=True)
+    ):
+        scan, pad = divmod(row, len(pads))
+        yield [
+            times[scan],
+            pads[pad],
+            _FLAG[contact],
+            *map(_number, values),
+            _FLAG[slips_now],
+            _FLAG[border_x],
+            _FLAG[border_y],
+            _number(lag),
+        ]
+
+
+def _motion_rows(motions: Motions) -> Iterable[list[str]]:
+    std: Floats = np.sqrt(np.diagonal(motions.velocity_covariance, axis1=1, axis2=2))
+    for t, velocity, pose, pads, (std_x, std_y, _) in zip(
+        motions.t_s.tolist(),
+        motions.velocity.tolist(),
+        motions.pose.tolist(),
+        motions.pads.tolist(),
+        std.tolist(),
+        strict=True,
+    ):
+        yield [f"{t:.6f}", *map(_number, (*velocity, *pose)), str(pads), _number(std_x), _number(std_y)]
+
+
+_FLAG = {False: "0", True: "1"}
+
+
+def _number(value: float) -> str:
+    """Nine significant digits; empty where unknown."""
+    return f"{value:.9g}" if value == value else ""  # noqa: PLR0124  NaN alone differs from itself

@@ -1,0 +1,45 @@
+"""Every exchangeable part by name: the one place where a new reader, sensor model, estimator or sink is announced.
+
+Built-in parts stand in these tables and are imported on use; other packages add theirs as entry points
+of the group `taxelflow.<stage>`.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Any
+
+from taxelflow.errors import NameUnknown
+
+PARTS: dict[str, dict[str, str]] = {
+    "reader": {
+        ".npz": "taxelflow.acquire.npz:open_npz",
+        ".csv": "taxelflow.acquire.csv:open_csv",
+        ".dsa": "taxelflow.acquire.dsa:open_dsa",
+    },
+    "estimator": {
+        "lnorm": "taxelflow.estimate.lnorm:LNorm",
+        "convolution": "taxelflow.estimate.convolution:Convolution",
+    },
+}
+
+
+def names(stage: str) -> list[str]:
+    """Known names of a stage, built-in ones first."""
+    return [*PARTS[stage], *sorted(_plugins(stage))]
+
+
+def find(stage: str, name: str) -> Any:
+    """The part of that name, imported now. Raises NameUnknown with the list of names."""
+    if name in PARTS[stage]:
+        module, _, attribute = PARTS[stage][name].partition(":")
+        return getattr(import_module(module), attribute)
+    plugins = _plugins(stage)
+    if name in plugins:
+        return plugins[name].load()
+    raise NameUnknown(stage, name, names(stage))
+
+
+def _plugins(stage: str) -> dict[str, Any]:
+    return {point.name: point for point in entry_points(group=f"taxelflow.{stage}")}

@@ -1,0 +1,1 @@
+"""Recordings with truth -> numbers: accuracy and speed."""
