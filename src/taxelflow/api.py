@@ -139,5 +139,6 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
         pads=pads,
         events=dict(totals.events),
         notes=notes,
+        layout=recording.sensor,
         loss=str(run.reading.loss) if run.reading.loss else None,
     )

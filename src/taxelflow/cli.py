@@ -5,15 +5,16 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 from tyro.conf import Positional
 
+from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario
 from taxelflow.condition.conditioner import Conditioner
-from taxelflow.errors import TaxelflowError
+from taxelflow.errors import ParameterInvalid, TaxelflowError
 from taxelflow.monitor.slip import SlipMonitor
 
 BAD_INPUT, PARTLY_READ, INTERRUPTED = 2, 1, 130
@@ -112,10 +113,124 @@ class Sensors:
         return 0
 
 
+@dataclass(frozen=True, kw_only=True)
+class Simulated(Scenario):
+    """Simulate a recording: one object, moved by a robot over one pad; truth and all parameters go into the file."""
+
+    out: Path
+    """The .npz file to write."""
+
+
+_Scenarios = tyro.extras.subcommand_type_from_defaults(
+    {
+        name: Simulated(**{item.name: getattr(scenario, item.name) for item in fields(scenario)}, out=tyro.MISSING)
+        for name, scenario in SCENARIOS.items()
+    },
+    descriptions=DESCRIPTIONS,
+    prefix_names=False,
+)
+
+
+@dataclass(frozen=True)
+class Simulate:
+    """Simulate a recording: an object moved by a robot over a pad, with truth and every parameter in the file."""
+
+    scenario: Annotated[_Scenarios, tyro.conf.arg(name="")]  # type: ignore[valid-type]
+    """What moves over what; each scenario's options follow its name."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Simulate and write."""
+        from taxelflow.acquire.rig.simulate import save
+
+        asked: Simulated = self.scenario
+        if asked.out.suffix != ".npz":
+            raise ParameterInvalid("out", str(asked.out), "it ends in .npz")
+        recording = save(Scenario(**{item.name: getattr(asked, item.name) for item in fields(Scenario)}), asked.out)
+        print(f"{recording.scans} scans of {recording.sensor.name} in {asked.out}")
+        return 0
+
+
+@dataclass(frozen=True)
+class Score:
+    """Measure accuracy against truth on the simulated rig."""
+
+    what: Positional[Literal["table1"]]
+    """table1: the paper's Table I beside ours, by both of the paper's methods."""
+    strokes: int = 1000
+    """Strokes at each speed, half of them backward."""
+    seed: int = 0
+    """Seed of the first stroke; the others follow from it."""
+    json: bool = False
+    """Print JSON instead of tables."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Run and print."""
+        from taxelflow.publish.summary import to_json
+        from taxelflow.publish.terminal import counted, show_table1
+        from taxelflow.score.table1 import table1
+
+        if self.strokes < 2:
+            raise ParameterInvalid("strokes", self.strokes, "it is 2 or more: a backward and a forward one")
+        table = table1(self.strokes, self.seed, lambda trials: counted(trials, "trials"))
+        if self.json:
+            sys.stdout.buffer.write(to_json(table))
+        else:
+            show_table1(table)
+        return 0
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Draw results: position against time, path over the pads, and one scan in the paper's three views."""
+
+    results: Positional[tuple[Path, ...]]
+    """Directories that `taxelflow estimate --out` wrote, of one recording; several methods are drawn together."""
+    out: Path | None = None
+    """Directory for the pictures; the first result's if left out."""
+    format: Literal["svg", "png", "pdf"] = "svg"
+
+    def run(self, _rest: list[str]) -> int:
+        """Draw and name the files."""
+        from taxelflow.figures import draw_results
+
+        if not self.results:
+            raise ParameterInvalid("results", "nothing", "give at least one directory")
+        for path in draw_results(self.results, self.out or self.results[0], self.format):
+            print(path)
+        return 0
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Measure speed: kernels against the literal equations, where the time goes, start of the command line."""
+
+    recording: Path | None = None
+    """Recording whose reading and estimating is measured; a simulated one if left out."""
+    json: bool = False
+    """Print JSON instead of tables."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Run and print."""
+        from taxelflow.publish.summary import to_json
+        from taxelflow.publish.terminal import show_bench
+        from taxelflow.score.bench import bench
+
+        figures = bench(self.recording)
+        if self.json:
+            sys.stdout.buffer.write(to_json(figures))
+        else:
+            show_bench(figures)
+        return 0
+
+
 Command = (
     Annotated[Estimate, tyro.conf.subcommand("estimate")]
     | Annotated[Info, tyro.conf.subcommand("info")]
+    | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[Sensors, tyro.conf.subcommand("sensors")]
+    | Annotated[Simulate, tyro.conf.subcommand("simulate")]
+    | Annotated[Score, tyro.conf.subcommand("score")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
 )
 
 

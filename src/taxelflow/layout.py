@@ -167,11 +167,18 @@ def load_sensor(name: str) -> Sensor:
 def parse_sensor(text: bytes, source: str) -> Sensor:
     """A sensor from TOML text; `source` names it in errors. Raises SensorFileInvalid."""
     try:
-        sensor = msgspec.convert(tomllib.loads(text.decode()), Sensor)
+        table = tomllib.loads(text.decode())
     except UnicodeDecodeError as error:
         raise SensorFileInvalid(source, "text", str(error), "a TOML file is UTF-8 text") from error
     except tomllib.TOMLDecodeError as error:
         raise SensorFileInvalid(source, "syntax", str(error), "see toml.io for the format") from error
+    return sensor_of(table, source)
+
+
+def sensor_of(table: object, source: str) -> Sensor:
+    """A sensor from the mapping that TOML or JSON holds; `source` names it in errors. Raises SensorFileInvalid."""
+    try:
+        sensor = msgspec.convert(table, Sensor)
     except msgspec.ValidationError as error:
         raise _schema_error(source, str(error)) from error
     _check_sensor(sensor, source)

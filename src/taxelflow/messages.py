@@ -42,7 +42,8 @@ class Scans:
     """Conditioned scans: tared, in Pa (counts for a sensor without a scale), free of NaN.
 
     t_s: (scans,). pressure: (scans, taxels), 0 where a taxel is masked or missing.
-    noise: (taxels,) standard deviation of one reading, same unit; 0 marks a masked taxel.
+    noise: (taxels,) standard deviation of one reading, same unit; 0 marks a masked taxel. A reading of exactly 0
+    has no noise: the taxel is masked or missing, or the sensor clips it there while it is idle.
     contact: (scans, pads). complete: (scans, pads), False where a loaded taxel is missing in that scan.
     """
 

@@ -1,7 +1,8 @@
 """`.npz` recordings: `t` (scans,) in s and `pressure` (scans, taxels) in the sensor's unit.
 
-Optional members: `sensor` (TOML text), `masked` (taxels,), `truth_pad`, `truth_t_s`, `truth_pose` (times, 3),
-`parameters` (JSON text of how the scans were made). Pickled objects are never loaded.
+Optional members: `sensor` (JSON text with the fields of a sensor file), `masked` (taxels,), `truth_pad`,
+`truth_t_s`, `truth_pose` (times, 3), `parameters` (JSON text of how the scans were made). Pickled objects are never
+loaded.
 """
 
 from __future__ import annotations
@@ -10,12 +11,13 @@ import zipfile
 from contextlib import ExitStack
 from typing import IO, TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 from numpy.lib import format as npy
 
 from taxelflow.acquire.base import BLOCK_SCANS, Recording, Truth
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
-from taxelflow.layout import builtin_sensors, parse_sensor
+from taxelflow.layout import builtin_sensors, sensor_of
 from taxelflow.messages import RawScans
 
 if TYPE_CHECKING:
@@ -47,7 +49,7 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
     if sensor is None:
         if "sensor" not in extras:
             raise SensorNeeded(path, builtin_sensors())
-        sensor = parse_sensor(str(extras["sensor"]).encode(), f"{path}:sensor")
+        sensor = _sensor(path, str(extras["sensor"]))
     if shape[1] != sensor.layout.taxels:
         raise TaxelCountWrong(path, shape[1], sensor.name, sensor.layout.taxels)
     truth = None
@@ -62,6 +64,13 @@ def _header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, fortran, dtype = read(member)
     return shape, fortran, dtype
+
+
+def _sensor(path: Path, text: str) -> Sensor:
+    try:
+        return sensor_of(msgspec.json.decode(text), f"{path}:sensor")
+    except msgspec.DecodeError as error:
+        raise RecordingCorrupt(path, f"member sensor: {error}", _REMEDY) from error
 
 
 def _small(archive: zipfile.ZipFile, name: str) -> np.ndarray[Any, Any]:

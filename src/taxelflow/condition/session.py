@@ -175,7 +175,7 @@ def condition(
                     if np.isfinite(reading):
                         last[taxel] = reading
                         total += reading
-                        variance += noise[taxel] ** 2
+                        variance += noise[taxel] ** 2 if reading != 0.0 else 0.0
                         peak = max(peak, reading / noise[taxel])
                     else:
                         reading = 0.0

@@ -11,7 +11,7 @@ import numpy as np
 
 from taxelflow.messages import Bools, Floats
 
-_SMALL = 0.05
+_SMALL = 0.1
 """An offset is below this share of the reference: the largest change seen, or full scale in a stream."""
 _STICKS_OUT = 6.0
 """... and no taxel lies further from the pad's median than so many robust standard deviations."""

@@ -26,7 +26,7 @@ class Convolution:
 
     def start(self, layout: Layout, mode: Mode) -> TranslationSession:
         """Begin a session. The fast form is used: centroids add under convolution."""
-        from taxelflow.estimate.flow import MEMORY, convolution_flow
+        from taxelflow.estimate.flow import MEMORY, convolution_flow, pad_moments
         from taxelflow.estimate.translation import TranslationSession
 
-        return TranslationSession(layout, convolution_flow, MEMORY, self.gain)
+        return TranslationSession(layout, convolution_flow, MEMORY, self.gain, prepare=pad_moments)

@@ -28,7 +28,6 @@ from taxelflow.estimate.translation import (
     VAR_Y,
     X,
     Y,
-    mark_border,
 )
 from taxelflow.messages import Bools, Floats
 
@@ -41,6 +40,31 @@ _RUN, _LAST, _BEFORE, MEMORY = 0, 1, 7, 13
 
 
 @kernel
+def noise_moments(noise: Floats, places: Floats, begin: int, end: int, reading: Floats) -> Floats:
+    """Sums of noise^2 times 1, x, y, x^2, y^2, xy over the taxels begin..end whose reading is not 0: (6,)."""
+    moments = np.zeros(6)
+    for taxel in range(begin, end):
+        variance = noise[taxel] * noise[taxel] if reading[taxel] != 0.0 else 0.0
+        x, y = places[0, taxel], places[1, taxel]
+        moments[0] += variance
+        moments[1] += variance * x
+        moments[2] += variance * y
+        moments[3] += variance * x * x
+        moments[4] += variance * y * y
+        moments[5] += variance * x * y
+    return moments
+
+
+@kernel
+def pad_moments(noise: Floats, places: Floats, starts: NDArray[np.int64]) -> Floats:
+    """(pads, 6) of `noise_moments`, for scans in which no taxel reads 0."""
+    moments = np.empty((len(starts) - 1, 6))
+    for pad in range(len(starts) - 1):
+        moments[pad] = noise_moments(noise, places, starts[pad], starts[pad + 1], noise)
+    return moments
+
+
+@kernel
 def convolution_flow(
     t: Floats,
     pressure: Floats,
@@ -48,51 +72,44 @@ def convolution_flow(
     contact: Bools,
     complete: Bools,
     places: Floats,
-    border: Bools,
     starts: NDArray[np.int64],
     gain: float,
+    moments: Floats,
     memory: Floats,
     rows: Floats,
-    at_border: Bools,
 ) -> None:
-    """Fill rows (scans, pads, COLUMNS) and at_border (scans, pads, 2); rows come in as NaN.
+    """Fill rows (scans, pads, COLUMNS), which come in as NaN.
 
     t: (scans,). pressure: (scans, taxels). noise: (taxels,). contact, complete: (scans, pads).
-    places: (2, taxels). border: (taxels, 2). starts: (pads + 1,). memory: (pads, 13), kept from block to block.
+    places: (2, taxels). starts: (pads + 1,). moments: (pads, 6). memory: (pads, 13), kept from block to block.
     The index needs two usable scans in a row, the slip vector three; a scan without contact, or with a missing
     loaded taxel, begins anew, so that nothing jumps at lift-off and re-contact.
     """
     for pad in range(len(starts) - 1):
         begin, end = starts[pad], starts[pad + 1]
-        n0 = nx = ny = nxx = nyy = nxy = 0.0  # moments of the noise over the pad
-        for taxel in range(begin, end):
-            variance = noise[taxel] * noise[taxel]
-            x, y = places[0, taxel], places[1, taxel]
-            n0 += variance
-            nx += variance * x
-            ny += variance * y
-            nxx += variance * x * x
-            nyy += variance * y * y
-            nxy += variance * x * y
         m = memory[pad]
         for scan in range(len(t)):
             if not (contact[scan, pad] and complete[scan, pad]):
                 m[_RUN] = 0.0
                 continue
             s = sx = sy = 0.0
+            silent = 0.0
             for taxel in range(begin, end):
                 p = pressure[scan, taxel]
                 s += p
                 sx += p * places[0, taxel]
                 sy += p * places[1, taxel]
+                silent += 1.0 if p == 0.0 else 0.0
             cx, cy = sx / s, sy / s  # contact means that s stands well above its noise
             # c = sum(p r) / sum(p), so dc/dp_i = (r_i - c) / s: first-order propagation of the taxels' noise.
             g = gain * gain / (s * s)
-            var_x = g * (nxx - 2.0 * cx * nx + cx * cx * n0)
-            var_y = g * (nyy - 2.0 * cy * ny + cy * cy * n0)
-            cov = g * (nxy - cx * ny - cy * nx + cx * cy * n0)
+            n = moments[pad]
+            if silent > 0.0:
+                n = noise_moments(noise, places, begin, end, pressure[scan])
+            var_x = g * (n[3] - 2.0 * cx * n[1] + cx * cx * n[0])
+            var_y = g * (n[4] - 2.0 * cy * n[2] + cy * cy * n[0])
+            cov = g * (n[5] - cx * n[2] - cy * n[1] + cx * cy * n[0])
             cx, cy = gain * cx, gain * cy
-            mark_border(pressure[scan], noise, border, begin, end, at_border[scan, pad])
             row = rows[scan, pad]
             if m[_RUN] >= 1.0:
                 row[X], row[Y] = 0.5 * (m[_LAST + 1] + cx), 0.5 * (m[_LAST + 2] + cy)

@@ -11,6 +11,12 @@ from scipy.signal import convolve2d
 from taxelflow.messages import Floats
 
 
+def convolution_matrix(before: Floats, now: Floats) -> Floats:
+    """C[T] of equation (1) from two scans of a pad, each (M, N): (2M-1, 2N-1). NaN counts as 0."""
+    C: Floats = convolve2d(np.nan_to_num(before), np.nan_to_num(now), mode="full")
+    return C
+
+
 def convolution_index(before: Floats, now: Floats) -> tuple[float, float]:
     """Index (i, j) of the convolution of two scans of a pad, each (M, N), with the zero offset taken off.
 
@@ -18,7 +24,7 @@ def convolution_index(before: Floats, now: Floats) -> tuple[float, float]:
     NaN where the convolution sums to 0.
     """
     M, N = now.shape
-    C = convolve2d(before, now, mode="full")  # (1), (2M-1) x (2N-1)
+    C = convolution_matrix(before, now)  # (1)
     column_means, row_means = C.mean(axis=0), C.mean(axis=1)  # E[C, 1] and E[C, 2]
     A, B = np.arange(1, 2 * N), np.arange(1, 2 * M)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -21,7 +21,6 @@ from taxelflow.estimate.translation import (
     VAR_Y,
     X,
     Y,
-    mark_border,
 )
 from taxelflow.messages import Bools, Floats
 
@@ -30,6 +29,9 @@ if TYPE_CHECKING:
 
 # Memory per pad: whether the last scan was usable, then t, x, y and var_x, var_y, cov_xy of a tie in the last scan.
 _RUN, _LAST, MEMORY = 0, 1, 7
+
+_OUT_OF_REACH = 6.0
+"""A taxel so many standard deviations below the largest is not going to be it."""
 
 
 @kernel
@@ -40,15 +42,13 @@ def peak_flow(
     contact: Bools,
     complete: Bools,
     places: Floats,
-    border: Bools,
     starts: NDArray[np.int64],
     gain: float,
     pitch: Floats,
     memory: Floats,
     rows: Floats,
-    at_border: Bools,
 ) -> None:
-    """Fill rows (scans, pads, COLUMNS) and at_border (scans, pads, 2); rows come in as NaN.
+    """Fill rows (scans, pads, COLUMNS), which come in as NaN.
 
     Arguments as for `flow.convolution_flow`; pitch: (pads, 2). Equal maxima: the first in scan order.
     Pose variance: that of a place unknown within its taxel (pitch^2 / 12), plus that of a tie, where each taxel
@@ -68,9 +68,10 @@ def peak_flow(
                     best = taxel
             weight = var_x = var_y = cov = 0.0
             for taxel in range(begin, end):
-                if noise[taxel] > 0.0:
-                    sd = np.sqrt(noise[taxel] ** 2 + noise[best] ** 2)
-                    w = 0.5 * erfc((pressure[scan, best] - pressure[scan, taxel]) / sd * 0.7071067811865476)
+                sd2 = noise[taxel] ** 2 + noise[best] ** 2
+                behind = pressure[scan, best] - pressure[scan, taxel]
+                if noise[taxel] > 0.0 and behind * behind < _OUT_OF_REACH**2 * sd2:
+                    w = 0.5 * erfc(behind / np.sqrt(2.0 * sd2))
                     ex, ey = places[0, taxel] - places[0, best], places[1, taxel] - places[1, best]
                     weight += w
                     var_x += w * ex * ex
@@ -79,7 +80,6 @@ def peak_flow(
             g = gain * gain
             var_x, var_y, cov = g * var_x / weight, g * var_y / weight, g * cov / weight
             x, y = gain * places[0, best], gain * places[1, best]
-            mark_border(pressure[scan], noise, border, begin, end, at_border[scan, pad])
             row = rows[scan, pad]
             row[X], row[Y], row[LAG] = x, y, 0.0
             row[VAR_X] = var_x + g * pitch[pad, 0] ** 2 / 12.0

@@ -12,6 +12,8 @@ from taxelflow.messages import Bools, Floats, Scans, Slips
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from taxelflow.layout import Layout
 
 DX, DY, X, Y, VAR_X, VAR_Y, COV_XY, D_VAR_X, D_VAR_Y, D_COV_XY, SPAN, LAG, COLUMNS = range(13)
@@ -25,14 +27,25 @@ _BORDER_SIGMAS = 6.0
 class TranslationSession:
     """A causal estimator of translation. Nothing is kept but the kernel's few numbers per pad."""
 
-    def __init__(self, layout: Layout, kernel: Callable[..., None], memory: int, *constants: Any) -> None:
-        """kernel: called with (t, pressure, noise, contact, complete, places, border, starts, *constants,
-        memory, rows, at_border), as `flow.convolution_flow`. memory: numbers it keeps per pad.
+    def __init__(
+        self,
+        layout: Layout,
+        kernel: Callable[..., None],
+        memory: int,
+        *constants: Any,
+        prepare: Callable[[Floats, Floats, NDArray[np.int64]], Floats] | None = None,
+    ) -> None:
+        """kernel: called with (t, pressure, noise, contact, complete, places, starts, *constants, memory, rows), as
+        `flow.convolution_flow`. memory: numbers it keeps per pad. prepare: called with (noise, places, starts) when
+        the noise changes; what it gives becomes the kernel's last constant.
         """
-        places = np.stack([layout.x_m, layout.y_m])
         self._pads = len(layout.pads)
-        self._kernel = kernel
-        self._constants = (places, layout.border, layout.starts, *constants)
+        self._kernel, self._prepare = kernel, prepare
+        self._constants: tuple[Any, ...] = (np.stack([layout.x_m, layout.y_m]), layout.starts, *constants)
+        self._prepared: tuple[Any, ...] = ()
+        self._noise: Floats | None = None
+        edge = np.flatnonzero(layout.border.any(axis=1))
+        self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
         self._memory = np.zeros((self._pads, memory))
         self._nothing = Scans(
             np.zeros(0),
@@ -42,21 +55,34 @@ class TranslationSession:
         )
         self.step(self._nothing)  # compiles the kernel, or loads it from the cache, before the loop begins
 
-    def step(self, scans: Scans) -> Slips:
-        """Slips of all pads; see `EstimatorSession.step`."""
-        rows = np.full((len(scans), self._pads, COLUMNS), np.nan)
-        border = np.zeros((len(scans), self._pads, 2), dtype=np.bool_)
+    def room(self, scans: int) -> tuple[Floats, Bools]:
+        """Rows (scans, pads, COLUMNS), all unknown, and border flags (scans, pads, 2), all clear."""
+        border = np.zeros((scans, self._pads, 2), dtype=np.bool_)
+        return np.full((scans, self._pads, COLUMNS), np.nan), border
+
+    def run(self, scans: Scans, rows: Floats, border: Bools) -> None:
+        """The bare kernels, into what `room` gave."""
+        noise = scans.noise
+        if noise is not self._noise:
+            self._noise = noise
+            self._prepared = (self._prepare(noise, *self._constants[:2]),) if self._prepare else ()
         self._kernel(
             scans.t_s,
             scans.pressure,
-            scans.noise,
+            noise,
             scans.contact,
             scans.complete,
             *self._constants,
+            *self._prepared,
             self._memory,
             rows,
-            border,
         )
+        mark_border(scans.pressure, noise, scans.contact, *self._edge, border)
+
+    def step(self, scans: Scans) -> Slips:
+        """Slips of all pads; see `EstimatorSession.step`."""
+        rows, border = self.room(len(scans))
+        self.run(scans, rows, border)
         return Slips(
             t_s=scans.t_s,
             contact=scans.contact,
@@ -75,12 +101,27 @@ class TranslationSession:
 
 
 @kernel
-def mark_border(pressure: Floats, noise: Floats, border: Bools, begin: int, end: int, at_border: Bools) -> None:
-    """Set at_border (2,) where a loaded taxel of the pad begin..end lies at a border facing x, y."""
-    for taxel in range(begin, end):
-        if (border[taxel, 0] or border[taxel, 1]) and 0.0 < _BORDER_SIGMAS * noise[taxel] < pressure[taxel]:
-            at_border[0] |= border[taxel, 0]
-            at_border[1] |= border[taxel, 1]
+def mark_border(
+    pressure: Floats,
+    noise: Floats,
+    contact: Bools,
+    edge: NDArray[np.int64],
+    edge_starts: NDArray[np.int64],
+    faces: Bools,
+    at_border: Bools,
+) -> None:
+    """Set at_border (scans, pads, 2) where a loaded taxel of a pad in contact lies at a border facing x, y.
+
+    edge: taxels at a border, pad by pad; edge_starts: (pads + 1,) into edge. faces: (taxels, 2).
+    """
+    for scan in range(pressure.shape[0]):
+        for pad in range(len(edge_starts) - 1):
+            if contact[scan, pad]:
+                for place in range(edge_starts[pad], edge_starts[pad + 1]):
+                    taxel = edge[place]
+                    if 0.0 < _BORDER_SIGMAS * noise[taxel] < pressure[scan, taxel]:
+                        at_border[scan, pad, 0] |= faces[taxel, 0]
+                        at_border[scan, pad, 1] |= faces[taxel, 1]
 
 
 def _planar(two: Floats) -> Floats:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from taxelflow.layout import Sensor
+
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Event, Slips
 
@@ -48,6 +50,8 @@ class Summary(msgspec.Struct, frozen=True):
     pads: dict[str, PadSummary]
     events: dict[str, int]
     notes: list[str]
+    layout: Sensor
+    """The sensor in full, so that a result can be drawn without its recording."""
     loss: str | None = None
     """What could not be read of a truncated recording."""
 

@@ -6,8 +6,9 @@ import sys
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn, track
 from rich.table import Table
 from rich.text import Text
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from taxelflow.publish.summary import Summary
 
     Block = TypeVar("Block", bound=Sized)
+    Item = TypeVar("Item")
 
 _LONG_SCANS = 5000
 
@@ -37,11 +39,25 @@ def progress(blocks: Iterable[Block], scans: int | None, what: str) -> Iterator[
             bar.advance(task, len(block))
 
 
+def counted(items: Iterable[Item], what: str) -> Iterator[Item]:
+    """Pass items on, with a bar on stderr if somebody watches."""
+    console = Console(stderr=True)
+    yield from track(items, description=what, console=console, transient=True, disable=not console.is_terminal)
+
+
+def _table(*headings: str, title: str | None = None, caption: str | None = None) -> Table:
+    """A quiet table; headings that end in a colon stand left, numbers right."""
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, title=title, caption=caption)
+    table.title_justify = table.caption_justify = "left"
+    for heading in headings:
+        table.add_column(heading.rstrip(":"), justify="left" if heading.endswith(":") else "right")
+    return table
+
+
 def say(summary: Summary, directory: Path) -> None:
     """A finished run in a few lines; what was lost or odd goes to stderr."""
-    table = Table(title=f"{summary.method}, {summary.scans} scans of {summary.sensor}", title_justify="left")
-    for heading in ("pad", "contact scans", "slips", "net x mm", "net y mm", "at border"):
-        table.add_column(heading, justify="left" if heading == "pad" else "right")
+    title = f"{summary.method}, {summary.scans} scans of {summary.sensor}"
+    table = _table("pad:", "contact scans", "slips", "net x mm", "net y mm", "at border", title=title)
     for name, pad in summary.pads.items():
         if pad.contact_scans:
             net = [f"{1e3 * m:+.1f}" for m in pad.net_m]
@@ -78,15 +94,14 @@ def show_checkup(checkup: Any) -> None:
         ("contact", [str(pad.contact_scans) for pad in checkup.pads]),
         ("taxels", [str(pad.taxels) for pad in checkup.pads]),
         ("idle", [str(len(pad.idle_taxels)) for pad in checkup.pads]),
-        ("saturated", [str(len(pad.saturated_taxels)) for pad in checkup.pads]),
+        ("full", [str(len(pad.saturated_taxels)) for pad in checkup.pads]),
     ]
     if any(pad.masked for pad in checkup.pads):
         columns.append(("masked", [str(pad.masked) for pad in checkup.pads]))
     if any(pad.missing_readings for pad in checkup.pads):
         columns.append(("missing", [str(pad.missing_readings) for pad in checkup.pads]))
-    table = Table(caption="contact in scans; idle, saturated and masked in taxels", caption_justify="left")
-    for heading, _ in columns:
-        table.add_column(heading, justify="left" if heading == "pad" else "right")
+    caption = "contact in scans; idle, full (saturated) and masked in taxels"
+    table = _table("pad:", *(heading for heading, _ in columns[1:]), caption=caption)
     for row in zip(*(cells for _, cells in columns), strict=True):
         table.add_row(*row)
     console.print(table)
@@ -98,9 +113,7 @@ def _range(lowest: float | None, highest: float | None) -> str:
 
 def list_sensors(sensors: list[Sensor]) -> None:
     """A table of sensors."""
-    table = Table()
-    for heading in ("name", "pads", "taxels", "unit", "note"):
-        table.add_column(heading)
+    table = _table("name:", "pads", "taxels", "unit:", "note:")
     for sensor in sensors:
         table.add_row(sensor.name, str(len(sensor.pads)), str(sensor.layout.taxels), sensor.unit, sensor.note)
     Console().print(table)
@@ -126,3 +139,66 @@ def draw_sensor(sensor: Sensor) -> None:
     console.print(
         "\nrow 0 is the top row; x to the right, y up, origin at the pad's centre", style="dim", highlight=False
     )
+
+
+def show_table1(table: Any) -> None:
+    """The paper's Table I, then ours, in its columns."""
+    console = Console()
+    names = {"lnorm": "L norm", "convolution": "flow"}
+    paper = _table(
+        "mm/s", "method:", "backward", "forward", "RMSE mm/s", "RMSE %", title="Table I as published: one trial"
+    )
+    for row in table.paper:
+        velocities = (f"{row.backward_mm_s:.2f}", f"{row.forward_mm_s:.2f}")
+        paper.add_row(
+            str(row.nominal_mm_s), names[row.method], *velocities, f"{row.rmse_mm_s:.2f}", f"{row.rmse_percent:.1f}"
+        )
+    console.print(paper)
+    console.print()
+    title = f"ours: {table.strokes} strokes a speed, seed {table.seed}"
+    ours = _table(
+        "mm/s", "method:", "scans:", "factor", "backward", "forward", "RMSE", "RMSE %", "±", "bias %", title=title
+    )
+    for row in table.ours:
+        ours.add_row(
+            str(row.nominal_mm_s),
+            names[row.method],
+            row.scans,
+            "none" if row.factor == 1.0 else f"{row.factor:.3f}",
+            f"{row.backward_mm_s:.2f}",
+            f"{row.forward_mm_s:.2f}",
+            f"{row.rmse_mm_s:.2f}",
+            f"{row.rmse_percent:.2f}",
+            f"{row.standard_error_percent:.2f}",
+            f"{row.bias_percent:+.2f}",
+            end_section=row.method == "convolution" and row.scans == "interior" and row.factor != 1.0,
+        )
+    console.print(ours)
+    console.print(
+        "all: every scan in contact. interior: the object's centre at most 22 mm\n"
+        "from the palm's. factor: one per method and set of scans, fitted at 25 mm/s\n"
+        "on strokes that are not in the table. ±: standard error of RMSE %.",
+        style="dim",
+        highlight=False,
+    )
+
+
+def show_bench(figures: Any) -> None:
+    """Tables of a `Bench`."""
+    console = Console()
+    title = "one step of a whole hand, every pad loaded"
+    steps = _table("sensor:", "what:", "p50 us", "p99 us", "x literal", title=title)
+    for row in figures.latencies:
+        steps.add_row(row.sensor, row.what, f"{row.p50_us:.1f}", f"{row.p99_us:.1f}", f"{row.times_faster:.1f}")
+    console.print(steps)
+    console.print()
+    title = f"estimate, {figures.scans} scans of {figures.recording}"
+    shares = _table("stage:", "ms", "share", title=title)
+    for row in figures.shares:
+        shares.add_row(row.stage, f"{1e3 * row.seconds:.0f}", f"{100 * row.share:.1f} %")
+    console.print(shares)
+    console.print()
+    starts = _table("command:", "ms", "x import numpy", title="start of a process")
+    for row in figures.starts:
+        starts.add_row(row.command, f"{1e3 * row.seconds:.0f}", f"{row.over_import_numpy:.2f}")
+    console.print(starts)

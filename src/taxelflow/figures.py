@@ -1,0 +1,128 @@
+"""Pictures of results: what is read from result directories and recordings, and handed to the plots."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow import api
+from taxelflow.condition.conditioner import Conditioner
+from taxelflow.errors import RecordingError, ResultMissing
+from taxelflow.estimate.literal import convolution_matrix
+from taxelflow.publish.plots.path import path_figure
+from taxelflow.publish.plots.position import position_figure
+from taxelflow.publish.plots.style import save, styled
+from taxelflow.publish.plots.views import views_figure
+from taxelflow.publish.results import Track, read_result
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from taxelflow.acquire.base import Recording, Truth
+    from taxelflow.messages import Floats
+    from taxelflow.publish.summary import Summary
+
+_MOST_PADS = 4
+
+
+def draw_results(directories: Sequence[Path], out: Path, form: str) -> list[Path]:
+    """Draw results, several of which may be of the same recording by different methods.
+
+    Per loaded pad a `position-PAD`, one `path-METHOD` per result, and, where the recording is still there, `views`:
+    the paper's Fig. 5 at the moment of largest slip. Raises ResultMissing, ExtraMissing.
+    """
+    results = [read_result(directory) for directory in directories]
+    if len({(summary.input, summary.sensor) for summary, _ in results}) > 1:
+        raise ResultMissing(directories[1], f"result of the same recording as {directories[0]}")
+    summary = results[0][0]
+    pads = _busiest(results)
+    recording = _recording(summary)
+    out.mkdir(parents=True, exist_ok=True)
+    made = []
+    with styled():
+        for pad in pads:
+            tracks = [track for _, tracks in results for track in tracks if track.pad == pad]
+            truth = recording.truth if recording and recording.truth and recording.truth.pad == pad else None
+            shown = (truth.t_s, truth.pose[:, :2]) if truth else None
+            figure = position_figure(tracks, shown, strokes_of(truth) if truth else ())
+            made.append(save(figure, out / f"position-{pad}.{form}"))
+        for ran, tracks in results:
+            figure = path_figure([track for track in tracks if track.pad in pads], ran.layout.layout)
+            made.append(save(figure, out / f"path-{ran.method}.{form}"))
+        if recording:
+            made.append(_draw_views(results, pads[0], recording, out / f"views.{form}"))
+    return made
+
+
+def strokes_of(truth: Truth) -> list[tuple[float, float]]:
+    """Intervals (from, to) in s during which the object moves at one velocity."""
+    step = np.round(np.diff(truth.pose[:, :2], axis=0) / np.diff(truth.t_s)[:, np.newaxis], 5)
+    turns = np.flatnonzero(np.any(np.diff(step, axis=0) != 0, axis=1)) + 1
+    bounds = [0, *turns, len(step)]
+    return [
+        (float(truth.t_s[first]), float(truth.t_s[last]))
+        for first, last in pairwise(bounds)
+        if last - first > 1 and np.any(step[first] != 0)
+    ]
+
+
+def _busiest(results: Sequence[tuple[Summary, list[Track]]]) -> list[str]:
+    """Pads in contact, the one with the longest contact first."""
+    summary = results[0][0]
+    loaded = [(pad.contact_scans, name) for name, pad in summary.pads.items() if pad.contact_scans]
+    if not loaded:
+        raise ResultMissing(Path(summary.input), "contact at all, so there is nothing to draw")
+    return [name for _, name in sorted(loaded, reverse=True)[:_MOST_PADS]]
+
+
+def _recording(summary: Summary) -> Recording | None:
+    """The recording that a result came from, if it is still where it was."""
+    try:
+        return api.read(summary.input, summary.layout)
+    except RecordingError:
+        return None
+
+
+def _draw_views(results: Sequence[tuple[Summary, list[Track]]], pad: str, recording: Recording, path: Path) -> Path:
+    tracks = {ran.method: (ran, track) for ran, own in results for track in own if track.pad == pad}
+    ran, track = tracks.get("convolution", next(iter(tracks.values())))
+    moved = np.hypot(track.numbers["dx_m"], track.numbers["dy_m"])
+    inner = np.where(track.flags["slipping"] | ~track.flags["slipping"].any(), moved, np.nan)
+    scan = int(np.nanargmax(_settled(inner))) if np.isfinite(inner).any() else 0
+    t_s = float(track.numbers["t_s"][scan])
+    number = recording.layout.pads.index(pad)
+    before, now = _two_scans(ran, recording, number, t_s)
+    scale, unit = (1e3, "kPa") if ran.unit == "Pa" and np.nanmax(now) > 1e4 else (1.0, ran.unit)
+    slip_mm = (1e3 * float(track.numbers["dx_m"][scan]), 1e3 * float(track.numbers["dy_m"][scan]))
+    title = f"{pad} at {t_s - float(track.numbers['t_s'][0]):.2f} s"
+    return save(views_figure(title, now / scale, unit, convolution_matrix(before, now), _finite(slip_mm)), path)
+
+
+def _settled(moved: Floats) -> Floats:
+    """Median of three scans, so that one jump at an edge is not taken for the largest slip."""
+    padded = np.concatenate([[np.nan], moved, [np.nan]])
+    three = np.stack([padded[:-2], padded[1:-1], padded[2:]])
+    complete = np.isfinite(three).all(axis=0)
+    return np.where(complete, np.sort(three, axis=0)[1], np.where(np.isfinite(moved), 0.0, np.nan))
+
+
+def _finite(slip_mm: tuple[float, float]) -> tuple[float, float]:
+    return slip_mm if np.all(np.isfinite(slip_mm)) else (0.0, 0.0)
+
+
+def _two_scans(ran: Summary, recording: Recording, pad: int, t_s: float) -> tuple[Floats, Floats]:
+    """The scan at t_s and the one before it, conditioned as in the run, as images of one pad; 0 where no taxel is."""
+    conditioner = Conditioner(**ran.parameters["condition"])
+    session = conditioner.start(recording.sensor, recording.masked, recording.blocks())
+    before: Floats | None = None
+    for raw in recording.blocks():
+        for scans in session.step(raw):
+            for when, pressure in zip(scans.t_s, scans.pressure, strict=True):
+                image = recording.layout.grid(pad, pressure)
+                if when >= t_s - 1e-6:
+                    return (image if before is None else before), image
+                before = image
+    raise ResultMissing(Path(ran.input), f"scan at {t_s} s")

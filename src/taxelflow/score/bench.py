@@ -1,0 +1,235 @@
+"""How fast it is, as ratios within one run: kernels against the literal equations, and where the time goes."""
+
+from __future__ import annotations
+
+import gc
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, cast
+
+import msgspec
+import numpy as np
+
+from taxelflow import api
+from taxelflow.acquire.rig.scenario import SCENARIOS
+from taxelflow.acquire.rig.simulate import save, simulate
+from taxelflow.compiling import announced
+from taxelflow.condition.conditioner import Conditioner
+from taxelflow.estimate.literal import convolution_index
+from taxelflow.fuse.mean import MeanTranslation
+from taxelflow.layout import Pad, Sensor, load_sensor
+from taxelflow.messages import RawScans, Scans, cut
+from taxelflow.monitor.slip import SlipMonitor
+from taxelflow.publish.tables import Tables
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from taxelflow.acquire.base import Recording
+    from taxelflow.estimate.translation import TranslationSession
+    from taxelflow.messages import Floats
+
+_ROUNDS = 300
+_LITERAL_BUDGET_S = 4.0
+
+
+class Latency(msgspec.Struct, frozen=True):
+    """One way of doing one whole-hand step, timed in turn with the others of its group."""
+
+    sensor: str
+    what: str
+    p50_us: float
+    p99_us: float
+    times_faster: float
+    """Median of the literal equations over this median."""
+
+
+class Share(msgspec.Struct, frozen=True):
+    """Where the time of one `estimate` goes."""
+
+    stage: str
+    seconds: float
+    share: float
+
+
+class Start(msgspec.Struct, frozen=True):
+    """Start of a whole process, over that of `import numpy`."""
+
+    command: str
+    seconds: float
+    over_import_numpy: float
+
+
+class Bench(msgspec.Struct, frozen=True):
+    """All figures of one run."""
+
+    latencies: list[Latency]
+    recording: str
+    scans: int
+    shares: list[Share]
+    starts: list[Start]
+
+
+def bench(recording: Path | None) -> Bench:
+    """Run everything; `recording` is what the shares are measured on (default: a simulated one of its length)."""
+    latencies = [row for sensor in _sensors() for row in _latencies(sensor)]
+    with tempfile.TemporaryDirectory() as folder:
+        if recording is None:
+            recording = Path(folder) / "simulated.npz"
+            paper = SCENARIOS["stroke"]
+            save(replace(paper, motion=replace(paper.motion, strokes=140)), recording)
+        opened = api.read(recording)
+        scans, shares = _shares(opened, Path(folder) / "result")
+    return Bench(latencies, recording.name, scans, shares, _starts())
+
+
+def _sensors() -> list[Sensor]:
+    grid = Sensor(name="64x64", unit="kPa", pads=(Pad(name="grid", rows=64, cols=64, pitch_m=(0.002, 0.002)),))
+    return [load_sensor("barretthand-162"), load_sensor("schunk-sdh2"), grid]
+
+
+def _latencies(sensor: Sensor) -> list[Latency]:
+    """One step of every pad, all in contact, by the literal equations, the kernels, and the whole pipeline."""
+    layout = sensor.layout
+    random = np.random.default_rng(0)
+    values = random.uniform(1.0, 10.0, (16, layout.taxels))
+    scans = _loaded(values, len(layout.pads))
+    images = [[layout.grid(pad, scan, fill=0.0) for pad in range(len(layout.pads))] for scan in values]
+    steps: dict[str, Callable[[int], object]] = {
+        "literal equations (SciPy)": lambda k: [
+            convolution_index(images[k % 16][pad], images[(k + 1) % 16][pad]) for pad in range(len(layout.pads))
+        ]
+    }
+    with announced():
+        for method in ("convolution", "lnorm"):
+            steps[f"{method} kernel"] = _kernel_step(method, sensor, scans)
+            session = api.estimator(method).start(layout, "stream")
+            steps[f"{method} step"] = _session_step(session.step, scans)
+        steps["raw scan to events"] = _pipeline_step(sensor, values)
+    taken = _in_turn(steps)
+    base = float(np.median(taken["literal equations (SciPy)"]))
+    return [
+        Latency(
+            sensor.name,
+            what,
+            1e6 * float(np.median(times)),
+            1e6 * float(np.quantile(times, 0.99)),
+            base / float(np.median(times)),
+        )
+        for what, times in taken.items()
+    ]
+
+
+def _loaded(values: Floats, pads: int) -> list[Scans]:
+    contact = np.ones((1, pads), dtype=np.bool_)
+    noise = np.full(values.shape[1], 0.1)
+    return [Scans(np.array([0.01 * k]), values[k : k + 1], noise, contact, contact) for k in range(len(values))]
+
+
+def _kernel_step(method: str, sensor: Sensor, scans: list[Scans]) -> Callable[[int], object]:
+    session = cast("TranslationSession", api.estimator(method).start(sensor.layout, "stream"))
+    rows, border = session.room(1)
+    return lambda k: session.run(scans[k % len(scans)], rows, border)
+
+
+def _session_step(step: Callable[[Scans], object], scans: list[Scans]) -> Callable[[int], object]:
+    return lambda k: step(scans[k % len(scans)])
+
+
+def _pipeline_step(sensor: Sensor, values: Floats) -> Callable[[int], object]:
+    """What a live loop does per scan: condition, estimate, monitor, fuse."""
+    masked = np.zeros(values.shape[1], dtype=np.bool_)
+    condition = Conditioner(tare="none").start(sensor, masked, [RawScans(np.arange(16.0), values)])
+    estimate = api.estimator("convolution").start(sensor.layout, "stream")
+    monitor, fuse = SlipMonitor().begin(sensor.layout.pads), MeanTranslation()
+    raw = [RawScans(np.array([0.01 * k]), values[k : k + 1]) for k in range(16)]
+
+    def step(k: int) -> object:
+        for scans in condition.step(raw[k % 16]):
+            slips = estimate.step(scans)
+            monitor.step(slips)
+            fuse.step(slips)
+        return None
+
+    return step
+
+
+def _in_turn(steps: dict[str, Callable[[int], object]]) -> dict[str, Floats]:
+    """Time the steps one after the other, round by round, so that a slow moment of the machine hits all alike."""
+    for step in steps.values():
+        step(0)
+    start = perf_counter()
+    slowest = next(iter(steps.values()))
+    slowest(1)
+    rounds = int(np.clip(_LITERAL_BUDGET_S / (perf_counter() - start), 20, _ROUNDS))
+    taken: dict[str, list[float]] = {what: [] for what in steps}
+    gc.disable()
+    try:
+        for k in range(rounds):
+            for what, step in steps.items():
+                for inner in range(4):  # the first ones refill the caches that the others emptied
+                    start = perf_counter()
+                    step(k + inner)
+                    end = perf_counter()
+                taken[what].append(end - start)
+    finally:
+        gc.enable()
+    return {what: np.array(times) for what, times in taken.items()}
+
+
+def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
+    """Seconds per stage of one batch run, kernels compiled before."""
+    warm = simulate(SCENARIOS["fast-stroke"])
+    api.estimate(warm)
+    spent = dict.fromkeys(("parsing", "conditioning", "estimating", "monitoring and fusing", "writing"), 0.0)
+
+    def timed(stage: str, start: float) -> float:
+        now = perf_counter()
+        spent[stage] += now - start
+        return now
+
+    start = perf_counter()
+    lookahead = list(recording.blocks())
+    start = timed("parsing", start)
+    condition = Conditioner().start(recording.sensor, recording.masked, lookahead)
+    start = timed("conditioning", start)
+    blocks = list(recording.blocks())
+    start = timed("parsing", start)
+    estimate = api.estimator("convolution").start(recording.layout, "batch")
+    monitor, fuse = SlipMonitor().begin(recording.layout.pads), MeanTranslation()
+    with Tables(out, recording.layout.pads) as tables:
+        for raw in blocks:
+            start = perf_counter()
+            scans = list(condition.step(cut(raw, 0, len(raw))))
+            start = timed("conditioning", start)
+            slips = [estimate.step(block) for block in scans]
+            start = timed("estimating", start)
+            found = [(block, monitor.step(block), fuse.step(block)) for block in slips]
+            start = timed("monitoring and fusing", start)
+            for block, (slipping, events), motions in found:
+                tables.write(block, slipping, motions, events)
+            timed("writing", start)
+    total = sum(spent.values())
+    return sum(map(len, blocks)), [Share(stage, s, s / total) for stage, s in spent.items()]
+
+
+def _starts() -> list[Start]:
+    """Whole processes, in turn."""
+    python = [sys.executable, "-c"]
+    commands = {
+        "import numpy": [*python, "import numpy"],
+        "taxelflow --help": [*python, "from taxelflow.cli import main; main(['--help'])"],
+        "taxelflow sensors": [*python, "from taxelflow.cli import main; main(['sensors'])"],
+    }
+    taken: dict[str, list[float]] = {name: [] for name in commands}
+    for _ in range(7):
+        for name, command in commands.items():
+            start = perf_counter()
+            subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+            taken[name].append(perf_counter() - start)
+    base = float(np.median(taken["import numpy"]))
+    return [Start(name, float(np.median(times)), float(np.median(times)) / base) for name, times in taken.items()]

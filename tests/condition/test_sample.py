@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from synthetic import pieces, raw_scans
+
+from taxelflow.condition.sample import MOST_WINDOWS, WINDOW_SCANS, Sample
+from taxelflow.messages import Floats
+
+
+def numbered(scans: int) -> Floats:
+    count: Floats = np.arange(float(scans))[:, np.newaxis]
+    return count
+
+
+def sampled(scans: int, block: int = 5000) -> Sample:
+    sample = Sample(1)
+    for start in range(0, scans, block):
+        sample.add(numbered(scans)[start : start + block])
+    sample.close()
+    return sample
+
+
+def test_a_short_recording_is_kept_whole() -> None:
+    windows = sampled(60).windows
+    np.testing.assert_array_equal(windows.ravel(), np.arange(60))
+    assert windows.shape == (5, WINDOW_SCANS, 1)
+
+
+@pytest.mark.parametrize("scans", [10_000, 100_000])
+def test_never_more_windows_are_kept_than_allowed(scans: int) -> None:
+    sample = sampled(scans)
+    assert sample.windows.shape == (MOST_WINDOWS, WINDOW_SCANS, 1)
+    assert sample.seen == scans // WINDOW_SCANS
+
+
+def test_every_window_is_of_consecutive_scans_and_none_is_kept_twice() -> None:
+    windows = sampled(50_000).windows[:, :, 0]
+    assert (np.diff(windows, axis=1) == 1).all()
+    assert len(np.unique(windows[:, 0])) == MOST_WINDOWS
+
+
+def test_windows_come_evenly_from_the_whole_recording() -> None:
+    scans = 100_000
+    share, _ = np.histogram(sampled(scans).windows[:, 0, 0], bins=8, range=(0, scans))
+    assert (np.abs(share - MOST_WINDOWS / 8) < 5 * (MOST_WINDOWS / 8) ** 0.5).all()
+
+
+def test_a_replay_draws_the_same_windows() -> None:
+    np.testing.assert_array_equal(sampled(30_000).windows, sampled(30_000).windows)
+
+
+@given(cuts=st.lists(st.integers(0, 200), max_size=20), scans=st.integers(0, 200))
+def test_the_sample_does_not_depend_on_how_scans_come(cuts: list[int], scans: int) -> None:
+    whole, cut_up = Sample(1), Sample(1)
+    raw = raw_scans(numbered(scans).reshape(scans, 1))
+    whole.add(raw.values)
+    for piece in pieces(raw, [min(cut, scans) for cut in cuts]):
+        cut_up.add(piece.values)
+    assert whole.wanted == cut_up.wanted
+    whole.close()
+    cut_up.close()
+    np.testing.assert_array_equal(whole.windows, cut_up.windows)
+
+
+def test_long_recordings_cut_differently_give_the_same_sample() -> None:
+    np.testing.assert_array_equal(sampled(20_000, 20_000).windows, sampled(20_000, 77).windows)
+
+
+def test_wanted_counts_down_to_the_next_full_window() -> None:
+    sample = Sample(1)
+    assert sample.wanted == WINDOW_SCANS
+    sample.add(numbered(5))
+    assert (sample.wanted, sample.seen) == (WINDOW_SCANS - 5, 0)
+    sample.add(numbered(7))
+    assert (sample.wanted, sample.seen) == (WINDOW_SCANS, 1)
+
+
+@pytest.mark.parametrize("scans", [1, 2, 11])
+def test_fewer_scans_than_a_window_still_make_one(scans: int) -> None:
+    windows = sampled(scans).windows
+    assert len(windows) == 1
+    np.testing.assert_array_equal(windows[0, :scans, 0], np.arange(scans))
+
+
+def test_no_scans_make_no_window() -> None:
+    assert len(sampled(0).windows) == 0
+
+
+def test_what_is_kept_does_not_change_when_the_source_reuses_its_memory() -> None:
+    sample, memory = Sample(1), np.ones((18, 1))
+    sample.add(memory)
+    memory[:] = 7
+    sample.add(np.ones((6, 1)))
+    assert (sample.windows == 1).all()
