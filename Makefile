@@ -5,7 +5,7 @@ BIN := .venv/bin
 TAXELFLOW := $(BIN)/taxelflow
 READY := .venv/ready
 
-.PHONY: setup demo test check format bench golden constraints clean
+.PHONY: setup demo test check bench pictures constraints format clean
 .DELETE_ON_ERROR:
 
 setup: $(READY)
@@ -20,6 +20,15 @@ $(READY): pyproject.toml constraints.txt
 	fi
 	@touch $@
 
+demo: $(READY)
+	@mkdir -p demo
+	$(TAXELFLOW) simulate stroke --out demo/stroke.npz
+	$(TAXELFLOW) info demo/stroke.npz
+	$(TAXELFLOW) estimate demo/stroke.npz --method lnorm --out demo/lnorm
+	$(TAXELFLOW) estimate demo/stroke.npz --method convolution --out demo/convolution
+	$(TAXELFLOW) plot demo/lnorm demo/convolution --out demo/pictures --format png
+	$(TAXELFLOW) score table1
+
 test: $(READY)
 	$(BIN)/pytest
 
@@ -29,6 +38,24 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/vulture
+
+bench: $(READY)
+	$(TAXELFLOW) bench $(BENCH)
+
+# The pictures that README and docs show.
+pictures: $(READY)
+	$(TAXELFLOW) simulate stroke --out demo/stroke.npz
+	$(TAXELFLOW) estimate demo/stroke.npz --method lnorm --out demo/lnorm
+	$(TAXELFLOW) estimate demo/stroke.npz --method convolution --out demo/convolution
+	$(TAXELFLOW) plot demo/lnorm demo/convolution --out docs/pictures
+
+# Resolve anew, then pin what was resolved. Lines are name==version and nothing else.
+constraints:
+	rm -rf .venv
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,dev]'
+	{ sed -n '/^#/p' constraints.txt; $(BIN)/python -m pip freeze --exclude-editable | grep -E '^[A-Za-z0-9_.-]+==[^ ]+$$'; } > constraints.new
+	mv constraints.new constraints.txt
 
 format: $(READY)
 	$(BIN)/ruff format .

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import settings
-from synthetic import dome, grid_sensor, recorded
 
+from synthetic import dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
 from taxelflow.layout import Sensor
 
@@ -28,11 +28,6 @@ def recordings() -> Path:
 @pytest.fixture
 def palm() -> Sensor:
     return grid_sensor(4, 7)
-
-
-@pytest.fixture
-def two_pads() -> Sensor:
-    return grid_sensor(4, 7, pads=2)
 
 
 @pytest.fixture

@@ -103,7 +103,8 @@ def scans_of(
 def slips_by(method: str, sensor: Sensor, *blocks: Scans, mode: str = "stream", **parameters: Any) -> Slips:
     """All slips that an estimator session gives for these blocks."""
     session = registry.find("estimator", method)(**parameters).start(sensor.layout, mode)
-    return joined([*(session.step(block) for block in blocks), session.finish()])
+    slips: Slips = joined([*(session.step(block) for block in blocks), session.finish()])
+    return slips
 
 
 def conditioned(

@@ -19,7 +19,7 @@ from taxelflow.pipeline import Pipeline, Run
 from taxelflow.publish.summary import Summary, Totals
 
 if TYPE_CHECKING:
-    from taxelflow.estimate.base import Estimator, Mode
+    from taxelflow.estimation.base import Estimator, Mode
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ def estimator(method: str, **parameters: Any) -> Estimator:
 
 def estimate(
     recording: Recording | str | Path,
-    method: str = "convolution",
+    method: str | Estimator = "convolution",
     *,
     mode: Mode = "batch",
     condition: Conditioner | None = None,
@@ -75,14 +75,16 @@ def estimate(
 ) -> Result:
     """Run a recording through the pipeline and keep all results in memory.
 
-    parameters go to the method, e.g. gain=1.04. Raises what `read` raises, and TimesNotIncreasing. What is lost of
-    a truncated recording is said in `summary.loss`.
+    method: a name, whose parameters follow (e.g. gain=1.04), or an estimator of your own. Raises what `read` raises,
+    and TimesNotIncreasing. What is lost of a truncated recording is said in `summary.loss`.
     """
     if not isinstance(recording, Recording):
         recording = read(recording)
-    pipeline = Pipeline(
-        estimator(method, **parameters), mode, condition or Conditioner(), monitor=monitor or SlipMonitor()
-    )
+    if isinstance(method, str):
+        chosen, name = estimator(method, **parameters), method
+    else:
+        chosen, name = method, type(method).__name__
+    pipeline = Pipeline(chosen, mode, condition or Conditioner(), monitor or SlipMonitor())
     run = pipeline.start(recording)
     totals = Totals(recording.layout.pads)
     outputs = []
@@ -95,7 +97,7 @@ def estimate(
         slipping=np.concatenate([output.slipping for output in outputs]),
         motions=joined([output.motions for output in outputs]),
         events=[event for output in outputs for event in output.events],
-        summary=summarise(method, pipeline, run, totals),
+        summary=summarise(name, pipeline, run, totals),
     )
 
 
@@ -116,7 +118,9 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
         notes.append("no contact: no pad was touched in this recording")
     untared = [name for name, pad in pads.items() if not pad.tared and pad.contact_scans]
     if untared and pipeline.condition.tare == "auto":
-        notes.append(f"not tared, because never seen idle: {', '.join(untared)}")
+        notes.append(f"not tared, because no idle scans were found: {', '.join(untared)}")
+    if silent := [taxel for taxel in masked if not recording.masked[taxel]]:
+        notes.append(f"masked, because silent while noise was learned: taxels {', '.join(map(str, silent))}")
     return Summary(
         taxelflow=__version__,
         input=str(recording.source),

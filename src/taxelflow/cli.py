@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import sys
@@ -236,6 +237,9 @@ Command = (
 
 def main(args: list[str] | None = None) -> int:
     """Run one command; errors that were foreseen become one line on stderr and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that lacks a letter shows a mark instead
     logging.basicConfig(format="taxelflow: %(message)s", level=logging.WARNING)
     try:
         command, rest = tyro.cli(

@@ -11,7 +11,7 @@ import numpy as np
 from taxelflow import api
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import RecordingError, ResultMissing
-from taxelflow.estimate.literal import convolution_matrix
+from taxelflow.estimation.literal import convolution_matrix
 from taxelflow.publish.plots.path import path_figure
 from taxelflow.publish.plots.position import position_figure
 from taxelflow.publish.plots.style import save, styled

@@ -102,6 +102,15 @@ class Layout:
         """Taxels of pad number `pad`."""
         return slice(int(self.starts[pad]), int(self.starts[pad + 1]))
 
+    def neighbours(self, pad: int) -> NDArray[np.int64]:
+        """(pairs, 2) taxels of a pad, numbered within it, that lie side by side in a row or a column."""
+        own = self.of_pad(pad)
+        number = self.grid(pad, np.arange(self.taxels, dtype=np.float64) - own.start, fill=-1.0)
+        across = np.stack([number[:, :-1].ravel(), number[:, 1:].ravel()], axis=1)
+        down = np.stack([number[:-1].ravel(), number[1:].ravel()], axis=1)
+        pairs = np.concatenate([across, down]).astype(np.int64)
+        return pairs[(pairs >= 0).all(axis=1)]
+
     def grid(self, pad: int, scan: Floats, fill: float = np.nan) -> Floats:
         """One pad of a scan (taxels,) as (rows, cols), row 0 on top; `fill` where no taxel is."""
         image: Floats = np.full(self.shapes[pad], fill)

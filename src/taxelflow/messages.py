@@ -80,6 +80,22 @@ class Slips:
     span_s: Floats
     lag_s: Floats
 
+    @classmethod
+    def unknown(cls, scans: Scans) -> Slips:
+        """Contact as in `scans` and nothing else: arrays of NaN for an estimator to fill in."""
+        shape = scans.contact.shape
+        return cls(
+            t_s=scans.t_s,
+            contact=scans.contact,
+            border=np.zeros((*shape, 2), dtype=np.bool_),
+            displacement=np.full((*shape, 3), np.nan),
+            pose=np.full((*shape, 3), np.nan),
+            covariance=np.full((*shape, 3, 3), np.nan),
+            displacement_covariance=np.full((*shape, 3, 3), np.nan),
+            span_s=np.full(shape, np.nan),
+            lag_s=np.full(shape, np.nan),
+        )
+
     @property
     def velocity(self) -> Floats:
         """(scans, pads, 3), in m/s and rad/s."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, get_args
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import NameUnknown
-from taxelflow.estimate.base import Mode
+from taxelflow.estimation.base import Mode
 from taxelflow.fuse.mean import MeanTranslation
 from taxelflow.messages import Bools, Event, Motions, RawScans, Slips, cut
 from taxelflow.monitor.slip import SlipMonitor
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.base import Reading, Recording
     from taxelflow.condition.session import Learned
-    from taxelflow.estimate.base import Estimator
+    from taxelflow.estimation.base import Estimator
 
 
 @dataclass(frozen=True, slots=True, eq=False)

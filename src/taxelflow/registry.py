@@ -19,8 +19,8 @@ PARTS: dict[str, dict[str, str]] = {
         ".dsa": "taxelflow.acquire.dsa:open_dsa",
     },
     "estimator": {
-        "lnorm": "taxelflow.estimate.lnorm:LNorm",
-        "convolution": "taxelflow.estimate.convolution:Convolution",
+        "lnorm": "taxelflow.estimation.lnorm:LNorm",
+        "convolution": "taxelflow.estimation.convolution:Convolution",
     },
 }
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic import grid_sensor, pieces, raw_scans, recorded
 
+from synthetic import grid_sensor, pieces, raw_scans, recorded
 from taxelflow.acquire.base import Reading, Recording
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWrong, TimesNotIncreasing
 from taxelflow.messages import RawScans, joined

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from synthetic import grid_sensor
 
+from synthetic import grid_sensor
 from taxelflow.acquire.csv import open_csv
 from taxelflow.api import read
 from taxelflow.errors import RecordingCorrupt, SensorNeeded, TaxelCountWrong, TimesNotIncreasing
@@ -89,7 +89,7 @@ def test_text_where_a_number_belongs_is_corrupt_after_the_scans_before_it(tmp_pa
     path = write(tmp_path / "a.csv", HEADER + "0,1,2,3\n1,1,2,3\n2,1,high,3\n3,1,2,3\n")
     reading = open_csv(path, SENSOR).blocks()
     assert next(reading).t_s.tolist() == [0, 1]
-    with pytest.raises(RecordingCorrupt, match="scan 2: .*high"):
+    with pytest.raises(RecordingCorrupt, match=r"scan 2: .*high"):
         next(reading)
 
 
@@ -129,7 +129,9 @@ def test_a_missing_time_is_an_error_about_times(tmp_path: Path) -> None:
         read_csv(tmp_path, HEADER + "0,1,2,3\n,1,2,3\n")
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00\x01" * 50, b"t_s,a,b,c\n0,1,2,\xff\xff\n", b"t_s,a,b,c\n0,\x00,2,3\n"])
+@pytest.mark.parametrize(
+    "content", [b"\xff\xfe\x00\x01" * 50, b"t_s,a,b,c\n0,1,2,\xff\xff\n", b"t_s,a,b,c\n0,\x00,2,3\n"]
+)
 def test_bytes_that_are_no_text_are_corrupt(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(content)

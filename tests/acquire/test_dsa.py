@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from synthetic import DsaMatrix, dsa_words, dsa_xml, grid_sensor, write_dsa
 
+from synthetic import DsaMatrix, dsa_words, dsa_xml, grid_sensor, write_dsa
 from taxelflow.acquire.dsa import open_dsa
 from taxelflow.api import estimate, read
 from taxelflow.errors import RecordingCorrupt, RecordingError, TaxelCountWrong, TimesNotIncreasing
@@ -56,7 +56,9 @@ def test_scans_times_and_layout_come_from_the_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("run_lengths", [True, False])
-@pytest.mark.parametrize("cells", [[0] * 12, [5] * 12, [0, 0, 1, 0, 0, 0, 2, 3, 0, 0, 0, 4], [0.0, 0.25, 4095] + [0] * 9])
+@pytest.mark.parametrize(
+    "cells", [[0] * 12, [5] * 12, [0, 0, 1, 0, 0, 0, 2, 3, 0, 0, 0, 4], [0.0, 0.25, 4095] + [0] * 9]
+)
 def test_run_lengths_stand_for_zeros(tmp_path: Path, cells: list[float], run_lengths: bool) -> None:
     text = dsa_xml(SMALL, [(0, dsa_words(cells, packed=run_lengths))], promised=1)
     raw = open_dsa(packed(tmp_path / "a.dsa", text), None).load()
@@ -111,7 +113,9 @@ def test_the_geometry_of_the_sdh2_gets_its_names_and_scale(tmp_path: Path) -> No
 
 def test_joint_angles_and_temperatures_are_passed_over(tmp_path: Path) -> None:
     text = dsa_xml(SMALL, [(0, dsa_words([1] * 12)), (32, dsa_words([2] * 12))], promised=2)
-    extra = "<joint_angles><angle index='0'><time_stamp>1</time_stamp><angle_data>1, 2</angle_data></angle></joint_angles>"
+    extra = (
+        "<joint_angles><angle index='0'><time_stamp>1</time_stamp><angle_data>1, 2</angle_data></angle></joint_angles>"
+    )
     path = packed(tmp_path / "a.dsa", text.replace("</root>", extra + "</root>"))
     assert len(open_dsa(path, None).load()) == 2
 
@@ -275,7 +279,7 @@ def test_an_impossible_full_scale_is_refused_or_taken_as_unknown(tmp_path: Path,
     try:
         assert not open_dsa(path, None).sensor.full_scale
     except RecordingCorrupt as error:
-        assert full_scale in str(error)  # noqa: PT017
+        assert full_scale in str(error)
 
 
 def test_a_matrix_without_any_cell_does_no_harm_or_is_refused(tmp_path: Path) -> None:
@@ -284,10 +288,12 @@ def test_a_matrix_without_any_cell_does_no_harm_or_is_refused(tmp_path: Path) ->
     try:
         assert len(estimate(path).slips) == 40
     except RecordingError as error:
-        assert "\n" not in str(error)  # noqa: PT017
+        assert "\n" not in str(error)
 
 
-@pytest.mark.parametrize("content", [b"", b"plain text", b"BZh9", bz2.compress(b"no xml"), bz2.compress(b""), b"PK\x03\x04"])
+@pytest.mark.parametrize(
+    "content", [b"", b"plain text", b"BZh9", bz2.compress(b"no xml"), bz2.compress(b""), b"PK\x03\x04"]
+)
 def test_what_is_no_bzip2_or_no_xml_is_corrupt(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.dsa"
     path.write_bytes(content)

@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 import pytest
 from numpy.lib import format as npy
-from synthetic import grid_sensor, times
 
+from synthetic import grid_sensor, times
 from taxelflow.acquire.npz import open_npz
 from taxelflow.api import read
 from taxelflow.errors import (
@@ -349,4 +349,4 @@ def test_members_that_are_no_arrays_do_no_harm_or_are_refused(tmp_path: Path) ->
     try:
         assert len(open_npz(path, SENSOR).load()) == 5
     except RecordingError as error:
-        assert "readme.txt" in str(error)  # noqa: PT017
+        assert "readme.txt" in str(error)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic import pieces, raw_scans
 
+from synthetic import pieces, raw_scans
 from taxelflow.condition.sample import MOST_WINDOWS, WINDOW_SCANS, Sample
 from taxelflow.messages import Floats
 

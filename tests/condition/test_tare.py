@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic import conditioned, dome, grid_sensor
 
+from synthetic import conditioned, dome, grid_sensor
 from taxelflow.messages import Floats
 
 PADS = grid_sensor(4, 7, pads=2)
@@ -191,3 +191,21 @@ def test_a_taxel_that_fails_now_and_then_does_not_keep_a_pad_from_being_tared() 
     _, session = conditioned(values, PADS)
     assert session.learned is not None
     assert session.learned.tared.all()
+
+
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+def test_an_idle_recording_with_an_offset_is_no_contact(mode: str) -> None:
+    scans, session = conditioned(offset(3000, 500) + noise(), STREAM, mode=mode)
+    assert session.learned is not None
+    assert session.learned.tared.all()
+    assert not scans.contact.any()
+
+
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+def test_an_offset_small_against_full_scale_is_taken_away_even_if_loads_are_light(mode: str) -> None:
+    values = offset(3000, 500) + noise()
+    values[30:] += grasps(0, most=20e3)[:-30]
+    scans, session = conditioned(values, STREAM, mode=mode)
+    assert session.learned is not None
+    assert session.learned.tared.all()
+    assert not scans.contact[:30].any()

@@ -114,8 +114,9 @@ class Reading:
         if block.values.shape[1] != taxels:
             raise TaxelCountWrong(self._recording.source, block.values.shape[1], self._recording.sensor.name, taxels)
         before = np.concatenate([[self._last_s], block.t_s[:-1]])
-        fresh = block.t_s > before
-        repeated = block.t_s == before
+        finite = np.isfinite(block.t_s)
+        fresh = (block.t_s > before) & finite
+        repeated = (block.t_s == before) & finite
         if not np.all(fresh | repeated):
             wrong = int(np.argmin(fresh | repeated))
             number = self.scans + self.repeated + wrong

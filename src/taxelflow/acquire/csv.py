@@ -77,7 +77,7 @@ def _rows(path: Path, columns: int) -> Iterator[list[float]]:
             for row in filter(None, rows):
                 if len(row) != columns:
                     seen = f"scan {scan} has {len(row)} columns, the header {columns}"
-                    if len(row) < columns and next(rows, None) is None:
+                    if len(row) < columns and not any(rows):
                         raise RecordingTruncated(path, scan, None, seen)
                     raise RecordingCorrupt(path, seen, _REMEDY)
                 yield [float(field) if field.strip() else math.nan for field in row]

@@ -41,7 +41,7 @@ def open_dsa(path: Path, sensor: Sensor | None) -> Recording:
         pads = tuple(_pad(matrix) for matrix in matrices)
         here = np.concatenate([_mask(matrix, "static_mask") for matrix in matrices])
         on = np.concatenate([_mask(matrix, "dynamic_mask") for matrix in matrices])
-        full_scale = float(_text(matrices[0], "fullscale"))
+        full_scale = _positive(matrices[0], "fullscale")
     except (OSError, EOFError, ElementTree.ParseError, ValueError) as error:
         raise RecordingCorrupt(path, str(error), _REMEDY) from error
     sensor = sensor or _sensor(pads, full_scale)
@@ -69,9 +69,16 @@ def _pad(matrix: ElementTree.Element) -> Pad:
         name=f"matrix{matrix.get('index')}",
         rows=rows,
         cols=cols,
-        pitch_m=(float(_text(matrix, "texel_width")) / 1e3, float(_text(matrix, "texel_height")) / 1e3),
+        pitch_m=(_positive(matrix, "texel_width") / 1e3, _positive(matrix, "texel_height") / 1e3),
         missing=tuple((int(row), int(col)) for row, col in np.argwhere(~there)),
     )
+
+
+def _positive(element: ElementTree.Element, name: str) -> float:
+    number = float(_text(element, name))
+    if not 0 < number < float("inf"):
+        raise ValueError(f"<{name}> is {number}")
+    return number
 
 
 def _mask(matrix: ElementTree.Element, name: str) -> Bools:
@@ -153,6 +160,6 @@ def _cells(text: str, cells: int) -> Floats:
     """Undo hex and run lengths: (cells,) readings."""
     words = np.frombuffer(bytes.fromhex("".join(text.split())), ">f4").astype(np.float64)
     repeats = np.where(words < 0, -words, 1.0)
-    if repeats.sum() != cells:
+    if repeats.sum() != cells or np.any(repeats != np.round(repeats)):
         raise ValueError(f"{repeats.sum():.0f} cells in a scan of {cells}")
     return np.repeat(np.where(words < 0, 0.0, words), repeats.astype(np.int64))

@@ -7,8 +7,11 @@ loaded.
 
 from __future__ import annotations
 
+import math
 import zipfile
+import zlib
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any
 
 import msgspec
@@ -18,7 +21,7 @@ from numpy.lib import format as npy
 from taxelflow.acquire.base import BLOCK_SCANS, Recording, Truth
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
 from taxelflow.layout import builtin_sensors, sensor_of
-from taxelflow.messages import RawScans
+from taxelflow.messages import Bools, RawScans
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,43 +30,79 @@ if TYPE_CHECKING:
     from taxelflow.layout import Sensor
 
 _REMEDY = "write it with numpy.savez(path, t=..., pressure=...), t in s (scans,), pressure (scans, taxels)"
-_SMALL = 1 << 20
+_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError, ValueError, KeyError)
+_MOST_EXTRA_BYTES = 1 << 28
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """What a member declares of its array."""
+
+    shape: tuple[int, ...]
+    fortran: bool
+    dtype: np.dtype[Any]
 
 
 def open_npz(path: Path, sensor: Sensor | None) -> Recording:
-    """Open an `.npz` recording. Raises RecordingCorrupt, SensorNeeded, TaxelCountWrong."""
+    """Open an `.npz` recording. Raises RecordingCorrupt, SensorNeeded, TaxelCountWrong, SensorFileInvalid."""
     try:
         with zipfile.ZipFile(path) as archive:
-            members = {name.removesuffix(".npy") for name in archive.namelist()}
+            members = {name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")}
             if not {"t", "pressure"} <= members:
                 raise RecordingCorrupt(path, f"it holds {', '.join(sorted(members)) or 'nothing'}", _REMEDY)
             with archive.open("t.npy") as member:
-                times, *_ = _header(member)
+                times = _header(member)
             with archive.open("pressure.npy") as member:
-                shape, fortran, dtype = _header(member)
-            extras = {name: _small(archive, name) for name in members - {"t", "pressure"}}
-    except (zipfile.BadZipFile, ValueError, EOFError, OSError, NotImplementedError, RuntimeError) as error:
+                pressure = _header(member)
+            extras = {name: _extra(archive, name) for name in _EXTRAS & members}
+    except _DAMAGE as error:
         raise RecordingCorrupt(path, str(error) or type(error).__name__, _REMEDY) from error
-    if len(times) != 1 or len(shape) != 2 or times[0] != shape[0] or dtype.kind not in "fiu":
-        raise RecordingCorrupt(path, f"t has shape {times} and pressure shape {shape} of {dtype}", _REMEDY)
+    if (
+        len(times.shape) != 1
+        or len(pressure.shape) != 2
+        or times.shape[0] != pressure.shape[0]
+        or times.dtype.kind not in "fiu"
+        or pressure.dtype.kind not in "fiu"
+    ):
+        seen = f"t is {times.dtype} {times.shape} and pressure {pressure.dtype} {pressure.shape}"
+        raise RecordingCorrupt(path, seen, _REMEDY)
     if sensor is None:
         if "sensor" not in extras:
             raise SensorNeeded(path, builtin_sensors())
         sensor = _sensor(path, str(extras["sensor"]))
-    if shape[1] != sensor.layout.taxels:
-        raise TaxelCountWrong(path, shape[1], sensor.name, sensor.layout.taxels)
-    truth = None
-    if {"truth_pad", "truth_t_s", "truth_pose"} <= members:
-        truth = Truth(str(extras["truth_pad"]), np.asarray(extras["truth_t_s"]), np.asarray(extras["truth_pose"]))
-    masked = extras.get("masked", np.zeros(shape[1])).astype(np.bool_)
-    return Recording(path, "npz", sensor, lambda: _read(path, fortran), scans=shape[0], masked=masked, truth=truth)
+    scans, taxels = pressure.shape
+    if taxels != sensor.layout.taxels:
+        raise TaxelCountWrong(path, taxels, sensor.name, sensor.layout.taxels)
+    return Recording(
+        path,
+        "npz",
+        sensor,
+        lambda: _read(path, times, pressure),
+        scans=scans,
+        masked=_mask(path, extras, taxels),
+        truth=_truth(path, extras, sensor),
+    )
 
 
-def _header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+_EXTRAS = {"sensor", "masked", "truth_pad", "truth_t_s", "truth_pose"}
+
+
+def _header(member: IO[bytes]) -> _Header:
     version = npy.read_magic(member)
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, fortran, dtype = read(member)
-    return shape, fortran, dtype
+    return _Header(*read(member))
+
+
+def _extra(archive: zipfile.ZipFile, name: str) -> np.ndarray[Any, Any]:
+    """A member that is not scans; what it declares is believed only as far as the archive holds it."""
+    entry = archive.getinfo(f"{name}.npy")
+    with archive.open(entry) as member:
+        header = _header(member)
+    if math.prod(header.shape) * header.dtype.itemsize > min(entry.file_size, _MOST_EXTRA_BYTES):
+        raise ValueError(f"member {name} declares {header.shape} of {header.dtype} in {entry.file_size} bytes")
+    with archive.open(entry) as member:
+        array: np.ndarray[Any, Any] = npy.read_array(member, allow_pickle=False)
+        return array
 
 
 def _sensor(path: Path, text: str) -> Sensor:
@@ -73,35 +112,59 @@ def _sensor(path: Path, text: str) -> Sensor:
         raise RecordingCorrupt(path, f"member sensor: {error}", _REMEDY) from error
 
 
-def _small(archive: zipfile.ZipFile, name: str) -> np.ndarray[Any, Any]:
-    """A member that is not scans; declared sizes are not trusted beyond what the archive really holds."""
-    entry = archive.getinfo(f"{name}.npy")
-    if entry.file_size > 256 * _SMALL:
-        raise ValueError(f"member {name} declares {entry.file_size} bytes")
-    with archive.open(entry) as member:
-        array: np.ndarray[Any, Any] = npy.read_array(member, allow_pickle=False)
-        return array
+def _mask(path: Path, extras: dict[str, np.ndarray[Any, Any]], taxels: int) -> Bools:
+    masked = extras.get("masked", np.zeros(taxels, dtype=np.bool_))
+    if masked.shape != (taxels,) or masked.dtype.kind not in "biu":
+        seen = f"member masked is {masked.dtype} {masked.shape}"
+        raise RecordingCorrupt(path, seen, f"it holds a flag for each of the {taxels} taxels")
+    return masked.astype(np.bool_)
 
 
-def _read(path: Path, fortran: bool) -> Iterator[RawScans]:
-    if fortran:  # column-major on disk cannot be read scan by scan: the one case that needs the whole array
-        with np.load(path, allow_pickle=False) as archive:
-            yield RawScans(archive["t"].astype(np.float64), archive["pressure"].astype(np.float64, order="C"))
-        return
-    with ExitStack() as stack:
-        archive = stack.enter_context(zipfile.ZipFile(path))
-        t = stack.enter_context(archive.open("t.npy"))
-        pressure = stack.enter_context(archive.open("pressure.npy"))
-        _, _, t_type = _header(t)
-        (scans, taxels), _, p_type = _header(pressure)
-        for start in range(0, scans, BLOCK_SCANS):
-            count = min(BLOCK_SCANS, scans - start)
-            try:
-                seconds = np.frombuffer(_exactly(t, count * t_type.itemsize), t_type)
-                values = np.frombuffer(_exactly(pressure, count * taxels * p_type.itemsize), p_type)
-            except (EOFError, zipfile.BadZipFile, OSError) as error:
-                raise RecordingTruncated(path, start, scans, str(error)) from error
-            yield RawScans(seconds.astype(np.float64), values.reshape(count, taxels).astype(np.float64))
+def _truth(path: Path, extras: dict[str, np.ndarray[Any, Any]], sensor: Sensor) -> Truth | None:
+    if not {"truth_pad", "truth_t_s", "truth_pose"} & extras.keys():
+        return None
+    pad = str(extras.get("truth_pad", ""))
+    t_s, pose = extras.get("truth_t_s", np.zeros(0)), extras.get("truth_pose", np.zeros(0))
+    fits = t_s.ndim == 1 and pose.shape == (*t_s.shape, 3) and t_s.dtype.kind + pose.dtype.kind == "ff"
+    if not fits or pad not in sensor.layout.pads:
+        seen = f"truth_pad {pad!r}, truth_t_s {t_s.dtype} {t_s.shape}, truth_pose {pose.dtype} {pose.shape}"
+        raise RecordingCorrupt(
+            path, seen, "truth is a pad of the sensor, times (n,) in s and poses (n, 3) in m, m, rad"
+        )
+    return Truth(pad, t_s.astype(np.float64), pose.astype(np.float64))
+
+
+def _read(path: Path, times: _Header, pressure: _Header) -> Iterator[RawScans]:
+    scans, taxels = pressure.shape
+    start = 0
+    try:
+        if pressure.fortran:  # column-major on disk cannot be read scan by scan: the one case that needs it all
+            yield _whole(path, times, pressure)
+            return
+        with ExitStack() as stack:
+            archive = stack.enter_context(zipfile.ZipFile(path))
+            t = stack.enter_context(archive.open("t.npy"))
+            p = stack.enter_context(archive.open("pressure.npy"))
+            _header(t), _header(p)
+            while start < scans:
+                count = min(BLOCK_SCANS, scans - start)
+                seconds = np.frombuffer(_exactly(t, count * times.dtype.itemsize), times.dtype)
+                values = np.frombuffer(_exactly(p, count * taxels * pressure.dtype.itemsize), pressure.dtype)
+                yield RawScans(seconds.astype(np.float64), values.reshape(count, taxels).astype(np.float64))
+                start += count
+    except _DAMAGE as error:
+        raise RecordingTruncated(path, start, scans, str(error) or type(error).__name__) from error
+
+
+def _whole(path: Path, times: _Header, pressure: _Header) -> RawScans:
+    with zipfile.ZipFile(path) as archive:
+        for name, header in (("t", times), ("pressure", pressure)):
+            held = archive.getinfo(f"{name}.npy").file_size
+            if math.prod(header.shape) * header.dtype.itemsize > held:
+                raise EOFError(f"member {name} declares {header.shape} of {header.dtype} in {held} bytes")
+        with archive.open("t.npy") as t, archive.open("pressure.npy") as p:
+            seconds, values = npy.read_array(t, allow_pickle=False), npy.read_array(p, allow_pickle=False)
+    return RawScans(seconds.astype(np.float64), np.ascontiguousarray(values, dtype=np.float64))
 
 
 def _exactly(member: IO[bytes], size: int) -> bytes:

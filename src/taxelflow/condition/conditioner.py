@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 from taxelflow.errors import ParameterInvalid
 
@@ -14,12 +14,14 @@ if TYPE_CHECKING:
     from taxelflow.layout import Sensor
     from taxelflow.messages import Bools, RawScans
 
+Tare = Literal["auto", "none", "start"]
+
 
 @dataclass(frozen=True)
 class Conditioner:
     """How scans are made comparable before any motion is estimated."""
 
-    tare: Literal["auto", "none", "start"] = "auto"
+    tare: Tare = "auto"
     """What is subtracted per taxel. auto: the mean of idle scans, where a pad has any (never a steady contact);
     none: nothing; start: the first 12 scans, which you declare idle."""
     contact_on: float = 6.0
@@ -28,6 +30,8 @@ class Conditioner:
     """... and stays in contact until one of the two falls below so many."""
 
     def __post_init__(self) -> None:
+        if self.tare not in get_args(Tare):
+            raise ParameterInvalid("tare", self.tare, f"it is one of {', '.join(get_args(Tare))}")
         if not 0 < self.contact_off <= self.contact_on:
             raise ParameterInvalid(
                 "contact_off", self.contact_off, f"it lies above 0, up to contact_on = {self.contact_on}"

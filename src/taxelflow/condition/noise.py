@@ -17,25 +17,38 @@ _QUIETEST_OF_NORMAL = 0.706
 _SECOND_DIFFERENCE = 6.0
 """Variance of a - 2 b + c over that of one reading."""
 _ENOUGH_WINDOWS = 8
+_ENOUGH_CHANGES = 8
+_TINY = 1e-150
+"""Above 0, and so is its square."""
 _CLIPPED = 0.1
 """A window in which a taxel reads its lowest value more often than this tells of clipping, not of noise."""
 _READINGS = 200_000
 _LEVELS = 16
-_RANGE_FLOOR = 1e-4
+_NO_GLITCH = 0.995
+"""One reading beyond all others says nothing of the sensor's range."""
+RANGE_FLOOR = 1e-4
 """No sensor is taken to be finer than this share of its largest reading."""
 
 
-def learn_noise(windows: Floats, masked: Bools) -> Floats:
-    """(windows, scans, taxels) of raw pressure -> (taxels,) standard deviation; 0 for masked taxels."""
+def learn_noise(windows: Floats, masked: Bools, step: float = 0.0, unknown: float = 0.0) -> Floats:
+    """(windows, scans, taxels) of raw pressure, NaN where missing -> (taxels,) standard deviation; 0 where masked.
+
+    step: quantisation step of the sensor, if declared. unknown: the noise to assume while all readings are alike.
+    """
     live = windows[:, :, ~masked]
     noise = np.zeros(len(masked))
     if not live.size:
         return noise
-    change = live[:, :-2] - 2 * live[:, 1:-1] + live[:, 2:]
-    figure = np.sqrt(np.mean(change**2, axis=1) / _SECOND_DIFFERENCE)  # (windows, live taxels), NaN if one is missing
+    with np.errstate(over="ignore", invalid="ignore"):  # an absurd reading makes its window unusable, no more
+        change = (live[:, :-2] - 2 * live[:, 1:-1] + live[:, 2:]) ** 2
+    known = np.isfinite(change)
+    count = known.sum(axis=1)
+    enough = min(_ENOUGH_CHANGES, int(count.max(initial=1)))
+    figure = np.sqrt(np.sum(change, axis=1, where=known) / np.maximum(count, 1) / _SECOND_DIFFERENCE)
     bottom = np.min(live, axis=(0, 1), initial=np.inf, where=np.isfinite(live))
-    usable = np.isfinite(figure) & ((live <= bottom).mean(axis=1) < _CLIPPED)
-    floor = noise_floor(live)
+    usable = (count >= max(enough, 1)) & ((live <= bottom).mean(axis=1) < _CLIPPED)
+    floor = max(noise_floor(live), step / 12**0.5)
+    floor = floor if floor > _TINY else max(unknown, _TINY)
     pooled = _quietest(figure[usable]) if usable.sum() >= _ENOUGH_WINDOWS else floor
     own = [
         _quietest(figure[usable[:, taxel], taxel]) if usable[:, taxel].sum() >= _ENOUGH_WINDOWS else pooled
@@ -49,13 +62,15 @@ def noise_floor(readings: Floats) -> float:
     """Standard deviation of the quantisation step seen in any array of readings, at least a share of the largest."""
     some = readings.reshape(-1)[:: 1 + readings.size // _READINGS]
     levels = np.unique(some[np.isfinite(some)])
-    if len(levels) < _LEVELS:  # too few to tell a converter's step from an image of few values
-        largest = float(np.abs(levels).max(initial=0.0))
-        return max(_RANGE_FLOOR * largest, float(np.finfo(np.float64).tiny))
-    largest = float(np.abs(levels).max())
-    steps = np.diff(levels)
-    step = float(steps[steps > 1e-9 * largest].min(initial=largest))
-    return max(step / 12**0.5 if step < largest / _LEVELS else 0.0, _RANGE_FLOOR * largest)
+    if not len(levels):
+        return _TINY
+    largest = float(np.quantile(np.abs(levels), _NO_GLITCH))
+    step = 0.0
+    if len(levels) >= _LEVELS:  # fewer cannot tell a converter's step from an image of few values
+        with np.errstate(over="ignore"):
+            steps = np.diff(levels)
+        step = float(steps[steps > 1e-9 * largest].min(initial=largest))
+    return max(step / 12**0.5 if step < largest / _LEVELS else 0.0, RANGE_FLOOR * largest, _TINY)
 
 
 def _quietest(figures: Floats) -> float:

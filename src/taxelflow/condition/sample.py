@@ -17,6 +17,8 @@ class Sample:
     def __init__(self, taxels: int) -> None:
         self.seen = 0
         self._random = np.random.default_rng(0)  # a replay draws the same windows
+        self.first = np.zeros((0, taxels))
+        """The first window of all, (WINDOW_SCANS, taxels), whatever else is kept."""
         self._windows = np.zeros((0, WINDOW_SCANS, taxels))
         self._open = np.zeros((0, taxels))
 
@@ -39,11 +41,13 @@ class Sample:
         self._open = values[full * WINDOW_SCANS :].copy()
 
     def close(self) -> None:
-        """No more scans: a recording shorter than one window becomes one, its last scan standing for the rest."""
+        """No more scans: a recording shorter than one window becomes one that ends in NaN."""
         if not self.seen and len(self._open):
-            self._keep(np.concatenate([self._open, np.repeat(self._open[-1:], self.wanted, axis=0)]))
+            self._keep(np.concatenate([self._open, np.full((self.wanted, self._open.shape[1]), np.nan)]))
 
     def _keep(self, window: Floats) -> None:
+        if not self.seen:
+            self.first = window.copy()
         place = self.seen
         if self.seen >= MOST_WINDOWS:
             place = int(self._random.integers(self.seen + 1))

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.condition.noise import learn_noise
-from taxelflow.condition.sample import WINDOW_SCANS, Sample
+from taxelflow.condition.noise import RANGE_FLOOR, learn_noise
+from taxelflow.condition.sample import Sample
 from taxelflow.condition.tare import learn_offset
+from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, Floats, RawScans, Scans, cut, joined
 
 if TYPE_CHECKING:
@@ -50,8 +52,9 @@ class Session:
         self._last = np.zeros(self._layout.taxels)
         self.learned: Learned | None = None
         if lookahead is not None:
-            for raw in lookahead:
-                self._sample.add(raw.values * sensor.to_si)
+            with suppress(RecordingError):  # the second pass meets the same damage, after the scans before it
+                for raw in lookahead:
+                    self._sample.add(self._si(raw.values))
             self._sample.close()
             self.learned = self._learn()
 
@@ -64,7 +67,7 @@ class Session:
             count = min(len(raw), self._sample.wanted)
             piece, raw = cut(raw, 0, count), cut(raw, count, len(raw))
             full = self._sample.wanted == count
-            self._sample.add(piece.values * self._sensor.to_si)
+            self._sample.add(self._si(piece.values))
             if self.learned is None:
                 self._held.append(piece)
                 if full:
@@ -82,41 +85,55 @@ class Session:
             held, self._held = joined(self._held), []
             yield self._condition(held)
 
+    def _si(self, values: Floats) -> Floats:
+        """Readings in SI; what is not finite is missing."""
+        with np.errstate(over="ignore"):
+            si = values * self._sensor.to_si
+        return np.where(np.isfinite(si), si, np.nan)
+
+    def _noise(self, windows: Floats, masked: Bools) -> Floats:
+        sensor = self._sensor
+        step = sensor.to_si if sensor.unit == "count" else 0.0  # a count is a whole number
+        return learn_noise(windows, masked, step, RANGE_FLOOR * (sensor.full_scale or 0.0) * sensor.to_si)
+
     def _learn(self) -> Learned:
         layout, windows = self._layout, self._sample.windows
         silent = ~np.isfinite(windows).any(axis=(0, 1)) if len(windows) else np.zeros(layout.taxels, dtype=np.bool_)
         masked = self._masked | silent
-        noise = learn_noise(windows, masked)
+        noise = self._noise(windows, masked)
         offset = np.zeros(layout.taxels)
         tared = np.zeros(len(layout.pads), dtype=np.bool_)
         reference = self._reference(windows)
         for pad in range(len(layout.pads)):
             own = layout.of_pad(pad)
-            found = self._offset(windows[:, :, own], noise[own], masked[own], reference)
+            found = self._offset(pad, noise[own], masked[own], reference)
             if found is not None:
                 offset[own], tared[pad] = found, True
         return Learned(offset, noise, tared, masked)
 
-    def _offset(self, windows: Floats, noise: Floats, masked: Bools, reference: float) -> Floats | None:
-        if self._parameters.tare == "none" or masked.all():
+    def _offset(self, pad: int, noise: Floats, masked: Bools, reference: float) -> Floats | None:
+        own = self._layout.of_pad(pad)
+        if self._parameters.tare == "none" or masked.all() or not len(self._sample.windows):
             return None
         if self._parameters.tare == "start":
-            start = windows[0]
+            start = self._sample.first[:, own]
             heard = np.isfinite(start)
             count = np.maximum(heard.sum(axis=0), 1)
             mean: Floats = np.where(heard, start, 0.0).sum(axis=0) / count
             return mean
-        return learn_offset(windows, noise, masked, reference)
+        return learn_offset(self._sample.windows[:, :, own], noise, masked, self._layout.neighbours(pad), reference)
 
     def _reference(self, windows: Floats) -> float:
+        """What an offset must be small against: full scale, and, where the future is known, the largest reading."""
+        full_scale = (self._sensor.full_scale or 0.0) * self._sensor.to_si
         if self._causal:
-            return (self._sensor.full_scale or 0.0) * self._sensor.to_si
-        return float(np.max(windows, initial=0.0, where=np.isfinite(windows)))
+            return full_scale
+        return max(full_scale, float(np.max(windows, initial=0.0, where=np.isfinite(windows))))
 
     def _relearn_noise(self) -> None:
         """Noise of a loaded taxel shows only under load, so it is learned again as scans go by; the tare stays."""
         if self.learned is not None:
-            self.learned = replace(self.learned, noise=learn_noise(self._sample.windows, self.learned.masked))
+            self.learned = replace(self.learned, noise=self._noise(self._sample.windows, self.learned.masked))
 
     def _condition(self, raw: RawScans) -> Scans:
         if self.learned is None:
@@ -185,6 +202,3 @@ def condition(
             in_contact[pad] = peak > level and total > level * np.sqrt(variance)
             contact[scan, pad] = in_contact[pad]
             complete[scan, pad] = whole
-
-
-__all__ = ["WINDOW_SCANS", "Learned", "Session", "condition"]

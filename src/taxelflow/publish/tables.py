@@ -13,8 +13,6 @@ from taxelflow.publish.summary import to_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from types import TracebackType
-
     from taxelflow.messages import Bools, Event, Floats, Motions, Slips
     from taxelflow.publish.summary import Summary
 
@@ -43,6 +41,8 @@ class Tables:
 
     def __enter__(self) -> Self:
         self.directory.mkdir(parents=True, exist_ok=True)
+        for older in ("slips.csv", "object.csv", "events.csv", "summary.json"):
+            (self.directory / older).unlink(missing_ok=True)  # what stands here after a failure is of this run
         for name, columns in (("slips", SLIPS), ("object", OBJECT), ("events", EVENTS)):
             file = self._stack.enter_context(
                 (self.directory / f"{name}.csv.part").open("w", newline="", encoding="utf-8")
@@ -52,9 +52,7 @@ class Tables:
         self._flush()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_details: object) -> None:
         self._stack.close()
         if kind is None:
             for name in self._files:

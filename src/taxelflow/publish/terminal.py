@@ -47,10 +47,13 @@ def counted(items: Iterable[Item], what: str) -> Iterator[Item]:
 
 def _table(*headings: str, title: str | None = None, caption: str | None = None) -> Table:
     """A quiet table; headings that end in a colon stand left, numbers right."""
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, title=title, caption=caption)
+    # Names come from files: in cells and titles they are Text, in which brackets are brackets.
+    table = Table(
+        box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, title=Text(title) if title else None, caption=caption
+    )
     table.title_justify = table.caption_justify = "left"
     for heading in headings:
-        table.add_column(heading.rstrip(":"), justify="left" if heading.endswith(":") else "right")
+        table.add_column(Text(heading.rstrip(":")), justify="left" if heading.endswith(":") else "right")
     return table
 
 
@@ -62,7 +65,7 @@ def say(summary: Summary, directory: Path) -> None:
         if pad.contact_scans:
             net = [f"{1e3 * m:+.1f}" for m in pad.net_m]
             table.add_row(name, str(pad.contact_scans), str(pad.slips), *net, f"{100 * pad.border_share:.0f} %")
-    console = Console()
+    console = Console(markup=False)
     if summary.contact:
         console.print(table)
     console.print(f"results in {directory}", highlight=False, soft_wrap=True)
@@ -72,9 +75,9 @@ def say(summary: Summary, directory: Path) -> None:
 
 def show_checkup(checkup: Any) -> None:
     """Tables of a `Checkup`."""
-    console = Console()
+    console = Console(markup=False)
     promised = "" if checkup.scans_promised in (None, checkup.scans) else f" of {checkup.scans_promised} promised"
-    console.print(f"[bold]{checkup.file}[/bold] ({checkup.format})", highlight=False, soft_wrap=True)
+    console.print(f"{checkup.file} ({checkup.format})", style="bold", highlight=False, soft_wrap=True)
     console.print(f"sensor  {checkup.sensor}, values in {checkup.unit}", highlight=False)
     console.print(
         f"scans   {checkup.scans}{promised} in {checkup.duration_s:.2f} s"
@@ -116,12 +119,12 @@ def list_sensors(sensors: list[Sensor]) -> None:
     table = _table("name:", "pads", "taxels", "unit:", "note:")
     for sensor in sensors:
         table.add_row(sensor.name, str(len(sensor.pads)), str(sensor.layout.taxels), sensor.unit, sensor.note)
-    Console().print(table)
+    Console(markup=False).print(table)
 
 
 def draw_sensor(sensor: Sensor) -> None:
     """Each pad as a grid of its taxels' numbers, row 0 on top; a dot where none is."""
-    console, layout = Console(), sensor.layout
+    console, layout = Console(markup=False), sensor.layout
     console.print(
         f"[bold]{sensor.name}[/bold]  {layout.taxels} taxels in {len(sensor.pads)} pads, {sensor.unit}", highlight=False
     )
@@ -130,7 +133,9 @@ def draw_sensor(sensor: Sensor) -> None:
     numbers = np.arange(layout.taxels, dtype=np.float64)
     for index, pad in enumerate(sensor.pads):
         size = "x".join(f"{1e3 * pitch:g}" for pitch in pad.pitch_m)
-        console.print(f"\n[bold]{pad.name}[/bold]  {pad.rows} rows x {pad.cols} cols, pitch {size} mm", highlight=False)
+        console.print(
+            f"\n{pad.name}  {pad.rows} rows x {pad.cols} cols, pitch {size} mm", style="bold", highlight=False
+        )
         if pad.note:
             console.print(pad.note, style="yellow", highlight=False)
         for row in layout.grid(index, numbers):
@@ -143,7 +148,7 @@ def draw_sensor(sensor: Sensor) -> None:
 
 def show_table1(table: Any) -> None:
     """The paper's Table I, then ours, in its columns."""
-    console = Console()
+    console = Console(markup=False)
     names = {"lnorm": "L norm", "convolution": "flow"}
     paper = _table(
         "mm/s", "method:", "backward", "forward", "RMSE mm/s", "RMSE %", title="Table I as published: one trial"
@@ -185,7 +190,7 @@ def show_table1(table: Any) -> None:
 
 def show_bench(figures: Any) -> None:
     """Tables of a `Bench`."""
-    console = Console()
+    console = Console(markup=False)
     title = "one step of a whole hand, every pad loaded"
     steps = _table("sensor:", "what:", "p50 us", "p99 us", "x literal", title=title)
     for row in figures.latencies:

@@ -19,7 +19,7 @@ from taxelflow.acquire.rig.scenario import SCENARIOS
 from taxelflow.acquire.rig.simulate import save, simulate
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
-from taxelflow.estimate.literal import convolution_index
+from taxelflow.estimation.literal import convolution_index
 from taxelflow.fuse.mean import MeanTranslation
 from taxelflow.layout import Pad, Sensor, load_sensor
 from taxelflow.messages import RawScans, Scans, cut
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.estimate.translation import TranslationSession
+    from taxelflow.estimation.translation import TranslationSession
     from taxelflow.messages import Floats
 
 _ROUNDS = 300

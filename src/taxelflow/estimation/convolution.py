@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
-    from taxelflow.estimate.base import Mode
-    from taxelflow.estimate.translation import TranslationSession
+    from taxelflow.estimation.base import Mode
+    from taxelflow.estimation.translation import TranslationSession
     from taxelflow.layout import Layout
 
 
@@ -21,12 +21,12 @@ class Convolution:
     """Factor on the index, the paper's calibration without its unit; 1 takes one column for one pitch."""
 
     def __post_init__(self) -> None:
-        if not self.gain > 0:
-            raise ParameterInvalid("gain", self.gain, "it is above 0, and 1 when uncalibrated")
+        if not 0 < self.gain < float("inf"):
+            raise ParameterInvalid("gain", self.gain, "it is a number above 0, and 1 when uncalibrated")
 
     def start(self, layout: Layout, mode: Mode) -> TranslationSession:
         """Begin a session. The fast form is used: centroids add under convolution."""
-        from taxelflow.estimate.flow import MEMORY, convolution_flow, pad_moments
-        from taxelflow.estimate.translation import TranslationSession
+        from taxelflow.estimation.flow import MEMORY, convolution_flow, pad_moments
+        from taxelflow.estimation.translation import TranslationSession
 
         return TranslationSession(layout, convolution_flow, MEMORY, self.gain, prepare=pad_moments)

@@ -33,15 +33,16 @@ class TranslationSession:
         kernel: Callable[..., None],
         memory: int,
         *constants: Any,
-        prepare: Callable[[Floats, Floats, NDArray[np.int64]], Floats] | None = None,
+        prepare: Callable[[Floats, Floats, NDArray[np.int64], Floats], Floats] | None = None,
     ) -> None:
         """kernel: called with (t, pressure, noise, contact, complete, places, starts, *constants, memory, rows), as
-        `flow.convolution_flow`. memory: numbers it keeps per pad. prepare: called with (noise, places, starts) when
-        the noise changes; what it gives becomes the kernel's last constant.
+        `flow.convolution_flow`. memory: numbers it keeps per pad. prepare: called with (noise, places, starts, pitch)
+        when the noise changes; what it gives becomes the kernel's last constant.
         """
         self._pads = len(layout.pads)
         self._kernel, self._prepare = kernel, prepare
         self._constants: tuple[Any, ...] = (np.stack([layout.x_m, layout.y_m]), layout.starts, *constants)
+        self._pitch = layout.pitch_m
         self._prepared: tuple[Any, ...] = ()
         self._noise: Floats | None = None
         edge = np.flatnonzero(layout.border.any(axis=1))
@@ -65,7 +66,8 @@ class TranslationSession:
         noise = scans.noise
         if noise is not self._noise:
             self._noise = noise
-            self._prepared = (self._prepare(noise, *self._constants[:2]),) if self._prepare else ()
+            places, starts = self._constants[:2]
+            self._prepared = (self._prepare(noise, places, starts, self._pitch),) if self._prepare else ()
         self._kernel(
             scans.t_s,
             scans.pressure,

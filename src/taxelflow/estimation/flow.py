@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimate.translation import (
+from taxelflow.estimation.translation import (
     COV_XY,
     D_COV_XY,
     D_VAR_X,
@@ -56,11 +56,14 @@ def noise_moments(noise: Floats, places: Floats, begin: int, end: int, reading: 
 
 
 @kernel
-def pad_moments(noise: Floats, places: Floats, starts: NDArray[np.int64]) -> Floats:
-    """(pads, 6) of `noise_moments`, for scans in which no taxel reads 0."""
-    moments = np.empty((len(starts) - 1, 6))
+def pad_moments(noise: Floats, places: Floats, starts: NDArray[np.int64], pitch: Floats) -> Floats:
+    """(pads, 8): `noise_moments` for scans in which no taxel reads 0, then the mean noise^2 times (pitch / 2)^2."""
+    moments = np.empty((len(starts) - 1, 8))
     for pad in range(len(starts) - 1):
-        moments[pad] = noise_moments(noise, places, starts[pad], starts[pad + 1], noise)
+        moments[pad, :6] = noise_moments(noise, places, starts[pad], starts[pad + 1], noise)
+        mean = moments[pad, 0] / (starts[pad + 1] - starts[pad])
+        moments[pad, 6] = mean * (0.5 * pitch[pad, 0]) ** 2
+        moments[pad, 7] = mean * (0.5 * pitch[pad, 1]) ** 2
     return moments
 
 
@@ -81,7 +84,7 @@ def convolution_flow(
     """Fill rows (scans, pads, COLUMNS), which come in as NaN.
 
     t: (scans,). pressure: (scans, taxels). noise: (taxels,). contact, complete: (scans, pads).
-    places: (2, taxels). starts: (pads + 1,). moments: (pads, 6). memory: (pads, 13), kept from block to block.
+    places: (2, taxels). starts: (pads + 1,). moments: (pads, 8). memory: (pads, 13), kept from block to block.
     The index needs two usable scans in a row, the slip vector three; a scan without contact, or with a missing
     loaded taxel, begins anew, so that nothing jumps at lift-off and re-contact.
     """
@@ -106,8 +109,9 @@ def convolution_flow(
             n = moments[pad]
             if silent > 0.0:
                 n = noise_moments(noise, places, begin, end, pressure[scan])
-            var_x = g * (n[3] - 2.0 * cx * n[1] + cx * cx * n[0])
-            var_y = g * (n[4] - 2.0 * cy * n[2] + cy * cy * n[0])
+            # At least what one taxel half a pitch aside would do: clipped neighbours are quiet, not without noise.
+            var_x = max(g * (n[3] - 2.0 * cx * n[1] + cx * cx * n[0]), g * moments[pad, 6])
+            var_y = max(g * (n[4] - 2.0 * cy * n[2] + cy * cy * n[0]), g * moments[pad, 7])
             cov = g * (n[5] - cx * n[2] - cy * n[1] + cx * cy * n[0])
             cx, cy = gain * cx, gain * cy
             row = rows[scan, pad]

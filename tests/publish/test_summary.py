@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+import taxelflow
+from synthetic import dome, grid_sensor, recorded
+from taxelflow.api import estimate
+from taxelflow.publish.summary import to_json
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording
+
+TWO = grid_sensor(4, 7, pads=2)
+
+
+def test_it_says_what_ran_on_what(stroke: Recording) -> None:
+    summary = estimate(stroke, "lnorm", mode="stream", gain=1.04).summary
+    assert summary.taxelflow == taxelflow.__version__
+    assert (summary.method, summary.mode, summary.sensor, summary.input) == ("lnorm", "stream", "grid", "memory")
+    assert summary.parameters["method"] == {"gain": 1.04}
+    assert summary.parameters["condition"]["contact_on"] > summary.parameters["condition"]["contact_off"]
+    assert summary.parameters["monitor"]["start"] > summary.parameters["monitor"]["stop"]
+    assert (summary.scans, summary.t_first_s, summary.t_last_s) == (80, 0.0, 7.9)
+
+
+def test_it_adds_up_what_the_rows_say(stroke: Recording) -> None:
+    result = estimate(stroke)
+    pad = result.summary.pads["pad0"]
+    assert pad.contact_scans == int(result.slips.contact.sum())
+    steps = result.slips.displacement[:, 0, :2]
+    np.testing.assert_allclose(pad.net_m, np.nansum(steps, axis=0), rtol=1e-9)
+    slipping = result.slipping[:, 0]
+    assert pad.slip_path_m == pytest.approx(float(np.hypot(*steps[slipping].T).sum()))
+    assert pad.slips == sum(event.event == "slip_start" for event in result.events)
+    border = result.slips.border[:, 0].any(axis=1) & result.slips.contact[:, 0]
+    assert pad.border_share == pytest.approx(border.sum() / pad.contact_scans)
+    assert sum(result.summary.events.values()) == len(result.events)
+
+
+def test_events_that_did_not_happen_are_counted_as_zero(palm: taxelflow.Sensor) -> None:
+    summary = estimate(recorded(np.zeros((30, 28)), palm)).summary
+    assert summary.events == {"contact": 0, "release": 0, "slip_start": 0, "slip_stop": 0}
+
+
+def test_no_contact_at_all_is_a_result_that_says_so(palm: taxelflow.Sensor) -> None:
+    random = np.random.default_rng(0)
+    summary = estimate(recorded(random.normal(0, 100, (200, 28)), palm)).summary
+    assert not summary.contact
+    assert any("no contact" in note for note in summary.notes)
+
+
+def test_a_pad_that_was_never_seen_idle_is_named() -> None:
+    values = np.array([dome(TWO) + dome(TWO, x, pad=1) * (k > 50) for k, x in enumerate(np.linspace(-0.01, 0.01, 200))])
+    summary = estimate(recorded(values + np.random.default_rng(0).normal(0, 50, values.shape), TWO)).summary
+    assert [note for note in summary.notes if "pad0" in note and "idle" in note]
+    assert not any("pad1" in note for note in summary.notes)
+
+
+def test_masked_taxels_and_dropped_scans_are_listed(palm: taxelflow.Sensor) -> None:
+    t_s = np.arange(30) / 10
+    t_s[7] = t_s[6]
+    summary = estimate(recorded(np.zeros((30, 28)), palm, t_s, masked=np.arange(28) == 9)).summary
+    assert summary.masked_taxels == [9]
+    assert summary.repeated_scans_dropped == 1
+    assert summary.scans == 29
+
+
+def test_the_unit_is_counts_only_where_no_scale_is_known() -> None:
+    values = np.zeros((20, 28))
+    for sensor, unit in (
+        (grid_sensor(4, 7, unit="count"), "count"),
+        (grid_sensor(4, 7, unit="count", scale_pa=2.0), "Pa"),
+        (grid_sensor(4, 7, unit="psi"), "Pa"),
+    ):
+        assert estimate(recorded(values, sensor)).summary.unit == unit
+
+
+def test_it_is_strict_json_that_ends_its_line(stroke: Recording) -> None:
+    text = to_json(estimate(stroke).summary).decode()
+    assert text.endswith("}\n")
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"{constant} is no JSON")
+
+    whole = json.loads(text, parse_constant=refuse)
+    assert whole["pads"]["pad0"]["contact_scans"] == 40
+    assert whole["loss"] is None
+    assert math.isfinite(whole["pads"]["pad0"]["noise"])

@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+import csv
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from synthetic import METHODS
+from taxelflow import registry
+from taxelflow.api import estimate
+from taxelflow.pipeline import Pipeline
+from taxelflow.publish.tables import SLIPS, Tables
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from taxelflow.acquire.base import Recording
+
+CONTRACT = (
+    "t_s,pad,contact,dx_m,dy_m,dtheta_rad,x_m,y_m,theta_rad,vx_m_s,vy_m_s,omega_rad_s,"
+    "std_x_m,std_y_m,std_theta_rad,slipping"
+)
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def written(recording: Recording, folder: Path, method: str = "convolution") -> Path:
+    run = Pipeline(registry.find("estimator", method)()).start(recording)
+    with Tables(folder, recording.layout.pads) as tables:
+        for output in run:
+            tables.write(output.slips, output.slipping, output.motions, output.events)
+    return folder
+
+
+def test_the_columns_are_the_contracts_and_then_more() -> None:
+    assert ",".join(SLIPS).startswith(CONTRACT + ",")
+
+
+def test_the_header_of_the_file_is_the_contracts(stroke: Recording, tmp_path: Path) -> None:
+    header = (written(stroke, tmp_path / "out") / "slips.csv").read_text().splitlines()[0]
+    assert header.startswith(CONTRACT + ",")
+
+
+def test_there_is_a_row_per_scan_and_pad_in_time_order(stroke: Recording, tmp_path: Path) -> None:
+    rows = rows_of(written(stroke, tmp_path) / "slips.csv")
+    assert len(rows) == 80
+    assert [float(row["t_s"]) for row in rows] == pytest.approx(list(np.arange(80) / 10), abs=1e-6)
+    assert {row["pad"] for row in rows} == {"pad0"}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_numbers_are_those_of_the_messages_and_the_unknown_is_empty(
+    stroke: Recording, tmp_path: Path, method: str
+) -> None:
+    result = estimate(stroke, method)
+    rows = rows_of(written(stroke, tmp_path, method) / "slips.csv")
+    slips = result.slips
+    std = np.sqrt(np.diagonal(slips.covariance[:, 0], axis1=1, axis2=2))
+    columns = {
+        "dx_m": slips.displacement[:, 0, 0],
+        "dy_m": slips.displacement[:, 0, 1],
+        "dtheta_rad": slips.displacement[:, 0, 2],
+        "x_m": slips.pose[:, 0, 0],
+        "y_m": slips.pose[:, 0, 1],
+        "theta_rad": slips.pose[:, 0, 2],
+        "vx_m_s": slips.velocity[:, 0, 0],
+        "vy_m_s": slips.velocity[:, 0, 1],
+        "omega_rad_s": slips.velocity[:, 0, 2],
+        "std_x_m": std[:, 0],
+        "std_y_m": std[:, 1],
+        "std_theta_rad": std[:, 2],
+        "lag_s": slips.lag_s[:, 0],
+    }
+    for name, values in columns.items():
+        read = [float(row[name]) if row[name] else np.nan for row in rows]
+        np.testing.assert_allclose(read, values, rtol=1e-8, err_msg=name)
+    for name, flags in (
+        ("contact", slips.contact[:, 0]),
+        ("slipping", result.slipping[:, 0]),
+        ("border_x", slips.border[:, 0, 0]),
+        ("border_y", slips.border[:, 0, 1]),
+    ):
+        assert [row[name] for row in rows] == [str(int(flag)) for flag in flags], name
+
+
+def test_the_objects_motion_has_a_row_per_scan(stroke: Recording, tmp_path: Path) -> None:
+    motions = estimate(stroke).motions
+    rows = rows_of(written(stroke, tmp_path) / "object.csv")
+    assert len(rows) == 80
+    for name, values in (("vx_m_s", motions.velocity[:, 0]), ("x_m", motions.pose[:, 0]), ("pads", motions.pads)):
+        read = [float(row[name]) if row[name] else np.nan for row in rows]
+        np.testing.assert_allclose(read, values, rtol=1e-8, err_msg=name)
+
+
+def test_events_have_time_pad_and_kind(stroke: Recording, tmp_path: Path) -> None:
+    rows = rows_of(written(stroke, tmp_path) / "events.csv")
+    assert list(rows[0]) == ["t_s", "pad", "event"]
+    assert [row["event"] for row in rows if row["event"] in ("contact", "release")] == ["contact", "release"]
+    assert {row["event"] for row in rows} <= {"contact", "release", "slip_start", "slip_stop"}
+
+
+def test_rows_stand_in_part_files_until_the_end(stroke: Recording, tmp_path: Path) -> None:
+    run = Pipeline(registry.find("estimator", "lnorm")()).start(stroke)
+    with Tables(tmp_path, stroke.layout.pads) as tables:
+        for output in run:
+            tables.write(output.slips, output.slipping, output.motions, output.events)
+        assert sorted(path.name for path in tmp_path.iterdir()) == [
+            "events.csv.part",
+            "object.csv.part",
+            "slips.csv.part",
+        ]
+        assert len(rows_of(tmp_path / "slips.csv.part")) == 80
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["events.csv", "object.csv", "slips.csv"]
+
+
+@pytest.mark.parametrize("interruption", [KeyboardInterrupt, ValueError, SystemExit])
+def test_an_interruption_keeps_the_part_files(
+    stroke: Recording, tmp_path: Path, interruption: type[BaseException]
+) -> None:
+    run = Pipeline(registry.find("estimator", "lnorm")()).start(stroke)
+    with pytest.raises(interruption), Tables(tmp_path, stroke.layout.pads) as tables:
+        for output in run:
+            tables.write(output.slips, output.slipping, output.motions, output.events)
+        raise interruption
+    assert not (tmp_path / "slips.csv").exists()
+    assert len(rows_of(tmp_path / "slips.csv.part")) == 80
+
+
+def test_no_number_is_written_as_nan_or_inf(stroke: Recording, tmp_path: Path) -> None:
+    folder = written(stroke, tmp_path)
+    for name in ("slips.csv", "object.csv", "events.csv"):
+        text = (folder / name).read_text().lower()
+        assert "nan" not in text
+        assert "inf" not in text

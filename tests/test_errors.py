@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+
+from taxelflow import errors
+from taxelflow.errors import TaxelflowError
+
+CLASSES = {name: kind for name, kind in vars(errors).items() if inspect.isclass(kind) and issubclass(kind, Exception)}
+FACTS: dict[str, tuple[object, ...]] = {
+    "RecordingMissing": (Path("a.npz"),),
+    "FormatUnknown": (Path("a.xyz"), [".npz", ".csv"]),
+    "RecordingCorrupt": (Path("a.npz"), "it is empty", "record it again"),
+    "RecordingTruncated": (Path("a.dsa"), 7, 10, "end of file"),
+    "TaxelCountWrong": (Path("a.npz"), 7, "hand", 10),
+    "TimesNotIncreasing": (Path("a.npz"), 7, 2.0, 1.0),
+    "SensorNeeded": (Path("a.npz"), ["hand"]),
+    "SensorFileInvalid": ("hand.toml", "top level", "no name", "add one"),
+    "NameUnknown": ("sensor", "hnad", ["hand"]),
+    "ParameterInvalid": ("gain", 0, "it is above 0"),
+    "ResultMissing": (Path("out"), "slips.csv"),
+    "ExtraMissing": ("plot", "matplotlib"),
+}
+
+
+def test_every_error_has_the_one_root() -> None:
+    assert all(issubclass(kind, TaxelflowError) for kind in CLASSES.values())
+
+
+def test_the_tree_at_the_top_of_the_file_is_the_tree_of_classes() -> None:
+    drawn = {}
+    path: list[str] = []
+    for line in (errors.__doc__ or "").splitlines():
+        found = re.match(r"([│├└─ ]*)(\w+)(?:\s{2,}|$)", line)
+        if found and found[2] in CLASSES:
+            depth = len(found[1]) // 4
+            path = [*path[:depth], found[2]]
+            drawn[found[2]] = path[-2] if depth else "Exception"
+    assert drawn == {name: kind.__base__.__name__ for name, kind in CLASSES.items() if kind.__base__}
+
+
+@pytest.mark.parametrize("name", [name for name in CLASSES if name not in ("TaxelflowError", "RecordingError")])
+def test_a_message_is_one_line_that_names_what_was_seen_and_what_to_do(name: str) -> None:
+    message = str(CLASSES[name](*FACTS[name]))
+    assert "\n" not in message
+    assert str(FACTS[name][0]) in message
+    assert re.search(r"[;:]", message)
+    assert not message.endswith(".")

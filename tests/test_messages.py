@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from synthetic import assert_same, dome, grid_sensor, pieces, raw_scans, scans_of, slips_by
+from taxelflow.fuse.mean import MeanTranslation
+from taxelflow.messages import Event, cut, joined
+
+PALM = grid_sensor(4, 7)
+SCANS = scans_of(PALM, [dome(PALM, x) for x in np.linspace(0, 0.01, 8)], noise=10.0)
+SLIPS = slips_by("convolution", PALM, SCANS)
+BLOCKS = [raw_scans(SCANS.pressure), SCANS, SLIPS, MeanTranslation().step(SLIPS)]
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=lambda block: type(block).__name__)
+@given(cuts=st.lists(st.integers(0, 8), max_size=5))
+def test_what_is_cut_and_joined_is_whole_again(block: Any, cuts: list[int]) -> None:
+    parts = pieces(block, cuts)
+    assert sum(len(part) for part in parts) == len(block) == 8
+    assert_same(joined(parts), block)
+
+
+def test_a_cut_block_looks_into_the_same_memory() -> None:
+    assert np.shares_memory(cut(SCANS, 2, 4).pressure, SCANS.pressure)
+
+
+def test_the_velocity_is_displacement_over_its_time() -> None:
+    np.testing.assert_allclose(SLIPS.velocity[2:, 0, 0], SLIPS.displacement[2:, 0, 0] / 0.1, rtol=1e-12)
+    assert np.isnan(SLIPS.velocity[:2]).all()
+
+
+def test_a_slip_is_valid_where_its_displacement_is_known() -> None:
+    assert SLIPS.valid[:, 0].tolist() == [False] * 2 + [True] * 6
+
+
+@pytest.mark.parametrize(
+    "message", [*BLOCKS, Event(0.0, "palm", "contact")], ids=lambda message: type(message).__name__
+)
+def test_messages_are_frozen(message: Any) -> None:
+    with pytest.raises(FrozenInstanceError):
+        message.t_s = 0.0

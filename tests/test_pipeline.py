@@ -1,0 +1,177 @@
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from synthetic import METHODS, assert_same, dome, grid_sensor, recorded
+from taxelflow import registry
+from taxelflow.acquire.base import Recording
+from taxelflow.api import estimate
+from taxelflow.errors import NameUnknown, TimesNotIncreasing
+from taxelflow.messages import Floats, RawScans
+from taxelflow.pipeline import Output, Pipeline
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+PALM = grid_sensor(4, 7, full_scale=140e3)
+WIDE = grid_sensor(9, 21, full_scale=140e3)
+both_methods = pytest.mark.parametrize("method", METHODS)
+both_modes = pytest.mark.parametrize("mode", ["batch", "stream"])
+
+
+def pipeline(method: str = "convolution", mode: str = "batch") -> Pipeline:
+    return Pipeline(registry.find("estimator", method)(), mode)  # type: ignore[arg-type]
+
+
+def grasp_and_pull(velocity_m_s: float, *, noise: float = 100.0, seed: int = 0) -> Floats:
+    """20 idle scans, 20 of a still dome, 40 in which it moves, 20 still, 20 idle; 10 Hz on the wide pad."""
+    moved = np.clip(np.arange(80) - 20, 0, 40) * velocity_m_s / 10
+    contact = [dome(WIDE, x - moved[-1] / 2) for x in moved]
+    idle = np.zeros((20, WIDE.layout.taxels))
+    values: Floats = np.concatenate([idle, contact, idle])
+    return values + np.random.default_rng(seed).normal(0, noise, values.shape)
+
+
+@both_methods
+@both_modes
+def test_every_scan_gives_a_row_in_its_order(method: str, mode: str, stroke: Recording) -> None:
+    outputs = list(pipeline(method, mode).start(stroke))
+    assert sum(len(output) for output in outputs) == 80
+    np.testing.assert_array_equal(np.concatenate([output.slips.t_s for output in outputs]), stroke.load().t_s)
+    for output in outputs:
+        assert len(output.slips) == len(output.slipping) == len(output.motions)
+
+
+@both_methods
+@both_modes
+def test_the_size_of_the_sources_blocks_does_not_matter(method: str, mode: str) -> None:
+    values = grasp_and_pull(0.02)
+    one, other = (estimate(recorded(values, WIDE, block=block), method, mode=mode) for block in (1024, 7))  # type: ignore[arg-type]
+    assert_same(one.slips, other.slips)
+    assert_same(one.motions, other.motions)
+    assert one.events == other.events
+    np.testing.assert_array_equal(one.slipping, other.slipping)
+
+
+@both_modes
+@pytest.mark.parametrize("velocity_m_s", [0.01, -0.025, 0.04])
+def test_a_moving_contact_has_the_velocity_it_has(mode: str, velocity_m_s: float) -> None:
+    result = estimate(recorded(grasp_and_pull(velocity_m_s), WIDE), mode=mode)  # type: ignore[arg-type]
+    moving = slice(45, 75)
+    assert result.slips.velocity[moving, 0, 0].mean() == pytest.approx(velocity_m_s, rel=0.03)
+    assert result.motions.velocity[moving, 0].mean() == pytest.approx(velocity_m_s, rel=0.03)
+    assert abs(result.slips.velocity[moving, 0, 1].mean()) < 0.001
+    assert result.slipping[moving].all()
+
+
+@both_modes
+def test_a_contact_that_holds_still_under_noise_never_slips(mode: str) -> None:
+    random = np.random.default_rng(4)
+    values = random.normal(0, 300, (2000, 28))
+    values[50:] += dome(PALM)
+    result = estimate(recorded(values, PALM), mode=mode)  # type: ignore[arg-type]
+    assert result.summary.pads["pad0"].contact_scans == 1950
+    assert not result.slipping.any()
+    assert result.summary.events["slip_start"] == 0
+
+
+@both_methods
+@both_modes
+def test_lifting_off_and_touching_elsewhere_is_no_slip(method: str, mode: str) -> None:
+    random = np.random.default_rng(4)
+    places = [None] * 20 + [-0.02] * 15 + [None] * 3 + [0.02] * 15 + [None] * 10
+    values = np.array([np.zeros(28) if x is None else dome(PALM, x, 0.005, radius_m=0.006) for x in places])
+    result = estimate(recorded(values + random.normal(0, 50, values.shape), PALM), method, mode=mode)  # type: ignore[arg-type]
+    assert not result.slipping.any()
+    assert np.nanmax(np.abs(result.slips.displacement[..., :2])) < 0.001
+    assert [event.event for event in result.events] == ["contact", "release"] * 2
+
+
+@both_methods
+@both_modes
+def test_a_missing_taxel_under_load_interrupts_only_its_own_pad(method: str, mode: str) -> None:
+    two = grid_sensor(4, 7, pads=2, full_scale=140e3)
+    random = np.random.default_rng(4)
+    values = np.array([dome(two) + dome(two, pad=1)] * 60) + random.normal(0, 50, (60, 56))
+    values[30:33, int(np.argmax(dome(two)))] = np.nan
+    result = estimate(recorded(values, two), method, mode=mode)  # type: ignore[arg-type]
+    assert not result.slips.valid[30:33, 0].any()
+    assert result.slips.valid[5:, 1].all()
+    assert not result.slipping.any()
+    assert result.summary.events["release"] == 0
+
+
+@both_methods
+@both_modes
+@pytest.mark.parametrize("scans", [1, 2, 3, 11, 12, 13])
+def test_recordings_of_any_length_give_a_row_per_scan(method: str, mode: str, scans: int) -> None:
+    values = dome(PALM) + np.random.default_rng(0).normal(0, 100, (scans, 28))
+    result = estimate(recorded(values, PALM), method, mode=mode)  # type: ignore[arg-type]
+    assert len(result.slips) == len(result.motions) == len(result.slipping) == scans
+    assert result.slips.contact.all()
+
+
+@both_modes
+def test_no_contact_gives_rows_without_motion(mode: str) -> None:
+    values = np.random.default_rng(0).normal(0, 100, (100, 28))
+    result = estimate(recorded(values, PALM), mode=mode)  # type: ignore[arg-type]
+    assert len(result.slips) == 100
+    assert not result.slips.contact.any()
+    assert not result.slips.valid.any()
+    assert result.events == []
+
+
+def endless() -> Iterator[RawScans]:
+    for scan in itertools.count():
+        yield RawScans(np.array([scan / 10]), dome(PALM)[np.newaxis] * (scan > 20))
+
+
+def test_a_stream_may_be_endless() -> None:
+    run = pipeline(mode="stream").start(Recording("device", "device", PALM, endless))
+    outputs = list(itertools.islice(run, 30))
+    assert len(outputs[0]) == 12
+    assert [len(output) for output in outputs[1:]] == [1] * 29
+
+
+def test_a_stream_does_not_read_ahead_of_what_it_gives() -> None:
+    read = 0
+
+    def counted() -> Iterator[RawScans]:
+        nonlocal read
+        for block in endless():
+            read += 1
+            yield block
+
+    run = pipeline(mode="stream").start(Recording("device", "device", PALM, counted))
+    assert read == 0
+    given: list[Output] = list(itertools.islice(run, 5))
+    assert read == sum(len(output) for output in given) == 16
+
+
+@both_modes
+def test_what_came_before_a_time_that_runs_backwards_is_estimated(mode: str) -> None:
+    t_s = np.arange(60) / 10
+    t_s[45] = 1.0
+    values = dome(PALM) + np.random.default_rng(0).normal(0, 100, (60, 28))
+    rows = 0
+    with pytest.raises(TimesNotIncreasing, match="scan 45"):
+        for output in pipeline(mode=mode).start(recorded(values, PALM, t_s)):
+            rows += len(output)
+    assert rows == 45
+
+
+def test_an_unknown_mode_comes_with_the_list() -> None:
+    with pytest.raises(NameUnknown, match="unknown mode 'live'; known are batch, stream"):
+        pipeline(mode="live")
+
+
+@both_modes
+def test_a_replay_is_bit_equal(mode: str, stroke: Recording) -> None:
+    one, other = (estimate(stroke, mode=mode) for _ in range(2))  # type: ignore[arg-type]
+    assert_same(one.slips, other.slips)
+    assert_same(one.motions, other.motions)
+    assert one.summary == other.summary
