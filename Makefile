@@ -44,6 +44,7 @@ bench: $(READY)
 
 # The pictures that README and docs show.
 pictures: $(READY)
+	@mkdir -p demo
 	$(TAXELFLOW) simulate stroke --out demo/stroke.npz
 	$(TAXELFLOW) estimate demo/stroke.npz --method lnorm --out demo/lnorm
 	$(TAXELFLOW) estimate demo/stroke.npz --method convolution --out demo/convolution

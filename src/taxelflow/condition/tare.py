@@ -17,8 +17,11 @@ _SMALL = 0.1
 """An offset is below this share of the reference: full scale, or the largest reading."""
 _STICKS_OUT = 6.0
 """... no taxel lies further from the pad's median than so many robust standard deviations,"""
-_ROUGH = 0.6
-"""... and neighbours differ by at least this share of what two taxels drawn at random differ (Geary's ratio)."""
+_ROUGH = 0.5
+"""... and neighbours differ by at least this share of what two taxels drawn at random differ (Geary's ratio).
+Offsets of 24 taxels fall below it 3 times in 10,000; a contact does, unless it is about as narrow as a taxel."""
+_SUSPECT, _SUSPECT_ROUGH = 4.5, 0.8
+"""A pad with a taxel that sticks out this far must be that rough."""
 _FEWEST_NEIGHBOURS = 8
 """With fewer pairs of neighbours a pad's shape cannot be judged."""
 
@@ -73,4 +76,5 @@ def _shapeless(offset: Floats, masked: Bools, neighbours: NDArray[np.int64], set
     if variance <= (2 * settled) ** 2:
         return True  # flat: there is nothing but the mean's own noise
     difference = float(np.mean((offset[pairs[:, 0]] - offset[pairs[:, 1]]) ** 2)) / 2
-    return difference >= _ROUGH * variance
+    suspect = far.max() > _SUSPECT * max(spread, settled)
+    return difference >= (_SUSPECT_ROUGH if suspect else _ROUGH) * variance

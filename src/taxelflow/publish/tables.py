@@ -13,6 +13,7 @@ from taxelflow.publish.summary import to_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
     from taxelflow.messages import Bools, Event, Floats, Motions, Slips
     from taxelflow.publish.summary import Summary
 
