@@ -49,9 +49,14 @@ def _table(*headings: str, title: str | None = None, caption: str | None = None)
     """A quiet table; headings that end in a colon stand left, numbers right."""
     # Names come from files: in cells and titles they are Text, in which brackets are brackets.
     table = Table(
-        box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, title=Text(title) if title else None, caption=caption
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        show_edge=False,
+        title=Text(title) if title else None,
+        title_justify="left",
+        caption=caption,
+        caption_justify="left",
     )
-    table.title_justify = table.caption_justify = "left"
     for heading in headings:
         table.add_column(Text(heading.rstrip(":")), justify="left" if heading.endswith(":") else "right")
     return table
