@@ -36,8 +36,16 @@ def test_the_papers_hand_has_its_162_taxels() -> None:
     sensor = load_sensor("barretthand-162")
     layout = sensor.layout
     assert layout.taxels == 162
-    assert [int(count) for count in np.diff(layout.starts)] == [22, 24] * 3 + [24]
-    assert (sensor.unit, layout.pads[-1]) == ("kPa", "palm")
+    assert [int(count) for count in np.diff(layout.starts)[: layout.pad_count]] == [22, 24] * 3 + [24]
+    assert (sensor.unit, layout.pads[layout.pad_count - 1]) == ("kPa", "palm")
+
+
+def test_the_papers_palm_is_grouped_as_the_paper_says() -> None:
+    layout = load_sensor("barretthand-162").layout
+    assert layout.pads[layout.pad_count :] == ("palm_left", "palm_centre", "palm_right")
+    members = [layout.source[layout.of_pad(pad)] for pad in range(7, 10)]
+    assert [len(own) for own in members] == [10, 4, 10]  # 4x3 without two corners, 4x1, 4x3 without two corners
+    assert sorted(np.concatenate(members)) == list(range(138, 162))
 
 
 def test_the_papers_palm_is_numbered_as_the_paper_says() -> None:
@@ -168,7 +176,7 @@ def test_an_unknown_sensor_comes_with_the_list() -> None:
         (("missing = [[0, 0]]", "missing = [0, 0]"), "number 1.*field missing"),
         (("missing = [[0, 0]]", "missing = [[0, 0], [0, 0]]"), "number 1.*field missing.*twice"),
         (("pitch_m = [0.004, 0.004]", "pitch_m = [0.004, 0.004]\nmissing = [[0, 0]]"), "number 2.*tip.*no taxel"),
-        (('name = "tip"', 'name = "palm"'), r"\[\[pads\]\], field name.*palm"),
+        (('name = "tip"', 'name = "palm"'), r"\[\[pads\]\].*field name.*palm"),
         (('name = "tip"', 'name = ""'), "number 2.*field name"),
         (('name = "tip"', 'name = "a,b"'), "number 2.*field name"),
         (('name = "tip"', "name = 7"), "number 2.*field name"),

@@ -104,16 +104,18 @@ def estimate(
 def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summary:
     """What a finished run amounts to."""
     recording, learned = run.recording, run.learned
+    layout = recording.layout
     pads = {}
     masked: list[int] = []
     notes = []
     if learned is not None:
         masked = [int(taxel) for taxel in np.flatnonzero(learned.masked)]
         for number, name in enumerate(totals.pads):
-            live = learned.noise[recording.layout.of_pad(number)]
+            live = learned.noise[layout.source[layout.of_pad(number)]]
             live = live[live > 0]
             noise = float(np.median(live)) if len(live) else None
-            pads[name] = totals.of_pad(number, tared=bool(learned.tared[number]), noise=noise)
+            home = int(np.searchsorted(layout.starts, layout.source[layout.starts[number]], side="right")) - 1
+            pads[name] = totals.of_pad(number, tared=bool(learned.tared[home]), noise=noise)
     if not totals.contact_scans.any():
         notes.append("no contact: no pad was touched in this recording")
     untared = [name for name, pad in pads.items() if not pad.tared and pad.contact_scans]

@@ -41,8 +41,9 @@ class RawScans:
 class Scans:
     """Conditioned scans: tared, in Pa (counts for a sensor without a scale), free of NaN.
 
-    t_s: (scans,). pressure: (scans, taxels), 0 where a taxel is masked or missing.
-    noise: (taxels,) standard deviation of one reading, same unit; 0 marks a masked taxel. A reading of exactly 0
+    t_s: (scans,). pressure: (scans, entries), 0 where a taxel is masked or missing; entries are the taxels of all
+    pads and groups (see `Layout`), and pads below are pads and groups.
+    noise: (entries,) standard deviation of one reading, same unit; 0 marks a masked taxel. A reading of exactly 0
     has no noise: the taxel is masked or missing, or the sensor clips it there while it is idle.
     contact: (scans, pads). complete: (scans, pads), False where a loaded taxel is missing in that scan.
     """

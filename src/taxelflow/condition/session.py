@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 class Learned:
     """What a session knows of its sensor, in SI units.
 
-    offset, noise: (taxels,). tared: (pads,). masked: (taxels,), declared off or never heard from.
+    offset, noise: (taxels,). tared: (pads,), groups left out. masked: (taxels,), declared off or never heard from.
     """
 
     offset: Floats
@@ -49,7 +49,8 @@ class Session:
         self._causal = lookahead is None
         self._held: list[RawScans] = []
         self._in_contact = np.zeros(len(self._layout.pads), dtype=np.bool_)
-        self._last = np.zeros(self._layout.taxels)
+        self._last = np.zeros(self._layout.entries)
+        self._known_noise = self._spread_noise = np.zeros(0)
         self.learned: Learned | None = None
         if lookahead is not None:
             with suppress(RecordingError):  # the second pass meets the same damage, after the scans before it
@@ -102,9 +103,9 @@ class Session:
         masked = self._masked | silent
         noise = self._noise(windows, masked)
         offset = np.zeros(layout.taxels)
-        tared = np.zeros(len(layout.pads), dtype=np.bool_)
+        tared = np.zeros(layout.pad_count, dtype=np.bool_)
         reference = self._reference(windows)
-        for pad in range(len(layout.pads)):
+        for pad in range(layout.pad_count):
             own = layout.of_pad(pad)
             found = self._offset(pad, noise[own], masked[own], reference)
             if found is not None:
@@ -135,17 +136,26 @@ class Session:
         if self.learned is not None:
             self.learned = replace(self.learned, noise=self._noise(self._sample.windows, self.learned.masked))
 
+    def _noise_of_entries(self, noise: Floats) -> Floats:
+        """(entries,), one and the same array until the noise is learned anew."""
+        if self._known_noise is not noise:
+            self._known_noise, self._spread_noise = noise, noise[self._layout.source]
+        return self._spread_noise
+
     def _condition(self, raw: RawScans) -> Scans:
         if self.learned is None:
             raise RuntimeError("a scan was conditioned before anything was learned")
-        layout, parameters, noise = self._layout, self._parameters, self.learned.noise
-        pressure = np.empty_like(raw.values)
+        layout, parameters = self._layout, self._parameters
+        values, noise, offset = raw.values, self.learned.noise, self.learned.offset
+        if layout.entries > layout.taxels:
+            values, noise, offset = values[:, layout.source], self._noise_of_entries(noise), offset[layout.source]
+        pressure = np.empty_like(values)
         contact = np.empty((len(raw), len(layout.pads)), dtype=np.bool_)
         complete = np.empty_like(contact)
         condition(
-            raw.values,
+            values,
             self._sensor.to_si,
-            self.learned.offset,
+            offset,
             noise,
             layout.starts,
             parameters.contact_on,

@@ -50,8 +50,8 @@ class TranslationSession:
         self._memory = np.zeros((self._pads, memory))
         self._nothing = Scans(
             np.zeros(0),
-            np.zeros((0, layout.taxels)),
-            np.zeros(layout.taxels),
+            np.zeros((0, layout.entries)),
+            np.zeros(layout.entries),
             *(np.zeros((0, self._pads), dtype=np.bool_) for _ in range(2)),
         )
         self.step(self._nothing)  # compiles the kernel, or loads it from the cache, before the loop begins

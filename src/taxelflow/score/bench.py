@@ -97,7 +97,7 @@ def _latencies(sensor: Sensor) -> list[Latency]:
     layout = sensor.layout
     random = np.random.default_rng(0)
     values = random.uniform(1.0, 10.0, (16, layout.taxels))
-    scans = _loaded(values, len(layout.pads))
+    scans = _loaded(values[:, layout.source], len(layout.pads))
     images = [[layout.grid(pad, scan, fill=0.0) for pad in range(len(layout.pads))] for scan in values]
     steps: dict[str, Callable[[int], object]] = {
         "literal equations (SciPy)": lambda k: [

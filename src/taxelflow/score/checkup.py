@@ -67,15 +67,16 @@ def check_up(recording: Recording, watched: Callable[[Iterable[RawScans]], Itera
     if learned is None:
         raise RuntimeError("a lookahead always teaches")
     layout, full_scale = recording.layout, recording.sensor.full_scale
-    contact = np.zeros(len(layout.pads), dtype=np.int64)
+    contact = np.zeros(layout.pad_count, dtype=np.int64)
     touched = np.zeros(layout.taxels, dtype=np.bool_)
     for raw in recording.blocks():
         for scans in session.step(raw):
-            contact += scans.contact.sum(axis=0)
-            touched |= (scans.pressure > Conditioner.contact_on * scans.noise).any(axis=0)
+            contact += scans.contact[:, : layout.pad_count].sum(axis=0)
+            loaded = scans.pressure[:, : layout.taxels] > Conditioner.contact_on * scans.noise[: layout.taxels]
+            touched |= loaded.any(axis=0)
     saturated = tally.highest >= full_scale if full_scale else np.zeros(layout.taxels, dtype=np.bool_)
     pads = []
-    for number, name in enumerate(layout.pads):
+    for number, name in enumerate(layout.pads[: layout.pad_count]):
         own = layout.of_pad(number)
         live = ~learned.masked[own]
         noise = learned.noise[own][live] / recording.sensor.to_si
