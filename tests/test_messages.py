@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import assert_same, dome, grid_sensor, pieces, raw_scans, scans_of, slips_by
-from taxelflow.fuse.mean import MeanTranslation
+from taxelflow.fuse.rigid import RigidField
 from taxelflow.messages import Event, cut, joined
 
 PALM = grid_sensor(4, 7)
 SCANS = scans_of(PALM, [dome(PALM, x) for x in np.linspace(0, 0.01, 8)], noise=10.0)
 SLIPS = slips_by("convolution", PALM, SCANS)
-BLOCKS = [raw_scans(SCANS.pressure), SCANS, SLIPS, MeanTranslation().step(SLIPS)]
+BLOCKS = [raw_scans(SCANS.pressure), SCANS, SLIPS, RigidField().start(PALM.layout).step(SLIPS)]
 
 
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: type(block).__name__)

@@ -115,15 +115,23 @@ class Slips:
 
 @dataclass(frozen=True, slots=True)
 class Motions:
-    """Fused motion of the object, one row per scan.
+    """Motion of the object over the hand, one row per scan, in the hand frame.
 
-    t_s: (scans,). velocity, pose: (scans, 3). velocity_covariance: (scans, 3, 3). pads: (scans,), how many took part.
+    t_s: (scans,). velocity: (scans, 3) of the object's point at the hand's origin, and its rate of turn.
+    velocity_covariance: (scans, 3, 3). rotor, rotor_std: (scans,), in 1/s. centre, centre_std: (scans, 2), the centre
+    of rotation. pose: (scans, 3), how far the point that lay at the hand's origin at first contact has moved, and the
+    turn since. pose_covariance: (scans, 3, 3). pads: (scans,), how many pads and groups the velocity is from.
     """
 
     t_s: Floats
     velocity: Floats
-    pose: Floats
     velocity_covariance: Floats
+    rotor: Floats
+    rotor_std: Floats
+    centre: Floats
+    centre_std: Floats
+    pose: Floats
+    pose_covariance: Floats
     pads: NDArray[np.int64]
 
     def __len__(self) -> int:

@@ -9,7 +9,7 @@ from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import NameUnknown
 from taxelflow.estimation.base import Mode
-from taxelflow.fuse.mean import MeanTranslation
+from taxelflow.fuse.rigid import RigidField
 from taxelflow.messages import Bools, Event, Motions, RawScans, Slips, cut
 from taxelflow.monitor.slip import SlipMonitor
 
@@ -42,6 +42,7 @@ class Pipeline:
     mode: Mode = "batch"
     condition: Conditioner = field(default_factory=Conditioner)
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
+    fusion: RigidField = field(default_factory=RigidField)
 
     def __post_init__(self) -> None:
         if self.mode not in get_args(Mode):
@@ -64,7 +65,7 @@ class Run:
         with announced():
             self._condition = pipeline.condition.start(recording.sensor, recording.masked, lookahead)
             self._estimate = pipeline.estimator.start(layout, pipeline.mode)
-        self._fuse = MeanTranslation()
+            self._fuse = pipeline.fusion.start(layout)
         self._monitor = pipeline.monitor.begin(layout.pads)
 
     @property

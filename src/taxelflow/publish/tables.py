@@ -23,7 +23,9 @@ SLIPS = (
     "omega_rad_s", "std_x_m", "std_y_m", "std_theta_rad", "slipping", "border_x", "border_y", "lag_s",
 )
 OBJECT = (
-    "t_s", "vx_m_s", "vy_m_s", "omega_rad_s", "x_m", "y_m", "theta_rad", "pads", "std_vx_m_s", "std_vy_m_s",
+    "t_s", "vx_m_s", "vy_m_s", "omega_rad_s", "rotor_1_s", "cx_m", "cy_m", "x_m", "y_m", "theta_rad", "pads",
+    "std_vx_m_s", "std_vy_m_s", "std_omega_rad_s", "std_rotor_1_s", "std_cx_m", "std_cy_m",
+    "std_x_m", "std_y_m", "std_theta_rad",
 )
 # fmt: on
 EVENTS = ("t_s", "pad", "event")
@@ -104,16 +106,15 @@ def _slip_rows(slips: Slips, slipping: Bools, pads: tuple[str, ...]) -> Iterable
 
 
 def _motion_rows(motions: Motions) -> Iterable[list[str]]:
-    std: Floats = np.sqrt(np.diagonal(motions.velocity_covariance, axis1=1, axis2=2))
-    for t, velocity, pose, pads, (std_x, std_y, _) in zip(
-        motions.t_s.tolist(),
-        motions.velocity.tolist(),
-        motions.pose.tolist(),
-        motions.pads.tolist(),
-        std.tolist(),
-        strict=True,
+    std_twist = np.sqrt(np.diagonal(motions.velocity_covariance, axis1=1, axis2=2))
+    std_pose = np.sqrt(np.diagonal(motions.pose_covariance, axis1=1, axis2=2))
+    rotor, rotor_std = motions.rotor[:, np.newaxis], motions.rotor_std[:, np.newaxis]
+    known: Floats = np.hstack([motions.velocity, rotor, motions.centre, motions.pose])
+    doubt: Floats = np.hstack([std_twist, rotor_std, motions.centre_std, std_pose])
+    for t, values, pads, std in zip(
+        motions.t_s.tolist(), known.tolist(), motions.pads.tolist(), doubt.tolist(), strict=True
     ):
-        yield [f"{t:.6f}", *map(_number, (*velocity, *pose)), str(pads), _number(std_x), _number(std_y)]
+        yield [f"{t:.6f}", *map(_number, values), str(pads), *map(_number, std)]
 
 
 _FLAG = {False: "0", True: "1"}

@@ -20,7 +20,7 @@ from taxelflow.acquire.rig.simulate import save, simulate
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.estimation.literal import convolution_index
-from taxelflow.fuse.mean import MeanTranslation
+from taxelflow.fuse.rigid import RigidField
 from taxelflow.layout import Pad, Sensor, load_sensor
 from taxelflow.messages import RawScans, Scans, cut
 from taxelflow.monitor.slip import SlipMonitor
@@ -145,7 +145,7 @@ def _pipeline_step(sensor: Sensor, values: Floats) -> Callable[[int], object]:
     masked = np.zeros(values.shape[1], dtype=np.bool_)
     condition = Conditioner(tare="none").start(sensor, masked, [RawScans(np.arange(16.0), values)])
     estimate = api.estimator("convolution").start(sensor.layout, "stream")
-    monitor, fuse = SlipMonitor().begin(sensor.layout.pads), MeanTranslation()
+    monitor, fuse = SlipMonitor().begin(sensor.layout.pads), RigidField().start(sensor.layout)
     raw = [RawScans(np.array([0.01 * k]), values[k : k + 1]) for k in range(16)]
 
     def step(k: int) -> object:
@@ -200,7 +200,7 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
     blocks = list(recording.blocks())
     start = timed("parsing", start)
     estimate = api.estimator("convolution").start(recording.layout, "batch")
-    monitor, fuse = SlipMonitor().begin(recording.layout.pads), MeanTranslation()
+    monitor, fuse = SlipMonitor().begin(recording.layout.pads), RigidField().start(recording.layout)
     with Tables(out, recording.layout.pads) as tables:
         for raw in blocks:
             start = perf_counter()

@@ -1,0 +1,31 @@
+"""The paper's field of slip vectors, read as the motion of one rigid object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taxelflow.errors import ParameterInvalid
+
+if TYPE_CHECKING:
+    from taxelflow.fuse.field import FieldSession
+    from taxelflow.layout import Layout
+
+
+@dataclass(frozen=True)
+class RigidField:
+    """Slip vectors of pads and groups, at their places on the flattened hand, as one translation and rotation."""
+
+    edge_doubt: float = 0.3
+    """Where a contact touches a pad's border, this share of the largest motion that any pad sees, and of a pitch, is
+    added to the standard deviation across that border: such a vector counts less beside better ones."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.edge_doubt < float("inf"):
+            raise ParameterInvalid("edge_doubt", self.edge_doubt, "it is 0 or more")
+
+    def start(self, layout: Layout) -> FieldSession:
+        """Begin a session."""
+        from taxelflow.fuse.field import FieldSession
+
+        return FieldSession(self, layout)
