@@ -26,7 +26,7 @@ class Convolution:
 
     def start(self, layout: Layout, mode: Mode) -> TranslationSession:
         """Begin a session. The fast form is used: centroids add under convolution."""
-        from taxelflow.estimation.flow import MEMORY, convolution_flow, pad_moments
+        from taxelflow.estimation.flow import MEMORY, convolution_flow, long_rows, pad_moments
         from taxelflow.estimation.translation import TranslationSession
 
-        return TranslationSession(layout, convolution_flow, MEMORY, self.gain, prepare=pad_moments)
+        return TranslationSession(layout, convolution_flow, MEMORY, self.gain, long_rows(layout), prepare=pad_moments)

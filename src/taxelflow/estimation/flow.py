@@ -34,9 +34,57 @@ from taxelflow.messages import Bools, Floats
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from taxelflow.layout import Layout
+
 # Memory per pad: how many usable scans in a row (0, 1, 2), then t, x, y, var_x, var_y, cov_xy of the last of them
 # and of the one before.
 _RUN, _LAST, _BEFORE, MEMORY = 0, 1, 7, 13
+_LONG = 16
+
+
+def long_rows(layout: Layout) -> NDArray[np.int64]:
+    """(pads,): columns of a pad that is a full grid with rows long enough to be worth a loop of their own, else 0."""
+    full = [
+        cols if rows * cols == layout.starts[pad + 1] - layout.starts[pad] and cols >= _LONG else 0
+        for pad, (rows, cols) in enumerate(layout.shapes)
+    ]
+    return np.array(full, dtype=np.int64)
+
+
+@kernel
+def weighted_sums(p: Floats, x: Floats, y: Floats, cols: int) -> tuple[float, float, float, bool]:
+    """Sums of p, p x, p y, and whether some p is 0; cols: length of a full grid's rows if they are long, else 0.
+
+    Slices that start at 0 are what the compiler can vectorise; on long rows y is applied once a row, and one load and
+    one product a taxel are saved.
+    """
+    s = sx = sy = 0.0
+    silent = np.int64(0)
+    if cols == 0:
+        for k in range(len(p)):
+            s += p[k]
+            sx += p[k] * x[k]
+            sy += p[k] * y[k]
+            silent |= np.int64(p[k] == 0.0)
+        return s, sx, sy, silent > 0
+    for start in range(0, len(p), cols):
+        row_s, row_sx, row_silent = _row_sums(p[start : start + cols], x[:cols])
+        s += row_s
+        sx += row_sx
+        sy += row_s * y[start]
+        silent |= row_silent
+    return s, sx, sy, silent > 0
+
+
+@kernel
+def _row_sums(p: Floats, x: Floats) -> tuple[float, float, np.int64]:
+    s = sx = 0.0
+    silent = np.int64(0)
+    for k in range(len(x)):
+        s += p[k]
+        sx += p[k] * x[k]
+        silent |= np.int64(p[k] == 0.0)
+    return s, sx, silent
 
 
 @kernel
@@ -77,6 +125,7 @@ def convolution_flow(
     places: Floats,
     starts: NDArray[np.int64],
     gain: float,
+    long_rows: NDArray[np.int64],
     moments: Floats,
     memory: Floats,
     rows: Floats,
@@ -84,30 +133,25 @@ def convolution_flow(
     """Fill rows (scans, pads, COLUMNS), which come in as NaN.
 
     t: (scans,). pressure: (scans, taxels). noise: (taxels,). contact, complete: (scans, pads).
-    places: (2, taxels). starts: (pads + 1,). moments: (pads, 8). memory: (pads, 13), kept from block to block.
+    places: (2, taxels). starts: (pads + 1,). long_rows: (pads,), see `weighted_sums`. moments: (pads, 8).
+    memory: (pads, 13), kept from block to block.
     The index needs two usable scans in a row, the slip vector three; a scan without contact, or with a missing
     loaded taxel, begins anew, so that nothing jumps at lift-off and re-contact.
     """
     for pad in range(len(starts) - 1):
         begin, end = starts[pad], starts[pad + 1]
+        x, y = places[0, begin:end], places[1, begin:end]
         m = memory[pad]
         for scan in range(len(t)):
             if not (contact[scan, pad] and complete[scan, pad]):
                 m[_RUN] = 0.0
                 continue
-            s = sx = sy = 0.0
-            silent = 0.0
-            for taxel in range(begin, end):
-                p = pressure[scan, taxel]
-                s += p
-                sx += p * places[0, taxel]
-                sy += p * places[1, taxel]
-                silent += 1.0 if p == 0.0 else 0.0
+            s, sx, sy, silent = weighted_sums(pressure[scan, begin:end], x, y, long_rows[pad])
             cx, cy = sx / s, sy / s  # contact means that s stands well above its noise
             # c = sum(p r) / sum(p), so dc/dp_i = (r_i - c) / s: first-order propagation of the taxels' noise.
             g = gain * gain / (s * s)
             n = moments[pad]
-            if silent > 0.0:
+            if silent:
                 n = noise_moments(noise, places, begin, end, pressure[scan])
             # At least what one taxel half a pitch aside would do: clipped neighbours are quiet, not without noise.
             var_x = max(g * (n[3] - 2.0 * cx * n[1] + cx * cx * n[0]), g * moments[pad, 6])

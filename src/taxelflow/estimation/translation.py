@@ -124,6 +124,8 @@ def mark_border(
                     if 0.0 < _BORDER_SIGMAS * noise[taxel] < pressure[scan, taxel]:
                         at_border[scan, pad, 0] |= faces[taxel, 0]
                         at_border[scan, pad, 1] |= faces[taxel, 1]
+                        if at_border[scan, pad, 0] and at_border[scan, pad, 1]:
+                            break
 
 
 def _planar(two: Floats) -> Floats:

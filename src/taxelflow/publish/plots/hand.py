@@ -1,0 +1,170 @@
+"""The hand laid flat, and the field of slip vectors on it: the paper's Figs. 2, 4, 6 and 7."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.geometry import place
+from taxelflow.publish.plots.style import BLUE, INK, MAGENTA, VERMILION
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """The field at one time, in the hand frame.
+
+    places, vectors: (pads, 2) in m and m/s, NaN where there is no slip vector. twist: (3,), true: (3,) if known.
+    centre: (2,), NaN where there is none. pressure: (entries,) or None, drawn as shade.
+    """
+
+    title: str
+    places: Floats
+    vectors: Floats
+    twist: Floats
+    centre: Floats
+    pressure: Floats | None = None
+    true: Floats | None = None
+
+
+def field_figure(layout: Layout, moments: Sequence[Moment], caption: str) -> Figure:
+    """One panel per moment: taxels, pressure, slip vectors, and the twist that they amount to."""
+    import matplotlib.pyplot as plt
+
+    box = _box_mm(layout)
+    ratio = (box[3] - box[2]) / (box[1] - box[0])
+    wide = 10.5 / len(moments)
+    figure, axes = plt.subplots(
+        1, len(moments), squeeze=False, figsize=(10.5, wide * ratio + 1.5), layout="constrained", sharey=True
+    )
+    fastest = max(float(np.nanmax(np.hypot(*moment.vectors.T), initial=1e-9)) for moment in moments)
+    for axis, moment in zip(axes[0], moments, strict=True):
+        draw_hand(axis, layout, moment.pressure)
+        _draw_vectors(axis, moment, 0.22 * (box[1] - box[0]) / fastest)
+        axis.set_xlim(box[0], box[1])
+        axis.set_ylim(box[2], box[3])
+        axis.set_title(moment.title)
+        axis.set_xlabel(_numbers(moment))
+    axes[0, 0].set_ylabel("y in mm")
+    figure.supxlabel(caption, fontsize=8, color=INK, x=0.01, ha="left")
+    return figure
+
+
+def layout_figure(layout: Layout, caption: str, *, numbers: bool) -> Figure:
+    """The flattened hand: taxels with their numbers, or pads and groups with their names and frames."""
+    import matplotlib.pyplot as plt
+
+    box = _box_mm(layout)
+    ratio = (box[3] - box[2]) / (box[1] - box[0])
+    figure, axis = plt.subplots(figsize=(9.0, 9.0 * ratio + 0.9), layout="constrained")
+    draw_hand(axis, layout, None)
+    axis.set_xlim(box[0], box[1])
+    axis.set_ylim(box[2], box[3])
+    if numbers:
+        for entry, (x, y) in enumerate(hand_places(layout)[: layout.taxels]):
+            axis.annotate(str(entry), (1e3 * x, 1e3 * y), ha="center", va="center", fontsize=4.5, color=INK)
+    else:
+        _draw_frames(axis, layout)
+    axis.set_xlabel("x in mm")
+    axis.set_ylabel("y in mm")
+    figure.supxlabel(caption, fontsize=8, color=INK, x=0.01, ha="left")
+    return figure
+
+
+def hand_places(layout: Layout) -> Floats:
+    """(entries, 2) places of all taxels in the hand frame, NaN where the pad has none."""
+    counts = np.diff(layout.starts)
+    return place(np.repeat(layout.T_hand, counts, axis=0), np.stack([layout.x_m, layout.y_m], axis=1))
+
+
+def draw_hand(axis: Axes, layout: Layout, pressure: Floats | None) -> None:
+    """Taxels as squares, shaded by pressure (entries,) if given."""
+    from matplotlib.collections import PolyCollection
+
+    places = hand_places(layout)[: layout.taxels]
+    owner = np.repeat(np.arange(layout.pad_count), np.diff(layout.starts)[: layout.pad_count])
+    half = 0.45 * layout.pitch_m[owner]
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])[np.newaxis] * half[:, np.newaxis]
+    turn = layout.T_hand[owner][:, np.newaxis].repeat(4, axis=1)
+    turn[..., :2] = 0.0
+    squares = 1e3 * (place(turn, corners) + places[:, np.newaxis])
+    shown = np.isfinite(squares).all(axis=(1, 2))
+    shades = PolyCollection(list(squares[shown]), edgecolor="#dadce0", linewidth=0.5, zorder=1)
+    if pressure is None:
+        shades.set_facecolor("#f1f3f4")
+    else:
+        level = np.clip(pressure[: layout.taxels][shown] / max(float(pressure.max()), 1e-9), 0.0, 1.0)
+        shades.set_array(level)
+        shades.set_cmap("Blues")
+        shades.set_clim(-0.08, 1.3)
+    axis.add_collection(shades)
+    axis.set_aspect("equal")
+    axis.grid(visible=False)
+
+
+def _draw_vectors(axis: Axes, moment: Moment, scale: float) -> None:
+    for (x, y), (vx, vy) in zip(1e3 * moment.places, moment.vectors, strict=True):
+        if np.isfinite(vx) and np.isfinite(x):
+            axis.annotate(
+                "",
+                xy=(x + scale * vx, y + scale * vy),
+                xytext=(x, y),
+                arrowprops={"arrowstyle": "-|>", "color": VERMILION, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0},
+                zorder=4,
+            )
+            axis.plot([x], [y], marker="o", markersize=2.5, color=VERMILION, zorder=4)
+    if np.isfinite(moment.centre).all():
+        axis.plot(*(1e3 * moment.centre), marker="+", markersize=11, markeredgewidth=2, color=MAGENTA, zorder=5)
+
+
+def _numbers(moment: Moment) -> str:
+    lines = [_twist("estimated", moment.twist)]
+    if moment.true is not None:
+        lines.append(_twist("true", moment.true))
+    return "\n".join(lines)
+
+
+def _twist(name: str, twist: Floats) -> str:
+    vx, vy = 1e3 * twist[:2]
+    turn = f"{twist[2]:+.2f} rad/s" if np.isfinite(twist[2]) else "turn unknown"
+    return f"{name}: ({vx:+.1f}, {vy:+.1f}) mm/s, {turn}"
+
+
+def _draw_frames(axis: Axes, layout: Layout) -> None:
+    for pad, name in enumerate(layout.pads):
+        x, y, theta = layout.T_hand[pad]
+        if not np.isfinite(x):
+            continue
+        group = pad >= layout.pad_count
+        own = 1e3 * hand_places(layout)[layout.of_pad(pad)]
+        middle = own.mean(axis=0)
+        if not group:
+            for turn, colour in ((0.0, VERMILION), (np.pi / 2, BLUE)):
+                tip = np.array([1e3 * x, 1e3 * y]) + 9 * np.array([np.cos(theta + turn), np.sin(theta + turn)])
+                arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
+                axis.annotate("", xy=tuple(tip), xytext=(1e3 * x, 1e3 * y), arrowprops=arrow, zorder=4)
+        if group:
+            at, align = (middle[0], own[:, 1].max() + 8), "center"
+        elif np.ptp(own[:, 1]) > np.ptp(own[:, 0]):
+            at, align = (own[:, 0].max() + 6, middle[1]), "left"
+        else:
+            at, align = (middle[0], own[:, 1].min() - 7), "center"
+        axis.annotate(name, at, ha=align, va="top", fontsize=6.5, color=MAGENTA if group else INK)
+
+
+def _box_mm(layout: Layout) -> tuple[float, float, float, float]:
+    places = 1e3 * hand_places(layout)[: layout.taxels]
+    places = places[np.isfinite(places).all(axis=1)]
+    margin = 14.0
+    (left, low), (right, high) = places.min(axis=0) - margin, places.max(axis=0) + margin
+    return float(left), float(right), float(low), float(high)
