@@ -66,14 +66,14 @@ def weighted_sums(p: Floats, x: Floats, y: Floats, cols: int) -> tuple[float, fl
             sx += p[k] * x[k]
             sy += p[k] * y[k]
             silent |= np.int64(p[k] == 0.0)
-        return s, sx, sy, silent > 0
+        return s, sx, sy, bool(silent > 0)
     for start in range(0, len(p), cols):
         row_s, row_sx, row_silent = _row_sums(p[start : start + cols], x[:cols])
         s += row_s
         sx += row_sx
         sy += row_s * y[start]
         silent |= row_silent
-    return s, sx, sy, silent > 0
+    return s, sx, sy, bool(silent > 0)
 
 
 @kernel

@@ -128,27 +128,29 @@ def list_sensors(sensors: list[Sensor]) -> None:
 
 
 def draw_sensor(sensor: Sensor) -> None:
-    """Each pad as a grid of its taxels' numbers, row 0 on top; a dot where none is."""
-    console, layout = Console(markup=False), sensor.layout
-    console.print(
-        f"[bold]{sensor.name}[/bold]  {layout.taxels} taxels in {len(sensor.pads)} pads, {sensor.unit}", highlight=False
-    )
+    """Each pad as a grid of its taxels' numbers, row 0 on top; a dot where none is. Then the groups."""
+    console, layout = Console(markup=False, highlight=False), sensor.layout
+    console.print(f"{sensor.name}  {layout.taxels} taxels in {len(sensor.pads)} pads, {sensor.unit}", style="bold")
     if sensor.note:
-        console.print(sensor.note, highlight=False)
+        console.print(sensor.note)
     numbers = np.arange(layout.taxels, dtype=np.float64)
     for index, pad in enumerate(sensor.pads):
         size = "x".join(f"{1e3 * pitch:g}" for pitch in pad.pitch_m)
-        console.print(
-            f"\n{pad.name}  {pad.rows} rows x {pad.cols} cols, pitch {size} mm", style="bold", highlight=False
-        )
+        console.print(f"\n{pad.name}  {pad.rows} rows x {pad.cols} cols, pitch {size} mm", style="bold")
+        if pad.origin_m is not None:
+            x, y = (1e3 * place for place in pad.origin_m)
+            console.print(f"at ({x:g}, {y:g}) mm on the flattened hand, turned {np.degrees(pad.angle_rad):.0f} deg")
         if pad.note:
-            console.print(pad.note, style="yellow", highlight=False)
+            console.print(pad.note, style="yellow")
         for row in layout.grid(index, numbers):
             cells = "".join(f"{n:5.0f}" if np.isfinite(n) else "    ·" for n in row)
             console.print(Text(cells, style="cyan"))
-    console.print(
-        "\nrow 0 is the top row; x to the right, y up, origin at the pad's centre", style="dim", highlight=False
-    )
+    for index, group in enumerate(sensor.groups, layout.pad_count):
+        pads = ", ".join(dict.fromkeys(patch.pad for patch in group.patches))
+        taxels = layout.source[layout.of_pad(index)]
+        console.print(f"\n{group.name}  group of {len(taxels)} taxels of {pads}", style="bold")
+        console.print(Text(" ".join(map(str, taxels)), style="cyan"))
+    console.print("\nrow 0 is the top row; x to the right, y up, origin at the pad's centre", style="dim")
 
 
 def show_table1(table: Any) -> None:

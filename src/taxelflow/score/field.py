@@ -1,0 +1,157 @@
+"""Translation and rotation of an object over the whole hand, against truth, by number of slip vectors.
+
+The paper's claim: more slip vectors (more groups) give a more accurate rotation. Each variant cuts the same scans of the
+same hand into other pads and groups.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import msgspec
+import numpy as np
+
+from taxelflow import api
+from taxelflow.acquire.rig.scenario import SCENARIOS
+from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.layout import Group, Pad, Patch, Sensor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from taxelflow.acquire.base import Recording, Truth
+    from taxelflow.messages import Floats
+
+SCENES = ("turn-over-hand", "slide-and-turn-over-hand")
+_MOVES_M_S = 0.003
+_TURNS_RAD_S = 0.05
+
+
+class FieldRow(msgspec.Struct, frozen=True):
+    """Errors of one way of cutting up the hand, over all scans and seeds of a scenario."""
+
+    scenario: str
+    vectors: int
+    """Slip vectors of the hand that may take part."""
+    cut: str
+    direction_deg: float | None
+    """Median error of the direction of translation at the hand's origin, where it moves."""
+    speed_percent: float | None
+    """RMSE of the velocity there, in percent of the RMS of the true one."""
+    turn_percent: float
+    """RMSE of the rate of turn, in percent of the RMS of the true one."""
+    turn_bias_percent: float
+    """Mean error of the rate of turn, along its sign: negative is too slow."""
+    scans: int
+
+
+class _Cut(NamedTuple):
+    name: str
+    sensor: Sensor
+
+
+class FieldScore(msgspec.Struct, frozen=True):
+    """All rows."""
+
+    seeds: int
+    rows: list[FieldRow]
+
+
+def score_field(seeds: int, watched: Callable[[Iterable[int]], Iterable[int]] = iter) -> FieldScore:
+    """Run every scenario with `seeds` seeds through every cut."""
+    rows = []
+    for scene in SCENES:
+        errors: dict[str, list[tuple[Floats, Floats]]] = {}
+        cuts: list[_Cut] = []
+        for seed in watched(range(seeds)):
+            recording = simulate(replace(SCENARIOS[scene], seed=seed))
+            cuts = cuts_of(recording.sensor)
+            for cut in cuts:
+                errors.setdefault(cut.name, []).append(_twists(replace(recording, sensor=cut.sensor)))
+        rows += [_row(scene, cut, *map(np.concatenate, zip(*errors[cut.name], strict=True))) for cut in cuts]
+    return FieldScore(seeds, rows)
+
+
+def cuts_of(hand: Sensor) -> list[_Cut]:
+    """Ways to cut up the paper's hand, from two slip vectors to many."""
+    tips = {"finger1_tip", "finger2_tip"}
+    fingers = tips | {"finger1_mid", "finger2_mid"}
+    everything = {pad.name for pad in hand.pads}
+    return [
+        _Cut("tips of fingers 1, 2", _kept(hand, tips, 1)),
+        _Cut("fingers 1, 2", _kept(hand, fingers, 1)),
+        _Cut("fingers 1, 2, palm whole", _kept(hand, fingers | {"palm"}, 1)),
+        _Cut("fingers 1, 2, palm as in the paper", _kept(hand, fingers | {"palm"}, 1, hand.groups)),
+        _Cut("all, palm as in the paper", _kept(hand, everything, 1, hand.groups)),
+        _Cut("all, each pad in 2", _kept(hand, everything, 2)),
+        _Cut("all, each pad in 3", _kept(hand, everything, 3)),
+    ]
+
+
+def _kept(hand: Sensor, names: set[str], parts: int, groups: tuple[Group, ...] = ()) -> Sensor:
+    """Only these pads have a place; each is cut into `parts` along its longer side."""
+    pads = tuple(
+        pad if pad.name in names else msgspec.structs.replace(pad, origin_m=None, angle_rad=0.0) for pad in hand.pads
+    )
+    if parts > 1:
+        groups = tuple(group for pad in pads if pad.name in names for group in _parts(pad, parts))
+    return msgspec.structs.replace(hand, pads=pads, groups=groups)
+
+
+def _parts(pad: Pad, parts: int) -> list[Group]:
+    long = pad.rows if pad.rows >= pad.cols else pad.cols
+    edges = np.linspace(0, long, parts + 1).round().astype(int)
+    spans = [(int(first), int(last) - 1) for first, last in zip(edges[:-1], edges[1:], strict=True)]
+    side = "rows" if pad.rows >= pad.cols else "cols"
+    return [Group(f"{pad.name}_{k}", (Patch(pad.name, **{side: span}),)) for k, span in enumerate(spans)]
+
+
+def _twists(recording: Recording) -> tuple[Floats, Floats]:
+    """Estimated and true twists (scans, 3) at the hand's origin, where one was estimated."""
+    result, truth = api.estimate(recording, "convolution"), recording.truth
+    if truth is None:
+        raise RuntimeError("the rig always knows the truth")
+    known = np.isfinite(result.motions.velocity[:, 0])
+    slips = result.slips
+    window_s = np.nanmax(np.where(slips.valid, slips.span_s + 2 * slips.lag_s, np.nan)[known], axis=1)
+    t_s = result.motions.t_s[known]
+    return result.motions.velocity[known], true_twist(truth, t_s - window_s, t_s)
+
+
+def true_twist(truth: Truth, from_s: Floats, to_s: Floats) -> Floats:
+    """Mean twist (n, 3) of the object's point at the hand's origin between times (n,)."""
+    first, last = (np.stack([np.interp(t, truth.t_s, axis) for axis in truth.pose.T], axis=1) for t in (from_s, to_s))
+    rate = (last - first) / (to_s - from_s)[:, np.newaxis]
+    middle = (first + last) / 2
+    twist: Floats = rate + rate[:, 2:] * np.stack([middle[:, 1], -middle[:, 0], np.zeros(len(rate))], axis=1)
+    return twist
+
+
+def _row(scene: str, cut: _Cut, estimated: Floats, true: Floats) -> FieldRow:
+    speed, turn = np.hypot(true[:, 0], true[:, 1]), true[:, 2]
+    moves = speed > _MOVES_M_S
+    turns = (np.abs(turn) > _TURNS_RAD_S) & np.isfinite(estimated[:, 2])
+    between = np.arctan2(estimated[moves, 1], estimated[moves, 0]) - np.arctan2(true[moves, 1], true[moves, 0])
+    off = np.abs((between + np.pi) % (2 * np.pi) - np.pi)
+    error = np.hypot(*(estimated - true)[moves, :2].T)
+    wrong = (estimated - true)[turns, 2]
+    return FieldRow(
+        scenario=scene,
+        vectors=int(_vectors(cut.sensor)),
+        cut=cut.name,
+        direction_deg=float(np.degrees(np.median(off))) if moves.any() else None,
+        speed_percent=100 * _rms(error) / _rms(speed[moves]) if moves.any() else None,
+        turn_percent=100 * _rms(wrong) / _rms(turn[turns]),
+        turn_bias_percent=100 * float(np.mean(np.sign(turn[turns]) * wrong)) / float(np.mean(np.abs(turn[turns]))),
+        scans=len(estimated),
+    )
+
+
+def _vectors(sensor: Sensor) -> int:
+    grouped = {patch.pad for group in sensor.groups for patch in group.patches}
+    return len(sensor.groups) + sum(pad.origin_m is not None and pad.name not in grouped for pad in sensor.pads)
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
