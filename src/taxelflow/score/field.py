@@ -1,12 +1,13 @@
 """Translation and rotation of an object over the whole hand, against truth, by number of slip vectors.
 
-The paper's claim: more slip vectors (more groups) give a more accurate rotation. Each variant cuts the same scans of the
-same hand into other pads and groups.
+The paper's claim: more slip vectors (more groups) give a more accurate rotation. Each variant cuts the same scans of
+the same hand into other pads and groups.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
@@ -102,7 +103,7 @@ def _kept(hand: Sensor, names: set[str], parts: int, groups: tuple[Group, ...] =
 def _parts(pad: Pad, parts: int) -> list[Group]:
     long = pad.rows if pad.rows >= pad.cols else pad.cols
     edges = np.linspace(0, long, parts + 1).round().astype(int)
-    spans = [(int(first), int(last) - 1) for first, last in zip(edges[:-1], edges[1:], strict=True)]
+    spans = [(int(first), int(last) - 1) for first, last in pairwise(edges)]
     side = "rows" if pad.rows >= pad.cols else "cols"
     return [Group(f"{pad.name}_{k}", (Patch(pad.name, **{side: span}),)) for k, span in enumerate(spans)]
 
