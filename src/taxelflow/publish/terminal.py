@@ -204,6 +204,12 @@ def show_bench(figures: Any) -> None:
         steps.add_row(row.sensor, row.what, f"{row.p50_us:.1f}", f"{row.p99_us:.1f}", f"{row.times_faster:.1f}")
     console.print(steps)
     console.print()
+    batch = _table("array:", "what:", "GB/s", "x read", "Mscans/s", title="many scans at once, one core")
+    for row in figures.throughputs:
+        rates = (f"{row.gb_per_s:.1f}", f"{row.share_of_read:.2f}", f"{row.million_scans_per_s:.2f}")
+        batch.add_row(row.array, row.what, *rates)
+    console.print(batch)
+    console.print()
     title = f"estimate, {figures.scans} scans of {figures.recording}"
     shares = _table("stage:", "ms", "share", title=title)
     for row in figures.shares:

@@ -17,8 +17,9 @@ import numpy as np
 from taxelflow import api
 from taxelflow.acquire.rig.scenario import SCENARIOS
 from taxelflow.acquire.rig.simulate import save, simulate
-from taxelflow.compiling import announced
+from taxelflow.compiling import announced, kernel
 from taxelflow.condition.conditioner import Conditioner
+from taxelflow.estimation.flow import weighted_sums
 from taxelflow.estimation.literal import convolution_index
 from taxelflow.fuse.rigid import RigidField
 from taxelflow.layout import Pad, Sensor, load_sensor
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 _ROUNDS = 300
 _LITERAL_BUDGET_S = 4.0
+_BATCH_BYTES = 256_000_000
+_BATCH_ROUNDS = 7
 
 
 class Latency(msgspec.Struct, frozen=True):
@@ -46,6 +49,16 @@ class Latency(msgspec.Struct, frozen=True):
     p99_us: float
     times_faster: float
     """Median of the literal equations over this median."""
+
+
+class Throughput(msgspec.Struct, frozen=True):
+    """Batch estimation of many scans at once, on one core, against reading memory and nothing else."""
+
+    array: str
+    what: str
+    gb_per_s: float
+    share_of_read: float
+    million_scans_per_s: float
 
 
 class Share(msgspec.Struct, frozen=True):
@@ -68,6 +81,7 @@ class Bench(msgspec.Struct, frozen=True):
     """All figures of one run."""
 
     latencies: list[Latency]
+    throughputs: list[Throughput]
     recording: str
     scans: int
     shares: list[Share]
@@ -77,6 +91,7 @@ class Bench(msgspec.Struct, frozen=True):
 def bench(recording: Path | None) -> Bench:
     """Run everything; `recording` is what the shares are measured on (default: a simulated one of its length)."""
     latencies = [row for sensor in _sensors() for row in _latencies(sensor)]
+    throughputs = [row for size in (16, 32, 64) for row in _throughput(size)]
     with tempfile.TemporaryDirectory() as folder:
         if recording is None:
             recording = Path(folder) / "simulated.npz"
@@ -84,7 +99,7 @@ def bench(recording: Path | None) -> Bench:
             save(replace(paper, motion=replace(paper.motion, strokes=140)), recording)
         opened = api.read(recording)
         scans, shares = _shares(opened, Path(folder) / "result")
-    return Bench(latencies, recording.name, scans, shares, _starts())
+    return Bench(latencies, throughputs, recording.name, scans, shares, _starts())
 
 
 def _sensors() -> list[Sensor]:
@@ -109,7 +124,7 @@ def _latencies(sensor: Sensor) -> list[Latency]:
             steps[f"{method} kernel"] = _kernel_step(method, sensor, scans)
             session = api.estimator(method).start(layout, "stream")
             steps[f"{method} step"] = _session_step(session.step, scans)
-        steps["raw scan to events"] = _pipeline_step(sensor, values)
+        steps |= _stages(sensor, values)
     taken = _in_turn(steps)
     base = float(np.median(taken["literal equations (SciPy)"]))
     return [
@@ -140,22 +155,80 @@ def _session_step(step: Callable[[Scans], object], scans: list[Scans]) -> Callab
     return lambda k: step(scans[k % len(scans)])
 
 
-def _pipeline_step(sensor: Sensor, values: Floats) -> Callable[[int], object]:
-    """What a live loop does per scan: condition, estimate, monitor, fuse."""
+def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]]:
+    """What a live loop does per scan, stage by stage and together."""
     masked = np.zeros(values.shape[1], dtype=np.bool_)
     condition = Conditioner(tare="none").start(sensor, masked, [RawScans(np.arange(16.0), values)])
     estimate = api.estimator("convolution").start(sensor.layout, "stream")
     monitor, fuse = SlipMonitor().begin(sensor.layout.pads), RigidField().start(sensor.layout)
     raw = [RawScans(np.array([0.01 * k]), values[k : k + 1]) for k in range(16)]
+    scans = [next(condition.step(scan)) for scan in raw]
+    slips = [estimate.step(scan) for scan in scans]
 
-    def step(k: int) -> object:
-        for scans in condition.step(raw[k % 16]):
-            slips = estimate.step(scans)
-            monitor.step(slips)
-            fuse.step(slips)
-        return None
+    def together(k: int) -> None:
+        for scan in condition.step(raw[k % 16]):
+            found = estimate.step(scan)
+            monitor.step(found)
+            fuse.step(found)
 
-    return step
+    return {
+        "stage condition": lambda k: list(condition.step(raw[k % 16])),
+        "stage monitor": lambda k: monitor.step(slips[k % 16]),
+        "stage fuse": lambda k: fuse.step(slips[k % 16]),
+        "all stages": together,
+    }
+
+
+def _throughput(size: int) -> list[Throughput]:
+    """Centroids alone, and the whole batch step with covariances, of arrays of size x size."""
+    scans = _BATCH_BYTES // (8 * size * size)
+    layout = Sensor("grid", "kPa", (Pad("grid", size, size, (0.002, 0.002)),)).layout
+    pressure = np.random.default_rng(0).uniform(1.0, 2.0, (scans, size * size))
+    contact = np.ones((scans, 1), dtype=np.bool_)
+    block = Scans(np.linspace(0.0, 1.0, scans), pressure, np.full(size * size, 0.1), contact, contact)
+    session = cast("TranslationSession", api.estimator("convolution").start(layout, "batch"))
+    rows, border = session.room(scans)
+    x, y, centroids = layout.x_m, layout.y_m, np.empty((scans, 2))
+    flat = pressure.reshape(-1)
+    read_s, centroid_s, step_s = _fastest(
+        lambda: read_sum(flat),
+        lambda: batch_centroids(pressure, x, y, size, centroids),
+        lambda: session.run(block, rows, border),
+    )
+    return [
+        Throughput(f"{size}x{size}", what, pressure.nbytes / s / 1e9, read_s / s, scans / s / 1e6)
+        for what, s in (("reading", read_s), ("centroids", centroid_s), ("batch step", step_s))
+    ]
+
+
+def _fastest(*jobs: Callable[[], object]) -> list[float]:
+    """Shortest of several times of each, in turn."""
+    taken = [[0.0] * _BATCH_ROUNDS for _ in jobs]
+    for job in jobs:
+        job()
+    for k in range(_BATCH_ROUNDS):
+        for number, job in enumerate(jobs):
+            start = perf_counter()
+            job()
+            taken[number][k] = perf_counter() - start
+    return [min(times) for times in taken]
+
+
+@kernel
+def read_sum(values: Floats) -> float:
+    """Sum of an array: as fast as one core reads memory."""
+    total = 0.0
+    for k in range(len(values)):
+        total += values[k]
+    return total
+
+
+@kernel
+def batch_centroids(pressure: Floats, x: Floats, y: Floats, cols: int, centroids: Floats) -> None:
+    """Centroids (scans, 2) of full grids (scans, taxels) with rows of length cols, by the estimator's own sums."""
+    for scan in range(len(pressure)):
+        s, sx, sy, _ = weighted_sums(pressure[scan], x, y, cols)
+        centroids[scan, 0], centroids[scan, 1] = sx / s, sy / s
 
 
 def _in_turn(steps: dict[str, Callable[[int], object]]) -> dict[str, Floats]:
