@@ -155,28 +155,33 @@ class Simulate:
 class Score:
     """Measure accuracy against truth on the simulated rig."""
 
-    what: Positional[Literal["table1"]]
-    """table1: the paper's Table I beside ours, by both of the paper's methods."""
+    what: Positional[Literal["table1", "field"]]
+    """table1: the paper's Table I beside ours, by both of the paper's methods. field: translation and rotation of an
+    object over the whole hand, by number of slip vectors."""
     strokes: int = 1000
-    """Strokes at each speed, half of them backward."""
+    """table1: strokes at each speed, half of them backward."""
+    seeds: int = 10
+    """field: seeds of each scenario."""
     seed: int = 0
-    """Seed of the first stroke; the others follow from it."""
+    """table1: seed of the first stroke; the others follow from it."""
     json: bool = False
     """Print JSON instead of tables."""
 
     def run(self, _rest: list[str]) -> int:
         """Run and print."""
         from taxelflow.publish.summary import to_json
-        from taxelflow.publish.terminal import counted, show_table1
+        from taxelflow.publish.terminal import counted, show_field, show_table1
+        from taxelflow.score.field import score_field
         from taxelflow.score.table1 import table1
 
-        if self.strokes < 2:
-            raise ParameterInvalid("strokes", self.strokes, "it is 2 or more: a backward and a forward one")
-        table = table1(self.strokes, self.seed, lambda trials: counted(trials, "trials"))
-        if self.json:
-            sys.stdout.buffer.write(to_json(table))
+        if self.strokes < 2 or self.seeds < 1:
+            raise ParameterInvalid("strokes or seeds", min(self.strokes, self.seeds), "at least 2 strokes and 1 seed")
+        if self.what == "table1":
+            table = table1(self.strokes, self.seed, lambda trials: counted(trials, "trials"))
+            show_table1(table) if not self.json else sys.stdout.buffer.write(to_json(table))
         else:
-            show_table1(table)
+            field = score_field(self.seeds, lambda seeds: counted(seeds, "seeds"))
+            show_field(field) if not self.json else sys.stdout.buffer.write(to_json(field))
         return 0
 
 
@@ -197,6 +202,27 @@ class Plot:
         if not self.results:
             raise ParameterInvalid("results", "nothing", "give at least one directory")
         for path in draw_results(self.results, self.out or self.results[0], self.format):
+            print(path)
+        return 0
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Draw the paper's figures 2, 4, 5, 6, 7 and 9, its Table I, and rotation error by number of slip vectors."""
+
+    out: Path
+    """Directory for the pictures; made if it does not exist."""
+    format: Literal["svg", "png", "pdf"] = "svg"
+    strokes: int = 1000
+    """Strokes a speed in Table I."""
+    seeds: int = 10
+    """Seeds a scenario in the curve of rotation error."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Simulate, estimate, draw."""
+        from taxelflow.paper import draw_paper
+
+        for path in draw_paper(self.out, self.format, strokes=self.strokes, seeds=self.seeds):
             print(path)
         return 0
 
@@ -230,6 +256,7 @@ Command = (
     | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[Sensors, tyro.conf.subcommand("sensors")]
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
+    | Annotated[Figures, tyro.conf.subcommand("figures")]
     | Annotated[Score, tyro.conf.subcommand("score")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
 )

@@ -137,6 +137,14 @@ class Layout:
         """Taxels of all pads and groups, those of groups counted again."""
         return len(self.source)
 
+    @property
+    def apart(self) -> Bools:
+        """(pads,): groups, and pads that no group takes taxels from: no taxel counts as pad and as group."""
+        grouped = np.zeros(self.taxels, dtype=np.bool_)
+        grouped[self.source[self.starts[self.pad_count] :]] = True
+        free = [not grouped[self.of_pad(pad)].any() for pad in range(self.pad_count)]
+        return np.array(free + [True] * (len(self.pads) - self.pad_count))
+
     def of_pad(self, pad: int) -> slice:
         """Entries of pad or group number `pad`; for a pad these are its taxels in the scan."""
         return slice(int(self.starts[pad]), int(self.starts[pad + 1]))

@@ -44,7 +44,7 @@ class FieldSession:
         placed: Bools = np.asarray(np.isfinite(layout.T_hand).all(axis=1))
         self._turns = bool(placed.any())  # where no pad has a place, the mean translation is all there is
         home = np.where(placed[:, np.newaxis], layout.T_hand, 0.0)
-        self._used: Bools = _used(layout) & (placed if self._turns else True)
+        self._used: Bools = layout.apart & (placed if self._turns else True)
         self._R, self._origin = rotation(home[:, 2]), home[:, :2]
         self._pitch_m = layout.pitch_m
         self._memory = np.zeros((len(layout.pads), MEMORY))
@@ -93,14 +93,6 @@ class FieldSession:
             np.ascontiguousarray(R @ moved_cov @ R.transpose(0, 2, 1)),
             turn,
         )
-
-
-def _used(layout: Layout) -> Bools:
-    """(pads,): groups, and the pads that no group takes taxels from, so that no taxel counts as pad and as group."""
-    grouped = np.zeros(layout.taxels, dtype=np.bool_)
-    grouped[layout.source[layout.starts[layout.pad_count] :]] = True
-    free = [not grouped[layout.of_pad(pad)].any() for pad in range(layout.pad_count)]
-    return np.array(free + [True] * (len(layout.pads) - layout.pad_count))
 
 
 def _nothing(pads: int) -> Slips:

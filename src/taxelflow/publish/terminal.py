@@ -195,6 +195,31 @@ def show_table1(table: Any) -> None:
     )
 
 
+def show_field(scored: Any) -> None:
+    """Errors of translation and rotation by number of slip vectors."""
+    console = Console(markup=False)
+    for scenario in dict.fromkeys(row.scenario for row in scored.rows):
+        title = f"{scenario}, {scored.seeds} seeds"
+        table = _table("vectors", "hand:", "direction deg", "speed %", "turn %", "turn bias %", title=title)
+        for row in scored.rows:
+            if row.scenario == scenario:
+                direction = "-" if row.direction_deg is None else f"{row.direction_deg:.1f}"
+                speed = "-" if row.speed_percent is None else f"{row.speed_percent:.1f}"
+                table.add_row(
+                    str(row.vectors),
+                    row.cut,
+                    direction,
+                    speed,
+                    f"{row.turn_percent:.1f}",
+                    f"{row.turn_bias_percent:+.1f}",
+                )
+        console.print(table)
+        console.print()
+    console.print(
+        "direction: median; speed and turn: RMSE over the RMS of the true one; at the hand's origin", style="dim"
+    )
+
+
 def show_bench(figures: Any) -> None:
     """Tables of a `Bench`."""
     console = Console(markup=False)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.geometry import place
-from taxelflow.publish.plots.style import BLUE, INK, MAGENTA, VERMILION
+from taxelflow.publish.plots.style import BLUE, INK, MAGENTA, VERMILION, caption
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,7 +37,7 @@ class Moment:
     true: Floats | None = None
 
 
-def field_figure(layout: Layout, moments: Sequence[Moment], caption: str) -> Figure:
+def field_figure(layout: Layout, moments: Sequence[Moment], seen: str) -> Figure:
     """One panel per moment: taxels, pressure, slip vectors, and the twist that they amount to."""
     import matplotlib.pyplot as plt
 
@@ -56,11 +56,11 @@ def field_figure(layout: Layout, moments: Sequence[Moment], caption: str) -> Fig
         axis.set_title(moment.title)
         axis.set_xlabel(_numbers(moment))
     axes[0, 0].set_ylabel("y in mm")
-    figure.supxlabel(caption, fontsize=8, color=INK, x=0.01, ha="left")
+    caption(figure, seen, 150)
     return figure
 
 
-def layout_figure(layout: Layout, caption: str, *, numbers: bool) -> Figure:
+def layout_figure(layout: Layout, seen: str, *, numbers: bool) -> Figure:
     """The flattened hand: taxels with their numbers, or pads and groups with their names and frames."""
     import matplotlib.pyplot as plt
 
@@ -77,7 +77,7 @@ def layout_figure(layout: Layout, caption: str, *, numbers: bool) -> Figure:
         _draw_frames(axis, layout)
     axis.set_xlabel("x in mm")
     axis.set_ylabel("y in mm")
-    figure.supxlabel(caption, fontsize=8, color=INK, x=0.01, ha="left")
+    caption(figure, seen, 128)
     return figure
 
 

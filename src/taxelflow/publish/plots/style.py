@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -60,6 +61,11 @@ def styled() -> Iterator[None]:
     }
     with mpl.rc_context(settings):
         yield
+
+
+def caption(figure: Figure, text: str, characters: int) -> None:
+    """What is seen, under the figure, in lines of so many characters."""
+    figure.supxlabel(textwrap.fill(text, characters), fontsize=8, color=INK, x=0.01, ha="left")
 
 
 def save(figure: Figure, path: Path) -> Path:

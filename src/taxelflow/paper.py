@@ -1,0 +1,208 @@
+"""The paper's figures and Table I, drawn from the rig."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow import api
+from taxelflow.acquire.rig.scenario import SCENARIOS
+from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.condition.conditioner import Conditioner
+from taxelflow.estimation.literal import convolution_matrix
+from taxelflow.figures import strokes_of
+from taxelflow.geometry import place
+from taxelflow.layout import load_sensor
+from taxelflow.messages import joined
+from taxelflow.publish.plots.curve import curve_figure, table_figure
+from taxelflow.publish.plots.hand import Moment, field_figure, layout_figure
+from taxelflow.publish.plots.position import position_figure
+from taxelflow.publish.plots.style import save, styled
+from taxelflow.publish.plots.views import views_figure
+from taxelflow.publish.results import Track
+from taxelflow.score.field import score_field, true_twist
+from taxelflow.score.table1 import PaperRow, Row, table1
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
+    from taxelflow.acquire.base import Recording, Truth
+    from taxelflow.messages import Floats
+
+_HAND = "barretthand-162"
+
+
+def draw_paper(out: Path, form: str, *, strokes: int, seeds: int) -> list[Path]:
+    """Draw every figure into `out`, made if need be. Raises ExtraMissing.
+
+    strokes: per speed in Table I. seeds: per scenario in the curve of rotation error.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    figures: dict[str, Callable[[], Figure]] = {
+        "fig2-taxels": _taxels,
+        "fig4-bulb": _bulb,
+        "fig5-views": _views,
+        "fig6-frames": _frames,
+        "fig7-rotation": _rotation,
+        "fig9-position": _position,
+        "table1": lambda: _table1(strokes),
+        "rotation-by-vectors": lambda: _curve(seeds),
+    }
+    with styled():
+        return [save(draw(), out / f"{name}.{form}") for name, draw in figures.items()]
+
+
+def _taxels() -> Figure:
+    caption = (
+        "The 162 taxels of the paper's hand, numbered as in a scan, on the hand laid flat. The palm's second row is "
+        "143 to 149, as the paper says; the order within the fingers, the tips' shape and the fingers' places are "
+        "assumptions."
+    )
+    return layout_figure(load_sensor(_HAND).layout, caption, numbers=True)
+
+
+def _frames() -> Figure:
+    caption = (
+        "Frames on the hand laid flat: x of each pad in red, y in blue. The palm's frame is the hand's (the paper's "
+        "Fig. 6). Groups of the palm, in magenta, have slip vectors of their own."
+    )
+    return layout_figure(load_sensor(_HAND).layout, caption, numbers=False)
+
+
+def _bulb() -> Figure:
+    recording = simulate(SCENARIOS["bulb-pull"])
+    moving = _moving_times(recording.truth)
+    times = [moving[0] + share * (moving[1] - moving[0]) for share in (0.25, 0.5, 0.75)]
+    caption = (
+        "A compliant bulb pulled from left to right over the hand (the paper's Fig. 4), at three times: taxels shaded "
+        "by pressure, slip vectors of pads and palm groups in red. Those whose contact a border cuts are short."
+    )
+    return field_figure(recording.layout, _moments(recording, times), caption)
+
+
+def _rotation() -> Figure:
+    turn, both = (simulate(SCENARIOS[name]) for name in ("turn-over-hand", "slide-and-turn-over-hand"))
+    first, last = _moving_times(turn.truth)
+    moments = _moments(turn, [first + 0.25 * (last - first), first + 0.75 * (last - first)])
+    first, last = _moving_times(both.truth)
+    moments += _moments(both, [first + 0.25 * (last - first)])
+    caption = (
+        "An object turned over the hand, there and back, and turned while it slides (the paper's Fig. 7): slip vectors "
+        "in red, the centre of rotation as a magenta cross where it is sure."
+    )
+    return field_figure(turn.layout, moments, caption)
+
+
+def _views() -> Figure:
+    scenario = SCENARIOS["stroke"]
+    scenario = replace(
+        scenario,
+        pad="finger1_mid",
+        contact=replace(scenario.contact, radius_m=0.008),
+        motion=replace(scenario.motion, travel_m=0.06, middle_m=(0.0, 0.0), direction_rad=float(np.pi / 4)),
+    )
+    recording = simulate(scenario)
+    pad = recording.layout.pads.index(scenario.pad)
+    result, scans = api.estimate(recording), _conditioned(recording)
+    scan = int(np.nanargmin(np.hypot(*result.slips.pose[:, pad, :2].T)))  # nearest to the middle
+    before, now = (recording.layout.grid(pad, scans[k]) for k in (scan - 1, scan))
+    dx, dy = (1e3 * float(step) for step in result.slips.displacement[scan, pad, :2])
+    title = "A mid phalange, 6 x 4 taxels, under a small airbag that slides diagonally"
+    return views_figure(title, now / 1e3, "kPa", convolution_matrix(before, now), (dx, dy))
+
+
+def _position() -> Figure:
+    recording = simulate(SCENARIOS["stroke"])
+    truth = _truth(recording)
+    pad = recording.layout.pads.index(truth.pad)
+    tracks = [_track(recording, method, pad) for method in ("lnorm", "convolution")]
+    return position_figure(tracks, (truth.t_s, truth.pose[:, :2]), strokes_of(truth))
+
+
+def _table1(strokes: int) -> Figure:
+    scored = table1(strokes, seed=0)
+    names = {"lnorm": "L norm", "convolution": "optical flow"}
+    scored_rows: list[tuple[Row | PaperRow, str, str, int]] = [
+        (row, "paper, one trial", "10.5 mm", 1) for row in scored.paper
+    ]
+    scored_rows += [(row, row.scans, "none" if row.factor == 1.0 else f"{row.factor:.3f}", 2) for row in scored.ours]
+    rows = [
+        (
+            str(row.nominal_mm_s),
+            names[row.method],
+            scans,
+            factor if row.method == "convolution" or digits == 2 else "none",
+            *(f"{value:.2f}" for value in (row.backward_mm_s, row.forward_mm_s, row.rmse_mm_s)),
+            f"{row.rmse_percent:.{digits}f}",
+        )
+        for row, scans, factor, digits in scored_rows
+    ]
+    headings = ("mm/s", "method", "scans", "factor", "backward", "forward", "RMSE mm/s", "RMSE %")
+    caption = (
+        f"Table I: the paper's rows, and {strokes} strokes a speed on the rig. The 10.5 mm is of the optical flow only."
+    )
+    return table_figure(headings, rows, caption)
+
+
+def _curve(seeds: int) -> Figure:
+    curves: dict[str, list[tuple[int, float]]] = {}
+    for row in score_field(seeds).rows:
+        curves.setdefault(row.scenario, []).append((row.vectors, row.turn_percent))
+    caption = f"Error of the rate of turn by number of slip vectors, {seeds} seeds a scenario (taxelflow score field)."
+    return curve_figure(curves, "RMSE of the rate of turn in %", caption)
+
+
+def _moments(recording: Recording, times_s: list[float]) -> list[Moment]:
+    """The field of Method II at these times, with the truth's twist over the same scans."""
+    result, pressure, truth = api.estimate(recording), _conditioned(recording), _truth(recording)
+    layout, slips = recording.layout, result.slips
+    turn = layout.T_hand.copy()
+    turn[:, :2] = 0.0
+    moments = []
+    for t_s in times_s:
+        k = int(np.searchsorted(slips.t_s, t_s))
+        unused = ~(slips.valid[k] & layout.apart)
+        places, vectors = place(layout.T_hand, slips.pose[k, :, :2]), place(turn, slips.velocity[k, :, :2])
+        places[unused] = vectors[unused] = np.nan
+        true = true_twist(truth, slips.t_s[k - 2 : k - 1], slips.t_s[k : k + 1])[0]
+        title = f"{slips.t_s[k] - slips.t_s[0]:.2f} s"
+        motions = result.motions
+        moments.append(Moment(title, places, vectors, motions.velocity[k], motions.centre[k], pressure[k], true))
+    return moments
+
+
+def _conditioned(recording: Recording) -> Floats:
+    """(scans, entries) of tared pressure in Pa."""
+    session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
+    return joined([scans for raw in recording.blocks() for scans in session.step(raw)]).pressure
+
+
+def _track(recording: Recording, method: str, pad: int) -> Track:
+    result = api.estimate(recording, method)
+    slips = result.slips
+    numbers = {
+        "t_s": slips.t_s,
+        "x_m": slips.pose[:, pad, 0],
+        "y_m": slips.pose[:, pad, 1],
+        "lag_s": slips.lag_s[:, pad],
+    }
+    return Track(method, recording.layout.pads[pad], numbers, {"contact": slips.contact[:, pad]})
+
+
+def _truth(recording: Recording) -> Truth:
+    if recording.truth is None:
+        raise RuntimeError("the rig always knows the truth")
+    return recording.truth
+
+
+def _moving_times(truth: Truth | None) -> tuple[float, float]:
+    """When the object first and last moves."""
+    if truth is None:
+        raise RuntimeError("the rig always knows the truth")
+    moves = np.flatnonzero(np.abs(np.diff(truth.pose, axis=0)).max(axis=1) > 1e-9)
+    return float(truth.t_s[moves[0]]), float(truth.t_s[moves[-1]])
