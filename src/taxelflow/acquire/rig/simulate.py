@@ -91,7 +91,7 @@ def pressures(scenario: Scenario, layout: Layout, touched: list[int], t_s: Float
         when = t_s[:, np.newaxis] if late is None else t_s[:, np.newaxis] + late[own]
         path = move(scenario.motion, when, scenario.seed, scenario.contact.reach_m)
         state = state_at(scenario.load, scenario.motion, when, scenario.contact.deform_1_m * path.travelled_m)
-        pose = _in_pad(path.pose, layout.T_hand[pad]) if scenario.pad == HAND else path.pose
+        pose = _in_pad(path.pose, layout.T_hand[pad]) if _on_hand(scenario, layout) else path.pose
         size = scenario.sensing.active_share * layout.pitch_m[pad]
         pressure[:, own] = taxel_pressure(
             pattern, pose, state, layout.x_m[own], layout.y_m[own], (float(size[0]), float(size[1]))
@@ -102,7 +102,7 @@ def pressures(scenario: Scenario, layout: Layout, touched: list[int], t_s: Float
 def _touched(scenario: Scenario, layout: Layout) -> list[int]:
     """Numbers of the pads that the object may touch."""
     pads = layout.pads[: layout.pad_count]
-    if scenario.pad == HAND:
+    if _on_hand(scenario, layout):
         placed = [number for number in range(len(pads)) if np.isfinite(layout.T_hand[number]).all()]
         if not placed:
             allowed = f"no pad of {scenario.sensor} has a place in the hand: give them origin_m = [x, y], or name a pad"
@@ -111,6 +111,11 @@ def _touched(scenario: Scenario, layout: Layout) -> list[int]:
     if scenario.pad not in pads:
         raise NameUnknown("pad", scenario.pad, [*pads, HAND])
     return [pads.index(scenario.pad)]
+
+
+def _on_hand(scenario: Scenario, layout: Layout) -> bool:
+    """Whether the object lies on the whole hand; a pad of that name comes first."""
+    return scenario.pad == HAND and HAND not in layout.pads
 
 
 def _pattern(scenario: Scenario, layout: Layout, touched: list[int]) -> Pattern:
