@@ -62,21 +62,19 @@ _OVER_HAND = Scenario(
     pad="hand",
     contact=Contact(
         "feet",
-        radius_m=0.007,
+        radius_m=0.0065,
         peak_pa=100e3,
-        feet_at_m=(  # one over each phalange of fingers 1 and 2 and each side of the palm: what the paper's Fig. 7 sees
-            (-0.115, 0.0),
-            (-0.073, 0.0),
+        # two on each phalange of fingers 1 and 2, one on each side of the palm; none leaves its pad or group
+        feet_at_m=(
+            *((x, 0.0) for x in (-0.124, -0.106, -0.082, -0.064, 0.064, 0.082, 0.106, 0.124)),
             (-0.02, 0.0),
             (0.02, 0.0),
-            (0.073, 0.0),
-            (0.115, 0.0),
         ),
     ),
     motion=Motion(
         direction_rad=0.0,
         travel_m=0.0,
-        strokes=20,
+        strokes=18,
         turn_rad_s=0.5,
         turn_s=0.2,
         centre_m=(0.0, 0.0),
@@ -127,7 +125,7 @@ DESCRIPTIONS = {
     "turn": "An elongated object turned in place on a Schunk finger.",
     "slide-and-turn": "The same, turned while it slides.",
     "bulb-pull": "The paper's Fig. 4: a compliant bulb pulled from left to right over all pads of the hand.",
-    "turn-over-hand": "The paper's Fig. 7: an object on six feet turned to and fro over two fingers and palm.",
+    "turn-over-hand": "The paper's Fig. 7: an object on ten feet turned to and fro over two fingers and palm.",
     "slide-and-turn-over-hand": "The same, turned while it slides.",
     "stick-slip": "A textured object that sticks and slips by turns on a 16x16 grid, at 100 Hz.",
     "press": "An elastic sphere pressed up to five times as hard, without slip.",
