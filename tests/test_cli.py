@@ -302,7 +302,7 @@ def test_an_unknown_sensor_with_the_list(tmp_path: Path, capsys: Capture, comman
     }
     line = refused(capsys, *arguments[command])
     assert "'barret'" in line
-    assert "barretthand-162, schunk-sdh2" in line
+    assert "barretthand-162, grid-16x16, schunk-sdh2" in line
 
 
 def test_an_unknown_method_with_the_list(tmp_path: Path, capsys: Capture) -> None:
@@ -541,7 +541,7 @@ def test_info_refuses_what_estimate_refuses(tmp_path: Path, capsys: Capture) -> 
 def test_sensors_lists_the_built_in_ones(capsys: Capture) -> None:
     assert main(["sensors"]) == 0
     said = capsys.readouterr().out
-    for word in ("barretthand-162", "162", "schunk-sdh2", "456"):
+    for word in ("barretthand-162", "162", "grid-16x16", "256", "schunk-sdh2", "456"):
         assert word in said
 
 

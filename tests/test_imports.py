@@ -32,6 +32,7 @@ def test_help_imports_no_heavy_library(arguments: list[str]) -> None:
         "taxelflow.cli",
         "taxelflow.errors",
         "taxelflow.registry",
+        "taxelflow.acquire.rig.scenario",
         "taxelflow.condition.conditioner",
         "taxelflow.monitor.slip",
         "taxelflow.estimation.base",

@@ -73,7 +73,7 @@ def test_the_sdh2_has_456_live_taxels_in_six_pads() -> None:
 
 
 def test_every_built_in_sensor_loads_under_its_own_name() -> None:
-    assert {"barretthand-162", "schunk-sdh2"} <= set(builtin_sensors())
+    assert {"barretthand-162", "grid-16x16", "schunk-sdh2"} <= set(builtin_sensors())
     for name in builtin_sensors():
         assert load_sensor(name).name == name
 
@@ -141,7 +141,9 @@ def test_counts_without_a_scale_stay_counts() -> None:
 
 
 def test_an_unknown_sensor_comes_with_the_list() -> None:
-    with pytest.raises(NameUnknown, match=r"'barrett'; known are barretthand-162, schunk-sdh2, or the path"):
+    with pytest.raises(
+        NameUnknown, match=r"'barrett'; known are barretthand-162, grid-16x16, schunk-sdh2, or the path"
+    ):
         load_sensor("barrett")
 
 

@@ -116,7 +116,7 @@ class Sensors:
 
 @dataclass(frozen=True, kw_only=True)
 class Simulated(Scenario):
-    """Simulate a recording: one object, moved by a robot over one pad; truth and all parameters go into the file."""
+    """Simulate a recording: one object moved over a pad or the hand; truth and all parameters go into the file."""
 
     out: Path
     """The .npz file to write."""
@@ -134,7 +134,7 @@ _Scenarios = tyro.extras.subcommand_type_from_defaults(
 
 @dataclass(frozen=True)
 class Simulate:
-    """Simulate a recording: an object moved by a robot over a pad, with truth and every parameter in the file."""
+    """Simulate a recording: an object moved by a robot over a pad or the hand, truth and all parameters in the file."""
 
     scenario: Annotated[_Scenarios, tyro.conf.arg(name="")]  # type: ignore[valid-type]
     """What moves over what; each scenario's options follow its name."""

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SENSOR = grid_sensor(2, 3)
+STILL: dict[str, Any] = {"truth_pad": "pad0", "truth_t_s": times(4), "truth_pose": np.zeros((4, 3))}
 
 
 def save(path: Path, **members: Any) -> Path:
@@ -155,6 +156,18 @@ def test_truth_and_masks_make_the_round_trip(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.truth.pose, pose)
 
 
+def test_truth_may_be_in_the_hand_frame_and_tell_of_slip(tmp_path: Path) -> None:
+    truth = {**STILL, "truth_pad": "hand"}
+    found = open_npz(save(tmp_path / "a.npz", **truth, truth_slipping=np.array([0, 1, 1, 0], np.uint8)), SENSOR).truth
+    assert found is not None
+    assert found.pad == "hand"
+    assert found.slipping is not None
+    assert found.slipping.tolist() == [False, True, True, False]
+    without = open_npz(save(tmp_path / "b.npz", **truth), SENSOR).truth
+    assert without is not None
+    assert without.slipping is None
+
+
 def test_without_truth_there_is_none(tmp_path: Path) -> None:
     assert open_npz(save(tmp_path / "a.npz"), SENSOR).truth is None
 
@@ -168,8 +181,21 @@ def test_without_truth_there_is_none(tmp_path: Path) -> None:
         {"truth_pad": "pad0", "truth_t_s": times(4), "truth_pose": np.zeros((4, 2))},
         {"truth_pad": "pad0", "truth_t_s": times(3), "truth_pose": np.zeros((4, 3))},
         {"truth_pad": "nowhere", "truth_t_s": times(4), "truth_pose": np.zeros((4, 3))},
+        {**STILL, "truth_slipping": np.zeros(3, dtype=bool)},
+        {**STILL, "truth_slipping": np.zeros(4)},
+        {"truth_slipping": np.zeros(4, dtype=bool)},
     ],
-    ids=["mask too short", "mask as a grid", "mask of text", "pose of two", "pose without times", "unknown pad"],
+    ids=[
+        "mask too short",
+        "mask as a grid",
+        "mask of text",
+        "pose of two",
+        "pose without times",
+        "unknown pad",
+        "slip too short",
+        "slip of fractions",
+        "slip without truth",
+    ],
 )
 def test_masks_and_truth_that_do_not_fit_are_refused(tmp_path: Path, members: dict[str, Any]) -> None:
     assert_unusable(save(tmp_path / "a.npz", **members))
@@ -225,13 +251,13 @@ class Bomb:
         return open, (str(self.mark), "w")
 
 
-@pytest.mark.parametrize("member", ["t", "pressure", "masked", "truth_pad", "sensor"])
+@pytest.mark.parametrize("member", ["t", "pressure", "masked", "truth_pad", "truth_slipping", "sensor"])
 def test_pickled_objects_are_refused_and_never_run(tmp_path: Path, member: str) -> None:
     mark = tmp_path / "mark"
     shape = {"t": 5, "pressure": (5, 6), "masked": 6}.get(member, ())
     objects = np.full(shape, None, dtype=object)
     objects[...] = Bomb(mark)
-    truth = {"truth_pad": "pad0", "truth_t_s": times(5), "truth_pose": np.zeros((5, 3))}
+    truth = {**STILL, "truth_slipping": np.zeros(4, dtype=bool)}
     assert_unusable(save(tmp_path / "a.npz", **{**truth, member: objects}))
     assert not mark.exists()
 

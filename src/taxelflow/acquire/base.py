@@ -20,17 +20,22 @@ if TYPE_CHECKING:
 BLOCK_SCANS = 1024
 """Scans in a block: large enough to be fast, small enough to hold many sensors' blocks in memory."""
 
+HAND = "hand"
+"""Stands for a pad's name where truth is in the hand frame."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """Where the object really was, in the frame of one pad.
+    """Where the object really was, in the frame of one pad, or of the hand (pad is then `hand`).
 
-    t_s: (times,). pose: (times, 3), x, y in m and theta in rad; theta counts from the first time.
+    t_s: (times,). pose: (times, 3), x, y in m and theta in rad. slipping: (times,), whether it really slid or turned
+    relative to the skin at that time, if known.
     """
 
     pad: str
     t_s: Floats
     pose: Floats
+    slipping: Bools | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

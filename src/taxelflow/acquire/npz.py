@@ -1,8 +1,9 @@
 """`.npz` recordings: `t` (scans,) in s and `pressure` (scans, taxels) in the sensor's unit.
 
-Optional members: `sensor` (JSON text with the fields of a sensor file), `masked` (taxels,), `truth_pad`,
-`truth_t_s`, `truth_pose` (times, 3), `parameters` (JSON text of how the scans were made). Pickled objects are never
-loaded.
+Optional members: `sensor` (JSON text with the fields of a sensor file), `masked` (taxels,), `truth_pad` (a pad, or
+`hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,). The rig also writes what is not read back:
+`delay_s` (taxels,), how long after `t` each taxel is read, and `parameters` (JSON text of how the scans were made).
+Pickled objects are never loaded.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import msgspec
 import numpy as np
 from numpy.lib import format as npy
 
-from taxelflow.acquire.base import BLOCK_SCANS, Recording, Truth
+from taxelflow.acquire.base import BLOCK_SCANS, HAND, Recording, Truth
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
 from taxelflow.layout import builtin_sensors, sensor_of
 from taxelflow.messages import Bools, RawScans
@@ -84,7 +85,8 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
     )
 
 
-_EXTRAS = {"sensor", "masked", "truth_pad", "truth_t_s", "truth_pose"}
+_TRUTH = {"truth_pad", "truth_t_s", "truth_pose", "truth_slipping"}
+_EXTRAS = {"sensor", "masked", *_TRUTH}
 
 
 def _header(member: IO[bytes]) -> _Header:
@@ -121,17 +123,22 @@ def _mask(path: Path, extras: dict[str, np.ndarray[Any, Any]], taxels: int) -> B
 
 
 def _truth(path: Path, extras: dict[str, np.ndarray[Any, Any]], sensor: Sensor) -> Truth | None:
-    if not {"truth_pad", "truth_t_s", "truth_pose"} & extras.keys():
+    if not _TRUTH & extras.keys():
         return None
     pad = str(extras.get("truth_pad", ""))
     t_s, pose = extras.get("truth_t_s", np.zeros(0)), extras.get("truth_pose", np.zeros(0))
     fits = t_s.ndim == 1 and pose.shape == (*t_s.shape, 3) and t_s.dtype.kind + pose.dtype.kind == "ff"
-    if not fits or pad not in sensor.layout.pads:
+    if not fits or pad not in (*sensor.layout.pads, HAND):
         seen = f"truth_pad {pad!r}, truth_t_s {t_s.dtype} {t_s.shape}, truth_pose {pose.dtype} {pose.shape}"
         raise RecordingCorrupt(
-            path, seen, "truth is a pad of the sensor, times (n,) in s and poses (n, 3) in m, m, rad"
+            path, seen, "truth is a pad of the sensor or hand, times (n,) in s and poses (n, 3) in m, m, rad"
         )
-    return Truth(pad, t_s.astype(np.float64), pose.astype(np.float64))
+    slipping = extras.get("truth_slipping")
+    if slipping is not None and (slipping.shape != t_s.shape or slipping.dtype.kind not in "biu"):
+        seen = f"member truth_slipping is {slipping.dtype} {slipping.shape}"
+        raise RecordingCorrupt(path, seen, f"it holds a flag for each of the {len(t_s)} times of truth_t_s")
+    slips = None if slipping is None else slipping.astype(np.bool_)
+    return Truth(pad, t_s.astype(np.float64), pose.astype(np.float64), slips)
 
 
 def _read(path: Path, times: _Header, pressure: _Header) -> Iterator[RawScans]:

@@ -1,106 +1,15 @@
-"""Scenarios of the rig: what touches which pad, how it moves, and what is wrong with the sensor."""
+"""Scenarios of the rig: named sets of parameters, each of which makes one recording."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import pi
 from typing import Literal
 
+from taxelflow.acquire.rig.parameters import TEXTURED, Contact, Load, Motion, Sensing
 from taxelflow.errors import ParameterInvalid
 
-
-@dataclass(frozen=True)
-class Contact:
-    """A compliant object pressed on a pad: its pressure over the skin."""
-
-    shape: Literal["airbag", "hertz", "elongated"] = "airbag"
-    """airbag: super-Gaussian, flat with soft edges. hertz: the dome of an elastic sphere. elongated: an airbag whose
-    length is `aspect` times its width."""
-    radius_m: float = 0.015
-    """Radius, or half the width of an elongated contact, m."""
-    aspect: float = 2.5
-    """Length over width of an elongated contact."""
-    peak_pa: float = 80e3
-    """Largest pressure, Pa."""
-
-    def __post_init__(self) -> None:
-        _positive("contact radius_m", self.radius_m)
-        _positive("contact aspect", self.aspect)
-        _positive("contact peak_pa", self.peak_pa)
-
-
-@dataclass(frozen=True)
-class Motion:
-    """A robot moves the object to and fro along a straight line, turning it as it goes."""
-
-    speed_m_s: float = 0.025
-    """Speed along the line, m/s."""
-    direction_rad: float = 3.141592653589793
-    """Direction of the first stroke in the pad's frame, rad; pi is along -x, as in the paper."""
-    travel_m: float = 0.175
-    """Length of a stroke, m, centred on the line's middle; 0 turns the object in place."""
-    strokes: int = 2
-    """Strokes, each back along the one before."""
-    turn_rad_s: float = 0.0
-    """Rate of turn during the strokes, rad/s; it changes sign with the stroke."""
-    turn_s: float = 2.0
-    """Duration of a stroke that only turns, s."""
-    angle_rad: float = 0.0
-    """Angle of the object's long axis at the start, rad."""
-    middle_m: tuple[float, float] = (0.0, 0.005)
-    """Middle of the line in the pad's frame, m; y = 5 mm is the palm's second row."""
-    rest_s: float = 3.0
-    """Rest before the first stroke and after the last, s."""
-
-    def __post_init__(self) -> None:
-        _positive("motion speed_m_s", self.speed_m_s)
-        _positive("motion turn_s", self.turn_s)
-        _positive("motion strokes", self.strokes)
-        if self.rest_s < 0 or self.travel_m < 0:
-            raise ParameterInvalid("motion rest_s or travel_m", min(self.rest_s, self.travel_m), "both are 0 or more")
-
-    @property
-    def stroke_s(self) -> float:
-        """Duration of one stroke."""
-        return self.travel_m / self.speed_m_s or self.turn_s
-
-    @property
-    def duration_s(self) -> float:
-        """From the first scan to the last."""
-        return 2 * self.rest_s + self.strokes * self.stroke_s
-
-
-@dataclass(frozen=True)
-class Sensing:
-    """What the sensor makes of the pressure. Defaults are those of the paper's kit, its faults estimated."""
-
-    rate_hz: float = 7.0
-    """Scans per second."""
-    noise_pa: float = 750.0
-    """Standard deviation of a reading, Pa."""
-    gain_spread: float = 0.0
-    """Standard deviation of the taxels' gains around 1."""
-    baseline_pa: tuple[float, float] = (1e3, 4e3)
-    """Range of the taxels' offsets, Pa."""
-    bits: int = 10
-    """Resolution over the full scale."""
-    full_scale_pa: float = 140e3
-    """Readings saturate here, Pa, and at 0."""
-    active_share: float = 0.9
-    """Share of the pitch that is sensitive, along each axis."""
-    dead: tuple[int, ...] = ()
-    """Taxels, by their number in the scan, that read only noise around their offset."""
-
-    def __post_init__(self) -> None:
-        _positive("sensing rate_hz", self.rate_hz)
-        _positive("sensing full_scale_pa", self.full_scale_pa)
-        if self.noise_pa < 0 or self.gain_spread < 0:
-            raise ParameterInvalid(
-                "sensing noise_pa or gain_spread", min(self.noise_pa, self.gain_spread), "both are 0 or more"
-            )
-        if not 1 <= self.bits <= 32:
-            raise ParameterInvalid("sensing bits", self.bits, "it lies between 1 and 32")
-        if not 0 < self.active_share <= 1:
-            raise ParameterInvalid("sensing active_share", self.active_share, "it lies above 0, up to 1")
+__all__ = ["DESCRIPTIONS", "SCENARIOS", "Contact", "Load", "Motion", "Scenario", "Sensing"]
 
 
 @dataclass(frozen=True)
@@ -110,16 +19,26 @@ class Scenario:
     sensor: str = "barretthand-162"
     """A built-in sensor or a TOML file."""
     pad: str = "palm"
-    """The pad that is touched; all others see their offsets and noise."""
+    """The pad that is touched; all others see their offsets and noise. `hand`: the object lies on the hand laid flat
+    and touches every pad whose place on it is known; poses are then in the hand frame."""
     seed: int = 0
+    solver: Literal["analytic", "elastic"] = "analytic"
+    """analytic: pressure by formula. elastic: by a boundary-element solver of elastic contact (extra `sim`)."""
     contact: Contact = field(default_factory=Contact)
     motion: Motion = field(default_factory=Motion)
+    load: Load = field(default_factory=Load)
     sensing: Sensing = field(default_factory=Sensing)
 
-
-def _positive(name: str, value: float) -> None:
-    if not value > 0:
-        raise ParameterInvalid(name, value, "it is above 0")
+    def __post_init__(self) -> None:
+        if self.load.lift_s > self.motion.rest_s:
+            allowed = f"it is at most motion rest_s, {self.motion.rest_s:g}: a moving object is in contact"
+            raise ParameterInvalid("load lift_s", self.load.lift_s, allowed)
+        if self.load.roll_m and self.contact.shape == "feet":
+            raise ParameterInvalid("load roll_m", self.load.roll_m, "feet do not roll: it is 0, or use load tilt")
+        if self.solver == "elastic" and self.contact.deform_1_m:
+            raise ParameterInvalid("contact deform_1_m", self.contact.deform_1_m, "it is 0 with solver elastic")
+        if self.solver == "elastic" and self.load.roll_m and self.contact.shape in TEXTURED:
+            raise ParameterInvalid("load roll_m", self.load.roll_m, "with solver elastic only smooth shapes roll")
 
 
 _PAPER = Scenario()
@@ -132,6 +51,46 @@ _SDH = Scenario(
         rate_hz=31.0, noise_pa=4.0, baseline_pa=(0.0, 0.0), bits=12, full_scale_pa=3271.3, active_share=0.95
     ),
 )
+_BULB = Scenario(
+    pad="hand",
+    contact=Contact("bulb", radius_m=0.03, aspect=2.8, peak_pa=60e3, texture=0.25, deform_1_m=1.0),
+    motion=Motion(
+        speed_m_s=0.05, direction_rad=0.0, travel_m=0.38, strokes=1, angle_rad=pi / 2, middle_m=(0.0, -0.035)
+    ),
+)
+_OVER_HAND = Scenario(
+    pad="hand",
+    contact=Contact(
+        "feet",
+        radius_m=0.0065,
+        peak_pa=100e3,
+        # two on each phalange of fingers 1 and 2, one on each side of the palm; none leaves its pad or group
+        feet_at_m=(
+            *((x, 0.0) for x in (-0.124, -0.106, -0.082, -0.064, 0.064, 0.082, 0.106, 0.124)),
+            (-0.02, 0.0),
+            (0.02, 0.0),
+        ),
+    ),
+    motion=Motion(
+        direction_rad=0.0,
+        travel_m=0.0,
+        strokes=18,
+        turn_rad_s=0.5,
+        turn_s=0.2,
+        centre_m=(0.0, 0.0),
+        angle_rad=-0.05,
+        middle_m=(0.0, 0.0),
+        rest_s=1.5,
+    ),
+    load=Load(lift_s=1.0),
+    sensing=Sensing(rate_hz=50.0),
+)
+_STILL = replace(
+    _PAPER,
+    motion=Motion(travel_m=0.0, strokes=1, turn_s=6.0, middle_m=(0.0, 0.0), rest_s=2.0),
+    load=Load(lift_s=1.0),
+    sensing=Sensing(rate_hz=30.0),
+)
 
 SCENARIOS = {
     "stroke": _PAPER,
@@ -139,6 +98,24 @@ SCENARIOS = {
     "hertz-stroke": replace(_PAPER, contact=Contact("hertz", radius_m=0.017)),
     "turn": replace(_SDH, motion=replace(_SDH.motion, travel_m=0.0, turn_rad_s=1.0)),
     "slide-and-turn": replace(_SDH, motion=replace(_SDH.motion, turn_rad_s=0.8)),
+    "bulb-pull": _BULB,
+    "turn-over-hand": _OVER_HAND,
+    "slide-and-turn-over-hand": replace(_OVER_HAND, motion=replace(_OVER_HAND.motion, travel_m=0.004, speed_m_s=0.02)),
+    "stick-slip": Scenario(
+        sensor="grid-16x16",
+        pad="grid",
+        contact=Contact("textured", radius_m=0.016),
+        motion=Motion("stick-slip", travel_m=0.02, middle_m=(0.0, 0.0), rest_s=1.5),
+        load=Load(lift_s=1.0),
+        sensing=Sensing(rate_hz=100.0),
+    ),
+    "press": replace(
+        _STILL,
+        contact=Contact("hertz", radius_m=0.010, peak_pa=50e3),
+        load=replace(_STILL.load, kind="cycles", multiples=(1.0, 5.0), growth=1 / 3),
+    ),
+    "roll": replace(_STILL, load=replace(_STILL.load, roll_m=0.005)),
+    "tilt": replace(_STILL, load=replace(_STILL.load, tilt=0.6)),
 }
 
 DESCRIPTIONS = {
@@ -147,4 +124,11 @@ DESCRIPTIONS = {
     "hertz-stroke": "The same with an elastic sphere, whose pressure is a Hertz dome.",
     "turn": "An elongated object turned in place on a Schunk finger.",
     "slide-and-turn": "The same, turned while it slides.",
+    "bulb-pull": "The paper's Fig. 4: a compliant bulb pulled from left to right over all pads of the hand.",
+    "turn-over-hand": "The paper's Fig. 7: an object on ten feet turned to and fro over two fingers and palm.",
+    "slide-and-turn-over-hand": "The same, turned while it slides.",
+    "stick-slip": "A textured object that sticks and slips by turns on a 16x16 grid, at 100 Hz.",
+    "press": "An elastic sphere pressed up to five times as hard, without slip.",
+    "roll": "An airbag that rolls 5 mm on the palm, without slip.",
+    "tilt": "An airbag that tilts on the palm, without slip.",
 }

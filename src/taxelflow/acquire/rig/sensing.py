@@ -1,0 +1,62 @@
+"""What the sensor makes of pressure and time: gains, offsets, noise, drift, clock, one taxel after the other.
+
+Every fault beyond the first few draws from a generator of its own, so that switching it on changes nothing else.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.rig.parameters import Sensing
+    from taxelflow.messages import Floats
+
+SEED_JITTER, SEED_DRIFT, SEED_WOBBLE = 3, 4, 5
+_DRIFT_SPREAD = 0.3
+_MOST_JITTER = 0.45
+"""Of a scan period: two neighbours that both err this far still come in their order."""
+
+
+def clock(sensing: Sensing, duration_s: float, random: np.random.Generator) -> Floats:
+    """True scan times (scans,) from 0, in s; where in a scan the robot starts is chance."""
+    rate_hz = sensing.rate_hz
+    t_s = (np.arange(int(duration_s * rate_hz), dtype=np.float64) + random.uniform()) / rate_hz
+    return np.asarray(t_s, dtype=np.float64)
+
+
+def reported(sensing: Sensing, t_s: Floats, seed: int) -> Floats:
+    """Times as the sensor reports them (scans,): the true ones, jittered, still increasing."""
+    if not sensing.jitter_s:
+        return t_s
+    most = _MOST_JITTER / sensing.rate_hz
+    jitter = sensing.jitter_s * np.random.default_rng([seed, SEED_JITTER]).standard_normal(len(t_s))
+    times: Floats = np.asarray(t_s + np.clip(jitter, -most, most), dtype=np.float64)
+    return times
+
+
+def delays(sensing: Sensing, taxels: int) -> Floats:
+    """How long after the scan's start each taxel is read (taxels,), s."""
+    late: Floats = sensing.scan_share / sensing.rate_hz * np.arange(taxels) / taxels
+    return late
+
+
+def sense(sensing: Sensing, pressure_pa: Floats, t_s: Floats, random: np.random.Generator, seed: int = 0) -> Floats:
+    """Readings in Pa of pressures (scans, taxels) at times (scans,): gain, offset, noise, saturation, quantisation."""
+    scans, taxels = pressure_pa.shape
+    gain = np.ones(taxels) + sensing.gain_spread * random.standard_normal(taxels)
+    gain[list(sensing.dead)] = 0.0
+    offset: Floats = np.asarray(random.uniform(*sensing.baseline_pa, taxels), dtype=np.float64)
+    noise = sensing.noise_pa * random.standard_normal(pressure_pa.shape)
+    if sensing.gain_wobble:
+        wobble = np.random.default_rng([seed, SEED_WOBBLE]).standard_normal((scans, 1))
+        pressure_pa = pressure_pa * (1.0 + sensing.gain_wobble * wobble)
+    if sensing.drift_pa_s:
+        spread = np.random.default_rng([seed, SEED_DRIFT]).standard_normal(taxels)
+        rate_pa_s = sensing.drift_pa_s * (1.0 + _DRIFT_SPREAD * spread)
+        offset = offset + rate_pa_s * t_s[:, np.newaxis]
+    step = sensing.full_scale_pa / (2**sensing.bits - 1)
+    clipped = np.clip(gain * pressure_pa + offset + noise, 0.0, sensing.full_scale_pa)
+    readings: Floats = np.round(clipped / step) * step
+    return readings

@@ -1,0 +1,128 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from taxelflow.acquire.base import HAND
+from taxelflow.acquire.rig.contact import taxel_pressure
+from taxelflow.acquire.rig.load import state_at
+from taxelflow.acquire.rig.motion import move
+from taxelflow.acquire.rig.parameters import Contact, Load, Motion, Sensing
+from taxelflow.acquire.rig.pattern import Analytic
+from taxelflow.acquire.rig.scenario import SCENARIOS, Scenario
+from taxelflow.acquire.rig.simulate import save, simulate
+from taxelflow.api import read
+from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.geometry import place
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from taxelflow.messages import Floats
+
+EXACT = Sensing(noise_pa=0.0, baseline_pa=(0.0, 0.0), bits=32)
+ROUND_KPA = 1e-6
+"""What 32 bits leave."""
+
+
+def values(scenario: Scenario) -> Floats:
+    return simulate(scenario).load().values
+
+
+def test_on_the_palm_the_hand_frame_is_the_pads() -> None:
+    motion = Motion(turn_rad_s=0.2)
+    scenario = Scenario(contact=Contact("elongated", radius_m=0.01), motion=motion, sensing=EXACT)
+    palm = slice(138, 162)
+    np.testing.assert_allclose(values(replace(scenario, pad=HAND))[:, palm], values(scenario)[:, palm], atol=ROUND_KPA)
+
+
+@pytest.mark.parametrize("pad", ["finger1_tip", "finger2_mid", "finger3_mid"])
+def test_an_object_on_a_finger_is_the_same_through_the_hand(pad: str) -> None:
+    motion = Motion(speed_m_s=0.01, direction_rad=0.4, travel_m=0.02, middle_m=(0.001, -0.002), angle_rad=0.3)
+    on_pad = Scenario(
+        pad=pad,
+        contact=Contact("feet", radius_m=0.004, ring_m=0.007),
+        motion=replace(motion, turn_rad_s=0.3),
+        sensing=EXACT,
+    )
+    recording = simulate(on_pad)
+    layout = recording.layout
+    number = layout.pads.index(pad)
+    home = layout.T_hand[number]
+    through = replace(
+        on_pad.motion,
+        middle_m=tuple(place(home, np.array(motion.middle_m))),
+        direction_rad=motion.direction_rad + home[2],
+        angle_rad=motion.angle_rad + home[2],
+    )
+    own = layout.of_pad(number)
+    on_hand = values(replace(on_pad, pad=HAND, motion=through))
+    np.testing.assert_allclose(on_hand[:, own], recording.load().values[:, own], atol=ROUND_KPA)
+    truth = simulate(replace(on_pad, pad=HAND, motion=through)).truth
+    assert truth is not None
+    assert truth.pad == HAND
+
+
+def test_a_hand_needs_a_pad_with_a_place(tmp_path: Path) -> None:
+    file = tmp_path / "two.toml"
+    pads = "".join(f'[[pads]]\nname = "{name}"\nrows = 4\ncols = 4\npitch_m = [0.01, 0.01]\n' for name in "ab")
+    file.write_text(f'name = "two"\nunit = "Pa"\n{pads}')
+    with pytest.raises(ParameterInvalid, match=r"pad is 'hand'; no pad of .*two\.toml has a place .* origin_m"):
+        simulate(Scenario(sensor=str(file), pad=HAND))
+    with pytest.raises(NameUnknown, match=r"unknown pad 'c'; known are a, b, hand"):
+        simulate(Scenario(sensor=str(file), pad="c"))
+
+
+def test_a_group_is_no_pad_to_touch() -> None:
+    with pytest.raises(NameUnknown, match=r"unknown pad 'palm_left'; known are finger1_tip, .*palm, hand$"):
+        simulate(Scenario(pad="palm_left"))
+
+
+def test_a_rolling_scan_sees_every_taxel_at_its_own_time() -> None:
+    scenario = Scenario(
+        contact=Contact("textured"),
+        motion=Motion(turn_rad_s=0.2),
+        load=Load("ramp", (0.5, 1.0)),
+        sensing=replace(EXACT, scan_share=0.8),
+    )
+    recording = simulate(scenario)
+    raw, layout, truth = recording.load(), recording.layout, recording.truth
+    assert truth is not None
+    np.testing.assert_array_equal(truth.pose, move(scenario.motion, raw.t_s).pose)  # of the scan's start
+    pattern = Analytic(scenario.contact, scenario.load, scenario.seed)
+    for taxel in (138, 150, 161):
+        when = raw.t_s[:, np.newaxis] + 0.8 / 7.0 * taxel / 162
+        state = state_at(scenario.load, scenario.motion, when, np.zeros_like(when))
+        at = layout.x_m[[taxel]], layout.y_m[[taxel]]
+        alone = taxel_pressure(pattern, move(scenario.motion, when).pose, state, *at, (0.009, 0.009))
+        np.testing.assert_allclose(raw.values[:, taxel], alone[:, 0] / 1e3, atol=ROUND_KPA)
+
+
+def test_jitter_changes_the_reported_times_only() -> None:
+    scenario = SCENARIOS["stroke"]
+    jittered = simulate(replace(scenario, sensing=replace(scenario.sensing, jitter_s=0.01)))
+    steady = simulate(scenario)
+    assert jittered.truth is not None
+    assert steady.truth is not None
+    np.testing.assert_array_equal(jittered.load().values, steady.load().values)
+    np.testing.assert_array_equal(jittered.truth.t_s, steady.truth.t_s)
+    assert np.abs(jittered.load().t_s - steady.load().t_s).max() > 0.005
+
+
+@pytest.mark.parametrize("pad", ["palm", HAND])
+def test_truth_and_delays_are_saved_and_truth_comes_back(tmp_path: Path, pad: str) -> None:
+    scenario = replace(SCENARIOS["stroke"], pad=pad, sensing=Sensing(scan_share=0.5))
+    made = save(scenario, tmp_path / "a.npz").truth
+    found = read(tmp_path / "a.npz").truth
+    assert made is not None
+    assert found is not None
+    assert found.pad == pad
+    assert made.slipping is not None
+    assert found.slipping is not None
+    np.testing.assert_array_equal(found.pose, made.pose)
+    np.testing.assert_array_equal(found.slipping, made.slipping)
+    with np.load(tmp_path / "a.npz") as members:
+        np.testing.assert_allclose(members["delay_s"], 0.5 / 7 * np.arange(162) / 162)
