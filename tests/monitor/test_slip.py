@@ -35,6 +35,8 @@ def slips_of(sizes: Any, *, contact: Any = None, direction: tuple[float, float] 
         displacement_covariance=covariance,
         span_s=np.full((scans, pads), 0.1),
         lag_s=unknown,
+        load=unknown,
+        disturbance=unknown.copy(),
     )
 
 
