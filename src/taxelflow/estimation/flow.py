@@ -84,7 +84,8 @@ def convolution_flow(
     """Fill rows (scans, pads, COLUMNS), which come in as NaN.
 
     t: (scans,). pressure: (scans, taxels). noise: (taxels,). contact, complete: (scans, pads).
-    places: (2, taxels). starts: (pads + 1,). gains: (pads, 2) along x, y. moments: (pads, 8). memory: (pads, 13), kept from block to block.
+    places: (2, taxels). starts: (pads + 1,). gains: (pads, 2) along x, y. moments: (pads, 8).
+    memory: (pads, 13), kept from block to block.
     The index needs two usable scans in a row, the slip vector three; a scan without contact, or with a missing
     loaded taxel, begins anew, so that nothing jumps at lift-off and re-contact.
     """
