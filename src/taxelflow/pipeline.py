@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, cast, get_args
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 from taxelflow import registry
 from taxelflow.calibration import Calibration
@@ -98,7 +98,8 @@ def _started(pipeline: Pipeline, recording: Recording) -> EstimatorSession:
     if type(estimator) is not registry.find("estimator", calibration.method):
         raise CalibrationUnfit(f"method {calibration.method!r}", f"another, {type(estimator).__name__}")
     gains = calibration.gains(recording.sensor)
-    return cast("Calibratable", estimator).start(recording.layout, pipeline.mode, gains)
+    scalable: Calibratable = cast("Any", estimator)  # methods that can be calibrated are those of `score.calibrate`
+    return scalable.start(recording.layout, pipeline.mode, gains)
 
 
 def _single(block: RawScans) -> Iterator[RawScans]:

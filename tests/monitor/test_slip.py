@@ -99,6 +99,12 @@ def test_a_known_rotation_counts_as_well() -> None:
     assert watched(slips)[0][:, 0].tolist() == [False, True, False]
 
 
+def test_a_disturbance_counts_where_there_is_no_displacement() -> None:
+    slips = slips_of([np.nan, np.nan, np.nan, 0.0, 6.0])
+    slips.disturbance[:, 0] = [np.nan, 5.1, 2.4, 5.1, np.nan]
+    assert watched(slips)[0][:, 0].tolist() == [False, True, False, True, True]
+
+
 def test_events_tell_of_contact_slip_and_release() -> None:
     slips = slips_of([np.nan, 0, 9, 9, 0, np.nan], contact=[0, 1, 1, 1, 1, 0])
     _, events = watched(slips)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PrincipalAxis:
-    """Position = centroid of the pressure, without delay; theta = turn of its long axis since a contact first shows one.
+    """Position = centroid of the pressure, undelayed; theta = turn of its long axis since a contact first shows it.
 
     No theta where the contact is too round to have a long axis. Sampling by few taxels is not in its deviation.
     """
