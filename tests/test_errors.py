@@ -22,6 +22,10 @@ FACTS: dict[str, tuple[object, ...]] = {
     "NameUnknown": ("sensor", "hnad", ["hand"]),
     "ParameterInvalid": ("gain", 0, "it is above 0"),
     "ResultMissing": (Path("out"), "slips.csv"),
+    "CalibrationInvalid": (Path("cal.toml"), "it is empty"),
+    "CalibrationUnfit": ("sensor 'hand'", "sensor 'foot'"),
+    "GainsUnknown": ("the object did not move", "move it"),
+    "TruthInvalid": (Path("truth.csv"), "it is empty"),
     "ExtraMissing": ("plot", "matplotlib"),
 }
 
@@ -42,7 +46,9 @@ def test_the_tree_at_the_top_of_the_file_is_the_tree_of_classes() -> None:
     assert drawn == {name: kind.__base__.__name__ for name, kind in CLASSES.items() if kind.__base__}
 
 
-@pytest.mark.parametrize("name", [name for name in CLASSES if name not in ("TaxelflowError", "RecordingError")])
+@pytest.mark.parametrize(
+    "name", [name for name in CLASSES if name not in ("TaxelflowError", "RecordingError", "CalibrationError")]
+)
 def test_a_message_is_one_line_that_names_what_was_seen_and_what_to_do(name: str) -> None:
     message = str(CLASSES[name](*FACTS[name]))
     assert "\n" not in message

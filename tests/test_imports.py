@@ -17,7 +17,10 @@ def loaded_after(program: str) -> set[str]:
     return set(done.stderr.split())
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["estimate", "--help"], ["info", "--help"], ["sensors", "--help"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], ["estimate", "--help"], ["calibrate", "--help"], ["info", "--help"], ["sensors", "--help"]],
+)
 def test_help_imports_no_heavy_library(arguments: list[str]) -> None:
     program = (
         f"from taxelflow.cli import main\ntry: main({arguments!r})\nexcept SystemExit as done: assert not done.code"
@@ -38,6 +41,8 @@ def test_help_imports_no_heavy_library(arguments: list[str]) -> None:
         "taxelflow.estimation.base",
         "taxelflow.estimation.convolution",
         "taxelflow.estimation.lnorm",
+        "taxelflow.estimation.principal_axis",
+        "taxelflow.estimation.sum",
     ],
 )
 def test_what_the_command_line_is_made_of_imports_no_heavy_library(module: str) -> None:

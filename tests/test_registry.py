@@ -53,6 +53,10 @@ def test_the_papers_methods_have_their_names() -> None:
     assert registry.find("estimator", "convolution") is Convolution
 
 
+def test_the_baselines_have_their_names() -> None:
+    assert registry.names("estimator")[:4] == ["lnorm", "convolution", "sum", "principal_axis"]
+
+
 def test_an_unknown_name_comes_with_the_list() -> None:
     with pytest.raises(NameUnknown, match=r"unknown estimator 'magic'; known are lnorm, convolution"):
         registry.find("estimator", "magic")

@@ -6,10 +6,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+import msgspec
 import numpy as np
 
 from taxelflow import __version__, registry
 from taxelflow.acquire.base import Recording
+from taxelflow.calibration import Calibration, load_calibration
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
 from taxelflow.layout import Sensor, load_sensor
@@ -71,12 +73,14 @@ def estimate(
     mode: Mode = "batch",
     condition: Conditioner | None = None,
     monitor: SlipMonitor | None = None,
+    calibration: Calibration | str | Path | None = None,
     **parameters: Any,
 ) -> Result:
     """Run a recording through the pipeline and keep all results in memory.
 
     method: a name, whose parameters follow (e.g. gain=1.04), or an estimator of your own. Raises what `read` raises,
-    and TimesNotIncreasing. What is lost of a truncated recording is said in `summary.loss`.
+    TimesNotIncreasing, and CalibrationError if `calibration` (an object or a file) is broken or of another sensor or
+    method. What is lost of a truncated recording is said in `summary.loss`.
     """
     if not isinstance(recording, Recording):
         recording = read(recording)
@@ -84,7 +88,9 @@ def estimate(
         chosen, name = estimator(method, **parameters), method
     else:
         chosen, name = method, type(method).__name__
-    pipeline = Pipeline(chosen, mode, condition or Conditioner(), monitor or SlipMonitor())
+    if calibration is not None and not isinstance(calibration, Calibration):
+        calibration = load_calibration(calibration)
+    pipeline = Pipeline(chosen, mode, condition or Conditioner(), monitor or SlipMonitor(), calibration=calibration)
     run = pipeline.start(recording)
     totals = Totals(recording.layout.pads)
     outputs = []
@@ -135,7 +141,8 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
             "method": asdict(cast("Any", pipeline.estimator)),
             "condition": asdict(pipeline.condition),
             "monitor": asdict(pipeline.monitor),
-        },
+        }
+        | ({} if pipeline.calibration is None else {"calibration": msgspec.to_builtins(pipeline.calibration)}),
         scans=totals.scans,
         repeated_scans_dropped=run.reading.repeated,
         t_first_s=totals.t_first_s,

@@ -16,6 +16,7 @@ from tyro.conf import Positional
 from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import ParameterInvalid, TaxelflowError
+from taxelflow.fuse.rigid import RigidField
 from taxelflow.monitor.slip import SlipMonitor
 
 BAD_INPUT, PARTLY_READ, INTERRUPTED = 2, 1, 130
@@ -36,15 +37,20 @@ class Estimate:
     sensor: str | None = None
     """A built-in sensor (see `taxelflow sensors`) or a TOML file; not needed where the recording names its own."""
     method: str = "convolution"
-    """lnorm or convolution (the paper's methods I and II), or one from another package."""
+    """lnorm or convolution (the paper's methods I and II), the baselines sum (no direction) or principal_axis (with
+    rotation), or one from another package."""
     mode: Literal["batch", "stream"] = "batch"
     """batch: learn tare and noise from the whole recording first. stream: scan by scan, as from a live device."""
+    calibration: Path | None = None
+    """Gains per pad and axis: a file by `taxelflow calibrate`, of the same sensor and method."""
     condition: Conditioner = field(default_factory=Conditioner)
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
+    fusion: RigidField = field(default_factory=RigidField)
 
     def run(self, rest: list[str]) -> int:
         """Read, estimate, write."""
         from taxelflow import api, registry
+        from taxelflow.calibration import load_calibration
         from taxelflow.pipeline import Pipeline
         from taxelflow.publish.summary import Totals
         from taxelflow.publish.tables import Tables
@@ -53,7 +59,8 @@ class Estimate:
         kind = registry.find("estimator", self.method)
         estimator = tyro.cli(kind, args=rest, prog=f"taxelflow estimate --method {self.method}")
         recording = api.read(self.recording, self.sensor)
-        pipeline = Pipeline(estimator, self.mode, self.condition, self.monitor)
+        calibration = None if self.calibration is None else load_calibration(self.calibration)
+        pipeline = Pipeline(estimator, self.mode, self.condition, self.monitor, self.fusion, calibration)
         totals = Totals(recording.layout.pads)
         with Tables(self.out, recording.layout.pads) as tables:
             run = pipeline.start(recording)
@@ -64,6 +71,59 @@ class Estimate:
             tables.write_summary(summary)
         say(summary, self.out)
         return PARTLY_READ if summary.loss else 0
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    """Fit a method's gains per pad and axis, the paper's mm factor, from a known trajectory of the object.
+
+    Frames and time offset between robot and sensor are fitted too. Contacts cut by a pad's border count less.
+    """
+
+    recording: Positional[Path]
+    """A recording in which the object slides over the pads."""
+    out: Path
+    """The .toml file to write, for `taxelflow estimate --calibration`."""
+    truth: Path | None = None
+    """csv t_s,x_m,y_m[,theta_rad] of the contact's centre, in the robot's frame (seen from outside the skin) and on its
+    clock; if left out, the truth inside a simulated recording."""
+    sensor: str | None = None
+    """A built-in sensor or a TOML file; not needed where the recording names its own."""
+    method: str = "convolution"
+    """lnorm or convolution."""
+    pad: str | None = None
+    """This pad only; all that can be calibrated if left out."""
+    search_s: float = 1.0
+    """The robot's clock and the sensor's agree within so many seconds; 0: exactly."""
+    edge: float = 1.0
+    """Weight of what the pad's border may hide; 0 trusts contacts that are cut as much as whole ones."""
+    within_m: float | None = None
+    """Use only positions at most so far from the pad's centre along each axis, m."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Read, fit, write, print."""
+        from taxelflow import api
+        from taxelflow.acquire.trajectory import read_trajectory
+        from taxelflow.calibration import save_calibration
+        from taxelflow.publish.terminal import show_calibration
+        from taxelflow.score.calibrate import calibrate
+
+        if self.out.suffix != ".toml":
+            raise ParameterInvalid("out", str(self.out), "it ends in .toml")
+        recording = api.read(self.recording, self.sensor)
+        truth = None if self.truth is None else read_trajectory(self.truth)
+        found = calibrate(
+            recording,
+            truth,
+            self.method,
+            pad=self.pad,
+            search_s=self.search_s,
+            edge=self.edge,
+            within_m=self.within_m,
+        )
+        save_calibration(found, self.out)
+        show_calibration(found, self.out)
+        return 0
 
 
 @dataclass(frozen=True)
@@ -252,6 +312,7 @@ class Bench:
 
 Command = (
     Annotated[Estimate, tyro.conf.subcommand("estimate")]
+    | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Info, tyro.conf.subcommand("info")]
     | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[Sensors, tyro.conf.subcommand("sensors")]

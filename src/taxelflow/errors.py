@@ -13,6 +13,11 @@ TaxelflowError
 ├── NameUnknown               no sensor, estimator, ... of that name
 ├── ParameterInvalid          a parameter out of its range
 ├── ResultMissing             a directory is not a result, or lacks a file
+├── CalibrationError          gains cannot be found or used
+│   ├── CalibrationInvalid    a calibration file is broken
+│   ├── CalibrationUnfit      a calibration of another sensor or method
+│   └── GainsUnknown          recording and truth do not tell the gains
+├── TruthInvalid              a robot's trajectory cannot be read
 └── ExtraMissing              an optional dependency is not installed
 """
 
@@ -121,6 +126,44 @@ class ResultMissing(TaxelflowError):
 
     def __init__(self, directory: Path, lacks: str) -> None:
         super().__init__(f"{directory} holds no {lacks}; give a directory that `taxelflow estimate --out` has written")
+
+
+class CalibrationError(TaxelflowError):
+    """Gains cannot be found or used."""
+
+
+class CalibrationInvalid(CalibrationError):
+    """A calibration file breaks the schema."""
+
+    def __init__(self, path: Path | str, seen: str) -> None:
+        super().__init__(f"calibration file {path}: {seen}; make it anew with `taxelflow calibrate`")
+
+
+class CalibrationUnfit(CalibrationError):
+    """A calibration belongs to another sensor or method."""
+
+    def __init__(self, made_for: str, used_for: str) -> None:
+        super().__init__(
+            f"the calibration is of {made_for} and was given for {used_for}; "
+            "use the one that `taxelflow calibrate` made for this sensor and method"
+        )
+
+
+class GainsUnknown(CalibrationError):
+    """Recording and truth do not tell the gains."""
+
+    def __init__(self, seen: str, remedy: str) -> None:
+        super().__init__(f"no gain can be found: {seen}; {remedy}")
+
+
+class TruthInvalid(TaxelflowError):
+    """A robot's trajectory cannot be read."""
+
+    def __init__(self, path: Path | str, seen: str) -> None:
+        super().__init__(
+            f"trajectory {path}: {seen}; give a csv with the header t_s,x_m,y_m or t_s,x_m,y_m,theta_rad and then rows "
+            "of numbers in s, m, rad, times increasing"
+        )
 
 
 class ExtraMissing(TaxelflowError):

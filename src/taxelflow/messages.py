@@ -69,6 +69,8 @@ class Slips:
     displacement_covariance: (scans, pads, 3, 3), what noise alone makes of a still object.
     span_s: (scans, pads), time in which the displacement happened. lag_s: (scans, pads), how much older than t_s
     the pose is.
+    load: (scans, pads), sum of the pad's pressures, Pa. disturbance: (scans, pads), for methods without direction: a
+    sign of slip in standard deviations of what noise makes of a still object; NaN for all others.
     """
 
     t_s: Floats
@@ -80,11 +82,16 @@ class Slips:
     displacement_covariance: Floats
     span_s: Floats
     lag_s: Floats
+    load: Floats
+    disturbance: Floats
 
     @classmethod
-    def unknown(cls, scans: Scans) -> Slips:
-        """Contact as in `scans` and nothing else: arrays of NaN for an estimator to fill in."""
+    def unknown(cls, scans: Scans, starts: NDArray[np.int64] | None = None) -> Slips:
+        """Contact as in `scans`, and the load if `starts` (`Layout.starts`) says which taxels are whose; else arrays of
+        NaN for an estimator to fill in.
+        """
         shape = scans.contact.shape
+        load = np.full(shape, np.nan) if starts is None else np.add.reduceat(scans.pressure, starts[:-1], axis=1)
         return cls(
             t_s=scans.t_s,
             contact=scans.contact,
@@ -95,6 +102,8 @@ class Slips:
             displacement_covariance=np.full((*shape, 3, 3), np.nan),
             span_s=np.full(shape, np.nan),
             lag_s=np.full(shape, np.nan),
+            load=load,
+            disturbance=np.full(shape, np.nan),
         )
 
     @property

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Any, cast, get_args
 
+from taxelflow import registry
+from taxelflow.calibration import Calibration
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
-from taxelflow.errors import NameUnknown
+from taxelflow.errors import CalibrationUnfit, NameUnknown
 from taxelflow.estimation.base import Mode
 from taxelflow.fuse.rigid import RigidField
 from taxelflow.messages import Bools, Event, Motions, RawScans, Slips, cut
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.base import Reading, Recording
     from taxelflow.condition.session import Learned
-    from taxelflow.estimation.base import Estimator
+    from taxelflow.estimation.base import Calibratable, Estimator, EstimatorSession
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +45,7 @@ class Pipeline:
     condition: Conditioner = field(default_factory=Conditioner)
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
     fusion: RigidField = field(default_factory=RigidField)
+    calibration: Calibration | None = None
 
     def __post_init__(self) -> None:
         if self.mode not in get_args(Mode):
@@ -63,8 +66,8 @@ class Run:
         self._stream = pipeline.mode == "stream"
         lookahead = None if self._stream else recording.blocks()
         with announced():
+            self._estimate = _started(pipeline, recording)
             self._condition = pipeline.condition.start(recording.sensor, recording.masked, lookahead)
-            self._estimate = pipeline.estimator.start(layout, pipeline.mode)
             self._fuse = pipeline.fusion.start(layout)
         self._monitor = pipeline.monitor.begin(layout.pads)
 
@@ -86,6 +89,18 @@ class Run:
         if len(slips):
             slipping, events = self._monitor.step(slips)
             yield Output(slips, slipping, self._fuse.step(slips), events)
+
+
+def _started(pipeline: Pipeline, recording: Recording) -> EstimatorSession:
+    """The estimator at work, calibrated if there is a calibration, which must be of this method and sensor."""
+    estimator, calibration = pipeline.estimator, pipeline.calibration
+    if calibration is None:
+        return estimator.start(recording.layout, pipeline.mode)
+    if type(estimator) is not registry.find("estimator", calibration.method):
+        raise CalibrationUnfit(f"method {calibration.method!r}", f"another, {type(estimator).__name__}")
+    gains = calibration.gains(recording.sensor)
+    scalable: Calibratable = cast("Any", estimator)  # methods that can be calibrated are those of `score.calibrate`
+    return scalable.start(recording.layout, pipeline.mode, gains)
 
 
 def _single(block: RawScans) -> Iterator[RawScans]:

@@ -21,6 +21,8 @@ PARTS: dict[str, dict[str, str]] = {
     "estimator": {
         "lnorm": "taxelflow.estimation.lnorm:LNorm",
         "convolution": "taxelflow.estimation.convolution:Convolution",
+        "sum": "taxelflow.estimation.sum:Sum",
+        "principal_axis": "taxelflow.estimation.principal_axis:PrincipalAxis",
     },
 }
 

@@ -55,6 +55,8 @@ def slips_of(sensor: Sensor, poses: Floats, points: Floats, *, dt: float = 0.01,
         displacement_covariance=2 * covariance,
         span_s=np.full((scans, pads), dt),
         lag_s=np.zeros((scans, pads)),
+        load=np.ones((scans, pads)),
+        disturbance=np.full((scans, pads), np.nan),
     )
 
 

@@ -35,6 +35,8 @@ def slips_of(sizes: Any, *, contact: Any = None, direction: tuple[float, float] 
         displacement_covariance=covariance,
         span_s=np.full((scans, pads), 0.1),
         lag_s=unknown,
+        load=unknown,
+        disturbance=unknown.copy(),
     )
 
 
@@ -95,6 +97,12 @@ def test_a_known_rotation_counts_as_well() -> None:
     slips.displacement[[0, 2], 0, 2] = 0.0
     slips.displacement_covariance[..., 2, 2] = 0.01**2
     assert watched(slips)[0][:, 0].tolist() == [False, True, False]
+
+
+def test_a_disturbance_counts_where_there_is_no_displacement() -> None:
+    slips = slips_of([np.nan, np.nan, np.nan, 0.0, 6.0])
+    slips.disturbance[:, 0] = [np.nan, 5.1, 2.4, 5.1, np.nan]
+    assert watched(slips)[0][:, 0].tolist() == [False, True, False, True, True]
 
 
 def test_events_tell_of_contact_slip_and_release() -> None:

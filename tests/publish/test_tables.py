@@ -37,7 +37,7 @@ def written(recording: Recording, folder: Path, method: str = "convolution") -> 
 
 
 def test_the_columns_are_the_contracts_and_then_more() -> None:
-    assert ",".join(SLIPS).startswith(CONTRACT + ",")
+    assert ",".join(SLIPS).startswith(CONTRACT + ",border_x,border_y,lag_s,load_pa")
 
 
 def test_the_header_of_the_file_is_the_contracts(stroke: Recording, tmp_path: Path) -> None:
@@ -74,6 +74,7 @@ def test_numbers_are_those_of_the_messages_and_the_unknown_is_empty(
         "std_y_m": std[:, 1],
         "std_theta_rad": std[:, 2],
         "lag_s": slips.lag_s[:, 0],
+        "load_pa": slips.load[:, 0],
     }
     for name, values in columns.items():
         read = [float(row[name]) if row[name] else np.nan for row in rows]

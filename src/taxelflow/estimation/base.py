@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
     from taxelflow.layout import Layout
-    from taxelflow.messages import Scans, Slips
+    from taxelflow.messages import Floats, Scans, Slips
 
 Mode = Literal["batch", "stream"]
 
@@ -32,4 +32,12 @@ class Estimator(Protocol):
 
     def start(self, layout: Layout, mode: Mode) -> EstimatorSession:
         """Begin a session; everything slow (imports, compilation) happens here."""
+        ...
+
+
+class Calibratable(Estimator, Protocol):
+    """A method whose index a calibration may scale."""
+
+    def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> EstimatorSession:
+        """Begin a session. calibrated: (pads, 2), factors on positions along x and y, pad by pad and group by group."""
         ...

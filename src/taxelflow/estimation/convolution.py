@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
     from taxelflow.estimation.translation import TranslationSession
     from taxelflow.layout import Layout
+    from taxelflow.messages import Floats
 
 
 @dataclass(frozen=True)
@@ -24,9 +25,13 @@ class Convolution:
         if not 0 < self.gain < float("inf"):
             raise ParameterInvalid("gain", self.gain, "it is a number above 0, and 1 when uncalibrated")
 
-    def start(self, layout: Layout, mode: Mode) -> TranslationSession:
-        """Begin a session. The fast form is used: centroids add under convolution."""
-        from taxelflow.estimation.flow import MEMORY, convolution_flow, long_rows, pad_moments
-        from taxelflow.estimation.translation import TranslationSession
+    def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> TranslationSession:
+        """Begin a session. The fast form is used: centroids add under convolution.
 
-        return TranslationSession(layout, convolution_flow, MEMORY, self.gain, long_rows(layout), prepare=pad_moments)
+        calibrated: (pads, 2), factors along x, y besides `gain`.
+        """
+        from taxelflow.estimation.flow import MEMORY, convolution_flow, long_rows, pad_moments
+        from taxelflow.estimation.translation import TranslationSession, pad_gains
+
+        factors = pad_gains(layout, self.gain, calibrated)
+        return TranslationSession(layout, convolution_flow, MEMORY, factors, long_rows(layout), prepare=pad_moments)

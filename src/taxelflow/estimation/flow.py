@@ -124,7 +124,7 @@ def convolution_flow(
     complete: Bools,
     places: Floats,
     starts: NDArray[np.int64],
-    gain: float,
+    gains: Floats,
     long_rows: NDArray[np.int64],
     moments: Floats,
     memory: Floats,
@@ -133,7 +133,8 @@ def convolution_flow(
     """Fill rows (scans, pads, COLUMNS), which come in as NaN.
 
     t: (scans,). pressure: (scans, taxels). noise: (taxels,). contact, complete: (scans, pads).
-    places: (2, taxels). starts: (pads + 1,). long_rows: (pads,), see `weighted_sums`. moments: (pads, 8).
+    places: (2, taxels). starts: (pads + 1,). gains: (pads, 2) along x, y. long_rows: (pads,), see `weighted_sums`.
+    moments: (pads, 8).
     memory: (pads, 13), kept from block to block.
     The index needs two usable scans in a row, the slip vector three; a scan without contact, or with a missing
     loaded taxel, begins anew, so that nothing jumps at lift-off and re-contact.
@@ -141,6 +142,7 @@ def convolution_flow(
     for pad in range(len(starts) - 1):
         begin, end = starts[pad], starts[pad + 1]
         x, y = places[0, begin:end], places[1, begin:end]
+        gain_x, gain_y = gains[pad, 0], gains[pad, 1]
         m = memory[pad]
         for scan in range(len(t)):
             if not (contact[scan, pad] and complete[scan, pad]):
@@ -149,15 +151,16 @@ def convolution_flow(
             s, sx, sy, silent = weighted_sums(pressure[scan, begin:end], x, y, long_rows[pad])
             cx, cy = sx / s, sy / s  # contact means that s stands well above its noise
             # c = sum(p r) / sum(p), so dc/dp_i = (r_i - c) / s: first-order propagation of the taxels' noise.
-            g = gain * gain / (s * s)
+            g = 1.0 / (s * s)
+            g_x, g_y = gain_x * gain_x * g, gain_y * gain_y * g
             n = moments[pad]
             if silent:
                 n = noise_moments(noise, places, begin, end, pressure[scan])
             # At least what one taxel half a pitch aside would do: clipped neighbours are quiet, not without noise.
-            var_x = max(g * (n[3] - 2.0 * cx * n[1] + cx * cx * n[0]), g * moments[pad, 6])
-            var_y = max(g * (n[4] - 2.0 * cy * n[2] + cy * cy * n[0]), g * moments[pad, 7])
-            cov = g * (n[5] - cx * n[2] - cy * n[1] + cx * cy * n[0])
-            cx, cy = gain * cx, gain * cy
+            var_x = max(g_x * (n[3] - 2.0 * cx * n[1] + cx * cx * n[0]), g_x * moments[pad, 6])
+            var_y = max(g_y * (n[4] - 2.0 * cy * n[2] + cy * cy * n[0]), g_y * moments[pad, 7])
+            cov = gain_x * gain_y * g * (n[5] - cx * n[2] - cy * n[1] + cx * cy * n[0])
+            cx, cy = gain_x * cx, gain_y * cy
             row = rows[scan, pad]
             if m[_RUN] >= 1.0:
                 row[X], row[Y] = 0.5 * (m[_LAST + 1] + cx), 0.5 * (m[_LAST + 2] + cy)

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
     from taxelflow.estimation.translation import TranslationSession
     from taxelflow.layout import Layout
+    from taxelflow.messages import Floats
 
 
 @dataclass(frozen=True)
@@ -24,9 +25,10 @@ class LNorm:
         if not 0 < self.gain < float("inf"):
             raise ParameterInvalid("gain", self.gain, "it is a number above 0, and 1 when uncalibrated")
 
-    def start(self, layout: Layout, mode: Mode) -> TranslationSession:
-        """Begin a session."""
+    def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> TranslationSession:
+        """Begin a session. calibrated: (pads, 2), factors along x, y besides `gain`."""
         from taxelflow.estimation.peak import MEMORY, peak_flow
-        from taxelflow.estimation.translation import TranslationSession
+        from taxelflow.estimation.translation import TranslationSession, pad_gains
 
-        return TranslationSession(layout, peak_flow, MEMORY, self.gain, layout.pitch_m)
+        factors = pad_gains(layout, self.gain, calibrated)
+        return TranslationSession(layout, peak_flow, MEMORY, factors, layout.pitch_m)

@@ -43,7 +43,7 @@ def peak_flow(
     complete: Bools,
     places: Floats,
     starts: NDArray[np.int64],
-    gain: float,
+    gains: Floats,
     pitch: Floats,
     memory: Floats,
     rows: Floats,
@@ -56,6 +56,7 @@ def peak_flow(
     """
     for pad in range(len(starts) - 1):
         begin, end = starts[pad], starts[pad + 1]
+        gain_x, gain_y = gains[pad, 0], gains[pad, 1]
         m = memory[pad]
         for scan in range(len(t)):
             if not (contact[scan, pad] and complete[scan, pad]):
@@ -77,13 +78,13 @@ def peak_flow(
                     var_x += w * ex * ex
                     var_y += w * ey * ey
                     cov += w * ex * ey
-            g = gain * gain
-            var_x, var_y, cov = g * var_x / weight, g * var_y / weight, g * cov / weight
-            x, y = gain * places[0, best], gain * places[1, best]
+            g_x, g_y = gain_x * gain_x, gain_y * gain_y
+            var_x, var_y, cov = g_x * var_x / weight, g_y * var_y / weight, gain_x * gain_y * cov / weight
+            x, y = gain_x * places[0, best], gain_y * places[1, best]
             row = rows[scan, pad]
             row[X], row[Y], row[LAG] = x, y, 0.0
-            row[VAR_X] = var_x + g * pitch[pad, 0] ** 2 / 12.0
-            row[VAR_Y] = var_y + g * pitch[pad, 1] ** 2 / 12.0
+            row[VAR_X] = var_x + g_x * pitch[pad, 0] ** 2 / 12.0
+            row[VAR_Y] = var_y + g_y * pitch[pad, 1] ** 2 / 12.0
             row[COV_XY] = cov
             if m[_RUN] > 0.0:
                 row[DX], row[DY] = x - m[_LAST + 1], y - m[_LAST + 2]

@@ -16,9 +16,10 @@ if TYPE_CHECKING:
 
     from taxelflow.layout import Layout
 
-DX, DY, X, Y, VAR_X, VAR_Y, COV_XY, D_VAR_X, D_VAR_Y, D_COV_XY, SPAN, LAG, COLUMNS = range(13)
+DX, DY, X, Y, VAR_X, VAR_Y, COV_XY, D_VAR_X, D_VAR_Y, D_COV_XY, SPAN, LAG, LOAD, DISTURBANCE, COLUMNS = range(15)
 """Columns of the row that a kernel fills per scan and pad: displacement, pose, the pose's covariance, the
-displacement's, its span of time, and the pose's lag."""
+displacement's, its span of time, the pose's lag; the pad's load (not the kernel's task), and a sign of slip for methods
+without direction."""
 
 _BORDER_SIGMAS = 6.0
 """A border taxel that reads above so many standard deviations of its noise is loaded."""
@@ -79,6 +80,7 @@ class TranslationSession:
             self._memory,
             rows,
         )
+        add_up(scans.pressure, self._constants[1], rows)
         mark_border(scans.pressure, noise, scans.contact, *self._edge, border)
 
     def step(self, scans: Scans) -> Slips:
@@ -95,11 +97,30 @@ class TranslationSession:
             displacement_covariance=_symmetric(rows[..., D_VAR_X : D_COV_XY + 1]),
             span_s=rows[..., SPAN],
             lag_s=rows[..., LAG],
+            load=rows[..., LOAD],
+            disturbance=rows[..., DISTURBANCE],
         )
 
     def finish(self) -> Slips:
         """Nothing is held back."""
         return self.step(self._nothing)
+
+
+def pad_gains(layout: Layout, gain: float, calibrated: Floats | None) -> Floats:
+    """(pads, 2): one factor for all, times the calibrated ones (pads, 2) if there are any."""
+    factors: Floats = np.full((len(layout.pads), 2), gain) * (1.0 if calibrated is None else calibrated)
+    return factors
+
+
+@kernel
+def add_up(pressure: Floats, starts: NDArray[np.int64], rows: Floats) -> None:
+    """Fill column LOAD of rows (scans, pads, COLUMNS) with the sums of the pads' pressures (scans, taxels)."""
+    for scan in range(pressure.shape[0]):
+        for pad in range(len(starts) - 1):
+            total = 0.0
+            for taxel in range(starts[pad], starts[pad + 1]):
+                total += pressure[scan, taxel]
+            rows[scan, pad, LOAD] = total
 
 
 @kernel

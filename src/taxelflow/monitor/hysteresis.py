@@ -47,7 +47,8 @@ class HysteresisSession:
 def significance(slips: Slips) -> Floats:
     """(scans, pads): displacement over its standard deviation along its own direction; NaN where unknown.
 
-    Where the method knows rotation, the larger of the translation's and the rotation's.
+    Where the method knows rotation, the larger of the translation's and the rotation's; where it has no direction, its
+    disturbance.
     """
     d = slips.displacement[..., :2]
     along = np.einsum("spi,spij,spj->sp", d, slips.displacement_covariance[..., :2, :2], d)
@@ -56,7 +57,7 @@ def significance(slips: Slips) -> Floats:
         translation = np.where(squared > 0, squared / np.sqrt(along), 0.0 * squared)
         turn = slips.displacement[..., 2]
         rotation = np.abs(turn) / np.sqrt(slips.displacement_covariance[..., 2, 2])
-    larger: Floats = np.fmax(translation, rotation)
+    larger: Floats = np.fmax(np.fmax(translation, rotation), slips.disturbance)
     return larger
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 SLIPS = (
     "t_s", "pad", "contact", "dx_m", "dy_m", "dtheta_rad", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s",
     "omega_rad_s", "std_x_m", "std_y_m", "std_theta_rad", "slipping", "border_x", "border_y", "lag_s",
+    "load_pa",
 )
 OBJECT = (
     "t_s", "vx_m_s", "vy_m_s", "omega_rad_s", "rotor_1_s", "cx_m", "cy_m", "x_m", "y_m", "theta_rad", "pads",
@@ -89,8 +90,9 @@ def _slip_rows(slips: Slips, slipping: Bools, pads: tuple[str, ...]) -> Iterable
     numbers = np.concatenate([slips.displacement, slips.pose, slips.velocity, std], axis=2).reshape(count, 12)
     flags = [flag.reshape(count) for flag in (slips.contact, slipping, slips.border[..., 0], slips.border[..., 1])]
     times = [f"{t:.6f}" for t in slips.t_s]
-    for row, (values, contact, slips_now, border_x, border_y, lag) in enumerate(
-        zip(numbers.tolist(), *(flag.tolist() for flag in flags), slips.lag_s.reshape(count).tolist(), strict=True)
+    last = np.stack([slips.lag_s, slips.load], axis=2).reshape(count, 2)
+    for row, (values, contact, slips_now, border_x, border_y, ends) in enumerate(
+        zip(numbers.tolist(), *(flag.tolist() for flag in flags), last.tolist(), strict=True)
     ):
         scan, pad = divmod(row, len(pads))
         yield [
@@ -101,7 +103,7 @@ def _slip_rows(slips: Slips, slipping: Bools, pads: tuple[str, ...]) -> Iterable
             _FLAG[slips_now],
             _FLAG[border_x],
             _FLAG[border_y],
-            _number(lag),
+            *map(_number, ends),
         ]
 
 

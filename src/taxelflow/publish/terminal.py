@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Any
 
+    from taxelflow.calibration import Calibration
     from taxelflow.layout import Sensor
     from taxelflow.publish.summary import Summary
 
@@ -151,6 +152,40 @@ def draw_sensor(sensor: Sensor) -> None:
         console.print(f"\n{group.name}  group of {len(taxels)} taxels of {pads}", style="bold")
         console.print(Text(" ".join(map(str, taxels)), style="cyan"))
     console.print("\nrow 0 is the top row; x to the right, y up, origin at the pad's centre", style="dim")
+
+
+def show_calibration(calibration: Calibration, path: Path) -> None:
+    """Gains with standard errors, the mm they amount to, and the frames and clocks found."""
+    console = Console(markup=False, highlight=False, soft_wrap=True)
+    table = _table(
+        "pad:",
+        "axis:",
+        "gain",
+        "±",
+        "mm per index",
+        "scans",
+        "interior",
+        title=f"{calibration.method}, {calibration.sensor}",
+    )
+    for pad in calibration.pads:
+        for axis, gain, std, mm in (
+            ("x", pad.gain_x, pad.std_x, pad.mm_per_index_x),
+            ("y", pad.gain_y, pad.std_y, pad.mm_per_index_y),
+        ):
+            sure = "assumed" if std is None else f"{std:.4f}"
+            table.add_row(pad.name, axis, f"{gain:.4f}", sure, f"{mm:.3f}", str(pad.scans), str(pad.interior_scans))
+    console.print(table)
+    for pad in calibration.pads:
+        (x, y, turn), (std_x, std_y, std_turn) = pad.T_pad_robot, pad.std_pad_robot
+        console.print(
+            f"{pad.name}: robot's frame at x {1e3 * x:.2f} ± {1e3 * std_x:.2f} mm, "
+            f"y {1e3 * y:.2f} ± {1e3 * std_y:.2f} mm, "
+            f"turned by {np.degrees(turn):.2f} ± {np.degrees(std_turn):.2f} deg; robot's clock ahead by "
+            f"{1e3 * pad.time_offset_s:.1f} ± {1e3 * pad.std_time_offset_s:.1f} ms; residual {pad.residual_mm:.3f} mm"
+        )
+        if pad.note:
+            console.print(f"{pad.name}: {pad.note}")
+    console.print(f"written to {path}")
 
 
 def show_table1(table: Any) -> None:

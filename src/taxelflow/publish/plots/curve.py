@@ -24,7 +24,7 @@ def table_figure(headings: Sequence[str], rows: Sequence[Sequence[str]], seen: s
     table.scale(1.0, 1.15)
     for (row, _), cell in table.get_celld().items():
         cell.set_edgecolor("#dadce0")
-        cell.visible_edges = "B" if row == 0 else "open"
+        cell.set_linewidth(0.8 if row == 0 else 0.0)
         cell.get_text().set_color(INK)
         if row == 0:
             cell.get_text().set_fontweight("bold")

@@ -1,0 +1,126 @@
+"""The calibration file: what `taxelflow calibrate` writes, and the factors that `estimate` takes from it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from taxelflow.errors import CalibrationInvalid, CalibrationUnfit
+
+if TYPE_CHECKING:
+    from taxelflow.layout import Sensor
+    from taxelflow.messages import Floats
+
+Gain = Annotated[float, Meta(gt=0, lt=1e6)]
+Deviation = Annotated[float, Meta(ge=0)]
+
+
+class PadCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What was found for one pad. A standard deviation that is absent: not observable, the number is assumed."""
+
+    name: str
+    gain_x: Gain
+    """Factor on the index along x, without unit; it stands beside a method's own `gain`."""
+    gain_y: Gain
+    mm_per_index_x: float
+    """The factor in mm on the paper's index, its 10.5."""
+    mm_per_index_y: float
+    T_pad_robot: tuple[float, float, float]
+    """Pose x, y, theta (m, m, rad) of the robot's frame in the pad's."""
+    std_pad_robot: tuple[Deviation, Deviation, Deviation]
+    time_offset_s: float
+    """Robot's clock less the sensor's."""
+    std_time_offset_s: Deviation
+    scans: int
+    """Scans with a position that were used."""
+    interior_scans: int
+    """Those of them that the border can hardly do anything to, along the axes whose gain was observed."""
+    residual_mm: Deviation
+    """Root mean square of what the fit leaves of interior positions (of all, if there are none)."""
+    std_x: Deviation | None = None
+    std_y: Deviation | None = None
+    note: str = ""
+
+
+class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Gains of one method on one sensor."""
+
+    method: str
+    sensor: str
+    fingerprint: str
+    """Of the pads' layout: a calibration is refused for another."""
+    taxelflow: str
+    pads: Annotated[tuple[PadCalibration, ...], Meta(min_length=1)]
+
+    def gains(self, sensor: Sensor) -> Floats:
+        """(pads, 2) along x, y, pads and groups of the sensor; 1 for pads that were not calibrated.
+
+        A group has the gain of its pad; one across pads the mean over its taxels, alike along both axes.
+        Raises CalibrationUnfit.
+        """
+        if (self.sensor, self.fingerprint) != (sensor.name, fingerprint(sensor)):
+            same = self.sensor == sensor.name
+            raise CalibrationUnfit(
+                f"sensor {self.sensor!r}" + (" with another layout" if same else ""), f"sensor {sensor.name!r}"
+            )
+        layout = sensor.layout
+        own = {pad.name: (pad.gain_x, pad.gain_y) for pad in self.pads}
+        factors = np.array([own.get(name, (1.0, 1.0)) for name in layout.pads[: layout.pad_count]])
+        taxel_starts = layout.starts[: layout.pad_count + 1]
+        groups = []
+        for group in range(layout.pad_count, len(layout.pads)):
+            homes = np.searchsorted(taxel_starts, layout.source[layout.of_pad(group)], side="right") - 1
+            alone = len(np.unique(homes)) == 1
+            groups.append(factors[homes[0]] if alone else np.full(2, factors[homes].mean()))
+        return np.array([*factors, *groups])
+
+
+def fingerprint(sensor: Sensor) -> str:
+    """Of all that a gain depends on: names, grids, pitches and missing taxels of the pads."""
+    parts = [(pad.name, pad.rows, pad.cols, pad.pitch_m, sorted(pad.missing)) for pad in sensor.pads]
+    return hashlib.sha256(msgspec.json.encode(parts)).hexdigest()[:16]
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """A calibration file, checked. Raises CalibrationInvalid; OSError if it cannot be opened."""
+    text = Path(path).read_bytes()
+    try:
+        return msgspec.convert(tomllib.loads(text.decode()), Calibration)
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise CalibrationInvalid(path, f"it is not TOML ({error})") from error
+    except msgspec.ValidationError as error:
+        seen = str(error).replace("`$.", "`").replace("Object", "table").replace("object", "table")
+        raise CalibrationInvalid(path, seen[:1].lower() + seen[1:]) from error
+
+
+def save_calibration(calibration: Calibration, path: Path) -> None:
+    """Write the file, whole or not at all."""
+    part = path.with_name(path.name + ".part")
+    part.write_text(to_toml(calibration), encoding="utf-8")
+    part.replace(path)
+
+
+def to_toml(calibration: Calibration) -> str:
+    """TOML text; what is not known is left out."""
+    table = msgspec.to_builtins(calibration)
+    pads = table.pop("pads")
+    blocks = [table, *pads]
+    texts = [
+        "".join(f"{key} = {_value(value)}\n" for key, value in block.items() if value is not None) for block in blocks
+    ]
+    return "\n[[pads]]\n".join(texts)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, str):
+        return json.dumps(value).replace("\x7f", "\\u007f")  # JSON's escapes are TOML's, but for DEL
+    return repr(float(value)) if isinstance(value, float) else str(value)

@@ -1,0 +1,35 @@
+"""The sum of a pad's taxels, high-passed: the measure the paper contrasts itself with (Romano et al., its [19])."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taxelflow.errors import ParameterInvalid
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.base import Mode
+    from taxelflow.estimation.translation import TranslationSession
+    from taxelflow.layout import Layout
+
+
+@dataclass(frozen=True)
+class Sum:
+    """Knows load and contact, no position and no direction. Slip = a fast change of the load.
+
+    A grip that tightens, a touch and a release look the same to it, and a slip at constant load does not show.
+    """
+
+    cutoff_hz: float = 1.0
+    """Changes of the load slower than this are held to be the grip's, Hz."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.cutoff_hz < float("inf"):
+            raise ParameterInvalid("cutoff_hz", self.cutoff_hz, "it is a number above 0")
+
+    def start(self, layout: Layout, mode: Mode) -> TranslationSession:
+        """Begin a session."""
+        from taxelflow.estimation.load import MEMORY, load_change
+        from taxelflow.estimation.translation import TranslationSession
+
+        return TranslationSession(layout, load_change, MEMORY, self.cutoff_hz)

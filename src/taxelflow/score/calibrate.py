@@ -1,0 +1,152 @@
+"""Recording and known trajectory -> calibration: the paper's factor, fitted.
+
+What the edge can do to a scan: where a contact is cut by the pad's border, its centroid is that of the part that is
+still there. One pitch beyond a border taxel of pressure p_b lies a place without a taxel. A contact that falls off
+outward goes on falling: with r = p_b / p_inner, at most 1, the ratio of the border taxel to its inner neighbour, the
+hidden place carries about r p_b, and would move the centroid c by r p_b (|x_b - c| + pitch) / sum(p). The sum of this
+over the loaded border taxels is taken as one more standard deviation of the position along that axis. It grows from 0,
+where the contact's skirt touches the border, to about the contact's half width where half of it is cut. It stands for
+a bias, which is alike in stroke after stroke, so that standard errors are wide rather than narrow where scans are cut.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow import __version__, api
+from taxelflow.acquire.trajectory import Trajectory
+from taxelflow.calibration import Calibration, PadCalibration, fingerprint
+from taxelflow.compiling import announced
+from taxelflow.condition.conditioner import Conditioner
+from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
+from taxelflow.messages import Scans, Slips, joined
+from taxelflow.score.gainfit import GainFit, Sightings, fit_gains
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Floats
+
+INDEX_SHARE = {"lnorm": 1.0, "convolution": 0.5}
+"""Pitches that one unit of the method's index stands for; the methods that have one."""
+_INTERIOR = 0.05
+"""A scan that the edge may move by less than this share of a pitch counts as interior."""
+
+
+def calibrate(
+    recording: Recording,
+    truth: Trajectory | None = None,
+    method: str = "convolution",
+    *,
+    pad: str | None = None,
+    search_s: float = 1.0,
+    edge: float = 1.0,
+    within_m: float | None = None,
+) -> Calibration:
+    """Gains per pad and axis from a known trajectory; the recording's own truth if none is given.
+
+    pad: that one only; else the pad of the recording's truth, or all that can be calibrated. search_s: the clocks agree
+    within so much. edge: times the standard deviation by the edge; 0 trusts cut contacts. within_m: use only positions
+    at most that far from the pad's centre along each axis.
+    Raises GainsUnknown, NameUnknown, ParameterInvalid and what reading raises.
+    """
+    if method not in INDEX_SHARE:
+        raise NameUnknown("method with an index", method, INDEX_SHARE)
+    for name, value in (("search_s", search_s), ("edge", edge), ("within_m", 1.0 if within_m is None else within_m)):
+        if not 0 <= value < float("inf"):
+            raise ParameterInvalid(name, value, "it is a number, 0 or more")
+    layout = recording.layout
+    names = layout.pads[: layout.pad_count]
+    if pad is not None and pad not in names:
+        raise NameUnknown("pad", pad, names)
+    if truth is None:
+        if recording.truth is None:
+            raise GainsUnknown(f"{recording.source} holds no truth", "name the robot's trajectory with --truth FILE")
+        truth = Trajectory(recording.truth.t_s, recording.truth.pose[:, :2])
+        pad = pad or recording.truth.pad
+    scans, slips = _seen(recording, method)
+    found, failed = [], []
+    for number, name in enumerate(names):
+        if pad in (None, name):
+            sightings = _sightings(layout, number, scans, slips, edge, within_m)
+            try:
+                fit = fit_gains(sightings, truth, layout.pitch_m[number], search_s)
+            except GainsUnknown as error:
+                failed.append(f"{name}: {error}")
+                continue
+            found.append(_entry(name, fit, sightings, layout.pitch_m[number], INDEX_SHARE[method]))
+    if not found:
+        raise GainsUnknown("; ".join(failed[:3]), "none of these pads can be calibrated by this recording")
+    return Calibration(method, recording.sensor.name, fingerprint(recording.sensor), __version__, tuple(found))
+
+
+def _seen(recording: Recording, method: str) -> tuple[Scans, Slips]:
+    with announced():
+        session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
+        scans = joined([*(s for raw in recording.blocks() for s in session.step(raw)), *session.finish()])
+        return scans, api.estimator(method).start(recording.layout, "batch").step(scans)
+
+
+def _sightings(layout: Layout, pad: int, scans: Scans, slips: Slips, edge: float, within_m: float | None) -> Sightings:
+    """Positions of one pad at gain 1, where they are known."""
+    place = slips.pose[:, pad, :2]
+    reach = edge * edge_reach(layout, pad, scans.pressure, scans.noise) * scans.contact[:, pad, np.newaxis]
+    late = (slips.lag_s[:, pad] > 0)[:, np.newaxis]
+    before = np.concatenate([reach[:1], reach[:-1]])
+    reach = np.where(late, (reach + before) / 2, reach)  # the index of Method II spans two scans
+    known = np.isfinite(place[:, 0])
+    if within_m is not None:
+        with np.errstate(invalid="ignore"):
+            known &= (np.abs(place) <= within_m).all(axis=1)
+    noise = np.sqrt(np.diagonal(slips.covariance[:, pad, :2, :2], axis1=1, axis2=2))
+    when = slips.t_s - slips.lag_s[:, pad]
+    return Sightings(when, place, noise, reach).chosen(known)
+
+
+def edge_reach(layout: Layout, pad: int, pressure: Floats, noise: Floats) -> Floats:
+    """(scans, 2), m: how far what the border hides may have moved the centroid along x, y; 0 for empty scans."""
+    own = layout.of_pad(pad)
+    p = np.clip(pressure[:, own], 0.0, None) * (pressure[:, own] > 6.0 * noise[own])
+    total = np.where(p.sum(axis=1) > 0, p.sum(axis=1), 1.0)
+    grid = np.full(tuple(n + 2 for n in layout.shapes[pad]), -1)
+    grid[layout.row[own] + 1, layout.col[own] + 1] = np.arange(p.shape[1])
+    reach = np.zeros((len(p), 2))
+    for axis, (rows, cols) in enumerate((((0, 0), (-1, 1)), ((-1, 1), (0, 0)))):
+        r = (layout.x_m, layout.y_m)[axis][own]
+        centre = (p @ r) / total
+        for side in range(2):
+            outer = grid[layout.row[own] + 1 + rows[side], layout.col[own] + 1 + cols[side]]
+            inner = grid[layout.row[own] + 1 - rows[side], layout.col[own] + 1 - cols[side]]
+            last = np.flatnonzero(outer < 0)
+            behind = np.where(inner[last] >= 0, p[:, inner[last]], p[:, last])
+            falling = np.minimum(1.0, p[:, last] / np.where(behind > 0, behind, 1.0)) * (p[:, last] > 0)
+            arm = np.abs(r[last] - centre[:, np.newaxis]) + layout.pitch_m[pad, axis]
+            reach[:, axis] += np.sum(falling * p[:, last] * arm, axis=1) / total
+    return reach
+
+
+def _entry(name: str, fit: GainFit, seen: Sightings, pitch_m: Floats, index_share: float) -> PadCalibration:
+    observed = np.isfinite(fit.std)
+    clear = (seen.edge_m[fit.used] <= _INTERIOR * pitch_m)[:, observed].all(axis=1)
+    calm = fit.residual_m[clear] if clear.any() else fit.residual_m
+    std = [float(value) if known else None for value, known in zip(fit.std, observed, strict=True)]
+    mm = 1e3 * index_share * pitch_m * fit.gain
+    return PadCalibration(
+        name=name,
+        gain_x=float(fit.gain[0]),
+        gain_y=float(fit.gain[1]),
+        mm_per_index_x=float(mm[0]),
+        mm_per_index_y=float(mm[1]),
+        T_pad_robot=(float(fit.T_pad_robot[0]), float(fit.T_pad_robot[1]), float(fit.T_pad_robot[2])),
+        std_pad_robot=(float(fit.std_frame[0]), float(fit.std_frame[1]), float(fit.std_frame[2])),
+        time_offset_s=fit.offset_s,
+        std_time_offset_s=fit.std_offset_s,
+        scans=int(fit.used.sum()),
+        interior_scans=int(clear.sum()),
+        residual_mm=1e3 * float(np.sqrt(np.mean(calm[:, observed] ** 2))),
+        std_x=std[0],
+        std_y=std[1],
+        note=fit.note,
+    )

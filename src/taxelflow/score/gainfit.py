@@ -1,0 +1,275 @@
+"""The gains of one pad from where a method saw the object and where a robot says it was.
+
+Model, for scan k and axis a of the pad:  m_ka = p_ka / g_a + error,  p_k = R(phi) q(t_k + offset) + s,  with m the
+method's position at gain 1, q the robot's trajectory, (s, phi) the pose of the robot's frame in the pad's and offset
+the robot's clock less the sensor's. The truth is taken as exact, so the gain divides it: on the noisy side it
+would come out too small. Robust least squares (soft L1); standard errors from the Jacobian at the solution, with
+
+- the scatter that noise does not explain (sampling by taxels), from the scans furthest from the edge's reach;
+- the correlation of consecutive residuals: one centroid is part of two indices, and sampling errors last.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from taxelflow.errors import GainsUnknown
+from taxelflow.geometry import place, rotation
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.trajectory import Trajectory
+    from taxelflow.messages import Bools, Floats
+
+_FEWEST = 8
+_STARTS = 8
+_FLAT = 0.15
+"""A way whose width is less than this share of its length is a line: it shows one gain, not two."""
+_UNSURE = 0.1
+"""A gain with a larger relative standard deviation is called not observed."""
+_LAGS = 6
+_FINE = 400
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sightings:
+    """Where a method saw the object at gain 1, in the pad's frame.
+
+    t_s: (scans,), when the position was true, sensor's clock. place_m: (scans, 2). noise_m, edge_m: (scans, 2),
+    standard deviations by the taxels' noise and by what the pad's edge may hide.
+    """
+
+    t_s: Floats
+    place_m: Floats
+    noise_m: Floats
+    edge_m: Floats
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    def chosen(self, which: Bools) -> Sightings:
+        """Some of them."""
+        return Sightings(self.t_s[which], self.place_m[which], self.noise_m[which], self.edge_m[which])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GainFit:
+    """gain, std: (2,) along x, y, std NaN where not observed. T_pad_robot, std_frame: (3,). Times in s.
+
+    used: (scans,), scans within the trajectory. residual_m: (scans used, 2), in index positions. note: what to know.
+    """
+
+    gain: Floats
+    std: Floats
+    T_pad_robot: Floats
+    std_frame: Floats
+    offset_s: float
+    std_offset_s: float
+    used: Bools
+    residual_m: Floats
+    note: str
+
+
+def fit_gains(seen: Sightings, truth: Trajectory, pitch_m: Floats, search_s: float) -> GainFit:
+    """Gains, frames and time offset (within +-search_s). Raises GainsUnknown."""
+    offset = _coarse_offset(seen, truth, search_s)
+    used = _covered(seen, truth, offset)
+    if used.sum() < _FEWEST:
+        raise GainsUnknown(
+            f"only {used.sum()} scans have a position within the trajectory's times",
+            f"give at least {_FEWEST}, and check that both clocks agree within the search (now {search_s:g} s)",
+        )
+    problem = _Problem(seen.chosen(used), truth, search_s, np.zeros(2))
+    length, width = problem.spread(offset)
+    if length < 0.3 * pitch_m.max():
+        seen_mm = f"the object's way spreads by only {1e3 * length:.2g} mm where the pad sees it well"
+        raise GainsUnknown(seen_mm, "move it over at least two taxels, away from the border")
+    plane = width > _FLAT * length
+    if plane:
+        problem.refuse_mirror(offset)
+    fit = problem.refined(offset, tied=not plane)
+    note = "" if plane else "the way is a line: one gain for both axes"
+    if plane and (fit.std > _UNSURE * fit.gain).any():
+        lost = int(np.argmax(fit.std / fit.gain))
+        fit = problem.refined(offset, tied=True)
+        fit.std[lost] = np.nan
+        note = f"the gain along {'xy'[lost]} is not observed: that of the other axis"
+    elif not plane:
+        moved = problem.along(fit)
+        fit.std[moved < _FLAT * moved.max()] = np.nan
+    if not (fit.std < 3 * _UNSURE * fit.gain).any():
+        raise GainsUnknown(
+            f"it would be {np.round(fit.gain, 2)} with a standard deviation of {np.round(fit.std, 2)}",
+            "let the object move further, away from the pad's border",
+        )
+    if fit.std_offset_s > search_s / 2 > 0:
+        note += ("; " if note else "") + "the time offset is not observed: let the object go to and fro"
+    return GainFit(
+        fit.gain, fit.std, fit.pose, fit.std_pose, fit.offset_s, fit.std_offset_s, used, fit.residual_m, note
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solution:
+    gain: Floats
+    std: Floats
+    pose: Floats
+    std_pose: Floats
+    offset_s: float
+    std_offset_s: float
+    residual_m: Floats
+    cost: float
+
+
+class _Problem:
+    """Least squares over (gain_x, gain_y, phi, s_x, s_y, offset), lengths in units of 1 cm to be of one size."""
+
+    def __init__(self, seen: Sightings, truth: Trajectory, search_s: float, model_m: Floats) -> None:
+        self._seen, self._truth, self._search_s = seen, truth, search_s
+        self._deviation = np.sqrt(seen.noise_m**2 + seen.edge_m**2 + model_m**2)
+
+    def _robot(self, offset: float) -> Floats:
+        return _places(self._truth, self._seen.t_s + offset)
+
+    def spread(self, offset: float) -> tuple[float, float]:
+        """Length and width of the robot's way, weighted by how well the scans see it: standard deviations, m."""
+        q = self._robot(offset)
+        weight = 1.0 / np.min(self._deviation, axis=1) ** 2
+        apart = q - np.average(q, axis=0, weights=weight)
+        moments = np.linalg.eigvalsh(apart.T @ (weight[:, np.newaxis] * apart) / weight.sum())
+        width, length = np.sqrt(np.clip(moments, 0.0, None))
+        return float(length), float(width)
+
+    def along(self, fit: _Solution) -> Floats:
+        """(2,) standard deviations of the way along the pad's axes."""
+        spread: Floats = place(fit.pose, self._robot(fit.offset_s)).std(axis=0)
+        return spread
+
+    def refuse_mirror(self, offset: float) -> None:
+        """A trajectory seen from within the skin is a mirror image, which no rotation undoes."""
+        ways = self._affine(offset)
+        if np.linalg.det(ways) < -0.3 * np.abs(ways).max() ** 2:
+            raise GainsUnknown(
+                "the trajectory is the mirror image of what the pad sees", "give it as seen from outside the skin"
+            )
+
+    def _affine(self, offset: float) -> Floats:
+        """(2, 2), how the positions seen follow the robot's."""
+        q = np.column_stack([self._robot(offset), np.ones(len(self._seen))])
+        rows = [
+            np.linalg.lstsq(q / d[:, np.newaxis], m / d, rcond=None)[0][:2]
+            for m, d in zip(self._seen.place_m.T, self._deviation.T, strict=True)
+        ]
+        return np.array(rows)
+
+    def refined(self, offset: float, *, tied: bool) -> _Solution:
+        """Twice: the first fit shows how much scatter there is besides noise."""
+        first = self._best(offset, tied)
+        clean = _clean(self._seen.edge_m)
+        # Scatter beyond the taxels' noise, seen where the edge cannot do much.
+        beyond = [
+            max(0.0, float(np.mean(r[c] ** 2 - n[c] ** 2)))
+            for r, c, n in zip(first.residual_m.T, clean.T, self._seen.noise_m.T, strict=True)
+        ]
+        again = _Problem(self._seen, self._truth, self._search_s, np.sqrt(beyond))
+        return again._best(first.offset_s, tied)
+
+    def _best(self, offset: float, tied: bool) -> _Solution:
+        """From several first angles, since the angle makes the problem many-valleyed."""
+        starts = np.arange(_STARTS) * 2 * np.pi / _STARTS
+        return min((self._solve(phi, offset, tied) for phi in starts), key=lambda fit: fit.cost)
+
+    def _solve(self, phi: float, offset: float, tied: bool) -> _Solution:
+        s = (self._seen.place_m.mean(axis=0) - rotation(phi) @ self._robot(offset).mean(axis=0)) / 0.01
+        gains = 1 if tied else 2
+        limit = max(self._search_s, 1e-9)
+        start = np.array([*np.ones(gains), phi, *s, np.clip(offset, -0.999 * limit, 0.999 * limit)])
+        free = np.full(len(start), np.inf)
+        lower, upper = -free, free.copy()
+        lower[:gains], upper[:gains] = 0.05, 20.0
+        lower[-1], upper[-1] = -limit, limit
+        found = least_squares(
+            self._residuals, start, bounds=(lower, upper), loss="soft_l1", args=(limit,), x_scale="jac", max_nfev=100
+        )
+        jacobian = np.asarray(found.jac, dtype=np.float64)
+        normal = jacobian.T @ jacobian
+        residual = self._left(found.x)
+        whitened = residual / self._deviation
+        covariance = np.linalg.pinv(normal, hermitian=True) * _inflation(whitened)
+        std = np.sqrt(np.diag(covariance))
+        std[gains + 1 : gains + 3] *= 0.01
+        gain, gain_std = (np.array(np.broadcast_to(part[:gains], 2)) for part in (found.x, std))
+        x, y = 0.01 * found.x[gains + 1 : gains + 3]
+        turn = float(np.arctan2(np.sin(found.x[gains]), np.cos(found.x[gains])))
+        pose = np.array([x, y, turn])
+        std_pose = np.array([*std[gains + 1 : gains + 3], std[gains]])
+        return _Solution(
+            gain, gain_std, pose, std_pose, float(found.x[-1]), float(std[-1]), residual, float(found.cost)
+        )
+
+    def _left(self, x: Floats) -> Floats:
+        """(scans, 2) what the model leaves of the positions seen, m."""
+        gain, phi, s, offset = x[:-4], x[-4], x[-3:-1], x[-1]
+        p = place(np.array([*(0.01 * s), phi]), self._robot(float(offset)))
+        left: Floats = self._seen.place_m - p / gain
+        return left
+
+    def _residuals(self, x: Floats, limit: float) -> Floats:
+        """All in standard deviations; the last says that the offset lies within the search."""
+        return np.append((self._left(x) / self._deviation).ravel(), x[-1] / limit)
+
+
+def _places(truth: Trajectory, t_s: Floats) -> Floats:
+    return np.stack([np.interp(t_s, truth.t_s, axis) for axis in truth.place_m.T], axis=1)
+
+
+def _covered(seen: Sightings, truth: Trajectory, offset: float) -> Bools:
+    when = seen.t_s + offset
+    inside: Bools = (when >= truth.t_s[0]) & (when <= truth.t_s[-1])
+    return inside
+
+
+def _coarse_offset(seen: Sightings, truth: Trajectory, search_s: float) -> float:
+    """The offset of the best affine map between the two ways, by trial."""
+    if search_s <= 0 or len(seen) < _FEWEST:
+        return 0.0
+    step = max(float(np.median(np.diff(seen.t_s))) / 2, 2 * search_s / _FINE)
+    trials = step * np.arange(-int(search_s / step), int(search_s / step) + 1)
+    costs = [_affine_cost(seen, truth, trial) for trial in trials.tolist()]
+    return float(trials[int(np.argmin(costs))]) if np.isfinite(costs).any() else 0.0
+
+
+def _affine_cost(seen: Sightings, truth: Trajectory, offset: float) -> float:
+    """Mean squared residual per scan of the best affine map, in standard deviations."""
+    used = _covered(seen, truth, offset)
+    if used.sum() < max(_FEWEST, len(seen) // 4):
+        return float("inf")
+    part = seen.chosen(used)
+    q = np.column_stack([_places(truth, part.t_s + offset), np.ones(len(part))])
+    total = 0.0
+    for m, noise, edge in zip(part.place_m.T, part.noise_m.T, part.edge_m.T, strict=True):
+        weight = 1.0 / np.sqrt(noise**2 + edge**2)
+        left = (m - q @ np.linalg.lstsq(q * weight[:, np.newaxis], m * weight, rcond=None)[0]) * weight
+        total += float(np.mean(left**2))
+    return total
+
+
+def _clean(edge_m: Floats) -> Bools:
+    """(scans, 2), per axis the quarter of the scans (at least 8) that the edge can do least to."""
+    share = max(0.25, _FEWEST / len(edge_m))
+    clean: Bools = edge_m <= np.quantile(edge_m, share, axis=0)
+    return clean
+
+
+def _inflation(whitened: Floats) -> float:
+    """How much larger variances are because consecutive residuals (scans, 2) are alike: 1 + 2 sum of correlations."""
+    power = float(np.sum(whitened**2))
+    lags = min(_LAGS, len(whitened) // 4)
+    if power <= 0 or lags < 1:
+        return 1.0
+    alike = [float(np.sum(whitened[lag:] * whitened[:-lag])) / power for lag in range(1, lags + 1)]
+    fading = 1 - np.arange(1, lags + 1) / (lags + 1)  # Bartlett's weights keep the sum above 0
+    return max(1.0, 1 + 2 * float(fading @ alike))
