@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import taxelflow
-from synthetic import grid_sensor
+from synthetic import dome, grid_sensor, recorded
 from taxelflow.calibration import (
     Calibration,
     PadCalibration,
@@ -143,6 +143,18 @@ def test_gains_of_one_change_no_bit(stroke: Recording, method: str) -> None:
     plain, same = (taxelflow.estimate(stroke, method, calibration=cal).slips for cal in (None, ones))
     for name in ("pose", "displacement", "covariance", "displacement_covariance"):
         np.testing.assert_array_equal(getattr(plain, name), getattr(same, name))
+
+
+def test_a_touched_pad_without_a_gain_is_named() -> None:
+    two = grid_sensor(4, 7, pads=2)
+    idle = np.zeros((20, 56))
+    values = np.concatenate([idle, np.array([dome(two) + dome(two, pad=1)] * 20)])
+    result = taxelflow.estimate(
+        recorded(values + np.random.default_rng(0).normal(0, 50, (40, 56)), two), calibration=of(two)
+    )
+    assert [note for note in result.summary.notes if "calibration" in note] == [
+        "not in the calibration, so at gain 1: pad0"
+    ]
 
 
 def test_a_file_that_is_not_there_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

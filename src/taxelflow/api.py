@@ -127,6 +127,11 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
     untared = [name for name, pad in pads.items() if not pad.tared and pad.contact_scans]
     if untared and pipeline.condition.tare == "auto":
         notes.append(f"not tared, because no idle scans were found: {', '.join(untared)}")
+    if pipeline.calibration is not None:
+        known = {pad.name for pad in pipeline.calibration.pads}
+        own = totals.pads[: layout.pad_count]
+        if bare := [name for name in own if name in pads and pads[name].contact_scans and name not in known]:
+            notes.append(f"not in the calibration, so at gain 1: {', '.join(bare)}")
     if silent := [taxel for taxel in masked if not recording.masked[taxel]]:
         notes.append(f"masked, because silent while noise was learned: taxels {', '.join(map(str, silent))}")
     return Summary(

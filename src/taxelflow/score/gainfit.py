@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 _FEWEST = 8
-_STARTS = 8
+_STARTS = 4
 _FLAT = 0.15
 """A way whose width is less than this share of its length is a line: it shows one gain, not two."""
 _UNSURE = 0.1
