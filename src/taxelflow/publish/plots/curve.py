@@ -40,9 +40,10 @@ def curve_figure(curves: Mapping[str, Sequence[tuple[int, float]]], ylabel: str,
     for (name, points), colour, mark in zip(curves.items(), (BLUE, VERMILION, GREEN), "o^s", strict=False):
         ordered = sorted(points)
         axis.plot([n for n, _ in ordered], [e for _, e in ordered], color=colour, marker=mark, label=name)
+    axis.set_xticks(sorted({n for points in curves.values() for n, _ in points}))
     axis.set_xlabel("slip vectors")
     axis.set_ylabel(ylabel)
-    axis.set_ylim(bottom=0)
+    axis.set_ylim(0, 1.15 * max(e for points in curves.values() for _, e in points))
     axis.legend()
     caption(figure, seen, 92)
     return figure

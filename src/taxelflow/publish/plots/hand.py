@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from taxelflow.layout import Layout
     from taxelflow.messages import Floats
 
+_LONGEST = 0.2
+"""The longest slip vector of a figure is drawn as this share of the hand's width."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
@@ -42,15 +45,20 @@ def field_figure(layout: Layout, moments: Sequence[Moment], seen: str) -> Figure
     import matplotlib.pyplot as plt
 
     box = _box_mm(layout)
+    fastest = max(float(np.nanmax(np.hypot(*moment.vectors.T), initial=1e-9)) for moment in moments)
+    scale = _LONGEST * (box[1] - box[0]) / fastest
+    tips = np.concatenate([1e3 * moment.places + scale * moment.vectors for moment in moments])
+    tips = tips[np.isfinite(tips).all(axis=1)]
+    (left, low), (right, high) = np.min(tips, axis=0, initial=np.inf) - 6, np.max(tips, axis=0, initial=-np.inf) + 6
+    box = (min(box[0], left), max(box[1], right), min(box[2], low), max(box[3], high))
     ratio = (box[3] - box[2]) / (box[1] - box[0])
     wide = 10.5 / len(moments)
     figure, axes = plt.subplots(
         1, len(moments), squeeze=False, figsize=(10.5, wide * ratio + 1.5), layout="constrained", sharey=True
     )
-    fastest = max(float(np.nanmax(np.hypot(*moment.vectors.T), initial=1e-9)) for moment in moments)
     for axis, moment in zip(axes[0], moments, strict=True):
         draw_hand(axis, layout, moment.pressure)
-        _draw_vectors(axis, moment, 0.22 * (box[1] - box[0]) / fastest)
+        _draw_vectors(axis, moment, scale)
         axis.set_xlim(box[0], box[1])
         axis.set_ylim(box[2], box[3])
         axis.set_title(moment.title)
@@ -159,7 +167,8 @@ def _draw_frames(axis: Axes, layout: Layout) -> None:
             at, align = (own[:, 0].max() + 6, middle[1]), "left"
         else:
             at, align = (middle[0], own[:, 1].min() - 7), "center"
-        axis.annotate(name, at, ha=align, va="top", fontsize=6.5, color=MAGENTA if group else INK)
+        size, colour = (4.5, MAGENTA) if group else (6.5, INK)
+        axis.annotate(name, at, ha=align, va="top", fontsize=size, color=colour)
 
 
 def _box_mm(layout: Layout) -> tuple[float, float, float, float]:
