@@ -234,8 +234,9 @@ class Score:
         from taxelflow.score.field import score_field
         from taxelflow.score.table1 import table1
 
-        if self.strokes < 2 or self.seeds < 1:
-            raise ParameterInvalid("strokes or seeds", min(self.strokes, self.seeds), "at least 2 strokes and 1 seed")
+        _at_least("strokes", self.strokes, 2)
+        _at_least("seeds", self.seeds, 1)
+        _at_least("seed", self.seed, 0)
         if self.what == "table1":
             table = table1(self.strokes, self.seed, lambda trials: counted(trials, "trials"))
             show_table1(table) if not self.json else sys.stdout.buffer.write(to_json(table))
@@ -282,6 +283,8 @@ class Figures:
         """Simulate, estimate, draw."""
         from taxelflow.paper import draw_paper
 
+        _at_least("strokes", self.strokes, 2)
+        _at_least("seeds", self.seeds, 1)
         for path in draw_paper(self.out, self.format, strokes=self.strokes, seeds=self.seeds):
             print(path)
         return 0
@@ -308,6 +311,11 @@ class Bench:
         else:
             show_bench(figures)
         return 0
+
+
+def _at_least(name: str, value: int, least: int) -> None:
+    if value < least:
+        raise ParameterInvalid(name, value, f"it is {least} or more")
 
 
 Command = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,45 +35,66 @@ def draw_results(directories: Sequence[Path], out: Path, form: str) -> list[Path
     Per loaded pad a `position-PAD`, one `path-METHOD` per result, and, where the recording is still there, `views`:
     the paper's Fig. 5 at the moment of largest slip. Raises ResultMissing, ExtraMissing.
     """
-    results = [read_result(directory) for directory in directories]
-    if len({(summary.input, summary.sensor) for summary, _ in results}) > 1:
-        raise ResultMissing(directories[1], f"result of the same recording as {directories[0]}")
+    results = [(ran, _placed(tracks)) for ran, tracks in map(read_result, directories)]
+    for directory, (ran, _) in zip(directories, results, strict=True):
+        if (ran.input, ran.sensor) != (results[0][0].input, results[0][0].sensor):
+            raise ResultMissing(directory, f"result of the same recording as {directories[0]}")
     summary = results[0][0]
     pads = _busiest(results)
+    results = [(ran, tracks) for ran, tracks in results if any(track.pad in pads for track in tracks)]
+    if not results:
+        raise ResultMissing(directories[0], f"position: method {summary.method!r} knows none, there is nothing to draw")
     recording = _recording(summary)
     out.mkdir(parents=True, exist_ok=True)
-    made = []
+    made: list[Path] = []
     with styled():
         for pad in pads:
             tracks = [track for _, tracks in results for track in tracks if track.pad == pad]
+            if not tracks:
+                continue
             truth = recording.truth if recording and recording.truth and recording.truth.pad == pad else None
             shown = (truth.t_s, truth.pose[:, :2]) if truth else None
             figure = position_figure(tracks, shown, strokes_of(truth) if truth else ())
-            made.append(save(figure, out / f"position-{pad}.{form}"))
+            made.append(save(figure, _free(out, f"position-{pad}", form, made)))
         for ran, tracks in results:
             figure = path_figure([track for track in tracks if track.pad in pads], ran.layout.layout)
-            made.append(save(figure, out / f"path-{ran.method}.{form}"))
-        if recording:
+            made.append(save(figure, _free(out, f"path-{ran.method}", form, made)))
+        if recording and any(track.pad == pads[0] for _, tracks in results for track in tracks):
             made.append(_draw_views(results, pads[0], recording, out / f"views.{form}"))
     return made
 
 
+def _free(out: Path, stem: str, form: str, made: Sequence[Path]) -> Path:
+    """A file for a picture: whatever a pad is called it stays in `out`, and no picture of this drawing is replaced."""
+    safe = re.sub(r"[^\w .,+@=-]", "_", stem)
+    names = (f"{safe}{suffix}.{form}" for suffix in ("", *(f"-{number}" for number in range(2, len(made) + 3))))
+    return next(out / name for name in names if out / name not in made)
+
+
 def strokes_of(truth: Truth) -> list[tuple[float, float]]:
     """Intervals (from, to) in s during which the object moves at one velocity."""
-    step = np.round(np.diff(truth.pose[:, :2], axis=0) / np.diff(truth.t_s)[:, np.newaxis], 5)
+    fresh = np.diff(truth.t_s, prepend=-np.inf) > 0
+    t_s, pose = truth.t_s[fresh], truth.pose[fresh]
+    step = np.round(np.diff(pose[:, :2], axis=0) / np.diff(t_s)[:, np.newaxis], 5)
     turns = np.flatnonzero(np.any(np.diff(step, axis=0) != 0, axis=1)) + 1
     bounds = [0, *turns, len(step)]
     return [
-        (float(truth.t_s[first]), float(truth.t_s[last]))
+        (float(t_s[first]), float(t_s[last]))
         for first, last in pairwise(bounds)
         if last - first > 1 and np.any(step[first] != 0)
     ]
 
 
+def _placed(tracks: list[Track]) -> list[Track]:
+    """Tracks of which some position is known."""
+    return [track for track in tracks if np.isfinite(track.position_m).any()]
+
+
 def _busiest(results: Sequence[tuple[Summary, list[Track]]]) -> list[str]:
     """Pads in contact, the one with the longest contact first."""
     summary = results[0][0]
-    loaded = [(pad.contact_scans, name) for name, pad in summary.pads.items() if pad.contact_scans]
+    pads = summary.layout.layout.pads[: summary.layout.layout.pad_count]  # groups lie on them
+    loaded = [(summary.pads[name].contact_scans, name) for name in pads if summary.pads[name].contact_scans]
     if not loaded:
         raise ResultMissing(Path(summary.input), "contact at all, so there is nothing to draw")
     return [name for _, name in sorted(loaded, reverse=True)[:_MOST_PADS]]
@@ -81,9 +103,13 @@ def _busiest(results: Sequence[tuple[Summary, list[Track]]]) -> list[str]:
 def _recording(summary: Summary) -> Recording | None:
     """The recording that a result came from, if it is still where it was."""
     try:
-        return api.read(summary.input, summary.layout)
+        recording = api.read(summary.input, summary.layout)
+        first = next(recording.blocks())
     except RecordingError:
         return None
+    count = summary.scans + summary.repeated_scans_dropped
+    same = recording.scans in (None, count) or summary.loss is not None
+    return recording if same and first.t_s[0] == summary.t_first_s else None
 
 
 def _draw_views(results: Sequence[tuple[Summary, list[Track]]], pad: str, recording: Recording, path: Path) -> Path:
@@ -91,7 +117,8 @@ def _draw_views(results: Sequence[tuple[Summary, list[Track]]], pad: str, record
     ran, track = tracks.get("convolution", next(iter(tracks.values())))
     moved = np.hypot(track.numbers["dx_m"], track.numbers["dy_m"])
     inner = np.where(track.flags["slipping"] | ~track.flags["slipping"].any(), moved, np.nan)
-    scan = int(np.nanargmax(_settled(inner))) if np.isfinite(inner).any() else 0
+    touched = int(np.argmax(track.flags["contact"]))
+    scan = int(np.nanargmax(_settled(inner))) if np.isfinite(inner).any() else touched
     t_s = float(track.numbers["t_s"][scan])
     number = recording.layout.pads.index(pad)
     before, now = _two_scans(ran, recording, number, t_s)

@@ -52,7 +52,13 @@ def read_result(directory: Path) -> tuple[Summary, list[Track]]:
         ran = msgspec.json.decode(summary.read_bytes(), type=Summary)
     except msgspec.DecodeError as error:
         raise ResultMissing(directory, f"readable summary.json ({error})") from error
-    return ran, _tracks(slips, ran)
+    try:
+        tracks = _tracks(slips, ran)
+    except (ValueError, KeyError, csv.Error) as error:  # UnicodeDecodeError is a ValueError
+        raise ResultMissing(directory, f"readable slips.csv ({error})") from error
+    if {track.pad for track in tracks} != set(ran.pads):
+        raise ResultMissing(directory, "slips.csv of the pads that its summary.json names")
+    return ran, tracks
 
 
 def _tracks(slips: Path, ran: Summary) -> list[Track]:

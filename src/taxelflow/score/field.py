@@ -82,9 +82,9 @@ def cuts_of(hand: Sensor) -> list[_Cut]:
     return [
         _Cut("tips of fingers 1, 2", _kept(hand, tips, 1)),
         _Cut("fingers 1, 2", _kept(hand, fingers, 1)),
-        _Cut("fingers 1, 2, palm whole", _kept(hand, fingers | {"palm"}, 1)),
-        _Cut("fingers 1, 2, palm as in the paper", _kept(hand, fingers | {"palm"}, 1, hand.groups)),
-        _Cut("all, palm as in the paper", _kept(hand, everything, 1, hand.groups)),
+        _Cut("fingers 1, 2, palm", _kept(hand, fingers | {"palm"}, 1)),
+        _Cut("fingers 1, 2, palm in 3", _kept(hand, fingers | {"palm"}, 1, hand.groups)),
+        _Cut("all, palm in 3", _kept(hand, everything, 1, hand.groups)),
         _Cut("all, each pad in 2", _kept(hand, everything, 2)),
         _Cut("all, each pad in 3", _kept(hand, everything, 3)),
     ]

@@ -107,7 +107,7 @@ def table1(strokes: int, seed: int, watched: Callable[[Iterable[int]], Iterable[
                 factor = _factor(_velocities(seen["fit", method], scans), SPEEDS_MM_S[0])
                 measured = seen[speed, method]
                 rows += [_row(speed, method, scans, f, measured) for f in (1.0, factor)]
-    return Table1(strokes, seed, PAPER, rows)
+    return Table1(2 * trials, seed, PAPER, rows)
 
 
 def _trial(seed: int, speed_mm_s: int) -> Scenario:

@@ -21,7 +21,7 @@ from taxelflow.errors import ParameterInvalid
         (Contact, {"deform_1_m": -1.0}, r"contact deform_1_m is -1\.0; it is 0 or more"),
         (Motion, {"interval_s": (0.4, 0.1)}, r"motion interval_s .*not below the first"),
         (Motion, {"kind": "stick-slip", "travel_m": 0.01}, r"motion travel_m is 0\.01; stick and slip need 0\.012 m"),
-        (Motion, {"rest_s": -1.0}, r"both are 0 or more"),
+        (Motion, {"rest_s": -1.0}, r"motion rest_s is -1\.0; it is 0 or more"),
         (Load, {"growth": 0.7}, r"load growth is 0\.7; it lies between 0 and 0\.5"),
         (Load, {"multiples": (0.0, 1.0)}, r"load multiples is 0\.0; it is above 0"),
         (Load, {"tilt": float("nan")}, r"load tilt is nan; it lies between -1 and 1"),

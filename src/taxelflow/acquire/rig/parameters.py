@@ -105,8 +105,8 @@ class Motion:
     def __post_init__(self) -> None:
         for name in ("speed_m_s", "turn_s", "strokes", "stick_slip_s"):
             _positive(f"motion {name}", getattr(self, name))
-        if self.rest_s < 0 or self.travel_m < 0:
-            raise ParameterInvalid("motion rest_s or travel_m", min(self.rest_s, self.travel_m), "both are 0 or more")
+        for name in ("rest_s", "travel_m"):
+            _not_negative(f"motion {name}", getattr(self, name))
         _ordered("motion interval_s", self.interval_s)
         _ordered("motion slip_m_s", self.slip_m_s)
         if self.kind == "stick-slip" and self.travel_m < 2 * self.interval_s[1] * self.slip_m_s[1]:
@@ -199,12 +199,13 @@ class Sensing:
     def __post_init__(self) -> None:
         _positive("sensing rate_hz", self.rate_hz)
         _positive("sensing full_scale_pa", self.full_scale_pa)
-        if self.noise_pa < 0 or self.gain_spread < 0:
+        for name in ("noise_pa", "gain_spread", "gain_wobble", "jitter_s"):
+            _not_negative(f"sensing {name}", getattr(self, name))
+        low, high = self.baseline_pa
+        if not float("-inf") < low <= high < float("inf"):
             raise ParameterInvalid(
-                "sensing noise_pa or gain_spread", min(self.noise_pa, self.gain_spread), "both are 0 or more"
+                "sensing baseline_pa", self.baseline_pa, "two numbers, the second not below the first"
             )
-        _not_negative("sensing gain_wobble", self.gain_wobble)
-        _not_negative("sensing jitter_s", self.jitter_s)
         _within("sensing scan_share", self.scan_share, 0.0, 1.0)
         _within("sensing bits", self.bits, 1, 32)
         if not 0 < self.active_share <= 1:
@@ -212,12 +213,12 @@ class Sensing:
 
 
 def _positive(name: str, value: float) -> None:
-    if not value > 0:
+    if not 0 < value < float("inf"):
         raise ParameterInvalid(name, value, "it is above 0")
 
 
 def _not_negative(name: str, value: float) -> None:
-    if not value >= 0:
+    if not 0 <= value < float("inf"):
         raise ParameterInvalid(name, value, "it is 0 or more")
 
 

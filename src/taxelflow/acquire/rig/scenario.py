@@ -30,6 +30,8 @@ class Scenario:
     sensing: Sensing = field(default_factory=Sensing)
 
     def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ParameterInvalid("seed", self.seed, "it is 0 or more")
         if self.load.lift_s > self.motion.rest_s:
             allowed = f"it is at most motion rest_s, {self.motion.rest_s:g}: a moving object is in contact"
             raise ParameterInvalid("load lift_s", self.load.lift_s, allowed)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.publish.plots.style import GREY, INK
+from taxelflow.publish.plots.style import GREY, INK, plain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,7 +51,7 @@ def path_figure(tracks: Sequence[Track], layout: Layout) -> Figure:
             linewidths=0,
             zorder=3,
         )
-        axis.set_title(track.pad)
+        axis.set_title(plain(track.pad))
         axis.set_xlabel("x in mm")
     axes[0, 0].set_ylabel("y in mm")
     if dots is not None:

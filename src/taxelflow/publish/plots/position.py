@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.publish.plots.style import GREY, INK, look
+from taxelflow.publish.plots.style import GREY, INK, look, plain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,7 +45,7 @@ def position_figure(
         axis.set_ylabel(f"{'xy'[component]} in mm")
     for track in tracks:
         _draw_lines(axes[0], track, main, start_s, strokes)
-    axes[0].set_title(f"Object on {tracks[0].pad}")
+    axes[0].set_title(plain(f"Object on {tracks[0].pad}"))
     axes[0].legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.18 * (high - low))

@@ -63,6 +63,11 @@ def styled() -> Iterator[None]:
         yield
 
 
+def plain(text: str) -> str:
+    """Text in which a dollar is a dollar, and no formula begins."""
+    return text.replace("$", r"\$")
+
+
 def caption(figure: Figure, text: str, characters: int) -> None:
     """What is seen, under the figure, in lines of so many characters."""
     figure.supxlabel(textwrap.fill(text, characters), fontsize=8, color=INK, x=0.01, ha="left")

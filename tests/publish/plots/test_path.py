@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from matplotlib.collections import PatchCollection, PathCollection
+
+from rigged import track
+from synthetic import grid_sensor
+from taxelflow.publish.plots.path import path_figure
+from taxelflow.publish.plots.style import save, styled
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+
+LAYOUT = grid_sensor(4, 7, pads=3, missing=((0, 0), (3, 6))).layout
+X = np.linspace(-0.02, 0.02, 30)
+
+
+@pytest.fixture(autouse=True)
+def style() -> Iterator[None]:
+    import matplotlib.pyplot as plt
+
+    with styled():
+        yield
+    plt.close("all")
+
+
+def dots(axis: Axes) -> PathCollection:
+    (found,) = (item for item in axis.collections if isinstance(item, PathCollection))
+    return found
+
+
+def test_each_pad_has_its_own_axes_with_its_taxels_in_mm() -> None:
+    figure = path_figure([track(X, X / 4, pad="pad2"), track(X, 0 * X, pad="pad0")], LAYOUT)
+    pads = figure.axes[:2]
+    assert [axis.get_title(loc="left") for axis in pads] == ["pad2", "pad0"]
+    for axis in pads:
+        (taxels,) = (item for item in axis.collections if isinstance(item, PatchCollection))
+        assert len(taxels.get_paths()) == 26
+        left, right = axis.get_xlim()
+        low, high = axis.get_ylim()
+        assert left < -35 < 35 < right
+        assert low < -20 < 20 < high
+        assert axis.get_xlabel() == "x in mm"
+    assert pads[0].get_ylabel() == "y in mm"
+    assert figure.axes[-1].get_ylabel() == "time in s"
+
+
+def test_the_missing_taxels_are_missing_where_they_are_row_0_on_top() -> None:
+    (axis, *_) = path_figure([track(X, X, pad="pad0")], LAYOUT).axes
+    (taxels,) = (item for item in axis.collections if isinstance(item, PatchCollection))
+    centres = np.array([path.get_extents().get_points().mean(axis=0) for path in taxels.get_paths()])
+    assert not np.any(np.all(np.isclose(centres, [-30, 15]), axis=1))
+    assert np.any(np.all(np.isclose(centres, [30, 15]), axis=1))
+
+
+def test_dots_are_the_positions_coloured_by_time_and_larger_while_slipping() -> None:
+    slipping = np.arange(30) >= 20
+    figure = path_figure([track(X, X / 2, pad="pad1", slipping=slipping, t_s=np.arange(30) / 10 + 500)], LAYOUT)
+    seen = dots(figure.axes[0])
+    np.testing.assert_allclose(np.asarray(seen.get_offsets()), 1e3 * np.stack([X, X / 2], axis=1))
+    colours = seen.get_array()
+    assert colours is not None
+    np.testing.assert_allclose(np.asarray(colours), np.arange(30) / 10, atol=1e-9)
+    sizes = seen.get_sizes()
+    assert sizes[slipping].min() > 2 * sizes[~slipping].max()
+
+
+def test_unknown_positions_are_left_out(tmp_path: Path) -> None:
+    unknown = np.where(np.arange(30) < 10, np.nan, X)
+    figure = path_figure([track(unknown, unknown, pad="pad1")], LAYOUT)
+    assert np.ma.masked_invalid(np.ma.filled(dots(figure.axes[0]).get_offsets(), np.nan)).count() == 40
+    save(figure, tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 16), (16, 1), (40, 40)])
+def test_pads_of_any_shape_are_drawn(tmp_path: Path, rows: int, cols: int) -> None:
+    layout = grid_sensor(rows, cols).layout
+    figure = path_figure([track(X / 100, X / 100, pad="pad0")], layout)
+    width, height = figure.get_size_inches()
+    assert 1 < width < 20
+    assert 1 < height < 20
+    save(figure, tmp_path / "a.png")

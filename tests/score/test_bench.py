@@ -1,0 +1,147 @@
+from __future__ import annotations
+
+import gc
+import json
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+import pytest
+
+from rigged import rigged
+from taxelflow.acquire.rig.simulate import save
+from taxelflow.errors import RecordingMissing
+from taxelflow.publish.summary import to_json
+from taxelflow.score.bench import Bench, batch_centroids, bench
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+WAYS = [
+    "literal equations (SciPy)",
+    "convolution kernel",
+    "convolution step",
+    "lnorm kernel",
+    "lnorm step",
+    "stage condition",
+    "stage monitor",
+    "stage fuse",
+    "all stages",
+]
+STAGES = ["parsing", "conditioning", "estimating", "monitoring and fusing", "writing"]
+
+
+def hurried(patch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Few rounds; processes are only noted, not started."""
+    started: list[list[str]] = []
+
+    def run(command: list[str], **_more: object) -> None:
+        started.append(command)
+
+    patch.setattr("taxelflow.score.bench._ROUNDS", 2)
+    patch.setattr("taxelflow.score.bench._LITERAL_BUDGET_S", 0.01)
+    patch.setattr("taxelflow.score.bench._BATCH_BYTES", 200_000)
+    patch.setattr("taxelflow.score.bench._BATCH_ROUNDS", 1)
+    patch.setattr("taxelflow.score.bench.subprocess.run", run)
+    return started
+
+
+@pytest.fixture(scope="module")
+def started() -> list[list[str]]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def figures(started: list[list[str]]) -> Bench:
+    with pytest.MonkeyPatch.context() as patch:
+        commands = hurried(patch)
+        result = bench(None)
+        started.extend(commands)
+    return result
+
+
+def test_each_sensor_is_measured_in_each_way(figures: Bench) -> None:
+    assert [(row.sensor, row.what) for row in figures.latencies] == [
+        (sensor, what) for sensor in ("barretthand-162", "schunk-sdh2", "64x64") for what in WAYS
+    ]
+
+
+def test_times_are_positive_and_ratios_refer_to_the_literal_equations(figures: Bench) -> None:
+    literal = {row.sensor: row.p50_us for row in figures.latencies if row.what == WAYS[0]}
+    for row in figures.latencies:
+        assert 0 < row.p50_us <= row.p99_us
+        assert row.times_faster == pytest.approx(literal[row.sensor] / row.p50_us)
+
+
+def test_shares_are_of_all_stages_and_add_up_to_1(figures: Bench) -> None:
+    assert [share.stage for share in figures.shares] == STAGES
+    assert all(share.seconds > 0 for share in figures.shares)
+    assert sum(share.share for share in figures.shares) == pytest.approx(1)
+
+
+def test_without_a_recording_one_about_as_long_as_the_longest_real_one_is_simulated(figures: Bench) -> None:
+    assert figures.recording == "simulated.npz"
+    assert figures.scans == pytest.approx(6893, rel=0.01)
+
+
+def test_starts_are_compared_with_that_of_numpy(figures: Bench) -> None:
+    assert [start.command for start in figures.starts] == ["import numpy", "taxelflow --help", "taxelflow sensors"]
+    assert all(start.seconds > 0 for start in figures.starts)
+    assert figures.starts[0].over_import_numpy == 1
+
+
+def test_what_is_started_runs(figures: Bench, started: list[list[str]]) -> None:
+    assert figures.starts
+    commands = {tuple(command) for command in started}
+    assert len(commands) == 3
+    for command in commands:
+        assert command[0] == sys.executable
+        subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+
+
+def test_json_makes_the_round_trip(figures: Bench) -> None:
+    assert msgspec.json.decode(to_json(figures), type=Bench) == figures
+    assert set(json.loads(to_json(figures))) == {"latencies", "throughputs", "recording", "scans", "shares", "starts"}
+
+
+def test_a_recording_of_ones_own_is_measured_and_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    hurried(monkeypatch)
+    monkeypatch.setattr("taxelflow.score.bench._sensors", list)
+    save(rigged("turn"), tmp_path / "turn.npz")
+    figures = bench(tmp_path / "turn.npz")
+    assert (figures.recording, figures.scans) == ("turn.npz", 186)
+    assert [path.name for path in tmp_path.iterdir()] == ["turn.npz"]
+    assert sum(share.share for share in figures.shares) == pytest.approx(1)
+
+
+def test_a_missing_recording_is_refused_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    hurried(monkeypatch)
+    monkeypatch.setattr("taxelflow.score.bench._sensors", list)
+    with pytest.raises(RecordingMissing, match=r"none\.npz does not exist"):
+        bench(tmp_path / "none.npz")
+
+
+def test_the_garbage_collector_runs_again_afterwards(figures: Bench) -> None:
+    assert figures.latencies
+    assert gc.isenabled()
+
+
+def test_throughput_is_of_reading_centroids_and_the_whole_step(figures: Bench) -> None:
+    assert [(row.array, row.what) for row in figures.throughputs] == [
+        (array, what) for array in ("16x16", "32x32", "64x64") for what in ("reading", "centroids", "batch step")
+    ]
+    for row in figures.throughputs:
+        assert row.gb_per_s > 0
+        assert row.million_scans_per_s > 0
+        assert row.what != "reading" or row.share_of_read == 1
+
+
+def test_the_benchs_centroids_are_those_of_the_estimator() -> None:
+    random = np.random.default_rng(0)
+    pressure, x, y = random.uniform(1, 2, (5, 256)), random.normal(size=16), random.normal(size=16)
+    places_x, places_y, found = np.tile(x, 16), np.repeat(y, 16), np.empty((5, 2))
+    batch_centroids(pressure, places_x, places_y, 16, found)
+    expected = pressure @ np.stack([places_x, places_y], axis=1) / pressure.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)

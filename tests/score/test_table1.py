@@ -1,0 +1,200 @@
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+import pytest
+
+from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.publish.summary import to_json
+from taxelflow.score.table1 import METHODS, PAPER, SPEEDS_MM_S, PaperRow, Row, Table1, table1
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from taxelflow.acquire.base import Recording
+    from taxelflow.acquire.rig.scenario import Scenario
+
+STROKES = 16
+by_method = pytest.mark.parametrize("method", METHODS)
+by_speed = pytest.mark.parametrize("speed", SPEEDS_MM_S)
+
+
+@pytest.fixture(scope="module")
+def trials() -> list[Scenario]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def table(trials: list[Scenario]) -> Table1:
+    def noted(scenario: Scenario) -> Recording:
+        trials.append(scenario)
+        return simulate(scenario)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("taxelflow.score.table1.simulate", noted)
+        return table1(STROKES, 0)
+
+
+def row(table: Table1, speed: int, method: str, scans: str, *, fitted: bool) -> Row:
+    found = [
+        row
+        for row in table.ours
+        if (row.nominal_mm_s, row.method, row.scans, row.factor != 1.0) == (speed, method, scans, fitted)
+    ]
+    assert len(found) == 1
+    return found[0]
+
+
+def test_there_is_a_row_for_each_speed_method_set_of_scans_and_factor(table: Table1) -> None:
+    for speed in SPEEDS_MM_S:
+        for method in METHODS:
+            for scans in ("all", "interior"):
+                for fitted in (False, True):
+                    row(table, speed, method, scans, fitted=fitted)
+    assert len(table.ours) == 16
+    assert (table.strokes, table.seed) == (STROKES, 0)
+
+
+def test_backward_is_negative_and_forward_positive_in_every_row(table: Table1) -> None:
+    for ours in table.ours:
+        assert ours.backward_mm_s < -0.6 * ours.nominal_mm_s
+        assert ours.forward_mm_s > 0.6 * ours.nominal_mm_s
+    for paper in table.paper:
+        assert paper.backward_mm_s < 0 < paper.forward_mm_s
+
+
+@by_speed
+def test_the_flow_is_within_5_percent_inside_after_its_factor(table: Table1, speed: int) -> None:
+    inside = row(table, speed, "convolution", "interior", fitted=True)
+    assert inside.rmse_percent < 5
+    assert abs(inside.bias_percent) < 3
+    assert abs(inside.factor - 1) < 0.1
+
+
+@by_speed
+@by_method
+def test_the_edge_makes_both_methods_clearly_too_slow(table: Table1, method: str, speed: int) -> None:
+    everything = row(table, speed, method, "all", fitted=False)
+    inside = row(table, speed, method, "interior", fitted=False)
+    assert -30 < everything.bias_percent < -12
+    assert abs(inside.bias_percent) < 6
+
+
+def test_inside_the_flow_beats_the_l_norm(table: Table1) -> None:
+    for speed in SPEEDS_MM_S:
+        flow, lnorm = (row(table, speed, method, "interior", fitted=True) for method in ("convolution", "lnorm"))
+        assert flow.rmse_mm_s < lnorm.rmse_mm_s
+
+
+@by_method
+@pytest.mark.parametrize("scans", ["all", "interior"])
+def test_one_factor_serves_both_speeds_and_scales_the_velocities(table: Table1, method: str, scans: str) -> None:
+    factors = {row(table, speed, method, scans, fitted=True).factor for speed in SPEEDS_MM_S}
+    assert len(factors) == 1
+    (factor,) = factors
+    for speed in SPEEDS_MM_S:
+        bare, scaled = (row(table, speed, method, scans, fitted=fitted) for fitted in (False, True))
+        assert scaled.backward_mm_s == pytest.approx(factor * bare.backward_mm_s)
+        assert scaled.forward_mm_s == pytest.approx(factor * bare.forward_mm_s)
+        assert scaled.strokes == bare.strokes
+
+
+@by_method
+@pytest.mark.parametrize("scans", ["all", "interior"])
+def test_the_factor_is_near_but_not_the_one_that_fits_the_table_itself(table: Table1, method: str, scans: str) -> None:
+    bare = row(table, 25, method, scans, fitted=False)
+    mean = 25 * (1 + bare.bias_percent / 100)
+    own = 25 * mean / (bare.rmse_mm_s**2 + 2 * 25 * mean - 25**2)  # least squares on the table's own strokes
+    fitted = row(table, 25, method, scans, fitted=True).factor
+    assert fitted == pytest.approx(own, rel=0.08)
+    assert fitted != pytest.approx(own, rel=1e-6)
+
+
+def test_no_trial_is_used_twice(table: Table1, trials: list[Scenario]) -> None:
+    assert len(trials) == 3 * STROKES // 2
+    assert len({trial.seed for trial in trials}) == len(trials)
+    slow = [trial for trial in trials if trial.motion.speed_m_s == 0.025]
+    fast = [trial for trial in trials if trial.motion.speed_m_s == 0.05]
+    assert (len(slow), len(fast)) == (STROKES, STROKES // 2)  # slow ones twice: to fit, and for the table
+    assert all(row.strokes == STROKES for row in table.ours)
+
+
+def test_trials_differ_in_object_and_line_as_the_docs_say(table: Table1, trials: list[Scenario]) -> None:
+    assert table.ours
+    radii = [trial.contact.radius_m for trial in trials]
+    lines = [trial.motion.middle_m[1] for trial in trials]
+    assert len(set(radii)) == len(set(lines)) == len(trials)
+    assert 0.013 <= min(radii) < 0.0145
+    assert 0.0155 < max(radii) <= 0.017
+    assert max(abs(y - 0.005) for y in lines) <= 0.002
+    assert {(trial.contact.shape, trial.sensing.rate_hz, trial.motion.strokes) for trial in trials} == {
+        ("airbag", 7.0, 2)
+    }
+
+
+def test_errors_fit_together(table: Table1) -> None:
+    for ours in table.ours:
+        assert ours.rmse_percent == pytest.approx(100 * ours.rmse_mm_s / ours.nominal_mm_s)
+        assert abs(ours.bias_percent) <= ours.rmse_percent + 1e-12
+        assert 0 < ours.standard_error_percent < ours.rmse_percent
+        mean = (ours.forward_mm_s - ours.backward_mm_s) / 2
+        assert ours.bias_percent == pytest.approx(100 * (mean / ours.nominal_mm_s - 1))
+
+
+def test_the_same_seed_gives_the_same_table_and_another_another(table: Table1) -> None:
+    assert table1(STROKES, 0) == table
+    other = table1(STROKES, 1000)
+    assert all(one != two for one, two in zip(table.ours, other.ours, strict=True))
+
+
+def test_the_standard_error_falls_with_more_strokes() -> None:
+    few, many = table1(10, 5), table1(60, 5)
+    one, two = (sum(row.standard_error_percent for row in table.ours) for table in (few, many))
+    assert 1.5 < one / two < 4  # about the square root of 6
+
+
+@pytest.mark.parametrize("strokes", [2, 3, 7])
+def test_it_tells_how_many_strokes_it_ran(strokes: int) -> None:
+    told = table1(strokes, 0)
+    assert {row.strokes for row in told.ours if row.scans == "all"} == {told.strokes}
+
+
+def test_progress_may_be_watched() -> None:
+    passed: list[int] = []
+
+    def watched(items: Iterable[int]) -> Iterable[int]:
+        for item in items:
+            passed.append(item)
+            yield item
+
+    assert table1(4, 0, watched) == table1(4, 0)
+    assert passed == list(range(6))
+
+
+def test_json_makes_the_round_trip(table: Table1) -> None:
+    text = to_json(table)
+    assert msgspec.json.decode(text, type=Table1) == table
+    whole = json.loads(text)
+    assert set(whole) == {"strokes", "seed", "paper", "ours"}
+    assert None not in whole["ours"][0].values()
+
+
+# What the paper printed
+
+
+@pytest.mark.parametrize("printed", PAPER, ids=lambda row: f"{row.method}-{row.nominal_mm_s}")
+def test_the_papers_rows_are_consistent(printed: PaperRow) -> None:
+    errors = np.array([printed.backward_mm_s + printed.nominal_mm_s, printed.forward_mm_s - printed.nominal_mm_s])
+    rmse = float(np.sqrt(np.mean(errors**2)))
+    assert printed.rmse_mm_s == pytest.approx(rmse, abs=0.006)
+    assert printed.rmse_percent == pytest.approx(
+        100 * rmse / printed.nominal_mm_s, abs=0.06
+    )  # 11.85 is printed as 11.9
+
+
+def test_the_papers_rows_are_all_there(table: Table1) -> None:
+    assert table.paper == PAPER
+    assert {(row.nominal_mm_s, row.method) for row in PAPER} == {(s, m) for s in SPEEDS_MM_S for m in METHODS}

@@ -1,0 +1,323 @@
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from rigged import estimated, strokes_by_both
+from synthetic import assert_same
+from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS
+from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.api import read
+from taxelflow.cli import main
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+Capture = pytest.CaptureFixture[str]
+nan = float("nan")
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return strokes_by_both(tmp_path_factory.mktemp("stroke"))
+
+
+def refused(capsys: Capture, *arguments: object) -> str:
+    """The one line on stderr of a command that ends with exit code 2."""
+    capsys.readouterr()
+    code = main([str(argument) for argument in arguments])
+    said = capsys.readouterr()
+    assert code == 2, said
+    assert said.err.startswith("taxelflow: ")
+    assert said.err.count("\n") == 1, said.err
+    assert said.out == ""
+    return said.err
+
+
+def parameters(path: Path) -> dict[str, Any]:
+    with np.load(path) as file:
+        told: dict[str, Any] = json.loads(str(file["parameters"]))
+    return told
+
+
+def ended(arguments: list[str]) -> object:
+    try:
+        return main(arguments)
+    except SystemExit as end:
+        return end.code
+
+
+# simulate
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_each_scenario_may_be_simulated_by_its_name(tmp_path: Path, capsys: Capture, name: str) -> None:
+    path = tmp_path / "a.npz"
+    assert main(["simulate", name, "--out", str(path)]) == 0
+    made = simulate(SCENARIOS[name])
+    assert_same(read(path).load(), made.load())
+    assert capsys.readouterr().out == f"{made.scans} scans of {SCENARIOS[name].sensor} in {path}\n"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_every_parameter_may_be_overridden(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    options = {
+        "--seed": "5",
+        "--pad": "finger1_mid",
+        "--contact.shape": "hertz",
+        "--contact.peak-pa": "5e4",
+        "--motion.speed-m-s": "0.04",
+        "--motion.strokes": "1",
+        "--sensing.rate-hz": "20",
+    }
+    arguments = [word for pair in options.items() for word in pair]
+    pairs = ["--motion.middle-m", "0.001", "0.002", "--sensing.baseline-pa", "0", "100", "--sensing.dead", "3", "8"]
+    assert main(["simulate", "stroke", "--out", str(path), *arguments, *pairs]) == 0
+    told = parameters(path)
+    assert (told["seed"], told["pad"], told["sensor"]) == (5, "finger1_mid", "barretthand-162")
+    assert (told["contact"]["shape"], told["contact"]["peak_pa"]) == ("hertz", 5e4)
+    assert (told["motion"]["speed_m_s"], told["motion"]["strokes"]) == (0.04, 1)
+    assert told["motion"]["middle_m"] == [0.001, 0.002]
+    assert told["sensing"]["rate_hz"] == 20.0
+    assert (told["sensing"]["baseline_pa"], told["sensing"]["dead"]) == ([0.0, 100.0], [3, 8])
+    assert told["contact"]["radius_m"] == SCENARIOS["stroke"].contact.radius_m
+
+
+def test_the_speed_of_the_command_line_is_the_truths(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    assert main(["simulate", "stroke", "--out", str(path), "--motion.speed-m-s", "0.04"]) == 0
+    truth = read(path).truth
+    assert truth is not None
+    speed = np.abs(np.diff(truth.pose[:, 0]) / np.diff(truth.t_s))
+    assert speed.max() == pytest.approx(0.04)
+    assert np.median(speed[speed > 1e-9]) == pytest.approx(0.04)
+
+
+def test_a_simulation_of_the_command_line_is_estimated_and_looked_at_without_more_words(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    path = tmp_path / "a.npz"
+    assert main(["simulate", "slide-and-turn", "--out", str(path)]) == 0
+    assert main(["info", str(path)]) == 0
+    assert "schunk-sdh2" in capsys.readouterr().out
+    summary = json.loads((estimated(path, tmp_path / "out") / "summary.json").read_text())
+    assert summary["pads"]["finger2_proximal"]["contact_scans"] > 100
+
+
+def test_a_second_simulation_replaces_the_first(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    for seed in ("1", "2"):
+        assert main(["simulate", "turn", "--out", str(path), "--seed", seed]) == 0
+        assert parameters(path)["seed"] == int(seed)
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a", "a.npz.txt", ".npz"])
+def test_an_output_that_is_no_npz(tmp_path: Path, capsys: Capture, name: str) -> None:
+    line = refused(capsys, "simulate", "stroke", "--out", tmp_path / name)
+    assert name in line
+    assert ".npz" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_output_in_no_directory(tmp_path: Path, capsys: Capture) -> None:
+    assert "none" in refused(capsys, "simulate", "stroke", "--out", tmp_path / "none" / "a.npz")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_output_that_is_a_directory_is_left_alone(tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "a.npz").mkdir()
+    assert "a.npz" in refused(capsys, "simulate", "turn", "--out", tmp_path / "a.npz")
+    assert list((tmp_path / "a.npz").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--pad", "plam"], ["unknown pad 'plam'", "finger1_tip", "palm"]),
+        (["--sensor", "barret"], ["unknown sensor 'barret'", "barretthand-162", "schunk-sdh2"]),
+        (["--motion.speed-m-s", "0"], ["motion speed_m_s is 0.0"]),
+        (["--motion.strokes", "0"], ["motion strokes is 0"]),
+        (["--motion.rest-s", "-1"], ["motion rest_s", "-1.0"]),
+        (["--motion.rest-s", "nan"], ["motion rest_s", "nan"]),
+        (["--motion.travel-m", "inf"], ["motion travel_m", "inf"]),
+        (["--contact.radius-m", "-0.01"], ["contact radius_m is -0.01"]),
+        (["--sensing.bits", "64"], ["sensing bits is 64", "between 1 and 32"]),
+        (["--sensing.noise-pa", "-5"], ["sensing noise_pa", "-5.0"]),
+        (["--sensing.active-share", "1.5"], ["sensing active_share is 1.5"]),
+        (["--sensing.baseline-pa", "4e3", "1e3"], ["sensing baseline_pa", "4000.0"]),
+        (["--sensing.dead", "162"], ["sensing dead is 162", "0 to 161"]),
+        (["--seed", "-1"], ["seed", "-1"]),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_a_bad_parameter_is_one_line(tmp_path: Path, capsys: Capture, options: list[str], words: list[str]) -> None:
+    line = refused(capsys, "simulate", "stroke", "--out", tmp_path / "a.npz", *options)
+    for word in words:
+        assert word in line
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["simulate"],
+        ["simulate", "stroke"],
+        ["simulate", "dance", "--out", "a.npz"],
+        ["simulate", "stroke", "--out", "a.npz", "--motion.speed", "1"],
+        ["simulate", "stroke", "--out", "a.npz", "--contact.shape", "square"],
+        ["simulate", "stroke", "--out", "a.npz", "--seed", "one"],
+        ["score"],
+        ["score", "table2"],
+        ["score", "table1", "--strokes", "many"],
+        ["plot", "a", "--format", "gif"],
+        ["bench", "--rounds", "3"],
+    ],
+    ids=" ".join,
+)
+def test_a_command_that_is_not_understood_ends_with_2(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert ended(arguments) == 2
+    said = capsys.readouterr()
+    assert said.err or said.out
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_lists_the_scenarios_with_what_they_do(capsys: Capture) -> None:
+    assert ended(["simulate", "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for name, description in DESCRIPTIONS.items():
+        assert name in said
+        assert description.split(":")[0].split(",")[0][:25] in said
+
+
+def test_help_of_a_scenario_tells_units_and_defaults(capsys: Capture) -> None:
+    assert ended(["simulate", "fast-stroke", "--help"]) == 0
+    said = capsys.readouterr().out
+    for word in ("--motion.speed-m-s", "m/s", "0.05", "--sensing.noise-pa", "750", "--contact.shape", "hertz"):
+        assert word in said
+
+
+# score
+
+
+def test_score_prints_the_papers_table_and_ours(capsys: Capture) -> None:
+    assert main(["score", "table1", "--strokes", "8"]) == 0
+    said = capsys.readouterr()
+    for word in ("Table I as published", "-24.24", "20.88", "11.9", "46.46", "ours: 8 strokes a speed, seed 0"):
+        assert word in said.out
+    for word in ("L norm", "flow", "all", "interior", "none", "backward", "forward", "RMSE", "bias"):
+        assert word in said.out
+    assert "nan" not in said.out
+    assert "Traceback" not in said.err
+
+
+def test_score_gives_json(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
+    assert main(["score", "table1", "--strokes", "8", "--seed", "3", "--json"]) == 0
+    whole = json.loads(capsysbinary.readouterr().out)
+    assert (whole["strokes"], whole["seed"]) == (8, 3)
+    assert len(whole["paper"]) == 4
+    assert len(whole["ours"]) == 16
+    assert set(whole["ours"][0]) >= {"nominal_mm_s", "method", "scans", "factor", "rmse_mm_s", "rmse_percent"}
+
+
+@pytest.mark.parametrize("strokes", [1, 0, -4])
+def test_score_needs_a_backward_and_a_forward_stroke(capsys: Capture, strokes: int) -> None:
+    line = refused(capsys, "score", "table1", "--strokes", strokes)
+    assert f"strokes is {strokes}; it is 2 or more" in line
+
+
+def test_score_refuses_a_negative_seed(capsys: Capture) -> None:
+    assert "-1" in refused(capsys, "score", "table1", "--strokes", 4, "--seed", -1)
+
+
+def test_two_strokes_are_enough(capsys: Capture) -> None:
+    assert main(["score", "table1", "--strokes", "2"]) == 0
+    assert "nan" not in capsys.readouterr().out
+
+
+# plot
+
+
+@pytest.mark.parametrize("form", ["svg", "png", "pdf"])
+def test_plot_names_the_pictures_it_has_drawn(results: list[Path], tmp_path: Path, capsys: Capture, form: str) -> None:
+    arguments = ["plot", *map(str, results), "--out", str(tmp_path), "--format", form]
+    assert main(arguments) == 0
+    named = capsys.readouterr().out.splitlines()
+    assert named == [
+        str(tmp_path / f"{name}.{form}") for name in ("position-palm", "path-lnorm", "path-convolution", "views")
+    ]
+    assert sorted(named) == sorted(map(str, tmp_path.iterdir()))
+
+
+def test_plot_draws_into_the_first_result_unless_told(results: list[Path], capsys: Capture) -> None:
+    before = set(results[1].iterdir())
+    assert main(["plot", str(results[1])]) == 0
+    named = capsys.readouterr().out.splitlines()
+    assert sorted(path.name for path in set(results[1].iterdir()) - before) == [
+        "path-convolution.svg",
+        "position-palm.svg",
+        "views.svg",
+    ]
+    assert len(named) == 3
+
+
+def test_plot_of_nothing(capsys: Capture) -> None:
+    assert "at least one directory" in refused(capsys, "plot")
+
+
+def test_plot_of_what_is_no_result(results: list[Path], tmp_path: Path, capsys: Capture) -> None:
+    assert "holds no summary.json" in refused(capsys, "plot", tmp_path)
+    assert "holds no summary.json" in refused(capsys, "plot", results[0], tmp_path / "none")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_plot_of_two_recordings(results: list[Path], tmp_path: Path, capsys: Capture) -> None:
+    main(["simulate", "turn", "--out", str(tmp_path / "turn.npz")])
+    other = estimated(tmp_path / "turn.npz", tmp_path / "turn")
+    assert "same recording" in refused(capsys, "plot", results[0], other, "--out", tmp_path / "out")
+
+
+def test_plot_into_a_file(results: list[Path], tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "out").write_text("mine")
+    assert "out" in refused(capsys, "plot", results[0], "--out", tmp_path / "out")
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+# bench
+
+
+def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few rounds on no sensor; processes are not started."""
+    monkeypatch.setattr("taxelflow.score.bench._sensors", list)
+    monkeypatch.setattr("taxelflow.score.bench.subprocess.run", lambda *_arguments, **_more: None)
+
+
+def test_bench_prints_its_tables(results: list[Path], monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    hurry(monkeypatch)
+    recording = json.loads((results[0] / "summary.json").read_text())["input"]
+    assert main(["bench", "--recording", recording]) == 0
+    said = capsys.readouterr().out
+    for word in ("140 scans of", "parsing", "conditioning", "estimating", "writing", "%", "taxelflow --help"):
+        assert word in said
+
+
+def test_bench_gives_json(
+    results: list[Path], monkeypatch: pytest.MonkeyPatch, capsysbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    hurry(monkeypatch)
+    recording = json.loads((results[0] / "summary.json").read_text())["input"]
+    assert main(["bench", "--recording", recording, "--json"]) == 0
+    whole = json.loads(capsysbinary.readouterr().out)
+    assert (whole["recording"], whole["scans"], whole["latencies"]) == ("stroke.npz", 140, [])
+    assert sum(share["share"] for share in whole["shares"]) == pytest.approx(1)
+
+
+def test_bench_of_a_missing_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    hurry(monkeypatch)
+    assert "does not exist" in refused(capsys, "bench", "--recording", tmp_path / "none.npz")

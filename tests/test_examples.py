@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rigged import rigged
+from taxelflow.acquire.rig.simulate import save
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+
+
+def ran(name: str, folder: Path, *arguments: object) -> str:
+    """What an example prints; it must end well and complain of nothing."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(EXAMPLES / name), *map(str, arguments)],
+        check=False,
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env={**os.environ, "TMPDIR": str(folder)},
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stdout
+
+
+def test_every_example_is_tested_here() -> None:
+    names = sorted(path.name for path in EXAMPLES.glob("*.py"))
+    assert names == ["01_read_and_estimate.py", "02_live_loop.py", "03_new_estimator.py", "04_slip_control.py"]
+
+
+def test_01_tells_contact_speed_accuracy_and_events(tmp_path: Path) -> None:
+    said = ran("01_read_and_estimate.py", tmp_path)
+    told = re.search(r"^palm: (\d+) scans in contact, median speed ([\d.]+) mm/s,$", said, re.MULTILINE)
+    assert told
+    assert 40 < int(told[1]) < 70
+    assert 15 < float(told[2]) < 26
+    std = re.search(r"standard deviation of x ([\d.]+) mm", said)
+    assert std
+    assert 0 < float(std[1]) < 1
+    events = re.findall(r"^ *([\d.]+) s  palm +(\w+)$", said, re.MULTILINE)
+    assert [name for _, name in events if name in ("contact", "release")] == ["contact", "release"] * 2
+    assert {"slip_start", "slip_stop"} <= {name for _, name in events}
+    assert sorted(events, key=lambda event: float(event[0])) == events
+
+
+def test_01_takes_a_recording_and_a_sensor(tmp_path: Path) -> None:
+    save(rigged("turn"), tmp_path / "turn.npz")
+    assert ran("01_read_and_estimate.py", tmp_path, "turn.npz").startswith("finger2_proximal: ")
+    assert ran("01_read_and_estimate.py", tmp_path, "turn.npz", "schunk-sdh2").startswith("finger2_proximal: ")
+
+
+def test_02_tells_of_slips_back_and_forth_as_they_happen(tmp_path: Path) -> None:
+    lines = ran("02_live_loop.py", tmp_path).splitlines()
+    t_s = [float(line.split()[0]) for line in lines]
+    assert t_s == sorted(t_s)
+    vx = [
+        float(found[1]) for line in lines if (found := re.search(r"palm slips at \(([-+\d.]+), [-+\d.]+\) mm/s", line))
+    ]
+    assert len(vx) > 20
+    half = [speed < 0 for speed in vx].index(False)
+    assert all(-35 < speed < -5 for speed in vx[:half])
+    assert all(5 < speed < 35 for speed in vx[half:])
+    assert sum("palm: contact" in line for line in lines) == sum("palm: release" in line for line in lines) == 2
+
+
+def test_03_runs_an_estimator_of_its_own(tmp_path: Path) -> None:
+    said = ran("03_new_estimator.py", tmp_path)
+    told = re.fullmatch(r"Centroid: the object went from y = (-[\d.]+) mm to ([\d.]+) mm and back\n", said)
+    assert told
+    assert float(told[1]) == pytest.approx(-12.5, abs=1)
+    assert float(told[2]) == pytest.approx(12.5, abs=1)
+
+
+def test_03_shows_a_new_estimator_in_40_lines() -> None:
+    source = (EXAMPLES / "03_new_estimator.py").read_text()
+    body = source[source.index("@dataclass") : source.index("\nresult = ")]
+    assert len([line for line in body.splitlines() if line.strip()]) <= 40
+
+
+def test_04_holds_what_would_slide_and_lets_slip_what_was_asked_for(tmp_path: Path) -> None:
+    said = ran("04_slip_control.py", tmp_path)
+    loose, held, felt, slid = map(float, re.findall(r"(?:slid|felt|^ +) ?([\d.]+) mm", said, re.MULTILINE))
+    assert loose > 20
+    assert held < 0.1 * loose
+    assert slid == pytest.approx(5.0, abs=0.5)
+    assert felt == pytest.approx(slid, abs=0.3)
