@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from taxelflow.acquire.rig.scenario import Scenario
     from taxelflow.messages import Bools, Floats
 
-FAULTLESS = {"noise_pa": 0.0, "gain_spread": 0.0, "baseline_pa": (0.0, 0.0), "bits": 32}
-
 
 def rigged(name: str = "stroke", **changes: Any) -> Scenario:
     """A named scenario; a mapping for contact, motion or sensing changes the fields that it names."""

@@ -3,8 +3,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numba
 import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
@@ -12,6 +13,7 @@ from numba.core.registry import CPUDispatcher
 from taxelflow.compiling import kernel
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
 MODULE = """
@@ -39,6 +41,13 @@ else:
 with announced():
     print(twice(2.5))
 """
+
+
+@pytest.fixture
+def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], Any]:
+    """`kernel`, but compiled as it says now, not loaded as it said when a test was run before."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    return kernel
 
 
 def said(folder: Path, *, inside: bool = True) -> list[str]:
@@ -70,8 +79,8 @@ def test_outside_of_the_context_nothing_is_announced(tmp_path: Path) -> None:
     assert said(tmp_path, inside=False) == []
 
 
-def test_a_kernel_is_compiled_without_python_and_its_lock() -> None:
-    @kernel
+def test_a_kernel_is_compiled_without_python_and_its_lock(fresh: Callable[[Any], Any]) -> None:
+    @fresh
     def total(values: np.ndarray) -> float:
         found = 0.0
         for value in values:
@@ -83,8 +92,8 @@ def test_a_kernel_is_compiled_without_python_and_its_lock() -> None:
     assert total.targetoptions["nogil"]
 
 
-def test_sums_may_be_reordered_but_nan_stays_nan_and_zero_divides() -> None:
-    @kernel
+def test_sums_may_be_reordered_but_nan_stays_nan_and_zero_divides(fresh: Callable[[Any], Any]) -> None:
+    @fresh
     def shares(values: np.ndarray) -> tuple[float, float]:
         found = 0.0
         for value in values:
@@ -97,8 +106,8 @@ def test_sums_may_be_reordered_but_nan_stays_nan_and_zero_divides() -> None:
     assert np.isnan(found)
 
 
-def test_a_kernel_may_ask_whether_a_number_is_one() -> None:
-    @kernel
+def test_a_kernel_may_ask_whether_a_number_is_one(fresh: Callable[[Any], Any]) -> None:
+    @fresh
     def unknown(values: np.ndarray) -> int:
         found = 0
         for value in values:
@@ -109,8 +118,8 @@ def test_a_kernel_may_ask_whether_a_number_is_one() -> None:
 
 
 @pytest.mark.parametrize("size", [0, 1, 1001])
-def test_a_reordered_sum_is_still_a_sum(size: int) -> None:
-    @kernel
+def test_a_reordered_sum_is_still_a_sum(fresh: Callable[[Any], Any], size: int) -> None:
+    @fresh
     def total(values: np.ndarray) -> float:
         found = 0.0
         for value in values:

@@ -23,6 +23,7 @@ from taxelflow.estimation.translation import (
     DX,
     DY,
     LAG,
+    LOAD,
     SPAN,
     VAR_X,
     VAR_Y,
@@ -162,6 +163,7 @@ def convolution_flow(
             cov = gain_x * gain_y * g * (n[5] - cx * n[2] - cy * n[1] + cx * cy * n[0])
             cx, cy = gain_x * cx, gain_y * cy
             row = rows[scan, pad]
+            row[LOAD] = s
             if m[_RUN] >= 1.0:
                 row[X], row[Y] = 0.5 * (m[_LAST + 1] + cx), 0.5 * (m[_LAST + 2] + cy)
                 row[VAR_X] = 0.25 * (m[_LAST + 3] + var_x)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 DX, DY, X, Y, VAR_X, VAR_Y, COV_XY, D_VAR_X, D_VAR_Y, D_COV_XY, SPAN, LAG, LOAD, DISTURBANCE, COLUMNS = range(15)
 """Columns of the row that a kernel fills per scan and pad: displacement, pose, the pose's covariance, the
-displacement's, its span of time, the pose's lag; the pad's load (not the kernel's task), and a sign of slip for methods
+displacement's, its span of time, the pose's lag; the pad's load (if the kernel knows it), a sign of slip for methods
 without direction."""
 
 _BORDER_SIGMAS = 6.0
@@ -114,13 +114,19 @@ def pad_gains(layout: Layout, gain: float, calibrated: Floats | None) -> Floats:
 
 @kernel
 def add_up(pressure: Floats, starts: NDArray[np.int64], rows: Floats) -> None:
-    """Fill column LOAD of rows (scans, pads, COLUMNS) with the sums of the pads' pressures (scans, taxels)."""
+    """Fill column LOAD of rows (scans, pads, COLUMNS), where the kernel has left it unknown, with the pad's sum."""
     for scan in range(pressure.shape[0]):
         for pad in range(len(starts) - 1):
-            total = 0.0
-            for taxel in range(starts[pad], starts[pad + 1]):
-                total += pressure[scan, taxel]
-            rows[scan, pad, LOAD] = total
+            if np.isnan(rows[scan, pad, LOAD]):
+                rows[scan, pad, LOAD] = _sum(pressure[scan, starts[pad] : starts[pad + 1]])
+
+
+@kernel
+def _sum(p: Floats) -> float:
+    total = 0.0
+    for k in range(len(p)):
+        total += p[k]
+    return total
 
 
 @kernel

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot
-from typing import Literal
+from typing import Literal, get_args
 
 from taxelflow.errors import ParameterInvalid
 
+Shape = Literal["airbag", "hertz", "elongated", "feet", "textured", "bulb"]
 LONG = ("elongated", "bulb")
 TEXTURED = ("textured", "bulb")
 
@@ -16,7 +17,7 @@ TEXTURED = ("textured", "bulb")
 class Contact:
     """A compliant object pressed on the skin: its pressure, in a frame whose x axis is the object's long one."""
 
-    shape: Literal["airbag", "hertz", "elongated", "feet", "textured", "bulb"] = "airbag"
+    shape: Shape = "airbag"
     """airbag: super-Gaussian, flat with soft edges. hertz: the dome of an elastic sphere. elongated: an airbag whose
     length is `aspect` times its width. feet: small soft domes, unequally high. textured: an airbag with a random smooth
     texture. bulb: elongated and textured."""
@@ -43,6 +44,8 @@ class Contact:
     phases; 0 is an object whose pattern never changes."""
 
     def __post_init__(self) -> None:
+        if self.shape not in get_args(Shape):
+            raise ParameterInvalid("contact shape", self.shape, f"it is one of {', '.join(get_args(Shape))}")
         _positive("contact radius_m", self.radius_m)
         _positive("contact aspect", self.aspect)
         _positive("contact peak_pa", self.peak_pa)
@@ -107,6 +110,8 @@ class Motion:
             _positive(f"motion {name}", getattr(self, name))
         for name in ("rest_s", "travel_m"):
             _not_negative(f"motion {name}", getattr(self, name))
+        for number in (self.direction_rad, self.turn_rad_s, self.angle_rad, *self.middle_m):
+            _within("motion direction_rad, turn_rad_s, angle_rad or middle_m", number, -1e6, 1e6)
         _ordered("motion interval_s", self.interval_s)
         _ordered("motion slip_m_s", self.slip_m_s)
         if self.kind == "stick-slip" and self.travel_m < 2 * self.interval_s[1] * self.slip_m_s[1]:

@@ -32,6 +32,9 @@ class Scenario:
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise ParameterInvalid("seed", self.seed, "it is 0 or more")
+        if self.motion.duration_s * self.sensing.rate_hz < 1:
+            allowed = f"a motion of {self.motion.duration_s:.3g} s needs at least {1 / self.motion.duration_s:.3g} Hz"
+            raise ParameterInvalid("sensing rate_hz", self.sensing.rate_hz, allowed)
         if self.load.lift_s > self.motion.rest_s:
             allowed = f"it is at most motion rest_s, {self.motion.rest_s:g}: a moving object is in contact"
             raise ParameterInvalid("load lift_s", self.load.lift_s, allowed)

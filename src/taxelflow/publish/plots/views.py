@@ -59,12 +59,15 @@ def _draw_bars(axis: Axes, pressure: Floats) -> None:
 def _draw_convolution(axis: Axes, convolution: Floats) -> None:
     height, width = convolution.shape
     axis.imshow(convolution, cmap="viridis", extent=(0.5, width + 0.5, height + 0.5, 0.5), interpolation="nearest")
-    total = max(float(convolution.sum()), 1e-300)
-    i = float(np.arange(1, width + 1) @ convolution.sum(axis=0) / total)
-    j = float(np.arange(1, height + 1) @ convolution.sum(axis=1) / total)
-    axis.plot([i], [j], marker="+", markersize=13, markeredgewidth=2, color="white")
-    axis.set_xlabel(f"i   (centroid {i:.2f})")
-    axis.set_ylabel(f"j   (centroid {j:.2f})")
+    axis.set_xlabel("i")
+    axis.set_ylabel("j")
+    total = float(convolution.sum())
+    if total > 0:
+        i = float(np.arange(1, width + 1) @ convolution.sum(axis=0) / total)
+        j = float(np.arange(1, height + 1) @ convolution.sum(axis=1) / total)
+        axis.plot([i], [j], marker="+", markersize=13, markeredgewidth=2, color="white")
+        axis.set_xlabel(f"i   (centroid {i:.2f})")
+        axis.set_ylabel(f"j   (centroid {j:.2f})")
     axis.grid(visible=False)
 
 
