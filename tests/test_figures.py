@@ -349,3 +349,12 @@ def test_repeated_times_in_the_truth_do_no_harm() -> None:
     assert truth is not None
     t_s, pose = (np.insert(array, 40, array[40], axis=0) for array in (truth.t_s, truth.pose))
     assert strokes_of(replace(truth, t_s=t_s, pose=pose)) == strokes_of(truth)
+
+
+def test_an_object_over_several_pads_is_drawn_as_a_field(tmp_path: Path) -> None:
+    save(rigged("turn-over-hand"), tmp_path / "turn.npz")
+    made = draw_results([estimated(tmp_path / "turn.npz", tmp_path / "result")], tmp_path / "out", "svg")
+    (field,) = (path for path in made if path.stem == "field-convolution")
+    turns = [float(word.split()[-2]) for word in svg_words(field) if word.startswith("estimated: ")]
+    assert len(turns) == 3
+    assert any(0.4 < abs(turn) < 0.6 for turn in turns)  # it turns at 0.5 rad/s, and rests between

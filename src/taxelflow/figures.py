@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +14,8 @@ from taxelflow import api
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import RecordingError, ResultMissing
 from taxelflow.estimation.literal import convolution_matrix
+from taxelflow.geometry import place
+from taxelflow.publish.plots.hand import Moment, field_figure
 from taxelflow.publish.plots.path import path_figure
 from taxelflow.publish.plots.position import position_figure
 from taxelflow.publish.plots.style import save, styled
@@ -27,15 +30,19 @@ if TYPE_CHECKING:
     from taxelflow.publish.summary import Summary
 
 _MOST_PADS = 4
+_FEWEST_PADS = 2
+_FIELD_SEEN = "Slip vectors on the hand laid flat, at moments when most pads know theirs; + is the centre of rotation."
 
 
 def draw_results(directories: Sequence[Path], out: Path, form: str) -> list[Path]:
     """Draw results, several of which may be of the same recording by different methods.
 
-    Per loaded pad a `position-PAD`, one `path-METHOD` per result, and, where the recording is still there, `views`:
-    the paper's Fig. 5 at the moment of largest slip. Raises ResultMissing, ExtraMissing.
+    Per loaded pad a `position-PAD`, one `path-METHOD` per result, one `field-METHOD` where several pads moved at once,
+    and, where the recording is still there, `views`: the paper's Fig. 5 at the moment of largest slip. Raises
+    ResultMissing, ExtraMissing.
     """
-    results = [(ran, _placed(tracks)) for ran, tracks in map(read_result, directories)]
+    everything = [read_result(directory) for directory in directories]
+    results = [(ran, _placed(tracks)) for ran, tracks in everything]
     for directory, (ran, _) in zip(directories, results, strict=True):
         if (ran.input, ran.sensor) != (results[0][0].input, results[0][0].sensor):
             raise ResultMissing(directory, f"result of the same recording as {directories[0]}")
@@ -59,9 +66,50 @@ def draw_results(directories: Sequence[Path], out: Path, form: str) -> list[Path
         for ran, tracks in results:
             figure = path_figure([track for track in tracks if track.pad in pads], ran.layout.layout)
             made.append(save(figure, _free(out, f"path-{ran.method}", form, made)))
+        for directory, (ran, tracks) in zip(directories, everything, strict=True):
+            moments = _field(ran, tracks, directory)
+            if moments:
+                figure = field_figure(ran.layout.layout, moments, _FIELD_SEEN)
+                made.append(save(figure, _free(out, f"field-{ran.method}", form, made)))
         if recording and any(track.pad == pads[0] for _, tracks in results for track in tracks):
             made.append(_draw_views(results, pads[0], recording, out / f"views.{form}"))
     return made
+
+
+def _field(ran: Summary, tracks: list[Track], directory: Path) -> list[Moment]:
+    """Up to three moments at which most pads know their motion; none if no two pads ever do at once."""
+    layout = ran.layout.layout
+    t_s = tracks[0].numbers["t_s"]
+    own = {track.pad: track for track in tracks}
+    ordered = [own[pad] for pad in layout.pads]
+    at = np.stack([track.position_m for track in ordered], axis=1)
+    v = np.stack([[track.numbers["vx_m_s"], track.numbers["vy_m_s"]] for track in ordered]).transpose(2, 0, 1)
+    known = np.isfinite(v[..., 0]) & np.isfinite(layout.T_hand[:, 0])
+    count = known[:, : layout.pad_count].sum(axis=1)
+    known &= layout.apart
+    if count.max(initial=0) < _FEWEST_PADS:
+        return []
+    full = np.flatnonzero(count == count.max())
+    turn = layout.T_hand.copy()
+    turn[:, :2] = 0.0
+    twists = _twists(directory)
+    moments = []
+    for k in np.unique(full[(np.array([0.2, 0.5, 0.8]) * (len(full) - 1)).astype(int)]).tolist():
+        places, vectors = place(layout.T_hand, at[k]), place(turn, v[k])
+        places[~known[k]] = vectors[~known[k]] = np.nan
+        moments.append(Moment(f"{t_s[k] - t_s[0]:.2f} s", places, vectors, twists[k, :3], twists[k, 3:]))
+    return moments
+
+
+def _twists(directory: Path) -> Floats:
+    """(scans, 5) of object.csv: velocity, rate of turn, centre of rotation. Raises ResultMissing."""
+    names = ("vx_m_s", "vy_m_s", "omega_rad_s", "cx_m", "cy_m")
+    try:
+        with (directory / "object.csv").open(newline="", encoding="utf-8") as file:
+            rows = [[float(row[name] or "nan") for name in names] for row in csv.DictReader(file)]
+    except (OSError, ValueError, KeyError, csv.Error) as error:
+        raise ResultMissing(directory, f"readable object.csv ({error})") from error
+    return np.array(rows).reshape(-1, len(names))
 
 
 def _free(out: Path, stem: str, form: str, made: Sequence[Path]) -> Path:

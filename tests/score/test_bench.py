@@ -64,7 +64,7 @@ def figures(started: list[list[str]]) -> Bench:
 
 def test_each_sensor_is_measured_in_each_way(figures: Bench) -> None:
     assert [(row.sensor, row.what) for row in figures.latencies] == [
-        (sensor, what) for sensor in ("barretthand-162", "schunk-sdh2", "64x64") for what in WAYS
+        (sensor, what) for sensor in ("barretthand-162", "grid-16x16", "schunk-sdh2", "64x64") for what in WAYS
     ]
 
 

@@ -203,28 +203,27 @@ def show_table1(table: Any) -> None:
     console.print(paper)
     console.print()
     title = f"ours: {table.strokes} strokes a speed, seed {table.seed}"
-    ours = _table(
-        "mm/s", "method:", "scans:", "factor", "backward", "forward", "RMSE", "RMSE %", "±", "bias %", title=title
-    )
+    ours = _table("mm/s", "method:", "scans:", "factor", "backward", "forward", "RMSE", "%", "±", "bias", title=title)
     for row in table.ours:
         ours.add_row(
             str(row.nominal_mm_s),
             names[row.method],
             row.scans,
-            "none" if row.factor == 1.0 else f"{row.factor:.3f}",
+            "none" if row.factor == 1.0 else f"{row.factor:.4f}({1e4 * row.factor_standard_error:.0f})",
             f"{row.backward_mm_s:.2f}",
             f"{row.forward_mm_s:.2f}",
             f"{row.rmse_mm_s:.2f}",
             f"{row.rmse_percent:.2f}",
             f"{row.standard_error_percent:.2f}",
-            f"{row.bias_percent:+.2f}",
+            f"{row.bias_percent:+.1f}",
             end_section=row.method == "convolution" and row.scans == "interior" and row.factor != 1.0,
         )
     console.print(ours)
     console.print(
         "all: every scan in contact. interior: the object's centre at most 22 mm\n"
         "from the palm's. factor: one per method and set of scans, fitted at 25 mm/s\n"
-        "on strokes that are not in the table. ±: standard error of RMSE %.",
+        "on strokes that are not in the table, in brackets the standard error of its\n"
+        "last digits. RMSE in mm/s and %, ± the standard error of the latter; bias in %.",
         style="dim",
         highlight=False,
     )

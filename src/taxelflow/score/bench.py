@@ -22,7 +22,7 @@ from taxelflow.condition.conditioner import Conditioner
 from taxelflow.estimation.flow import weighted_sums
 from taxelflow.estimation.literal import convolution_index
 from taxelflow.fuse.rigid import RigidField
-from taxelflow.layout import Pad, Sensor, load_sensor
+from taxelflow.layout import Pad, Sensor, builtin_sensors, load_sensor
 from taxelflow.messages import RawScans, Scans, cut
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.publish.tables import Tables
@@ -104,7 +104,7 @@ def bench(recording: Path | None) -> Bench:
 
 def _sensors() -> list[Sensor]:
     grid = Sensor(name="64x64", unit="kPa", pads=(Pad(name="grid", rows=64, cols=64, pitch_m=(0.002, 0.002)),))
-    return [load_sensor("barretthand-162"), load_sensor("schunk-sdh2"), grid]
+    return [*map(load_sensor, builtin_sensors()), grid]
 
 
 def _latencies(sensor: Sensor) -> list[Latency]:

@@ -42,6 +42,8 @@ class Row(msgspec.Struct, frozen=True):
     """all: every scan in contact. interior: the object's centre is at most 22 mm from the palm's."""
     factor: float
     """1 for the uncalibrated method, else fitted at 25 mm/s on strokes of their own."""
+    factor_standard_error: float
+    """0 for the uncalibrated method."""
     backward_mm_s: float
     forward_mm_s: float
     rmse_mm_s: float
@@ -104,9 +106,9 @@ def table1(strokes: int, seed: int, watched: Callable[[Iterable[int]], Iterable[
     for speed in SPEEDS_MM_S:
         for method in METHODS:
             for scans in ("all", "interior"):
-                factor = _factor(_velocities(seen["fit", method], scans), SPEEDS_MM_S[0])
+                fitted = _factor(_velocities(seen["fit", method], scans), SPEEDS_MM_S[0])
                 measured = seen[speed, method]
-                rows += [_row(speed, method, scans, f, measured) for f in (1.0, factor)]
+                rows += [_row(speed, method, scans, factor, measured) for factor in ((1.0, 0.0), fitted)]
     return Table1(2 * trials, seed, PAPER, rows)
 
 
@@ -160,14 +162,18 @@ def _velocities(strokes: list[Stroke], scans: str) -> Floats:
     return known
 
 
-def _factor(velocities: Floats, speed_mm_s: float) -> float:
-    """Least squares: the factor that brings the velocities closest to the nominal ones."""
+def _factor(velocities: Floats, speed_mm_s: float) -> tuple[float, float]:
+    """Least squares: the factor that brings the velocities closest to the nominal ones, and its standard error."""
     sign, velocity = velocities.T
-    return float(speed_mm_s * np.sum(sign * velocity) / np.sum(velocity**2))
+    factor = float(speed_mm_s * np.sum(sign * velocity) / np.sum(velocity**2))
+    residual = speed_mm_s - factor * sign * velocity
+    freedom = max(len(velocity) - 1, 1)
+    return factor, float(np.sqrt(np.sum(residual**2) / freedom / np.sum(velocity**2)))
 
 
-def _row(speed: int, method: str, scans: str, factor: float, strokes: list[Stroke]) -> Row:
+def _row(speed: int, method: str, scans: str, fitted: tuple[float, float], strokes: list[Stroke]) -> Row:
     sign, velocity = _velocities(strokes, scans).T
+    factor, factor_error = fitted
     velocity = factor * velocity
     error = sign * velocity - speed
     rmse = float(np.sqrt(np.mean(error**2)))
@@ -177,6 +183,7 @@ def _row(speed: int, method: str, scans: str, factor: float, strokes: list[Strok
         method=method,
         scans=scans,
         factor=factor,
+        factor_standard_error=factor_error,
         backward_mm_s=float(velocity[sign < 0].mean()),
         forward_mm_s=float(velocity[sign > 0].mean()),
         rmse_mm_s=rmse,

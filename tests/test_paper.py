@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from taxelflow.acquire.base import Truth
+from taxelflow.cli import main
+from taxelflow.layout import load_sensor
+from taxelflow.score.field import cuts_of, score_field, true_twist
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_every_figure_of_the_paper_is_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["figures", "--out", str(tmp_path / "figures"), "--strokes", "4", "--seeds", "1"]) == 0
+    named = capsys.readouterr().out.split()
+    assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == sorted(
+        name.split("/")[-1] for name in named
+    )
+    stems = {path.stem for path in (tmp_path / "figures").iterdir()}
+    for wanted in ("fig2", "fig4", "fig5", "fig6", "fig7", "fig9", "table1", "rotation"):
+        assert any(stem.startswith(wanted) for stem in stems)
+
+
+def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four() -> None:
+    rows = {(row.scenario, row.cut): row for row in score_field(2).rows}
+    two, four = (rows["turn-over-hand", cut] for cut in ("tips of fingers 1, 2", "fingers 1, 2"))
+    assert (two.vectors, four.vectors) == (2, 4)
+    assert four.turn_percent < two.turn_percent < 12
+
+
+def test_each_cut_has_as_many_vectors_as_it_says() -> None:
+    cuts = cuts_of(load_sensor("barretthand-162"))
+    assert [int(cut.sensor.layout.apart.sum()) >= 2 for cut in cuts] == [True] * len(cuts)
+    assert len({cut.name for cut in cuts}) == len(cuts)
+
+
+def test_the_true_twist_is_that_of_the_point_at_the_origin() -> None:
+    t_s = np.linspace(0, 1, 1001)
+    centre, omega = np.array([0.05, -0.02]), 0.7  # the object turns about this centre
+    theta = omega * t_s
+    start = np.array([0.01, 0.03]) - centre
+    x = centre[0] + np.cos(theta) * start[0] - np.sin(theta) * start[1]
+    y = centre[1] + np.sin(theta) * start[0] + np.cos(theta) * start[1]
+    truth = Truth("hand", t_s, np.stack([x, y, theta], axis=1))
+    twist = true_twist(truth, np.array([0.5]), np.array([0.501]))[0]
+    assert twist == pytest.approx([omega * centre[1], -omega * centre[0], omega], rel=1e-3)
