@@ -203,7 +203,7 @@ def show_table1(table: Any) -> None:
     console.print(paper)
     console.print()
     title = f"ours: {table.strokes} strokes a speed, seed {table.seed}"
-    ours = _table("mm/s", "method:", "scans:", "factor", "backward", "forward", "RMSE", "%", "±", "bias", title=title)
+    ours = _table("mm/s", "method:", "scans:", "factor", "back", "forth", "RMSE", "%", "±", "bias", title=title)
     for row in table.ours:
         ours.add_row(
             str(row.nominal_mm_s),
