@@ -12,10 +12,11 @@ import numpy as np
 from taxelflow import __version__, registry
 from taxelflow.acquire.base import Recording
 from taxelflow.calibration import Calibration, load_calibration
+from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
 from taxelflow.layout import Sensor, load_sensor
-from taxelflow.messages import Bools, Event, Motions, Slips, joined
+from taxelflow.messages import Bools, Event, Motions, Scans, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pipeline import Pipeline, Run
 from taxelflow.publish.summary import Summary, Totals
@@ -55,6 +56,13 @@ def read(path: str | Path, sensor: str | Path | Sensor | None = None) -> Recordi
     if sensor is not None and not isinstance(sensor, Sensor):
         sensor = load_sensor(str(sensor))
     return cast("Recording", registry.find("reader", suffix)(path, sensor))
+
+
+def conditioned(recording: Recording) -> Scans:
+    """All scans of a recording, conditioned as a batch with the usual parameters, in memory."""
+    with announced():
+        session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
+        return joined([*(scans for raw in recording.blocks() for scans in session.step(raw)), *session.finish()])
 
 
 def estimator(method: str, **parameters: Any) -> Estimator:

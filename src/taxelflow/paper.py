@@ -10,12 +10,10 @@ import numpy as np
 from taxelflow import api
 from taxelflow.acquire.rig.scenario import SCENARIOS
 from taxelflow.acquire.rig.simulate import simulate
-from taxelflow.condition.conditioner import Conditioner
 from taxelflow.estimation.literal import convolution_matrix
 from taxelflow.figures import strokes_of
 from taxelflow.geometry import place
 from taxelflow.layout import load_sensor
-from taxelflow.messages import joined
 from taxelflow.publish.plots.curve import curve_figure, table_figure
 from taxelflow.publish.plots.hand import Moment, field_figure, layout_figure
 from taxelflow.publish.plots.position import position_figure
@@ -32,7 +30,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from taxelflow.acquire.base import Recording, Truth
-    from taxelflow.messages import Floats
 
 _HAND = "barretthand-162"
 
@@ -76,7 +73,7 @@ def _frames() -> Figure:
 
 def _bulb() -> Figure:
     recording = simulate(SCENARIOS["bulb-pull"])
-    moving = _moving_times(recording.truth)
+    moving = _moving_times(recording.known_truth)
     times = [moving[0] + share * (moving[1] - moving[0]) for share in (0.25, 0.5, 0.75)]
     caption = (
         "A compliant bulb pulled from left to right over the hand (the paper's Fig. 4), at three times: taxels shaded "
@@ -88,9 +85,9 @@ def _bulb() -> Figure:
 
 def _rotation() -> Figure:
     turn, both = (simulate(SCENARIOS[name]) for name in ("turn-over-hand", "slide-and-turn-over-hand"))
-    first, last = _moving_times(turn.truth)
+    first, last = _moving_times(turn.known_truth)
     moments = _moments(turn, [first + 0.25 * (last - first), first + 0.75 * (last - first)])
-    first, last = _moving_times(both.truth)
+    first, last = _moving_times(both.known_truth)
     moments += _moments(both, [first + 0.25 * (last - first)])
     caption = (
         "An object turned over the hand, there and back, and turned while it slides (the paper's Fig. 7): slip vectors "
@@ -110,7 +107,7 @@ def _views() -> Figure:
     )
     recording = simulate(scenario)
     pad = recording.layout.pads.index(scenario.pad)
-    result, scans = api.estimate(recording), _conditioned(recording)
+    result, scans = api.estimate(recording), api.conditioned(recording).pressure
     scan = int(np.nanargmin(np.hypot(*result.slips.pose[:, pad, :2].T)))  # nearest to the middle
     before, now = (recording.layout.grid(pad, scans[k]) for k in (scan - 1, scan))
     dx, dy = (1e3 * float(step) for step in result.slips.displacement[scan, pad, :2])
@@ -120,7 +117,7 @@ def _views() -> Figure:
 
 def _position() -> Figure:
     recording = simulate(SCENARIOS["stroke"])
-    truth = _truth(recording)
+    truth = recording.known_truth
     pad = recording.layout.pads.index(truth.pad)
     tracks = [_track(recording, method, pad) for method in ("lnorm", "convolution")]
     return position_figure(tracks, (truth.t_s, truth.pose[:, :2]), strokes_of(truth))
@@ -164,7 +161,7 @@ def _curve(seeds: int) -> Figure:
 
 def _moments(recording: Recording, times_s: list[float]) -> list[Moment]:
     """The field of Method II at these times, with the truth's twist over the same scans."""
-    result, pressure, truth = api.estimate(recording), _conditioned(recording), _truth(recording)
+    result, pressure, truth = api.estimate(recording), api.conditioned(recording).pressure, recording.known_truth
     layout, slips = recording.layout, result.slips
     turn = layout.T_hand.copy()
     turn[:, :2] = 0.0
@@ -181,12 +178,6 @@ def _moments(recording: Recording, times_s: list[float]) -> list[Moment]:
     return moments
 
 
-def _conditioned(recording: Recording) -> Floats:
-    """(scans, entries) of tared pressure in Pa."""
-    session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
-    return joined([scans for raw in recording.blocks() for scans in session.step(raw)]).pressure
-
-
 def _track(recording: Recording, method: str, pad: int) -> Track:
     result = api.estimate(recording, method)
     slips = result.slips
@@ -199,15 +190,7 @@ def _track(recording: Recording, method: str, pad: int) -> Track:
     return Track(method, recording.layout.pads[pad], numbers, {"contact": slips.contact[:, pad]})
 
 
-def _truth(recording: Recording) -> Truth:
-    if recording.truth is None:
-        raise RuntimeError("the rig always knows the truth")
-    return recording.truth
-
-
-def _moving_times(truth: Truth | None) -> tuple[float, float]:
+def _moving_times(truth: Truth) -> tuple[float, float]:
     """When the object first and last moves."""
-    if truth is None:
-        raise RuntimeError("the rig always knows the truth")
     moves = np.flatnonzero(np.abs(np.diff(truth.pose, axis=0)).max(axis=1) > 1e-9)
     return float(truth.t_s[moves[0]]), float(truth.t_s[moves[-1]])

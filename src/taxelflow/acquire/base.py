@@ -64,6 +64,13 @@ class Recording:
         """Taxel arrays of the sensor."""
         return self.sensor.layout
 
+    @property
+    def known_truth(self) -> Truth:
+        """The truth. Raises RecordingCorrupt where a recording has none, as only those of the rig surely do."""
+        if self.truth is None:
+            raise RecordingCorrupt(self.source, "it carries no truth", "use a recording of `taxelflow simulate`")
+        return self.truth
+
     def blocks(self) -> Reading:
         """Checked blocks of scans, from the start."""
         return Reading(self)

@@ -19,9 +19,8 @@ from taxelflow import __version__, api
 from taxelflow.acquire.trajectory import Trajectory
 from taxelflow.calibration import Calibration, PadCalibration, fingerprint
 from taxelflow.compiling import announced
-from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
-from taxelflow.messages import Scans, Slips, joined
+from taxelflow.messages import Scans, Slips
 from taxelflow.score.gainfit import GainFit, Sightings, fit_gains
 
 if TYPE_CHECKING:
@@ -83,9 +82,8 @@ def calibrate(
 
 
 def _seen(recording: Recording, method: str) -> tuple[Scans, Slips]:
+    scans = api.conditioned(recording)
     with announced():
-        session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
-        scans = joined([*(s for raw in recording.blocks() for s in session.step(raw)), *session.finish()])
         return scans, api.estimator(method).start(recording.layout, "batch").step(scans)
 
 

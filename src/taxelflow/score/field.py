@@ -110,9 +110,7 @@ def _parts(pad: Pad, parts: int) -> list[Group]:
 
 def _twists(recording: Recording) -> tuple[Floats, Floats]:
     """Estimated and true twists (scans, 3) at the hand's origin, where one was estimated."""
-    result, truth = api.estimate(recording, "convolution"), recording.truth
-    if truth is None:
-        raise RuntimeError("the rig always knows the truth")
+    result, truth = api.estimate(recording, "convolution"), recording.known_truth
     known = np.isfinite(result.motions.velocity[:, 0])
     slips = result.slips
     window_s = np.nanmax(np.where(slips.valid, slips.span_s + 2 * slips.lag_s, np.nan)[known], axis=1)

@@ -16,8 +16,7 @@ from taxelflow import api
 from taxelflow.acquire.rig.scenario import SCENARIOS, Scenario
 from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.compiling import announced
-from taxelflow.condition.conditioner import Conditioner
-from taxelflow.messages import Scans, Slips, joined
+from taxelflow.messages import Slips
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -126,13 +125,10 @@ def _trial(seed: int, speed_mm_s: int) -> Scenario:
 
 def _strokes(recording: Recording) -> dict[str, list[Stroke]]:
     """Both methods on the same conditioned scans, cut into strokes."""
-    truth = recording.truth
-    if truth is None:
-        raise RuntimeError("the rig always knows the truth")
+    truth = recording.known_truth
     pad = recording.layout.pads.index(truth.pad)
+    scans = api.conditioned(recording)
     with announced():
-        session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
-        scans: Scans = joined([scans for raw in recording.blocks() for scans in session.step(raw)])
         slips = {m: api.estimator(m).start(recording.layout, "batch").step(scans) for m in METHODS}
     return {method: list(_cut(slips[method], pad, truth)) for method in METHODS}
 
