@@ -52,7 +52,7 @@ class CentroidSession:
     def finish(self) -> Slips:
         nothing = np.zeros((0, len(self.layout.pads)), dtype=bool)
         bare = np.zeros((0, self.layout.entries))
-        return Slips.unknown(Scans(np.zeros(0), bare, bare.sum(axis=0), nothing, nothing))
+        return Slips.unknown(Scans(np.zeros(0), bare, bare.sum(axis=0), bare.sum(axis=0), nothing, nothing))
 
 
 result = taxelflow.estimate(simulate(SCENARIOS["slide-and-turn"]), Centroid())

@@ -82,6 +82,7 @@ def scans_of(
     noise: Any = 1e-9,
     contact: Any = True,
     complete: Any = True,
+    ceiling: float = np.inf,
 ) -> Scans:
     """Conditioned scans (scans, taxels); contact and complete may be given per scan or per scan and pad."""
     values = np.ascontiguousarray(pressure, dtype=np.float64)
@@ -95,6 +96,7 @@ def scans_of(
         times(len(values)) if t_s is None else np.asarray(t_s, dtype=np.float64),
         values,
         np.array(np.broadcast_to(np.asarray(noise, dtype=np.float64), (layout.taxels,))),
+        np.full(layout.taxels, ceiling),
         flags[0],
         flags[1],
     )

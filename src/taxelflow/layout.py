@@ -35,6 +35,7 @@ Count = Annotated[int, Meta(ge=1, le=1024)]
 Positive = Annotated[float, Meta(gt=0, lt=1e12)]
 Index = Annotated[int, Meta(ge=0)]
 Number = Annotated[float, Meta(gt=-1e6, lt=1e6)]
+Delay = Annotated[float, Meta(ge=0, lt=1e3)]
 
 
 class Pad(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -87,6 +88,8 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     full_scale: Positive | None = None
     """Largest reading, in `unit`, if known: there a taxel saturates."""
     groups: tuple[Group, ...] = ()
+    delay_s: tuple[Delay, ...] = ()
+    """How long after its scan's time stamp each taxel is read, s, in the order of the scan; at once if left out."""
     note: str = ""
 
     @property
@@ -115,7 +118,7 @@ class Layout:
     the pad's grid. x_m, y_m: (entries,) place in the pad's frame. border: (entries, 2), no neighbour to the left or
     right (x), above or below (y). shapes: (rows, cols) per pad. pitch_m: (pads, 2). T_hand: (pads, 3) pose of the pad's
     frame in the hand, NaN where unknown. A group has shape and pitch of its first pad, and its
-    frame unless it spans several: then that of the hand.
+    frame unless it spans several: then that of the hand. delay_s: (entries,), when in a scan a taxel is read.
     """
 
     taxels: int
@@ -131,6 +134,7 @@ class Layout:
     y_m: Floats
     border: Bools
     T_hand: Floats
+    delay_s: Floats
 
     @property
     def entries(self) -> int:
@@ -200,6 +204,7 @@ def _layout(sensor: Sensor) -> Layout:
         y_m=np.ascontiguousarray(places[:, 1]),
         border=np.concatenate([part.border for part in flat]),
         T_hand=np.array([np.zeros(3) if wide else homes[zone[0][0]] for zone, wide in zip(zones, across, strict=True)]),
+        delay_s=np.array(sensor.delay_s or [0.0] * int(first[-1]))[np.concatenate([part.source for part in flat])],
     )
 
 
@@ -336,6 +341,10 @@ def _check_sensor(sensor: Sensor, source: str) -> None:
         if len(pad.missing) == pad.rows * pad.cols:
             raise SensorFileInvalid(source, where, "no taxel is left", "a pad has at least one taxel")
     _check_groups(sensor, source)
+    taxels = sum(pad.rows * pad.cols - len(pad.missing) for pad in sensor.pads)
+    if sensor.delay_s and len(sensor.delay_s) != taxels:
+        seen = f"{len(sensor.delay_s)} delays for {taxels} taxels"
+        raise SensorFileInvalid(source, "top level, field delay_s", seen, "give one for each taxel, or none")
 
 
 def _check_groups(sensor: Sensor, source: str) -> None:

@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+
+NO_POSE, OK, AMBIGUOUS, UNRESOLVED, LOST = range(5)
+QUALITY = ("", "ok", "ambiguous", "unresolved", "lost")
+"""What a pose is worth. Empty: there is none. ok: as good as its covariance says. ambiguous: something that is not
+motion (a contact cut by a border, tilt, growth) may look like it, or a direction cannot be seen. unresolved: the scan
+does not fit what the method knows, chi-square is too high. lost: the method starts again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +51,15 @@ class Scans:
     t_s: (scans,). pressure: (scans, entries), 0 where a taxel is masked or missing; entries are the taxels of all
     pads and groups (see `Layout`), and pads below are pads and groups.
     noise: (entries,) standard deviation of one reading, same unit; 0 marks a masked taxel. A reading of exactly 0
-    has no noise: the taxel is masked or missing, or the sensor clips it there while it is idle.
+    has no noise: the taxel is masked or missing, or the sensor clips it there while it is idle. ceiling: (entries,),
+    a reading at or above it is saturated, the pressure may be larger; inf where no full scale is known.
     contact: (scans, pads). complete: (scans, pads), False where a loaded taxel is missing in that scan.
     """
 
     t_s: Floats
     pressure: Floats
     noise: Floats
+    ceiling: Floats
     contact: Bools
     complete: Bools
 
@@ -71,6 +80,7 @@ class Slips:
     the pose is.
     load: (scans, pads), sum of the pad's pressures, Pa. disturbance: (scans, pads), for methods without direction: a
     sign of slip in standard deviations of what noise makes of a still object; NaN for all others.
+    quality: (scans, pads), place in `QUALITY`: how far the pose is to be trusted.
     """
 
     t_s: Floats
@@ -84,6 +94,7 @@ class Slips:
     lag_s: Floats
     load: Floats
     disturbance: Floats
+    quality: Bytes
 
     @classmethod
     def unknown(cls, scans: Scans, starts: NDArray[np.int64] | None = None) -> Slips:
@@ -104,6 +115,7 @@ class Slips:
             lag_s=np.full(shape, np.nan),
             load=load,
             disturbance=np.full(shape, np.nan),
+            quality=np.zeros(shape, dtype=np.uint8),
         )
 
     @property
@@ -156,6 +168,10 @@ class Event:
     event: str
 
 
+_SHARED = ("noise", "ceiling")
+"""Fields without an axis of scans."""
+
+
 def joined(blocks: Sequence[Block]) -> Block:
     """Blocks of one kind, at least one, as a single block. Scans must share one noise model."""
     first = blocks[0]
@@ -163,7 +179,7 @@ def joined(blocks: Sequence[Block]) -> Block:
         return first
     parts = {
         field.name: getattr(first, field.name)
-        if field.name == "noise"
+        if field.name in _SHARED
         else np.concatenate([getattr(block, field.name) for block in blocks])
         for field in fields(first)
     }
@@ -173,7 +189,14 @@ def joined(blocks: Sequence[Block]) -> Block:
 def cut(block: Block, start: int, stop: int) -> Block:
     """Scans `start` to `stop` (excluded) of a block, as views."""
     parts = {
-        field.name: getattr(block, field.name)[... if field.name == "noise" else slice(start, stop)]
+        field.name: getattr(block, field.name)[... if field.name in _SHARED else slice(start, stop)]
         for field in fields(block)
     }
     return type(block)(**parts)
+
+
+def judged(pose: Floats, border: Bools) -> Bytes:
+    """Quality (scans, pads) as a centroid's poses (scans, pads, 3) deserve: ambiguous where the contact is cut."""
+    cut_off = border.any(axis=-1)
+    quality: Bytes = np.where(np.isfinite(pose[..., 0]), np.where(cut_off, AMBIGUOUS, OK), NO_POSE).astype(np.uint8)
+    return quality

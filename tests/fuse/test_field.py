@@ -57,6 +57,7 @@ def slips_of(sensor: Sensor, poses: Floats, points: Floats, *, dt: float = 0.01,
         lag_s=np.zeros((scans, pads)),
         load=np.ones((scans, pads)),
         disturbance=np.full((scans, pads), np.nan),
+        quality=np.ones((scans, pads), np.uint8),
     )
 
 

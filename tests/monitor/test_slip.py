@@ -37,6 +37,7 @@ def slips_of(sizes: Any, *, contact: Any = None, direction: tuple[float, float] 
         lag_s=unknown,
         load=unknown,
         disturbance=unknown.copy(),
+        quality=np.ones((scans, pads), np.uint8),
     )
 
 

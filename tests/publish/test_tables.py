@@ -37,7 +37,9 @@ def written(recording: Recording, folder: Path, method: str = "convolution") -> 
 
 
 def test_the_columns_are_the_contracts_and_then_more() -> None:
-    assert ",".join(SLIPS).startswith(CONTRACT + ",border_x,border_y,lag_s,load_pa")
+    assert ",".join(SLIPS).startswith(
+        CONTRACT + ",border_x,border_y,lag_s,load_pa,cov_xy,cov_xtheta,cov_ytheta,quality"
+    )
 
 
 def test_the_header_of_the_file_is_the_contracts(stroke: Recording, tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """`.npz` recordings: `t` (scans,) in s and `pressure` (scans, taxels) in the sensor's unit.
 
 Optional members: `sensor` (JSON text with the fields of a sensor file), `masked` (taxels,), `truth_pad` (a pad, or
-`hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,). The rig also writes what is not read back:
-`delay_s` (taxels,), how long after `t` each taxel is read, and `parameters` (JSON text of how the scans were made).
+`hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,). The rig also writes
+`parameters` (JSON text of how the scans were made), which is not read back.
 Pickled objects are never loaded.
 """
 

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from taxelflow.layout import Sensor
 
 
+_SATURATED = 0.9995
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Learned:
     """What a session knows of its sensor, in SI units.
@@ -51,6 +54,7 @@ class Session:
         self._in_contact = np.zeros(len(self._layout.pads), dtype=np.bool_)
         self._last = np.zeros(self._layout.entries)
         self._known_noise = self._spread_noise = np.zeros(0)
+        self._known_offset = self._tared_ceiling = np.zeros(0)
         self.learned: Learned | None = None
         if lookahead is not None:
             with suppress(RecordingError):  # the second pass meets the same damage, after the scans before it
@@ -142,6 +146,14 @@ class Session:
             self._known_noise, self._spread_noise = noise, noise[self._layout.source]
         return self._spread_noise
 
+    def _ceiling(self) -> Floats:
+        """(entries,), where readings saturate, half a part in a thousand below full scale; tared like them."""
+        if self.learned is not None and self._known_offset is not self.learned.offset:
+            self._known_offset = self.learned.offset
+            top = _SATURATED * (self._sensor.full_scale or np.inf) * self._sensor.to_si
+            self._tared_ceiling = (top - self.learned.offset)[self._layout.source]
+        return self._tared_ceiling
+
     def _condition(self, raw: RawScans) -> Scans:
         if self.learned is None:
             raise RuntimeError("a scan was conditioned before anything was learned")
@@ -166,7 +178,7 @@ class Session:
             contact,
             complete,
         )
-        return Scans(raw.t_s, pressure, noise, contact, complete)
+        return Scans(raw.t_s, pressure, noise, self._ceiling(), contact, complete)
 
 
 @kernel

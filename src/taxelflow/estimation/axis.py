@@ -17,7 +17,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.estimation.translation import mark_border
-from taxelflow.messages import Bools, Floats, Scans, Slips
+from taxelflow.messages import Bools, Floats, Scans, Slips, judged
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -65,13 +65,15 @@ class AxisSession:
             slips.lag_s,
         )
         mark_border(scans.pressure, scans.noise, scans.contact, *self._edge, slips.border)
+        slips.quality[...] = judged(slips.pose, slips.border)
         return slips
 
     def finish(self) -> Slips:
         """Nothing is held back."""
         none = np.zeros((0, len(self._layout.pads)), dtype=np.bool_)
         entries = self._layout.entries
-        return self.step(Scans(np.zeros(0), np.zeros((0, entries)), np.zeros(entries), none, none.copy()))
+        never = np.full(entries, np.inf)
+        return self.step(Scans(np.zeros(0), np.zeros((0, entries)), np.zeros(entries), never, none, none.copy()))
 
 
 @kernel

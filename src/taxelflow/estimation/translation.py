@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.messages import Bools, Floats, Scans, Slips
+from taxelflow.messages import Bools, Floats, Scans, Slips, judged
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -53,6 +53,7 @@ class TranslationSession:
             np.zeros(0),
             np.zeros((0, layout.entries)),
             np.zeros(layout.entries),
+            np.full(layout.entries, np.inf),
             *(np.zeros((0, self._pads), dtype=np.bool_) for _ in range(2)),
         )
         self.step(self._nothing)  # compiles the kernel, or loads it from the cache, before the loop begins
@@ -87,18 +88,20 @@ class TranslationSession:
         """Slips of all pads; see `EstimatorSession.step`."""
         rows, border = self.room(len(scans))
         self.run(scans, rows, border)
+        pose = _planar(rows[..., X : Y + 1])
         return Slips(
             t_s=scans.t_s,
             contact=scans.contact,
             border=border,
             displacement=_planar(rows[..., DX : DY + 1]),
-            pose=_planar(rows[..., X : Y + 1]),
+            pose=pose,
             covariance=_symmetric(rows[..., VAR_X : COV_XY + 1]),
             displacement_covariance=_symmetric(rows[..., D_VAR_X : D_COV_XY + 1]),
             span_s=rows[..., SPAN],
             lag_s=rows[..., LAG],
             load=rows[..., LOAD],
             disturbance=rows[..., DISTURBANCE],
+            quality=judged(pose, border),
         )
 
     def finish(self) -> Slips:

@@ -99,4 +99,5 @@ def _nothing(pads: int) -> Slips:
     """A block of no scans."""
     three, matrix, one = np.zeros((0, pads, 3)), np.zeros((0, pads, 3, 3)), np.zeros((0, pads))
     none, border = np.zeros((0, pads), dtype=np.bool_), np.zeros((0, pads, 2), dtype=np.bool_)
-    return Slips(np.zeros(0), none, border, three, three, matrix, matrix, one, one, load=one, disturbance=one)
+    quality = np.zeros((0, pads), dtype=np.uint8)
+    return Slips(np.zeros(0), none, border, three, three, matrix, matrix, one, one, one, one, quality)

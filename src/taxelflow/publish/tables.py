@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from taxelflow.messages import QUALITY
 from taxelflow.publish.summary import to_json
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 SLIPS = (
     "t_s", "pad", "contact", "dx_m", "dy_m", "dtheta_rad", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s",
     "omega_rad_s", "std_x_m", "std_y_m", "std_theta_rad", "slipping", "border_x", "border_y", "lag_s",
-    "load_pa",
+    "load_pa", "cov_xy", "cov_xtheta", "cov_ytheta", "quality",
 )
 OBJECT = (
     "t_s", "vx_m_s", "vy_m_s", "omega_rad_s", "rotor_1_s", "cx_m", "cy_m", "x_m", "y_m", "theta_rad", "pads",
@@ -90,9 +91,12 @@ def _slip_rows(slips: Slips, slipping: Bools, pads: tuple[str, ...]) -> Iterable
     numbers = np.concatenate([slips.displacement, slips.pose, slips.velocity, std], axis=2).reshape(count, 12)
     flags = [flag.reshape(count) for flag in (slips.contact, slipping, slips.border[..., 0], slips.border[..., 1])]
     times = [f"{t:.6f}" for t in slips.t_s]
-    last = np.stack([slips.lag_s, slips.load], axis=2).reshape(count, 2)
-    for row, (values, contact, slips_now, border_x, border_y, ends) in enumerate(
-        zip(numbers.tolist(), *(flag.tolist() for flag in flags), last.tolist(), strict=True)
+    covariance = slips.covariance
+    mixed = [covariance[..., 0, 1], covariance[..., 0, 2], covariance[..., 1, 2]]
+    last = np.stack([slips.lag_s, slips.load, *mixed], axis=2).reshape(count, 5)
+    quality = slips.quality.reshape(count).tolist()
+    for row, (values, contact, slips_now, border_x, border_y, ends, judged) in enumerate(
+        zip(numbers.tolist(), *(flag.tolist() for flag in flags), last.tolist(), quality, strict=True)
     ):
         scan, pad = divmod(row, len(pads))
         yield [
@@ -104,6 +108,7 @@ def _slip_rows(slips: Slips, slipping: Bools, pads: tuple[str, ...]) -> Iterable
             _FLAG[border_x],
             _FLAG[border_y],
             *map(_number, ends),
+            QUALITY[judged],
         ]
 
 

@@ -142,7 +142,8 @@ def _latencies(sensor: Sensor) -> list[Latency]:
 def _loaded(values: Floats, pads: int) -> list[Scans]:
     contact = np.ones((1, pads), dtype=np.bool_)
     noise = np.full(values.shape[1], 0.1)
-    return [Scans(np.array([0.01 * k]), values[k : k + 1], noise, contact, contact) for k in range(len(values))]
+    never = np.full(len(noise), np.inf)
+    return [Scans(np.array([0.01 * k]), values[k : k + 1], noise, never, contact, contact) for k in range(len(values))]
 
 
 def _kernel_step(method: str, sensor: Sensor, scans: list[Scans]) -> Callable[[int], object]:
@@ -185,7 +186,8 @@ def _throughput(size: int) -> list[Throughput]:
     layout = Sensor("grid", "kPa", (Pad("grid", size, size, (0.002, 0.002)),)).layout
     pressure = np.random.default_rng(0).uniform(1.0, 2.0, (scans, size * size))
     contact = np.ones((scans, 1), dtype=np.bool_)
-    block = Scans(np.linspace(0.0, 1.0, scans), pressure, np.full(size * size, 0.1), contact, contact)
+    never = np.full(size * size, np.inf)
+    block = Scans(np.linspace(0.0, 1.0, scans), pressure, np.full(size * size, 0.1), never, contact, contact)
     session = cast("TranslationSession", api.estimator("convolution").start(layout, "batch"))
     rows, border = session.room(scans)
     x, y, centroids = layout.x_m, layout.y_m, np.empty((scans, 2))

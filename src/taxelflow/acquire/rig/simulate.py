@@ -51,6 +51,8 @@ def simulate(scenario: Scenario) -> Recording:
         for start in range(0, len(scans), BLOCK_SCANS):
             yield cut(scans, start, min(start + BLOCK_SCANS, len(scans)))
 
+    if scenario.sensing.scan_share:
+        sensor = msgspec.structs.replace(sensor, delay_s=tuple(delays(scenario.sensing, layout.taxels).tolist()))
     name = f"simulated, seed {scenario.seed}"
     path = move(scenario.motion, t_s, scenario.seed)
     truth = Truth(scenario.pad, t_s, path.pose, path.slipping)
@@ -74,7 +76,6 @@ def save(scenario: Scenario, path: Path) -> Recording:
             truth_t_s=truth.t_s,
             truth_pose=truth.pose,
             truth_slipping=truth.slipping,
-            delay_s=delays(scenario.sensing, recording.layout.taxels),
             parameters=np.array(json.dumps(asdict(scenario))),
         )
     part.replace(path)
