@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
     from taxelflow.estimation.base import Estimator, Mode
 
 
+_BAG_DIRECTORY = "metadata.yaml"
+"""What makes a directory a ROS 2 bag; the registry knows its reader by this name."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
     """Everything that a recording gave, in memory.
@@ -41,21 +46,28 @@ class Result:
     summary: Summary
 
 
-def read(path: str | Path, sensor: str | Path | Sensor | None = None) -> Recording:
+def read(path: str | Path, sensor: str | Path | Sensor | None = None, *, topic: str | None = None) -> Recording:
     """Open a recording; its scans are read when asked for.
 
     sensor: a built-in name, a TOML file or a `Sensor`, for formats that carry no layout or to replace theirs.
-    Raises RecordingMissing, FormatUnknown, SensorNeeded, RecordingCorrupt, TaxelCountWrong, NameUnknown.
+    topic: which one of a bag. Raises RecordingMissing, FormatUnknown, SensorNeeded, TopicUnclear, RecordingCorrupt,
+    TaxelCountWrong, NameUnknown, ParameterInvalid.
     """
     path = Path(path)
-    if not path.is_file():
-        raise RecordingMissing(path)
     suffix = path.suffix.lower()
+    if (path / _BAG_DIRECTORY).is_file():
+        suffix = _BAG_DIRECTORY
+    elif not path.is_file():
+        raise RecordingMissing(path)
     if suffix not in registry.names("reader"):
         raise FormatUnknown(path, registry.names("reader"))
     if sensor is not None and not isinstance(sensor, Sensor):
         sensor = load_sensor(str(sensor))
-    return cast("Recording", registry.find("reader", suffix)(path, sensor))
+    opener = registry.find("reader", suffix)
+    asked = {name: value for name, value in {"topic": topic}.items() if value is not None}
+    for name in asked.keys() - signature(opener).parameters.keys():
+        raise ParameterInvalid(name, asked[name], f"leave it out: it means nothing for {suffix} recordings")
+    return cast("Recording", opener(path, sensor, **asked))
 
 
 def conditioned(recording: Recording) -> Scans:
@@ -121,7 +133,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
     layout = recording.layout
     pads = {}
     masked: list[int] = []
-    notes = []
+    notes = list(run.reading.notes)
     if learned is not None:
         masked = [int(taxel) for taxel in np.flatnonzero(learned.masked)]
         for number, name in enumerate(totals.pads):

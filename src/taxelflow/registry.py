@@ -17,6 +17,10 @@ PARTS: dict[str, dict[str, str]] = {
         ".npz": "taxelflow.acquire.npz:open_npz",
         ".csv": "taxelflow.acquire.csv:open_csv",
         ".dsa": "taxelflow.acquire.dsa:open_dsa",
+        ".bag": "taxelflow.acquire.bags.open:open_bag",
+        ".db3": "taxelflow.acquire.bags.open:open_bag",
+        ".mcap": "taxelflow.acquire.bags.open:open_bag",
+        "metadata.yaml": "taxelflow.acquire.bags.open:open_bag",
     },
     "estimator": {
         "lnorm": "taxelflow.estimation.lnorm:LNorm",
