@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from tyro.conf import Positional
 
+from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import ParameterInvalid, TaxelflowError
@@ -30,17 +31,20 @@ class _Recorded:
     """The options of all commands that read a recording."""
 
     recording: Positional[Path]
-    """A recording: .npz, .csv, .dsa, a ROS 1 .bag, a ROS 2 bag (its directory or .db3), or .mcap."""
+    """A recording: .npz, .csv, .tsv, .txt, .parquet, .dsa, .mcap, a ROS 1 .bag, a ROS 2 bag (directory or .db3)."""
     sensor: str | None = None
     """A built-in sensor (see `taxelflow sensors`) or a TOML file; not needed where the recording names its own."""
     topic: str | None = None
     """Topic of a bag or .mcap; not needed where only one fits."""
 
+    columns: Columns = field(default_factory=Columns)
+
     def opened(self) -> Recording:
         """The recording, ready to be read."""
         from taxelflow import api
 
-        return api.read(self.recording, self.sensor, topic=self.topic)
+        columns = None if self.columns == Columns() else self.columns
+        return api.read(self.recording, self.sensor, topic=self.topic, columns=columns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,6 +164,32 @@ class Info(_Recorded):
         for note in (*checkup.notes, *([checkup.loss] if checkup.loss else [])):
             print(f"taxelflow: {note}", file=sys.stderr)
         return PARTLY_READ if checkup.loss else 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Convert(_Recorded):
+    """Write a recording as .npz, .csv, .parquet or .mcap, exact; all but .csv keep sensor, mask and truth.
+
+    Exit code: 0; 1 if the recording is truncated and only a part could be written; 2 on bad input.
+    """
+
+    out: Positional[Path]
+    """The file to write; its suffix says the format."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Read, write, print."""
+        from taxelflow import api
+        from taxelflow.publish.terminal import progress
+
+        recording = self.opened()
+        reading = api.convert(recording, self.out, lambda blocks: progress(blocks, recording.scans, "converting"))
+        print(f"{reading.scans} scans of {recording.sensor.name} in {self.out}")
+        if self.out.suffix.lower() == ".csv":
+            lost = "neither sensor nor truth" if recording.truth is not None else "no sensor"
+            print(f"taxelflow: a csv holds {lost}: give --sensor when it is read", file=sys.stderr)
+        for note in (*reading.notes, *([reading.loss] if reading.loss else [])):
+            print(f"taxelflow: {note}", file=sys.stderr)
+        return PARTLY_READ if reading.loss else 0
 
 
 @dataclass(frozen=True)
@@ -329,6 +359,7 @@ Command = (
     Annotated[Estimate, tyro.conf.subcommand("estimate")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Info, tyro.conf.subcommand("info")]
+    | Annotated[Convert, tyro.conf.subcommand("convert")]
     | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[Sensors, tyro.conf.subcommand("sensors")]
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]

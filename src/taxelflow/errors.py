@@ -48,11 +48,11 @@ class RecordingMissing(RecordingError):
 
 
 class FormatUnknown(RecordingError):
-    """No reader is registered for the file's suffix."""
+    """No reader or writer is registered for the file's suffix."""
 
-    def __init__(self, path: Path, known: Iterable[str]) -> None:
+    def __init__(self, path: Path, known: Iterable[str], part: str = "reader") -> None:
         super().__init__(
-            f"no reader for {path}: its suffix is {path.suffix or 'empty'!r}; known are {', '.join(known)}"
+            f"no {part} for {path}: its suffix is {path.suffix or 'empty'!r}; known are {', '.join(known)}"
         )
 
 

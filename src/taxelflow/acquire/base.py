@@ -160,8 +160,8 @@ class Reading:
     def _judge_rate(self, rate_hz: float) -> None:
         if not _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
             self.notes.append(
-                f"{rate_hz:.3g} scans a second is not what tactile sensors do: times may not be in s (a csv's unit is "
-                "set by --csv.time-unit)"
+                f"{rate_hz:.3g} scans a second is not what tactile sensors do: are times in s? "
+                "(of a table, --columns.time-unit says so)"
             )
 
 

@@ -66,7 +66,7 @@ KINDS = (
         definition="std_msgs/Header header\n{package}/PressureArray[] pressure_list"
         + _SUB
         + "{package}/PressureArray\nstring sensor_name\nuint16 cells_x\nuint16 cells_y\nfloat64[] pressure\n",
-        note="pressures taken as Pa; a version of PressureArray.msg says N/mm2: for that give a sensor file with --sensor",
+        note="pressures taken as Pa; some versions of the message say N/mm2: for these give a sensor file by --sensor",
     ),
     Kind(
         types=("schunk_sdh/msg/PressureArray",),

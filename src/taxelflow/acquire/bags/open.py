@@ -14,6 +14,7 @@ from taxelflow.acquire.bags.mcap import McapSource, seen
 from taxelflow.acquire.bags.rosbag import RosbagSource
 from taxelflow.acquire.bags.topics import choose
 from taxelflow.acquire.base import Recording, in_blocks
+from taxelflow.acquire.carried import masked_in, sensor_in, truth_in
 from taxelflow.errors import (
     RecordingCorrupt,
     RecordingTruncated,
@@ -21,7 +22,7 @@ from taxelflow.errors import (
     TaxelCountWrong,
     TaxelflowError,
 )
-from taxelflow.layout import builtin_sensors, load_sensor, sensor_of
+from taxelflow.layout import builtin_sensors, load_sensor
 from taxelflow.messages import Floats, RawScans
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Rec
         raise RecordingCorrupt(path, seen(error), _REMEDY) from error
     received_s, stamps_s, parts = _probe(path, source, chosen, decoder)
     cells = [len(part) for part in parts]
-    sensor = sensor or _sensor(path, source, kind, cells)
+    sensor = sensor or sensor_in(path, source.metadata) or _sensor(path, kind, cells)
     columns = _columns(sensor.layout, kind, cells)
     if columns is None:
         raise TaxelCountWrong(path, sum(cells), sensor.name, sensor.layout.taxels)
@@ -59,7 +60,16 @@ def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Rec
     reader = _Reader(path, source, chosen, decoder, columns, cells, believed=not distrust)
     notes = [f"{distrust}: times are those of receipt"] if distrust else []
     notes += [kind.note] if kind.note else []
-    return Recording(path, _format(path, chosen), sensor, reader.blocks, scans=chosen.messages, notes=tuple(notes))
+    return Recording(
+        path,
+        _format(path, chosen),
+        sensor,
+        reader.blocks,
+        scans=chosen.messages,
+        masked=masked_in(path, source.metadata, sensor.layout.taxels),
+        truth=truth_in(path, source.metadata, sensor),
+        notes=tuple(notes),
+    )
 
 
 def _format(path: Path, topic: Topic) -> str:
@@ -93,13 +103,8 @@ def _decoded(path: Path, number: int, decoder: Decoder, content: bytes) -> tuple
         raise RecordingCorrupt(path, f"message {number}: {seen(error)}", "record or copy it again") from error
 
 
-def _sensor(path: Path, source: Source, kind: Kind, cells: list[int]) -> Sensor:
-    """The one inside the file, or the built-in one that the message is of."""
-    if text := source.metadata.get("sensor"):
-        try:
-            return sensor_of(msgspec.json.decode(text), f"{path}:sensor")
-        except msgspec.DecodeError as error:
-            raise RecordingCorrupt(path, f"metadata sensor: {error}", _REMEDY) from error
+def _sensor(path: Path, kind: Kind, cells: list[int]) -> Sensor:
+    """The built-in one that the message is of. Raises SensorNeeded."""
     for name in kind.sensors:
         if name in builtin_sensors():
             sensor = load_sensor(name)
