@@ -36,7 +36,7 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
     asked = (columns or Columns()).resolved()
     name = asked.delimiter or _DELIMITERS.get(path.suffix.lower(), ",")
     delimiter = {"space": None, "tab": "\t"}.get(name, name)
-    first = next(_records(path, asked, delimiter, start=asked.skip), "")
+    first = next(_records(path, asked, delimiter), "")
     try:
         fields = [field.strip() for field in _split(first, delimiter)]
     except csv.Error as error:
@@ -52,10 +52,10 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
     return Recording(path, path.suffix.lower().lstrip("."), sensor, table.blocks, notes=notes)
 
 
-def _records(path: Path, columns: Columns, delimiter: str | None, start: int) -> Iterator[str]:
-    """Lines that are not blank, those of one scan joined; `start` lines are left out. A last one may be short."""
+def _records(path: Path, columns: Columns, delimiter: str | None) -> Iterator[str]:
+    """Lines that are not blank, those of one scan joined, after those to be skipped. A last one may be short."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        for _ in range(start):
+        for _ in range(columns.skip):
             file.readline(_LONGEST_LINE)
         lines = _lines(file)
         if columns.rows_per_scan == 1:
@@ -88,7 +88,9 @@ class _Table:
 
     def blocks(self) -> Iterator[RawScans]:
         """From the start; what stands before a fault is given before it is raised."""
-        records = _records(self.path, self.columns, self.delimiter, self.columns.skip + self.columns.header)
+        records = _records(self.path, self.columns, self.delimiter)
+        if self.columns.header:
+            next(records, None)
         done = 0
         while chunk := list(islice(records, BLOCK_SCANS)):
             numbers = self._fast(chunk)

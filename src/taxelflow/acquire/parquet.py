@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _REMEDY = "write it again, or copy it again whole: the end of a Parquet file says what is in it"
 _PREFIX = "taxelflow."
-_GROUP_SCANS = 8 * BLOCK_SCANS
+_GROUP_SCANS = 4 * BLOCK_SCANS
 
 
 def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = None) -> Recording:
