@@ -81,7 +81,7 @@ def message(store: Typestore, message_type: str, stamp_s: float, parts: list[Any
                 time=stamp_s,
                 model="uSPa44",
                 sensor_pos=n,
-                taxels=[make("Taxel", x=1, y=2, z=int(z)) for z in part],
+                taxels=[make("Taxel", x=int(x), y=int(y), z=int(z)) for x, y, z in np.reshape(part, (-1, 3))],
                 forces=[],
             )
             for n, part in enumerate(parts, 1)

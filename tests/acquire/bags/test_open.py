@@ -42,7 +42,7 @@ def plain(cells: int) -> Sensor:
         ("schunk_sdh/msg/PressureArray", [84]),
         ("tactile_msgs/msg/TactileState", [12, 16]),
         ("bhand_controller/msg/TactileArray", [24, 24, 24, 24]),
-        ("xela_server_ros2/msg/SensStream", [16, 16]),
+        ("xela_server_ros2/msg/SensStream", [48, 48]),
         ("std_msgs/msg/Float32MultiArray", [20]),
         ("std_msgs/msg/Float64MultiArray", [20]),
         ("std_msgs/msg/UInt16MultiArray", [20]),

@@ -125,7 +125,7 @@ def _follow(message: Any, path: str) -> list[Any]:
     """What stands at a path of `Kind`. Raises AttributeError where the message has no such field."""
     found = [message]
     for name in path.split("."):
-        found = [getattr(one, name.removesuffix("[]")) for one in found]
+        found = [getattr(one, own) for one in found for own in name.removesuffix("[]").split(",")]
         if name.endswith("[]"):
             found = [item for items in found for item in items]
     return found

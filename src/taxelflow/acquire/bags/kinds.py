@@ -18,7 +18,8 @@ class Kind:
     types: tuple[str, ...]
     """Names `package/msg/Name`, with wildcards, as ROS 2 writes them."""
     values: tuple[str, ...]
-    """Fields that hold the readings, pad after pad: dots go into a field, `[]` through a list."""
+    """Fields that hold the readings, pad after pad: dots go into a field, `[]` through a list, commas
+    stand between fields of which all are taken."""
     stamp: str = ""
     """Field with the time: a ROS time, or a number in s. Empty: the message has none."""
     sensors: tuple[str, ...] = ()
@@ -88,7 +89,7 @@ KINDS = (
     ),
     Kind(
         types=("*/msg/SensStream",),
-        values=("sensors[].taxels[].z",),
+        values=("sensors[].taxels[].x,y,z",),
         stamp="sensors[].time",
         sensors=("xela-4x4",),
         definition="{package}/SensorFull[] sensors"
