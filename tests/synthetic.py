@@ -12,7 +12,8 @@ import numpy as np
 from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.condition.conditioner import Conditioner
-from taxelflow.layout import Pad, Sensor
+from taxelflow.pads import Pad
+from taxelflow.sensor import Sensor
 from taxelflow.messages import Bools, Floats, RawScans, Scans, Slips, cut, joined
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from taxelflow.layout import Sensor
+    from taxelflow.sensor import Sensor
     from taxelflow.messages import Floats, RawScans
 
 PALM = grid_sensor(4, 7)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from synthetic import grid_sensor
 from taxelflow.errors import NameUnknown, SensorFileInvalid
-from taxelflow.layout import builtin_sensors, load_sensor, parse_sensor
+from taxelflow.catalogue import builtin_sensors, load_sensor
+from taxelflow.sensor import parse_sensor
 
 GOOD = """
 name = "hand"

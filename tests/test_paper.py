@@ -7,7 +7,7 @@ import pytest
 
 from taxelflow.acquire.base import Truth
 from taxelflow.cli import main
-from taxelflow.layout import load_sensor
+from taxelflow.catalogue import load_sensor
 from taxelflow.score.field import cuts_of, score_field, true_twist
 
 if TYPE_CHECKING:

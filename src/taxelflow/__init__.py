@@ -8,7 +8,10 @@ if TYPE_CHECKING:
     from taxelflow.api import Result, estimate, estimator, read
     from taxelflow.condition.conditioner import Conditioner
     from taxelflow.errors import TaxelflowError
-    from taxelflow.layout import Layout, Pad, Sensor, load_sensor
+    from taxelflow.catalogue import load_sensor
+    from taxelflow.layout import Layout
+    from taxelflow.pads import Pad
+    from taxelflow.sensor import Sensor
     from taxelflow.messages import Event, Motions, RawScans, Scans, Slips
     from taxelflow.monitor.slip import SlipMonitor
 

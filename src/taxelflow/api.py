@@ -15,7 +15,8 @@ from taxelflow.calibration import Calibration, load_calibration
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
-from taxelflow.layout import Sensor, load_sensor
+from taxelflow.catalogue import load_sensor
+from taxelflow.sensor import Sensor
 from taxelflow.messages import Bools, Event, Motions, Scans, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pipeline import Pipeline, Run

@@ -15,7 +15,7 @@ from msgspec import Meta
 from taxelflow.errors import CalibrationInvalid, CalibrationUnfit
 
 if TYPE_CHECKING:
-    from taxelflow.layout import Sensor
+    from taxelflow.sensor import Sensor
     from taxelflow.messages import Floats
 
 Gain = Annotated[float, Meta(gt=0, lt=1e6)]

@@ -164,7 +164,7 @@ class Sensors:
 
     def run(self, _rest: list[str]) -> int:
         """Print a table or a drawing."""
-        from taxelflow.layout import builtin_sensors, load_sensor
+        from taxelflow.catalogue import builtin_sensors, load_sensor
         from taxelflow.publish.terminal import draw_sensor, list_sensors
 
         if self.name is None:

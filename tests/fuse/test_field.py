@@ -11,7 +11,9 @@ from synthetic import assert_same
 from taxelflow.errors import ParameterInvalid
 from taxelflow.fuse.rigid import RigidField
 from taxelflow.geometry import place, unplace
-from taxelflow.layout import Group, Pad, Patch, Sensor, load_sensor
+from taxelflow.catalogue import load_sensor
+from taxelflow.pads import Group, Pad, Patch
+from taxelflow.sensor import Sensor
 from taxelflow.messages import Floats, Motions, Slips, cut, joined
 
 ORIGINS = ((-0.08, 0.0), (0.08, 0.01), (0.0, -0.07), (0.01, 0.06))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWrong, TimesNotIncreasing
-from taxelflow.layout import Sensor
+from taxelflow.sensor import Sensor
 from taxelflow.messages import Bools, Floats, RawScans, joined
 
 if TYPE_CHECKING:
@@ -122,9 +122,11 @@ class Reading:
         return RecordingCorrupt(self._recording.source, f"no scan is readable: {seen}", "record or copy it again")
 
     def _checked(self, block: RawScans) -> RawScans:
-        taxels = self._recording.layout.taxels
-        if block.values.shape[1] != taxels:
-            raise TaxelCountWrong(self._recording.source, block.values.shape[1], self._recording.sensor.name, taxels)
+        wiring = self._recording.sensor.wiring
+        if block.values.shape[1] != wiring.columns:
+            seen = block.values.shape[1]
+            raise TaxelCountWrong(self._recording.source, seen, self._recording.sensor.name, wiring.columns)
+        block = RawScans(block.t_s, wiring.readings(block.values))
         before = np.concatenate([[self._last_s], block.t_s[:-1]])
         finite = np.isfinite(block.t_s)
         fresh = (block.t_s > before) & finite

@@ -19,14 +19,14 @@ from taxelflow.errors import (
     SensorNeeded,
     TaxelCountWrong,
 )
-from taxelflow.layout import builtin_sensors
+from taxelflow.catalogue import builtin_sensors
 from taxelflow.messages import RawScans
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from taxelflow.layout import Sensor
+    from taxelflow.sensor import Sensor
 
 _REMEDY = "a recording has a header row `t_s,...` and then one row per scan: time in s, a number per taxel"
 

@@ -14,7 +14,9 @@ import numpy as np
 
 from taxelflow.acquire.base import BLOCK_SCANS, Recording
 from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTruncated, TaxelCountWrong
-from taxelflow.layout import Pad, Sensor, load_sensor
+from taxelflow.catalogue import load_sensor
+from taxelflow.pads import Pad
+from taxelflow.sensor import Sensor
 from taxelflow.messages import Bools, Floats, RawScans
 
 if TYPE_CHECKING:

@@ -21,14 +21,15 @@ from numpy.lib import format as npy
 
 from taxelflow.acquire.base import BLOCK_SCANS, HAND, Recording, Truth
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
-from taxelflow.layout import builtin_sensors, sensor_of
+from taxelflow.catalogue import builtin_sensors
+from taxelflow.sensor import sensor_of
 from taxelflow.messages import Bools, RawScans
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from taxelflow.layout import Sensor
+    from taxelflow.sensor import Sensor
 
 _REMEDY = "write it with numpy.savez(path, t=..., pressure=...), t in s (scans,), pressure (scans, taxels)"
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError, ValueError, KeyError)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from taxelflow.condition.session import Session
-    from taxelflow.layout import Sensor
+    from taxelflow.sensor import Sensor
     from taxelflow.messages import Bools, RawScans
 
 Tare = Literal["auto", "none", "start"]

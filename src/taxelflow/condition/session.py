@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.condition.conditioner import Conditioner
-    from taxelflow.layout import Sensor
+    from taxelflow.sensor import Sensor
 
 
 _SATURATED = 0.9995

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from taxelflow.calibration import Calibration
-    from taxelflow.layout import Sensor
+    from taxelflow.sensor import Sensor
     from taxelflow.publish.summary import Summary
 
     Block = TypeVar("Block", bound=Sized)

@@ -22,7 +22,9 @@ from taxelflow.condition.conditioner import Conditioner
 from taxelflow.estimation.flow import weighted_sums
 from taxelflow.estimation.literal import convolution_index
 from taxelflow.fuse.rigid import RigidField
-from taxelflow.layout import Pad, Sensor, builtin_sensors, load_sensor
+from taxelflow.catalogue import builtin_sensors, load_sensor
+from taxelflow.pads import Pad
+from taxelflow.sensor import Sensor
 from taxelflow.messages import RawScans, Scans, cut
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.publish.tables import Tables

@@ -17,7 +17,7 @@ from taxelflow.acquire.rig.pattern import Analytic
 from taxelflow.acquire.rig.sensing import clock, delays, reported, sense
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.geometry import unplace
-from taxelflow.layout import load_sensor
+from taxelflow.catalogue import load_sensor
 from taxelflow.messages import RawScans, cut
 
 if TYPE_CHECKING:
