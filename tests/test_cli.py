@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from taxelflow.sensor import Sensor
     from taxelflow.messages import Floats, RawScans
+    from taxelflow.sensor import Sensor
 
 PALM = grid_sensor(4, 7)
 CONTRACT = [

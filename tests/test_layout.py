@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import grid_sensor
-from taxelflow.errors import NameUnknown, SensorFileInvalid
 from taxelflow.catalogue import builtin_sensors, load_sensor
+from taxelflow.errors import NameUnknown, SensorFileInvalid
 from taxelflow.sensor import parse_sensor
 
 GOOD = """

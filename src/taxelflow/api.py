@@ -12,15 +12,15 @@ import numpy as np
 from taxelflow import __version__, registry
 from taxelflow.acquire.base import Recording
 from taxelflow.calibration import Calibration, load_calibration
+from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
-from taxelflow.catalogue import load_sensor
-from taxelflow.sensor import Sensor
 from taxelflow.messages import Bools, Event, Motions, Scans, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pipeline import Pipeline, Run
 from taxelflow.publish.summary import Summary, Totals
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Estimator, Mode

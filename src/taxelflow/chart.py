@@ -1,8 +1,8 @@
 """Curved skin laid flat, as the earth on a map: places and normals in space to coordinates on a plane.
 
 The way over the skin between two taxels is taken from their places and normals. With d the straight line between them
-and a the angle between the normals, the part of d along the difference of the normals is the chord of an arc of angle a,
-and the rest is straight:  way^2 = |d|^2 - chord^2 + (chord (a / 2) / sin(a / 2))^2. On a plane, a cylinder and a sphere
+and a the angle between the normals, the part of d along the difference of the normals is the chord of an arc of that
+angle, and the rest is straight:  way^2 = |d|^2 - chord^2 + (chord (a / 2) / sin(a / 2))^2. On a plane, a cylinder and a sphere
 this is exact. The map is the set of points of the plane whose distances are closest to these ways (least squares of
 relative errors, by majorisation: de Leeuw's SMACOF), so a plane and a cylinder are mapped without distortion; what can
 not be flat, such as a dome, is stretched as little as possible, near neighbours least.
@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +24,7 @@ _STEPS = 500
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chart:
-    """xy: (taxels, 2) on the map, m, x along the table's x axis, y to its left as seen from outside, origin at the mean.
+    """xy: (taxels, 2) on the map, m, x along the table's x axis, y to the left of it seen from outside, mean at 0.
 
     stretch: largest relative error of a distance between near neighbours.
     """
@@ -41,10 +40,12 @@ def lay_flat(places: Floats, normals: Floats) -> Chart:
     """
     outwards = normals.mean(axis=0)
     if np.linalg.norm(outwards) < 0.1:
-        raise ValueError("the normals point all around, so that the skin closes upon itself: split it into several pads")
+        raise ValueError(
+            "the normals point all around, so that the skin closes upon itself: split it into several pads"
+        )
     across = _axes(outwards / np.linalg.norm(outwards))
     seen = (places - places.mean(axis=0)) @ across.T
-    if np.ptp(seen[:, 2], initial=0.0) < _FLAT_M and np.abs(normals - normals[:1]).max() < 1e-6:
+    if np.ptp(seen[:, 2]) < _FLAT_M and np.abs(normals - normals[:1]).max() < 1e-6:
         return Chart(seen[:, :2], 0.0)
     if len(places) > MOST_CURVED:
         raise ValueError(f"a curved pad has at most {MOST_CURVED} taxels, this one {len(places)}: split it")
@@ -76,6 +77,8 @@ def _ways(places: Floats, normals: Floats) -> Floats:
 
 def _spread(ways: Floats, start: Floats) -> Floats:
     """Points (taxels, 2) whose distances are closest to the ways, each weighed by 1 / way^2."""
+    from scipy.linalg import cho_factor, cho_solve
+
     count = len(ways)
     weights = 1.0 / np.maximum(ways, 1e-9) ** 2
     np.fill_diagonal(weights, 0.0)

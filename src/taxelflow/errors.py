@@ -114,7 +114,9 @@ class PitchNeeded(TaxelflowError):
 
     def __init__(self, name: str, seen: str) -> None:
         given = f"{seen!r} is no pitch" if seen else "its pitch is not published"
-        super().__init__(f"sensor {name}: {given}; measure it and add it to the name, as in {name}@3.0mm or {name}@3x2.5mm")
+        super().__init__(
+            f"sensor {name}: {given}; measure it and add it to the name, as in {name}@3.0mm or {name}@3x2.5mm"
+        )
 
 
 class GridNameInvalid(TaxelflowError):

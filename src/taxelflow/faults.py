@@ -78,11 +78,12 @@ def _of_table(pad: Pad) -> Iterator[tuple[str, str, str]]:
             yield field, "it stands beside a table of taxels", "a pad is a grid or a table, not both"
     if pad.order != "row-major" or pad.first != "top-left":
         yield "order and first", "they stand beside a table of taxels", "a table has an index instead"
-    widths = Counter(len(row) for row in pad.taxels)
+    rows = [row for row in pad.taxels if not isinstance(row, str)]
+    widths = Counter(len(row) for row in rows)
     if len(widths) > 1 or not set(widths) <= {2, 6}:
         seen = f"rows have {', '.join(map(str, sorted(widths)))} numbers"
         yield "taxels", seen + (", a place in space without its normal" if set(widths) == {3} else ""), _ROWS
-    elif 6 in widths and any(not dist(row[3:], (0.0, 0.0, 0.0)) > 1e-9 for row in pad.taxels):
+    elif 6 in widths and any(not dist(row[3:], (0.0, 0.0, 0.0)) > 1e-9 for row in rows):
         yield "taxels", "a normal is 0, 0, 0", "leave absent taxels out, and give the others an index"
     if pad.channels not in (None, pad.count) and not pad.index:
         seen = f"{pad.channels} numbers for {pad.count} taxels"
@@ -100,7 +101,11 @@ def _of_any(pad: Pad) -> Iterator[tuple[str, str, str]]:
     if pad.pose is not None:
         length = dist(pad.pose[3:], (0.0, 0.0, 0.0, 0.0))
         if not isfinite(length) or abs(length - 1.0) > 1e-3:
-            yield "pose", f"its quaternion has length {length:.3g}", "give x, y, z in m, then qx, qy, qz, qw of length 1"
+            yield (
+                "pose",
+                f"its quaternion has length {length:.3g}",
+                "give x, y, z in m, then qx, qy, qz, qw of length 1",
+            )
 
 
 def check_groups(groups: Sequence[Group], pads: Sequence[Pad], source: str) -> None:

@@ -11,7 +11,7 @@ more pad.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -38,9 +38,10 @@ class Layout:
     taxels: how many a scan has. source: (entries,), the taxel of the scan that an entry reads; a group's entries come
     after those of all pads, so for pads an entry's number is its taxel's. pads: names of pads and groups, pad_count of
     which are pads. starts: (pads + 1,), pad p owns entries starts[p] to starts[p + 1]. row, col: (entries,) place in
-    the pad's grid, of a table on its raster. x_m, y_m: (entries,) place in the pad's frame. border: (entries, 2), no
-    neighbour to the left or right (x), above or below (y). shapes: (rows, cols) per pad. tables: (pads,), given as a
-    table. pitch_m: (pads, 2), of a table the median distance to the nearest taxel. T_hand: (pads, 3) pose of the pad's
+    the pad's grid, of a table on its raster. x_m, y_m: (entries,) place in the pad's frame. beside: (entries, 2, 2),
+    number within the pad (of a group: within the patch) of the next taxel to the left, right (x), below, above (y), -1
+    where none is. border: (entries, 2), one of the two is not there. shapes: (rows, cols) per pad. tables: (pads,),
+    given as a table. pitch_m: (pads, 2), of a table the median distance to the nearest taxel. T_hand: (pads, 3) pose of the pad's
     frame in the hand, NaN where unknown. A group has shape and pitch of its first pad, and its
     frame unless it spans several: then that of the hand. delay_s: (entries,), when in a scan a taxel is read.
     area_m2: (entries,), of a taxel. place_m, normal: (entries, 3), place in space and direction out of the skin, in the
@@ -61,6 +62,7 @@ class Layout:
     x_m: Floats
     y_m: Floats
     border: Bools
+    beside: Indices
     T_hand: Floats
     delay_s: Floats
     area_m2: Floats
@@ -111,7 +113,7 @@ class Layout:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Skin:
-    """One pad's taxels, (taxels,) or (taxels, ...), as `Layout` has them; origin_m: place of the pad's in space."""
+    """One pad's taxels, (taxels,) or (taxels, ...), as `Layout` has them."""
 
     row: Indices
     col: Indices
@@ -121,6 +123,7 @@ class Skin:
     area_m2: Floats
     place_m: Floats
     normal: Floats
+    table: bool = False
     stretch: float = 0.0
 
 
@@ -132,9 +135,7 @@ def skin_of(pad: Pad) -> Skin:
         return skin
     pose = np.array(pad.pose)
     places, normal = swing(pose[3:], skin.place_m) + pose[:3], swing(pose[3:], skin.normal)
-    return Skin(
-        skin.row, skin.col, skin.shape, skin.xy, skin.pitch_m, skin.area_m2, places, normal, skin.stretch
-    )
+    return replace(skin, place_m=places, normal=normal)
 
 
 def _grid(pad: Pad) -> Skin:
@@ -166,7 +167,7 @@ def _table(pad: Pad) -> Skin:
         raise ValueError("two taxels lie at the same place (laid flat, if it is curved)")
     pitch = pad.pitch_m or (mesh.spacing_m(xy),) * 2
     row, col, shape = mesh.raster(xy)
-    return Skin(row, col, shape, xy, pitch, _areas(pad, pitch), places, normal, stretch)
+    return Skin(row, col, shape, xy, pitch, _areas(pad, pitch), places, normal, table=True, stretch=stretch)
 
 
 def _areas(pad: Pad, pitch_m: tuple[float, float]) -> Floats:
@@ -189,6 +190,8 @@ def layout_of(pads: Sequence[Pad], groups: Sequence[Group], delay_s: Sequence[fl
     leaders = [zone[0][0] for zone in zones]
     known = [len(pads) == 1 or pad.pose is not None for pad in pads]
 
+    beside = np.concatenate([_beside(skins[n], chosen) for n, chosen, _ in parts])
+
     def of_parts(field: str) -> NDArray[np.float64]:
         return np.concatenate([getattr(skins[n], field)[chosen] for n, chosen, _ in parts])
 
@@ -201,7 +204,7 @@ def layout_of(pads: Sequence[Pad], groups: Sequence[Group], delay_s: Sequence[fl
         pad_count=len(pads),
         pads=(*numbers, *(group.name for group in groups)),
         shapes=tuple(skins[n].shape for n in leaders),
-        tables=np.array([pads[n].is_table for n in leaders]),
+        tables=np.array([skins[n].table for n in leaders]),
         source=source,
         starts=np.cumsum([0, *(sum(len(chosen) for _, chosen in zone) for zone in zones)]).astype(np.int64),
         pitch_m=np.array([skins[n].pitch_m for n in leaders]),
@@ -209,7 +212,8 @@ def layout_of(pads: Sequence[Pad], groups: Sequence[Group], delay_s: Sequence[fl
         col=of_parts("col").astype(np.int64),
         x_m=np.ascontiguousarray(xy_all[:, 0]),
         y_m=np.ascontiguousarray(xy_all[:, 1]),
-        border=np.concatenate([_border(pads[n], skins[n], chosen) for n, chosen, _ in parts]),
+        border=np.any(beside < 0, axis=2),
+        beside=beside,
         T_hand=np.array([np.zeros(3) if across else homes[n] for n, across in zip(leaders, wide, strict=True)]),
         delay_s=np.array(delay_s if len(delay_s) else [0.0] * int(first[-1]), dtype=np.float64)[source],
         area_m2=of_parts("area_m2"),
@@ -245,12 +249,12 @@ def chosen_of(patch: Patch, pad: Pad) -> Indices:
     return np.flatnonzero(inside)
 
 
-def _border(pad: Pad, skin: Skin, chosen: Indices) -> Bools:
-    if pad.is_table:
-        return mesh.border(skin.xy[chosen], skin.pitch_m[0])
-    there = np.zeros((pad.rows + 2, pad.cols + 2), dtype=np.bool_)
+def _beside(skin: Skin, chosen: Indices) -> Indices:
+    """(chosen, 2, 2): which of the chosen taxels is the next to the left, right, below, above; -1 where none is."""
+    if skin.table:
+        return mesh.beside(skin.xy[chosen], skin.pitch_m[0])
+    number = np.full((skin.shape[0] + 2, skin.shape[1] + 2), -1)
     row, col = skin.row[chosen] + 1, skin.col[chosen] + 1
-    there[row, col] = True
-    left_right = ~(there[row, col - 1] & there[row, col + 1])
-    above_below = ~(there[row - 1, col] & there[row + 1, col])
-    return np.stack([left_right, above_below], axis=1)
+    number[row, col] = np.arange(len(chosen))
+    across = np.stack([number[row, col - 1], number[row, col + 1]], axis=1)
+    return np.stack([across, np.stack([number[row + 1, col], number[row - 1, col]], axis=1)], axis=1)

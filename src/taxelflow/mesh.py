@@ -1,4 +1,4 @@
-"""Taxels scattered over a plane: how far apart, who is whose neighbour, where the border is, a raster to show them on."""
+"""Taxels scattered over a plane: how far apart they are, which lie side by side, and a raster to show them on."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def closest_m(xy: Floats) -> float:
 def _nearest(xy: Floats) -> Floats:
     from scipy.spatial import cKDTree
 
-    nearest: Floats = cKDTree(xy).query(xy, k=2)[0][:, 1]
+    nearest: Floats = np.asarray(cKDTree(xy).query(xy, k=2)[0])[:, 1]
     return nearest
 
 
@@ -38,7 +38,9 @@ def neighbours(xy: Floats, spacing: float) -> Indices:
     """
     from scipy.spatial import Delaunay, QhullError, cKDTree
 
-    close: Indices = cKDTree(xy).query_pairs(_NEIGHBOUR * spacing, output_type="ndarray").reshape(-1, 2).astype(np.int64)
+    close: Indices = (
+        cKDTree(xy).query_pairs(_NEIGHBOUR * spacing, output_type="ndarray").reshape(-1, 2).astype(np.int64)
+    )
     if len(xy) < 4:
         return close
     try:
@@ -47,11 +49,12 @@ def neighbours(xy: Floats, spacing: float) -> Indices:
         return close
     edges = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [0, 2]]]), axis=1)
     edges = np.unique(edges, axis=0).astype(np.int64)
-    return edges[np.linalg.norm(xy[edges[:, 0]] - xy[edges[:, 1]], axis=1) < _NEIGHBOUR * spacing]
+    short: Indices = edges[np.linalg.norm(xy[edges[:, 0]] - xy[edges[:, 1]], axis=1) < _NEIGHBOUR * spacing]
+    return short
 
 
-def border(xy: Floats, spacing: float) -> NDArray[np.bool_]:
-    """(taxels, 2): no other of the taxels (taxels, 2) to the left or right (x), above or below (y).
+def beside(xy: Floats, spacing: float) -> Indices:
+    """(taxels, 2, 2): the nearest other one of the taxels (taxels, 2) to the left, right (x), below, above (y), or -1.
 
     To a side means within 1.4 spacings and 46 degrees of that direction: in a square grid the next taxel of the row or
     column, in a hexagonal one those beside it.
@@ -62,12 +65,14 @@ def border(xy: Floats, spacing: float) -> NDArray[np.bool_]:
     both = np.concatenate([pairs, pairs[:, ::-1]])
     way = xy[both[:, 1]] - xy[both[:, 0]]
     reach = np.linalg.norm(way, axis=1)
-    open_side = np.ones((len(xy), 2, 2), dtype=np.bool_)
+    far_first = np.argsort(-reach, kind="stable")
+    both, way, reach = both[far_first], way[far_first], reach[far_first]
+    found = np.full((len(xy), 2, 2), -1)
     for axis in range(2):
         for side, sign in enumerate((-1.0, 1.0)):
-            beside = sign * way[:, axis] >= _CONE * reach
-            open_side[both[beside, 0], axis, side] = False
-    return open_side.any(axis=2)
+            there = sign * way[:, axis] >= _CONE * reach
+            found[both[there, 0], axis, side] = both[there, 1]
+    return found
 
 
 def raster(xy: Floats) -> tuple[Indices, Indices, tuple[int, int]]:

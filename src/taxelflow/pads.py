@@ -32,8 +32,8 @@ class Pad(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=Tr
     missing: tuple[tuple[Index, Index], ...] = ()
     """Grid places [row, col] where there is no taxel."""
     taxels: str | tuple[tuple[Number, ...], ...] = ()
-    """A table instead of a grid: a CSV file, relative to the sensor file, or rows [x, y] or [x, y, z, nx, ny, nz], m, with
-    the normal out of the skin. A curved pad is laid flat (see `chart`)."""
+    """A table instead of a grid: a CSV file, relative to the sensor file, or rows [x, y] or [x, y, z, nx, ny, nz], m,
+    with the normal out of the skin. A curved pad is laid flat (see `chart`)."""
     area_m2: Positive | tuple[Positive, ...] | None = None
     """Area of a taxel, or of each, m^2; the product of the pitches if left out."""
     origin_m: tuple[Number, Number] | None = None
@@ -46,8 +46,8 @@ class Pad(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=Tr
     start: Index | None = None
     """Number of the source's scan at which the pad begins; behind the pad before if left out."""
     channels: Channels | None = None
-    """How many numbers of the source's scan are the pad's; one for each taxel if left out. A grid that sends its missing
-    places too has rows times cols."""
+    """How many numbers of the source's scan are the pad's; one for each taxel if left out. A grid that sends its
+    missing places too has rows times cols."""
     order: Literal["row-major", "column-major"] = "row-major"
     """Order in which the source sends a grid: row by row, or column by column."""
     first: Corner = "top-left"

@@ -95,12 +95,12 @@ def _axis(sensor: Sensor) -> int:
 
 
 def read_sensor(path: Path) -> Sensor:
-    """A sensor from a TOML file. Raises SensorFileInvalid (with file, table and field); OSError if it cannot be opened."""
+    """A sensor from a TOML file. Raises SensorFileInvalid (with file, table and field), and OSError if it does not open."""
     return parse_sensor(path.read_bytes(), str(path), path.parent)
 
 
 def parse_sensor(text: bytes, source: str, folder: Traversable | None = None) -> Sensor:
-    """A sensor from TOML text; `source` names it in errors, `folder` holds its tables of taxels. Raises SensorFileInvalid."""
+    """A sensor from TOML text. source: its name in errors. folder: of its tables of taxels. Raises SensorFileInvalid."""
     return sensor_of(parse_toml(text, source), source, folder)
 
 
@@ -115,7 +115,7 @@ def parse_toml(text: bytes, source: str) -> dict[str, object]:
 
 
 def sensor_of(table: object, source: str, folder: Traversable | None = None) -> Sensor:
-    """A sensor from the mapping that TOML or JSON holds; other arguments as for `parse_sensor`. Raises SensorFileInvalid."""
+    """A sensor from the mapping that TOML or JSON holds; else as `parse_sensor`. Raises SensorFileInvalid."""
     try:
         sensor = msgspec.convert(table, Sensor)
     except msgspec.ValidationError as error:

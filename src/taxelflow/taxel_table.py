@@ -43,12 +43,16 @@ def with_table(pad: Pad, folder: Traversable | None, source: str, where: str) ->
         return pad
     where = f"{where}, field taxels"
     if folder is None:
-        raise SensorFileInvalid(source, where, f"it names the file {pad.taxels!r}", "here the rows themselves must stand")
+        raise SensorFileInvalid(
+            source, where, f"it names the file {pad.taxels!r}", "here the rows themselves must stand"
+        )
     try:
         text = folder.joinpath(pad.taxels).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError, ValueError) as error:
         seen = f"the table {pad.taxels!r} cannot be read ({getattr(error, 'strerror', None) or error})"
-        raise SensorFileInvalid(source, where, seen, "give the path of a CSV file, from the folder of the sensor file") from error
+        raise SensorFileInvalid(
+            source, where, seen, "give the path of a CSV file, from the folder of the sensor file"
+        ) from error
     try:
         columns = _columns(text.splitlines())
     except (ValueError, csv.Error) as error:

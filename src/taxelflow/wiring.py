@@ -67,18 +67,22 @@ def wire(pads: Sequence[Pad], channels: int | None, axes: int, axis: int) -> tup
     for pad in pads:
         begin = behind if pad.start is None else pad.start
         own = _places(pad)
-        if own.max() >= (pad.channels or pad.count):
+        if own.max(initial=-1) >= (pad.channels or pad.count):
             seen = f"pad {pad.name} asks for its number {own.max()} and has {pad.channels or pad.count}, from 0"
             raise ValueError(f"{seen}: give it more channels, or another index")
         places.append(begin + own)
         behind = begin + (pad.channels or pad.count)
     place = np.concatenate(places)
-    total = channels if channels is not None else max(behind, int(place.max()) + 1)
+    total = channels if channels is not None else max(behind, int(place.max(initial=-1)) + 1)
     numbers, times = np.unique(place, return_counts=True)
-    if times.max() > 1:
-        raise ValueError(f"number {numbers[times.argmax()]} of the scan is read by {times.max()} taxels: mend start, index")
-    if numbers[-1] >= total:
-        raise ValueError(f"a taxel reads number {numbers[-1]} of a scan of {total}, from 0: mend channels, start, index")
+    if times.max(initial=0) > 1:
+        raise ValueError(
+            f"number {numbers[times.argmax()]} of the scan is read by {times.max()} taxels: mend start, index"
+        )
+    if len(numbers) and numbers[-1] >= total:
+        raise ValueError(
+            f"a taxel reads number {numbers[-1]} of a scan of {total}, from 0: mend channels, start, index"
+        )
     return total * axes, place * axes + axis
 
 

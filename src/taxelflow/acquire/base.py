@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWrong, TimesNotIncreasing
-from taxelflow.sensor import Sensor
 from taxelflow.messages import Bools, Floats, RawScans, joined
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

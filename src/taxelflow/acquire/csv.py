@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.acquire.base import BLOCK_SCANS, Recording
+from taxelflow.catalogue import builtin_sensors
 from taxelflow.errors import (
     RecordingCorrupt,
     RecordingError,
@@ -19,7 +20,6 @@ from taxelflow.errors import (
     SensorNeeded,
     TaxelCountWrong,
 )
-from taxelflow.catalogue import builtin_sensors
 from taxelflow.messages import RawScans
 
 if TYPE_CHECKING:
@@ -42,8 +42,8 @@ def open_csv(path: Path, sensor: Sensor | None) -> Recording:
         raise RecordingCorrupt(path, f"its header starts with {','.join(header[:3])!r}", _REMEDY)
     if sensor is None:
         raise SensorNeeded(path, builtin_sensors())
-    if len(header) - 1 != sensor.layout.taxels:
-        raise TaxelCountWrong(path, len(header) - 1, sensor.name, sensor.layout.taxels)
+    if len(header) - 1 != sensor.wiring.columns:
+        raise TaxelCountWrong(path, len(header) - 1, sensor.name, sensor.wiring.columns)
     return Recording(path, "csv", sensor, lambda: _read(path, len(header)))
 
 

@@ -1,4 +1,5 @@
-"""`.npz` recordings: `t` (scans,) in s and `pressure` (scans, taxels) in the sensor's unit.
+"""`.npz` recordings: `t` (scans,) in s and `pressure` (scans, taxels) in the sensor's unit, as its source
+sends it (`wiring`).
 
 Optional members: `sensor` (JSON text with the fields of a sensor file), `masked` (taxels,), `truth_pad` (a pad, or
 `hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,). The rig also writes
@@ -20,10 +21,10 @@ import numpy as np
 from numpy.lib import format as npy
 
 from taxelflow.acquire.base import BLOCK_SCANS, HAND, Recording, Truth
-from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
 from taxelflow.catalogue import builtin_sensors
-from taxelflow.sensor import sensor_of
+from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
 from taxelflow.messages import Bools, RawScans
+from taxelflow.sensor import sensor_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -72,16 +73,16 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
         if "sensor" not in extras:
             raise SensorNeeded(path, builtin_sensors())
         sensor = _sensor(path, str(extras["sensor"]))
-    scans, taxels = pressure.shape
-    if taxels != sensor.layout.taxels:
-        raise TaxelCountWrong(path, taxels, sensor.name, sensor.layout.taxels)
+    scans, columns = pressure.shape
+    if columns != sensor.wiring.columns:
+        raise TaxelCountWrong(path, columns, sensor.name, sensor.wiring.columns)
     return Recording(
         path,
         "npz",
         sensor,
         lambda: _read(path, times, pressure),
         scans=scans,
-        masked=_mask(path, extras, taxels),
+        masked=_mask(path, extras, sensor.layout.taxels),
         truth=_truth(path, extras, sensor),
     )
 

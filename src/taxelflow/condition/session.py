@@ -98,7 +98,8 @@ class Session:
 
     def _noise(self, windows: Floats, masked: Bools) -> Floats:
         sensor = self._sensor
-        step = sensor.to_si if sensor.unit == "count" else 0.0  # a count is a whole number
+        largest = max(sensor.gain, default=1.0)
+        step = sensor.to_si * largest if sensor.unit == "count" else 0.0  # a count is a whole number
         return learn_noise(windows, masked, step, RANGE_FLOOR * (sensor.full_scale or 0.0) * sensor.to_si)
 
     def _learn(self) -> Learned:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from typing import Any
 
     from taxelflow.calibration import Calibration
-    from taxelflow.sensor import Sensor
     from taxelflow.publish.summary import Summary
+    from taxelflow.sensor import Sensor
 
     Block = TypeVar("Block", bound=Sized)
     Item = TypeVar("Item")

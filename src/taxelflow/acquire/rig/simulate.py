@@ -15,9 +15,9 @@ from taxelflow.acquire.rig.load import state_at
 from taxelflow.acquire.rig.motion import move
 from taxelflow.acquire.rig.pattern import Analytic
 from taxelflow.acquire.rig.sensing import clock, delays, reported, sense
+from taxelflow.catalogue import load_sensor
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.geometry import unplace
-from taxelflow.catalogue import load_sensor
 from taxelflow.messages import RawScans, cut
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def simulate(scenario: Scenario) -> Recording:
     t_s = clock(scenario.sensing, scenario.motion.duration_s, random)
     pressure = pressures(scenario, layout, touched, t_s)
     values = sense(scenario.sensing, pressure, t_s, random, scenario.seed) / sensor.to_si
-    scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), values)
+    scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), sensor.wiring.sent(values))
 
     def read() -> Iterator[RawScans]:
         for start in range(0, len(scans), BLOCK_SCANS):
@@ -70,7 +70,7 @@ def save(scenario: Scenario, path: Path) -> Recording:
         np.savez(
             file,
             t=scans.t_s,
-            pressure=scans.values,
+            pressure=recording.sensor.wiring.sent(scans.values),
             sensor=np.array(msgspec.json.encode(recording.sensor).decode()),
             truth_pad=np.array(truth.pad),
             truth_t_s=truth.t_s,
