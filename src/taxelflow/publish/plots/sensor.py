@@ -1,0 +1,155 @@
+"""A sensor as its user knows it: every pad with its taxels' numbers, the hand laid flat, curved skin in space."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.geometry import place
+from taxelflow.publish.plots.outlines import extent_mm, outlines
+from taxelflow.publish.plots.style import BLUE, GREY, INK, VERMILION, caption, plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Floats
+    from taxelflow.sensor import Sensor
+
+_SIZE = 7.0
+_COLS = 5
+_NUMBERED = 1100
+
+
+def sensor_figure(sensor: Sensor) -> Figure:
+    """The flattened hand if all pads have their place on it, else pad beside pad; and in space where it is curved."""
+    import matplotlib.pyplot as plt
+
+    layout = sensor.layout
+    together = bool(np.isfinite(layout.T_hand[: layout.pad_count, 0]).all())
+    space = _is_curved(layout)
+    if together:
+        figure, flat = _one(layout, space)
+        for pad in range(layout.pad_count):
+            _draw(flat, layout, pad, layout.T_hand[pad])
+        _finish(flat, *_bounds(layout))
+        _names(flat, layout)
+    else:
+        rows = ceil(layout.pad_count / _COLS)
+        figure, axes = plt.subplots(
+            rows, min(_COLS, layout.pad_count), figsize=(11.0, 2.5 * rows + 0.6), layout="constrained", squeeze=False
+        )
+        for axis in axes.flat[layout.pad_count :]:
+            axis.axis("off")
+        for pad, axis in enumerate(axes.flat[: layout.pad_count]):
+            _draw(axis, layout, pad, np.zeros(3))
+            _finish(axis, *extent_mm(layout, pad))
+            axis.set_title(plain(layout.pads[pad]))
+    if together and space:
+        _draw_space(figure.add_subplot(1, 2, 2, projection="3d"), layout)
+    title = f"{sensor.name}: {layout.taxels} taxels in {layout.pad_count} pads"
+    figure.suptitle(plain(title), x=0.01, ha="left", fontweight="bold")
+    width = figure.get_size_inches()[0]
+    caption(figure, plain(sensor.note), int(14.5 * width))
+    return figure
+
+
+def _is_curved(layout: Layout) -> bool:
+    normal = layout.normal[: layout.taxels]
+    return bool(np.isfinite(normal).all() and np.abs(normal - normal[:1]).max() > 1e-3)
+
+
+def _one(layout: Layout, space: bool) -> tuple[Figure, Axes]:
+    """A figure with room for the flat hand, left of a view in space if there is one."""
+    import matplotlib.pyplot as plt
+
+    left, right, low, high = _bounds(layout)
+    ratio = (high - low) / (right - left)
+    wide, tall = (_SIZE, _SIZE * ratio) if ratio < 1.0 else (_SIZE / ratio, _SIZE)
+    wide, tall = max(wide, 5.0), max(tall, 3.0)
+    figure = plt.figure(figsize=(wide + (tall if space else 0.0) + 0.8, tall + 1.2), layout="constrained")
+    return figure, figure.add_subplot(1, 2 if space else 1, 1)
+
+
+def _bounds(layout: Layout) -> tuple[float, float, float, float]:
+    corners = np.concatenate([_on_hand(layout, pad).reshape(-1, 2) for pad in range(layout.pad_count)])
+    margin = 0.08 * float(np.ptp(corners, axis=0).max())
+    (left, low), (right, high) = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+    return float(left), float(right), float(low), float(high)
+
+
+def _on_hand(layout: Layout, pad: int) -> Floats:
+    return 1e3 * place(layout.T_hand[pad], outlines(layout, pad))
+
+
+def _draw(axis: Axes, layout: Layout, pad: int, pose: Floats) -> None:
+    from matplotlib.collections import PolyCollection
+
+    shapes = 1e3 * place(pose, outlines(layout, pad))
+    own = layout.of_pad(pad)
+    faces = np.where(layout.border[own].any(axis=1), "#dfe8f3", "#f4f6f8")
+    axis.add_collection(PolyCollection(list(shapes), facecolor=faces.tolist(), edgecolor=GREY, linewidth=0.5))
+    if layout.taxels <= _NUMBERED:
+        for number, (x, y) in enumerate(shapes.mean(axis=1), own.start):
+            axis.text(x, y, str(number), ha="center", va="center", color=INK, gid=f"taxel{pad}")
+
+
+def _finish(axis: Axes, left: float, right: float, low: float, high: float) -> None:
+    axis.set_xlim(left, right)
+    axis.set_ylim(low, high)
+    axis.set_aspect("equal")
+    axis.grid(visible=False)
+    axis.set_xlabel("x in mm")
+    axis.set_ylabel("y in mm")
+    axis.figure.draw_without_rendering()  # type: ignore[union-attr]  # lays it out: now a mm has a length on paper
+    points = 72.0 / axis.figure.dpi * axis.get_window_extent().width / (right - left)
+    _fit_numbers(axis, points)
+
+
+def _fit_numbers(axis: Axes, points_per_mm: float) -> None:
+    """Numbers as large as the closest taxels leave room for, at most 8 points; too small to read, none."""
+    from scipy.spatial import cKDTree
+
+    at = np.array([text.get_position() for text in axis.texts])
+    if not len(at):
+        return
+    digits = max(len(text.get_text()) for text in axis.texts)
+    room = float(np.median(cKDTree(at).query(at, k=2)[0][:, 1])) if len(at) > 1 else 10.0
+    size = min(8.0, 1.35 * room * points_per_mm / digits)
+    for text in axis.texts:
+        text.set_fontsize(size)
+        text.set_visible(size > 1.5)
+
+
+def _names(axis: Axes, layout: Layout) -> None:
+    """Each pad's name, and its frame: x in red, y in blue."""
+    for pad in range(layout.pad_count):
+        x, y, turn = layout.T_hand[pad]
+        length = 0.9 * 1e3 * layout.pitch_m[pad].max()
+        for angle, colour in ((turn, VERMILION), (turn + np.pi / 2, BLUE)):
+            tip = (1e3 * x + length * np.cos(angle), 1e3 * y + length * np.sin(angle))
+            arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
+            axis.annotate("", xy=tip, xytext=(1e3 * x, 1e3 * y), arrowprops=arrow, zorder=4)
+        if layout.pad_count > 1:
+            shape = _on_hand(layout, pad).reshape(-1, 2)
+            at = ((shape[:, 0].min() + shape[:, 0].max()) / 2, shape[:, 1].max())
+            axis.annotate(
+                plain(layout.pads[pad]), at, (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=7
+            )
+
+
+def _draw_space(axis: Axes, layout: Layout) -> None:
+    """Taxels and their normals in the hand's 3-D frame."""
+    at, normal = 1e3 * layout.place_m[: layout.taxels], layout.normal[: layout.taxels]
+    length = 0.7 * 1e3 * float(layout.pitch_m.min())
+    axis.scatter(*at.T, s=10, color=BLUE, depthshade=False)
+    axis.quiver(*at.T, *(length * normal.T), color=VERMILION, linewidth=0.7, arrow_length_ratio=0.3)  # type: ignore[call-arg, misc]
+    for set_label, name in zip((axis.set_xlabel, axis.set_ylabel, axis.set_zlabel), "xyz", strict=True):  # type: ignore[attr-defined]
+        set_label(f"{name} in mm")
+    axis.set_aspect("equal")
+    outwards = normal.mean(axis=0)
+    axis.view_init(elev=25, azim=float(np.degrees(np.arctan2(outwards[1], outwards[0]))) + 30)  # type: ignore[attr-defined]
+    axis.set_title("in space, with normals")
