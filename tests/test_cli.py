@@ -302,7 +302,7 @@ def test_an_unknown_sensor_with_the_list(tmp_path: Path, capsys: Capture, comman
     }
     line = refused(capsys, *arguments[command])
     assert "'barret'" in line
-    assert "barretthand-162, grid-16x16, schunk-sdh2" in line
+    assert "barretthand-162, barretthand-bh280-96, grid-16x16, icub-" in line
 
 
 def test_an_unknown_method_with_the_list(tmp_path: Path, capsys: Capture) -> None:

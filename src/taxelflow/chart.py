@@ -2,10 +2,10 @@
 
 The way over the skin between two taxels is taken from their places and normals. With d the straight line between them
 and a the angle between the normals, the part of d along the difference of the normals is the chord of an arc of that
-angle, and the rest is straight:  way^2 = |d|^2 - chord^2 + (chord (a / 2) / sin(a / 2))^2. On a plane, a cylinder and a sphere
-this is exact. The map is the set of points of the plane whose distances are closest to these ways (least squares of
-relative errors, by majorisation: de Leeuw's SMACOF), so a plane and a cylinder are mapped without distortion; what can
-not be flat, such as a dome, is stretched as little as possible, near neighbours least.
+angle, and the rest is straight:  way^2 = |d|^2 - chord^2 + (chord (a / 2) / sin(a / 2))^2. On a plane, a cylinder and
+a sphere this is exact. The map is the set of points of the plane whose distances are closest to these ways (least
+squares of relative errors, by majorisation: de Leeuw's SMACOF), so a plane and a cylinder are mapped without
+distortion; what can not be flat, such as a dome, is stretched as little as possible, near neighbours least.
 """
 
 from __future__ import annotations

@@ -162,7 +162,7 @@ class Sensors:
     name: Positional[str | None] = None
     """A built-in sensor, a plain grid (grid:16x16@4mm) or a TOML file to draw."""
     plot: Path | None = None
-    """Draw a picture: a .svg, .png or .pdf file, or a directory for NAME.svg; without a name, of every built-in sensor."""
+    """Draw a picture: a .svg, .png or .pdf file, or a directory for NAME.svg. Without a name: all built-in sensors."""
 
     def run(self, _rest: list[str]) -> int:
         """Print a table or a drawing, or write pictures."""

@@ -41,9 +41,9 @@ class Layout:
     the pad's grid, of a table on its raster. x_m, y_m: (entries,) place in the pad's frame. beside: (entries, 2, 2),
     number within the pad (of a group: within the patch) of the next taxel to the left, right (x), below, above (y), -1
     where none is. border: (entries, 2), one of the two is not there. shapes: (rows, cols) per pad. tables: (pads,),
-    given as a table. pitch_m: (pads, 2), of a table the median distance to the nearest taxel. T_hand: (pads, 3) pose of the pad's
-    frame in the hand, NaN where unknown. A group has shape and pitch of its first pad, and its
-    frame unless it spans several: then that of the hand. delay_s: (entries,), when in a scan a taxel is read.
+    given as a table. pitch_m: (pads, 2), of a table the median distance to the nearest taxel. T_hand: (pads, 3) pose
+    of the pad's frame in the hand, NaN where unknown. A group has shape and pitch of its first pad, and its frame
+    unless it spans several: then that of the hand. delay_s: (entries,), when in a scan a taxel is read.
     area_m2: (entries,), of a taxel. place_m, normal: (entries, 3), place in space and direction out of the skin, in the
     hand's 3-D frame, NaN where the pad's `pose` is unknown. stretch: (pads,), how much laying flat changes a distance
     between near neighbours at most, relative.

@@ -16,15 +16,18 @@ _CONE = np.cos(np.radians(46.0))
 
 def spacing_m(xy: Floats) -> float:
     """Median distance of a taxel (taxels, 2), at least two, to the nearest other one."""
-    return float(np.median(_nearest(xy)))
+    return float(np.median(nearest_m(xy)))
 
 
 def closest_m(xy: Floats) -> float:
     """Distance of the closest two taxels (taxels, 2); inf for a single one."""
-    return float(_nearest(xy).min()) if len(xy) > 1 else float("inf")
+    return float(nearest_m(xy).min())
 
 
-def _nearest(xy: Floats) -> Floats:
+def nearest_m(xy: Floats) -> Floats:
+    """(taxels,): distance of each taxel (taxels, 2) to the nearest other one, inf where there is none."""
+    if len(xy) == 1:
+        return np.full(1, np.inf)
     from scipy.spatial import cKDTree
 
     nearest: Floats = np.asarray(cKDTree(xy).query(xy, k=2)[0])[:, 1]

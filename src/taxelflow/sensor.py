@@ -95,12 +95,12 @@ def _axis(sensor: Sensor) -> int:
 
 
 def read_sensor(path: Path) -> Sensor:
-    """A sensor from a TOML file. Raises SensorFileInvalid (with file, table and field), and OSError if it does not open."""
+    """A sensor from a TOML file. Raises SensorFileInvalid, and OSError if it does not open."""
     return parse_sensor(path.read_bytes(), str(path), path.parent)
 
 
 def parse_sensor(text: bytes, source: str, folder: Traversable | None = None) -> Sensor:
-    """A sensor from TOML text. source: its name in errors. folder: of its tables of taxels. Raises SensorFileInvalid."""
+    """A sensor from TOML text. source: its name in errors. folder: where its tables are. Raises SensorFileInvalid."""
     return sensor_of(parse_toml(text, source), source, folder)
 
 

@@ -22,7 +22,8 @@ _LINES_PER_CHARACTER = 0.5
 def draw_sensor(sensor: Sensor) -> None:
     """Each pad as its taxels' numbers where they lie, row 0 on top; a dot where a grid has none. Then the groups."""
     console, layout = Console(markup=False, highlight=False), sensor.layout
-    console.print(f"{sensor.name}  {layout.taxels} taxels in {len(sensor.pads)} pads, {sensor.unit}", style="bold")
+    pads = f"{len(sensor.pads)} pad{'s' if len(sensor.pads) > 1 else ''}"
+    console.print(f"{sensor.name}  {layout.taxels} taxels in {pads}, {sensor.unit}", style="bold")
     if sensor.note:
         console.print(sensor.note)
     if said := _wiring(sensor):
@@ -37,9 +38,9 @@ def draw_sensor(sensor: Sensor) -> None:
         for line in _scattered(layout, index) if pad.is_table else _rows(layout, index):
             console.print(Text(line, style="cyan"), soft_wrap=True)
     for index, group in enumerate(sensor.groups, layout.pad_count):
-        pads = ", ".join(dict.fromkeys(patch.pad for patch in group.patches))
+        members = ", ".join(dict.fromkeys(patch.pad for patch in group.patches))
         taxels = layout.source[layout.of_pad(index)]
-        console.print(f"\n{group.name}  group of {len(taxels)} taxels of {pads}", style="bold")
+        console.print(f"\n{group.name}  group of {len(taxels)} taxels of {members}", style="bold")
         console.print(Text(" ".join(map(str, taxels)), style="cyan"))
     console.print("\nx to the right, y up; a grid has row 0 on top and its origin at its centre", style="dim")
 

@@ -22,12 +22,13 @@ def outlines(layout: Layout, pad: int) -> Floats:
     xy = np.stack([layout.x_m[own], layout.y_m[own]], axis=1)
     if not layout.tables[pad]:
         shape = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _SHARE * layout.pitch_m[pad]
-        return xy[:, np.newaxis] + shape
-    room = min(0.49 * mesh.closest_m(xy), 0.49 * float(layout.pitch_m[pad, 0]))
-    radius = np.minimum(np.sqrt(layout.area_m2[own] / np.pi), room)
+        squares: Floats = xy[:, np.newaxis] + shape
+        return squares
+    radius = np.minimum(np.sqrt(layout.area_m2[own] / np.pi), 0.49 * mesh.nearest_m(xy))
     turn = np.linspace(0.0, 2 * np.pi, _CORNERS, endpoint=False)
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    return xy[:, np.newaxis] + radius[:, np.newaxis, np.newaxis] * circle
+    discs: Floats = xy[:, np.newaxis] + radius[:, np.newaxis, np.newaxis] * circle
+    return discs
 
 
 def extent_mm(layout: Layout, pad: int) -> tuple[float, float, float, float]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taxelflow.geometry import place
+from taxelflow.mesh import nearest_m
 from taxelflow.publish.plots.outlines import extent_mm, outlines
-from taxelflow.publish.plots.style import BLUE, GREY, INK, VERMILION, caption, plain
+from taxelflow.publish.plots.style import BLUE, GREY, INK, MAGENTA, VERMILION, caption, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 _SIZE = 7.0
 _COLS = 5
+_CROWDED = 10
 _NUMBERED = 1100
 
 
@@ -50,7 +52,7 @@ def sensor_figure(sensor: Sensor) -> Figure:
             axis.set_title(plain(layout.pads[pad]))
     if together and space:
         _draw_space(figure.add_subplot(1, 2, 2, projection="3d"), layout)
-    title = f"{sensor.name}: {layout.taxels} taxels in {layout.pad_count} pads"
+    title = f"{sensor.name}: {layout.taxels} taxels in {layout.pad_count} pad{'s' if layout.pad_count > 1 else ''}"
     figure.suptitle(plain(title), x=0.01, ha="left", fontweight="bold")
     width = figure.get_size_inches()[0]
     caption(figure, plain(sensor.note), int(14.5 * width))
@@ -110,18 +112,15 @@ def _finish(axis: Axes, left: float, right: float, low: float, high: float) -> N
 
 
 def _fit_numbers(axis: Axes, points_per_mm: float) -> None:
-    """Numbers as large as the closest taxels leave room for, at most 8 points; too small to read, none."""
-    from scipy.spatial import cKDTree
-
-    at = np.array([text.get_position() for text in axis.texts])
-    if not len(at):
-        return
-    digits = max(len(text.get_text()) for text in axis.texts)
-    room = float(np.median(cKDTree(at).query(at, k=2)[0][:, 1])) if len(at) > 1 else 10.0
-    size = min(8.0, 1.35 * room * points_per_mm / digits)
-    for text in axis.texts:
-        text.set_fontsize(size)
-        text.set_visible(size > 1.5)
+    """Numbers as large as the closest taxels leave room for, at most 9 points; too small to read, none."""
+    digits = max((len(text.get_text()) for text in axis.texts), default=1)
+    for pad in {text.get_gid() for text in axis.texts}:
+        texts = [text for text in axis.texts if text.get_gid() == pad]
+        room = float(np.quantile(nearest_m(np.array([text.get_position() for text in texts])), 0.05))
+        size = min(9.0, 1.2 * room * points_per_mm / digits)
+        for text in texts:
+            text.set_fontsize(size)
+            text.set_visible(size > 1.5)
 
 
 def _names(axis: Axes, layout: Layout) -> None:
@@ -131,22 +130,23 @@ def _names(axis: Axes, layout: Layout) -> None:
         length = 0.9 * 1e3 * layout.pitch_m[pad].max()
         for angle, colour in ((turn, VERMILION), (turn + np.pi / 2, BLUE)):
             tip = (1e3 * x + length * np.cos(angle), 1e3 * y + length * np.sin(angle))
-            arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
-            axis.annotate("", xy=tip, xytext=(1e3 * x, 1e3 * y), arrowprops=arrow, zorder=4)
+            arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0, "alpha": 0.7}
+            axis.annotate("", xy=tip, xytext=(1e3 * x, 1e3 * y), arrowprops=arrow, zorder=1.5)
         if layout.pad_count > 1:
             shape = _on_hand(layout, pad).reshape(-1, 2)
             at = ((shape[:, 0].min() + shape[:, 0].max()) / 2, shape[:, 1].max())
-            axis.annotate(
-                plain(layout.pads[pad]), at, (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=7
-            )
+            crowded = layout.pad_count > _CROWDED
+            look: dict[str, Any] = {"fontsize": 4.5 if crowded else 7, "color": MAGENTA if crowded else INK}
+            name = plain(layout.pads[pad])
+            axis.annotate(name, at, (0, 1), textcoords="offset points", ha="center", va="bottom", zorder=5, **look)
 
 
 def _draw_space(axis: Axes, layout: Layout) -> None:
     """Taxels and their normals in the hand's 3-D frame."""
     at, normal = 1e3 * layout.place_m[: layout.taxels], layout.normal[: layout.taxels]
     length = 0.7 * 1e3 * float(layout.pitch_m.min())
-    axis.scatter(*at.T, s=10, color=BLUE, depthshade=False)
-    axis.quiver(*at.T, *(length * normal.T), color=VERMILION, linewidth=0.7, arrow_length_ratio=0.3)  # type: ignore[call-arg, misc]
+    axis.scatter(at[:, 0], at[:, 1], at[:, 2], s=10, color=BLUE, depthshade=False)  # type: ignore[misc]
+    axis.quiver(*at.T, *(length * normal.T), color=VERMILION, linewidth=0.7, arrow_length_ratio=0.3)
     for set_label, name in zip((axis.set_xlabel, axis.set_ylabel, axis.set_zlabel), "xyz", strict=True):  # type: ignore[attr-defined]
         set_label(f"{name} in mm")
     axis.set_aspect("equal")
