@@ -104,7 +104,7 @@ def test_the_bh280s_fingers_are_unrolled_towards_the_tip() -> None:
     x, y = layout.x_m[own].reshape(8, 3), layout.y_m[own].reshape(8, 3)
     assert (np.diff(x, axis=0) > 0).all()
     np.testing.assert_allclose(y, np.tile([0.0052, 0, -0.0052], (8, 1)), atol=2e-5)
-    np.testing.assert_allclose(np.diff(x[:5, 0]), 0.006, rtol=2e-3)  # on the flat part they are 6 mm apart
+    np.testing.assert_allclose(np.diff(x[:5, 0]), 0.006, rtol=5e-3)  # on the flat part they are 6 mm apart
     assert layout.stretch[0] < 0.01
 
 

@@ -151,7 +151,7 @@ class Session:
         """(entries,), where readings saturate, half a part in a thousand below full scale; tared like them."""
         if self.learned is not None and self._known_offset is not self.learned.offset:
             self._known_offset = self.learned.offset
-            top = _SATURATED * (self._sensor.full_scale or np.inf) * self._sensor.to_si
+            top = _SATURATED * (self._sensor.full_scale or np.inf) * self._sensor.to_si * self._sensor.wiring.gain
             self._tared_ceiling = (top - self.learned.offset)[self._layout.source]
         return self._tared_ceiling
 
