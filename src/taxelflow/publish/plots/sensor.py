@@ -28,35 +28,49 @@ _NUMBERED = 1100
 
 def sensor_figure(sensor: Sensor) -> Figure:
     """The flattened hand if all pads have their place on it, else pad beside pad; and in space where it is curved."""
-    import matplotlib.pyplot as plt
-
     layout = sensor.layout
     together = bool(np.isfinite(layout.T_hand[: layout.pad_count, 0]).all())
-    space = _is_curved(layout)
     if together:
-        figure, flat = _one(layout, space)
-        for pad in range(layout.pad_count):
-            _draw(flat, layout, pad, layout.T_hand[pad])
-        _finish(flat, *_bounds(layout))
-        _names(flat, layout)
+        figure, flat = _hand(layout)
+        homes = [(flat, layout.T_hand[pad]) for pad in range(layout.pad_count)]
     else:
-        rows = ceil(layout.pad_count / _COLS)
-        figure, axes = plt.subplots(
-            rows, min(_COLS, layout.pad_count), figsize=(11.0, 2.5 * rows + 0.6), layout="constrained", squeeze=False
-        )
-        for axis in axes.flat[layout.pad_count :]:
-            axis.axis("off")
-        for pad, axis in enumerate(axes.flat[: layout.pad_count]):
-            _draw(axis, layout, pad, np.zeros(3))
-            _finish(axis, *extent_mm(layout, pad))
-            axis.set_title(plain(layout.pads[pad]))
-    if together and space:
-        _draw_space(figure.add_subplot(1, 2, 2, projection="3d"), layout)
+        figure, axes = _side_by_side(layout)
+        homes = [(axis, np.zeros(3)) for axis in axes]
+    for pad, (axis, pose) in enumerate(homes):
+        _draw(axis, layout, pad, pose)
     title = f"{sensor.name}: {layout.taxels} taxels in {layout.pad_count} pad{'s' if layout.pad_count > 1 else ''}"
     figure.suptitle(plain(title), x=0.01, ha="left", fontweight="bold")
-    width = figure.get_size_inches()[0]
-    caption(figure, plain(sensor.note), int(14.5 * width))
+    caption(figure, plain(sensor.note), int(14.5 * figure.get_size_inches()[0]))
+    if layout.taxels <= _NUMBERED:
+        figure.draw_without_rendering()  # lays it out: now a mm has a length on paper
+        for pad, (axis, pose) in enumerate(homes):
+            _number(axis, layout, pad, pose)
     return figure
+
+
+def _hand(layout: Layout) -> tuple[Figure, Axes]:
+    figure, flat = _one(layout, _is_curved(layout))
+    _frame(flat, *_bounds(layout))
+    _names(flat, layout)
+    if _is_curved(layout):
+        _draw_space(figure.add_subplot(1, 2, 2, projection="3d"), layout)
+    return figure, flat
+
+
+def _side_by_side(layout: Layout) -> tuple[Figure, list[Axes]]:
+    import matplotlib.pyplot as plt
+
+    rows = ceil(layout.pad_count / _COLS)
+    figure, axes = plt.subplots(
+        rows, min(_COLS, layout.pad_count), figsize=(11.0, 2.5 * rows + 0.6), layout="constrained", squeeze=False
+    )
+    for axis in axes.flat[layout.pad_count :]:
+        axis.axis("off")
+    used = list(axes.flat[: layout.pad_count])
+    for pad, axis in enumerate(used):
+        _frame(axis, *extent_mm(layout, pad))
+        axis.set_title(plain(layout.pads[pad]))
+    return figure, used
 
 
 def _is_curved(layout: Layout) -> bool:
@@ -88,39 +102,34 @@ def _on_hand(layout: Layout, pad: int) -> Floats:
 
 
 def _draw(axis: Axes, layout: Layout, pad: int, pose: Floats) -> None:
+    """Outlines of a pad's taxels, those at a border darker."""
     from matplotlib.collections import PolyCollection
 
     shapes = 1e3 * place(pose, outlines(layout, pad))
-    own = layout.of_pad(pad)
-    faces = np.where(layout.border[own].any(axis=1), "#dfe8f3", "#f4f6f8")
+    faces = np.where(layout.border[layout.of_pad(pad)].any(axis=1), "#dfe8f3", "#f4f6f8")
     axis.add_collection(PolyCollection(list(shapes), facecolor=faces.tolist(), edgecolor=GREY, linewidth=0.5))
-    if layout.taxels <= _NUMBERED:
-        for number, (x, y) in enumerate(shapes.mean(axis=1), own.start):
-            axis.text(x, y, str(number), ha="center", va="center", color=INK, gid=f"taxel{pad}")
 
 
-def _finish(axis: Axes, left: float, right: float, low: float, high: float) -> None:
+def _number(axis: Axes, layout: Layout, pad: int, pose: Floats) -> None:
+    """Numbers of a pad's taxels, as large as the closest leave room for, at most 9 points; too small to read, none."""
+    own = layout.of_pad(pad)
+    at = 1e3 * place(pose, np.stack([layout.x_m[own], layout.y_m[own]], axis=1))
+    left, right = axis.get_xlim()
+    points_per_mm = 72.0 / axis.figure.dpi * axis.get_window_extent().width / (right - left)
+    room = float(np.quantile(nearest_m(at), 0.05))
+    size = min(9.0, 1.2 * room * points_per_mm / len(str(layout.taxels - 1)))
+    if size > 1.5:
+        for number, (x, y) in enumerate(at, own.start):
+            axis.text(x, y, str(number), ha="center", va="center", color=INK, fontsize=size)
+
+
+def _frame(axis: Axes, left: float, right: float, low: float, high: float) -> None:
     axis.set_xlim(left, right)
     axis.set_ylim(low, high)
     axis.set_aspect("equal")
     axis.grid(visible=False)
     axis.set_xlabel("x in mm")
     axis.set_ylabel("y in mm")
-    axis.figure.draw_without_rendering()  # type: ignore[union-attr]  # lays it out: now a mm has a length on paper
-    points = 72.0 / axis.figure.dpi * axis.get_window_extent().width / (right - left)
-    _fit_numbers(axis, points)
-
-
-def _fit_numbers(axis: Axes, points_per_mm: float) -> None:
-    """Numbers as large as the closest taxels leave room for, at most 9 points; too small to read, none."""
-    digits = max((len(text.get_text()) for text in axis.texts), default=1)
-    for pad in {text.get_gid() for text in axis.texts}:
-        texts = [text for text in axis.texts if text.get_gid() == pad]
-        room = float(np.quantile(nearest_m(np.array([text.get_position() for text in texts])), 0.05))
-        size = min(9.0, 1.2 * room * points_per_mm / digits)
-        for text in texts:
-            text.set_fontsize(size)
-            text.set_visible(size > 1.5)
 
 
 def _names(axis: Axes, layout: Layout) -> None:
