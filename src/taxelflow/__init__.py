@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording, Truth
     from taxelflow.api import Result, estimate, estimator, read
+    from taxelflow.catalogue import load_sensor
     from taxelflow.condition.conditioner import Conditioner
     from taxelflow.errors import TaxelflowError
-    from taxelflow.layout import Layout, Pad, Sensor, load_sensor
+    from taxelflow.layout import Layout
     from taxelflow.messages import Event, Motions, RawScans, Scans, Slips
     from taxelflow.monitor.slip import SlipMonitor
+    from taxelflow.pads import Pad
+    from taxelflow.sensor import Sensor
 
 __version__ = "0.1.0"
 

@@ -14,14 +14,15 @@ from taxelflow import __version__, registry
 from taxelflow.acquire.base import Reading, Recording
 from taxelflow.acquire.columns import Columns
 from taxelflow.calibration import Calibration, load_calibration
+from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
-from taxelflow.layout import Sensor, load_sensor
 from taxelflow.messages import Bools, Event, Motions, RawScans, Scans, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pipeline import Pipeline, Run
 from taxelflow.publish.summary import Summary, Totals
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -87,8 +88,8 @@ def convert(
 ) -> Reading:
     """Write a recording as another format, by suffix: .npz, .parquet and .mcap carry sensor, mask and truth, .csv not.
 
-    Scans stay as they are, to the bit; repeated stamps are dropped. The file is there whole or not at all. The pass
-    over the recording is given back: it counts scans and says what was lost. `watched` may show progress.
+    Scans stay as the sensor sent them, to the bit; repeated stamps are dropped. The file is there whole or not at all.
+    The pass over the recording is given back: it counts scans and says what was lost. `watched` may show progress.
     Raises FormatUnknown, ExtraMissing and what reading raises.
     """
     path = Path(path)
@@ -96,7 +97,7 @@ def convert(
         raise FormatUnknown(path, registry.names("writer"), "writer")
     write = registry.find("writer", path.suffix.lower())
     part = path.with_name(path.name + ".part")
-    reading = recording.blocks()
+    reading = recording.sent()
     try:
         write(recording, part, watched(reading))
         part.replace(path)

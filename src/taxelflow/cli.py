@@ -197,15 +197,24 @@ class Sensors:
     """List the built-in sensors, or draw one."""
 
     name: Positional[str | None] = None
-    """A built-in sensor or a TOML file to draw."""
+    """A built-in sensor, a plain grid (grid:16x16@4mm) or a TOML file to draw."""
+    plot: Path | None = None
+    """Draw a picture: a .svg, .png or .pdf file, or a directory for NAME.svg. Without a name: all built-in sensors."""
 
     def run(self, _rest: list[str]) -> int:
-        """Print a table or a drawing."""
-        from taxelflow.layout import builtin_sensors, load_sensor
-        from taxelflow.publish.terminal import draw_sensor, list_sensors
+        """Print a table or a drawing, or write pictures."""
+        from taxelflow.catalogue import catalogue, load_sensor
+        from taxelflow.publish.drawing import draw_sensor
+        from taxelflow.publish.terminal import list_sensors
 
-        if self.name is None:
-            list_sensors([load_sensor(name) for name in builtin_sensors()])
+        if self.plot is not None:
+            from taxelflow.figures import draw_sensors
+
+            sensors = [sensor for _, sensor in catalogue()] if self.name is None else [load_sensor(self.name)]
+            for path in draw_sensors(sensors, self.plot):
+                print(path)
+        elif self.name is None:
+            list_sensors(catalogue())
         else:
             draw_sensor(load_sensor(self.name))
         return 0

@@ -11,6 +11,8 @@ TaxelflowError
 │   ├── SensorNeeded          the format carries no layout and none was named
 │   └── TopicUnclear          a bag has no topic that fits, or several
 ├── SensorFileInvalid         a sensor's TOML breaks the schema
+├── PitchNeeded               a built-in sensor whose pitch is the user's to say
+├── GridNameInvalid           a plain grid that is asked for in other words
 ├── NameUnknown               no sensor, estimator, ... of that name
 ├── ParameterInvalid          a parameter out of its range
 ├── ResultMissing             a directory is not a result, or lacks a file
@@ -115,6 +117,26 @@ class SensorFileInvalid(TaxelflowError):
 
     def __init__(self, source: str, where: str, seen: str, remedy: str) -> None:
         super().__init__(f"sensor file {source}: {where}: {seen}; {remedy}")
+
+
+class PitchNeeded(TaxelflowError):
+    """The maker of a built-in sensor does not publish its pitch."""
+
+    def __init__(self, name: str, seen: str) -> None:
+        given = f"{seen!r} is no pitch" if seen else "its pitch is not published"
+        super().__init__(
+            f"sensor {name}: {given}; measure it and add it to the name, as in {name}@3.0mm or {name}@3x2.5mm"
+        )
+
+
+class GridNameInvalid(TaxelflowError):
+    """A plain grid is not named as such."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(
+            f"{name!r} is no plain grid; name rows, cols and pitch, as in grid:16x16@4mm or grid:4x7@10x10.6mm, "
+            "and a unit if it is not counts, as in grid:16x16@4mm,kPa"
+        )
 
 
 class NameUnknown(TaxelflowError):

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 
 from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.csv import open_csv
+from taxelflow.catalogue import load_sensor
 from taxelflow.errors import ParameterInvalid, RecordingCorrupt, TaxelCountWrong
-from taxelflow.layout import Pad, Sensor
+from taxelflow.pads import Pad
+from taxelflow.sensor import Sensor
 
 
 def plain(taxels: int) -> Sensor:
@@ -188,6 +190,8 @@ def test_the_fast_parser_and_the_careful_one_agree(
 def test_the_icub_logs_are_read(recordings: Path) -> None:
     asked = Columns(header=False, skip=1, rows_per_scan=7, taxels=("14-73",), rate_hz=20.0)
     for path in sorted((recordings / "icub-grasp").glob("blue*.txt")):
-        raw = open_csv(path, plain(60), asked).load()
-        assert raw.values.shape == (12, 60)
-        assert ((raw.values > 200) & (raw.values <= 255)).all()
+        recording = open_csv(path, load_sensor("icub-fingertips-60"), asked)
+        sent = next(recording.read()).values
+        assert sent.shape == (12, 60)
+        assert ((sent > 200) & (sent <= 255)).all()
+        np.testing.assert_array_equal(recording.load().values, 255 - sent)

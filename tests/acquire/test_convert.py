@@ -13,6 +13,7 @@ from synthetic import grid_sensor, recorded, times
 from taxelflow.acquire.base import Recording, Truth
 from taxelflow.acquire.carried import texts_of
 from taxelflow.api import convert, read
+from taxelflow.catalogue import load_sensor
 from taxelflow.cli import main
 from taxelflow.errors import FormatUnknown, RecordingCorrupt, TimesNotIncreasing
 from taxelflow.messages import RawScans
@@ -189,3 +190,17 @@ def test_the_sensor_in_a_file_is_the_whole_sensor(tmp_path: Path) -> None:
     )
     convert(recorded(np.zeros((3, 6)), sensor), tmp_path / "a.mcap")
     assert read(tmp_path / "a.mcap").sensor == sensor
+
+
+@pytest.mark.parametrize("suffix", [*CARRYING, ".csv"])
+@pytest.mark.parametrize("name", ["xela-4x4@4.7mm", "icub-fingertips-60", "barretthand-bh280-96", "schunk-sdh2"])
+def test_what_a_sensor_sends_is_converted_not_what_is_made_of_it(tmp_path: Path, suffix: str, name: str) -> None:
+    sensor = load_sensor(name)
+    sent = np.random.default_rng(0).uniform(0, 300, (5, sensor.wiring.columns))
+    recording = Recording("memory", "memory", sensor, lambda: iter([RawScans(times(5), sent)]))
+    path = tmp_path / f"a{suffix}"
+    convert(recording, path)
+    back = read(path, sensor if suffix == ".csv" else None)
+    assert back.sensor == sensor
+    np.testing.assert_array_equal(next(back.read()).values, sent)
+    np.testing.assert_array_equal(back.load().values, recording.load().values)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTruncated, TaxelCountWrong, TimesNotIncreasing
-from taxelflow.layout import Sensor
 from taxelflow.messages import Bools, Floats, RawScans, joined
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -85,6 +85,10 @@ class Recording:
         """Checked blocks of scans, from the start."""
         return Reading(self)
 
+    def sent(self) -> Reading:
+        """The same as the source sends them, not yet picked and scaled by the sensor's wiring: to be written again."""
+        return Reading(self, wired=False)
+
     def load(self) -> RawScans:
         """The whole recording in memory. Raises what `Reading` raises; a truncated one gives what is there."""
         blocks = list(self.blocks())
@@ -98,12 +102,12 @@ class Reading:
     simply ends; `loss` then says how much is missing. `notes` are the recording's, and one if its rate is odd.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Recording, *, wired: bool = True) -> None:
         self.scans = 0
         self.repeated = 0
         self.loss: RecordingTruncated | None = None
         self.notes = list(recording.notes)
-        self._recording = recording
+        self._recording, self._wired = recording, wired
         self._fault: TimesNotIncreasing | None = None
         self._last_s = -np.inf
         self._blocks = recording.read()
@@ -133,9 +137,12 @@ class Reading:
         return RecordingCorrupt(self._recording.source, f"no scan is readable: {seen}", "record or copy it again")
 
     def _checked(self, block: RawScans) -> RawScans:
-        taxels = self._recording.layout.taxels
-        if block.values.shape[1] != taxels:
-            raise TaxelCountWrong(self._recording.source, block.values.shape[1], self._recording.sensor.name, taxels)
+        wiring = self._recording.sensor.wiring
+        if block.values.shape[1] != wiring.columns:
+            seen = block.values.shape[1]
+            raise TaxelCountWrong(self._recording.source, seen, self._recording.sensor.name, wiring.columns)
+        if self._wired:
+            block = RawScans(block.t_s, wiring.readings(block.values))
         before = np.concatenate([[self._last_s], block.t_s[:-1]])
         finite = np.isfinite(block.t_s)
         fresh = (block.t_s > before) & finite

@@ -9,15 +9,15 @@ import numpy as np
 
 from taxelflow.acquire.base import HAND, Truth
 from taxelflow.errors import RecordingCorrupt
-from taxelflow.layout import sensor_of
+from taxelflow.sensor import sensor_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.layout import Sensor
     from taxelflow.messages import Bools
+    from taxelflow.sensor import Sensor
 
 _REMEDY = "make it anew with `taxelflow convert`"
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from taxelflow.acquire.base import BLOCK_SCANS, Recording
 from taxelflow.acquire.columns import REMEDY, Columns
+from taxelflow.catalogue import builtin_sensors
 from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTruncated, SensorNeeded, TaxelCountWrong
-from taxelflow.layout import builtin_sensors
 from taxelflow.messages import Floats, RawScans
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from taxelflow.layout import Sensor
+    from taxelflow.sensor import Sensor
 
 _DELIMITERS = {".csv": ",", ".tsv": "\t", ".txt": "space"}
 _LONGEST_LINE = 1 << 24
@@ -45,8 +45,8 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
     when, taxels = asked.find(path, names)
     if sensor is None:
         raise SensorNeeded(path, builtin_sensors())
-    if len(taxels) != sensor.layout.taxels:
-        raise TaxelCountWrong(path, len(taxels), sensor.name, sensor.layout.taxels)
+    if len(taxels) != sensor.wiring.columns:
+        raise TaxelCountWrong(path, len(taxels), sensor.name, sensor.wiring.columns)
     table = _Table(path, asked, delimiter, len(fields), when, np.array(taxels))
     notes = () if when is not None else (f"times are counted at {asked.rate_hz:g} Hz: the log has none",)
     return Recording(path, path.suffix.lower().lstrip("."), sensor, table.blocks, notes=notes)
@@ -159,7 +159,7 @@ class _Table:
 
 def write_csv(recording: Recording, path: Path, blocks: Iterable[RawScans]) -> None:
     """Write these blocks of a recording: times and readings only, each with all its digits."""
-    header = ",".join(["t_s", *(f"taxel{number}" for number in range(recording.layout.taxels))])
+    header = ",".join(["t_s", *(f"value{number}" for number in range(recording.sensor.wiring.columns))])
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(header + "\n")
         for block in blocks:

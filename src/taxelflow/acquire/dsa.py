@@ -13,9 +13,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from taxelflow.acquire.base import Recording, in_blocks
+from taxelflow.catalogue import load_sensor
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWrong
-from taxelflow.layout import Pad, Sensor, load_sensor
 from taxelflow.messages import Bools, Floats, RawScans
+from taxelflow.pads import Pad
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,8 +47,8 @@ def open_dsa(path: Path, sensor: Sensor | None) -> Recording:
     except (OSError, EOFError, ElementTree.ParseError, ValueError) as error:
         raise RecordingCorrupt(path, str(error), _REMEDY) from error
     sensor = sensor or _sensor(pads, full_scale)
-    if here.sum() != sensor.layout.taxels:
-        raise TaxelCountWrong(path, int(here.sum()), sensor.name, sensor.layout.taxels)
+    if here.sum() != sensor.wiring.columns:
+        raise TaxelCountWrong(path, int(here.sum()), sensor.name, sensor.wiring.columns)
     return Recording(path, "dsa", sensor, lambda: _read(path, here, promised), scans=promised, masked=~on[here])
 
 

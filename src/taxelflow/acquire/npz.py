@@ -1,4 +1,5 @@
-"""`.npz` recordings: `t` (scans,) in s and `pressure` (scans, taxels) in the sensor's unit.
+"""`.npz` recordings: `t` (scans,) in s and `pressure` (scans, taxels) in the sensor's unit, as its source
+sends it (`wiring`).
 
 Optional members: `sensor` (JSON text with the fields of a sensor file), `masked` (taxels,), `truth_pad` (a pad, or
 `hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,). The rig also writes
@@ -21,16 +22,17 @@ from numpy.lib import format as npy
 
 from taxelflow.acquire.base import BLOCK_SCANS, Recording
 from taxelflow.acquire.carried import checked_truth
+from taxelflow.catalogue import builtin_sensors
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
-from taxelflow.layout import builtin_sensors, sensor_of
 from taxelflow.messages import Bools, RawScans
+from taxelflow.sensor import sensor_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from taxelflow.acquire.base import Truth
-    from taxelflow.layout import Sensor
+    from taxelflow.sensor import Sensor
 
 _REMEDY = "write it with numpy.savez(path, t=..., pressure=...), t in s (scans,), pressure (scans, taxels)"
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError, ValueError, KeyError)
@@ -73,16 +75,16 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
         if "sensor" not in extras:
             raise SensorNeeded(path, builtin_sensors())
         sensor = _sensor(path, str(extras["sensor"]))
-    scans, taxels = pressure.shape
-    if taxels != sensor.layout.taxels:
-        raise TaxelCountWrong(path, taxels, sensor.name, sensor.layout.taxels)
+    scans, columns = pressure.shape
+    if columns != sensor.wiring.columns:
+        raise TaxelCountWrong(path, columns, sensor.name, sensor.wiring.columns)
     return Recording(
         path,
         "npz",
         sensor,
         lambda: _read(path, times, pressure),
         scans=scans,
-        masked=_mask(path, extras, taxels),
+        masked=_mask(path, extras, sensor.layout.taxels),
         truth=_truth(path, extras, sensor),
     )
 
@@ -186,7 +188,7 @@ def write_npz(recording: Recording, path: Path, blocks: Iterable[RawScans], **me
         arrays |= {"truth_pad": truth.pad, "truth_t_s": truth.t_s, "truth_pose": truth.pose}
         if truth.slipping is not None:
             arrays["truth_slipping"] = truth.slipping
-    header = {"descr": "<f8", "fortran_order": False, "shape": (len(t_s), recording.layout.taxels)}
+    header = {"descr": "<f8", "fortran_order": False, "shape": (len(t_s), recording.sensor.wiring.columns)}
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:

@@ -12,15 +12,15 @@ import numpy as np
 from taxelflow.acquire.base import BLOCK_SCANS, Recording
 from taxelflow.acquire.carried import masked_in, sensor_in, texts_of, truth_in
 from taxelflow.acquire.columns import SECONDS_PER, Columns
+from taxelflow.catalogue import builtin_sensors
 from taxelflow.errors import ExtraMissing, RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
-from taxelflow.layout import builtin_sensors
 from taxelflow.messages import Floats, RawScans, joined
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from taxelflow.layout import Sensor
+    from taxelflow.sensor import Sensor
 
 _REMEDY = "write it again, or copy it again whole: the end of a Parquet file says what is in it"
 _PREFIX = "taxelflow."
@@ -49,8 +49,8 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
     sensor = sensor or sensor_in(path, texts)
     if sensor is None:
         raise SensorNeeded(path, builtin_sensors())
-    if len(taxels) != sensor.layout.taxels:
-        raise TaxelCountWrong(path, len(taxels), sensor.name, sensor.layout.taxels)
+    if len(taxels) != sensor.wiring.columns:
+        raise TaxelCountWrong(path, len(taxels), sensor.name, sensor.wiring.columns)
     names = [schema.names[number] for number in taxels]
     seconds = asked.seconds
     if when is not None and arrow.types.is_timestamp(schema.types[when]):
@@ -63,7 +63,7 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
         return _read(path, None if when is None else schema.names[when], seconds, asked.rate_hz, names, scans)
 
     notes = () if when is not None else (f"times are counted at {asked.rate_hz:g} Hz: the log has none",)
-    masked = masked_in(path, texts, len(taxels))
+    masked = masked_in(path, texts, sensor.layout.taxels)
     truth = truth_in(path, texts, sensor)
     return Recording(path, "parquet", sensor, read, scans=scans, masked=masked, truth=truth, notes=notes)
 
@@ -71,7 +71,7 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
 def write_parquet(recording: Recording, path: Path, blocks: Iterable[RawScans]) -> None:
     """Write these blocks of a recording, with sensor, masked taxels and truth. Raises ExtraMissing."""
     arrow = _arrow()
-    names = ["t_s", *(f"taxel{number}" for number in range(recording.layout.taxels))]
+    names = ["t_s", *(f"value{number}" for number in range(recording.sensor.wiring.columns))]
     texts = {f"{_PREFIX}{name}": text for name, text in texts_of(recording).items()}
     schema = arrow.schema([(name, arrow.float64()) for name in names], metadata=texts)
     with arrow.parquet.ParquetWriter(path, schema) as writer:

@@ -17,16 +17,18 @@ import numpy as np
 from taxelflow import api
 from taxelflow.acquire.rig.scenario import SCENARIOS
 from taxelflow.acquire.rig.simulate import save, simulate
+from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced, kernel
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.estimation.flow import weighted_sums
 from taxelflow.estimation.literal import convolution_index
 from taxelflow.fuse.rigid import RigidField
-from taxelflow.layout import Pad, Sensor, builtin_sensors, load_sensor
 from taxelflow.messages import RawScans, Scans, cut
 from taxelflow.monitor.slip import SlipMonitor
+from taxelflow.pads import Pad
 from taxelflow.publish.tables import Tables
 from taxelflow.score.bench_reading import ReadingRate, reading_rates
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -107,7 +109,7 @@ def bench(recording: Path | None) -> Bench:
 
 def _sensors() -> list[Sensor]:
     grid = Sensor(name="64x64", unit="kPa", pads=(Pad(name="grid", rows=64, cols=64, pitch_m=(0.002, 0.002)),))
-    return [*map(load_sensor, builtin_sensors()), grid]
+    return [*map(load_sensor, ("barretthand-162", "grid-16x16", "schunk-sdh2")), grid]
 
 
 def _latencies(sensor: Sensor) -> list[Latency]:

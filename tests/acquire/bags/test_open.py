@@ -10,8 +10,17 @@ from synthetic import grid_sensor
 from taxelflow.acquire.bags.kinds import KINDS, kind_of
 from taxelflow.acquire.bags.open import open_bag
 from taxelflow.api import read
-from taxelflow.errors import ParameterInvalid, RecordingCorrupt, SensorNeeded, TaxelCountWrong, TopicUnclear
-from taxelflow.layout import Pad, Sensor, builtin_sensors, load_sensor
+from taxelflow.catalogue import builtin_sensors, load_sensor
+from taxelflow.errors import (
+    ParameterInvalid,
+    PitchNeeded,
+    RecordingCorrupt,
+    SensorNeeded,
+    TaxelCountWrong,
+    TopicUnclear,
+)
+from taxelflow.pads import Pad
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -227,11 +236,27 @@ def test_an_empty_topic_is_said(tmp_path: Path) -> None:
         read(path, topic="/dsa")
 
 
-def test_the_tables_sensors_exist_or_are_asked_for(tmp_path: Path) -> None:
-    """Every built-in sensor that the table names and taxelflow has fits its message."""
-    named = {name for kind in KINDS for name in kind.sensors}
-    for name in named & set(builtin_sensors()):
-        assert load_sensor(name).name == name
+def test_the_sensors_that_the_table_names_are_built_in() -> None:
+    assert {name for kind in KINDS for name in kind.sensors} <= set(builtin_sensors())
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_the_barrett_hand_is_known_by_its_message(tmp_path: Path, storage: str) -> None:
+    scans = scans_of(24, 24, 24, 24)
+    path = write_bag(bag_of(tmp_path, storage), {"/t": ("bhand_controller/msg/TactileArray", scans)}, storage=storage)
+    recording = read(path)
+    assert recording.sensor == load_sensor("barretthand-bh280-96")
+    sent = np.array([np.concatenate(parts) for parts in scans])
+    np.testing.assert_array_equal(recording.load().values, recording.sensor.wiring.readings(sent))
+
+
+def test_of_an_xela_module_the_axis_normal_to_the_skin_is_read_and_its_pitch_asked_for(tmp_path: Path) -> None:
+    scans = scans_of(48)
+    path = write_bag(tmp_path / "a.bag", {"/x": ("xela_server_ros2/msg/SensStream", scans)})
+    with pytest.raises(PitchNeeded, match="xela-4x4@"):
+        read(path)
+    raw = read(path, "xela-4x4@4.7mm").load()
+    np.testing.assert_array_equal(raw.values, [parts[0][2::3] for parts in scans])
 
 
 def test_the_real_bags_are_read(recordings: Path) -> None:

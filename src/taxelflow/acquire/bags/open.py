@@ -15,6 +15,7 @@ from taxelflow.acquire.bags.rosbag import RosbagSource
 from taxelflow.acquire.bags.topics import choose
 from taxelflow.acquire.base import Recording, in_blocks
 from taxelflow.acquire.carried import masked_in, sensor_in, truth_in
+from taxelflow.catalogue import builtin_sensors, load_sensor
 from taxelflow.errors import (
     RecordingCorrupt,
     RecordingTruncated,
@@ -22,7 +23,6 @@ from taxelflow.errors import (
     TaxelCountWrong,
     TaxelflowError,
 )
-from taxelflow.layout import builtin_sensors, load_sensor
 from taxelflow.messages import Floats, RawScans
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.bags.kinds import Kind
     from taxelflow.acquire.bags.topics import Source, Topic
-    from taxelflow.layout import Layout, Sensor
+    from taxelflow.sensor import Sensor
 
 _REMEDY = "give a ROS 1 bag (.bag), a ROS 2 bag (its directory, or a .db3 of it) or an .mcap file"
 _PROBED = 256
@@ -53,9 +53,9 @@ def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Rec
     received_s, stamps_s, parts = _probe(path, source, chosen, decoder)
     cells = [len(part) for part in parts]
     sensor = sensor or sensor_in(path, source.metadata) or _sensor(path, kind, cells)
-    columns = _columns(sensor.layout, kind, cells)
+    columns = _columns(sensor, kind, cells)
     if columns is None:
-        raise TaxelCountWrong(path, sum(cells), sensor.name, sensor.layout.taxels)
+        raise TaxelCountWrong(path, sum(cells), sensor.name, sensor.wiring.columns)
     distrust = "" if kind is SCAN else _distrust(stamps_s, received_s)
     reader = _Reader(path, source, chosen, decoder, columns, cells, believed=not distrust)
     notes = [f"{distrust}: times are those of receipt"] if distrust else []
@@ -108,7 +108,7 @@ def _sensor(path: Path, kind: Kind, cells: list[int]) -> Sensor:
     for name in kind.sensors:
         if name in builtin_sensors():
             sensor = load_sensor(name)
-            if _columns(sensor.layout, kind, cells) is not None:
+            if _columns(sensor, kind, cells) is not None:
                 return _in_unit(sensor, kind)
     raise SensorNeeded(path, builtin_sensors())
 
@@ -120,16 +120,20 @@ def _in_unit(sensor: Sensor, kind: Kind) -> Sensor:
     return msgspec.structs.replace(sensor, unit=kind.unit, scale_pa=None, full_scale=full)
 
 
-def _columns(layout: Layout, kind: Kind, cells: list[int]) -> NDArray[np.int64] | None:
+def _columns(sensor: Sensor, kind: Kind, cells: list[int]) -> NDArray[np.int64] | None:
     """(taxels,): the cell of a message that each taxel of the sensor is; None if they do not fit.
 
     A message may also carry the places of the grids where there is no taxel.
     """
+    layout, wiring = sensor.layout, sensor.wiring
+    if not wiring.plain:
+        return np.arange(wiring.columns) if sum(cells) == wiring.columns else None
     own = [layout.of_pad(pad) for pad in range(layout.pad_count)]
     order = list(range(layout.pad_count))
     if kind.pads and set(kind.pads) == set(layout.pads[: layout.pad_count]):
         order = [layout.pads.index(name) for name in kind.pads]
-    places = [rows * cols for rows, cols in layout.shapes[: layout.pad_count]]
+    grids = zip(layout.shapes, layout.tables, own, strict=False)
+    places = [one.stop - one.start if table else rows * cols for (rows, cols), table, one in grids]
     if sum(cells) == layout.taxels:
         there = [np.arange(one.stop - one.start) for one in own]
         sizes = [len(one) for one in there]

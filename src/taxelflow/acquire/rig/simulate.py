@@ -16,9 +16,9 @@ from taxelflow.acquire.rig.load import state_at
 from taxelflow.acquire.rig.motion import move
 from taxelflow.acquire.rig.pattern import Analytic
 from taxelflow.acquire.rig.sensing import clock, delays, reported, sense
+from taxelflow.catalogue import load_sensor
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.geometry import unplace
-from taxelflow.layout import load_sensor
 from taxelflow.messages import RawScans, cut
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def simulate(scenario: Scenario) -> Recording:
     t_s = clock(scenario.sensing, scenario.motion.duration_s, random)
     pressure = pressures(scenario, layout, touched, t_s)
     values = sense(scenario.sensing, pressure, t_s, random, scenario.seed) / sensor.to_si
-    scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), values)
+    scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), sensor.wiring.sent(values))
 
     def read() -> Iterator[RawScans]:
         for start in range(0, len(scans), BLOCK_SCANS):
@@ -64,7 +64,7 @@ def save(scenario: Scenario, path: Path) -> Recording:
     """Simulate and write an `.npz` recording with truth and every parameter in it; whole or not at all."""
     recording = simulate(scenario)
     part = path.with_name(path.name + ".part")
-    write_npz(recording, part, recording.blocks(), parameters=json.dumps(asdict(scenario)))
+    write_npz(recording, part, recording.sent(), parameters=json.dumps(asdict(scenario)))
     part.replace(path)
     return recording
 
