@@ -72,8 +72,12 @@ class Recording:
         return self.truth
 
     def blocks(self) -> Reading:
-        """Checked blocks of scans, from the start."""
+        """Checked blocks of readings, from the start."""
         return Reading(self)
+
+    def sent(self) -> Reading:
+        """The same blocks as the source sent them, all its numbers in its own order: what a file is to hold."""
+        return Reading(self, wired=False)
 
     def load(self) -> RawScans:
         """The whole recording in memory. Raises what `Reading` raises; a truncated one gives what is there."""
@@ -88,11 +92,12 @@ class Reading:
     simply ends; `loss` then says how much is missing.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Recording, *, wired: bool = True) -> None:
+        """wired: give readings (see `wiring`), else the source's numbers."""
         self.scans = 0
         self.repeated = 0
         self.loss: RecordingTruncated | None = None
-        self._recording = recording
+        self._recording, self._wired = recording, wired
         self._fault: TimesNotIncreasing | None = None
         self._last_s = -np.inf
         self._blocks = recording.read()
@@ -126,7 +131,8 @@ class Reading:
         if block.values.shape[1] != wiring.columns:
             seen = block.values.shape[1]
             raise TaxelCountWrong(self._recording.source, seen, self._recording.sensor.name, wiring.columns)
-        block = RawScans(block.t_s, wiring.readings(block.values))
+        if self._wired:
+            block = RawScans(block.t_s, wiring.readings(block.values))
         before = np.concatenate([[self._last_s], block.t_s[:-1]])
         finite = np.isfinite(block.t_s)
         fresh = (block.t_s > before) & finite

@@ -18,7 +18,7 @@ from taxelflow.acquire.rig.sensing import clock, delays, reported, sense
 from taxelflow.catalogue import load_sensor
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.geometry import unplace
-from taxelflow.messages import RawScans, cut
+from taxelflow.messages import RawScans, cut, joined
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -62,7 +62,7 @@ def simulate(scenario: Scenario) -> Recording:
 def save(scenario: Scenario, path: Path) -> Recording:
     """Simulate and write an `.npz` recording with truth and every parameter in it; whole or not at all."""
     recording = simulate(scenario)
-    scans, truth = recording.load(), recording.truth
+    scans, truth = joined(list(recording.sent())), recording.truth
     if truth is None or truth.slipping is None:
         raise RuntimeError("the rig always knows the truth")
     part = path.with_name(path.name + ".part")
@@ -70,7 +70,7 @@ def save(scenario: Scenario, path: Path) -> Recording:
         np.savez(
             file,
             t=scans.t_s,
-            pressure=recording.sensor.wiring.sent(scans.values),
+            pressure=scans.values,
             sensor=np.array(msgspec.json.encode(recording.sensor).decode()),
             truth_pad=np.array(truth.pad),
             truth_t_s=truth.t_s,
