@@ -19,6 +19,8 @@ FACTS: dict[str, tuple[object, ...]] = {
     "TimesNotIncreasing": (Path("a.npz"), 7, 2.0, 1.0),
     "SensorNeeded": (Path("a.npz"), ["hand"]),
     "SensorFileInvalid": ("hand.toml", "top level", "no name", "add one"),
+    "PitchNeeded": ("hand", "3"),
+    "GridNameInvalid": ("grid:4",),
     "NameUnknown": ("sensor", "hnad", ["hand"]),
     "ParameterInvalid": ("gain", 0, "it is above 0"),
     "ResultMissing": (Path("out"), "slips.csv"),
