@@ -20,6 +20,8 @@ FACTS: dict[str, tuple[object, ...]] = {
     "SensorNeeded": (Path("a.npz"), ["hand"]),
     "TopicUnclear": (Path("a.bag"), "2 topics fit", ["/a (pkg/msg/Touch)", "/b (pkg/msg/Touch)"]),
     "SensorFileInvalid": ("hand.toml", "top level", "no name", "add one"),
+    "PitchNeeded": ("hand", "3"),
+    "GridNameInvalid": ("grid:4",),
     "NameUnknown": ("sensor", "hnad", ["hand"]),
     "ParameterInvalid": ("gain", 0, "it is above 0"),
     "ResultMissing": (Path("out"), "slips.csv"),

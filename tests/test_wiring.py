@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import grid_sensor, recorded
+from taxelflow.acquire.rig.parameters import Motion
+from taxelflow.acquire.rig.scenario import Scenario
+from taxelflow.acquire.rig.simulate import save
+from taxelflow.api import read
 from taxelflow.errors import TaxelCountWrong
 from taxelflow.pads import Pad
 from taxelflow.sensor import Sensor
@@ -91,3 +96,18 @@ def test_a_recording_gives_readings_and_counts_the_numbers_that_its_source_sends
     np.testing.assert_array_equal(raw.values, 1.0)
     with pytest.raises(TaxelCountWrong, match="has 2 taxels per scan but sensor 'grid' has 6"):
         recorded(np.ones((3, 2)), sensor).load()
+
+
+def test_what_the_source_sent_is_kept_for_files() -> None:
+    sensor = grid_sensor(1, 2, axes=3, offset=100.0)
+    sent = np.arange(18.0).reshape(3, 6)
+    (block,) = recorded(sent, sensor).sent()
+    np.testing.assert_array_equal(block.values, sent)
+
+
+def test_a_simulated_recording_of_a_wired_sensor_is_read_back(tmp_path: Path) -> None:
+    scenario = Scenario(sensor="icub-fingertip-12", pad="fingertip", motion=Motion(travel_m=0.01, strokes=1))
+    made = save(scenario, tmp_path / "tip.npz").load()
+    again = read(tmp_path / "tip.npz")
+    np.testing.assert_allclose(again.load().values, made.values, atol=1e-9)
+    assert next(again.sent()).values.max() <= 256

@@ -6,7 +6,7 @@ read. A reading is  polarity (number - offset) gain,  in the sensor's unit, and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +27,8 @@ Indices = NDArray[np.int64]
 class Wiring:
     """How a source's scan becomes readings.
 
-    columns: numbers in a source's scan. column: (taxels,), the one that a taxel is read from. gain: (taxels,).
+    columns: numbers in a source's scan. column: (taxels,), the one that a taxel is read from. gain: (taxels,). plain:
+    whether a source's scan is the readings as they stand.
     """
 
     columns: int
@@ -35,12 +36,12 @@ class Wiring:
     offset: float
     polarity: int
     gain: Floats
+    plain: bool = field(init=False)
 
-    @property
-    def plain(self) -> bool:
-        """Whether a source's scan is the readings as they stand."""
-        straight = self.columns == len(self.column) and bool((self.column == np.arange(self.columns)).all())
-        return straight and self.offset == 0.0 and self.polarity == 1 and bool((self.gain == 1.0).all())
+    def __post_init__(self) -> None:
+        straight = np.array_equal(self.column, np.arange(self.columns))
+        alike = self.offset == 0.0 and self.polarity == 1 and bool((self.gain == 1.0).all())
+        object.__setattr__(self, "plain", straight and alike)
 
     def readings(self, values: Floats) -> Floats:
         """(scans, columns) as the source sends them -> (scans, taxels) in the order of the layout, load positive."""
