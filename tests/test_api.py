@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 PALM = grid_sensor(4, 7)
 PUBLIC = {
+    "Columns",
     "Conditioner",
     "Event",
     "Layout",
@@ -41,6 +42,7 @@ PUBLIC = {
     "Slips",
     "TaxelflowError",
     "Truth",
+    "convert",
     "estimate",
     "estimator",
     "load_sensor",

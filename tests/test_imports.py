@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-HEAVY = ("numpy", "numba", "scipy", "matplotlib")
+HEAVY = ("numpy", "numba", "scipy", "matplotlib", "rosbags", "mcap", "pyarrow")
 
 
 def loaded_after(program: str) -> set[str]:
@@ -19,7 +19,14 @@ def loaded_after(program: str) -> set[str]:
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], ["estimate", "--help"], ["calibrate", "--help"], ["info", "--help"], ["sensors", "--help"]],
+    [
+        ["--help"],
+        ["estimate", "--help"],
+        ["calibrate", "--help"],
+        ["info", "--help"],
+        ["convert", "--help"],
+        ["sensors", "--help"],
+    ],
 )
 def test_help_imports_no_heavy_library(arguments: list[str]) -> None:
     program = (
@@ -35,6 +42,8 @@ def test_help_imports_no_heavy_library(arguments: list[str]) -> None:
         "taxelflow.cli",
         "taxelflow.errors",
         "taxelflow.registry",
+        "taxelflow.acquire.bags.kinds",
+        "taxelflow.acquire.columns",
         "taxelflow.acquire.rig.scenario",
         "taxelflow.condition.conditioner",
         "taxelflow.monitor.slip",

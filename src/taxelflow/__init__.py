@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording, Truth
-    from taxelflow.api import Result, estimate, estimator, read
+    from taxelflow.acquire.columns import Columns
+    from taxelflow.api import Result, convert, estimate, estimator, read
     from taxelflow.catalogue import load_sensor
     from taxelflow.condition.conditioner import Conditioner
     from taxelflow.errors import TaxelflowError
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "Columns": "acquire.columns",
     "Conditioner": "condition.conditioner",
     "Event": "messages",
     "Layout": "layout",
@@ -32,6 +34,7 @@ _HOME = {
     "Slips": "messages",
     "TaxelflowError": "errors",
     "Truth": "acquire.base",
+    "convert": "api",
     "estimate": "api",
     "estimator": "api",
     "load_sensor": "catalogue",
@@ -39,6 +42,7 @@ _HOME = {
 }
 
 __all__ = [
+    "Columns",
     "Conditioner",
     "Event",
     "Layout",
@@ -53,6 +57,7 @@ __all__ = [
     "Slips",
     "TaxelflowError",
     "Truth",
+    "convert",
     "estimate",
     "estimator",
     "load_sensor",

@@ -10,8 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import grid_sensor, recorded, times
+from taxelflow.acquire.bags.write import write_mcap
 from taxelflow.acquire.base import Recording, Truth
 from taxelflow.acquire.carried import texts_of
+from taxelflow.acquire.csv import write_csv
+from taxelflow.acquire.npz import write_npz
+from taxelflow.acquire.parquet import write_parquet
 from taxelflow.api import convert, read
 from taxelflow.catalogue import load_sensor
 from taxelflow.cli import main
@@ -204,3 +208,12 @@ def test_what_a_sensor_sends_is_converted_not_what_is_made_of_it(tmp_path: Path,
     assert back.sensor == sensor
     np.testing.assert_array_equal(next(back.read()).values, sent)
     np.testing.assert_array_equal(back.load().values, recording.load().values)
+
+
+@pytest.mark.parametrize("write", [write_npz, write_csv, write_parquet, write_mcap])
+def test_a_writer_writes_the_blocks_that_it_is_given(tmp_path: Path, write: Any) -> None:
+    recording = known(np.arange(24.0).reshape(4, 6))
+    watched: list[int] = []
+    write(recording, tmp_path / "a", (watched.append(len(block)) or block for block in recording.sent()))
+    assert sum(watched) == 4
+    assert (tmp_path / "a").stat().st_size > 100

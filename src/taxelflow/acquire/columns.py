@@ -9,8 +9,6 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal
 
-import msgspec
-
 from taxelflow.errors import ParameterInvalid, RecordingCorrupt
 
 REMEDY = (
@@ -71,6 +69,8 @@ class Columns:
         """With what stands in `file`. Raises ParameterInvalid."""
         if self.file is None:
             return self
+        import msgspec
+
         known = [item.name for item in fields(Columns) if item.name != "file"]
         given = {name: getattr(self, name) for name in known if getattr(self, name) != getattr(Columns, name)}
         try:
