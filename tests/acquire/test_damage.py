@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from bagged import write_bag
 from synthetic import DsaMatrix, grid_sensor, recorded, times, write_dsa
 from taxelflow.api import convert, read
-from taxelflow.errors import RecordingCorrupt, RecordingError, TaxelflowError
+from taxelflow.errors import RecordingCorrupt, RecordingError, TaxelflowError, TopicUnclear
 from taxelflow.pads import Pad
 from taxelflow.sensor import Sensor
 
@@ -195,6 +195,21 @@ def test_a_directory_without_metadata_is_no_bag(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"no ROS 2 bag \(without metadata.yaml\)"):
         read(path.parent, SENSOR)
     assert attempt(path) == len(VALUES)
+
+
+def test_of_a_bag_directory_with_a_cut_file_the_file_is_to_be_read_alone(tmp_path: Path) -> None:
+    path = bag("mcap")(tmp_path)
+    path.write_bytes(path.read_bytes()[:-50])
+    with pytest.raises(RecordingCorrupt, match=r"read one of its \.mcap or \.db3 files alone"):
+        read(path.parent, SENSOR)
+    assert attempt(path) == len(VALUES)
+
+
+def test_a_topics_name_cannot_break_the_line(tmp_path: Path) -> None:
+    path = tmp_path / "a.bag"
+    write_bag(path, {"/a\nb": ("std_msgs/msg/String", [["x"]])})
+    with pytest.raises(TopicUnclear, match=r"/a b \(std_msgs/msg/String\)"):
+        read(path, SENSOR)
 
 
 def test_a_bag_whose_storage_is_gone_is_an_error_of_one_line(tmp_path: Path) -> None:

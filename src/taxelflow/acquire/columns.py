@@ -136,4 +136,4 @@ def _matching(pattern: str, names: list[str]) -> list[int]:
 
 def _listed(names: list[str]) -> str:
     more = f" and {len(names) - 8} more" if len(names) > 8 else ""
-    return ", ".join(name[:40] for name in names[:8]) + more
+    return ", ".join(" ".join(name[:40].split()) for name in names[:8]) + more

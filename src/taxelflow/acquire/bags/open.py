@@ -49,7 +49,8 @@ def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Rec
     except (TaxelflowError, OSError):
         raise
     except Exception as error:  # whatever a file that is none makes of the parsers
-        raise RecordingCorrupt(path, seen(error), _REMEDY) from error
+        remedy = "read one of its .mcap or .db3 files alone" if path.is_dir() else _REMEDY
+        raise RecordingCorrupt(path, seen(error), remedy) from error
     received_s, stamps_s, parts = _probe(path, source, chosen, decoder)
     cells = [len(part) for part in parts]
     sensor = sensor or sensor_in(path, source.metadata) or _sensor(path, kind, cells)

@@ -53,23 +53,28 @@ class Source(Protocol):
         """Time of receipt in ns and bytes of each message. Raises RecordingTruncated where the file is damaged."""
 
 
+def _shown(topic: Topic) -> str:
+    """Name and type in a line: names come from files."""
+    return " ".join(f"{topic.name} ({topic.message_type})".split())
+
+
 def choose(path: Path, topics: list[Topic], name: str | None) -> tuple[Topic, Kind]:
     """The topic of that name, or the only one that fits. Raises TopicUnclear, which lists them."""
-    listed = [f"{topic.name} ({topic.message_type})" for topic in topics]
+    listed = [_shown(topic) for topic in topics]
     if name is not None:
         fitting = [topic for topic in topics if topic.name.strip("/") == name.strip("/")]
         if not fitting:
             raise TopicUnclear(path, f"it has no topic {name}", listed)
         if fitting[0].kind is None:
             known = ", ".join(one.split("/")[-1] for kind in KINDS for one in kind.types)
-            seen = f"{name} is {fitting[0].message_type} in {fitting[0].encoding}; known are {known}"
+            seen = f"{_shown(fitting[0])} is of no known type ({known}) or encoding ({fitting[0].encoding!r})"
             raise TopicUnclear(path, seen, listed)
     else:
         fitting = [topic for topic in topics if topic.kind is not None and topic.messages != 0]
         if not fitting:
             raise TopicUnclear(path, "no topic has messages of a known type", listed)
         if len(fitting) > 1:
-            raise TopicUnclear(path, f"{len(fitting)} topics fit", [f"{t.name} ({t.message_type})" for t in fitting])
+            raise TopicUnclear(path, f"{len(fitting)} topics fit", [_shown(t) for t in fitting])
     topic = fitting[0]
     if topic.kind is None:
         raise RuntimeError("topics without a kind were refused")
