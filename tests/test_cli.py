@@ -232,7 +232,7 @@ def test_a_directory_for_a_recording(tmp_path: Path, capsys: Capture) -> None:
     assert "is a directory" in refused_estimate(capsys, tmp_path, tmp_path)
 
 
-@pytest.mark.parametrize("name", ["a.txt", "a", "a.npy", "a.dsa.gz"])
+@pytest.mark.parametrize("name", ["a.xyz", "a", "a.npy", "a.dsa.gz"])
 def test_an_unknown_suffix_with_the_known_ones(tmp_path: Path, capsys: Capture, name: str) -> None:
     (tmp_path / name).write_bytes(b"x")
     assert ".npz, .csv, .dsa" in refused_estimate(capsys, tmp_path, tmp_path / name)

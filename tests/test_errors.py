@@ -18,6 +18,7 @@ FACTS: dict[str, tuple[object, ...]] = {
     "TaxelCountWrong": (Path("a.npz"), 7, "hand", 10),
     "TimesNotIncreasing": (Path("a.npz"), 7, 2.0, 1.0),
     "SensorNeeded": (Path("a.npz"), ["hand"]),
+    "TopicUnclear": (Path("a.bag"), "2 topics fit", ["/a (pkg/msg/Touch)", "/b (pkg/msg/Touch)"]),
     "SensorFileInvalid": ("hand.toml", "top level", "no name", "add one"),
     "PitchNeeded": ("hand", "3"),
     "GridNameInvalid": ("grid:4",),

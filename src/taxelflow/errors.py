@@ -8,7 +8,8 @@ TaxelflowError
 │   ├── RecordingTruncated    damaged after some scans, which were read
 │   ├── TaxelCountWrong       the scans do not fit the sensor
 │   ├── TimesNotIncreasing    a time stamp runs backwards
-│   └── SensorNeeded          the format carries no layout and none was named
+│   ├── SensorNeeded          the format carries no layout and none was named
+│   └── TopicUnclear          a bag has no topic that fits, or several
 ├── SensorFileInvalid         a sensor's TOML breaks the schema
 ├── PitchNeeded               a built-in sensor whose pitch is the user's to say
 ├── GridNameInvalid           a plain grid that is asked for in other words
@@ -44,16 +45,16 @@ class RecordingMissing(RecordingError):
     """The path names no file."""
 
     def __init__(self, path: Path) -> None:
-        what = "is a directory, not a file" if path.is_dir() else "does not exist"
+        what = "is a directory and no ROS 2 bag (without metadata.yaml)" if path.is_dir() else "does not exist"
         super().__init__(f"recording {path} {what}; give the path of a recording")
 
 
 class FormatUnknown(RecordingError):
-    """No reader is registered for the file's suffix."""
+    """No reader or writer is registered for the file's suffix."""
 
-    def __init__(self, path: Path, known: Iterable[str]) -> None:
+    def __init__(self, path: Path, known: Iterable[str], part: str = "reader") -> None:
         super().__init__(
-            f"no reader for {path}: its suffix is {path.suffix or 'empty'!r}; known are {', '.join(known)}"
+            f"no {part} for {path}: its suffix is {path.suffix or 'empty'!r}; known are {', '.join(known)}"
         )
 
 
@@ -100,6 +101,15 @@ class SensorNeeded(RecordingError):
         super().__init__(
             f"{path} does not say which sensor it is of; add --sensor NAME ({', '.join(known)}) or --sensor FILE.toml"
         )
+
+
+class TopicUnclear(RecordingError):
+    """A bag has no topic that fits, or several."""
+
+    def __init__(self, path: Path, seen: str, topics: Iterable[str]) -> None:
+        listed = ", ".join(topics)
+        remedy = f"choose one with --topic: {listed}" if listed else "it holds no topics at all: record it again"
+        super().__init__(f"cannot choose a topic of {path}: {seen}; {remedy}")
 
 
 class SensorFileInvalid(TaxelflowError):

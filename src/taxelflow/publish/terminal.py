@@ -253,6 +253,13 @@ def show_bench(figures: Any) -> None:
         shares.add_row(row.stage, f"{1e3 * row.seconds:.0f}", f"{100 * row.share:.1f} %")
     console.print(shares)
     console.print()
+    title = f"reading, the same {figures.scans} scans in each format"
+    readings = _table("format:", "MB", "scans/s", "MB/s", "plain library:", "scans/s", "x library", title=title)
+    for row in figures.readings:
+        ours = (f"{row.megabytes:.1f}", f"{row.scans_per_s:.0f}", f"{row.mb_per_s:.0f}")
+        readings.add_row(row.format, *ours, row.library, f"{row.library_scans_per_s:.0f}", f"{row.ratio:.2f}")
+    console.print(readings)
+    console.print()
     starts = _table("command:", "ms", "x import numpy", title="start of a process")
     for row in figures.starts:
         starts.add_row(row.command, f"{1e3 * row.seconds:.0f}", f"{row.over_import_numpy:.2f}")

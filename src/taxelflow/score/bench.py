@@ -27,6 +27,7 @@ from taxelflow.messages import RawScans, Scans, cut
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pads import Pad
 from taxelflow.publish.tables import Tables
+from taxelflow.score.bench_reading import ReadingRate, reading_rates
 from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -87,6 +88,7 @@ class Bench(msgspec.Struct, frozen=True):
     recording: str
     scans: int
     shares: list[Share]
+    readings: list[ReadingRate]
     starts: list[Start]
 
 
@@ -101,7 +103,8 @@ def bench(recording: Path | None) -> Bench:
             save(replace(paper, motion=replace(paper.motion, strokes=140)), recording)
         opened = api.read(recording)
         scans, shares = _shares(opened, Path(folder) / "result")
-    return Bench(latencies, throughputs, recording.name, scans, shares, _starts())
+        readings = reading_rates(opened, Path(folder))
+    return Bench(latencies, throughputs, recording.name, scans, shares, readings, _starts())
 
 
 def _sensors() -> list[Sensor]:
