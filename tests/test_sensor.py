@@ -1,13 +1,18 @@
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from taxelflow.catalogue import load_sensor
 from taxelflow.errors import SensorFileInvalid
+from taxelflow.pads import Pad
 from taxelflow.sensor import Sensor, parse_sensor, sensor_of
 
 GOOD = """
@@ -197,6 +202,11 @@ CURVED = "taxels = [[0, 0, 0, 0, 0, 1], [0.003, 0, 0, 0, 0, 1], [0, 0.004, 0, 0,
         ((POINTS, "taxels = [[0, 0]]"), "a single taxel has no neighbour to tell the pitch from; give pitch_m"),
         ((POINTS, 'taxels = [[0, "a"]]'), "field taxels"),
         ((POINTS, CURVED.replace("0.004, 0, 0, 0, 1", "0.004, 0, 0, 0, 0")), "a normal is 0, 0, 0"),
+        ((POINTS, CURVED.replace("0.004, 0, 0, 0, 1", "0.004, 0, 0, 0, 2")), "a normal has length 2; its length is 1"),
+        (
+            (POINTS, "taxels = [[0, 0], [0.003, 0], [0.003, 1e-7]]"),
+            "closer than a thousandth of the pad; mend the table",
+        ),
         (
             (POINTS, "taxels = [[0, 0, 1, 0, 0, 1], [0, 0, -1, 0, 0, -1], [1, 0, 0, 1, 0, 0], [-1, 0, 0, -1, 0, 0]]"),
             "the skin closes upon itself; split it into several pads",
@@ -260,3 +270,39 @@ def test_a_grid_sends_all_its_places_or_only_its_taxels() -> None:
         SensorFileInvalid, match=r"number 1 \(palm\), field channels: 7 numbers for 5 taxels on 6 places"
     ):
         parse(text.format(7))
+
+
+FIELDS = (*Sensor.__struct_fields__, "colour")
+PAD_FIELDS = (*Pad.__struct_fields__, "colour")
+ODD = st.recursive(
+    st.sampled_from(
+        [0, 1, 2, 3, -1, 0.004, 1e5, 1e300, True, "", "N", "count", "tip", "z", "bottom-left", "column-major"]
+    ),
+    lambda inner: (
+        st.lists(inner, max_size=6) | st.dictionaries(st.sampled_from(["pad", "rows", "taxels"]), inner, max_size=2)
+    ),
+    max_leaves=12,
+)
+
+
+@given(
+    sensor=st.dictionaries(st.sampled_from(FIELDS), ODD, max_size=3),
+    pad=st.dictionaries(st.sampled_from(PAD_FIELDS), ODD, max_size=4),
+    curved=st.booleans(),
+)
+@settings(max_examples=300)
+def test_whatever_a_sensor_file_holds_it_is_a_sensor_or_one_line(
+    sensor: dict[str, Any], pad: dict[str, Any], curved: bool
+) -> None:
+    table = tomllib.loads(INLINE.replace(POINTS, CURVED) if curved else GOOD)
+    table["pads"][0].update(pad)
+    table.update(sensor)
+    try:
+        made = sensor_of(table, "odd.toml")
+    except SensorFileInvalid as error:
+        assert "\n" not in str(error)
+    else:
+        layout = made.layout
+        assert made.wiring.readings(np.zeros((1, made.wiring.columns))).shape == (1, layout.taxels)
+        assert np.isfinite(layout.x_m).all()
+        assert made.to_si > 0

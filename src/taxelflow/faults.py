@@ -20,6 +20,7 @@ _HAS = (
     "pitch_m = [x, y] or taxels = a table"
 )
 _ROWS = "give rows [x, y] or [x, y, z, nx, ny, nz], all alike, in m"
+_LENGTH = 0.01
 _GRID_FIELDS = ("rows", "cols", "missing")
 
 
@@ -83,8 +84,12 @@ def _of_table(pad: Pad) -> Iterator[tuple[str, str, str]]:
     if len(widths) > 1 or not set(widths) <= {2, 6}:
         seen = f"rows have {', '.join(map(str, sorted(widths)))} numbers"
         yield "taxels", seen + (", a place in space without its normal" if set(widths) == {3} else ""), _ROWS
-    elif 6 in widths and any(not dist(row[3:], (0.0, 0.0, 0.0)) > 1e-9 for row in rows):
-        yield "taxels", "a normal is 0, 0, 0", "leave absent taxels out, and give the others an index"
+    elif 6 in widths:
+        length = min((dist(row[3:], (0.0, 0.0, 0.0)) for row in rows), key=lambda long: -abs(long - 1.0))
+        if length == 0.0:
+            yield "taxels", "a normal is 0, 0, 0", "leave absent taxels out, and give the others an index"
+        elif abs(length - 1.0) > _LENGTH:
+            yield "taxels", f"a normal has length {length:.3g}", "its length is 1; are columns mixed up?"
     if pad.channels not in (None, pad.count) and not pad.index:
         seen = f"{pad.channels} numbers for {pad.count} taxels"
         yield "channels", seen, "say with index which of them each taxel is"

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 Indices = NDArray[np.int64]
 
+_CLOSEST = 1e-3
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layout:
@@ -163,8 +165,8 @@ def _table(pad: Pad) -> Skin:
         xy, stretch = chart.xy, chart.stretch
     if len(xy) == 1 and pad.pitch_m is None:
         raise ValueError("a single taxel has no neighbour to tell the pitch from: give pitch_m = [x, y]")
-    if mesh.closest_m(xy) < 1e-4 * max(float(np.ptp(xy, axis=0).max()), 1e-3):
-        raise ValueError("two taxels lie at the same place (laid flat, if it is curved)")
+    if mesh.closest_m(xy) < _CLOSEST * max(float(np.ptp(xy, axis=0).max()), 1e-3):
+        raise ValueError("two taxels lie at the same place, or closer than a thousandth of the pad: mend the table")
     pitch = pad.pitch_m or (mesh.spacing_m(xy),) * 2
     row, col, shape = mesh.raster(xy)
     return Skin(row, col, shape, xy, pitch, _areas(pad, pitch), places, normal, table=True, stretch=stretch)

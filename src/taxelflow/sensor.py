@@ -35,7 +35,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash
     scale_pa: Positive | None = None
     """Pa per count, for unit `count`, if known."""
     full_scale: Positive | None = None
-    """Largest reading, in `unit`, if known: there a taxel saturates."""
+    """Largest reading at gain 1, in `unit`, if known: there a taxel saturates."""
     groups: tuple[Group, ...] = ()
     delay_s: tuple[Delay, ...] = ()
     """How long after its scan's time stamp each taxel is read, s, in the order of the layout; at once if left out."""

@@ -7,7 +7,6 @@ which of the pad's numbers in the source's scan the taxel is. Lengths may be in 
 from __future__ import annotations
 
 import csv
-from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
@@ -34,6 +33,7 @@ _UNITS = {
     "area_mm2": 1e-6,
     "index": 1.0,
 }
+_MOST = 1e6
 _REMEDY = "its header is x_m,y_m or x_m,y_m,z_m,nx,ny,nz (or in mm: x_mm), if need be also area_m2 and index"
 
 
@@ -94,7 +94,7 @@ def _number(field: str, row: int, name: str) -> float:
         value = float(field)
     except ValueError:
         raise ValueError(f"row {row}, column {name}: {field!r} is no number") from None
-    if not isfinite(value) or (name == "index" and (value < 0 or value != int(value))):
+    if not abs(value) < _MOST or (name == "index" and (value < 0 or value != int(value))):
         raise ValueError(f"row {row}, column {name}: {field} will not do")
     if name.startswith("area") and value <= 0:
         raise ValueError(f"row {row}, column {name}: {field} is no area")

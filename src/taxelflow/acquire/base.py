@@ -82,11 +82,11 @@ class Recording:
         return self.truth
 
     def blocks(self) -> Reading:
-        """Checked blocks of readings, from the start."""
+        """Checked blocks of scans, from the start."""
         return Reading(self)
 
     def sent(self) -> Reading:
-        """The same blocks as the source sent them, all its numbers in its own order: what a file is to hold."""
+        """The same as the source sends them, not yet picked and scaled by the sensor's wiring: to be written again."""
         return Reading(self, wired=False)
 
     def load(self) -> RawScans:
@@ -103,7 +103,6 @@ class Reading:
     """
 
     def __init__(self, recording: Recording, *, wired: bool = True) -> None:
-        """wired: give readings (see `wiring`), else the source's numbers."""
         self.scans = 0
         self.repeated = 0
         self.loss: RecordingTruncated | None = None

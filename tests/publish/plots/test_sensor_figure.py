@@ -28,7 +28,7 @@ from taxelflow.publish.plots.sensor import sensor_figure
 
 
 @pytest.fixture(autouse=True)
-def _style() -> Iterator[None]:
+def style() -> Iterator[None]:
     with styled():
         yield
     plt.close("all")

@@ -146,6 +146,6 @@ def _store(message_type: str, definition: str, language: str, fallback: str) -> 
     if language == "msg":
         store.register(get_types_from_msg(definition, message_type))
         return store
-    for part in definition.split("=" * 80 + "\n"):
+    for part in filter(str.strip, definition.split("=" * 80 + "\n")):
         store.register(get_types_from_idl(part.partition("\n")[2] if part.startswith("IDL: ") else part))
     return store
