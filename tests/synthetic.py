@@ -12,8 +12,9 @@ import numpy as np
 from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.condition.conditioner import Conditioner
-from taxelflow.layout import Pad, Sensor
 from taxelflow.messages import Bools, Floats, RawScans, Scans, Slips, cut, joined
+from taxelflow.pads import Pad
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 PALM = grid_sensor(4, 7)
 PUBLIC = {
+    "Columns",
     "Conditioner",
     "Event",
     "Layout",
@@ -41,6 +42,7 @@ PUBLIC = {
     "Slips",
     "TaxelflowError",
     "Truth",
+    "convert",
     "estimate",
     "estimator",
     "load_sensor",
@@ -137,7 +139,7 @@ def test_what_cannot_be_read_says_why(tmp_path: Path) -> None:
         api.read(tmp_path / "none.npz")
     with pytest.raises(RecordingMissing, match="is a directory"):
         api.read(tmp_path)
-    for name in ("scans.txt", "scans"):
+    for name in ("scans.xyz", "scans"):
         (tmp_path / name).write_text("")
         with pytest.raises(FormatUnknown, match=r"known are \.npz, \.csv, \.dsa"):
             api.read(tmp_path / name)

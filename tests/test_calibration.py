@@ -18,7 +18,8 @@ from taxelflow.calibration import (
 )
 from taxelflow.cli import main
 from taxelflow.errors import CalibrationInvalid, CalibrationUnfit
-from taxelflow.layout import Group, Patch, Sensor
+from taxelflow.pads import Group, Patch
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from pathlib import Path

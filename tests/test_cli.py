@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from taxelflow.layout import Sensor
     from taxelflow.messages import Floats, RawScans
+    from taxelflow.sensor import Sensor
 
 PALM = grid_sensor(4, 7)
 CONTRACT = [
@@ -232,7 +232,7 @@ def test_a_directory_for_a_recording(tmp_path: Path, capsys: Capture) -> None:
     assert "is a directory" in refused_estimate(capsys, tmp_path, tmp_path)
 
 
-@pytest.mark.parametrize("name", ["a.txt", "a", "a.npy", "a.dsa.gz"])
+@pytest.mark.parametrize("name", ["a.xyz", "a", "a.npy", "a.dsa.gz"])
 def test_an_unknown_suffix_with_the_known_ones(tmp_path: Path, capsys: Capture, name: str) -> None:
     (tmp_path / name).write_bytes(b"x")
     assert ".npz, .csv, .dsa" in refused_estimate(capsys, tmp_path, tmp_path / name)
@@ -302,7 +302,7 @@ def test_an_unknown_sensor_with_the_list(tmp_path: Path, capsys: Capture, comman
     }
     line = refused(capsys, *arguments[command])
     assert "'barret'" in line
-    assert "barretthand-162, grid-16x16, schunk-sdh2" in line
+    assert "barretthand-162, barretthand-bh280-96, grid-16x16, icub-" in line
 
 
 def test_an_unknown_method_with_the_list(tmp_path: Path, capsys: Capture) -> None:
@@ -558,6 +558,43 @@ def test_sensors_draws_a_file(tmp_path: Path, capsys: Capture) -> None:
     (tmp_path / "hand.toml").write_text(TOML)
     assert main(["sensors", str(tmp_path / "hand.toml")]) == 0
     assert "   21   22   23   24   25   26   27" in capsys.readouterr().out
+
+
+def test_sensors_lists_what_must_be_asked_with_its_pitch(capsys: Capture) -> None:
+    assert main(["sensors"]) == 0
+    said = capsys.readouterr().out
+    assert "inspire-rh56dftp@PITCHmm" in said
+    assert "grid:16x16@4mm" in said
+
+
+def test_sensors_draws_a_picture(tmp_path: Path, capsys: Capture) -> None:
+    pytest.importorskip("matplotlib")
+    assert main(["sensors", "grid:3x4@5mm", "--plot", str(tmp_path / "grid.png")]) == 0
+    assert (tmp_path / "grid.png").read_bytes().startswith(b"\x89PNG")
+    assert main(["sensors", "xela-4x4@4.7mm", "--plot", str(tmp_path / "pictures")]) == 0
+    assert "<svg" in (tmp_path / "pictures" / "xela-4x4@4.7mm.svg").read_text()
+    assert "xela-4x4@4.7mm.svg" in capsys.readouterr().out
+
+
+def test_sensors_draws_all_built_in_ones(tmp_path: Path, capsys: Capture) -> None:
+    pytest.importorskip("matplotlib")
+    assert main(["sensors", "--plot", str(tmp_path)]) == 0
+    assert {"barretthand-162.svg", "icub-forearm.svg", "inspire-rh56dftp@1mm.svg"} <= {
+        f.name for f in tmp_path.iterdir()
+    }
+    line = refused(capsys, "sensors", "--plot", tmp_path / "all.png")
+    assert "it is a file that ends in .svg, .png, .pdf, or a directory" in line
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("inspire-rh56dftp", "sensor inspire-rh56dftp: its pitch is not published; measure it and add it to the name"),
+        ("grid:16x16", "'grid:16x16' is no plain grid; name rows, cols and pitch"),
+    ],
+)
+def test_a_sensor_that_lacks_its_pitch_says_how_to_name_it(capsys: Capture, name: str, says: str) -> None:
+    assert says in refused(capsys, "sensors", name)
 
 
 @pytest.mark.parametrize("name", ["run[old]", "run[/]", "run[red]1", "läuft ✓"])

@@ -22,7 +22,8 @@ from taxelflow.acquire.rig.scenario import Motion
 from taxelflow.acquire.rig.simulate import save, simulate
 from taxelflow.errors import ExtraMissing, ResultMissing
 from taxelflow.figures import draw_results, strokes_of
-from taxelflow.layout import Pad, Sensor
+from taxelflow.pads import Pad
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from pathlib import Path

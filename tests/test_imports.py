@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-HEAVY = ("numpy", "numba", "scipy", "matplotlib")
+HEAVY = ("numpy", "numba", "scipy", "matplotlib", "rosbags", "mcap", "pyarrow")
 
 
 def loaded_after(program: str) -> set[str]:
@@ -19,7 +19,14 @@ def loaded_after(program: str) -> set[str]:
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], ["estimate", "--help"], ["calibrate", "--help"], ["info", "--help"], ["sensors", "--help"]],
+    [
+        ["--help"],
+        ["estimate", "--help"],
+        ["calibrate", "--help"],
+        ["info", "--help"],
+        ["convert", "--help"],
+        ["sensors", "--help"],
+    ],
 )
 def test_help_imports_no_heavy_library(arguments: list[str]) -> None:
     program = (
@@ -35,6 +42,8 @@ def test_help_imports_no_heavy_library(arguments: list[str]) -> None:
         "taxelflow.cli",
         "taxelflow.errors",
         "taxelflow.registry",
+        "taxelflow.acquire.bags.kinds",
+        "taxelflow.acquire.columns",
         "taxelflow.acquire.rig.scenario",
         "taxelflow.condition.conditioner",
         "taxelflow.monitor.slip",
@@ -52,7 +61,7 @@ def test_what_the_command_line_is_made_of_imports_no_heavy_library(module: str) 
 def test_estimating_needs_neither_scipys_signal_processing_nor_pictures() -> None:
     program = (
         "import numpy as np\nfrom taxelflow.api import estimate\nfrom taxelflow.acquire.base import Recording\n"
-        "from taxelflow.layout import load_sensor\nfrom taxelflow.messages import RawScans\n"
+        "from taxelflow.catalogue import load_sensor\nfrom taxelflow.messages import RawScans\n"
         "raw = RawScans(np.arange(30.0), np.ones((30, 162)))\n"
         "estimate(Recording('memory', 'memory', load_sensor('barretthand-162'), lambda: iter([raw])))\n"
     )

@@ -1,81 +1,14 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import grid_sensor
-from taxelflow.errors import NameUnknown, SensorFileInvalid
-from taxelflow.layout import builtin_sensors, load_sensor, parse_sensor
-
-GOOD = """
-name = "hand"
-unit = "kPa"
-[[pads]]
-name = "palm"
-rows = 2
-cols = 3
-pitch_m = [0.01, 0.012]
-missing = [[0, 0]]
-[[pads]]
-name = "tip"
-rows = 1
-cols = 1
-pitch_m = [0.004, 0.004]
-"""
-
-
-def parse(text: str) -> object:
-    return parse_sensor(text.encode(), "hand.toml")
-
-
-def test_the_papers_hand_has_its_162_taxels() -> None:
-    sensor = load_sensor("barretthand-162")
-    layout = sensor.layout
-    assert layout.taxels == 162
-    assert [int(count) for count in np.diff(layout.starts)[: layout.pad_count]] == [22, 24] * 3 + [24]
-    assert (sensor.unit, layout.pads[layout.pad_count - 1]) == ("kPa", "palm")
-
-
-def test_the_papers_palm_is_grouped_as_the_paper_says() -> None:
-    layout = load_sensor("barretthand-162").layout
-    assert layout.pads[layout.pad_count :] == ("palm_left", "palm_centre", "palm_right")
-    members = [layout.source[layout.of_pad(pad)] for pad in range(7, 10)]
-    assert [len(own) for own in members] == [10, 4, 10]  # 4x3 without two corners, 4x1, 4x3 without two corners
-    assert sorted(np.concatenate(members)) == list(range(138, 162))
-
-
-def test_the_papers_palm_is_numbered_as_the_paper_says() -> None:
-    layout = load_sensor("barretthand-162").layout
-    own = layout.of_pad(6)
-    assert (own.start, own.stop) == (138, 162)
-    numbers = layout.grid(6, np.arange(162.0))
-    rows = [row[np.isfinite(row)].tolist() for row in numbers]
-    assert [len(row) for row in rows] == [5, 7, 7, 5]
-    assert rows[1] == list(range(143, 150))
-
-
-def test_the_assumed_layout_of_the_tips_says_so() -> None:
-    sensor = load_sensor("barretthand-162")
-    tips = [pad for pad in sensor.pads if pad.name.endswith("_tip")]
-    assert len(tips) == 3
-    assert all("assumption" in pad.note for pad in tips)
-
-
-def test_the_sdh2_has_456_live_taxels_in_six_pads() -> None:
-    sensor = load_sensor("schunk-sdh2")
-    assert sensor.layout.taxels == 456
-    assert sensor.layout.shapes == ((14, 6), (13, 6)) * 3
-    assert sensor.to_si == pytest.approx(0.000473e6 / 592.1, rel=1e-4)
-
-
-def test_every_built_in_sensor_loads_under_its_own_name() -> None:
-    assert {"barretthand-162", "grid-16x16", "schunk-sdh2"} <= set(builtin_sensors())
-    for name in builtin_sensors():
-        assert load_sensor(name).name == name
+from tabled import arched, hexagonal, square, table_sensor
+from taxelflow.pads import Group, Pad, Patch
+from taxelflow.sensor import Sensor
 
 
 def test_x_points_right_along_columns_and_y_up_against_rows() -> None:
@@ -118,98 +51,103 @@ def test_a_hole_in_the_grid_is_a_border_for_its_neighbours() -> None:
     assert border[0, 1] == [False, True]
 
 
-def test_a_sensor_file_is_read(tmp_path: Path) -> None:
-    path = tmp_path / "hand.toml"
-    path.write_text(GOOD)
-    sensor = load_sensor(str(path))
-    assert (sensor.name, sensor.to_si, sensor.si_unit) == ("hand", 1e3, "Pa")
-    assert [pad.name for pad in sensor.pads] == ["palm", "tip"]
-    assert sensor.pads[0].missing == ((0, 0),)
-    assert sensor.layout.taxels == 6
-
-
-def test_whole_numbers_will_do_as_lengths() -> None:
-    parse(GOOD.replace("[0.01, 0.012]", "[1, 1]"))
-
-
-def test_counts_without_a_scale_stay_counts() -> None:
-    text = GOOD.replace("kPa", "count").encode()
-    sensor = parse_sensor(text, "a")
-    assert (sensor.to_si, sensor.si_unit) == (1.0, "count")
-    scaled = parse_sensor(b"scale_pa = 0.8\n" + text, "a")
-    assert (scaled.to_si, scaled.si_unit) == (0.8, "Pa")
-
-
-def test_an_unknown_sensor_comes_with_the_list() -> None:
-    with pytest.raises(
-        NameUnknown, match=r"'barrett'; known are barretthand-162, grid-16x16, schunk-sdh2, or the path"
-    ):
-        load_sensor("barrett")
-
-
-@pytest.mark.parametrize(
-    ("change", "where"),
-    [
-        (('name = "hand"', ""), "top level.*name"),
-        (('unit = "kPa"', ""), "top level.*unit"),
-        (('unit = "kPa"', 'unit = "bar"'), "field unit.*bar"),
-        (('unit = "kPa"', 'unit = "kPa"\nscale_pa = 2.0'), "field scale_pa.*kPa"),
-        (('unit = "kPa"', 'unit = "count"\nscale_pa = -2.0'), "field scale_pa"),
-        (('unit = "kPa"', 'unit = "count"\nscale_pa = nan'), "field scale_pa"),
-        (('unit = "kPa"', 'unit = "kPa"\nfull_scale = 0'), "field full_scale"),
-        (('unit = "kPa"', 'unit = "kPa"\nfull_scale = inf'), "field full_scale"),
-        (('unit = "kPa"', 'unit = "kPa"\ncolour = "red"'), "top level.*colour"),
-        (("rows = 2", ""), "number 1.*rows"),
-        (("rows = 2", "rows = 0"), "number 1.*field rows"),
-        (("rows = 2", "rows = 2.5"), "number 1.*field rows"),
-        (("rows = 2", 'rows = "two"'), "number 1.*field rows"),
-        (("rows = 2", "rows = true"), "number 1.*field rows"),
-        (("rows = 2", "rows = 100000"), "number 1.*field rows"),
-        (("cols = 1", "cols = -1"), "number 2.*field cols"),
-        (("pitch_m = [0.01, 0.012]", ""), "number 1.*pitch_m"),
-        (("pitch_m = [0.01, 0.012]", "pitch_m = 0.01"), "number 1.*field pitch_m"),
-        (("pitch_m = [0.01, 0.012]", "pitch_m = [0.01]"), "number 1.*field pitch_m"),
-        (("pitch_m = [0.01, 0.012]", "pitch_m = [0.01, 0]"), "number 1.*field pitch_m"),
-        (("pitch_m = [0.01, 0.012]", "pitch_m = [0.01, nan]"), "number 1.*field pitch_m"),
-        (("pitch_m = [0.01, 0.012]", "pitch_m = [inf, 0.01]"), "number 1.*field pitch_m"),
-        (("missing = [[0, 0]]", "missing = [[2, 0]]"), "number 1.*palm.*field missing.*outside"),
-        (("missing = [[0, 0]]", "missing = [[0, 3]]"), "number 1.*palm.*field missing.*outside"),
-        (("missing = [[0, 0]]", "missing = [[0, -1]]"), "number 1.*field missing"),
-        (("missing = [[0, 0]]", "missing = [0, 0]"), "number 1.*field missing"),
-        (("missing = [[0, 0]]", "missing = [[0, 0], [0, 0]]"), "number 1.*field missing.*twice"),
-        (("pitch_m = [0.004, 0.004]", "pitch_m = [0.004, 0.004]\nmissing = [[0, 0]]"), "number 2.*tip.*no taxel"),
-        (('name = "tip"', 'name = "palm"'), r"\[\[pads\]\].*field name.*palm"),
-        (('name = "tip"', 'name = ""'), "number 2.*field name"),
-        (('name = "tip"', 'name = "a,b"'), "number 2.*field name"),
-        (('name = "tip"', "name = 7"), "number 2.*field name"),
-        (("cols = 1", "cols = 1\ncolumns = 1"), "number 2.*columns"),
-        (("[[pads]]", "[[grids]]"), "top level"),
-    ],
-    ids=lambda value: value[1] or f"no {value[0]}" if isinstance(value, tuple) else "",
-)
-def test_a_broken_sensor_file_is_named_with_table_and_field(change: tuple[str, str], where: str) -> None:
-    assert change[0] in GOOD
-    with pytest.raises(SensorFileInvalid, match=f"sensor file hand.toml: .*{where}") as caught:
-        parse(GOOD.replace(*change))
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("text", [b"name = ", b"\xff\xfe", b"[[pads]", b'name = "a"\nname = "b"', b"", b"pads = []"])
-def test_what_is_no_toml_or_no_sensor_is_refused_in_one_line(text: bytes) -> None:
-    with pytest.raises(SensorFileInvalid, match=r"sensor file hand\.toml") as caught:
-        parse_sensor(text, "hand.toml")
-    assert "\n" not in str(caught.value)
-
-
-def test_a_sensor_without_pads_is_refused() -> None:
-    with pytest.raises(SensorFileInvalid, match="pads"):
-        parse_sensor(b'name = "a"\nunit = "Pa"\npads = []', "a")
-
-
 def test_a_layout_is_computed_once() -> None:
     assert grid_sensor(3, 3).layout is grid_sensor(3, 3).layout
 
 
-def test_a_folder_is_no_sensor(tmp_path: Path) -> None:
-    with pytest.raises(NameUnknown):
-        load_sensor(str(tmp_path))
+# Tables
+
+
+def test_a_flat_table_keeps_its_own_frame() -> None:
+    places = square(2, 3) + np.array([0.3, -0.1])
+    layout = table_sensor(places).layout
+    np.testing.assert_array_equal(np.stack([layout.x_m, layout.y_m], axis=1), places)
+    assert layout.tables.tolist() == [True]
+    assert layout.stretch.tolist() == [0]
+
+
+def test_a_square_grid_is_the_same_as_a_table() -> None:
+    grid, table = grid_sensor(4, 6).layout, table_sensor(square(4, 6)).layout
+    np.testing.assert_allclose(table.pitch_m, grid.pitch_m)
+    for field in ("border", "beside", "starts", "source"):
+        np.testing.assert_array_equal(getattr(table, field), getattr(grid, field), err_msg=field)
+    for field in ("x_m", "y_m", "area_m2", "T_hand", "place_m", "normal"):
+        np.testing.assert_allclose(getattr(table, field), getattr(grid, field), atol=1e-15, err_msg=field)
+
+
+def test_a_hexagonal_pad_has_six_neighbours_within_and_a_border_around() -> None:
+    layout = table_sensor(hexagonal(3)).layout
+    pairs = layout.neighbours(0)
+    count = np.bincount(pairs.ravel(), minlength=layout.taxels)
+    ring = np.round(
+        np.maximum(np.abs(layout.y_m) * 2 / np.sqrt(3), np.abs(layout.x_m) + np.abs(layout.y_m) / np.sqrt(3)) / 0.005
+    )
+    assert set(count[ring < 3]) == {6}
+    assert set(count[ring == 3]) == {3, 4}
+    assert not layout.border[ring < 3].any()
+    assert layout.border[ring == 3].any(axis=1).all()
+    np.testing.assert_allclose(layout.pitch_m, 0.005)
+
+
+def test_scattered_taxels_are_shown_apart_and_where_they_are() -> None:
+    layout = table_sensor(np.random.default_rng(3).uniform(-0.02, 0.02, (40, 2))).layout
+    picture = layout.grid(0, np.arange(40.0))
+    assert sorted(picture[np.isfinite(picture)]) == list(range(40))
+    top = int(np.argmax(layout.y_m))
+    assert layout.row[top] == 0
+    assert layout.col[int(np.argmin(layout.x_m))] == 0
+
+
+def test_a_curved_pad_is_unrolled_and_keeps_its_place_in_space() -> None:
+    flat, table = arched(5, 9, radius_m=0.015)
+    layout = table_sensor(table).layout
+    np.testing.assert_allclose(np.stack([layout.x_m, layout.y_m], axis=1), flat, atol=1e-9)
+    np.testing.assert_allclose(layout.place_m, table[:, :3])
+    np.testing.assert_allclose(layout.normal, table[:, 3:], atol=1e-12)
+    assert layout.stretch[0] < 1e-9
+
+
+def test_a_pose_puts_a_pad_in_space() -> None:
+    turned = Pad(
+        name="a", rows=1, cols=2, pitch_m=(0.01, 0.01), pose=(0.1, 0.2, 0.3, 0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))
+    )
+    elsewhere = Pad(name="b", rows=1, cols=1, pitch_m=(0.01, 0.01))
+    layout = Sensor(name="hand", unit="Pa", pads=(turned, elsewhere)).layout
+    np.testing.assert_allclose(layout.normal[:2], [[1, 0, 0], [1, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(layout.place_m[:2], [[0.1, 0.2, 0.305], [0.1, 0.2, 0.295]], atol=1e-12)
+    assert np.isnan(layout.place_m[2]).all()
+    assert np.isnan(layout.normal[2]).all()
+
+
+def test_pads_of_different_kind_stand_in_one_sensor() -> None:
+    grid = Pad(name="palm", rows=2, cols=3, pitch_m=(0.01, 0.012), missing=((0, 0),), area_m2=5e-5)
+    table = Pad(name="tip", taxels=((0.0, 0.0), (0.003, 0.0), (0.0, 0.004)), area_m2=(1e-6, 2e-6, 3e-6))
+    layout = Sensor(name="hand", unit="Pa", pads=(grid, table)).layout
+    assert layout.starts.tolist() == [0, 5, 8]
+    assert layout.tables.tolist() == [False, True]
+    np.testing.assert_allclose(layout.area_m2, [5e-5] * 5 + [1e-6, 2e-6, 3e-6])
+    np.testing.assert_allclose(layout.pitch_m, [[0.01, 0.012], [0.003, 0.003]])
+
+
+def test_the_area_of_a_taxel_is_the_product_of_the_pitches_unless_given() -> None:
+    np.testing.assert_allclose(grid_sensor(2, 2, pitch_m=(0.01, 0.02)).layout.area_m2, 2e-4)
+    np.testing.assert_allclose(table_sensor(hexagonal(1, 0.004)).layout.area_m2, 1.6e-5)
+
+
+def test_a_group_may_list_the_taxels_of_a_table() -> None:
+    halves = tuple(
+        Group(name=n, patches=(Patch(pad="pad0", taxels=t),)) for n, t in (("left", (0, 3)), ("right", (2, 5)))
+    )
+    layout = table_sensor(square(2, 3), groups=halves).layout
+    assert layout.source[layout.of_pad(1)].tolist() == [0, 3]
+    assert layout.tables.tolist() == [True] * 3
+    assert layout.border[layout.of_pad(1)].tolist() == [[True, True]] * 2
+    assert layout.beside[layout.of_pad(1)][:, 1].tolist() == [[1, -1], [-1, 0]]  # below, above
+
+
+@pytest.mark.parametrize("taxels", [((0.01, 0.02),), ((0.0, 0.0), (0.01, 0.0)), ((0.0, 0.0), (0.01, 0.0), (0.02, 0.0))])
+def test_few_taxels_or_taxels_on_a_line_have_neighbours_too(taxels: tuple[tuple[float, float], ...]) -> None:
+    pad = Pad(name="a", taxels=taxels, pitch_m=(0.01, 0.01))
+    layout = Sensor(name="few", unit="Pa", pads=(pad,)).layout
+    assert len(layout.neighbours(0)) == len(taxels) - 1
+    assert layout.border[:, 1].all()

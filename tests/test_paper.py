@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from taxelflow.acquire.base import Truth
+from taxelflow.catalogue import load_sensor
 from taxelflow.cli import main
-from taxelflow.layout import load_sensor
 from taxelflow.score.field import cuts_of, score_field, true_twist
 
 if TYPE_CHECKING:

@@ -5,37 +5,44 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording, Truth
-    from taxelflow.api import Result, estimate, estimator, read
+    from taxelflow.acquire.columns import Columns
+    from taxelflow.api import Result, convert, estimate, estimator, read
+    from taxelflow.catalogue import load_sensor
     from taxelflow.condition.conditioner import Conditioner
     from taxelflow.errors import TaxelflowError
-    from taxelflow.layout import Layout, Pad, Sensor, load_sensor
+    from taxelflow.layout import Layout
     from taxelflow.messages import Event, Motions, RawScans, Scans, Slips
     from taxelflow.monitor.slip import SlipMonitor
+    from taxelflow.pads import Pad
+    from taxelflow.sensor import Sensor
 
 __version__ = "0.1.0"
 
 _HOME = {
+    "Columns": "acquire.columns",
     "Conditioner": "condition.conditioner",
     "Event": "messages",
     "Layout": "layout",
     "Motions": "messages",
-    "Pad": "layout",
+    "Pad": "pads",
     "RawScans": "messages",
     "Recording": "acquire.base",
     "Result": "api",
     "Scans": "messages",
-    "Sensor": "layout",
+    "Sensor": "sensor",
     "SlipMonitor": "monitor.slip",
     "Slips": "messages",
     "TaxelflowError": "errors",
     "Truth": "acquire.base",
+    "convert": "api",
     "estimate": "api",
     "estimator": "api",
-    "load_sensor": "layout",
+    "load_sensor": "catalogue",
     "read": "api",
 }
 
 __all__ = [
+    "Columns",
     "Conditioner",
     "Event",
     "Layout",
@@ -50,6 +57,7 @@ __all__ = [
     "Slips",
     "TaxelflowError",
     "Truth",
+    "convert",
     "estimate",
     "estimator",
     "load_sensor",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -10,19 +11,27 @@ import msgspec
 import numpy as np
 
 from taxelflow import __version__, registry
-from taxelflow.acquire.base import Recording
+from taxelflow.acquire.base import Reading, Recording
+from taxelflow.acquire.columns import Columns
 from taxelflow.calibration import Calibration, load_calibration
+from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
-from taxelflow.layout import Sensor, load_sensor
-from taxelflow.messages import Bools, Event, Motions, Scans, Slips, joined
+from taxelflow.messages import Bools, Event, Motions, RawScans, Scans, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pipeline import Pipeline, Run
 from taxelflow.publish.summary import Summary, Totals
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
     from taxelflow.estimation.base import Estimator, Mode
+
+
+_BAG_DIRECTORY = "metadata.yaml"
+"""What makes a directory a ROS 2 bag; the registry knows its reader by this name."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,21 +50,60 @@ class Result:
     summary: Summary
 
 
-def read(path: str | Path, sensor: str | Path | Sensor | None = None) -> Recording:
+def read(
+    path: str | Path,
+    sensor: str | Path | Sensor | None = None,
+    *,
+    topic: str | None = None,
+    columns: Columns | None = None,
+) -> Recording:
     """Open a recording; its scans are read when asked for.
 
     sensor: a built-in name, a TOML file or a `Sensor`, for formats that carry no layout or to replace theirs.
-    Raises RecordingMissing, FormatUnknown, SensorNeeded, RecordingCorrupt, TaxelCountWrong, NameUnknown.
+    topic: which one of a bag. columns: how a csv, text or Parquet file is laid out, if not as usual. Raises
+    RecordingMissing, FormatUnknown, SensorNeeded, TopicUnclear, RecordingCorrupt, TaxelCountWrong, NameUnknown,
+    ParameterInvalid, ExtraMissing.
     """
     path = Path(path)
-    if not path.is_file():
-        raise RecordingMissing(path)
     suffix = path.suffix.lower()
+    if (path / _BAG_DIRECTORY).is_file():
+        suffix = _BAG_DIRECTORY
+    elif not path.is_file():
+        raise RecordingMissing(path)
     if suffix not in registry.names("reader"):
         raise FormatUnknown(path, registry.names("reader"))
     if sensor is not None and not isinstance(sensor, Sensor):
         sensor = load_sensor(str(sensor))
-    return cast("Recording", registry.find("reader", suffix)(path, sensor))
+    opener = registry.find("reader", suffix)
+    asked = {name: value for name, value in {"topic": topic, "columns": columns}.items() if value is not None}
+    for name in asked.keys() - signature(opener).parameters.keys():
+        raise ParameterInvalid(name, asked[name], f"leave it out: it means nothing for {suffix} recordings")
+    return cast("Recording", opener(path, sensor, **asked))
+
+
+def convert(
+    recording: Recording,
+    path: str | Path,
+    watched: Callable[[Iterable[RawScans]], Iterable[RawScans]] = iter,
+) -> Reading:
+    """Write a recording as another format, by suffix: .npz, .parquet and .mcap carry sensor, mask and truth, .csv not.
+
+    Scans stay as the sensor sent them, to the bit; repeated stamps are dropped. The file is there whole or not at all.
+    The pass over the recording is given back: it counts scans and says what was lost. `watched` may show progress.
+    Raises FormatUnknown, ExtraMissing and what reading raises.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in registry.names("writer"):
+        raise FormatUnknown(path, registry.names("writer"), "writer")
+    write = registry.find("writer", path.suffix.lower())
+    part = path.with_name(path.name + ".part")
+    reading = recording.sent()
+    try:
+        write(recording, part, watched(reading))
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    return reading
 
 
 def conditioned(recording: Recording) -> Scans:
@@ -121,7 +169,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
     layout = recording.layout
     pads = {}
     masked: list[int] = []
-    notes = []
+    notes = list(run.reading.notes)
     if learned is not None:
         masked = [int(taxel) for taxel in np.flatnonzero(learned.masked)]
         for number, name in enumerate(totals.pads):

@@ -15,8 +15,8 @@ from msgspec import Meta
 from taxelflow.errors import CalibrationInvalid, CalibrationUnfit
 
 if TYPE_CHECKING:
-    from taxelflow.layout import Sensor
     from taxelflow.messages import Floats
+    from taxelflow.sensor import Sensor
 
 Gain = Annotated[float, Meta(gt=0, lt=1e6)]
 Deviation = Annotated[float, Meta(ge=0)]
@@ -83,8 +83,11 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def fingerprint(sensor: Sensor) -> str:
-    """Of all that a gain depends on: names, grids, pitches and missing taxels of the pads."""
-    parts = [(pad.name, pad.rows, pad.cols, pad.pitch_m, sorted(pad.missing)) for pad in sensor.pads]
+    """Of all that a gain depends on: names, grids, pitches, missing taxels and tables of the pads."""
+    parts = [
+        (pad.name, pad.rows, pad.cols, pad.pitch_m, sorted(pad.missing), *((pad.taxels,) if pad.is_table else ()))
+        for pad in sensor.pads
+    ]
     return hashlib.sha256(msgspec.json.encode(parts)).hexdigest()[:16]
 
 

@@ -8,34 +8,55 @@ import os
 import sys
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from tyro.conf import Positional
 
+from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import ParameterInvalid, TaxelflowError
 from taxelflow.fuse.rigid import RigidField
 from taxelflow.monitor.slip import SlipMonitor
 
+if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording
+
 BAD_INPUT, PARTLY_READ, INTERRUPTED = 2, 1, 130
 
 
-@dataclass(frozen=True)
-class Estimate:
+@dataclass(frozen=True, kw_only=True)
+class _Recorded:
+    """The options of all commands that read a recording."""
+
+    recording: Positional[Path]
+    """A recording: .npz, .csv, .tsv, .txt, .parquet, .dsa, .mcap, a ROS 1 .bag, a ROS 2 bag (directory or .db3)."""
+    sensor: str | None = None
+    """A built-in sensor (see `taxelflow sensors`) or a TOML file; not needed where the recording names its own."""
+    topic: str | None = None
+    """Topic of a bag or .mcap; not needed where only one fits."""
+
+    columns: Columns = field(default_factory=Columns)
+
+    def opened(self) -> Recording:
+        """The recording, ready to be read."""
+        from taxelflow import api
+
+        columns = None if self.columns == Columns() else self.columns
+        return api.read(self.recording, self.sensor, topic=self.topic, columns=columns)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate(_Recorded):
     """Estimate motion and slip from a recording: slips.csv, object.csv, events.csv, summary.json.
 
     A method's own parameters follow as options, e.g. --gain 1.04 for lnorm and convolution.
     Exit code: 0; 1 if the recording is truncated and only a part could be read; 2 on bad input.
     """
 
-    recording: Positional[Path]
-    """An .npz, .csv or .dsa file."""
     out: Path
     """Directory for the results; made if it does not exist."""
-    sensor: str | None = None
-    """A built-in sensor (see `taxelflow sensors`) or a TOML file; not needed where the recording names its own."""
     method: str = "convolution"
     """lnorm or convolution (the paper's methods I and II), the baselines sum (no direction) or principal_axis (with
     rotation), or one from another package."""
@@ -58,7 +79,7 @@ class Estimate:
 
         kind = registry.find("estimator", self.method)
         estimator = tyro.cli(kind, args=rest, prog=f"taxelflow estimate --method {self.method}")
-        recording = api.read(self.recording, self.sensor)
+        recording = self.opened()
         calibration = None if self.calibration is None else load_calibration(self.calibration)
         pipeline = Pipeline(estimator, self.mode, self.condition, self.monitor, self.fusion, calibration)
         totals = Totals(recording.layout.pads)
@@ -73,22 +94,18 @@ class Estimate:
         return PARTLY_READ if summary.loss else 0
 
 
-@dataclass(frozen=True)
-class Calibrate:
+@dataclass(frozen=True, kw_only=True)
+class Calibrate(_Recorded):
     """Fit a method's gains per pad and axis, the paper's mm factor, from a known trajectory of the object.
 
     Frames and time offset between robot and sensor are fitted too. Contacts cut by a pad's border count less.
     """
 
-    recording: Positional[Path]
-    """A recording in which the object slides over the pads."""
     out: Path
     """The .toml file to write, for `taxelflow estimate --calibration`."""
     truth: Path | None = None
     """csv t_s,x_m,y_m[,theta_rad] of the contact's centre, in the robot's frame (seen from outside the skin) and on its
     clock; if left out, the truth inside a simulated recording."""
-    sensor: str | None = None
-    """A built-in sensor or a TOML file; not needed where the recording names its own."""
     method: str = "convolution"
     """lnorm or convolution."""
     pad: str | None = None
@@ -102,7 +119,6 @@ class Calibrate:
 
     def run(self, _rest: list[str]) -> int:
         """Read, fit, write, print."""
-        from taxelflow import api
         from taxelflow.acquire.trajectory import read_trajectory
         from taxelflow.calibration import save_calibration
         from taxelflow.publish.terminal import show_calibration
@@ -110,7 +126,7 @@ class Calibrate:
 
         if self.out.suffix != ".toml":
             raise ParameterInvalid("out", str(self.out), "it ends in .toml")
-        recording = api.read(self.recording, self.sensor)
+        recording = self.opened()
         truth = None if self.truth is None else read_trajectory(self.truth)
         found = calibrate(
             recording,
@@ -126,33 +142,54 @@ class Calibrate:
         return 0
 
 
-@dataclass(frozen=True)
-class Info:
+@dataclass(frozen=True, kw_only=True)
+class Info(_Recorded):
     """Look at a recording: sensor, pads, scans, rate with jitter and gaps, values, idle and saturated taxels."""
 
-    recording: Positional[Path]
-    """An .npz, .csv or .dsa file."""
-    sensor: str | None = None
-    """A built-in sensor or a TOML file; not needed where the recording names its own."""
     json: bool = False
     """Print JSON instead of tables."""
 
     def run(self, _rest: list[str]) -> int:
         """Read once, count, print."""
-        from taxelflow import api
         from taxelflow.publish.summary import to_json
         from taxelflow.publish.terminal import progress, show_checkup
         from taxelflow.score.checkup import check_up
 
-        recording = api.read(self.recording, self.sensor)
+        recording = self.opened()
         checkup = check_up(recording, lambda blocks: progress(blocks, recording.scans, "reading"))
         if self.json:
             sys.stdout.buffer.write(to_json(checkup))
         else:
             show_checkup(checkup)
-        if checkup.loss:
-            print(f"taxelflow: {checkup.loss}", file=sys.stderr)
+        for note in (*checkup.notes, *([checkup.loss] if checkup.loss else [])):
+            print(f"taxelflow: {note}", file=sys.stderr)
         return PARTLY_READ if checkup.loss else 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Convert(_Recorded):
+    """Write a recording as .npz, .csv, .parquet or .mcap, exact; all but .csv keep sensor, mask and truth.
+
+    Exit code: 0; 1 if the recording is truncated and only a part could be written; 2 on bad input.
+    """
+
+    out: Positional[Path]
+    """The file to write; its suffix says the format."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Read, write, print."""
+        from taxelflow import api
+        from taxelflow.publish.terminal import progress
+
+        recording = self.opened()
+        reading = api.convert(recording, self.out, lambda blocks: progress(blocks, recording.scans, "converting"))
+        print(f"{reading.scans} scans of {recording.sensor.name} in {self.out}")
+        if self.out.suffix.lower() == ".csv":
+            lost = "neither sensor nor truth" if recording.truth is not None else "no sensor"
+            print(f"taxelflow: a csv holds {lost}: give --sensor when it is read", file=sys.stderr)
+        for note in (*reading.notes, *([reading.loss] if reading.loss else [])):
+            print(f"taxelflow: {note}", file=sys.stderr)
+        return PARTLY_READ if reading.loss else 0
 
 
 @dataclass(frozen=True)
@@ -160,15 +197,24 @@ class Sensors:
     """List the built-in sensors, or draw one."""
 
     name: Positional[str | None] = None
-    """A built-in sensor or a TOML file to draw."""
+    """A built-in sensor, a plain grid (grid:16x16@4mm) or a TOML file to draw."""
+    plot: Path | None = None
+    """Draw a picture: a .svg, .png or .pdf file, or a directory for NAME.svg. Without a name: all built-in sensors."""
 
     def run(self, _rest: list[str]) -> int:
-        """Print a table or a drawing."""
-        from taxelflow.layout import builtin_sensors, load_sensor
-        from taxelflow.publish.terminal import draw_sensor, list_sensors
+        """Print a table or a drawing, or write pictures."""
+        from taxelflow.catalogue import catalogue, load_sensor
+        from taxelflow.publish.drawing import draw_sensor
+        from taxelflow.publish.terminal import list_sensors
 
-        if self.name is None:
-            list_sensors([load_sensor(name) for name in builtin_sensors()])
+        if self.plot is not None:
+            from taxelflow.figures import draw_sensors
+
+            sensors = [sensor for _, sensor in catalogue()] if self.name is None else [load_sensor(self.name)]
+            for path in draw_sensors(sensors, self.plot):
+                print(path)
+        elif self.name is None:
+            list_sensors(catalogue())
         else:
             draw_sensor(load_sensor(self.name))
         return 0
@@ -322,6 +368,7 @@ Command = (
     Annotated[Estimate, tyro.conf.subcommand("estimate")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Info, tyro.conf.subcommand("info")]
+    | Annotated[Convert, tyro.conf.subcommand("convert")]
     | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[Sensors, tyro.conf.subcommand("sensors")]
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]

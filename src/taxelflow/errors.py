@@ -8,8 +8,11 @@ TaxelflowError
 │   ├── RecordingTruncated    damaged after some scans, which were read
 │   ├── TaxelCountWrong       the scans do not fit the sensor
 │   ├── TimesNotIncreasing    a time stamp runs backwards
-│   └── SensorNeeded          the format carries no layout and none was named
+│   ├── SensorNeeded          the format carries no layout and none was named
+│   └── TopicUnclear          a bag has no topic that fits, or several
 ├── SensorFileInvalid         a sensor's TOML breaks the schema
+├── PitchNeeded               a built-in sensor whose pitch is the user's to say
+├── GridNameInvalid           a plain grid that is asked for in other words
 ├── NameUnknown               no sensor, estimator, ... of that name
 ├── ParameterInvalid          a parameter out of its range
 ├── ResultMissing             a directory is not a result, or lacks a file
@@ -42,16 +45,16 @@ class RecordingMissing(RecordingError):
     """The path names no file."""
 
     def __init__(self, path: Path) -> None:
-        what = "is a directory, not a file" if path.is_dir() else "does not exist"
+        what = "is a directory and no ROS 2 bag (without metadata.yaml)" if path.is_dir() else "does not exist"
         super().__init__(f"recording {path} {what}; give the path of a recording")
 
 
 class FormatUnknown(RecordingError):
-    """No reader is registered for the file's suffix."""
+    """No reader or writer is registered for the file's suffix."""
 
-    def __init__(self, path: Path, known: Iterable[str]) -> None:
+    def __init__(self, path: Path, known: Iterable[str], part: str = "reader") -> None:
         super().__init__(
-            f"no reader for {path}: its suffix is {path.suffix or 'empty'!r}; known are {', '.join(known)}"
+            f"no {part} for {path}: its suffix is {path.suffix or 'empty'!r}; known are {', '.join(known)}"
         )
 
 
@@ -100,11 +103,40 @@ class SensorNeeded(RecordingError):
         )
 
 
+class TopicUnclear(RecordingError):
+    """A bag has no topic that fits, or several."""
+
+    def __init__(self, path: Path, seen: str, topics: Iterable[str]) -> None:
+        listed = ", ".join(topics)
+        remedy = f"choose one with --topic: {listed}" if listed else "it holds no topics at all: record it again"
+        super().__init__(f"cannot choose a topic of {path}: {seen}; {remedy}")
+
+
 class SensorFileInvalid(TaxelflowError):
     """A sensor's TOML breaks the schema; the message names file, table and field."""
 
     def __init__(self, source: str, where: str, seen: str, remedy: str) -> None:
         super().__init__(f"sensor file {source}: {where}: {seen}; {remedy}")
+
+
+class PitchNeeded(TaxelflowError):
+    """The maker of a built-in sensor does not publish its pitch."""
+
+    def __init__(self, name: str, seen: str) -> None:
+        given = f"{seen!r} is no pitch" if seen else "its pitch is not published"
+        super().__init__(
+            f"sensor {name}: {given}; measure it and add it to the name, as in {name}@3.0mm or {name}@3x2.5mm"
+        )
+
+
+class GridNameInvalid(TaxelflowError):
+    """A plain grid is not named as such."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(
+            f"{name!r} is no plain grid; name rows, cols and pitch, as in grid:16x16@4mm or grid:4x7@10x10.6mm, "
+            "and a unit if it is not counts, as in grid:16x16@4mm,kPa"
+        )
 
 
 class NameUnknown(TaxelflowError):

@@ -12,12 +12,13 @@ import numpy as np
 
 from taxelflow import api
 from taxelflow.condition.conditioner import Conditioner
-from taxelflow.errors import RecordingError, ResultMissing
+from taxelflow.errors import ParameterInvalid, RecordingError, ResultMissing
 from taxelflow.estimation.literal import convolution_matrix
 from taxelflow.geometry import place
 from taxelflow.publish.plots.hand import Moment, field_figure
 from taxelflow.publish.plots.path import path_figure
 from taxelflow.publish.plots.position import position_figure
+from taxelflow.publish.plots.sensor import sensor_figure
 from taxelflow.publish.plots.style import save, styled
 from taxelflow.publish.plots.views import views_figure
 from taxelflow.publish.results import Track, read_result
@@ -28,7 +29,9 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording, Truth
     from taxelflow.messages import Floats
     from taxelflow.publish.summary import Summary
+    from taxelflow.sensor import Sensor
 
+_FORMATS = ("svg", "png", "pdf")
 _MOST_PADS = 4
 _FEWEST_PADS = 2
 _FIELD_SEEN = "Slip vectors on the hand laid flat, at moments when most pads know theirs; + is the centre of rotation."
@@ -71,8 +74,26 @@ def draw_results(directories: Sequence[Path], out: Path, form: str) -> list[Path
             if moments:
                 figure = field_figure(ran.layout.layout, moments, _FIELD_SEEN)
                 made.append(save(figure, _free(out, f"field-{ran.method}", form, made)))
-        if recording and any(track.pad == pads[0] for _, tracks in results for track in tracks):
+        drawn = any(track.pad == pads[0] for _, tracks in results for track in tracks)
+        if recording and drawn and not recording.layout.tables[recording.layout.pads.index(pads[0])]:
             made.append(_draw_views(results, pads[0], recording, out / f"views.{form}"))
+    return made
+
+
+def draw_sensors(sensors: Sequence[Sensor], out: Path) -> list[Path]:
+    """Draw sensors: into `out` if it is a file's name, for one sensor, else one .svg each in the directory `out`.
+
+    Raises ParameterInvalid, ExtraMissing.
+    """
+    form = out.suffix.removeprefix(".")
+    if form and (form not in _FORMATS or len(sensors) > 1):
+        raise ParameterInvalid("plot", str(out), f"it is a file that ends in .{', .'.join(_FORMATS)}, or a directory")
+    made: list[Path] = []
+    (out.parent if form else out).mkdir(parents=True, exist_ok=True)
+    with styled():
+        for sensor in sensors:
+            path = out if form else _free(out, sensor.name, "svg", made)
+            made.append(save(sensor_figure(sensor), path))
     return made
 
 

@@ -1,6 +1,6 @@
-"""Rigid motions of the plane: places and directions between frames.
+"""Rigid motions: places and directions between frames.
 
-A pose is (x, y, theta), in m, m, rad: `T_hand_pad` maps places in the pad's frame to the hand's.
+A pose of the plane is (x, y, theta), in m, m, rad: `T_hand_pad` maps places in the pad's frame to the hand's.
 """
 
 from __future__ import annotations
@@ -28,3 +28,12 @@ def unplace(pose: Floats, points: Floats) -> Floats:
     """The inverse of `place`."""
     back: Floats = np.einsum("...ji,...j->...i", rotation(pose[..., 2]), points - pose[..., :2])
     return back
+
+
+def swing(quaternion: Floats, vectors: Floats) -> Floats:
+    """Vectors (..., 3) turned by a quaternion [x, y, z, w] of any length but 0."""
+    axis, scalar = quaternion[:3], quaternion[3]
+    norm = float(quaternion @ quaternion)
+    twice = 2.0 * np.cross(axis, vectors)
+    turned: Floats = vectors + (scalar * twice + np.cross(axis, twice)) / norm
+    return turned

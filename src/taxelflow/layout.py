@@ -1,7 +1,8 @@
-"""Sensors, pads and taxels: what a TOML file declares, and the arrays that the stages compute with.
+"""Taxels of pads and groups as the arrays that the stages compute with.
 
-Pad frame: row 0 is the top row, column 0 the left; x to the right along columns, y up (towards row 0),
-z out of the skin; origin at the pad's centre. Taxels run pad by pad, row-major, missing ones left out.
+Pad frame of a grid: row 0 is the top row, column 0 the left; x to the right along columns, y up (towards row 0),
+z out of the skin; origin at the grid's centre. Taxels run pad by pad, row-major, missing ones left out. Pad frame of a
+table: if it is flat and has no normals, its own; else the map of `chart`, origin at the mean of its taxels.
 
 Hand frame: the hand's skin laid flat, as on a map; a pad's place on it is `origin_m` and `angle_rad`. A group is a
 choice of taxels of one or more pads that gets a slip vector of its own: to all that follows conditioning it is one
@@ -10,102 +11,26 @@ more pad.
 
 from __future__ import annotations
 
-import re
-import tomllib
-from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
-from importlib import resources
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
-from msgspec import Meta
 from numpy.typing import NDArray
 
-from taxelflow.errors import NameUnknown, SensorFileInvalid
-from taxelflow.geometry import place
+from taxelflow import mesh
+from taxelflow.chart import lay_flat
+from taxelflow.geometry import place, swing
 from taxelflow.messages import Bools, Floats
 
-PASCAL_PER = {"Pa": 1.0, "kPa": 1e3, "psi": 6894.757293168, "N/cm2": 1e4}
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
-Name = Annotated[str, Meta(min_length=1, max_length=80, pattern=r"^[^,\"\r\n]+$")]
-Count = Annotated[int, Meta(ge=1, le=1024)]
-Positive = Annotated[float, Meta(gt=0, lt=1e12)]
-Index = Annotated[int, Meta(ge=0)]
-Number = Annotated[float, Meta(gt=-1e6, lt=1e6)]
-Delay = Annotated[float, Meta(ge=0, lt=1e3)]
+    from taxelflow.pads import Group, Pad, Patch
 
+Indices = NDArray[np.int64]
 
-class Pad(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A rectangular grid of taxels, some of which may be missing."""
-
-    name: Name
-    """How the pad is called in results."""
-    rows: Count
-    cols: Count
-    pitch_m: tuple[Positive, Positive]
-    """Distance between taxel centres along x (columns) and y (rows), m."""
-    missing: tuple[tuple[Index, Index], ...] = ()
-    """Grid places [row, col] where there is no taxel."""
-    origin_m: tuple[Number, Number] | None = None
-    """The pad's centre in the hand frame, m, if known."""
-    angle_rad: Number = 0.0
-    """Direction of the pad's x axis in the hand frame, rad, anticlockwise."""
-    note: str = ""
-    """What a user should know, such as an assumption."""
-
-
-class Patch(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A rectangle of a pad's grid."""
-
-    pad: Name
-    rows: tuple[Index, Index] | None = None
-    """First and last row; all if left out."""
-    cols: tuple[Index, Index] | None = None
-    """First and last column; all if left out."""
-
-
-class Group(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Taxels that get a slip vector of their own. Groups may overlap.
-
-    A group within one pad reports in that pad's frame, one across pads in the hand frame.
-    """
-
-    name: Name
-    patches: Annotated[tuple[Patch, ...], Meta(min_length=1, max_length=1024)]
-
-
-class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A tactile sensor: its pads in the order of the scans, and the unit of its readings."""
-
-    name: Name
-    unit: Literal["Pa", "kPa", "psi", "N/cm2", "count"]
-    pads: Annotated[tuple[Pad, ...], Meta(min_length=1, max_length=1024)]
-    scale_pa: Positive | None = None
-    """Pa per count, for unit `count`, if known."""
-    full_scale: Positive | None = None
-    """Largest reading, in `unit`, if known: there a taxel saturates."""
-    groups: tuple[Group, ...] = ()
-    delay_s: tuple[Delay, ...] = ()
-    """How long after its scan's time stamp each taxel is read, s, in the order of the scan; at once if left out."""
-    note: str = ""
-
-    @property
-    def to_si(self) -> float:
-        """Factor from a reading to Pa; 1 for counts without a scale."""
-        return PASCAL_PER.get(self.unit) or self.scale_pa or 1.0
-
-    @property
-    def si_unit(self) -> str:
-        """Unit of conditioned pressure: `Pa`, or `count` where no scale is known."""
-        return "count" if self.unit == "count" and self.scale_pa is None else "Pa"
-
-    @property
-    def layout(self) -> Layout:
-        """Taxel arrays of this sensor, computed once."""
-        return _layout(self)
+_CLOSEST = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,26 +40,37 @@ class Layout:
     taxels: how many a scan has. source: (entries,), the taxel of the scan that an entry reads; a group's entries come
     after those of all pads, so for pads an entry's number is its taxel's. pads: names of pads and groups, pad_count of
     which are pads. starts: (pads + 1,), pad p owns entries starts[p] to starts[p + 1]. row, col: (entries,) place in
-    the pad's grid. x_m, y_m: (entries,) place in the pad's frame. border: (entries, 2), no neighbour to the left or
-    right (x), above or below (y). shapes: (rows, cols) per pad. pitch_m: (pads, 2). T_hand: (pads, 3) pose of the pad's
-    frame in the hand, NaN where unknown. A group has shape and pitch of its first pad, and its
-    frame unless it spans several: then that of the hand. delay_s: (entries,), when in a scan a taxel is read.
+    the pad's grid, of a table on its raster. x_m, y_m: (entries,) place in the pad's frame. beside: (entries, 2, 2),
+    number within the pad (of a group: within the patch) of the next taxel to the left, right (x), below, above (y), -1
+    where none is. border: (entries, 2), one of the two is not there. shapes: (rows, cols) per pad. tables: (pads,),
+    given as a table. pitch_m: (pads, 2), of a table the median distance to the nearest taxel. T_hand: (pads, 3) pose
+    of the pad's frame in the hand, NaN where unknown. A group has shape and pitch of its first pad, and its frame
+    unless it spans several: then that of the hand. delay_s: (entries,), when in a scan a taxel is read.
+    area_m2: (entries,), of a taxel. place_m, normal: (entries, 3), place in space and direction out of the skin, in the
+    hand's 3-D frame, NaN where the pad's `pose` is unknown. stretch: (pads,), how much laying flat changes a distance
+    between near neighbours at most, relative.
     """
 
     taxels: int
     pad_count: int
     pads: tuple[str, ...]
     shapes: tuple[tuple[int, int], ...]
-    source: NDArray[np.int64]
-    starts: NDArray[np.int64]
+    tables: Bools
+    source: Indices
+    starts: Indices
     pitch_m: Floats
-    row: NDArray[np.int64]
-    col: NDArray[np.int64]
+    row: Indices
+    col: Indices
     x_m: Floats
     y_m: Floats
     border: Bools
+    beside: Indices
     T_hand: Floats
     delay_s: Floats
+    area_m2: Floats
+    place_m: Floats
+    normal: Floats
+    stretch: Floats
 
     @property
     def entries(self) -> int:
@@ -153,9 +89,15 @@ class Layout:
         """Entries of pad or group number `pad`; for a pad these are its taxels in the scan."""
         return slice(int(self.starts[pad]), int(self.starts[pad + 1]))
 
-    def neighbours(self, pad: int) -> NDArray[np.int64]:
-        """(pairs, 2) taxels of a pad, numbered within it, that lie side by side in a row or a column."""
+    def neighbours(self, pad: int) -> Indices:
+        """(pairs, 2) taxels of a pad, numbered within it, that lie side by side in a row or a column.
+
+        Of a table: edges of its triangulation (`mesh.neighbours`).
+        """
         own = self.of_pad(pad)
+        if self.tables[pad]:
+            xy = np.stack([self.x_m[own], self.y_m[own]], axis=1)
+            return mesh.neighbours(xy, float(self.pitch_m[pad, 0]))
         number = np.full(self.shapes[pad], -1)
         number[self.row[own], self.col[own]] = np.arange(own.stop - own.start)
         across = np.stack([number[:, :-1].ravel(), number[:, 1:].ravel()], axis=1)
@@ -171,61 +113,116 @@ class Layout:
         return image
 
 
-@cache
-def _layout(sensor: Sensor) -> Layout:
-    numbers = {pad.name: number for number, pad in enumerate(sensor.pads)}
-    present = [_present(pad) for pad in sensor.pads]
-    first = np.concatenate([[0], np.cumsum([there.sum() for there in present])]).astype(np.int64)
-    zones = [[(number, there)] for number, there in enumerate(present)] + [
-        [(numbers[patch.pad], _patch(patch, present[numbers[patch.pad]])) for patch in group.patches]
-        for group in sensor.groups
-    ]
-    parts = [[_part(sensor.pads[n], present[n], first[n], chosen) for n, chosen in zone] for zone in zones]
-    homes = np.array([_home(pad, alone=len(sensor.pads) == 1) for pad in sensor.pads])
-    for zone, own in zip(zones, parts, strict=True):
-        if len({number for number, _ in zone}) > 1:  # across pads: everything in the hand frame
-            for (number, _), part in zip(zone, own, strict=True):
-                part.places[:] = place(homes[number], part.places)
-    flat = [part for own in parts for part in own]
-    places = np.concatenate([part.places for part in flat])
-    counts = [sum(len(part.source) for part in own) for own in parts]
-    across = [len({number for number, _ in zone}) > 1 for zone in zones]
-    return Layout(
-        taxels=int(first[-1]),
-        pad_count=len(sensor.pads),
-        pads=(*numbers, *(group.name for group in sensor.groups)),
-        shapes=tuple((sensor.pads[zone[0][0]].rows, sensor.pads[zone[0][0]].cols) for zone in zones),
-        source=np.concatenate([part.source for part in flat]),
-        starts=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        pitch_m=np.array([sensor.pads[zone[0][0]].pitch_m for zone in zones]),
-        row=np.concatenate([part.row for part in flat]),
-        col=np.concatenate([part.col for part in flat]),
-        x_m=np.ascontiguousarray(places[:, 0]),
-        y_m=np.ascontiguousarray(places[:, 1]),
-        border=np.concatenate([part.border for part in flat]),
-        T_hand=np.array([np.zeros(3) if wide else homes[zone[0][0]] for zone, wide in zip(zones, across, strict=True)]),
-        delay_s=np.array(sensor.delay_s or [0.0] * int(first[-1]))[np.concatenate([part.source for part in flat])],
-    )
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class _Part:
-    """The taxels that a zone takes from one pad."""
+class Skin:
+    """One pad's taxels, (taxels,) or (taxels, ...), as `Layout` has them."""
 
-    source: NDArray[np.int64]
-    row: NDArray[np.int64]
-    col: NDArray[np.int64]
-    places: Floats
-    border: Bools
+    row: Indices
+    col: Indices
+    shape: tuple[int, int]
+    xy: Floats
+    pitch_m: tuple[float, float]
+    area_m2: Floats
+    place_m: Floats
+    normal: Floats
+    table: bool = False
+    stretch: float = 0.0
 
 
-def _part(pad: Pad, present: Bools, first: int, chosen: Bools) -> _Part:
-    number = np.full(present.shape, -1, dtype=np.int64)
-    number[present] = first + np.arange(present.sum())
-    row, col = np.nonzero(chosen)
+@cache
+def skin_of(pad: Pad) -> Skin:
+    """A pad's taxels. Raises ValueError, saying what is wrong, if a table can be no pad."""
+    skin = _table(pad) if pad.is_table else _grid(pad)
+    if pad.pose is None:
+        return skin
+    pose = np.array(pad.pose)
+    places, normal = swing(pose[3:], skin.place_m) + pose[:3], swing(pose[3:], skin.normal)
+    return replace(skin, place_m=places, normal=normal)
+
+
+def _grid(pad: Pad) -> Skin:
+    if pad.pitch_m is None:
+        raise ValueError("a grid needs its pitch")
+    row, col = np.nonzero(present_of(pad))
     x = (col - (pad.cols - 1) / 2) * pad.pitch_m[0]
     y = ((pad.rows - 1) / 2 - row) * pad.pitch_m[1]
-    return _Part(number[chosen], row, col, np.stack([x, y], axis=1), _border(chosen))
+    xy, flat = np.stack([x, y], axis=1), np.zeros(len(x))
+    outwards = np.tile([0.0, 0.0, 1.0], (len(x), 1))
+    places = np.stack([x, y, flat], axis=1)
+    return Skin(row, col, (pad.rows, pad.cols), xy, pad.pitch_m, _areas(pad, pad.pitch_m), places, outwards)
+
+
+def _table(pad: Pad) -> Skin:
+    table = np.array(pad.taxels, dtype=np.float64)
+    if table.shape[1] == 2:
+        xy, stretch = table, 0.0
+        places = np.column_stack([table, np.zeros(len(table))])
+        normal = np.tile([0.0, 0.0, 1.0], (len(table), 1))
+    else:
+        places, normal = table[:, :3], table[:, 3:]
+        normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        chart = lay_flat(places, normal)
+        xy, stretch = chart.xy, chart.stretch
+    if len(xy) == 1 and pad.pitch_m is None:
+        raise ValueError("a single taxel has no neighbour to tell the pitch from: give pitch_m = [x, y]")
+    if mesh.closest_m(xy) < _CLOSEST * max(float(np.ptp(xy, axis=0).max()), 1e-3):
+        raise ValueError("two taxels lie at the same place, or closer than a thousandth of the pad: mend the table")
+    pitch = pad.pitch_m or (mesh.spacing_m(xy),) * 2
+    row, col, shape = mesh.raster(xy)
+    return Skin(row, col, shape, xy, pitch, _areas(pad, pitch), places, normal, table=True, stretch=stretch)
+
+
+def _areas(pad: Pad, pitch_m: tuple[float, float]) -> Floats:
+    area = pad.area_m2 if pad.area_m2 is not None else pitch_m[0] * pitch_m[1]
+    return np.broadcast_to(np.asarray(area, dtype=np.float64), pad.count)
+
+
+def layout_of(pads: Sequence[Pad], groups: Sequence[Group], delay_s: Sequence[float]) -> Layout:
+    """Arrays of checked pads and groups. delay_s: (taxels,), or empty if all taxels are read at once."""
+    numbers = {pad.name: number for number, pad in enumerate(pads)}
+    skins = [skin_of(pad) for pad in pads]
+    first = np.concatenate([[0], np.cumsum([pad.count for pad in pads])]).astype(np.int64)
+    zones = [[(number, np.arange(pad.count))] for number, pad in enumerate(pads)]
+    zones += [[(numbers[patch.pad], chosen_of(patch, pads[numbers[patch.pad]])) for patch in g.patches] for g in groups]
+    homes = np.array([_home(pad, alone=len(pads) == 1) for pad in pads])
+    wide = [len({number for number, _ in zone}) > 1 for zone in zones]  # across pads: everything in the hand frame
+    parts = [(number, chosen, across) for zone, across in zip(zones, wide, strict=True) for number, chosen in zone]
+    xy = [skins[n].xy[chosen] if not across else place(homes[n], skins[n].xy[chosen]) for n, chosen, across in parts]
+    xy_all, source = np.concatenate(xy), np.concatenate([first[n] + chosen for n, chosen, _ in parts])
+    leaders = [zone[0][0] for zone in zones]
+    known = [len(pads) == 1 or pad.pose is not None for pad in pads]
+
+    beside = np.concatenate([_beside(skins[n], chosen) for n, chosen, _ in parts])
+
+    def of_parts(field: str) -> NDArray[np.float64]:
+        return np.concatenate([getattr(skins[n], field)[chosen] for n, chosen, _ in parts])
+
+    def in_space(field: str) -> Floats:
+        arrays = [getattr(skins[n], field)[chosen] for n, chosen, _ in parts]
+        return np.concatenate([a if known[part[0]] else a * np.nan for a, part in zip(arrays, parts, strict=True)])
+
+    return Layout(
+        taxels=int(first[-1]),
+        pad_count=len(pads),
+        pads=(*numbers, *(group.name for group in groups)),
+        shapes=tuple(skins[n].shape for n in leaders),
+        tables=np.array([skins[n].table for n in leaders]),
+        source=source,
+        starts=np.cumsum([0, *(sum(len(chosen) for _, chosen in zone) for zone in zones)]).astype(np.int64),
+        pitch_m=np.array([skins[n].pitch_m for n in leaders]),
+        row=of_parts("row").astype(np.int64),
+        col=of_parts("col").astype(np.int64),
+        x_m=np.ascontiguousarray(xy_all[:, 0]),
+        y_m=np.ascontiguousarray(xy_all[:, 1]),
+        border=np.any(beside < 0, axis=2),
+        beside=beside,
+        T_hand=np.array([np.zeros(3) if across else homes[n] for n, across in zip(leaders, wide, strict=True)]),
+        delay_s=np.array(delay_s if len(delay_s) else [0.0] * int(first[-1]), dtype=np.float64)[source],
+        area_m2=of_parts("area_m2"),
+        place_m=in_space("place_m"),
+        normal=in_space("normal"),
+        stretch=np.array([skins[n].stretch for n in leaders]),
+    )
 
 
 def _home(pad: Pad, *, alone: bool) -> tuple[float, float, float]:
@@ -234,135 +231,32 @@ def _home(pad: Pad, *, alone: bool) -> tuple[float, float, float]:
     return (*(pad.origin_m or (unknown, unknown)), pad.angle_rad)
 
 
-def _patch(patch: Patch, present: Bools) -> Bools:
-    rows, cols = patch.rows or (0, present.shape[0] - 1), patch.cols or (0, present.shape[1] - 1)
-    chosen = np.zeros_like(present)
-    chosen[rows[0] : rows[1] + 1, cols[0] : cols[1] + 1] = True
-    return chosen & present
-
-
-def _present(pad: Pad) -> Bools:
+def present_of(pad: Pad) -> Bools:
+    """(rows, cols) of a grid, True where a taxel is."""
     there = np.ones((pad.rows, pad.cols), dtype=np.bool_)
     for row, col in pad.missing:
         there[row, col] = False
     return there
 
 
-def _border(there: Bools) -> Bools:
-    padded = np.pad(there, 1)
-    left_right = ~(padded[1:-1, :-2] & padded[1:-1, 2:])
-    above_below = ~(padded[:-2, 1:-1] & padded[2:, 1:-1])
-    return np.stack([left_right[there], above_below[there]], axis=1)
+def chosen_of(patch: Patch, pad: Pad) -> Indices:
+    """Numbers, within the pad, of a patch's taxels."""
+    if patch.taxels:
+        return np.array(patch.taxels, dtype=np.int64)
+    if pad.is_table:
+        return np.arange(pad.count)
+    row, col = np.nonzero(present_of(pad))
+    rows, cols = patch.rows or (0, pad.rows - 1), patch.cols or (0, pad.cols - 1)
+    inside = (row >= rows[0]) & (row <= rows[1]) & (col >= cols[0]) & (col <= cols[1])
+    return np.flatnonzero(inside)
 
 
-def builtin_sensors() -> list[str]:
-    """Names of the sensors that come with taxelflow."""
-    folder = resources.files("taxelflow") / "sensors"
-    return sorted(Path(file.name).stem for file in folder.iterdir() if file.name.endswith(".toml"))
-
-
-def load_sensor(name: str) -> Sensor:
-    """A built-in sensor by name, or one from a TOML file by path.
-
-    Raises NameUnknown (with the list of names) and SensorFileInvalid (with file, table and field).
-    """
-    if name in builtin_sensors():
-        return parse_sensor((resources.files("taxelflow") / "sensors" / f"{name}.toml").read_bytes(), f"{name}.toml")
-    path = Path(name)
-    if path.is_file():
-        return parse_sensor(path.read_bytes(), str(path))
-    raise NameUnknown("sensor", name, [*builtin_sensors(), "or the path of a TOML file"])
-
-
-def parse_sensor(text: bytes, source: str) -> Sensor:
-    """A sensor from TOML text; `source` names it in errors. Raises SensorFileInvalid."""
-    try:
-        table = tomllib.loads(text.decode())
-    except UnicodeDecodeError as error:
-        raise SensorFileInvalid(source, "text", str(error), "a TOML file is UTF-8 text") from error
-    except tomllib.TOMLDecodeError as error:
-        raise SensorFileInvalid(source, "syntax", str(error), "see toml.io for the format") from error
-    return sensor_of(table, source)
-
-
-def sensor_of(table: object, source: str) -> Sensor:
-    """A sensor from the mapping that TOML or JSON holds; `source` names it in errors. Raises SensorFileInvalid."""
-    try:
-        sensor = msgspec.convert(table, Sensor)
-    except msgspec.ValidationError as error:
-        raise _schema_error(source, str(error)) from error
-    _check_sensor(sensor, source)
-    return sensor
-
-
-def _schema_error(source: str, message: str) -> SensorFileInvalid:
-    """Turn msgspec's `... - at `$.pads[0].rows`` into the words of TOML."""
-    what, _, path = message.partition(" - at `$")
-    seen = what.replace("Object", "table").replace("object", "table").replace("`array`", "a list")
-    table = re.match(r"\.(pads|groups)\[(\d+)\]", path)
-    field = re.sub(r"^\.(pads|groups)\[\d+\]", "", path.rstrip("`")).lstrip(".")
-    where = f"table [[{table[1]}]] number {int(table[2]) + 1}" if table else "top level"
-    return SensorFileInvalid(
-        source,
-        where + (f", field {field}" if field else ""),
-        seen[:1].lower() + seen[1:],
-        "a sensor has name, unit (Pa, kPa, psi, N/cm2 or count) and [[pads]] with name, rows, cols, pitch_m = [x, y]",
-    )
-
-
-def _check_sensor(sensor: Sensor, source: str) -> None:
-    if sensor.scale_pa is not None and sensor.unit != "count":
-        raise SensorFileInvalid(
-            source,
-            "top level, field scale_pa",
-            f"given for unit {sensor.unit!r}",
-            "leave it out: only counts need a scale",
-        )
-    for name, times in Counter([pad.name for pad in sensor.pads] + [group.name for group in sensor.groups]).items():
-        if times > 1:
-            raise SensorFileInvalid(
-                source,
-                "tables [[pads]] and [[groups]], field name",
-                f"{name!r} stands {times} times",
-                "name each pad and each group once",
-            )
-    for number, pad in enumerate(sensor.pads, 1):
-        where = f"table [[pads]] number {number} ({pad.name}), field missing"
-        for row, col in pad.missing:
-            if row >= pad.rows or col >= pad.cols:
-                raise SensorFileInvalid(
-                    source,
-                    where,
-                    f"[{row}, {col}] lies outside {pad.rows} rows and {pad.cols} cols",
-                    "count rows and cols from 0",
-                )
-        if len(set(pad.missing)) != len(pad.missing):
-            raise SensorFileInvalid(source, where, "a place is listed twice", "list each place once")
-        if len(pad.missing) == pad.rows * pad.cols:
-            raise SensorFileInvalid(source, where, "no taxel is left", "a pad has at least one taxel")
-    _check_groups(sensor, source)
-    taxels = sum(pad.rows * pad.cols - len(pad.missing) for pad in sensor.pads)
-    if sensor.delay_s and len(sensor.delay_s) != taxels:
-        seen = f"{len(sensor.delay_s)} delays for {taxels} taxels"
-        raise SensorFileInvalid(source, "top level, field delay_s", seen, "give one for each taxel, or none")
-
-
-def _check_groups(sensor: Sensor, source: str) -> None:
-    pads = {pad.name: pad for pad in sensor.pads}
-    for number, group in enumerate(sensor.groups, 1):
-        where = f"table [[groups]] number {number} ({group.name}), field patches"
-        for patch in group.patches:
-            if patch.pad not in pads:
-                known = ", ".join(pads)
-                raise SensorFileInvalid(source, where, f"there is no pad {patch.pad!r}", f"the pads are {known}")
-            pad = pads[patch.pad]
-            for name, span, size in (("rows", patch.rows, pad.rows), ("cols", patch.cols, pad.cols)):
-                if span is not None and not span[0] <= span[1] < size:
-                    remedy = f"give the first and the last, between 0 and {size - 1}"
-                    raise SensorFileInvalid(source, where, f"{name} {list(span)} of {patch.pad}", remedy)
-            if not _patch(patch, _present(pad)).any():
-                raise SensorFileInvalid(source, where, f"no taxel of {patch.pad} lies in it", "choose others")
-        members = {patch.pad for patch in group.patches}
-        if len(members) > 1 and any(pads[name].origin_m is None for name in members):
-            seen = "it spans pads whose place in the hand is unknown"
-            raise SensorFileInvalid(source, where, seen, "give those pads origin_m = [x, y] and angle_rad")
+def _beside(skin: Skin, chosen: Indices) -> Indices:
+    """(chosen, 2, 2): which of the chosen taxels is the next to the left, right, below, above; -1 where none is."""
+    if skin.table:
+        return mesh.beside(skin.xy[chosen], skin.pitch_m[0])
+    number = np.full((skin.shape[0] + 2, skin.shape[1] + 2), -1)
+    row, col = skin.row[chosen] + 1, skin.col[chosen] + 1
+    number[row, col] = np.arange(len(chosen))
+    across = np.stack([number[row, col - 1], number[row, col + 1]], axis=1)
+    return np.stack([across, np.stack([number[row + 1, col], number[row - 1, col]], axis=1)], axis=1)

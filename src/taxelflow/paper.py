@@ -10,10 +10,10 @@ import numpy as np
 from taxelflow import api
 from taxelflow.acquire.rig.scenario import SCENARIOS
 from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.catalogue import load_sensor
 from taxelflow.estimation.literal import convolution_matrix
 from taxelflow.figures import strokes_of
 from taxelflow.geometry import place
-from taxelflow.layout import load_sensor
 from taxelflow.publish.plots.curve import curve_figure, table_figure
 from taxelflow.publish.plots.hand import Moment, field_figure, layout_figure
 from taxelflow.publish.plots.position import position_figure

@@ -45,6 +45,7 @@ def hurried(patch: pytest.MonkeyPatch) -> list[list[str]]:
     patch.setattr("taxelflow.score.bench._BATCH_BYTES", 200_000)
     patch.setattr("taxelflow.score.bench._BATCH_ROUNDS", 1)
     patch.setattr("taxelflow.score.bench.subprocess.run", run)
+    patch.setattr("taxelflow.score.bench_reading._ROUNDS", 1)
     return started
 
 
@@ -101,9 +102,24 @@ def test_what_is_started_runs(figures: Bench, started: list[list[str]]) -> None:
         subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
 
 
+def test_reading_is_measured_in_each_format_beside_the_plain_library(figures: Bench) -> None:
+    assert [row.format for row in figures.readings] == ["npz", "csv", "mcap", "bag", "parquet"]
+    for row in figures.readings:
+        assert min(row.scans_per_s, row.mb_per_s, row.library_scans_per_s) > 0
+        assert row.ratio == pytest.approx(row.scans_per_s / row.library_scans_per_s)
+
+
 def test_json_makes_the_round_trip(figures: Bench) -> None:
     assert msgspec.json.decode(to_json(figures), type=Bench) == figures
-    assert set(json.loads(to_json(figures))) == {"latencies", "throughputs", "recording", "scans", "shares", "starts"}
+    assert set(json.loads(to_json(figures))) == {
+        "latencies",
+        "throughputs",
+        "recording",
+        "scans",
+        "shares",
+        "readings",
+        "starts",
+    }
 
 
 def test_a_recording_of_ones_own_is_measured_and_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

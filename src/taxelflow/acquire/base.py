@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWrong, TimesNotIncreasing
-from taxelflow.layout import Sensor
+from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTruncated, TaxelCountWrong, TimesNotIncreasing
 from taxelflow.messages import Bools, Floats, RawScans, joined
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
     from taxelflow.layout import Layout
 
+Item = TypeVar("Item")
+Block = TypeVar("Block")
+
 BLOCK_SCANS = 1024
 """Scans in a block: large enough to be fast, small enough to hold many sensors' blocks in memory."""
+
+_SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
+"""Rates outside of these come of times in a wrong unit."""
+
+_ENOUGH_STEPS = 5
 
 HAND = "hand"
 """Stands for a pad's name where truth is in the hand frame."""
@@ -43,7 +51,8 @@ class Recording:
     """Scans of one sensor, read lazily: `blocks()` starts again at each call.
 
     source: the file, or what made the scans. scans: how many the source promises, None if it does not say.
-    masked: (taxels,), taxels that the recording itself declares switched off. truth: if known.
+    masked: (taxels,), taxels that the recording itself declares switched off. truth: if known. notes: what a user
+    should know of how it is read.
     read: opens the source and yields its blocks as they stand there.
     """
 
@@ -54,6 +63,7 @@ class Recording:
     scans: int | None = None
     masked: Bools = field(default_factory=lambda: np.zeros(0, dtype=np.bool_), repr=False)
     truth: Truth | None = field(default=None, repr=False)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not len(self.masked):
@@ -75,6 +85,10 @@ class Recording:
         """Checked blocks of scans, from the start."""
         return Reading(self)
 
+    def sent(self) -> Reading:
+        """The same as the source sends them, not yet picked and scaled by the sensor's wiring: to be written again."""
+        return Reading(self, wired=False)
+
     def load(self) -> RawScans:
         """The whole recording in memory. Raises what `Reading` raises; a truncated one gives what is there."""
         blocks = list(self.blocks())
@@ -85,14 +99,15 @@ class Reading:
     """One pass over a recording: checks counts and times, drops repeated stamps, remembers what was lost.
 
     Iterating raises TaxelCountWrong, TimesNotIncreasing and RecordingCorrupt. A recording that ends too early
-    simply ends; `loss` then says how much is missing.
+    simply ends; `loss` then says how much is missing. `notes` are the recording's, and one if its rate is odd.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Recording, *, wired: bool = True) -> None:
         self.scans = 0
         self.repeated = 0
         self.loss: RecordingTruncated | None = None
-        self._recording = recording
+        self.notes = list(recording.notes)
+        self._recording, self._wired = recording, wired
         self._fault: TimesNotIncreasing | None = None
         self._last_s = -np.inf
         self._blocks = recording.read()
@@ -122,9 +137,12 @@ class Reading:
         return RecordingCorrupt(self._recording.source, f"no scan is readable: {seen}", "record or copy it again")
 
     def _checked(self, block: RawScans) -> RawScans:
-        taxels = self._recording.layout.taxels
-        if block.values.shape[1] != taxels:
-            raise TaxelCountWrong(self._recording.source, block.values.shape[1], self._recording.sensor.name, taxels)
+        wiring = self._recording.sensor.wiring
+        if block.values.shape[1] != wiring.columns:
+            seen = block.values.shape[1]
+            raise TaxelCountWrong(self._recording.source, seen, self._recording.sensor.name, wiring.columns)
+        if self._wired:
+            block = RawScans(block.t_s, wiring.readings(block.values))
         before = np.concatenate([[self._last_s], block.t_s[:-1]])
         finite = np.isfinite(block.t_s)
         fresh = (block.t_s > before) & finite
@@ -139,7 +157,33 @@ class Reading:
         self.repeated += int(repeated.sum())
         if not fresh.all():
             block = RawScans(block.t_s[fresh], block.values[fresh])
+        if not self.scans and len(block) >= _ENOUGH_STEPS:
+            self._judge_rate(1 / float(np.median(np.diff(block.t_s))))
         self.scans += len(block)
         if len(block):
             self._last_s = float(block.t_s[-1])
         return block
+
+    def _judge_rate(self, rate_hz: float) -> None:
+        if not _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
+            self.notes.append(
+                f"{rate_hz:.3g} scans a second is not what tactile sensors do: are times in s? "
+                "(of a table, --columns.time-unit says so)"
+            )
+
+
+def in_blocks(items: Iterable[Item], made: Callable[[list[Item]], Block]) -> Iterator[Block]:
+    """Blocks of BLOCK_SCANS items, as `made` makes them; what comes before a RecordingError is given first."""
+    block: list[Item] = []
+    try:
+        for item in items:
+            block.append(item)
+            if len(block) == BLOCK_SCANS:
+                yield made(block)
+                block = []
+    except RecordingError:
+        if block:
+            yield made(block)
+        raise
+    if block:
+        yield made(block)

@@ -12,10 +12,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from taxelflow.acquire.base import BLOCK_SCANS, Recording
-from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTruncated, TaxelCountWrong
-from taxelflow.layout import Pad, Sensor, load_sensor
+from taxelflow.acquire.base import Recording, in_blocks
+from taxelflow.catalogue import load_sensor
+from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWrong
 from taxelflow.messages import Bools, Floats, RawScans
+from taxelflow.pads import Pad
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,8 +47,8 @@ def open_dsa(path: Path, sensor: Sensor | None) -> Recording:
     except (OSError, EOFError, ElementTree.ParseError, ValueError) as error:
         raise RecordingCorrupt(path, str(error), _REMEDY) from error
     sensor = sensor or _sensor(pads, full_scale)
-    if here.sum() != sensor.layout.taxels:
-        raise TaxelCountWrong(path, int(here.sum()), sensor.name, sensor.layout.taxels)
+    if here.sum() != sensor.wiring.columns:
+        raise TaxelCountWrong(path, int(here.sum()), sensor.name, sensor.wiring.columns)
     return Recording(path, "dsa", sensor, lambda: _read(path, here, promised), scans=promised, masked=~on[here])
 
 
@@ -121,21 +123,11 @@ def _elements(path: Path) -> Iterator[ElementTree.Element]:
 
 
 def _read(path: Path, here: Bools, promised: int | None) -> Iterator[RawScans]:
-    times: list[float] = []
-    scans: list[Floats] = []
-    try:
-        for scan in _frames(path, here, promised):
-            times.append(scan[0])
-            scans.append(scan[1])
-            if len(times) == BLOCK_SCANS:
-                yield RawScans(np.array(times), np.array(scans))
-                times, scans = [], []
-    except RecordingError:
-        if times:
-            yield RawScans(np.array(times), np.array(scans))
-        raise
-    if times:
-        yield RawScans(np.array(times), np.array(scans))
+    return in_blocks(_frames(path, here, promised), _scans)
+
+
+def _scans(frames: list[tuple[float, Floats]]) -> RawScans:
+    return RawScans(np.array([t_s for t_s, _ in frames]), np.array([values for _, values in frames]))
 
 
 def _frames(path: Path, here: Bools, promised: int | None) -> Iterator[tuple[float, Floats]]:

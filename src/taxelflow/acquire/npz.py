@@ -1,4 +1,5 @@
-"""`.npz` recordings: `t` (scans,) in s and `pressure` (scans, taxels) in the sensor's unit.
+"""`.npz` recordings: `t` (scans,) in s and `pressure` (scans, taxels) in the sensor's unit, as its source
+sends it (`wiring`).
 
 Optional members: `sensor` (JSON text with the fields of a sensor file), `masked` (taxels,), `truth_pad` (a pad, or
 `hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,). The rig also writes
@@ -19,16 +20,19 @@ import msgspec
 import numpy as np
 from numpy.lib import format as npy
 
-from taxelflow.acquire.base import BLOCK_SCANS, HAND, Recording, Truth
+from taxelflow.acquire.base import BLOCK_SCANS, Recording
+from taxelflow.acquire.carried import checked_truth
+from taxelflow.catalogue import builtin_sensors
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
-from taxelflow.layout import builtin_sensors, sensor_of
 from taxelflow.messages import Bools, RawScans
+from taxelflow.sensor import sensor_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from taxelflow.layout import Sensor
+    from taxelflow.acquire.base import Truth
+    from taxelflow.sensor import Sensor
 
 _REMEDY = "write it with numpy.savez(path, t=..., pressure=...), t in s (scans,), pressure (scans, taxels)"
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError, ValueError, KeyError)
@@ -71,16 +75,16 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
         if "sensor" not in extras:
             raise SensorNeeded(path, builtin_sensors())
         sensor = _sensor(path, str(extras["sensor"]))
-    scans, taxels = pressure.shape
-    if taxels != sensor.layout.taxels:
-        raise TaxelCountWrong(path, taxels, sensor.name, sensor.layout.taxels)
+    scans, columns = pressure.shape
+    if columns != sensor.wiring.columns:
+        raise TaxelCountWrong(path, columns, sensor.name, sensor.wiring.columns)
     return Recording(
         path,
         "npz",
         sensor,
         lambda: _read(path, times, pressure),
         scans=scans,
-        masked=_mask(path, extras, taxels),
+        masked=_mask(path, extras, sensor.layout.taxels),
         truth=_truth(path, extras, sensor),
     )
 
@@ -125,20 +129,8 @@ def _mask(path: Path, extras: dict[str, np.ndarray[Any, Any]], taxels: int) -> B
 def _truth(path: Path, extras: dict[str, np.ndarray[Any, Any]], sensor: Sensor) -> Truth | None:
     if not _TRUTH & extras.keys():
         return None
-    pad = str(extras.get("truth_pad", ""))
     t_s, pose = extras.get("truth_t_s", np.zeros(0)), extras.get("truth_pose", np.zeros(0))
-    fits = t_s.ndim == 1 and pose.shape == (*t_s.shape, 3) and t_s.dtype.kind + pose.dtype.kind == "ff"
-    if not fits or pad not in (*sensor.layout.pads, HAND):
-        seen = f"truth_pad {pad!r}, truth_t_s {t_s.dtype} {t_s.shape}, truth_pose {pose.dtype} {pose.shape}"
-        raise RecordingCorrupt(
-            path, seen, "truth is a pad of the sensor or hand, times (n,) in s and poses (n, 3) in m, m, rad"
-        )
-    slipping = extras.get("truth_slipping")
-    if slipping is not None and (slipping.shape != t_s.shape or slipping.dtype.kind not in "biu"):
-        seen = f"member truth_slipping is {slipping.dtype} {slipping.shape}"
-        raise RecordingCorrupt(path, seen, f"it holds a flag for each of the {len(t_s)} times of truth_t_s")
-    slips = None if slipping is None else slipping.astype(np.bool_)
-    return Truth(pad, t_s.astype(np.float64), pose.astype(np.float64), slips)
+    return checked_truth(path, sensor, str(extras.get("truth_pad", "")), t_s, pose, extras.get("truth_slipping"))
 
 
 def _read(path: Path, times: _Header, pressure: _Header) -> Iterator[RawScans]:
@@ -179,3 +171,29 @@ def _exactly(member: IO[bytes], size: int) -> bytes:
     if len(piece) < size:
         raise EOFError(f"{size - len(piece)} bytes are missing")
     return piece
+
+
+def write_npz(recording: Recording, path: Path, blocks: Iterable[RawScans], **members: str) -> None:
+    """Write these blocks of a recording, with sensor, masked taxels and truth; further members are texts.
+
+    Scans go to the file block by block. As an array's header tells its length, the recording is read once more, before,
+    for its times.
+    """
+    t_s = np.concatenate([block.t_s for block in recording.blocks()])
+    arrays: dict[str, Any] = {"t": t_s, "sensor": msgspec.json.encode(recording.sensor).decode(), **members}
+    if recording.masked.any():
+        arrays["masked"] = recording.masked
+    truth = recording.truth
+    if truth is not None:
+        arrays |= {"truth_pad": truth.pad, "truth_t_s": truth.t_s, "truth_pose": truth.pose}
+        if truth.slipping is not None:
+            arrays["truth_slipping"] = truth.slipping
+    header = {"descr": "<f8", "fortran_order": False, "shape": (len(t_s), recording.sensor.wiring.columns)}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                npy.write_array(member, np.asanyarray(array), allow_pickle=False)
+        with archive.open("pressure.npy", "w", force_zip64=True) as member:
+            npy.write_array_header_1_0(member, header)
+            for block in blocks:
+                member.write(np.ascontiguousarray(block.values, dtype="<f8").tobytes())

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from taxelflow.condition.session import Session
-    from taxelflow.layout import Sensor
     from taxelflow.messages import Bools, RawScans
+    from taxelflow.sensor import Sensor
 
 Tare = Literal["auto", "none", "start"]
 

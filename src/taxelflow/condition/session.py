@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.condition.conditioner import Conditioner
-    from taxelflow.layout import Sensor
+    from taxelflow.sensor import Sensor
 
 
 _SATURATED = 0.9995
@@ -98,7 +98,8 @@ class Session:
 
     def _noise(self, windows: Floats, masked: Bools) -> Floats:
         sensor = self._sensor
-        step = sensor.to_si if sensor.unit == "count" else 0.0  # a count is a whole number
+        largest = max(sensor.gain, default=1.0)
+        step = sensor.to_si * largest if sensor.unit == "count" else 0.0  # a count is a whole number
         return learn_noise(windows, masked, step, RANGE_FLOOR * (sensor.full_scale or 0.0) * sensor.to_si)
 
     def _learn(self) -> Learned:
@@ -150,7 +151,7 @@ class Session:
         """(entries,), where readings saturate, half a part in a thousand below full scale; tared like them."""
         if self.learned is not None and self._known_offset is not self.learned.offset:
             self._known_offset = self.learned.offset
-            top = _SATURATED * (self._sensor.full_scale or np.inf) * self._sensor.to_si
+            top = _SATURATED * (self._sensor.full_scale or np.inf) * self._sensor.to_si * self._sensor.wiring.gain
             self._tared_ceiling = (top - self.learned.offset)[self._layout.source]
         return self._tared_ceiling
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from taxelflow.layout import Sensor
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Event, Slips

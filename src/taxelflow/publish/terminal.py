@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from typing import Any
 
     from taxelflow.calibration import Calibration
-    from taxelflow.layout import Sensor
     from taxelflow.publish.summary import Summary
+    from taxelflow.sensor import Sensor
 
     Block = TypeVar("Block", bound=Sized)
     Item = TypeVar("Item")
@@ -120,38 +120,16 @@ def _range(lowest: float | None, highest: float | None) -> str:
     return "-" if lowest is None or highest is None else f"{lowest:.4g}..{highest:.4g}"
 
 
-def list_sensors(sensors: list[Sensor]) -> None:
-    """A table of sensors."""
+def list_sensors(sensors: list[tuple[str, Sensor]]) -> None:
+    """A table of sensors by the name to ask for."""
     table = _table("name:", "pads", "taxels", "unit:", "note:")
-    for sensor in sensors:
-        table.add_row(sensor.name, str(len(sensor.pads)), str(sensor.layout.taxels), sensor.unit, sensor.note)
-    Console(markup=False).print(table)
-
-
-def draw_sensor(sensor: Sensor) -> None:
-    """Each pad as a grid of its taxels' numbers, row 0 on top; a dot where none is. Then the groups."""
-    console, layout = Console(markup=False, highlight=False), sensor.layout
-    console.print(f"{sensor.name}  {layout.taxels} taxels in {len(sensor.pads)} pads, {sensor.unit}", style="bold")
-    if sensor.note:
-        console.print(sensor.note)
-    numbers = np.arange(layout.taxels, dtype=np.float64)
-    for index, pad in enumerate(sensor.pads):
-        size = "x".join(f"{1e3 * pitch:g}" for pitch in pad.pitch_m)
-        console.print(f"\n{pad.name}  {pad.rows} rows x {pad.cols} cols, pitch {size} mm", style="bold")
-        if pad.origin_m is not None:
-            x, y = (1e3 * place for place in pad.origin_m)
-            console.print(f"at ({x:g}, {y:g}) mm on the flattened hand, turned {np.degrees(pad.angle_rad):.0f} deg")
-        if pad.note:
-            console.print(pad.note, style="yellow")
-        for row in layout.grid(index, numbers):
-            cells = "".join(f"{n:5.0f}" if np.isfinite(n) else "    ·" for n in row)
-            console.print(Text(cells, style="cyan"))
-    for index, group in enumerate(sensor.groups, layout.pad_count):
-        pads = ", ".join(dict.fromkeys(patch.pad for patch in group.patches))
-        taxels = layout.source[layout.of_pad(index)]
-        console.print(f"\n{group.name}  group of {len(taxels)} taxels of {pads}", style="bold")
-        console.print(Text(" ".join(map(str, taxels)), style="cyan"))
-    console.print("\nrow 0 is the top row; x to the right, y up, origin at the pad's centre", style="dim")
+    for name, sensor in sensors:
+        table.add_row(Text(name), str(len(sensor.pads)), str(sensor.layout.taxels), sensor.unit, Text(sensor.note))
+    console = Console(markup=False)
+    console.print(table)
+    console.print(
+        "also: plain grids by rows, cols and pitch, such as grid:16x16@4mm; your own in a TOML file", style="dim"
+    )
 
 
 def show_calibration(calibration: Calibration, path: Path) -> None:
@@ -274,6 +252,13 @@ def show_bench(figures: Any) -> None:
     for row in figures.shares:
         shares.add_row(row.stage, f"{1e3 * row.seconds:.0f}", f"{100 * row.share:.1f} %")
     console.print(shares)
+    console.print()
+    title = f"reading, the same {figures.scans} scans in each format"
+    readings = _table("format:", "MB", "scans/s", "MB/s", "plain library:", "scans/s", "x library", title=title)
+    for row in figures.readings:
+        ours = (f"{row.megabytes:.1f}", f"{row.scans_per_s:.0f}", f"{row.mb_per_s:.0f}")
+        readings.add_row(row.format, *ours, row.library, f"{row.library_scans_per_s:.0f}", f"{row.ratio:.2f}")
+    console.print(readings)
     console.print()
     starts = _table("command:", "ms", "x import numpy", title="start of a process")
     for row in figures.starts:

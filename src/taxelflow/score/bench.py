@@ -17,15 +17,18 @@ import numpy as np
 from taxelflow import api
 from taxelflow.acquire.rig.scenario import SCENARIOS
 from taxelflow.acquire.rig.simulate import save, simulate
+from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced, kernel
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.estimation.flow import weighted_sums
 from taxelflow.estimation.literal import convolution_index
 from taxelflow.fuse.rigid import RigidField
-from taxelflow.layout import Pad, Sensor, builtin_sensors, load_sensor
 from taxelflow.messages import RawScans, Scans, cut
 from taxelflow.monitor.slip import SlipMonitor
+from taxelflow.pads import Pad
 from taxelflow.publish.tables import Tables
+from taxelflow.score.bench_reading import ReadingRate, reading_rates
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -85,6 +88,7 @@ class Bench(msgspec.Struct, frozen=True):
     recording: str
     scans: int
     shares: list[Share]
+    readings: list[ReadingRate]
     starts: list[Start]
 
 
@@ -99,12 +103,13 @@ def bench(recording: Path | None) -> Bench:
             save(replace(paper, motion=replace(paper.motion, strokes=140)), recording)
         opened = api.read(recording)
         scans, shares = _shares(opened, Path(folder) / "result")
-    return Bench(latencies, throughputs, recording.name, scans, shares, _starts())
+        readings = reading_rates(opened, Path(folder))
+    return Bench(latencies, throughputs, recording.name, scans, shares, readings, _starts())
 
 
 def _sensors() -> list[Sensor]:
     grid = Sensor(name="64x64", unit="kPa", pads=(Pad(name="grid", rows=64, cols=64, pitch_m=(0.002, 0.002)),))
-    return [*map(load_sensor, builtin_sensors()), grid]
+    return [*map(load_sensor, ("barretthand-162", "grid-16x16", "schunk-sdh2")), grid]
 
 
 def _latencies(sensor: Sensor) -> list[Latency]:

@@ -108,15 +108,12 @@ def edge_reach(layout: Layout, pad: int, pressure: Floats, noise: Floats) -> Flo
     own = layout.of_pad(pad)
     p = np.clip(pressure[:, own], 0.0, None) * (pressure[:, own] > 6.0 * noise[own])
     total = np.where(p.sum(axis=1) > 0, p.sum(axis=1), 1.0)
-    grid = np.full(tuple(n + 2 for n in layout.shapes[pad]), -1)
-    grid[layout.row[own] + 1, layout.col[own] + 1] = np.arange(p.shape[1])
+    beside = layout.beside[own]
     reach = np.zeros((len(p), 2))
-    for axis, (rows, cols) in enumerate((((0, 0), (-1, 1)), ((-1, 1), (0, 0)))):
-        r = (layout.x_m, layout.y_m)[axis][own]
+    for axis, r in enumerate((layout.x_m[own], layout.y_m[own])):
         centre = (p @ r) / total
         for side in range(2):
-            outer = grid[layout.row[own] + 1 + rows[side], layout.col[own] + 1 + cols[side]]
-            inner = grid[layout.row[own] + 1 - rows[side], layout.col[own] + 1 - cols[side]]
+            outer, inner = beside[:, axis, side], beside[:, axis, 1 - side]
             last = np.flatnonzero(outer < 0)
             behind = np.where(inner[last] >= 0, p[:, inner[last]], p[:, last])
             falling = np.minimum(1.0, p[:, last] / np.where(behind > 0, behind, 1.0)) * (p[:, last] > 0)

@@ -56,6 +56,7 @@ class Checkup(msgspec.Struct, frozen=True):
     gaps: int
     longest_gap_s: float
     pads: list[PadCheckup]
+    notes: list[str]
     loss: str | None = None
 
 
@@ -112,6 +113,7 @@ def check_up(recording: Recording, watched: Callable[[Iterable[RawScans]], Itera
         gaps=tally.gaps,
         longest_gap_s=tally.longest_gap_s,
         pads=pads,
+        notes=tally.reading.notes,
         loss=str(tally.reading.loss) if tally.reading.loss else None,
     )
 

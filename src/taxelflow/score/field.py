@@ -16,7 +16,8 @@ import numpy as np
 from taxelflow import api
 from taxelflow.acquire.rig.scenario import SCENARIOS
 from taxelflow.acquire.rig.simulate import simulate
-from taxelflow.layout import Group, Pad, Patch, Sensor
+from taxelflow.pads import Group, Pad, Patch
+from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from matplotlib.collections import PatchCollection, PathCollection
+from matplotlib.collections import PathCollection, PolyCollection
 
 from rigged import track
 from synthetic import grid_sensor
@@ -40,7 +40,7 @@ def test_each_pad_has_its_own_axes_with_its_taxels_in_mm() -> None:
     pads = figure.axes[:2]
     assert [axis.get_title(loc="left") for axis in pads] == ["pad2", "pad0"]
     for axis in pads:
-        (taxels,) = (item for item in axis.collections if isinstance(item, PatchCollection))
+        (taxels,) = (item for item in axis.collections if isinstance(item, PolyCollection))
         assert len(taxels.get_paths()) == 26
         left, right = axis.get_xlim()
         low, high = axis.get_ylim()
@@ -53,7 +53,7 @@ def test_each_pad_has_its_own_axes_with_its_taxels_in_mm() -> None:
 
 def test_the_missing_taxels_are_missing_where_they_are_row_0_on_top() -> None:
     (axis, *_) = path_figure([track(X, X, pad="pad0")], LAYOUT).axes
-    (taxels,) = (item for item in axis.collections if isinstance(item, PatchCollection))
+    (taxels,) = (item for item in axis.collections if isinstance(item, PolyCollection))
     centres = np.array([path.get_extents().get_points().mean(axis=0) for path in taxels.get_paths()])
     assert not np.any(np.all(np.isclose(centres, [-30, 15]), axis=1))
     assert np.any(np.all(np.isclose(centres, [30, 15]), axis=1))

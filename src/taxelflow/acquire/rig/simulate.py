@@ -10,14 +10,15 @@ import msgspec
 import numpy as np
 
 from taxelflow.acquire.base import BLOCK_SCANS, HAND, Recording, Truth
+from taxelflow.acquire.npz import write_npz
 from taxelflow.acquire.rig.contact import taxel_pressure
 from taxelflow.acquire.rig.load import state_at
 from taxelflow.acquire.rig.motion import move
 from taxelflow.acquire.rig.pattern import Analytic
 from taxelflow.acquire.rig.sensing import clock, delays, reported, sense
+from taxelflow.catalogue import load_sensor
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.geometry import unplace
-from taxelflow.layout import load_sensor
 from taxelflow.messages import RawScans, cut
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def simulate(scenario: Scenario) -> Recording:
     t_s = clock(scenario.sensing, scenario.motion.duration_s, random)
     pressure = pressures(scenario, layout, touched, t_s)
     values = sense(scenario.sensing, pressure, t_s, random, scenario.seed) / sensor.to_si
-    scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), values)
+    scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), sensor.wiring.sent(values))
 
     def read() -> Iterator[RawScans]:
         for start in range(0, len(scans), BLOCK_SCANS):
@@ -62,22 +63,8 @@ def simulate(scenario: Scenario) -> Recording:
 def save(scenario: Scenario, path: Path) -> Recording:
     """Simulate and write an `.npz` recording with truth and every parameter in it; whole or not at all."""
     recording = simulate(scenario)
-    scans, truth = recording.load(), recording.truth
-    if truth is None or truth.slipping is None:
-        raise RuntimeError("the rig always knows the truth")
     part = path.with_name(path.name + ".part")
-    with part.open("wb") as file:
-        np.savez(
-            file,
-            t=scans.t_s,
-            pressure=scans.values,
-            sensor=np.array(msgspec.json.encode(recording.sensor).decode()),
-            truth_pad=np.array(truth.pad),
-            truth_t_s=truth.t_s,
-            truth_pose=truth.pose,
-            truth_slipping=truth.slipping,
-            parameters=np.array(json.dumps(asdict(scenario))),
-        )
+    write_npz(recording, part, recording.sent(), parameters=json.dumps(asdict(scenario)))
     part.replace(path)
     return recording
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.geometry import place
+from taxelflow.publish.plots.outlines import outlines
 from taxelflow.publish.plots.style import BLUE, INK, MAGENTA, VERMILION, caption
 
 if TYPE_CHECKING:
@@ -96,18 +97,13 @@ def hand_places(layout: Layout) -> Floats:
 
 
 def draw_hand(axis: Axes, layout: Layout, pressure: Floats | None) -> None:
-    """Taxels as squares, shaded by pressure (entries,) if given."""
+    """Taxels, shaded by pressure (entries,) if given."""
     from matplotlib.collections import PolyCollection
 
-    places = hand_places(layout)[: layout.taxels]
-    owner = np.repeat(np.arange(layout.pad_count), np.diff(layout.starts)[: layout.pad_count])
-    half = 0.45 * layout.pitch_m[owner]
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])[np.newaxis] * half[:, np.newaxis]
-    turn = layout.T_hand[owner][:, np.newaxis].repeat(4, axis=1)
-    turn[..., :2] = 0.0
-    squares = 1e3 * (place(turn, corners) + places[:, np.newaxis])
-    shown = np.isfinite(squares).all(axis=(1, 2))
-    shades = PolyCollection(list(squares[shown]), edgecolor="#dadce0", linewidth=0.5, zorder=1)
+    placed = [pad for pad in range(layout.pad_count) if np.isfinite(layout.T_hand[pad]).all()]
+    shapes = [shape for pad in placed for shape in 1e3 * place(layout.T_hand[pad], outlines(layout, pad))]
+    shown = np.repeat(np.isfinite(layout.T_hand[: layout.pad_count, 0]), np.diff(layout.starts)[: layout.pad_count])
+    shades = PolyCollection(shapes, edgecolor="#dadce0", linewidth=0.5, zorder=1)
     if pressure is None:
         shades.set_facecolor("#f1f3f4")
     else:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.publish.plots.outlines import extent_mm, outlines
 from taxelflow.publish.plots.style import GREY, INK, plain
 
 if TYPE_CHECKING:
@@ -60,26 +61,19 @@ def path_figure(tracks: Sequence[Track], layout: Layout) -> Figure:
 
 
 def _span_mm(layout: Layout, track: Track) -> tuple[float, float]:
-    pad = layout.pads.index(track.pad)
-    rows, cols = layout.shapes[pad]
-    return 1e3 * cols * layout.pitch_m[pad, 0], 1e3 * rows * layout.pitch_m[pad, 1]
+    left, right, low, high = extent_mm(layout, layout.pads.index(track.pad))
+    return right - left, high - low
 
 
 def draw_pad(axis: Axes, layout: Layout, pad: int) -> None:
-    """Taxels of a pad as faint squares, in mm, row 0 on top."""
-    from matplotlib.collections import PatchCollection
-    from matplotlib.patches import Rectangle
+    """Taxels of a pad, faint, in mm, row 0 on top."""
+    from matplotlib.collections import PolyCollection
 
-    own = layout.of_pad(pad)
-    width, height = 1e3 * layout.pitch_m[pad]
-    squares = [
-        Rectangle((1e3 * x - 0.45 * width, 1e3 * y - 0.45 * height), 0.9 * width, 0.9 * height)
-        for x, y in zip(layout.x_m[own], layout.y_m[own], strict=True)
-    ]
-    axis.add_collection(PatchCollection(squares, facecolor="#f1f3f4", edgecolor="#dadce0", linewidth=0.6, zorder=1))
-    rows, cols = layout.shapes[pad]
-    axis.set_xlim(-0.55 * cols * width, 0.55 * cols * width)
-    axis.set_ylim(-0.55 * rows * height, 0.55 * rows * height)
+    shapes = list(1e3 * outlines(layout, pad))
+    axis.add_collection(PolyCollection(shapes, facecolor="#f1f3f4", edgecolor="#dadce0", linewidth=0.6, zorder=1))
+    left, right, low, high = extent_mm(layout, pad)
+    axis.set_xlim(left, right)
+    axis.set_ylim(low, high)
     axis.set_aspect("equal")
     axis.grid(visible=False)
     axis.tick_params(colors=INK)

@@ -1,0 +1,151 @@
+"""Bytes of messages -> stamps and readings, many at once where the messages are built alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.messages import Floats
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+    from rosbags.typesys.store import Typestore
+
+    from taxelflow.acquire.bags.kinds import Kind
+    from taxelflow.acquire.bags.topics import Topic
+    from taxelflow.messages import Bytes
+
+
+class Decoder:
+    """Reads the messages of one topic. Raises what the file's own message text, if broken, makes of `rosbags`."""
+
+    def __init__(self, topic: Topic, kind: Kind) -> None:
+        store = _store(topic.message_type, topic.definition, topic.language, kind.definition)
+        self._ros1 = topic.encoding == "ros1"
+        self._read = store.deserialize_ros1 if self._ros1 else store.deserialize_cdr
+        self._type, self._kind = topic.message_type, kind
+        self._form: _Form | None = None
+
+    def one(self, content: bytes) -> tuple[float, list[Floats]]:
+        """Stamp in s (NaN if the message has none) and readings per part, as they stand in the message."""
+        stamp, parts = self._fields(content)
+        return stamp, [part.astype(np.float64) for part in parts]
+
+    def block(self, contents: Sequence[bytes]) -> tuple[Floats, Floats] | None:
+        """Stamps (messages,) and readings (messages, cells); None if the messages are not all built alike."""
+        if self._form is None or not self._form.fits(contents):
+            self._form = self._formed(contents[0])
+            if self._form is None or not self._form.fits(contents):
+                return None
+        return self._form.read(contents)
+
+    def _fields(self, content: bytes) -> tuple[float, list[NDArray[Any]]]:
+        message = self._read(memoryview(content), self._type)  # a view, so that arrays point into it
+        found = [item for path in self._kind.values for item in _follow(message, path)]
+        if found and not isinstance(found[0], np.ndarray):
+            found = [np.array(found)]
+        stamps = _follow(message, self._kind.stamp) if self._kind.stamp else []
+        return (_seconds(stamps[0]) if stamps else np.nan), found
+
+    def _formed(self, content: bytes) -> _Form | None:
+        """None where readings or stamp are not found in the bytes themselves."""
+        stamp, parts = self._fields(content)
+        whole = np.frombuffer(content, np.uint8)
+        base = whole.__array_interface__["data"][0]
+        spans = []
+        free = np.zeros(len(whole), dtype=np.bool_)
+        for part in parts:
+            start = part.__array_interface__["data"][0] - base
+            if not 0 <= start <= len(whole) - part.nbytes:
+                return None
+            spans.append((start, start + part.nbytes, part.dtype))
+            free[start : start + part.nbytes] = True
+        at = None
+        if self._kind.stamp:
+            at = 0 if self._ros1 and self._kind.stamp == "t_s" else 4  # after seq in ROS 1, the encapsulation in CDR
+            if len(whole) < at + 8 or _stamps(whole[np.newaxis], at, self._kind.stamp)[0] != stamp:
+                return None
+            free[at : at + 8] = True
+            free[:at] |= self._ros1  # seq counts up, an encapsulation stays
+        fixed = np.flatnonzero(~free)
+        return _Form(len(whole), fixed, whole[fixed], tuple(spans), self._kind.stamp, at)
+
+
+@dataclass(frozen=True, slots=True)
+class _Form:
+    """How messages of one length are built: where the readings stand, and what else must be the same in all."""
+
+    length: int
+    fixed: NDArray[np.int64]
+    frame: Bytes
+    spans: tuple[tuple[int, int, np.dtype[Any]], ...]
+    stamp: str
+    stamp_at: int | None
+
+    def fits(self, contents: Sequence[bytes]) -> bool:
+        """Whether all are built so."""
+        if any(len(content) != self.length for content in contents):
+            return False
+        return bool((self._stacked(contents)[:, self.fixed] == self.frame).all())
+
+    def read(self, contents: Sequence[bytes]) -> tuple[Floats, Floats]:
+        """Stamps and readings of messages that fit."""
+        stacked = self._stacked(contents)
+        parts = [stacked[:, start:stop].copy().view(kind) for start, stop, kind in self.spans]
+        values = np.concatenate(parts, axis=1, dtype=np.float64) if parts else np.zeros((len(contents), 0))
+        if self.stamp_at is None:
+            return np.full(len(contents), np.nan), values
+        return _stamps(stacked, self.stamp_at, self.stamp), values
+
+    def _stacked(self, contents: Sequence[bytes]) -> Bytes:
+        return np.frombuffer(b"".join(contents), np.uint8).reshape(len(contents), self.length)
+
+
+def _stamps(stacked: Bytes, at: int, stamp: str) -> Floats:
+    """(messages,) s: a float64, or seconds and nanoseconds as uint32."""
+    own = stacked[:, at : at + 8].copy()
+    if stamp == "t_s":
+        number: Floats = own.view("<f8")[:, 0]
+        return number
+    pair = own.view("<u4").astype(np.float64)
+    seconds: Floats = pair[:, 0] + pair[:, 1] * 1e-9
+    return seconds
+
+
+def _seconds(stamp: Any) -> float:
+    return float(stamp.sec + stamp.nanosec * 1e-9 if hasattr(stamp, "nanosec") else stamp)
+
+
+def _follow(message: Any, path: str) -> list[Any]:
+    """What stands at a path of `Kind`. Raises AttributeError where the message has no such field."""
+    found = [message]
+    for name in path.split("."):
+        found = [getattr(one, own) for one in found for own in name.removesuffix("[]").split(",")]
+        if name.endswith("[]"):
+            found = [item for items in found for item in items]
+    return found
+
+
+@lru_cache(maxsize=64)
+def _store(message_type: str, definition: str, language: str, fallback: str) -> Typestore:
+    """A type and what it is made of, by the file's own text or else by ours."""
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    if not language:
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        if message_type not in store.fielddefs:
+            text = fallback.replace("{package}", message_type.split("/", maxsplit=1)[0])
+            store.register(get_types_from_msg(text, message_type))
+        return store
+    store = get_typestore(Stores.EMPTY)
+    if language == "msg":
+        store.register(get_types_from_msg(definition, message_type))
+        return store
+    for part in filter(str.strip, definition.split("=" * 80 + "\n")):
+        store.register(get_types_from_idl(part.partition("\n")[2] if part.startswith("IDL: ") else part))
+    return store

@@ -1,0 +1,115 @@
+"""The table of messages: how each type carries a scan. The next message is one more entry.
+
+Sources: ipa320/schunk_modular_robotics (schunk_sdh), ubi-agni/tactile_toolbox (tactile_msgs),
+RobotnikAutomation/barrett_hand (bhand_controller), mcsix/xela_server_ros2, std_msgs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One entry: where in a message stamp and values stand, and which sensor it is of."""
+
+    types: tuple[str, ...]
+    """Names `package/msg/Name`, with wildcards, as ROS 2 writes them."""
+    values: tuple[str, ...]
+    """Fields that hold the readings, pad after pad: dots go into a field, `[]` through a list, commas
+    stand between fields of which all are taken."""
+    stamp: str = ""
+    """Field with the time: a ROS time, or a number in s. Empty: the message has none."""
+    sensors: tuple[str, ...] = ()
+    """Built-in sensors that may be meant; the one whose number of cells fits is."""
+    unit: Literal["", "Pa", "count"] = ""
+    """Unit of the message where it is not that of the built-in sensor."""
+    pads: tuple[str, ...] = ()
+    """Order of the sensor's pads in the message where it is not the sensor's own."""
+    definition: str = ""
+    """Message text for files that carry none (ROS 2 with sqlite3); `{package}` is the type's own."""
+    note: str = ""
+    """What a user should know."""
+
+
+_SUB = "\n" + 80 * "=" + "\nMSG: "
+_SDH = ("thumb_proximal", "thumb_distal", "finger1_proximal", "finger1_distal", "finger2_proximal", "finger2_distal")
+
+SCAN = Kind(
+    types=("taxelflow_msgs/msg/Scan",),
+    values=("values",),
+    stamp="t_s",
+    definition="float64 t_s\nfloat64[] values\n",
+)
+"""What `taxelflow convert` writes: exact, in the sensor's own unit and order."""
+
+KINDS = (
+    SCAN,
+    Kind(
+        types=("schunk_sdh/msg/TactileSensor",),
+        values=("tactile_matrix[].tactile_array",),
+        stamp="header.stamp",
+        sensors=("schunk-sdh2",),
+        pads=_SDH,  # the driver's default dsa_reorder: thumb first; matrix_id counts in that order
+        definition="std_msgs/Header header\n{package}/TactileMatrix[] tactile_matrix"
+        + _SUB
+        + "{package}/TactileMatrix\nuint32 matrix_id\nint16 cells_x\nint16 cells_y\nint16[] tactile_array\n",
+    ),
+    Kind(
+        types=("schunk_sdh/msg/PressureArrayList",),
+        values=("pressure_list[].pressure",),
+        stamp="header.stamp",
+        sensors=("schunk-sdh2",),
+        unit="Pa",
+        pads=_SDH,
+        definition="std_msgs/Header header\n{package}/PressureArray[] pressure_list"
+        + _SUB
+        + "{package}/PressureArray\nstring sensor_name\nuint16 cells_x\nuint16 cells_y\nfloat64[] pressure\n",
+        note="pressures taken as Pa; some versions of the message say N/mm2: for these give a sensor file by --sensor",
+    ),
+    Kind(
+        types=("schunk_sdh/msg/PressureArray",),
+        values=("pressure",),
+        definition="string sensor_name\nuint16 cells_x\nuint16 cells_y\nfloat64[] pressure\n",
+    ),
+    Kind(
+        types=("tactile_msgs/msg/TactileState",),
+        values=("sensors[].values",),
+        stamp="header.stamp",
+        definition="std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors\n",
+    ),
+    Kind(
+        types=("*/msg/TactileArray",),
+        values=("finger1", "finger2", "finger3", "palm"),
+        stamp="header.stamp",
+        sensors=("barretthand-bh280-96",),
+        definition="std_msgs/Header header\nfloat32[] finger1\nfloat32[] finger2\nfloat32[] finger3\nfloat32[] palm\n",
+    ),
+    Kind(
+        types=("*/msg/SensStream",),
+        values=("sensors[].taxels[].x,y,z",),
+        stamp="sensors[].time",
+        sensors=("xela-4x4",),
+        definition="{package}/SensorFull[] sensors"
+        + _SUB
+        + "{package}/SensorFull\nuint32 message\nfloat64 time\nstring model\nuint8 sensor_pos\n"
+        + "{package}/Taxel[] taxels\n{package}/Forces[] forces"
+        + _SUB
+        + "{package}/Taxel\nuint16 x\nuint16 y\nuint16 z"
+        + _SUB
+        + "{package}/Forces\nfloat32 x\nfloat32 y\nfloat32 z\n",
+    ),
+    Kind(
+        types=tuple(
+            f"std_msgs/msg/{number}MultiArray" for number in ("Float32", "Float64", "UInt16", "Int16", "UInt8")
+        ),
+        values=("data",),
+    ),
+)
+
+
+def kind_of(message_type: str) -> Kind | None:
+    """The entry that a type `package/msg/Name` has in the table."""
+    return next((kind for kind in KINDS if any(fnmatchcase(message_type, name) for name in kind.types)), None)

@@ -1,0 +1,159 @@
+"""MCAP files by the `mcap` package's streaming reader, which also reads what is left of a truncated one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Any, Literal
+
+from taxelflow.acquire.bags.topics import Topic
+from taxelflow.errors import RecordingTruncated
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from mcap.records import Channel, Chunk, McapRecord, Schema
+    from mcap.summary import Summary
+
+METADATA = "taxelflow"
+"""Name of the metadata record by `taxelflow convert`."""
+
+_LANGUAGES: dict[str, Literal["msg", "idl", ""]] = {
+    "ros1msg": "msg",
+    "ros2msg": "msg",
+    "ros2idl": "idl",
+}
+_MOST_CHUNK_BYTES = 1 << 30
+
+
+class McapSource:
+    """Reads an MCAP file from its start, in constant memory; the summary at its end only spares a pass."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.metadata = self._metadata()
+        summary = self._summary()
+        if summary is not None and summary.statistics is not None:
+            counts = summary.statistics.channel_message_counts
+            self.topics = _topics(summary.channels, summary.schemas, counts, whole=True)
+        else:
+            self.topics = self._topics_by_reading()
+
+    def messages(self, topic: Topic) -> Iterator[tuple[int, bytes]]:
+        """See `Source`."""
+        from mcap.records import Message
+
+        read = 0
+        wanted = set(topic.channels)
+        try:
+            for record in self._records():
+                if isinstance(record, Message) and record.channel_id in wanted:
+                    yield record.log_time, record.data
+                    read += 1
+        except Exception as error:  # whatever a damaged file makes of the parsers
+            raise RecordingTruncated(self._path, read, topic.messages, seen(error)) from error
+
+    def _records(self) -> Iterator[McapRecord]:
+        from mcap.records import Chunk
+        from mcap.stream_reader import StreamReader, breakup_chunk
+
+        largest = self._path.stat().st_size
+        with self._path.open("rb") as file:
+            reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=largest)
+            for record in reader.records:
+                if isinstance(record, Chunk):
+                    _check_size(record)
+                    yield from breakup_chunk(record, validate_crc=True)
+                else:
+                    yield record
+
+    def _metadata(self) -> dict[str, str]:
+        """Ours stands before the first chunk. Raises what is wrong with a file's very start."""
+        from mcap.records import Chunk, Message, Metadata
+        from mcap.stream_reader import StreamReader
+
+        largest = self._path.stat().st_size
+        with self._path.open("rb") as file:
+            for record in StreamReader(file, emit_chunks=True, record_size_limit=largest).records:
+                if isinstance(record, Metadata) and record.name == METADATA:
+                    return record.metadata
+                if isinstance(record, (Chunk, Message)):
+                    break
+        return {}
+
+    def _summary(self) -> Summary | None:
+        from mcap.reader import SeekingReader
+
+        with self._path.open("rb") as file:
+            try:
+                return SeekingReader(file, record_size_limit=self._path.stat().st_size).get_summary()
+            except Exception:  # a truncated file has none: then it is read through
+                return None
+
+    def _topics_by_reading(self) -> list[Topic]:
+        from mcap.records import Channel, Message, Schema
+
+        channels: dict[int, Channel] = {}
+        schemas: dict[int, Schema] = {}
+        counts: Counter[int] = Counter()
+        whole = False
+        try:
+            for record in self._records():
+                if isinstance(record, Message):
+                    counts[record.channel_id] += 1
+                elif isinstance(record, Channel):
+                    channels[record.id] = record
+                elif isinstance(record, Schema):
+                    schemas[record.id] = record
+            whole = True
+        except Exception:  # where it ends too early is said again, with the count, when messages are read
+            if not channels:
+                raise
+        return _topics(channels, schemas, counts, whole=whole)
+
+
+def seen(error: Exception) -> str:
+    """A library's error in a line."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _check_size(chunk: Chunk) -> None:
+    """Believe what a chunk declares only as far as it can be true. Raises ValueError."""
+    import zstandard
+
+    size = chunk.uncompressed_size
+    if chunk.compression == "zstd":
+        size = max(size, zstandard.frame_content_size(chunk.data))
+    if size > _MOST_CHUNK_BYTES:
+        raise ValueError(f"a chunk of {len(chunk.data)} bytes declares {size}")
+
+
+def _topics(channels: dict[int, Channel], schemas: dict[int, Schema], counts: Any, *, whole: bool) -> list[Topic]:
+    """One per name and type: several channels may serve it. Counts are told only if the file is whole."""
+    groups: dict[tuple[str, str, str], list[Channel]] = {}
+    for channel in channels.values():
+        schema = schemas.get(channel.schema_id)
+        name = schema.name if schema else "unknown"
+        groups.setdefault((channel.topic, _ros2_name(name), channel.message_encoding), []).append(channel)
+    found = []
+    for (topic, message_type, encoding), own in groups.items():
+        schema = schemas.get(own[0].schema_id)
+        language: Literal["msg", "idl", ""] = _LANGUAGES.get(schema.encoding, "") if schema else ""
+        found.append(
+            Topic(
+                topic,
+                message_type,
+                sum(counts.get(channel.id, 0) for channel in own) if whole else None,
+                encoding,
+                schema.data.decode() if schema and language else "",
+                language,
+                tuple(channel.id for channel in own),
+            )
+        )
+    return sorted(found, key=lambda topic: topic.name)
+
+
+def _ros2_name(name: str) -> str:
+    """`package/Name` of ROS 1 as `package/msg/Name`."""
+    package, _, rest = name.partition("/")
+    return f"{package}/msg/{rest}" if rest and "/" not in rest else name

@@ -1,0 +1,234 @@
+"""A topic of a bag as a recording: which sensor it is of, whose clock to believe, blocks of scans."""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from taxelflow.acquire.bags.decode import Decoder
+from taxelflow.acquire.bags.kinds import SCAN
+from taxelflow.acquire.bags.mcap import McapSource, seen
+from taxelflow.acquire.bags.rosbag import RosbagSource
+from taxelflow.acquire.bags.topics import choose
+from taxelflow.acquire.base import Recording, in_blocks
+from taxelflow.acquire.carried import masked_in, sensor_in, truth_in
+from taxelflow.catalogue import builtin_sensors, load_sensor
+from taxelflow.errors import (
+    RecordingCorrupt,
+    RecordingTruncated,
+    SensorNeeded,
+    TaxelCountWrong,
+    TaxelflowError,
+)
+from taxelflow.messages import Floats, RawScans
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from taxelflow.acquire.bags.kinds import Kind
+    from taxelflow.acquire.bags.topics import Source, Topic
+    from taxelflow.sensor import Sensor
+
+_REMEDY = "give a ROS 1 bag (.bag), a ROS 2 bag (its directory, or a .db3 of it) or an .mcap file"
+_PROBED = 256
+"""Messages that decide whose clock is believed."""
+
+
+def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Recording:
+    """Open a bag or MCAP file. Raises TopicUnclear, SensorNeeded, TaxelCountWrong, RecordingCorrupt."""
+    try:
+        source: Source = McapSource(path) if path.suffix.lower() == ".mcap" else RosbagSource(path)
+        chosen, kind = choose(path, source.topics, topic)
+        decoder = Decoder(chosen, kind)
+    except (TaxelflowError, OSError):
+        raise
+    except Exception as error:  # whatever a file that is none makes of the parsers
+        remedy = "read one of its .mcap or .db3 files alone" if path.is_dir() else _REMEDY
+        raise RecordingCorrupt(path, seen(error), remedy) from error
+    received_s, stamps_s, parts = _probe(path, source, chosen, decoder)
+    cells = [len(part) for part in parts]
+    sensor = sensor or sensor_in(path, source.metadata) or _sensor(path, kind, cells)
+    columns = _columns(sensor, kind, cells)
+    if columns is None:
+        raise TaxelCountWrong(path, sum(cells), sensor.name, sensor.wiring.columns)
+    distrust = "" if kind is SCAN else _distrust(stamps_s, received_s)
+    reader = _Reader(path, source, chosen, decoder, columns, cells, believed=not distrust)
+    notes = [f"{distrust}: times are those of receipt"] if distrust else []
+    notes += [kind.note] if kind.note else []
+    return Recording(
+        path,
+        _format(path, chosen),
+        sensor,
+        reader.blocks,
+        scans=chosen.messages,
+        masked=masked_in(path, source.metadata, sensor.layout.taxels),
+        truth=truth_in(path, source.metadata, sensor),
+        notes=tuple(notes),
+    )
+
+
+def _format(path: Path, topic: Topic) -> str:
+    name = "mcap" if path.suffix.lower() == ".mcap" else "ros1 bag" if topic.encoding == "ros1" else "ros2 bag"
+    return f"{name}, {topic.name}"
+
+
+def _probe(path: Path, source: Source, topic: Topic, decoder: Decoder) -> tuple[Floats, Floats, list[Floats]]:
+    """Times of receipt and stamps of the first messages, and the parts of the first."""
+    received_s: list[float] = []
+    stamps: list[float] = []
+    first: list[Floats] = []
+    try:
+        for received_ns, content in islice(source.messages(topic), _PROBED):
+            stamp, parts = _decoded(path, len(stamps), decoder, content)
+            first = first or parts
+            received_s.append(received_ns * 1e-9)
+            stamps.append(stamp)
+    except (RecordingTruncated, RecordingCorrupt) as error:
+        if not stamps:
+            raise RecordingCorrupt(path, f"no message of {topic.name} is readable: {error}", _REMEDY) from error
+    if not stamps:
+        raise RecordingCorrupt(path, f"topic {topic.name} holds no messages", "record it again, or choose another")
+    return np.array(received_s), np.array(stamps), first
+
+
+def _decoded(path: Path, number: int, decoder: Decoder, content: bytes) -> tuple[float, list[Floats]]:
+    try:
+        return decoder.one(content)
+    except Exception as error:  # a message that is not what its type says
+        raise RecordingCorrupt(path, f"message {number}: {seen(error)}", "record or copy it again") from error
+
+
+def _sensor(path: Path, kind: Kind, cells: list[int]) -> Sensor:
+    """The built-in one that the message is of. Raises SensorNeeded."""
+    for name in kind.sensors:
+        if name in builtin_sensors():
+            sensor = load_sensor(name)
+            if _columns(sensor, kind, cells) is not None:
+                return _in_unit(sensor, kind)
+    raise SensorNeeded(path, builtin_sensors())
+
+
+def _in_unit(sensor: Sensor, kind: Kind) -> Sensor:
+    if not kind.unit or kind.unit == sensor.unit:
+        return sensor
+    full = None if sensor.full_scale is None else sensor.full_scale * sensor.to_si
+    return msgspec.structs.replace(sensor, unit=kind.unit, scale_pa=None, full_scale=full)
+
+
+def _columns(sensor: Sensor, kind: Kind, cells: list[int]) -> NDArray[np.int64] | None:
+    """(taxels,): the cell of a message that each taxel of the sensor is; None if they do not fit.
+
+    A message may also carry the places of the grids where there is no taxel.
+    """
+    layout, wiring = sensor.layout, sensor.wiring
+    if not wiring.plain:
+        return np.arange(wiring.columns) if sum(cells) == wiring.columns else None
+    own = [layout.of_pad(pad) for pad in range(layout.pad_count)]
+    order = list(range(layout.pad_count))
+    if kind.pads and set(kind.pads) == set(layout.pads[: layout.pad_count]):
+        order = [layout.pads.index(name) for name in kind.pads]
+    grids = zip(layout.shapes, layout.tables, own, strict=False)
+    places = [one.stop - one.start if table else rows * cols for (rows, cols), table, one in grids]
+    if sum(cells) == layout.taxels:
+        there = [np.arange(one.stop - one.start) for one in own]
+        sizes = [len(one) for one in there]
+    elif sum(cells) == sum(places):
+        there = [layout.row[one] * layout.shapes[pad][1] + layout.col[one] for pad, one in enumerate(own)]
+        sizes = places
+    else:
+        return None
+    if len(cells) == len(order) and cells != [sizes[pad] for pad in order]:
+        return None
+    columns = np.zeros(layout.taxels, dtype=np.int64)
+    start = 0
+    for pad in order:
+        columns[own[pad]] = start + there[pad]
+        start += sizes[pad]
+    return columns
+
+
+def _distrust(stamps_s: Floats, received_s: Floats) -> str:
+    """Why the stamps in the messages are not to be believed; empty if they are."""
+    if np.isnan(stamps_s).all():
+        return "messages carry no stamp"
+    steps = np.diff(stamps_s)
+    if not np.isfinite(stamps_s).all() or not stamps_s.any():
+        return "stamps of messages are not set"
+    if len(steps) and not steps.any():
+        return "stamps of messages stand still"
+    if (steps < 0).any():
+        return "stamps of messages run backwards"
+    span_s, waited_s = stamps_s[-1] - stamps_s[0], received_s[-1] - received_s[0]
+    if len(stamps_s) >= 10 and waited_s > 0 and not 0.5 < span_s / waited_s < 2:
+        return f"stamps of messages run {span_s / waited_s:.3g} times as fast as their receipt"
+    return ""
+
+
+class _Reader:
+    """Makes scans of messages, block by block."""
+
+    def __init__(
+        self,
+        path: Path,
+        source: Source,
+        topic: Topic,
+        decoder: Decoder,
+        columns: NDArray[np.int64],
+        cells: list[int],
+        *,
+        believed: bool,
+    ) -> None:
+        self._path, self._source, self._topic, self._decoder = path, source, topic, decoder
+        self._cells, self._believed = sum(cells), believed
+        self._columns = None if np.array_equal(columns, np.arange(self._cells)) else columns
+
+    def blocks(self) -> Iterator[RawScans]:
+        """From the start. A message that cannot be read ends it, after what came before."""
+        done = 0
+        for block in in_blocks(self._source.messages(self._topic), list):
+            yield from self._scans(block, done)
+            done += len(block)
+
+    def _scans(self, block: list[tuple[int, bytes]], done: int) -> Iterator[RawScans]:
+        received_s = np.array([received_ns for received_ns, _ in block]) * 1e-9
+        contents = [content for _, content in block]
+        alike = self._alike(contents)
+        if alike is not None:
+            yield self._placed(received_s, *alike)
+            return
+        stamps: list[float] = []
+        rows: list[Any] = []
+        fault: TaxelflowError | None = None
+        for number, content in enumerate(contents, done):
+            try:
+                stamp, parts = _decoded(self._path, number, self._decoder, content)
+                found = sum(map(len, parts))
+                if found != self._cells:
+                    seen_here = f"message {number} has {found} values, the first one {self._cells}"
+                    raise RecordingCorrupt(self._path, seen_here, "record it with one sensor a topic")
+            except RecordingCorrupt as error:
+                fault = error
+                break
+            stamps.append(stamp)
+            rows.append(np.concatenate(parts) if parts else np.zeros(0))
+        if rows:
+            yield self._placed(received_s[: len(rows)], np.array(stamps), np.array(rows))
+        if fault is not None:
+            raise fault
+
+    def _alike(self, contents: list[bytes]) -> tuple[Floats, Floats] | None:
+        try:
+            found = self._decoder.block(contents)
+        except Exception:  # a message is broken: which one is found one by one
+            return None
+        return found if found is not None and found[1].shape[1] == self._cells else None
+
+    def _placed(self, received_s: Floats, stamps_s: Floats, values: Floats) -> RawScans:
+        chosen = values if self._columns is None else values[:, self._columns]
+        return RawScans(stamps_s if self._believed else received_s, chosen)

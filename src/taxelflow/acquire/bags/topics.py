@@ -1,0 +1,81 @@
+"""What a bag holds, whatever file it is: topics, and the choice of one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+from taxelflow.acquire.bags.kinds import KINDS, Kind, kind_of
+from taxelflow.errors import TopicUnclear
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic and the type of its messages, `package/msg/Name`.
+
+    messages: how many there are, None if the file does not tell. definition: the text of the message as the file has
+    it, in that language. channels: what its source knows it by.
+    """
+
+    name: str
+    message_type: str
+    messages: int | None
+    encoding: str
+    definition: str = field(default="", repr=False)
+    language: Literal["msg", "idl", ""] = ""
+    channels: tuple[Any, ...] = field(default=(), repr=False)
+
+    @property
+    def kind(self) -> Kind | None:
+        """Its entry in the table of messages, if its bytes can be read at all."""
+        return kind_of(self.message_type) if self.encoding in ("ros1", "cdr") else None
+
+
+class Source(Protocol):
+    """An opened bag, read anew at each call of `messages`.
+
+    metadata: texts by name that `taxelflow convert` left in the file.
+    """
+
+    @property
+    def topics(self) -> list[Topic]:
+        """All of them, known or not."""
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Texts by name."""
+
+    def messages(self, topic: Topic) -> Iterator[tuple[int, bytes]]:
+        """Time of receipt in ns and bytes of each message. Raises RecordingTruncated where the file is damaged."""
+
+
+def _shown(topic: Topic) -> str:
+    """Name and type in a line: names come from files."""
+    return " ".join(f"{topic.name} ({topic.message_type})".split())
+
+
+def choose(path: Path, topics: list[Topic], name: str | None) -> tuple[Topic, Kind]:
+    """The topic of that name, or the only one that fits. Raises TopicUnclear, which lists them."""
+    listed = [_shown(topic) for topic in topics]
+    if name is not None:
+        fitting = [topic for topic in topics if topic.name.strip("/") == name.strip("/")]
+        if not fitting:
+            raise TopicUnclear(path, f"it has no topic {name}", listed)
+        if fitting[0].kind is None:
+            known = ", ".join(one.split("/")[-1] for kind in KINDS for one in kind.types)
+            seen = f"{_shown(fitting[0])} is of no known type ({known}) or encoding ({fitting[0].encoding!r})"
+            raise TopicUnclear(path, seen, listed)
+    else:
+        fitting = [topic for topic in topics if topic.kind is not None and topic.messages != 0]
+        if not fitting:
+            raise TopicUnclear(path, "no topic has messages of a known type", listed)
+        if len(fitting) > 1:
+            raise TopicUnclear(path, f"{len(fitting)} topics fit", [_shown(t) for t in fitting])
+    topic = fitting[0]
+    if topic.kind is None:
+        raise RuntimeError("topics without a kind were refused")
+    return topic, topic.kind

@@ -1,0 +1,95 @@
+"""What a recording carries besides scans: its sensor, masked taxels and truth, as JSON texts and checked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from taxelflow.acquire.base import HAND, Truth
+from taxelflow.errors import RecordingCorrupt
+from taxelflow.sensor import sensor_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from taxelflow.acquire.base import Recording
+    from taxelflow.messages import Bools
+    from taxelflow.sensor import Sensor
+
+_REMEDY = "make it anew with `taxelflow convert`"
+
+
+class _TruthText(msgspec.Struct):
+    """The fields of `Truth`; null stands for NaN."""
+
+    pad: str
+    t_s: list[float | None]
+    pose: list[list[float | None]]
+    slipping: list[bool] | None = None
+
+
+def texts_of(recording: Recording) -> dict[str, str]:
+    """JSON texts by name: `sensor`, `masked` (numbers of taxels), and `truth` if it is known. Numbers stay exact."""
+    texts = {
+        "sensor": msgspec.json.encode(recording.sensor).decode(),
+        "masked": msgspec.json.encode(np.flatnonzero(recording.masked).tolist()).decode(),
+    }
+    truth = recording.truth
+    if truth is not None:
+        slipping = None if truth.slipping is None else truth.slipping.tolist()
+        told = _TruthText(truth.pad, truth.t_s.tolist(), truth.pose.tolist(), slipping)
+        texts["truth"] = msgspec.json.encode(told).decode()
+    return texts
+
+
+def sensor_in(path: Path, texts: Mapping[str, str]) -> Sensor | None:
+    """The sensor, if it is among the texts. Raises RecordingCorrupt, SensorFileInvalid."""
+    return sensor_of(_decoded(path, texts, "sensor", Any), f"{path}:sensor") if "sensor" in texts else None
+
+
+def masked_in(path: Path, texts: Mapping[str, str], taxels: int) -> Bools:
+    """(taxels,) that are masked; none if the texts do not tell. Raises RecordingCorrupt."""
+    masked = np.zeros(taxels, dtype=np.bool_)
+    numbers = _decoded(path, texts, "masked", list[int]) if "masked" in texts else []
+    if any(not 0 <= number < taxels for number in numbers):
+        raise RecordingCorrupt(path, f"masked names taxels that the {taxels} of the sensor lack", _REMEDY)
+    masked[numbers] = True
+    return masked
+
+
+def truth_in(path: Path, texts: Mapping[str, str], sensor: Sensor) -> Truth | None:
+    """The truth, if it is among the texts. Raises RecordingCorrupt."""
+    if "truth" not in texts:
+        return None
+    told = _decoded(path, texts, "truth", _TruthText)
+    try:
+        t_s, pose = np.array(told.t_s, dtype=np.float64), np.array(told.pose, dtype=np.float64)
+    except ValueError as error:
+        raise RecordingCorrupt(path, f"truth: {error}", _REMEDY) from error
+    slipping = None if told.slipping is None else np.array(told.slipping, dtype=np.bool_)
+    return checked_truth(path, sensor, told.pad, t_s, pose, slipping)
+
+
+def checked_truth(path: Path, sensor: Sensor, pad: str, t_s: Any, pose: Any, slipping: Any) -> Truth:
+    """A truth of arrays as they stand in a file. Raises RecordingCorrupt."""
+    fits = t_s.ndim == 1 and pose.shape == (*t_s.shape, 3) and t_s.dtype.kind + pose.dtype.kind == "ff"
+    if not fits or pad not in (*sensor.layout.pads, HAND):
+        seen = f"truth_pad {pad!r}, truth_t_s {t_s.dtype} {t_s.shape}, truth_pose {pose.dtype} {pose.shape}"
+        raise RecordingCorrupt(
+            path, seen, "truth is a pad of the sensor or hand, times (n,) in s and poses (n, 3) in m, m, rad"
+        )
+    if slipping is not None and (slipping.shape != t_s.shape or slipping.dtype.kind not in "biu"):
+        seen = f"truth_slipping is {slipping.dtype} {slipping.shape}"
+        raise RecordingCorrupt(path, seen, f"it holds a flag for each of the {len(t_s)} times of truth_t_s")
+    slips = None if slipping is None else slipping.astype(np.bool_)
+    return Truth(pad, t_s.astype(np.float64), pose.astype(np.float64), slips)
+
+
+def _decoded(path: Path, texts: Mapping[str, str], name: str, kind: Any) -> Any:
+    try:
+        return msgspec.json.decode(texts[name], type=kind)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise RecordingCorrupt(path, f"its {name}: {error}", _REMEDY) from error

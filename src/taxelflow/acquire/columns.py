@@ -1,0 +1,139 @@
+"""Where time and taxels stand in a table: the mapping for csv files and text logs of any shape, and for Parquet."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass, fields, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Literal
+
+from taxelflow.errors import ParameterInvalid, RecordingCorrupt
+
+REMEDY = (
+    "a recording has a header row `t_s,...` and then one row per scan: time in s, a number per taxel; "
+    "for other shapes see --columns in --help"
+)
+"""What to do about a table that is none."""
+
+SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+@dataclass(frozen=True)
+class Columns:
+    """How a csv, text or Parquet file is laid out. As it stands: a header row with `t_s` in s and a column a taxel."""
+
+    file: Path | None = None
+    """A TOML file with the fields below; what is given beside it comes first."""
+    time: str = "t_s"
+    """The column with the time: its name, or its number counted from 0."""
+    time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    rate_hz: float | None = None
+    """Scans a second of a log without times; `time` is not looked for then."""
+    taxels: tuple[str, ...] = ("*",)
+    """The taxels' columns in the sensor's order: names with wildcards, re:REGEX, or numbers such as 5 or 14-73, counted
+    from 0. The column with the time is never among them."""
+    order: Literal["file", "number"] | None = None
+    """Columns that one pattern finds: as they stand in the file, or by the numbers in their names. Must be said where
+    the two differ."""
+    delimiter: str | None = None
+    """What stands between fields: a character, tab or space (any white space). If left out, a comma in .csv, tab in
+    .tsv, white space in .txt."""
+    header: bool = True
+    """The first row names the columns."""
+    skip: int = 0
+    """Lines before it that are not read."""
+    rows_per_scan: int = 1
+    """Lines that make up a scan; their fields count as one row. Only without a header."""
+
+    def __post_init__(self) -> None:
+        for name, value, least in (("skip", self.skip, 0), ("rows_per_scan", self.rows_per_scan, 1)):
+            if value < least:
+                raise ParameterInvalid(f"columns.{name}", value, f"it is {least} or more")
+        if self.rate_hz is not None and not 0 < self.rate_hz < float("inf"):
+            raise ParameterInvalid("columns.rate_hz", self.rate_hz, "it is above 0")
+        if self.header and self.rows_per_scan > 1:
+            raise ParameterInvalid(
+                "columns.rows_per_scan", self.rows_per_scan, "with several rows a scan, say no header"
+            )
+        if self.delimiter is not None and self.delimiter not in ("tab", "space") and len(self.delimiter) != 1:
+            raise ParameterInvalid("columns.delimiter", self.delimiter, "it is one character, tab or space")
+
+    @property
+    def seconds(self) -> float:
+        """Factor from the column's times to s."""
+        return SECONDS_PER[self.time_unit]
+
+    def resolved(self) -> Columns:
+        """With what stands in `file`. Raises ParameterInvalid."""
+        if self.file is None:
+            return self
+        import msgspec
+
+        known = [item.name for item in fields(Columns) if item.name != "file"]
+        given = {name: getattr(self, name) for name in known if getattr(self, name) != getattr(Columns, name)}
+        try:
+            table = tomllib.loads(self.file.read_text(encoding="utf-8"))
+            if unknown := table.keys() - set(known):
+                raise ParameterInvalid(f"{self.file}", ", ".join(sorted(unknown)), f"its fields are {', '.join(known)}")
+            said = msgspec.convert(table, Columns)
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
+            raise ParameterInvalid("columns.file", str(self.file), f"it cannot be read: {error}") from error
+        return replace(said, **given)
+
+    def find(self, path: Path, names: list[str]) -> tuple[int | None, list[int]]:
+        """Numbers of the column with the time (None if there is none) and of the taxels'. Raises RecordingCorrupt."""
+        when = None if self.rate_hz is not None else self._one(path, names)
+        chosen: list[int] = []
+        for pattern in self.taxels:
+            found = [number for number in _matching(pattern, names) if number != when]
+            if not found:
+                raise RecordingCorrupt(
+                    path, f"no column fits {pattern!r} among {_listed(names)}", "set --columns.taxels"
+                )
+            chosen += self._ordered(path, names, found)
+        if len(set(chosen)) < len(chosen):
+            twice = next(names[number] for number in chosen if chosen.count(number) > 1)
+            raise RecordingCorrupt(path, f"column {twice!r} is chosen twice", "set --columns.taxels to other patterns")
+        return when, chosen
+
+    def _one(self, path: Path, names: list[str]) -> int:
+        if self.time in names:
+            return names.index(self.time)
+        if self.time.isdecimal() and int(self.time) < len(names):
+            return int(self.time)
+        seen = f"it has no column {self.time!r}: its header starts with {','.join(names[:3])!r}"
+        raise RecordingCorrupt(path, seen[:300], REMEDY)
+
+    def _ordered(self, path: Path, names: list[str], found: list[int]) -> list[int]:
+        if len({re.sub(r"\d+", "#", names[number]) for number in found}) > 1 and self.order is None:
+            return found
+        keys = {number: tuple(map(int, re.findall(r"\d+", names[number]))) for number in found}
+        by_number = sorted(found, key=lambda number: keys[number])
+        if self.order is None and by_number != found:
+            first = next(number for number, sorted_one in zip(found, by_number, strict=True) if number != sorted_one)
+            seen = f"columns are mixed up: {names[first]!r} stands before a column of a smaller number"
+            raise RecordingCorrupt(path, seen, "say which order is the sensor's: --columns.order number, or file")
+        return by_number if self.order == "number" else found
+
+
+def _matching(pattern: str, names: list[str]) -> list[int]:
+    """Numbers of the columns that fit, in the file's order."""
+    if pattern in names:
+        return [names.index(pattern)]
+    if span := re.fullmatch(r"(\d+)(?:-(\d+))?", pattern):
+        first, last = int(span[1]), int(span[2] or span[1])
+        return list(range(first, last + 1)) if first <= last < len(names) else []
+    if pattern.startswith("re:"):
+        try:
+            compiled = re.compile(pattern.removeprefix("re:"))
+        except re.error as error:
+            raise ParameterInvalid("columns.taxels", pattern, f"it is no regular expression: {error}") from error
+        return [number for number, name in enumerate(names) if compiled.fullmatch(name)]
+    return [number for number, name in enumerate(names) if fnmatchcase(name, pattern)]
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - 8} more" if len(names) > 8 else ""
+    return ", ".join(" ".join(name[:40].split()) for name in names[:8]) + more

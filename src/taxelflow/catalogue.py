@@ -1,0 +1,95 @@
+"""Sensors by name: those that come with taxelflow, plain grids, and files.
+
+A sensor whose pitch its maker does not publish is asked for with it, as `inspire-rh56dftp@3.0mm`; a plain grid is
+`grid:16x16@4mm` (rows x cols at a pitch, or `grid:4x7@10x10.6mm` for two), of counts, or `grid:16x16@4mm,kPa`.
+"""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from taxelflow.errors import GridNameInvalid, NameUnknown, PitchNeeded
+from taxelflow.sensor import Sensor, parse_toml, read_sensor, sensor_of
+
+_PITCH = r"(?P<x>\d+(\.\d+)?)(x(?P<y>\d+(\.\d+)?))?mm"
+_GRID = re.compile(rf"grid:(?P<rows>\d+)x(?P<cols>\d+)@{_PITCH}(,(?P<unit>\w+(/\w+)?))?")
+_AT = re.compile(_PITCH)
+_WAYS = ("a plain grid such as grid:16x16@4mm", "or the path of a TOML file")
+
+
+def builtin_sensors() -> list[str]:
+    """Names of the sensors that come with taxelflow."""
+    return sorted(Path(file.name).stem for file in _folder().iterdir() if file.name.endswith(".toml"))
+
+
+def known_sensors() -> list[str]:
+    """What `load_sensor` takes, for people."""
+    return [*builtin_sensors(), *_WAYS]
+
+
+def catalogue() -> list[tuple[str, Sensor]]:
+    """All built-in sensors with the name to ask for; where the pitch is the user's to say, it is 1 mm here."""
+    listed = []
+    for name in builtin_sensors():
+        wants = _wants_pitch(_declared(name))
+        listed.append((f"{name}@PITCHmm", load_sensor(f"{name}@1mm")) if wants else (name, load_sensor(name)))
+    return listed
+
+
+def load_sensor(name: str) -> Sensor:
+    """A built-in sensor or a plain grid by name, or one from a TOML file by path.
+
+    Raises NameUnknown (with the list of names), PitchNeeded, GridNameInvalid, SensorFileInvalid (with file, table and
+    field).
+    """
+    stem, _, at = name.partition("@")
+    if stem in builtin_sensors():
+        return _builtin(stem, at)
+    if name.startswith("grid:"):
+        return _grid(name)
+    path = Path(name)
+    if path.is_file():
+        return read_sensor(path)
+    raise NameUnknown("sensor", name, known_sensors())
+
+
+def _folder() -> Any:
+    return resources.files("taxelflow") / "sensors"
+
+
+def _declared(name: str) -> dict[str, Any]:
+    return parse_toml((_folder() / f"{name}.toml").read_bytes(), f"{name}.toml")
+
+
+def _wants_pitch(table: dict[str, Any]) -> bool:
+    return any("rows" in pad and "pitch_m" not in pad for pad in table["pads"])
+
+
+def _builtin(name: str, at: str) -> Sensor:
+    table = _declared(name)
+    wants, given = _wants_pitch(table), _AT.fullmatch(at)
+    if wants and not given:
+        raise PitchNeeded(name, at)
+    if at and not wants:
+        raise NameUnknown("sensor", f"{name}@{at}", [name, "whose pitch is known"])
+    if given:
+        for pad in table["pads"]:
+            pad.setdefault("pitch_m", _pitch_m(given))
+        table["name"] = f"{name}@{at}"
+    return sensor_of(table, f"{name}.toml", _folder())
+
+
+def _grid(name: str) -> Sensor:
+    given = _GRID.fullmatch(name)
+    if given is None:
+        raise GridNameInvalid(name)
+    unit = given["unit"] or "count"
+    pad = {"name": "grid", "rows": int(given["rows"]), "cols": int(given["cols"]), "pitch_m": _pitch_m(given)}
+    return sensor_of({"name": name.replace(",", "-"), "unit": unit, "pads": [pad]}, name)
+
+
+def _pitch_m(given: re.Match[str]) -> list[float]:
+    return [1e-3 * float(given["x"]), 1e-3 * float(given["y"] or given["x"])]

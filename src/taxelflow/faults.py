@@ -1,0 +1,150 @@
+"""What can be wrong in a sensor file beyond its syntax: each fault named with file, table and field."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from math import dist, isfinite
+from typing import TYPE_CHECKING
+
+from taxelflow.errors import SensorFileInvalid
+from taxelflow.layout import chosen_of, skin_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from taxelflow.pads import Group, Pad, Patch
+
+_HAS = (
+    "a sensor has name, unit (Pa, kPa, psi, N/cm2, N or count) and [[pads]] with name and either rows, cols, "
+    "pitch_m = [x, y] or taxels = a table"
+)
+_ROWS = "give rows [x, y] or [x, y, z, nx, ny, nz], all alike, in m"
+_LENGTH = 0.01
+_GRID_FIELDS = ("rows", "cols", "missing")
+
+
+def schema_error(source: str, message: str) -> SensorFileInvalid:
+    """Turn msgspec's `... - at `$.pads[0].rows`` into the words of TOML."""
+    what, _, path = message.partition(" - at `$")
+    seen = what.replace("Object", "table").replace("object", "table").replace("`array`", "a list")
+    table = re.match(r"\.(pads|groups)\[(\d+)\]", path)
+    field = re.sub(r"^\.(pads|groups)\[\d+\]", "", path.rstrip("`")).lstrip(".")
+    where = f"table [[{table[1]}]] number {int(table[2]) + 1}" if table else "top level"
+    return SensorFileInvalid(source, where + (f", field {field}" if field else ""), seen[:1].lower() + seen[1:], _HAS)
+
+
+def pad_at(number: int, name: str) -> str:
+    """Where a pad stands in its file; number from 1."""
+    return f"table [[pads]] number {number} ({name})"
+
+
+def check_pads(pads: Sequence[Pad], source: str) -> None:
+    """Raises SensorFileInvalid for the first pad that can be none."""
+    for number, pad in enumerate(pads, 1):
+        for field, seen, remedy in (*(_of_table(pad) if pad.is_table else _of_grid(pad)), *_of_any(pad)):
+            raise SensorFileInvalid(source, f"{pad_at(number, pad.name)}, field {field}", seen, remedy)
+        try:
+            skin_of(pad)
+        except ValueError as error:
+            seen, _, remedy = str(error).partition(": ")
+            where = f"{pad_at(number, pad.name)}, field taxels"
+            raise SensorFileInvalid(source, where, seen, remedy or "give each its own") from error
+
+
+def _of_grid(pad: Pad) -> Iterator[tuple[str, str, str]]:
+    """Faults of a grid: field, what was seen, what to do."""
+    for field in ("rows", "cols"):
+        if not getattr(pad, field):
+            yield field, "it is missing or 0", _HAS
+    if pad.pitch_m is None:
+        yield "pitch_m", "it is missing", _HAS
+    for row, col in pad.missing:
+        if row >= pad.rows or col >= pad.cols:
+            seen = f"[{row}, {col}] lies outside {pad.rows} rows and {pad.cols} cols"
+            yield "missing", seen, "count rows and cols from 0"
+    if len(set(pad.missing)) != len(pad.missing):
+        yield "missing", "a place is listed twice", "list each place once"
+    if len(pad.missing) == pad.rows * pad.cols:
+        yield "missing", "no taxel is left", "a pad has at least one taxel"
+    if pad.channels not in (None, pad.count, pad.rows * pad.cols) and not pad.index:
+        seen = f"{pad.channels} numbers for {pad.count} taxels on {pad.rows * pad.cols} places"
+        yield "channels", seen, "give one of the two, or an index for each taxel"
+
+
+def _of_table(pad: Pad) -> Iterator[tuple[str, str, str]]:
+    """Faults of a table."""
+    for field in _GRID_FIELDS:
+        if getattr(pad, field):
+            yield field, "it stands beside a table of taxels", "a pad is a grid or a table, not both"
+    if pad.order != "row-major" or pad.first != "top-left":
+        yield "order and first", "they stand beside a table of taxels", "a table has an index instead"
+    rows = [row for row in pad.taxels if not isinstance(row, str)]
+    widths = Counter(len(row) for row in rows)
+    if len(widths) > 1 or not set(widths) <= {2, 6}:
+        seen = f"rows have {', '.join(map(str, sorted(widths)))} numbers"
+        yield "taxels", seen + (", a place in space without its normal" if set(widths) == {3} else ""), _ROWS
+    elif 6 in widths:
+        length = min((dist(row[3:], (0.0, 0.0, 0.0)) for row in rows), key=lambda long: -abs(long - 1.0))
+        if length == 0.0:
+            yield "taxels", "a normal is 0, 0, 0", "leave absent taxels out, and give the others an index"
+        elif abs(length - 1.0) > _LENGTH:
+            yield "taxels", f"a normal has length {length:.3g}", "its length is 1; are columns mixed up?"
+    if pad.channels not in (None, pad.count) and not pad.index:
+        seen = f"{pad.channels} numbers for {pad.count} taxels"
+        yield "channels", seen, "say with index which of them each taxel is"
+
+
+def _of_any(pad: Pad) -> Iterator[tuple[str, str, str]]:
+    """Faults of any pad."""
+    if isinstance(pad.area_m2, tuple) and len(pad.area_m2) != pad.count:
+        yield "area_m2", f"{len(pad.area_m2)} areas for {pad.count} taxels", "give one for all, or one for each taxel"
+    if pad.index and len(pad.index) != pad.count:
+        yield "index", f"{len(pad.index)} numbers for {pad.count} taxels", "give one for each taxel"
+    if pad.index and (pad.order != "row-major" or pad.first != "top-left"):
+        yield "index", "it stands beside order or first", "say the order once"
+    if pad.pose is not None:
+        length = dist(pad.pose[3:], (0.0, 0.0, 0.0, 0.0))
+        if not isfinite(length) or abs(length - 1.0) > 1e-3:
+            yield (
+                "pose",
+                f"its quaternion has length {length:.3g}",
+                "give x, y, z in m, then qx, qy, qz, qw of length 1",
+            )
+
+
+def check_groups(groups: Sequence[Group], pads: Sequence[Pad], source: str) -> None:
+    """Raises SensorFileInvalid for names that stand twice and for the first group that can be none."""
+    for name, times in Counter([pad.name for pad in pads] + [group.name for group in groups]).items():
+        if times > 1:
+            where, seen = "tables [[pads]] and [[groups]], field name", f"{name!r} stands {times} times"
+            raise SensorFileInvalid(source, where, seen, "name each pad and each group once")
+    known = {pad.name: pad for pad in pads}
+    for number, group in enumerate(groups, 1):
+        where = f"table [[groups]] number {number} ({group.name}), field patches"
+        for patch in group.patches:
+            for seen, remedy in _of_patch(patch, known):
+                raise SensorFileInvalid(source, where, seen, remedy)
+        members = {patch.pad for patch in group.patches}
+        if len(members) > 1 and any(known[name].origin_m is None for name in members):
+            seen = "it spans pads whose place in the hand is unknown"
+            raise SensorFileInvalid(source, where, seen, "give those pads origin_m = [x, y] and angle_rad")
+
+
+def _of_patch(patch: Patch, pads: dict[str, Pad]) -> Iterator[tuple[str, str]]:
+    """Faults of a patch: what was seen, what to do."""
+    pad = pads.get(patch.pad)
+    if pad is None:
+        yield f"there is no pad {patch.pad!r}", f"the pads are {', '.join(pads)}"
+        return
+    spans = [(name, span) for name, span in (("rows", patch.rows), ("cols", patch.cols)) if span is not None]
+    if spans and (pad.is_table or patch.taxels):
+        yield f"{spans[0][0]} of {patch.pad}, with a table or a list of taxels", "choose with taxels = [...] alone"
+    for name, span in spans:
+        size = getattr(pad, name)
+        if not span[0] <= span[1] < size:
+            yield f"{name} {list(span)} of {patch.pad}", f"give the first and the last, between 0 and {size - 1}"
+    if patch.taxels and (max(patch.taxels) >= pad.count or len(set(patch.taxels)) < len(patch.taxels)):
+        yield f"taxels of {patch.pad}", f"list each once, between 0 and {pad.count - 1}"
+    if not len(chosen_of(patch, pad)):
+        yield f"no taxel of {patch.pad} lies in it", "choose others"

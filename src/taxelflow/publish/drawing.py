@@ -1,0 +1,107 @@
+"""A sensor drawn in the terminal: its pads with the numbers of their taxels, its groups, its wiring."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from taxelflow.layout import Layout
+    from taxelflow.pads import Pad
+    from taxelflow.sensor import Sensor
+
+_CELL = 5
+_WIDEST = 110
+_LINES_PER_CHARACTER = 0.5
+"""A character is about twice as high as wide."""
+
+
+def draw_sensor(sensor: Sensor) -> None:
+    """Each pad as its taxels' numbers where they lie, row 0 on top; a dot where a grid has none. Then the groups."""
+    console, layout = Console(markup=False, highlight=False), sensor.layout
+    pads = f"{len(sensor.pads)} pad{'s' if len(sensor.pads) > 1 else ''}"
+    console.print(f"{sensor.name}  {layout.taxels} taxels in {pads}, {sensor.unit}", style="bold")
+    if sensor.note:
+        console.print(sensor.note)
+    if said := _wiring(sensor):
+        console.print(said)
+    for index, pad in enumerate(sensor.pads):
+        console.print(f"\n{pad.name}  {_size(pad, layout, index)}", style="bold")
+        if pad.origin_m is not None:
+            x, y = (1e3 * place for place in pad.origin_m)
+            console.print(f"at ({x:g}, {y:g}) mm on the flattened hand, turned {np.degrees(pad.angle_rad):.0f} deg")
+        if pad.note:
+            console.print(pad.note, style="yellow")
+        for line in _scattered(layout, index) if pad.is_table else _rows(layout, index):
+            console.print(Text(line, style="cyan"), soft_wrap=True)
+    for index, group in enumerate(sensor.groups, layout.pad_count):
+        members = ", ".join(dict.fromkeys(patch.pad for patch in group.patches))
+        taxels = layout.source[layout.of_pad(index)]
+        console.print(f"\n{group.name}  group of {len(taxels)} taxels of {members}", style="bold")
+        console.print(Text(" ".join(map(str, taxels)), style="cyan"))
+    console.print("\nx to the right, y up; a grid has row 0 on top and its origin at its centre", style="dim")
+
+
+def _size(pad: Pad, layout: Layout, index: int) -> str:
+    pitch = "x".join(f"{1e3 * p:.3g}" for p in layout.pitch_m[index])
+    if not pad.is_table:
+        return f"{pad.rows} rows x {pad.cols} cols, pitch {pitch} mm"
+    curved = f"; laid flat, neighbours within {100 * layout.stretch[index]:.1f} %" if len(pad.taxels[0]) > 2 else ""
+    return f"{pad.count} taxels, {1e3 * layout.pitch_m[index, 0]:.3g} mm apart{curved}"
+
+
+def _wiring(sensor: Sensor) -> str:
+    """What the source sends, where it is not the readings as they stand."""
+    wiring = sensor.wiring
+    if wiring.plain:
+        return ""
+    said = [f"the source sends {wiring.columns} numbers a scan"]
+    if sensor.axes > 1:
+        said.append(f"{sensor.axes} per taxel, of which {sensor.normal} is normal to the skin")
+    if sensor.offset or sensor.polarity < 0:
+        said.append(f"{sensor.offset:g} without load, {'less' if sensor.polarity < 0 else 'more'} under load")
+    if bool(np.any(np.diff(wiring.column) < 0)):
+        said.append("in an order of its own")
+    if sensor.gain:
+        said.append("with a gain for each taxel")
+    return ", ".join(said)
+
+
+def _rows(layout: Layout, pad: int) -> list[str]:
+    numbers = np.arange(layout.taxels, dtype=np.float64)
+    image = layout.grid(pad, numbers)
+    return ["".join(f"{n:{_CELL}.0f}" if np.isfinite(n) else "·".rjust(_CELL) for n in row) for row in image]
+
+
+def _scattered(layout: Layout, pad: int) -> list[str]:
+    """Numbers where the taxels lie, drawn as large as they need not to run into each other; else a list of places."""
+    own = layout.of_pad(pad)
+    x, y = layout.x_m[own] - layout.x_m[own].min(), layout.y_m[own].max() - layout.y_m[own]
+    scale = _CELL / layout.pitch_m[pad, 0]
+    while scale * float(x.max()) + _CELL <= _WIDEST:
+        col = np.round(scale * x).astype(int)
+        line = np.round(_LINES_PER_CHARACTER * scale * y).astype(int)
+        if _clear(line, col):
+            return _canvas(line, col, own.start)
+        scale *= 1.1
+    return [
+        f"{own.start + k}: ({1e3 * a:.1f}, {1e3 * b:.1f}) mm"
+        for k, (a, b) in enumerate(zip(layout.x_m[own], layout.y_m[own], strict=True))
+    ]
+
+
+def _clear(line: np.ndarray, col: np.ndarray) -> bool:
+    """Whether no two numbers touch."""
+    order = np.lexsort((col, line))
+    same = np.diff(line[order]) == 0
+    return not bool((same & (np.diff(col[order]) < _CELL)).any())
+
+
+def _canvas(line: np.ndarray, col: np.ndarray, first: int) -> list[str]:
+    canvas = [[" "] * (int(col.max()) + _CELL) for _ in range(int(line.max()) + 1)]
+    for number, (row, begin) in enumerate(zip(line.tolist(), col.tolist(), strict=True), first):
+        canvas[row][begin : begin + _CELL] = f"{number:{_CELL}d}"
+    return ["".join(row).rstrip() for row in canvas]

@@ -1,0 +1,150 @@
+"""A tactile sensor, as a TOML file declares it: pads in the order of the scans, unit, wiring."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from taxelflow import faults
+from taxelflow.errors import SensorFileInvalid
+from taxelflow.layout import Layout, layout_of
+from taxelflow.pads import Channels, Group, Name, Number, Pad, Positive
+from taxelflow.taxel_table import with_table
+from taxelflow.wiring import Wiring, wire
+
+if TYPE_CHECKING:
+    from importlib.resources.abc import Traversable
+
+PASCAL_PER = {"Pa": 1.0, "kPa": 1e3, "psi": 6894.757293168, "N/cm2": 1e4}
+
+Delay = Annotated[float, Meta(ge=0, lt=1e3)]
+
+
+class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=True):
+    """A tactile sensor: its pads in the order of the scans, and the unit of its readings."""
+
+    name: Name
+    unit: Literal["Pa", "kPa", "psi", "N/cm2", "N", "count"]
+    """Unit of a reading. N: force on a taxel, whose area makes it a pressure."""
+    pads: Annotated[tuple[Pad, ...], Meta(min_length=1, max_length=1024)]
+    scale_pa: Positive | None = None
+    """Pa per count, for unit `count`, if known."""
+    full_scale: Positive | None = None
+    """Largest reading at gain 1, in `unit`, if known: there a taxel saturates."""
+    groups: tuple[Group, ...] = ()
+    delay_s: tuple[Delay, ...] = ()
+    """How long after its scan's time stamp each taxel is read, s, in the order of the layout; at once if left out."""
+    gain: tuple[Positive, ...] = ()
+    """Factor on each taxel's reading, in the order of the layout, to make all alike; 1 if left out."""
+    offset: Number = 0.0
+    """What the source sends without load, in `unit`; a reading is polarity (sent - offset) gain."""
+    polarity: Literal[1, -1] = 1
+    """-1 for a source whose numbers fall under load."""
+    axes: Literal[1, 3] = 1
+    """Numbers that the source sends per taxel: 3 for x, y, z of a three-axis taxel, side by side."""
+    normal: Literal["x", "y", "z"] = "z"
+    """Which of three axes is normal to the skin; the others are not used."""
+    channels: Channels | None = None
+    """How many taxels' numbers a scan of the source has, if more than the pads read."""
+    note: str = ""
+
+    @property
+    def to_si(self) -> float:
+        """Factor from a reading to Pa; 1 for counts without a scale."""
+        if self.unit == "N":
+            return 1.0 / float(self.layout.area_m2[0])
+        return PASCAL_PER.get(self.unit) or self.scale_pa or 1.0
+
+    @property
+    def si_unit(self) -> str:
+        """Unit of conditioned pressure: `Pa`, or `count` where no scale is known."""
+        return "count" if self.unit == "count" and self.scale_pa is None else "Pa"
+
+    @property
+    def layout(self) -> Layout:
+        """Taxel arrays of this sensor, computed once."""
+        return _layout(self)
+
+    @property
+    def wiring(self) -> Wiring:
+        """How a source's scan becomes readings, computed once."""
+        return _wiring(self)
+
+
+@cache
+def _layout(sensor: Sensor) -> Layout:
+    return layout_of(sensor.pads, sensor.groups, sensor.delay_s)
+
+
+@cache
+def _wiring(sensor: Sensor) -> Wiring:
+    import numpy as np
+
+    columns, column = wire(sensor.pads, sensor.channels, sensor.axes, _axis(sensor))
+    gain = np.array(sensor.gain or [1.0] * len(column))
+    return Wiring(columns, column, sensor.offset, sensor.polarity, gain)
+
+
+def _axis(sensor: Sensor) -> int:
+    return "xyz".index(sensor.normal) if sensor.axes == 3 else 0
+
+
+def read_sensor(path: Path) -> Sensor:
+    """A sensor from a TOML file. Raises SensorFileInvalid, and OSError if it does not open."""
+    return parse_sensor(path.read_bytes(), str(path), path.parent)
+
+
+def parse_sensor(text: bytes, source: str, folder: Traversable | None = None) -> Sensor:
+    """A sensor from TOML text. source: its name in errors. folder: where its tables are. Raises SensorFileInvalid."""
+    return sensor_of(parse_toml(text, source), source, folder)
+
+
+def parse_toml(text: bytes, source: str) -> dict[str, object]:
+    """What TOML text holds. Raises SensorFileInvalid."""
+    try:
+        return tomllib.loads(text.decode())
+    except UnicodeDecodeError as error:
+        raise SensorFileInvalid(source, "text", str(error), "a TOML file is UTF-8 text") from error
+    except tomllib.TOMLDecodeError as error:
+        raise SensorFileInvalid(source, "syntax", str(error), "see toml.io for the format") from error
+
+
+def sensor_of(table: object, source: str, folder: Traversable | None = None) -> Sensor:
+    """A sensor from the mapping that TOML or JSON holds; else as `parse_sensor`. Raises SensorFileInvalid."""
+    try:
+        sensor = msgspec.convert(table, Sensor)
+    except msgspec.ValidationError as error:
+        raise faults.schema_error(source, str(error)) from error
+    pads = tuple(
+        with_table(pad, folder, source, faults.pad_at(number, pad.name)) for number, pad in enumerate(sensor.pads, 1)
+    )
+    sensor = msgspec.structs.replace(sensor, pads=pads)
+    faults.check_pads(sensor.pads, source)
+    faults.check_groups(sensor.groups, sensor.pads, source)
+    _check(sensor, source)
+    return sensor
+
+
+def _check(sensor: Sensor, source: str) -> None:
+    if sensor.scale_pa is not None and sensor.unit != "count":
+        seen, remedy = f"given for unit {sensor.unit!r}", "leave it out: only counts need a scale"
+        raise SensorFileInvalid(source, "top level, field scale_pa", seen, remedy)
+    taxels = sum(pad.count for pad in sensor.pads)
+    for field, numbers in (("delay_s", sensor.delay_s), ("gain", sensor.gain)):
+        if numbers and len(numbers) != taxels:
+            what = field.removesuffix("_s")
+            seen = f"{len(numbers)} {what}s for {taxels} taxels"
+            raise SensorFileInvalid(source, f"top level, field {field}", seen, "give one for each taxel, or none")
+    try:
+        wire(sensor.pads, sensor.channels, sensor.axes, _axis(sensor))
+    except ValueError as error:
+        raise SensorFileInvalid(source, "order of the source", *str(error).split(": ", 1)) from error
+    area = sensor.layout.area_m2
+    if sensor.unit == "N" and area.min() < 0.999 * area.max():
+        seen = f"it is N, and taxels have {area.min():.3g} to {area.max():.3g} m2"
+        raise SensorFileInvalid(source, "top level, field unit", seen, "give pressures, or one area_m2 for all")

@@ -1,0 +1,197 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxelflow.acquire.columns import Columns
+from taxelflow.acquire.csv import open_csv
+from taxelflow.catalogue import load_sensor
+from taxelflow.errors import ParameterInvalid, RecordingCorrupt, TaxelCountWrong
+from taxelflow.pads import Pad
+from taxelflow.sensor import Sensor
+
+
+def plain(taxels: int) -> Sensor:
+    return Sensor("plain", "count", (Pad("pad", 1, taxels, (0.004, 0.004)),))
+
+
+def read(folder: Path, text: str, count: int, name: str = "log.csv", **asked: Any) -> Any:
+    path = folder / name
+    path.write_text(text)
+    return open_csv(path, plain(count), Columns(**asked)).load()
+
+
+def refused(folder: Path, text: str, match: str, count: int = 2, **asked: Any) -> None:
+    with pytest.raises((RecordingCorrupt, TaxelCountWrong), match=match) as caught:
+        read(folder, text, count, **asked)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
+def test_time_may_stand_in_any_column_and_unit(tmp_path: Path, unit: Any, factor: float) -> None:
+    raw = read(tmp_path, "a,stamp,b\n1,1000,2\n3,2000,4\n", 2, time="stamp", time_unit=unit)
+    np.testing.assert_allclose(raw.t_s, [1000 * factor, 2000 * factor])
+    assert raw.values.tolist() == [[1, 2], [3, 4]]
+
+
+@pytest.mark.parametrize(
+    ("taxels", "wanted"),
+    [
+        (("p*",), [[1, 2, 3]]),
+        (("p0", "p2", "p1"), [[1, 3, 2]]),
+        (("re:p[02]", "q"), [[1, 3, 9]]),
+        (("2-3", "1"), [[2, 3, 1]]),
+        (("q", "p*"), [[9, 1, 2, 3]]),
+    ],
+)
+def test_taxels_are_chosen_by_name_wildcard_expression_or_number_in_any_order(
+    tmp_path: Path, taxels: tuple[str, ...], wanted: list[list[float]]
+) -> None:
+    raw = read(tmp_path, "t_s,p0,p1,p2,q,label\n0,1,2,3,9,left\n", len(wanted[0]), taxels=taxels)
+    assert raw.values.tolist() == wanted
+
+
+def test_columns_in_another_order_than_their_numbers_must_be_said(tmp_path: Path) -> None:
+    text = "t_s,p0,p10,p2\n0,1,3,2\n"
+    refused(tmp_path, text, "columns are mixed up: 'p10' stands before.*--columns.order number, or file", 3)
+    assert read(tmp_path, text, 3, order="number").values.tolist() == [[1, 2, 3]]
+    assert read(tmp_path, text, 3, order="file").values.tolist() == [[1, 3, 2]]
+
+
+def test_two_numbers_in_a_name_are_row_and_column(tmp_path: Path) -> None:
+    text = "t_s,r0c0,r1c0,r0c1,r1c1\n0,1,3,2,4\n"
+    assert read(tmp_path, text, 4, order="number").values.tolist() == [[1, 2, 3, 4]]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "asked"),
+    [
+        ("a.csv", "t_s;a;b\n0;1;2\n1;3;4\n", {"delimiter": ";"}),
+        ("a.csv", "t_s\ta\tb\n0\t1\t2\n1\t3\t4\n", {"delimiter": "tab"}),
+        ("a.tsv", "t_s\ta\tb\n0\t1\t2\n1\t3\t4\n", {}),
+        ("a.txt", "t_s  a b\n 0 1  2\n1\t3 4\n", {}),
+        ("a.txt", "# a log\n\nt_s a b\n0 1 2\n1 3 4\n", {"skip": 1}),
+        ("a.txt", "0 1 2\n1 3 4\n", {"header": False, "time": "0"}),
+        ("a.csv", "0,1\n2\n1,3\n4\n", {"header": False, "time": "0", "rows_per_scan": 2}),
+        ("a.txt", "-1\n0 1\n2\n1 3\n4", {"header": False, "time": "0", "rows_per_scan": 2, "skip": 1}),
+        ("a.csv", '"t_s","a","b"\n"0","1","2"\n"1","3","4"\n', {}),
+    ],
+)
+def test_delimiters_headers_and_scans_of_several_rows(
+    tmp_path: Path, name: str, text: str, asked: dict[str, Any]
+) -> None:
+    raw = read(tmp_path, text, 2, name, **asked)
+    assert raw.t_s.tolist() == [0, 1]
+    assert raw.values.tolist() == [[1, 2], [3, 4]]
+
+
+def test_a_log_without_times_has_a_rate_and_that_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("a,b\n" + "1,2\n" * 1500)
+    recording = open_csv(path, plain(2), Columns(rate_hz=50.0))
+    np.testing.assert_allclose(recording.load().t_s, np.arange(1500) / 50)
+    assert recording.notes == ("times are counted at 50 Hz: the log has none",)
+
+
+@pytest.mark.parametrize(
+    ("text", "match", "asked"),
+    [
+        ("t_s,a,b\n0,1,2\n", "no column fits 'p*' among t_s, a, b; set --columns.taxels", {"taxels": ("p*",)}),
+        ("t_s,a,b\n0,1,2\n", "no column fits '1-7'", {"taxels": ("1-7",)}),
+        ("t_s,a,b\n0,1,2\n", "column 'a' is chosen twice", {"taxels": ("a", "*")}),
+        ("t_s,a,b\n0,1,2\n", "it has no column 'stamp': its header starts with 't_s,a,b'", {"time": "stamp"}),
+        ("t_s,a,b\n0,1,2\n", "3 taxels per scan but sensor 'plain' has 2", {"rate_hz": 1.0}),
+        ("t_s,a,b\n0,1,left\n", "scan 0: could not convert string to float: 'left'", {}),
+        (
+            "0 1 2\n1 2\n3 4 5\n",
+            "scan 1 has 2 columns, the first 3",
+            {"header": False, "time": "0", "delimiter": "space"},
+        ),
+    ],
+)
+def test_what_does_not_fit_is_said_with_what_was_seen(
+    tmp_path: Path, text: str, match: str, asked: dict[str, Any]
+) -> None:
+    refused(tmp_path, text, match.replace("*", r"\*"), **asked)
+
+
+def test_a_cut_last_scan_of_several_rows_is_a_loss(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("0 1\n2\n1 3\n4\n2 5\n")
+    reading = open_csv(path, plain(2), Columns(header=False, time="0", rows_per_scan=2)).blocks()
+    assert sum(len(block) for block in reading) == 2
+    assert "2 scans could be read" in str(reading.loss)
+
+
+def test_a_mapping_may_stand_in_a_file_and_what_is_given_beside_it_comes_first(tmp_path: Path) -> None:
+    mapping = tmp_path / "log.toml"
+    mapping.write_text('time = "ms"\ntime_unit = "ms"\ntaxels = ["a", "b"]\n')
+    raw = read(tmp_path, "ms,a,b,c\n5,1,2,3\n", 2, file=mapping)
+    assert (raw.t_s.tolist(), raw.values.tolist()) == ([0.005], [[1, 2]])
+    raw = read(tmp_path, "ms,a,b,c\n5,1,2,3\n", 1, file=mapping, taxels=("c",))
+    assert raw.values.tolist() == [[3]]
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("tiem = 1", "tiem.*its fields are time, time_unit, rate_hz"),
+        ("time_unit = 'h'", "it cannot be read: Invalid enum value 'h'"),
+        ("time = ", "it cannot be read"),
+        ("skip = -1", "skip is -1; it is 0 or more|-1"),
+    ],
+)
+def test_a_broken_mapping_is_said(tmp_path: Path, text: str, match: str) -> None:
+    (tmp_path / "log.toml").write_text(text)
+    with pytest.raises(ParameterInvalid, match=match):
+        Columns(file=tmp_path / "log.toml").resolved()
+    with pytest.raises(ParameterInvalid, match="No such file"):
+        Columns(file=tmp_path / "none.toml").resolved()
+
+
+@pytest.mark.parametrize(
+    ("asked", "match"),
+    [
+        ({"rate_hz": 0.0}, "columns.rate_hz is 0.0; it is above 0"),
+        ({"skip": -1}, "columns.skip is -1"),
+        ({"rows_per_scan": 0}, "columns.rows_per_scan is 0"),
+        ({"rows_per_scan": 2}, "say no header"),
+        ({"delimiter": "::"}, "columns.delimiter is '::'; it is one character, tab or space"),
+    ],
+)
+def test_parameters_out_of_range_are_refused(asked: dict[str, Any], match: str) -> None:
+    with pytest.raises(ParameterInvalid, match=match):
+        Columns(**asked)
+
+
+def test_a_broken_expression_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ParameterInvalid, match="it is no regular expression"):
+        read(tmp_path, "t_s,a\n0,1\n", 1, taxels=("re:(",))
+
+
+@given(st.lists(st.lists(st.floats(allow_infinity=False), min_size=3, max_size=3), min_size=1, max_size=5))
+def test_the_fast_parser_and_the_careful_one_agree(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[list[float]]
+) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    lines = [",".join(map(repr, [number, *row])) for number, row in enumerate(rows)]
+    quoted = [",".join(f'"{field}"' for field in line.split(",")) for line in lines]
+    plain_one = read(folder, "t_s,a,b,c\n" + "\n".join(lines), 3)
+    careful = read(folder, "t_s,a,b,c\n" + "\n".join(quoted), 3)
+    np.testing.assert_array_equal(plain_one.values, careful.values)
+    np.testing.assert_array_equal(plain_one.values, rows)
+
+
+def test_the_icub_logs_are_read(recordings: Path) -> None:
+    asked = Columns(header=False, skip=1, rows_per_scan=7, taxels=("14-73",), rate_hz=20.0)
+    for path in sorted((recordings / "icub-grasp").glob("blue*.txt")):
+        recording = open_csv(path, load_sensor("icub-fingertips-60"), asked)
+        sent = next(recording.read()).values
+        assert sent.shape == (12, 60)
+        assert ((sent > 200) & (sent <= 255)).all()
+        np.testing.assert_array_equal(recording.load().values, 255 - sent)

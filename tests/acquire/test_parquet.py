@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from synthetic import grid_sensor
+from taxelflow.acquire.columns import Columns
+from taxelflow.acquire.parquet import open_parquet
+from taxelflow.api import read
+from taxelflow.errors import ExtraMissing, RecordingCorrupt, SensorNeeded, TaxelCountWrong
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pa = pytest.importorskip("pyarrow")
+pq = pytest.importorskip("pyarrow.parquet")
+
+SENSOR = grid_sensor(1, 2)
+
+
+def write(folder: Path, columns: dict[str, Any]) -> Path:
+    path = folder / "a.parquet"
+    pq.write_table(pa.table(columns), path)
+    return path
+
+
+def test_plain_columns_of_any_number_are_read(tmp_path: Path) -> None:
+    path = write(
+        tmp_path, {"t_s": [0.0, 0.1], "a": pa.array([1, None], pa.int16()), "b": pa.array([3, 4], pa.float32())}
+    )
+    recording = open_parquet(path, SENSOR)
+    assert (recording.format, recording.scans) == ("parquet", 2)
+    np.testing.assert_array_equal(recording.load().values, [[1, 3], [np.nan, 4]])
+    np.testing.assert_array_equal(recording.load().t_s, [0.0, 0.1])
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_time_stamps_bring_their_unit(tmp_path: Path, unit: str) -> None:
+    stamps = pa.array([2_000_000_000, 4_000_000_000], pa.timestamp("ns")).cast(pa.timestamp(unit))
+    path = write(tmp_path, {"when": stamps, "a": [1, 2], "b": [3, 4]})
+    np.testing.assert_allclose(open_parquet(path, SENSOR, Columns(time="when")).load().t_s, [2, 4])
+
+
+def test_a_table_without_times_has_a_rate(tmp_path: Path) -> None:
+    recording = open_parquet(write(tmp_path, {"a": np.zeros(2000), "b": np.ones(2000)}), SENSOR, Columns(rate_hz=20.0))
+    np.testing.assert_allclose(recording.load().t_s, np.arange(2000) / 20)
+    assert "the log has none" in recording.notes[0]
+
+
+def test_a_long_file_comes_in_blocks(tmp_path: Path) -> None:
+    path = write(tmp_path, {"t_s": np.arange(2100.0), "a": np.zeros(2100), "b": np.zeros(2100)})
+    assert max(len(block) for block in open_parquet(path, SENSOR).blocks()) == 1024
+
+
+@pytest.mark.parametrize(
+    ("columns", "asked", "match"),
+    [
+        ({"t_s": [0.0], "a": ["x"], "b": [1]}, {}, "column 'a' holds string, not numbers"),
+        ({"t_s": ["x"], "a": [1], "b": [1]}, {}, "column 't_s' holds string, not times"),
+        ({"time": [0.0], "a": [1], "b": [1]}, {}, "it has no column 't_s'"),
+        ({"t_s": [0.0], "a": [1], "b": [1]}, {"taxels": ("p*",)}, r"no column fits 'p\*'"),
+    ],
+)
+def test_columns_that_do_not_fit_are_named(
+    tmp_path: Path, columns: dict[str, Any], asked: dict[str, Any], match: str
+) -> None:
+    with pytest.raises(RecordingCorrupt, match=match):
+        open_parquet(write(tmp_path, columns), SENSOR, Columns(**asked))
+
+
+def test_sensor_and_count_are_checked(tmp_path: Path) -> None:
+    path = write(tmp_path, {"t_s": [0.0], "a": [1]})
+    with pytest.raises(SensorNeeded):
+        read(path)
+    with pytest.raises(TaxelCountWrong, match="1 taxels per scan but sensor 'grid' has 2"):
+        read(path, SENSOR)
+
+
+def test_without_pyarrow_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path, {"t_s": [0.0], "a": [1], "b": [1]})
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(ExtraMissing, match=r"pip install 'taxelflow\[tables\]'"):
+        read(path, SENSOR)

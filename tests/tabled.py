@@ -1,0 +1,43 @@
+"""Sensors whose pads are tables, for tests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.pads import Pad
+from taxelflow.sensor import Sensor
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+
+
+def hexagonal(rings: int, pitch_m: float = 0.005) -> Floats:
+    """(taxels, 2): a hexagon of so many rings around one taxel."""
+    steps = range(-rings, rings + 1)
+    places = [(a + b / 2, b * np.sqrt(3) / 2) for b in steps for a in steps if abs(a + b) <= rings]
+    return pitch_m * np.array(places)
+
+
+def square(rows: int, cols: int, pitch_m: float = 0.01) -> Floats:
+    """(taxels, 2): where a grid of that size has its taxels, row-major."""
+    row, col = np.divmod(np.arange(rows * cols), cols)
+    return pitch_m * np.stack([col - (cols - 1) / 2, (rows - 1) / 2 - row], axis=1)
+
+
+def arched(rows: int, cols: int, radius_m: float, pitch_m: float = 0.004) -> tuple[Floats, Floats]:
+    """A grid bent around a cylinder along y: (taxels, 2) as it is unrolled, (taxels, 6) places and normals."""
+    flat = square(rows, cols, pitch_m)
+    angle = flat[:, 0] / radius_m
+    normal = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+    place = radius_m * normal
+    place[:, 1] = flat[:, 1]
+    return flat, np.concatenate([place, normal], axis=1)
+
+
+def table_sensor(*tables: Floats, **fields: Any) -> Sensor:
+    pads = tuple(
+        Pad(name=f"pad{number}", taxels=tuple(map(tuple, table.tolist()))) for number, table in enumerate(tables)
+    )
+    return Sensor(**{"name": "table", "unit": "Pa", "pads": pads, **fields})
