@@ -1,4 +1,4 @@
-"""A running conditioner: unit conversion, tare, noise, missing taxels, contact."""
+"""A running conditioner: new scans only, in SI, filtered, tared, with noise, missing taxels, gaps and contact."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
+from taxelflow.condition.health import Finding, examine
 from taxelflow.condition.noise import RANGE_FLOOR, learn_noise
 from taxelflow.condition.sample import Sample
+from taxelflow.condition.sift import Sifted, Sifter
 from taxelflow.condition.tare import learn_offset
-from taxelflow.errors import RecordingError
-from taxelflow.messages import Bools, Floats, RawScans, Scans, cut, joined
+from taxelflow.errors import ParameterInvalid, RecordingError
+from taxelflow.messages import Bools, Floats, RawScans, Scans
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.condition.conditioner import Conditioner
+    from taxelflow.condition.drift import Drift
+    from taxelflow.condition.filters import Filters
     from taxelflow.layout import Sensor
 
 
@@ -31,64 +35,95 @@ _SATURATED = 0.9995
 class Learned:
     """What a session knows of its sensor, in SI units.
 
-    offset, noise: (taxels,). tared: (pads,), groups left out. masked: (taxels,), declared off or never heard from.
+    offset, noise: (taxels,), of readings before any filter. tared: (pads,), groups left out. masked: (taxels,), declared
+    off, never heard from, or masked as told. findings: taxels that are not well, masked or not.
     """
 
     offset: Floats
     noise: Floats
     tared: Bools
     masked: Bools
+    findings: tuple[Finding, ...]
 
 
 class Session:
-    """Conditions scan after scan. `learned` is what it has found out so far."""
+    """Conditions scan after scan. `learned` is what it has found out so far, `sifter` tells of repeats and gaps."""
 
     def __init__(
         self, parameters: Conditioner, sensor: Sensor, masked: Bools, lookahead: Iterable[RawScans] | None
     ) -> None:
         self._parameters, self._sensor, self._layout = parameters, sensor, sensor.layout
-        self._masked = masked
-        self._sample = Sample(self._layout.taxels)
+        self._masked = _with(masked, parameters.off)
+        self._top = _SATURATED * (sensor.full_scale or np.inf) * sensor.to_si
+        self.sifter = Sifter(self._layout.taxels, self._top, drop=parameters.repeats == "drop")
+        self.sample = Sample(self._layout.taxels)
         self._causal = lookahead is None
-        self._held: list[RawScans] = []
+        self._held: list[Sifted] = []
         self._in_contact = np.zeros(len(self._layout.pads), dtype=np.bool_)
         self._last = np.zeros(self._layout.entries)
+        self._changed = np.zeros(len(self._layout.pads), dtype=np.bool_)
         self._known_noise = self._spread_noise = np.zeros(0)
         self._known_offset = self._tared_ceiling = np.zeros(0)
+        self._filters: Filters | None = None
+        self._drift: Drift | None = None
+        if parameters.drift == "follow":
+            from taxelflow.condition.drift import Drift
+
+            self._drift = Drift(self._layout)
         self.learned: Learned | None = None
         if lookahead is not None:
             with suppress(RecordingError):  # the second pass meets the same damage, after the scans before it
                 for raw in lookahead:
-                    self._sample.add(self._si(raw.values))
-            self._sample.close()
-            self.learned = self._learn()
+                    fresh = self.sifter.step(raw.t_s, self._si(raw.values))
+                    self.sample.add(fresh.t_s, fresh.values)
+            self.sample.close()
+            self._learn()
+            self.sifter.restart()
+
+    @property
+    def lag_s(self) -> float:
+        """How much older than its scan a pressure is, from the filters alone."""
+        return self._filters.lag_s if self._filters else 0.0
 
     def step(self, raw: RawScans) -> Iterator[Scans]:
         """Conditioned scans, all that are ready, in blocks of one noise model each."""
+        fresh = self.sifter.step(raw.t_s, self._si(raw.values))
         if not self._causal:
-            yield self._condition(raw)
+            yield from self._condition(fresh)
             return
-        while len(raw):
-            count = min(len(raw), self._sample.wanted)
-            piece, raw = cut(raw, 0, count), cut(raw, count, len(raw))
-            full = self._sample.wanted == count
-            self._sample.add(self._si(piece.values))
+        while len(fresh):
+            count = min(len(fresh), self.sample.wanted)
+            piece, fresh = fresh.part(0, count), fresh.part(count, len(fresh))
+            full = self.sample.wanted == count
+            self.sample.add(piece.t_s, piece.values)
             if self.learned is None:
                 self._held.append(piece)
                 if full:
                     yield from self.finish()
                 continue
-            yield self._condition(piece)
-            if full and self._sample.seen.bit_count() == 1:  # after 2, 4, 8, ... windows: bounded work for ever
-                self._relearn_noise()
+            yield from self._condition(piece)
+            if full and self.sample.seen.bit_count() == 1:  # after 2, 4, 8, ... windows: bounded work for ever
+                self._relearn()
 
     def finish(self) -> Iterator[Scans]:
         """What a stream still holds back: its first scans, if it ended before there were enough to learn from."""
         if self._held:
-            self._sample.close()
-            self.learned = self._learn()
-            held, self._held = joined(self._held), []
-            yield self._condition(held)
+            self.sample.close()
+            self._learn()
+            held, self._held = self._held, []
+            whole = (np.concatenate([getattr(piece, name) for piece in held]) for name in ("t_s", "values", "gap"))
+            yield from self._condition(Sifted(*whole))
+
+    def sampled(self) -> Iterator[Scans]:
+        """The windows of the sample, tared, with contact, each at the time of its first scan. The stream goes on as if
+        this had not been asked for.
+        """
+        memory = self._in_contact, self._last
+        self._in_contact, self._last = np.zeros_like(memory[0]), np.zeros_like(memory[1])
+        for start_s, window in zip(self.sample.starts_s, self.sample.windows, strict=True):
+            values = window[np.isfinite(window).any(axis=1)]
+            yield self._tared(Sifted(np.full(len(values), start_s), values, np.zeros(len(values), dtype=np.bool_)))
+        self._in_contact, self._last = memory
 
     def _si(self, values: Floats) -> Floats:
         """Readings in SI; what is not finite is missing."""
@@ -96,16 +131,25 @@ class Session:
             si = values * self._sensor.to_si
         return np.where(np.isfinite(si), si, np.nan)
 
-    def _noise(self, windows: Floats, masked: Bools) -> Floats:
+    def _noise(self, masked: Bools) -> Floats:
         sensor = self._sensor
         step = sensor.to_si if sensor.unit == "count" else 0.0  # a count is a whole number
-        return learn_noise(windows, masked, step, RANGE_FLOOR * (sensor.full_scale or 0.0) * sensor.to_si)
+        unknown = RANGE_FLOOR * (sensor.full_scale or 0.0) * sensor.to_si
+        return learn_noise(self.sample.windows, masked, step, unknown)
 
-    def _learn(self) -> Learned:
-        layout, windows = self._layout, self._sample.windows
+    def _judge(self, masked: Bools) -> tuple[Floats, Bools, tuple[Finding, ...]]:
+        """Noise and findings with these taxels masked; then noise and masks with what `mask` asks for besides."""
+        noise = self._noise(masked)
+        findings = examine(self.sample.windows, noise, masked, self._layout)
+        if self._parameters.mask == "auto" and findings:
+            masked = _with(masked, [finding.taxel for finding in findings])
+            noise = self._noise(masked)
+        return noise, masked, findings
+
+    def _learn(self) -> None:
+        layout, windows = self._layout, self.sample.windows
         silent = ~np.isfinite(windows).any(axis=(0, 1)) if len(windows) else np.zeros(layout.taxels, dtype=np.bool_)
-        masked = self._masked | silent
-        noise = self._noise(windows, masked)
+        noise, masked, findings = self._judge(self._masked | silent)
         offset = np.zeros(layout.taxels)
         tared = np.zeros(layout.pad_count, dtype=np.bool_)
         reference = self._reference(windows)
@@ -114,19 +158,34 @@ class Session:
             found = self._offset(pad, noise[own], masked[own], reference)
             if found is not None:
                 offset[own], tared[pad] = found, True
-        return Learned(offset, noise, tared, masked)
+        self.learned = Learned(offset, noise, tared, masked, findings)
+        asked, usual_s = self._parameters, self.sifter.usual_s
+        if (asked.lowpass_hz or asked.median_scans > 1) and usual_s > 0:
+            from taxelflow.condition.filters import Filters
+
+            self._filters = Filters(layout.taxels, asked.lowpass_hz, asked.median_scans, usual_s)
+
+    def _relearn(self) -> None:
+        """Noise of a loaded taxel shows only under load, and bad taxels only in time; the tare stays."""
+        before = self.learned
+        if before is None:
+            return
+        noise, masked, findings = self._judge(before.masked)
+        self.learned = replace(before, noise=noise, masked=masked, findings=findings)
+        fewer = (masked & ~before.masked)[self._layout.source]
+        self._changed |= np.logical_or.reduceat(fewer, self._layout.starts[:-1])
 
     def _offset(self, pad: int, noise: Floats, masked: Bools, reference: float) -> Floats | None:
         own = self._layout.of_pad(pad)
-        if self._parameters.tare == "none" or masked.all() or not len(self._sample.windows):
+        if self._parameters.tare == "none" or masked.all() or not len(self.sample.windows):
             return None
         if self._parameters.tare == "start":
-            start = self._sample.first[:, own]
+            start = self.sample.first[:, own]
             heard = np.isfinite(start)
             count = np.maximum(heard.sum(axis=0), 1)
             mean: Floats = np.where(heard, start, 0.0).sum(axis=0) / count
             return mean
-        return learn_offset(self._sample.windows[:, :, own], noise, masked, self._layout.neighbours(pad), reference)
+        return learn_offset(self.sample.windows[:, :, own], noise, masked, self._layout.neighbours(pad), reference)
 
     def _reference(self, windows: Floats) -> float:
         """What an offset must be small against: full scale, and, where the future is known, the largest reading."""
@@ -135,38 +194,49 @@ class Session:
             return full_scale
         return max(full_scale, float(np.max(windows, initial=0.0, where=np.isfinite(windows))))
 
-    def _relearn_noise(self) -> None:
-        """Noise of a loaded taxel shows only under load, so it is learned again as scans go by; the tare stays."""
-        if self.learned is not None:
-            self.learned = replace(self.learned, noise=self._noise(self._sample.windows, self.learned.masked))
-
-    def _noise_of_entries(self, noise: Floats) -> Floats:
-        """(entries,), one and the same array until the noise is learned anew."""
+    def _entry_noise(self, noise: Floats) -> Floats:
+        """(entries,) after the filters, one and the same array until the noise is learned anew."""
         if self._known_noise is not noise:
-            self._known_noise, self._spread_noise = noise, noise[self._layout.source]
+            self._known_noise = noise
+            self._spread_noise = noise[self._layout.source] * (self._filters.noise_gain if self._filters else 1.0)
         return self._spread_noise
 
-    def _ceiling(self) -> Floats:
+    def _ceiling(self, offset: Floats) -> Floats:
         """(entries,), where readings saturate, half a part in a thousand below full scale; tared like them."""
-        if self.learned is not None and self._known_offset is not self.learned.offset:
-            self._known_offset = self.learned.offset
-            top = _SATURATED * (self._sensor.full_scale or np.inf) * self._sensor.to_si
-            self._tared_ceiling = (top - self.learned.offset)[self._layout.source]
+        if self._known_offset is not offset:
+            self._known_offset = offset
+            self._tared_ceiling = (self._top - offset)[self._layout.source]
         return self._tared_ceiling
 
-    def _condition(self, raw: RawScans) -> Scans:
+    def _condition(self, fresh: Sifted) -> Iterator[Scans]:
+        """Conditioned scans, cut where idle pads have followed their drift."""
+        if self._filters and self.learned:
+            values = self._filters.step(fresh.values, fresh.gap, self.learned.noise)
+            fresh = replace(fresh, values=values)
+        if self._drift is None:
+            yield self._tared(fresh)
+            return
+        while len(fresh):
+            count = min(len(fresh), self._drift.wanted)
+            piece, fresh = fresh.part(0, count), fresh.part(count, len(fresh))
+            scans = self._tared(piece)
+            yield scans
+            if self.learned is not None:
+                self.learned = self._drift.take(scans, piece.gap, self.learned)
+
+    def _tared(self, fresh: Sifted) -> Scans:
         if self.learned is None:
             raise RuntimeError("a scan was conditioned before anything was learned")
         layout, parameters = self._layout, self._parameters
-        values, noise, offset = raw.values, self.learned.noise, self.learned.offset
+        values, offset = fresh.values, self.learned.offset
+        noise, ceiling = self._entry_noise(self.learned.noise), self._ceiling(offset)
         if layout.entries > layout.taxels:
-            values, noise, offset = values[:, layout.source], self._noise_of_entries(noise), offset[layout.source]
+            values, offset = values[:, layout.source], offset[layout.source]
         pressure = np.empty_like(values)
-        contact = np.empty((len(raw), len(layout.pads)), dtype=np.bool_)
+        contact = np.empty((len(fresh), len(layout.pads)), dtype=np.bool_)
         complete = np.empty_like(contact)
         condition(
             values,
-            self._sensor.to_si,
             offset,
             noise,
             layout.starts,
@@ -178,13 +248,26 @@ class Session:
             contact,
             complete,
         )
-        return Scans(raw.t_s, pressure, noise, self._ceiling(), contact, complete)
+        complete[fresh.gap] = False
+        if self._changed.any() and len(fresh):
+            complete[0, self._changed] = False  # a taxel that is masked from here on must not look like motion
+            self._changed[:] = False
+        return Scans(fresh.t_s, pressure, noise, ceiling, contact, complete)
+
+
+def _with(masked: Bools, taxels: list[int]) -> Bools:
+    """Masks and these taxels besides. Raises ParameterInvalid if the sensor has none of that number."""
+    for taxel in taxels:
+        if taxel >= len(masked):
+            raise ParameterInvalid("mask", taxel, f"this sensor's taxels are numbered from 0 to {len(masked) - 1}")
+    more = masked.copy()
+    more[taxels] = True
+    return more
 
 
 @kernel
 def condition(
     values: Floats,
-    to_si: float,
     offset: Floats,
     noise: Floats,
     starts: NDArray[np.int64],
@@ -196,7 +279,7 @@ def condition(
     contact: Bools,
     complete: Bools,
 ) -> None:
-    """Fill pressure (scans, taxels), contact and complete (scans, pads) from raw values.
+    """Fill pressure (scans, taxels), contact and complete (scans, pads) from readings in SI.
 
     in_contact (pads,) and last (taxels,) are the memory from scan to scan. A masked taxel (noise 0) reads 0.
     A missing one (not finite) reads 0 as well; if its last reading was a load, the pad's scan is incomplete.
@@ -210,7 +293,7 @@ def condition(
             for taxel in range(starts[pad], starts[pad + 1]):
                 reading = 0.0
                 if noise[taxel] > 0.0:
-                    reading = values[scan, taxel] * to_si - offset[taxel]
+                    reading = values[scan, taxel] - offset[taxel]
                     if np.isfinite(reading):
                         last[taxel] = reading
                         total += reading

@@ -1,0 +1,64 @@
+"""The offset of idle pads as it creeps, followed without ever following a contact.
+
+A pad may drift only while it is surely idle: it was tared once, it has not been in contact for a whole spell of scans,
+no reading was missing and no time lost, and the mean of that spell has no shape, as the tare demands (`tare.py`).
+A contact, however light or slow, has one, unless it covers the whole pad evenly; and a pad in contact keeps its offset for
+as long as the contact lasts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.condition.tare import shapeless
+
+if TYPE_CHECKING:
+    from taxelflow.condition.session import Learned
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Bools, Scans
+
+SPELL_SCANS = 64
+_SHARE = 0.25
+"""Of a spell's mean that the offset takes up: what noise leaves in the mean hardly moves it."""
+
+
+class Drift:
+    """Collects spells of tared readings, at most SPELL_SCANS long, and says what the offsets become."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout = layout
+        self._spell = np.zeros((SPELL_SCANS, layout.taxels))
+        self._scans = 0
+        self._idle = np.ones(layout.pad_count, dtype=np.bool_)
+
+    @property
+    def wanted(self) -> int:
+        """Scans until the spell is full."""
+        return SPELL_SCANS - self._scans
+
+    def take(self, scans: Scans, gap: Bools, learned: Learned) -> Learned:
+        """Take at most `wanted` scans; what is known then, with new offsets if a spell has ended idle."""
+        layout = self._layout
+        self._spell[self._scans : self._scans + len(scans)] = scans.pressure[:, : layout.taxels]
+        self._scans += len(scans)
+        quiet = ~scans.contact & scans.complete & ~gap[:, np.newaxis]
+        own, groups = quiet[:, : layout.pad_count], quiet[:, layout.pad_count :]
+        self._idle &= own.all(axis=0) & groups.all()  # a group may feel what none of its pads does
+        if self.wanted:
+            return learned
+        offset = learned.offset.copy()
+        for pad in np.flatnonzero(self._idle & learned.tared):
+            own = layout.of_pad(int(pad))
+            masked = learned.masked[own]
+            if masked.all():
+                continue
+            mean = self._spell[:, own].mean(axis=0)
+            settled = float(learned.noise[own].max()) / SPELL_SCANS**0.5
+            if shapeless(mean, masked, layout.neighbours(int(pad)), settled):
+                offset[own] += np.where(masked, 0.0, _SHARE * mean)
+        self._scans = 0
+        self._idle[:] = True
+        return learned if np.array_equal(offset, learned.offset) else replace(learned, offset=offset)

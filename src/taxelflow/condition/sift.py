@@ -1,0 +1,222 @@
+"""What a scan is worth before it is used: a new one, or the last one again; in time, or after a gap.
+
+Loggers that run faster than their sensor write its last scan again, bit for bit, under a new stamp. An idle sensor that
+clips to its lowest value repeats itself too, and so does a still contact under a coarse converter. What tells them
+apart is the noise of loaded readings. A reading of pure noise turns back (goes down after up, or up after down)
+in 2 of 3 scans, a smooth one hardly ever; if a share s of fresh readings are equal to the last one, it turns back in about
+2/3 (1 - s)^2. So the turns of each taxel, counted over scans that differ, say how likely a fresh reading
+is to repeat itself, and a whole scan is taken for a repeated one only if its loaded readings together would have
+done so less than once in a thousand times. Where nothing is loaded there is no evidence, and the scan is kept.
+
+A gap is a time step far above the usual one: the median of those before it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taxelflow.compiling import kernel
+from taxelflow.messages import Bools, Floats
+
+GAP = 3.0
+"""A time step longer than so many usual ones is a gap."""
+
+_CHANCE = 1e-3
+_RESTLESS = 0.25
+"""A taxel that turns back in fewer of its scans than this may be as quiet as it is smooth: it is no witness."""
+_SUREST = 0.05
+_NEW = 4.0
+"""Scans without a turn that each taxel is credited with before it has been seen."""
+_RING = 15
+_FEWEST_STEPS = 3
+
+# Memory per taxel: lowest reading; the last reading and the step that led to it; for how many differing scans it has
+# been loaded (0 to 2); turns and the scans in which there could have been one.
+_LOWEST, _VALUE, _STEP, _RUN, _TURNS, _COULD, _TAXEL = range(7)
+# Of the stream: time of the last stamp and of the last scan kept (NaN before the first), a gap not yet told of,
+# scans dropped since the last kept one, and whether that would have betrayed a repetition; whether any repetition has
+# ever been seen; scans dropped in all, gaps, the longest of them in s; sum and number of the steps between scans that
+# would have betrayed one; then two rings of time steps with their counts.
+_STAMP, _KEPT, _PENDING, _BETWEEN, _WITNESS, _REPEATS, _DROPPED, _GAPS, _LONGEST, _SUM, _COUNT, _STAMPS, _FRESH = range(13)
+_RINGS = 13
+_STREAM = _RINGS + 2 * _RING
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sifted:
+    """Scans that are new. t_s: (scans,). values: (scans, taxels). gap: (scans,), time was lost before this one."""
+
+    t_s: Floats
+    values: Floats
+    gap: Bools
+
+    def part(self, start: int, stop: int) -> Sifted:
+        """Scans `start` to `stop` (excluded), as views."""
+        return Sifted(self.t_s[start:stop], self.values[start:stop], self.gap[start:stop])
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+class Sifter:
+    """Drops repeated scans and marks gaps, scan by scan. ceiling: a reading at or above it is no evidence."""
+
+    def __init__(self, taxels: int, ceiling: float, *, drop: bool) -> None:
+        self._ceiling, self._drop = ceiling, drop
+        self._taxels = np.zeros((taxels, _TAXEL))
+        self._taxels[:, _LOWEST] = np.inf
+        self._stream = np.zeros(_STREAM)
+        self.restart()
+
+    def restart(self) -> None:
+        """The same recording from its start; what has been seen of its taxels stays."""
+        repeats = self._stream[_REPEATS]
+        self._stream[:] = 0.0
+        self._stream[[_STAMP, _KEPT]] = np.nan
+        self._stream[_REPEATS] = repeats
+        self._taxels[:, _RUN] = 0.0
+
+    @property
+    def dropped(self) -> int:
+        """Repeated scans so far."""
+        return int(self._stream[_DROPPED])
+
+    @property
+    def gaps(self) -> int:
+        """Gaps so far."""
+        return int(self._stream[_GAPS])
+
+    @property
+    def longest_gap_s(self) -> float:
+        """0 if there was none."""
+        return float(self._stream[_LONGEST])
+
+    @property
+    def usual_s(self) -> float:
+        """Usual time from one new scan to the next, s; NaN if unknown."""
+        s = self._stream
+        if s[_COUNT]:
+            return float(s[_SUM] / s[_COUNT])
+        steps = s[_RINGS : _RINGS + min(int(s[_STAMPS]), _RING)]
+        return float(np.median(steps)) if len(steps) else float("nan")
+
+    def step(self, t_s: Floats, values: Floats) -> Sifted:
+        """Scans (scans, taxels) in time order -> the new ones among them."""
+        keep = np.ones(len(t_s), dtype=np.bool_)
+        gap = np.zeros(len(t_s), dtype=np.bool_)
+        sift(t_s, values, self._ceiling, self._drop, self._taxels, self._stream, keep, gap)
+        if keep.all():
+            return Sifted(t_s, values, gap)
+        return Sifted(t_s[keep], values[keep], gap[keep])
+
+
+@kernel
+def sift(
+    t: Floats, values: Floats, ceiling: float, drop: bool, taxels: Floats, stream: Floats, keep: Bools, gap: Bools
+) -> None:
+    """Clear keep (scans,) where a scan is the last one again, set gap (scans,). taxels, stream: memory."""
+    for scan in range(len(t)):
+        again = False
+        if not np.isnan(stream[_STAMP]):
+            _judge_stamp(t[scan] - stream[_STAMP], stream)
+            again = _same(values[scan], taxels)
+            if drop and again and _chance(values[scan], ceiling, taxels) < _CHANCE:
+                stream[_STAMP] = t[scan]
+                stream[_BETWEEN] += 1.0
+                stream[_DROPPED] += 1.0
+                stream[_REPEATS] = 1.0
+                keep[scan] = False
+                continue
+        witness = stream[_REPEATS] > 0.0 and _chance(values[scan], ceiling, taxels) < _CHANCE
+        if witness and stream[_WITNESS] > 0.0:
+            _judge_fresh(t[scan] - stream[_KEPT], stream)
+        gap[scan] = stream[_PENDING] > 0.0
+        stream[_STAMP] = stream[_KEPT] = t[scan]
+        stream[_PENDING] = stream[_BETWEEN] = 0.0
+        stream[_WITNESS] = 1.0 if witness else 0.0
+        if not again:
+            _learn(values[scan], ceiling, taxels)
+
+
+@kernel
+def _judge_stamp(step: float, stream: Floats) -> None:
+    """Whether stamps lie too far apart."""
+    usual = _median(stream[_RINGS : _RINGS + _RING], int(stream[_STAMPS]))
+    if step > GAP * usual:
+        _add_gap(step, stream)
+    stream[_RINGS + int(stream[_STAMPS]) % _RING] = step
+    stream[_STAMPS] += 1.0
+
+
+@kernel
+def _judge_fresh(step: float, stream: Floats) -> None:
+    """Whether a sensor hung while its logger went on: between two scans that would both have betrayed a repetition."""
+    ring = stream[_RINGS + _RING : _RINGS + 2 * _RING]
+    if stream[_BETWEEN] > 0.0 and stream[_PENDING] == 0.0 and step > GAP * _median(ring, int(stream[_FRESH])):
+        _add_gap(step, stream)
+    ring[int(stream[_FRESH]) % _RING] = step
+    stream[_FRESH] += 1.0
+    if stream[_PENDING] == 0.0:
+        stream[_SUM] += step
+        stream[_COUNT] += 1.0
+
+
+@kernel
+def _add_gap(step: float, stream: Floats) -> None:
+    stream[_PENDING] = 1.0
+    stream[_GAPS] += 1.0
+    stream[_LONGEST] = max(stream[_LONGEST], step)
+
+
+@kernel
+def _median(ring: Floats, seen: int) -> float:
+    """Of the last steps; infinite while there are too few."""
+    if seen < _FEWEST_STEPS:
+        return np.inf
+    return float(np.median(ring[: min(seen, _RING)]))
+
+
+@kernel
+def _same(values: Floats, taxels: Floats) -> bool:
+    for k in range(len(values)):
+        last = taxels[k, _VALUE]
+        if values[k] != last and not (np.isnan(values[k]) and np.isnan(last)):
+            return False
+    return True
+
+
+@kernel
+def _chance(values: Floats, ceiling: float, taxels: Floats) -> float:
+    """How likely a fresh scan would be equal to the one before it, from its loaded taxels."""
+    chance = 1.0
+    for k in range(len(values)):
+        if taxels[k, _LOWEST] < values[k] < ceiling:
+            turns = taxels[k, _TURNS] / (taxels[k, _COULD] + _NEW)
+            if turns >= _RESTLESS:
+                chance *= max(1.0 - np.sqrt(1.5 * turns), _SUREST)
+                if chance < _CHANCE:
+                    break
+    return chance
+
+
+@kernel
+def _learn(values: Floats, ceiling: float, taxels: Floats) -> None:
+    """Count the turns of loaded taxels in a scan that differs from the last."""
+    for k in range(len(values)):
+        m = taxels[k]
+        value = values[k]
+        if m[_LOWEST] < value < ceiling:
+            step = value - m[_VALUE]
+            if m[_RUN] >= 2.0:
+                m[_COULD] += 1.0
+                if step * m[_STEP] < 0.0:
+                    m[_TURNS] += 1.0
+            m[_STEP] = step
+            m[_RUN] = min(m[_RUN] + 1.0, 2.0)
+        else:
+            m[_RUN] = 0.0
+            if value < m[_LOWEST]:
+                m[_LOWEST] = value
+        m[_VALUE] = value
