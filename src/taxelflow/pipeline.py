@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from taxelflow.acquire.base import Reading, Recording
-    from taxelflow.condition.session import Learned
+    from taxelflow.condition.learn import Learned
     from taxelflow.estimation.base import Calibratable, Estimator, EstimatorSession
 
 

@@ -2,8 +2,8 @@
 
 A pad may drift only while it is surely idle: it was tared once, it has not been in contact for a whole spell of scans,
 no reading was missing and no time lost, and the mean of that spell has no shape, as the tare demands (`tare.py`).
-A contact, however light or slow, has one, unless it covers the whole pad evenly; and a pad in contact keeps its offset for
-as long as the contact lasts.
+A contact, however light or slow, has one, unless it covers the whole pad evenly; and a pad in contact keeps its offset
+for as long as the contact lasts.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from taxelflow.condition.tare import shapeless
 
 if TYPE_CHECKING:
-    from taxelflow.condition.session import Learned
+    from taxelflow.condition.learn import Learned
     from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Scans
 
@@ -45,8 +45,8 @@ class Drift:
         self._spell[self._scans : self._scans + len(scans)] = scans.pressure[:, : layout.taxels]
         self._scans += len(scans)
         quiet = ~scans.contact & scans.complete & ~gap[:, np.newaxis]
-        own, groups = quiet[:, : layout.pad_count], quiet[:, layout.pad_count :]
-        self._idle &= own.all(axis=0) & groups.all()  # a group may feel what none of its pads does
+        pads, groups = quiet[:, : layout.pad_count], quiet[:, layout.pad_count :]
+        self._idle &= pads.all(axis=0) & groups.all()  # a group may feel what none of its pads does
         if self.wanted:
             return learned
         offset = learned.offset.copy()

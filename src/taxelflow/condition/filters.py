@@ -72,7 +72,14 @@ def _delay(sos: Floats) -> float:
 
 @kernel
 def run_filters(
-    values: Floats, gap: Bools, noise: Floats, sos: Floats, last: Floats, seen: NDArray[np.int64], state: Floats, out: Floats
+    values: Floats,
+    gap: Bools,
+    noise: Floats,
+    sos: Floats,
+    last: Floats,
+    seen: NDArray[np.int64],
+    state: Floats,
+    out: Floats,
 ) -> None:
     """Fill out (scans, taxels). last: (taxels, n) readings of the median, seen: (taxels,) how many came since the
     start, state: (taxels, 2) of the low-pass, transposed direct form II.

@@ -1,9 +1,10 @@
 """Taxels that are not well, each with the evidence. Nothing is repaired here: who reads it decides.
 
-silent: more readings are missing than not. stuck: one and the same reading, far from where the pad's taxels rest, or while its
-neighbours are loaded. noisy: its noise far above that of its pad. offset: never comes to rest where the pad's others
-do, though they come and go. gain: reads far less, or far more, than its neighbours among which it lies, wherever the
-pad's largest load is. A still contact can look like a bad taxel, so the last two need contacts that change.
+silent: more readings are missing than not. stuck: one and the same reading while its neighbours are loaded, or while
+the pad's others never keep theirs, or far from where they rest. noisy: its noise far above that of its pad and of its
+neighbours. offset: never comes to rest where the pad's others do, though they come and go. gain: reads far less, or far
+more, than all its loaded neighbours, wherever the pad's largest load is. A still contact can look like a bad taxel, so
+the last two need contacts that change.
 """
 
 from __future__ import annotations
@@ -29,26 +30,29 @@ _FEWEST_LOADED = 24
 _FEWEST_PEAKS = 3
 """Places of the pad's largest reading in those scans: the load must have moved."""
 _LOADED = 12.0
-"""A reading so many standard deviations above the taxel's lowest is a load."""
+"""A reading so many standard deviations above where the taxel rests is a load."""
 _NOISY = 6.0
 """Ratio to the median noise of the pad's other taxels."""
+_OWN = 3.0
+"""... and to the largest of its neighbours' noise: where an object is hardly ever at rest, all of them seem noisy."""
 _STICKS_OUT = 10.0
 """Robust standard deviations from where the pad's other taxels rest."""
 _SHARE = 0.01
 """... and this share of the sensor's largest reading."""
 _GAIN, _MOSTLY = 2.5, 0.95
-"""In so large a share of its scans a taxel reads above, or below, its neighbours' mean by this factor."""
-_ALIKE = 2.0
-"""Neighbours whose loads differ by more than this factor do not say what lies between them."""
+"""In so large a share of its scans a taxel reads less than its least neighbour, or more than its largest, by this
+factor."""
 _ABOVE_FLOOR = 2.0
 """Noise this far above its floor shows under load: a loaded reading that never changes is then no reading."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A taxel that is not well. taxel: its number in the scan. value: the reading (stuck, offset), the standard deviation (noisy)
-    in SI, or the share of readings missing (silent), or the factor to its neighbours (gain). ratio: to what the pad's other
-    taxels do; None where that is 0 or unknown. scans: how many it was judged on.
+    """A taxel that is not well.
+
+    taxel: its number in the scan. value: the reading (stuck, offset) or standard deviation (noisy) in SI, the share of
+    readings missing (silent), the factor to its neighbours (gain). ratio: to what the pad's other taxels do; None
+    where that is 0 or unknown. scans: how many it was judged on.
     """
 
     taxel: int
@@ -91,38 +95,39 @@ class _Pad:
     def __init__(
         self, readings: Floats, noise: Floats, live: Bools, around: NDArray[np.int64], lively: float, large: float
     ) -> None:
-        self._noise, self._live, self._around, self._large = noise, live, around, large
-        self._readings = np.where(np.isfinite(readings), readings, np.nan)
-        with np.errstate(all="ignore"):
-            self._lowest = np.min(readings, axis=0, initial=np.inf, where=np.isfinite(readings))
-            self._highest = np.max(readings, axis=0, initial=-np.inf, where=np.isfinite(readings))
-        self._still = live & (self._lowest == self._highest)
+        self._readings, self._noise, self._live, self._around, self._large = readings, noise, live, around, large
+        known = np.isfinite(readings)
+        lowest = np.min(readings, axis=0, initial=np.inf, where=known)
+        highest = np.max(readings, axis=0, initial=-np.inf, where=known)
+        self._still = live & (lowest == highest)
+        self._rest = _low(readings, lowest)
         moving = live & ~self._still
         self._lively = bool(moving.any()) and float(np.median(noise[moving])) > lively
+        changes = float(np.median((np.diff(readings, axis=0) != 0).mean(axis=0)[live]))
+        self._restless = changes > 0.5 and float(self._still[live].mean()) < 0.5
 
     def findings(self) -> Iterator[Finding]:
         """Numbers are those within the pad."""
-        rest = self._lowest[self._live]
+        rest = self._rest[self._live]
         usual = float(np.median(rest))
         spread = max(1.4826 * float(np.median(np.abs(rest - usual))), float(np.median(self._noise[self._live])))
-        apart = np.abs(self._lowest - usual)
-        out = self._live & (apart > _STICKS_OUT * spread) & (apart > self._large)
-        for taxel in np.flatnonzero(self._still):
-            scans, load = self._surrounded(int(taxel))
+        apart = np.abs(self._rest - usual)
+        out = self._live & (apart > _STICKS_OUT * np.maximum(spread, self._noise)) & (apart > self._large)
+        for taxel in np.flatnonzero(self._still).tolist():
+            level = float(self._rest[taxel])
+            scans, least, _ = self._surrounded(taxel)
             if len(scans) >= _FEWEST_LOADED:
-                ratio = _over(float(self._lowest[taxel]), float(np.median(load)))
-                yield Finding(int(taxel), "stuck", float(self._lowest[taxel]), ratio, len(scans))
-            elif out[taxel] and self._lively and not self._companion(int(taxel), out):
-                ratio = _over(float(self._lowest[taxel]), usual)
-                yield Finding(int(taxel), "stuck", float(self._lowest[taxel]), ratio, len(self._readings))
+                yield Finding(taxel, "stuck", level, _over(level, float(np.median(least))), len(scans))
+            elif self._restless or (out[taxel] and self._lively and not self._companion(taxel, out)):
+                yield Finding(taxel, "stuck", level, _over(level, usual), len(self._readings))
         yield from self._noisy()
-        for taxel in np.flatnonzero(out & ~self._still):
-            scans = self._alone(int(taxel), out)
+        for taxel in np.flatnonzero(out & ~self._still).tolist():
+            scans = self._alone(taxel, out)
             if len(scans):
                 level = float(np.nanmedian(self._readings[scans, taxel]))
-                yield Finding(int(taxel), "offset", level, _over(level, usual), len(scans))
-        for taxel in np.flatnonzero(self._live & ~self._still):
-            yield from self._gain(int(taxel))
+                yield Finding(taxel, "offset", level, _over(level, usual), len(scans))
+        for taxel in np.flatnonzero(self._live & ~self._still & ~out).tolist():
+            yield from self._gain(taxel)
 
     def _companion(self, taxel: int, out: Bools) -> bool:
         """Whether a neighbour sticks out as well: then it may be a contact."""
@@ -134,39 +139,32 @@ class _Pad:
         if moving.sum() < 3:
             return
         usual = float(np.median(self._noise[moving]))
-        for taxel in np.flatnonzero(moving & (self._noise > _NOISY * usual)):
-            noise = float(self._noise[taxel])
-            yield Finding(int(taxel), "noisy", noise, _over(noise, usual), len(self._readings))
+        for taxel in np.flatnonzero(moving & (self._noise > _NOISY * usual)).tolist():
+            around, noise = self._around[taxel], float(self._noise[taxel])
+            if noise > _OWN * self._noise[around[around >= 0]].max(initial=0.0):
+                yield Finding(taxel, "noisy", noise, _over(noise, usual), len(self._readings))
 
-    def _surrounded(self, taxel: int) -> tuple[NDArray[np.int64], Floats]:
-        """Scans in which all neighbours are loaded alike, and their mean load then, above their lowest."""
+    def _surrounded(self, taxel: int) -> tuple[NDArray[np.int64], Floats, Floats]:
+        """Scans in which all its neighbours are loaded, and the least and the largest of their loads then."""
         around = self._around[taxel]
         around = around[around >= 0]
         if len(around) < 3 or not self._live[around].all():
-            return np.zeros(0, dtype=np.int64), np.zeros(0)
-        load = self._readings[:, around] - self._lowest[around]
+            return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
+        load = self._readings[:, around] - self._rest[around]
         least, most = load.min(axis=1), load.max(axis=1)
-        with np.errstate(invalid="ignore"):
-            scans = np.flatnonzero((least > _LOADED * self._noise[around].max()) & (most < _ALIKE * least))
-        return scans, load[scans].mean(axis=1)
+        scans = np.flatnonzero(least > _LOADED * np.median(self._noise[self._live]))
+        return scans, least[scans], most[scans]
 
     def _gain(self, taxel: int) -> Iterator[Finding]:
-        """The taxel's load over that of its neighbours, where it lies among them."""
-        scans, load = self._surrounded(taxel)
-        if len(scans) < _FEWEST_LOADED:
+        """A hole or a spike among loaded neighbours that stays while the load moves."""
+        scans, least, most = self._surrounded(taxel)
+        own = self._readings[scans, taxel] - self._rest[taxel]
+        if len(own) < _FEWEST_LOADED or max((own * _GAIN < least).mean(), (own > _GAIN * most).mean()) < _MOSTLY:
             return
-        own = (self._readings[scans, taxel] - self._lowest[taxel]) / load
-        known = np.isfinite(own)
-        scans, own = scans[known], own[known]
-        if len(own) < _FEWEST_LOADED:
-            return
-        low, high = (own < 1.0 / _GAIN).mean() >= _MOSTLY, (own > _GAIN).mean() >= _MOSTLY
-        if not (low or high):
-            return
-        others = np.where(np.isfinite(self._readings[scans]), self._readings[scans] - self._lowest, -np.inf)
+        others = np.where(np.isfinite(self._readings[scans]), self._readings[scans] - self._rest, -np.inf)
         others[:, taxel] = -np.inf
         if len(np.unique(np.argmax(others, axis=1))) >= _FEWEST_PEAKS:
-            factor = float(np.median(own))
+            factor = float(np.nanmedian(own / (0.5 * (least + most))))
             yield Finding(taxel, "gain", factor, factor, len(scans))
 
     def _alone(self, taxel: int, out: Bools) -> NDArray[np.int64]:
@@ -177,7 +175,7 @@ class _Pad:
         if self._companion(taxel, out) or others.sum() < 2:
             return none
         with np.errstate(invalid="ignore"):
-            loaded = (self._readings[:, others] - self._lowest[others] > _LOADED * self._noise[others]).any(axis=1)
+            loaded = (self._readings[:, others] - self._rest[others] > _LOADED * self._noise[others]).any(axis=1)
         alone = np.flatnonzero(~loaded)
         return alone if len(alone) >= _FEWEST_LOADED and loaded.sum() >= _FEWEST_LOADED else none
 
@@ -191,6 +189,15 @@ def _around(layout: Layout, pad: int) -> NDArray[np.int64]:
         beside[other].append(one)
     most = max(map(len, beside), default=0)
     return np.array([[*some, *[-1] * (most - len(some))] for some in beside], dtype=np.int64).reshape(len(beside), most)
+
+
+def _low(readings: Floats, lowest: Floats) -> Floats:
+    """(taxels,) what a taxel rests at: exceeded in 9 of 10 of its scans, taken from 2,000 of them at most."""
+    some = readings[:: 1 + len(readings) // 2000]
+    ranked = np.sort(np.where(np.isfinite(some), some, np.inf), axis=0)
+    place = np.isfinite(some).sum(axis=0) // 10
+    low: Floats = ranked[place, np.arange(readings.shape[1])]
+    return np.where(np.isfinite(low), low, lowest)
 
 
 def _over(value: float, usual: float) -> float | None:

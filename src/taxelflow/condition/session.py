@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.condition.health import Finding, examine
-from taxelflow.condition.noise import RANGE_FLOOR, learn_noise
+from taxelflow.condition.learn import Learned, learn, masked_too, relearn
 from taxelflow.condition.sample import Sample
 from taxelflow.condition.sift import Sifted, Sifter
-from taxelflow.condition.tare import learn_offset
-from taxelflow.errors import ParameterInvalid, RecordingError
+from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, Floats, RawScans, Scans
 
 if TYPE_CHECKING:
@@ -31,21 +29,6 @@ if TYPE_CHECKING:
 _SATURATED = 0.9995
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Learned:
-    """What a session knows of its sensor, in SI units.
-
-    offset, noise: (taxels,), of readings before any filter. tared: (pads,), groups left out. masked: (taxels,), declared
-    off, never heard from, or masked as told. findings: taxels that are not well, masked or not.
-    """
-
-    offset: Floats
-    noise: Floats
-    tared: Bools
-    masked: Bools
-    findings: tuple[Finding, ...]
-
-
 class Session:
     """Conditions scan after scan. `learned` is what it has found out so far, `sifter` tells of repeats and gaps."""
 
@@ -53,7 +36,7 @@ class Session:
         self, parameters: Conditioner, sensor: Sensor, masked: Bools, lookahead: Iterable[RawScans] | None
     ) -> None:
         self._parameters, self._sensor, self._layout = parameters, sensor, sensor.layout
-        self._masked = _with(masked, parameters.off)
+        self._masked = masked_too(masked, parameters.off)
         self._top = _SATURATED * (sensor.full_scale or np.inf) * sensor.to_si
         self.sifter = Sifter(self._layout.taxels, self._top, drop=parameters.repeats == "drop")
         self.sample = Sample(self._layout.taxels)
@@ -103,7 +86,7 @@ class Session:
                 continue
             yield from self._condition(piece)
             if full and self.sample.seen.bit_count() == 1:  # after 2, 4, 8, ... windows: bounded work for ever
-                self._relearn()
+                self._relearn(self.learned)
 
     def finish(self) -> Iterator[Scans]:
         """What a stream still holds back: its first scans, if it ended before there were enough to learn from."""
@@ -131,68 +114,19 @@ class Session:
             si = values * self._sensor.to_si
         return np.where(np.isfinite(si), si, np.nan)
 
-    def _noise(self, masked: Bools) -> Floats:
-        sensor = self._sensor
-        step = sensor.to_si if sensor.unit == "count" else 0.0  # a count is a whole number
-        unknown = RANGE_FLOOR * (sensor.full_scale or 0.0) * sensor.to_si
-        return learn_noise(self.sample.windows, masked, step, unknown)
-
-    def _judge(self, masked: Bools) -> tuple[Floats, Bools, tuple[Finding, ...]]:
-        """Noise and findings with these taxels masked; then noise and masks with what `mask` asks for besides."""
-        noise = self._noise(masked)
-        findings = examine(self.sample.windows, noise, masked, self._layout)
-        if self._parameters.mask == "auto" and findings:
-            masked = _with(masked, [finding.taxel for finding in findings])
-            noise = self._noise(masked)
-        return noise, masked, findings
-
     def _learn(self) -> None:
-        layout, windows = self._layout, self.sample.windows
-        silent = ~np.isfinite(windows).any(axis=(0, 1)) if len(windows) else np.zeros(layout.taxels, dtype=np.bool_)
-        noise, masked, findings = self._judge(self._masked | silent)
-        offset = np.zeros(layout.taxels)
-        tared = np.zeros(layout.pad_count, dtype=np.bool_)
-        reference = self._reference(windows)
-        for pad in range(layout.pad_count):
-            own = layout.of_pad(pad)
-            found = self._offset(pad, noise[own], masked[own], reference)
-            if found is not None:
-                offset[own], tared[pad] = found, True
-        self.learned = Learned(offset, noise, tared, masked, findings)
-        asked, usual_s = self._parameters, self.sifter.usual_s
+        asked = self._parameters
+        self.learned = learn(asked, self._sensor, self.sample, self._masked, causal=self._causal)
+        usual_s = self.sifter.usual_s
         if (asked.lowpass_hz or asked.median_scans > 1) and usual_s > 0:
             from taxelflow.condition.filters import Filters
 
-            self._filters = Filters(layout.taxels, asked.lowpass_hz, asked.median_scans, usual_s)
+            self._filters = Filters(self._layout.taxels, asked.lowpass_hz, asked.median_scans, usual_s)
 
-    def _relearn(self) -> None:
-        """Noise of a loaded taxel shows only under load, and bad taxels only in time; the tare stays."""
-        before = self.learned
-        if before is None:
-            return
-        noise, masked, findings = self._judge(before.masked)
-        self.learned = replace(before, noise=noise, masked=masked, findings=findings)
-        fewer = (masked & ~before.masked)[self._layout.source]
+    def _relearn(self, before: Learned) -> None:
+        self.learned = relearn(self._parameters, self._sensor, self.sample, before)
+        fewer = (self.learned.masked & ~before.masked)[self._layout.source]
         self._changed |= np.logical_or.reduceat(fewer, self._layout.starts[:-1])
-
-    def _offset(self, pad: int, noise: Floats, masked: Bools, reference: float) -> Floats | None:
-        own = self._layout.of_pad(pad)
-        if self._parameters.tare == "none" or masked.all() or not len(self.sample.windows):
-            return None
-        if self._parameters.tare == "start":
-            start = self.sample.first[:, own]
-            heard = np.isfinite(start)
-            count = np.maximum(heard.sum(axis=0), 1)
-            mean: Floats = np.where(heard, start, 0.0).sum(axis=0) / count
-            return mean
-        return learn_offset(self.sample.windows[:, :, own], noise, masked, self._layout.neighbours(pad), reference)
-
-    def _reference(self, windows: Floats) -> float:
-        """What an offset must be small against: full scale, and, where the future is known, the largest reading."""
-        full_scale = (self._sensor.full_scale or 0.0) * self._sensor.to_si
-        if self._causal:
-            return full_scale
-        return max(full_scale, float(np.max(windows, initial=0.0, where=np.isfinite(windows))))
 
     def _entry_noise(self, noise: Floats) -> Floats:
         """(entries,) after the filters, one and the same array until the noise is learned anew."""
@@ -253,16 +187,6 @@ class Session:
             complete[0, self._changed] = False  # a taxel that is masked from here on must not look like motion
             self._changed[:] = False
         return Scans(fresh.t_s, pressure, noise, ceiling, contact, complete)
-
-
-def _with(masked: Bools, taxels: list[int]) -> Bools:
-    """Masks and these taxels besides. Raises ParameterInvalid if the sensor has none of that number."""
-    for taxel in taxels:
-        if taxel >= len(masked):
-            raise ParameterInvalid("mask", taxel, f"this sensor's taxels are numbered from 0 to {len(masked) - 1}")
-    more = masked.copy()
-    more[taxels] = True
-    return more
 
 
 @kernel

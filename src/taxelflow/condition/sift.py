@@ -3,10 +3,12 @@
 Loggers that run faster than their sensor write its last scan again, bit for bit, under a new stamp. An idle sensor that
 clips to its lowest value repeats itself too, and so does a still contact under a coarse converter. What tells them
 apart is the noise of loaded readings. A reading of pure noise turns back (goes down after up, or up after down)
-in 2 of 3 scans, a smooth one hardly ever; if a share s of fresh readings are equal to the last one, it turns back in about
-2/3 (1 - s)^2. So the turns of each taxel, counted over scans that differ, say how likely a fresh reading
-is to repeat itself, and a whole scan is taken for a repeated one only if its loaded readings together would have
-done so less than once in a thousand times. Where nothing is loaded there is no evidence, and the scan is kept.
+in 2 of 3 scans, a smooth one hardly ever; if a share s of fresh readings are equal to the last one, it turns back in
+about 2/3 (1 - s)^2. So the turns of each taxel, counted over scans that differ, say how likely a fresh reading is to
+repeat itself, and a whole scan is taken for a repeated one only if its loaded readings together would have done so
+less than once in a thousand times. A smooth load has too little noise to tell; but a logger keeps time: if scans come
+in runs of equal ones whose lengths add up as evenly as clocks do, which chance does not, each of them repeats.
+Where nothing is loaded there is no evidence, and the scan is kept.
 
 A gap is a time step far above the usual one: the median of those before it.
 """
@@ -30,18 +32,25 @@ _SUREST = 0.05
 _NEW = 4.0
 """Scans without a turn that each taxel is credited with before it has been seen."""
 _RING = 15
+_BEATS = 48
+"""Runs of equal scans that make a beat: so many in a row,"""
+_LEAST_BEAT, _OFF_BEAT = 1.5, 2.0
+"""... on average at least so long, and never more than so many scans ahead of the mean or behind it."""
+_FEWEST_LOADED = 3
+"""Loaded taxels that a scan must have for its run to count."""
 _FEWEST_STEPS = 3
 
 # Memory per taxel: lowest reading; the last reading and the step that led to it; for how many differing scans it has
 # been loaded (0 to 2); turns and the scans in which there could have been one.
 _LOWEST, _VALUE, _STEP, _RUN, _TURNS, _COULD, _TAXEL = range(7)
-# Of the stream: time of the last stamp and of the last scan kept (NaN before the first), a gap not yet told of,
-# scans dropped since the last kept one, and whether that would have betrayed a repetition; whether any repetition has
-# ever been seen; scans dropped in all, gaps, the longest of them in s; sum and number of the steps between scans that
-# would have betrayed one; then two rings of time steps with their counts.
-_STAMP, _KEPT, _PENDING, _BETWEEN, _WITNESS, _REPEATS, _DROPPED, _GAPS, _LONGEST, _SUM, _COUNT, _STAMPS, _FRESH = range(13)
-_RINGS = 13
-_STREAM = _RINGS + 2 * _RING
+# Of the stream: time of the last stamp and of the last scan kept (NaN before the first), a gap not yet told of, scans
+# dropped since the last kept one, and whether that would have betrayed a repetition; whether any repetition has ever
+# been seen; scans dropped in all, gaps, the longest of them in s; sum and number of the steps between scans that would
+# have betrayed one; the length of the run of equal scans, whether it is loaded, and whether there is a beat; how much
+# the rings hold that follow: two of time steps, one of runs.
+_STAMP, _KEPT, _PENDING, _BETWEEN, _WITNESS, _REPEATS, _DROPPED, _GAPS, _LONGEST, _SUM, _COUNT = range(11)
+_EQUAL, _LOADED, _BEAT, _STAMPS, _FRESH, _RUNS, _RINGS = range(11, 18)
+_STREAM = _RINGS + 2 * _RING + _BEATS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,10 +81,10 @@ class Sifter:
 
     def restart(self) -> None:
         """The same recording from its start; what has been seen of its taxels stays."""
-        repeats = self._stream[_REPEATS]
+        known = self._stream[[_REPEATS, _BEAT]]
         self._stream[:] = 0.0
         self._stream[[_STAMP, _KEPT]] = np.nan
-        self._stream[_REPEATS] = repeats
+        self._stream[[_REPEATS, _BEAT]] = known
         self._taxels[:, _RUN] = 0.0
 
     @property
@@ -122,14 +131,15 @@ def sift(
         if not np.isnan(stream[_STAMP]):
             _judge_stamp(t[scan] - stream[_STAMP], stream)
             again = _same(values[scan], taxels)
-            if drop and again and _chance(values[scan], ceiling, taxels) < _CHANCE:
+            stream[_EQUAL] += 1.0
+            if drop and again and _betrays(values[scan], ceiling, taxels, stream):
                 stream[_STAMP] = t[scan]
                 stream[_BETWEEN] += 1.0
                 stream[_DROPPED] += 1.0
                 stream[_REPEATS] = 1.0
                 keep[scan] = False
                 continue
-        witness = stream[_REPEATS] > 0.0 and _chance(values[scan], ceiling, taxels) < _CHANCE
+        witness = stream[_REPEATS] > 0.0 and _betrays(values[scan], ceiling, taxels, stream)
         if witness and stream[_WITNESS] > 0.0:
             _judge_fresh(t[scan] - stream[_KEPT], stream)
         gap[scan] = stream[_PENDING] > 0.0
@@ -137,7 +147,8 @@ def sift(
         stream[_PENDING] = stream[_BETWEEN] = 0.0
         stream[_WITNESS] = 1.0 if witness else 0.0
         if not again:
-            _learn(values[scan], ceiling, taxels)
+            _end_run(stream, gap[scan])
+            stream[_LOADED] = 1.0 if _learn(values[scan], ceiling, taxels) >= _FEWEST_LOADED else 0.0
 
 
 @kernel
@@ -188,6 +199,32 @@ def _same(values: Floats, taxels: Floats) -> bool:
 
 
 @kernel
+def _end_run(stream: Floats, gap: bool) -> None:
+    """A new scan: note how often the last one stood, if it was loaded, and listen for a beat."""
+    ring = stream[_RINGS + 2 * _RING :]
+    if stream[_LOADED] > 0.0 and not gap:
+        ring[int(stream[_RUNS]) % _BEATS] = stream[_EQUAL]
+        stream[_RUNS] += 1.0
+        mean = ring.mean()
+        if stream[_BEAT] == 0.0 and stream[_RUNS] >= _BEATS and mean >= _LEAST_BEAT:
+            ahead = most = 0.0
+            for k in range(_BEATS):
+                ahead += ring[(int(stream[_RUNS]) + k) % _BEATS] - mean
+                most = max(most, abs(ahead))
+            stream[_BEAT] = 1.0 if most <= _OFF_BEAT else 0.0
+    stream[_EQUAL] = 0.0
+
+
+@kernel
+def _betrays(values: Floats, ceiling: float, taxels: Floats, stream: Floats) -> bool:
+    """Whether this scan, were it equal to the last one, would surely be no new one."""
+    loaded = False
+    for k in range(len(values)):
+        loaded = loaded or taxels[k, _LOWEST] < values[k] < ceiling
+    return loaded and (stream[_BEAT] > 0.0 or _chance(values, ceiling, taxels) < _CHANCE)
+
+
+@kernel
 def _chance(values: Floats, ceiling: float, taxels: Floats) -> float:
     """How likely a fresh scan would be equal to the one before it, from its loaded taxels."""
     chance = 1.0
@@ -202,12 +239,14 @@ def _chance(values: Floats, ceiling: float, taxels: Floats) -> float:
 
 
 @kernel
-def _learn(values: Floats, ceiling: float, taxels: Floats) -> None:
-    """Count the turns of loaded taxels in a scan that differs from the last."""
+def _learn(values: Floats, ceiling: float, taxels: Floats) -> int:
+    """Count the turns of loaded taxels in a scan that differs from the last; how many are loaded."""
+    loaded = 0
     for k in range(len(values)):
         m = taxels[k]
         value = values[k]
         if m[_LOWEST] < value < ceiling:
+            loaded += 1
             step = value - m[_VALUE]
             if m[_RUN] >= 2.0:
                 m[_COULD] += 1.0
@@ -217,6 +256,6 @@ def _learn(values: Floats, ceiling: float, taxels: Floats) -> None:
             m[_RUN] = min(m[_RUN] + 1.0, 2.0)
         else:
             m[_RUN] = 0.0
-            if value < m[_LOWEST]:
-                m[_LOWEST] = value
+            m[_LOWEST] = np.fmin(m[_LOWEST], value)  # a missing reading is none
         m[_VALUE] = value
+    return loaded
