@@ -32,7 +32,7 @@ def written(recording: Recording, folder: Path, method: str = "convolution") -> 
     run = Pipeline(registry.find("estimator", method)()).start(recording)
     with Tables(folder, recording.layout.pads) as tables:
         for output in run:
-            tables.write(output.slips, output.slipping, output.motions, output.events)
+            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
     return folder
 
 
@@ -110,14 +110,20 @@ def test_rows_stand_in_part_files_until_the_end(stroke: Recording, tmp_path: Pat
     run = Pipeline(registry.find("estimator", "lnorm")()).start(stroke)
     with Tables(tmp_path, stroke.layout.pads) as tables:
         for output in run:
-            tables.write(output.slips, output.slipping, output.motions, output.events)
+            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
         assert sorted(path.name for path in tmp_path.iterdir()) == [
+            "contacts.csv.part",
             "events.csv.part",
             "object.csv.part",
             "slips.csv.part",
         ]
         assert len(rows_of(tmp_path / "slips.csv.part")) == 80
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["events.csv", "object.csv", "slips.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "contacts.csv",
+        "events.csv",
+        "object.csv",
+        "slips.csv",
+    ]
 
 
 @pytest.mark.parametrize("interruption", [KeyboardInterrupt, ValueError, SystemExit])
@@ -127,7 +133,7 @@ def test_an_interruption_keeps_the_part_files(
     run = Pipeline(registry.find("estimator", "lnorm")()).start(stroke)
     with pytest.raises(interruption), Tables(tmp_path, stroke.layout.pads) as tables:
         for output in run:
-            tables.write(output.slips, output.slipping, output.motions, output.events)
+            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
         raise interruption
     assert not (tmp_path / "slips.csv").exists()
     assert len(rows_of(tmp_path / "slips.csv.part")) == 80
@@ -135,7 +141,7 @@ def test_an_interruption_keeps_the_part_files(
 
 def test_no_number_is_written_as_nan_or_inf(stroke: Recording, tmp_path: Path) -> None:
     folder = written(stroke, tmp_path)
-    for name in ("slips.csv", "object.csv", "events.csv"):
+    for name in ("slips.csv", "object.csv", "events.csv", "contacts.csv"):
         text = (folder / name).read_text().lower()
         assert "nan" not in text
         assert "inf" not in text

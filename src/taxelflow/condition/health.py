@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from taxelflow.layout import Layout
+    from taxelflow.layout import Layout, Sensor
     from taxelflow.messages import Bools, Floats
 
 _FEWEST_SCANS = 48
@@ -60,6 +60,22 @@ class Finding:
     value: float
     ratio: float | None
     scans: int
+
+    def words(self, sensor: Sensor) -> str:
+        """The finding in the sensor's unit, with the taxel's place and the evidence."""
+        layout = sensor.layout
+        pad = int(np.searchsorted(layout.starts, self.taxel, side="right")) - 1
+        where = f"taxel {self.taxel} ({layout.pads[pad]}, row {layout.row[self.taxel]}, col {layout.col[self.taxel]})"
+        value = f"{self.value / sensor.to_si:.4g} {sensor.unit}"
+        times = "" if self.ratio is None else f", {self.ratio:.2g} times its pad's"
+        what = {
+            "silent": f"silent in {100 * self.value:.0f} %",
+            "stuck": f"stuck at {value}",
+            "noisy": f"noise of {value}{times}",
+            "offset": f"rests at {value}{times}",
+            "gain": f"{self.value:.2g} times its neighbours",
+        }[self.fault]
+        return f"{where} {what} in {self.scans} scans"
 
 
 def examine(windows: Floats, noise: Floats, masked: Bools, layout: Layout) -> tuple[Finding, ...]:
