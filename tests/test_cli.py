@@ -92,9 +92,7 @@ def refused_estimate(capsys: Capture, tmp_path: Path, recording: Path, *more: ob
 
 @both_modes
 @pytest.mark.parametrize("method", ["lnorm", "convolution"])
-def test_estimate_writes_its_files_and_nothing_else(
-    tmp_path: Path, capsys: Capture, method: str, mode: str
-) -> None:
+def test_estimate_writes_its_files_and_nothing_else(tmp_path: Path, capsys: Capture, method: str, mode: str) -> None:
     out = tmp_path / "deep" / "out"
     file = save_npz(tmp_path / "a.npz")
     assert main(["estimate", str(file), "--out", str(out), "--method", method, "--mode", mode]) == 0

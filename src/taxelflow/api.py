@@ -147,15 +147,15 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
             notes.append(f"not in the calibration, so at gain 1: {', '.join(bare)}")
     if learned is not None:
         notes += _of_taxels(recording, learned)
-    sifter = run.sifter
-    rate_hz = 1 / sifter.usual_s if sifter.usual_s > 0 else None
-    if sifter.dropped:
+    counts = run.counts
+    rate_hz = 1 / counts.usual_s if counts.usual_s > 0 else None
+    if counts.repeated:
         notes.append(
-            f"dropped {sifter.dropped} scans that repeat the one before bit for bit: {rate_hz:.4g} scans/s are new"
+            f"dropped {counts.repeated} scans that repeat the one before bit for bit: {rate_hz:.4g} scans/s are new"
         )
-    if sifter.gaps:
-        gaps = "1 gap" if sifter.gaps == 1 else f"{sifter.gaps} gaps, the longest"
-        notes.append(f"{gaps} of {sifter.longest_gap_s:.3g} s: no motion is followed across it")
+    if counts.gaps:
+        gaps = "1 gap" if counts.gaps == 1 else f"{counts.gaps} gaps, the longest"
+        notes.append(f"{gaps} of {counts.longest_gap_s:.3g} s: no motion is followed across it")
     if run.lag_s:
         notes.append(f"filtered over time: every lag_s is {1e3 * run.lag_s:.3g} ms longer for it")
     return Summary(
@@ -184,9 +184,9 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
         notes=notes,
         layout=recording.sensor,
         loss=str(run.reading.loss) if run.reading.loss else None,
-        repeated_values_dropped=sifter.dropped,
+        repeated_values_dropped=counts.repeated,
         rate_hz=rate_hz,
-        gaps=sifter.gaps,
+        gaps=counts.gaps,
     )
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.base import Reading, Recording
     from taxelflow.condition.learn import Learned
-    from taxelflow.condition.sift import Sifter
+    from taxelflow.condition.sift import Counts
     from taxelflow.estimation.base import Calibratable, Estimator, EstimatorSession
 
 
@@ -80,9 +80,9 @@ class Run:
         self._monitor = pipeline.monitor.begin(layout.pads)
 
     @property
-    def sifter(self) -> Sifter:
+    def counts(self) -> Counts:
         """Repeated scans and gaps so far."""
-        return self._condition.sifter
+        return self._condition.counts
 
     @property
     def lag_s(self) -> float:

@@ -11,7 +11,8 @@ import numpy as np
 from taxelflow.compiling import kernel
 from taxelflow.condition.learn import Learned, learn, masked_too, relearn
 from taxelflow.condition.sample import Sample
-from taxelflow.condition.sift import Sifted, Sifter
+from taxelflow.condition.sift import Counts, Sifted, Sifter
+from taxelflow.condition.units import in_si
 from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, Floats, RawScans, Scans
 
@@ -30,7 +31,11 @@ _SATURATED = 0.9995
 
 
 class Session:
-    """Conditions scan after scan. `learned` is what it has found out so far, `sifter` tells of repeats and gaps."""
+    """Conditions scan after scan.
+
+    learned: what it has found out so far. foreseen: repeats and gaps of the lookahead, which drops fewer repeats than
+    the pass that follows, as it learns to tell them while it goes.
+    """
 
     def __init__(
         self, parameters: Conditioner, sensor: Sensor, masked: Bools, lookahead: Iterable[RawScans] | None
@@ -38,13 +43,13 @@ class Session:
         self._parameters, self._sensor, self._layout = parameters, sensor, sensor.layout
         self._masked = masked_too(masked, parameters.off)
         self._top = _SATURATED * (sensor.full_scale or np.inf) * sensor.to_si
-        self.sifter = Sifter(self._layout.taxels, self._top, drop=parameters.repeats == "drop")
+        self._sifter = Sifter(self._layout.taxels, self._top, drop=parameters.repeats == "drop")
         self.sample = Sample(self._layout.taxels)
         self._causal = lookahead is None
         self._held: list[Sifted] = []
         self._in_contact = np.zeros(len(self._layout.pads), dtype=np.bool_)
         self._last = np.zeros(self._layout.entries)
-        self._changed = np.zeros(len(self._layout.pads), dtype=np.bool_)
+        self._changed: Bools | None = None
         self._known_noise = self._spread_noise = np.zeros(0)
         self._known_offset = self._tared_ceiling = np.zeros(0)
         self._filters: Filters | None = None
@@ -54,14 +59,21 @@ class Session:
 
             self._drift = Drift(self._layout)
         self.learned: Learned | None = None
+        self.foreseen: Counts | None = None
         if lookahead is not None:
             with suppress(RecordingError):  # the second pass meets the same damage, after the scans before it
                 for raw in lookahead:
-                    fresh = self.sifter.step(raw.t_s, self._si(raw.values))
+                    fresh = self._sifter.step(raw.t_s, in_si(raw.values, sensor))
                     self.sample.add(fresh.t_s, fresh.values)
             self.sample.close()
             self._learn()
-            self.sifter.restart()
+            self.foreseen = self._sifter.counts
+            self._sifter.restart()
+
+    @property
+    def counts(self) -> Counts:
+        """Repeats and gaps so far, lookahead left out."""
+        return self._sifter.counts
 
     @property
     def lag_s(self) -> float:
@@ -70,7 +82,7 @@ class Session:
 
     def step(self, raw: RawScans) -> Iterator[Scans]:
         """Conditioned scans, all that are ready, in blocks of one noise model each."""
-        fresh = self.sifter.step(raw.t_s, self._si(raw.values))
+        fresh = self._sifter.step(raw.t_s, in_si(raw.values, self._sensor))
         if not self._causal:
             yield from self._condition(fresh)
             return
@@ -108,16 +120,10 @@ class Session:
             yield self._tared(Sifted(np.full(len(values), start_s), values, np.zeros(len(values), dtype=np.bool_)))
         self._in_contact, self._last = memory
 
-    def _si(self, values: Floats) -> Floats:
-        """Readings in SI; what is not finite is missing."""
-        with np.errstate(over="ignore"):
-            si = values * self._sensor.to_si
-        return np.where(np.isfinite(si), si, np.nan)
-
     def _learn(self) -> None:
         asked = self._parameters
         self.learned = learn(asked, self._sensor, self.sample, self._masked, causal=self._causal)
-        usual_s = self.sifter.usual_s
+        usual_s = self._sifter.counts.usual_s
         if (asked.lowpass_hz or asked.median_scans > 1) and usual_s > 0:
             from taxelflow.condition.filters import Filters
 
@@ -125,8 +131,9 @@ class Session:
 
     def _relearn(self, before: Learned) -> None:
         self.learned = relearn(self._parameters, self._sensor, self.sample, before)
-        fewer = (self.learned.masked & ~before.masked)[self._layout.source]
-        self._changed |= np.logical_or.reduceat(fewer, self._layout.starts[:-1])
+        fewer = self.learned.masked & ~before.masked
+        if fewer.any():
+            self._changed = np.logical_or.reduceat(fewer[self._layout.source], self._layout.starts[:-1])
 
     def _entry_noise(self, noise: Floats) -> Floats:
         """(entries,) after the filters, one and the same array until the noise is learned anew."""
@@ -171,6 +178,7 @@ class Session:
         complete = np.empty_like(contact)
         condition(
             values,
+            fresh.gap,
             offset,
             noise,
             layout.starts,
@@ -182,16 +190,16 @@ class Session:
             contact,
             complete,
         )
-        complete[fresh.gap] = False
-        if self._changed.any() and len(fresh):
+        if self._changed is not None and len(fresh):
             complete[0, self._changed] = False  # a taxel that is masked from here on must not look like motion
-            self._changed[:] = False
+            self._changed = None
         return Scans(fresh.t_s, pressure, noise, ceiling, contact, complete)
 
 
 @kernel
 def condition(
     values: Floats,
+    gap: Bools,
     offset: Floats,
     noise: Floats,
     starts: NDArray[np.int64],
@@ -206,14 +214,15 @@ def condition(
     """Fill pressure (scans, taxels), contact and complete (scans, pads) from readings in SI.
 
     in_contact (pads,) and last (taxels,) are the memory from scan to scan. A masked taxel (noise 0) reads 0.
-    A missing one (not finite) reads 0 as well; if its last reading was a load, the pad's scan is incomplete.
+    A missing one (not finite) reads 0 as well; if its last reading was a load, the pad's scan is incomplete. So are all
+    pads' where gap (scans,) is set.
     """
     for scan in range(values.shape[0]):
         for pad in range(len(starts) - 1):
             total = 0.0
             variance = 0.0
             peak = 0.0
-            whole = True
+            whole = not gap[scan]
             for taxel in range(starts[pad], starts[pad + 1]):
                 reading = 0.0
                 if noise[taxel] > 0.0:

@@ -45,11 +45,12 @@ _FEWEST_STEPS = 3
 _LOWEST, _VALUE, _STEP, _RUN, _TURNS, _COULD, _TAXEL = range(7)
 # Of the stream: time of the last stamp and of the last scan kept (NaN before the first), a gap not yet told of, scans
 # dropped since the last kept one, and whether that would have betrayed a repetition; whether any repetition has ever
-# been seen; scans dropped in all, gaps, the longest of them in s; sum and number of the steps between scans that would
-# have betrayed one; the length of the run of equal scans, whether it is loaded, and whether there is a beat; how much
-# the rings hold that follow: two of time steps, one of runs.
-_STAMP, _KEPT, _PENDING, _BETWEEN, _WITNESS, _REPEATS, _DROPPED, _GAPS, _LONGEST, _SUM, _COUNT = range(11)
-_EQUAL, _LOADED, _BEAT, _STAMPS, _FRESH, _RUNS, _RINGS = range(11, 18)
+# been seen; scans dropped in all, gaps, the longest of them in s; number and mean of the steps from stamp to stamp, and
+# sum of their squares from it; sum and number of the steps between scans that would have betrayed a repetition; the
+# length of the run of equal scans, whether it is loaded, and whether there is a beat; how much the rings hold that
+# follow: two of time steps, one of runs.
+_STAMP, _KEPT, _PENDING, _BETWEEN, _WITNESS, _REPEATS, _DROPPED, _GAPS, _LONGEST, _STEPS, _MEAN, _SQUARES = range(12)
+_SUM, _COUNT, _EQUAL, _LOADED, _BEAT, _STAMPS, _FRESH, _RUNS, _RINGS = range(12, 21)
 _STREAM = _RINGS + 2 * _RING + _BEATS
 
 
@@ -69,13 +70,27 @@ class Sifted:
         return len(self.t_s)
 
 
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """repeated: scans dropped. longest_gap_s: 0 if there was none. step_s, step_std_s: mean and standard deviation of
+    the steps from stamp to stamp, gaps left out. usual_s: mean step from one new scan to the next; all NaN if unknown.
+    """
+
+    repeated: int
+    gaps: int
+    longest_gap_s: float
+    step_s: float
+    step_std_s: float
+    usual_s: float
+
+
 class Sifter:
     """Drops repeated scans and marks gaps, scan by scan. ceiling: a reading at or above it is no evidence."""
 
     def __init__(self, taxels: int, ceiling: float, *, drop: bool) -> None:
         self._ceiling, self._drop = ceiling, drop
-        self._taxels = np.zeros((taxels, _TAXEL))
-        self._taxels[:, _LOWEST] = np.inf
+        self._taxels = np.zeros((_TAXEL, taxels))
+        self._taxels[_LOWEST] = np.inf
         self._stream = np.zeros(_STREAM)
         self.restart()
 
@@ -85,38 +100,28 @@ class Sifter:
         self._stream[:] = 0.0
         self._stream[[_STAMP, _KEPT]] = np.nan
         self._stream[[_REPEATS, _BEAT]] = known
-        self._taxels[:, _RUN] = 0.0
+        self._taxels[_RUN] = 0.0
 
     @property
-    def dropped(self) -> int:
-        """Repeated scans so far."""
-        return int(self._stream[_DROPPED])
-
-    @property
-    def gaps(self) -> int:
-        """Gaps so far."""
-        return int(self._stream[_GAPS])
-
-    @property
-    def longest_gap_s(self) -> float:
-        """0 if there was none."""
-        return float(self._stream[_LONGEST])
-
-    @property
-    def usual_s(self) -> float:
-        """Usual time from one new scan to the next, s; NaN if unknown."""
+    def counts(self) -> Counts:
+        """What has been seen since the start."""
         s = self._stream
-        if s[_COUNT]:
-            return float(s[_SUM] / s[_COUNT])
-        steps = s[_RINGS : _RINGS + min(int(s[_STAMPS]), _RING)]
-        return float(np.median(steps)) if len(steps) else float("nan")
+        mean = float(s[_MEAN]) if s[_STEPS] else float("nan")
+        return Counts(
+            repeated=int(s[_DROPPED]),
+            gaps=int(s[_GAPS]),
+            longest_gap_s=float(s[_LONGEST]),
+            step_s=mean,
+            step_std_s=float(np.sqrt(s[_SQUARES] / s[_STEPS])) if s[_STEPS] else float("nan"),
+            usual_s=float(s[_SUM] / s[_COUNT]) if s[_COUNT] else mean,
+        )
 
     def step(self, t_s: Floats, values: Floats) -> Sifted:
         """Scans (scans, taxels) in time order -> the new ones among them."""
         keep = np.ones(len(t_s), dtype=np.bool_)
         gap = np.zeros(len(t_s), dtype=np.bool_)
-        sift(t_s, values, self._ceiling, self._drop, self._taxels, self._stream, keep, gap)
-        if keep.all():
+        new = sift(t_s, values, self._ceiling, self._drop, self._taxels, self._stream, keep, gap)
+        if new == len(t_s):
             return Sifted(t_s, values, gap)
         return Sifted(t_s[keep], values[keep], gap[keep])
 
@@ -124,8 +129,9 @@ class Sifter:
 @kernel
 def sift(
     t: Floats, values: Floats, ceiling: float, drop: bool, taxels: Floats, stream: Floats, keep: Bools, gap: Bools
-) -> None:
-    """Clear keep (scans,) where a scan is the last one again, set gap (scans,). taxels, stream: memory."""
+) -> int:
+    """Clear keep (scans,) where a scan is the last one again, set gap (scans,); how many are new. The rest is memory."""
+    new = len(t)
     for scan in range(len(t)):
         again = False
         if not np.isnan(stream[_STAMP]):
@@ -138,6 +144,7 @@ def sift(
                 stream[_DROPPED] += 1.0
                 stream[_REPEATS] = 1.0
                 keep[scan] = False
+                new -= 1
                 continue
         witness = stream[_REPEATS] > 0.0 and _betrays(values[scan], ceiling, taxels, stream)
         if witness and stream[_WITNESS] > 0.0:
@@ -149,6 +156,7 @@ def sift(
         if not again:
             _end_run(stream, gap[scan])
             stream[_LOADED] = 1.0 if _learn(values[scan], ceiling, taxels) >= _FEWEST_LOADED else 0.0
+    return new
 
 
 @kernel
@@ -157,6 +165,11 @@ def _judge_stamp(step: float, stream: Floats) -> None:
     usual = _median(stream[_RINGS : _RINGS + _RING], int(stream[_STAMPS]))
     if step > GAP * usual:
         _add_gap(step, stream)
+    else:  # mean and sum of squares from it, after Welford
+        stream[_STEPS] += 1.0
+        off = step - stream[_MEAN]
+        stream[_MEAN] += off / stream[_STEPS]
+        stream[_SQUARES] += off * (step - stream[_MEAN])
     stream[_RINGS + int(stream[_STAMPS]) % _RING] = step
     stream[_STAMPS] += 1.0
 
@@ -192,7 +205,7 @@ def _median(ring: Floats, seen: int) -> float:
 @kernel
 def _same(values: Floats, taxels: Floats) -> bool:
     for k in range(len(values)):
-        last = taxels[k, _VALUE]
+        last = taxels[_VALUE, k]
         if values[k] != last and not (np.isnan(values[k]) and np.isnan(last)):
             return False
     return True
@@ -220,7 +233,7 @@ def _betrays(values: Floats, ceiling: float, taxels: Floats, stream: Floats) -> 
     """Whether this scan, were it equal to the last one, would surely be no new one."""
     loaded = False
     for k in range(len(values)):
-        loaded = loaded or taxels[k, _LOWEST] < values[k] < ceiling
+        loaded = loaded or taxels[_LOWEST, k] < values[k] < ceiling
     return loaded and (stream[_BEAT] > 0.0 or _chance(values, ceiling, taxels) < _CHANCE)
 
 
@@ -229,8 +242,8 @@ def _chance(values: Floats, ceiling: float, taxels: Floats) -> float:
     """How likely a fresh scan would be equal to the one before it, from its loaded taxels."""
     chance = 1.0
     for k in range(len(values)):
-        if taxels[k, _LOWEST] < values[k] < ceiling:
-            turns = taxels[k, _TURNS] / (taxels[k, _COULD] + _NEW)
+        if taxels[_LOWEST, k] < values[k] < ceiling:
+            turns = taxels[_TURNS, k] / (taxels[_COULD, k] + _NEW)
             if turns >= _RESTLESS:
                 chance *= max(1.0 - np.sqrt(1.5 * turns), _SUREST)
                 if chance < _CHANCE:
@@ -241,21 +254,19 @@ def _chance(values: Floats, ceiling: float, taxels: Floats) -> float:
 @kernel
 def _learn(values: Floats, ceiling: float, taxels: Floats) -> int:
     """Count the turns of loaded taxels in a scan that differs from the last; how many are loaded."""
+    lowest, last, before = taxels[_LOWEST], taxels[_VALUE], taxels[_STEP]
+    run, turns, could = taxels[_RUN], taxels[_TURNS], taxels[_COULD]
     loaded = 0
-    for k in range(len(values)):
-        m = taxels[k]
+    for k in range(len(values)):  # without branches: readings are as good as random
         value = values[k]
-        if m[_LOWEST] < value < ceiling:
-            loaded += 1
-            step = value - m[_VALUE]
-            if m[_RUN] >= 2.0:
-                m[_COULD] += 1.0
-                if step * m[_STEP] < 0.0:
-                    m[_TURNS] += 1.0
-            m[_STEP] = step
-            m[_RUN] = min(m[_RUN] + 1.0, 2.0)
-        else:
-            m[_RUN] = 0.0
-            m[_LOWEST] = np.fmin(m[_LOWEST], value)  # a missing reading is none
-        m[_VALUE] = value
+        here = lowest[k] < value < ceiling
+        step = value - last[k]
+        judged = here and run[k] >= 2.0
+        could[k] += judged
+        turns[k] += judged and step * before[k] < 0.0
+        before[k] = step
+        run[k] = min(run[k] + 1.0, 2.0) if here else 0.0
+        lowest[k] = np.fmin(lowest[k], value)  # a missing reading is none
+        last[k] = value
+        loaded += here
     return loaded

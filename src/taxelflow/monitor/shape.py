@@ -1,8 +1,9 @@
 """Zeroth, first and second moments of the taxels in contact, and what they say of its size and shape.
 
-With weights p_i, sum s and centroid c over the taxels above the threshold, M = sum p_i (r_i - c)(r_i - c)^T / s. Its
-eigenvalues l1 >= l2 give the full axes of the ellipse that, evenly filled, has the same moments: 4 sqrt(l). The
-orientation is that of the first eigenvector; its standard deviation is that of `estimation.axis`, to first order.
+With weights p_i, sum s and centroid c over the taxels above the threshold, M = sum p_i (r_i - c)(r_i - c)^T / s, plus
+what the extent of a taxel adds, a square of its area evenly loaded: a_i / 12 along each axis. The eigenvalues
+l1 >= l2 of M give the full axes of the ellipse that, evenly filled, has the same moments: 4 sqrt(l). The orientation is
+that of the first eigenvector; its standard deviation is what noise does to it, to first order (as `estimation.axis`).
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from taxelflow.monitor.features import ContactFeatures
 
 FORCE, AREA, PEAK, X, Y, MAJOR, MINOR, ECCENTRICITY, ORIENTATION, STD_FORCE, STD_ORIENTATION, COLUMNS = range(12)
+_ROUND = 1e-9
+"""Rounding makes a round contact no rounder than this."""
 _MOST_STD_RAD = 0.5
 """An axis less certain than this is none."""
 
@@ -100,7 +103,7 @@ def describe(
 
 @kernel
 def _describe_pad(p: Floats, noise: Floats, x: Floats, y: Floats, area: Floats, threshold: float, row: Floats) -> None:
-    s = sx = sy = sxx = syy = sxy = force = force_var = covered = peak = 0.0
+    s = sx = sy = sxx = syy = sxy = extent = force = force_var = covered = peak = 0.0
     x0, y0 = x[0], y[0]
     for k in range(len(p)):
         force += p[k] * area[k]  # below the threshold too: noise sums to nothing, a light edge does not
@@ -113,6 +116,7 @@ def _describe_pad(p: Floats, noise: Floats, x: Floats, y: Floats, area: Floats, 
             sxx += p[k] * dx * dx
             syy += p[k] * dy * dy
             sxy += p[k] * dx * dy
+            extent += p[k] * area[k] / 12.0
             covered += area[k]
             peak = max(peak, p[k])
     row[FORCE], row[STD_FORCE], row[AREA], row[PEAK] = force, np.sqrt(force_var), covered, peak
@@ -122,11 +126,11 @@ def _describe_pad(p: Floats, noise: Floats, x: Floats, y: Floats, area: Floats, 
     row[X], row[Y] = x0 + cx, y0 + cy
     xx, yy, xy = max(sxx / s - cx * cx, 0.0), max(syy / s - cy * cy, 0.0), sxy / s - cx * cy
     half, apart = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
-    large, small = half + apart, max(half - apart, 0.0)
+    large, small = half + apart + extent / s, max(half - apart, 0.0) + extent / s
     row[MAJOR], row[MINOR] = 4.0 * np.sqrt(large), 4.0 * np.sqrt(small)
-    if large <= 0.0 or apart <= 0.0:
-        return
     row[ECCENTRICITY] = np.sqrt(1.0 - small / large)
+    if apart <= _ROUND * large:
+        return
     u, v, variance = xx - yy, 2.0 * xy, 0.0
     for k in range(len(p)):
         if p[k] > threshold * noise[k]:
