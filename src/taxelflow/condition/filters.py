@@ -53,7 +53,7 @@ def _butterworth(lowpass_hz: float, usual_s: float) -> Floats:
     """(5,) b0, b1, b2, a1, a2; all pass if lowpass_hz is 0."""
     if not lowpass_hz:
         return np.array([1.0, 0.0, 0.0, 0.0, 0.0])
-    if not lowpass_hz < 0.5 / usual_s:
+    if not lowpass_hz * usual_s < 0.4999:
         raise ParameterInvalid(
             "condition lowpass_hz", lowpass_hz, f"it lies below half the scan rate, here {0.5 / usual_s:.3g} Hz"
         )

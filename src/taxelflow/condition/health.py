@@ -28,7 +28,7 @@ _FEWEST_SCANS = 48
 _FEWEST_LOADED = 24
 """Scans with loaded neighbours that a verdict needs."""
 _FEWEST_PEAKS = 3
-"""Places of the pad's largest reading in those scans: the load must have moved."""
+"""Places of the pad's largest reading, by so much, in those scans: the load must have moved."""
 _LOADED = 12.0
 """A reading so many standard deviations above where the taxel rests is a load."""
 _NOISY = 6.0
@@ -179,7 +179,9 @@ class _Pad:
             return
         others = np.where(np.isfinite(self._readings[scans]), self._readings[scans] - self._rest, -np.inf)
         others[:, taxel] = -np.inf
-        if len(np.unique(np.argmax(others, axis=1))) >= _FEWEST_PEAKS:
+        first, second = np.sort(np.partition(others, -2, axis=1)[:, -2:], axis=1).T[::-1]
+        sure = first - second > _LOADED * np.median(self._noise[self._live])
+        if len(np.unique(np.argmax(others[sure], axis=1))) >= _FEWEST_PEAKS:
             factor = float(np.nanmedian(own / (0.5 * (least + most))))
             yield Finding(taxel, "gain", factor, factor, len(scans))
 

@@ -66,9 +66,9 @@ class Session:
                     fresh = self._sifter.step(raw.t_s, in_si(raw.values, sensor))
                     self.sample.add(fresh.t_s, fresh.values)
             self.sample.close()
-            self._learn()
             self.foreseen = self._sifter.counts
             self._sifter.restart()
+            self._learn(self.foreseen.usual_s)
 
     @property
     def counts(self) -> Counts:
@@ -104,10 +104,11 @@ class Session:
         """What a stream still holds back: its first scans, if it ended before there were enough to learn from."""
         if self._held:
             self.sample.close()
-            self._learn()
-            held, self._held = self._held, []
-            whole = (np.concatenate([getattr(piece, name) for piece in held]) for name in ("t_s", "values", "gap"))
-            yield from self._condition(Sifted(*whole))
+            names = ("t_s", "values", "gap")
+            held = Sifted(*(np.concatenate([getattr(piece, name) for piece in self._held]) for name in names))
+            self._held = []
+            self._learn(float(np.median(np.diff(held.t_s))) if len(held) > 1 else float("nan"))
+            yield from self._condition(held)
 
     def sampled(self) -> Iterator[Scans]:
         """The windows of the sample, tared, with contact, each at the time of its first scan. The stream goes on as if
@@ -120,10 +121,10 @@ class Session:
             yield self._tared(Sifted(np.full(len(values), start_s), values, np.zeros(len(values), dtype=np.bool_)))
         self._in_contact, self._last = memory
 
-    def _learn(self) -> None:
+    def _learn(self, usual_s: float) -> None:
+        """Learn from the sample. usual_s: time from one new scan to the next, NaN if unknown."""
         asked = self._parameters
         self.learned = learn(asked, self._sensor, self.sample, self._masked, causal=self._causal)
-        usual_s = self._sifter.counts.usual_s
         if (asked.lowpass_hz or asked.median_scans > 1) and usual_s > 0:
             from taxelflow.condition.filters import Filters
 

@@ -130,7 +130,7 @@ class Sifter:
 def sift(
     t: Floats, values: Floats, ceiling: float, drop: bool, taxels: Floats, stream: Floats, keep: Bools, gap: Bools
 ) -> int:
-    """Clear keep (scans,) where a scan is the last one again, set gap (scans,); how many are new. The rest is memory."""
+    """Clear keep (scans,) where a scan is the last one again, set gap (scans,); how many are new. Others are memory."""
     new = len(t)
     for scan in range(len(t)):
         again = False
