@@ -169,6 +169,14 @@ def test_damage_in_the_middle_is_an_error_as_for_every_reader() -> None:
         check_up(Recording("memory", "memory", TWO, broken))
 
 
+@pytest.mark.parametrize("scans", [5, 12, 100, 1003])
+def test_contact_is_counted_exactly_where_the_sample_holds_every_scan(scans: int) -> None:
+    small = grid_sensor(4, 7, full_scale=60e3)
+    values = np.random.default_rng(0).normal(0, 100, (scans, 28))
+    values[scans // 3 :] += dome(small)
+    assert check_up(recorded(values, small)).pads[0].contact_scans == scans - scans // 3
+
+
 def test_contact_in_a_long_recording_is_scaled_up_from_the_sample() -> None:
     small = grid_sensor(4, 7, full_scale=60e3)
     values = np.random.default_rng(0).normal(0, 100, (20_000, 28))

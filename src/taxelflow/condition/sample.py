@@ -34,6 +34,11 @@ class Sample:
         return self._starts_s[: len(self.windows)]
 
     @property
+    def tail(self) -> tuple[float, Floats]:
+        """Scans since the last window, fewer than make one, and the time of the first of them."""
+        return self._open_s, self._open
+
+    @property
     def wanted(self) -> int:
         """Scans until the next window is full."""
         return WINDOW_SCANS - len(self._open)
@@ -55,6 +60,7 @@ class Sample:
         if not self.seen and len(self._open):
             patched = np.concatenate([self._open, np.full((self.wanted, self._open.shape[1]), np.nan)])
             self._keep(self._open_s, patched)
+            self._open = self._open[:0]
 
     def _keep(self, start_s: float, window: Floats) -> None:
         if not self.seen:

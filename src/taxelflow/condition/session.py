@@ -111,12 +111,12 @@ class Session:
             yield from self._condition(held)
 
     def sampled(self) -> Iterator[Scans]:
-        """The windows of the sample, tared, with contact, each at the time of its first scan. The stream goes on as if
-        this had not been asked for.
+        """The windows of the sample and its tail, tared, with contact, each at the time of its first scan. The stream
+        goes on as if this had not been asked for.
         """
         memory = self._in_contact, self._last
         self._in_contact, self._last = np.zeros_like(memory[0]), np.zeros_like(memory[1])
-        for start_s, window in zip(self.sample.starts_s, self.sample.windows, strict=True):
+        for start_s, window in (*zip(self.sample.starts_s, self.sample.windows, strict=True), self.sample.tail):
             values = window[np.isfinite(window).any(axis=1)]
             yield self._tared(Sifted(np.full(len(values), start_s), values, np.zeros(len(values), dtype=np.bool_)))
         self._in_contact, self._last = memory

@@ -146,10 +146,10 @@ def _short(value: float | None) -> str:
 
 
 def _doubtful(value: float | None, std: float | None) -> str:
-    """A value that may be nothing: 0 within three of its standard errors."""
+    """A value that may be nothing: 0 within four of its standard errors."""
     if value is None or std is None:
         return "-"
-    return f"{value:+.3g}" if abs(value) > 3 * std else "0"
+    return f"{value:+.3g}" if abs(value) > 4 * std else "0"
 
 
 def _range(lowest: float | None, highest: float | None) -> str:

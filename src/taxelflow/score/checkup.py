@@ -198,16 +198,17 @@ class _Sampled:
         describe = ContactFeatures().begin(recording.sensor)
         contact, scans = np.zeros(pads), 0
         self.load_n = np.full(pads, np.nan)
-        self._starts_s = session.sample.starts_s
-        levels = []
-        for block in session.sampled():
+        starts_s, levels = [], []
+        for block in filter(len, session.sampled()):
             touching = block.contact[:, :pads]
             contact += touching.sum(axis=0)
             scans += len(block)
             self.load_n = np.fmax(self.load_n, np.fmax.reduce(describe.step(block).force[:, :pads], axis=0))
             level = np.add.reduceat(block.pressure, layout.starts[:-1], axis=1)[:, :pads].mean(axis=0)
+            starts_s.append(block.t_s[0])
             levels.append(np.where(touching.any(axis=0), np.nan, level / np.diff(layout.starts)[:pads]))
         self.contact_share = contact / max(scans, 1)
+        self._starts_s = np.array(starts_s)
         self._levels = np.array(levels).reshape(-1, pads)
 
     def drift(self, pad: int, duration_s: float) -> tuple[float | None, float | None]:
