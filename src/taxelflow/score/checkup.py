@@ -140,14 +140,14 @@ def _pad(number: int, sensor: Sensor, learned: Learned, tally: _Tally, seen: _Sa
     layout, to_si = sensor.layout, sensor.to_si
     own = layout.of_pad(number)
     live = ~learned.masked[own]
-    highest, offset, noise = tally.highest[own], learned.offset[own], learned.noise[own]
-    touched = highest - offset > Conditioner.contact_on * noise
-    saturated = highest >= (np.inf if sensor.full_scale is None else sensor.full_scale * to_si)
+    most, offset, noise = tally.most[own], learned.offset[own], learned.noise[own]
+    touched = most - offset > Conditioner.contact_on * noise
+    saturated = most >= (np.inf if sensor.full_scale is None else sensor.full_scale * to_si)
     findings = [found for found in learned.findings if own.start <= found.taxel < own.stop]
     bad = np.isin(np.arange(own.start, own.stop), [found.taxel for found in findings])
     rows, cols = layout.shapes[number]
     drift, drift_std = seen.drift(number, tally.last_s - tally.first_s)
-    picture = layout.grid(number, np.where(np.isfinite(tally.highest), tally.highest - learned.offset, np.nan) / to_si)
+    picture = layout.grid(number, np.where(np.isfinite(tally.most), tally.most - learned.offset, np.nan) / to_si)
     marks = np.full((rows, cols), " ")
     place = layout.row[own], layout.col[own]
     marks[place] = np.select([bad, ~live, saturated, touched], ["!", "x", "F", "o"], ".")
@@ -157,8 +157,8 @@ def _pad(number: int, sensor: Sensor, learned: Learned, tally: _Tally, seen: _Sa
         cols=cols,
         taxels=len(live),
         masked=int(np.sum(~live)),
-        lowest=_finite(tally.lowest[own].min() / to_si),
-        highest=_finite(highest.max() / to_si),
+        lowest=_finite(tally.lowest[own].min()),
+        highest=_finite(tally.highest[own].max()),
         noise=float(np.median(noise[live])) / to_si if live.any() else None,
         tared=bool(learned.tared[number]),
         contact_scans=round(seen.contact_share[number] * tally.reading.scans),
@@ -225,13 +225,17 @@ class _Sampled:
 
 
 class _Tally:
-    """Extremes and missing readings of all scans as they pass, in constant memory, in SI."""
+    """Extremes and missing readings of all scans as they pass, in constant memory.
+
+    lowest, highest: (taxels,) in the sensor's unit. most: (taxels,) highest in SI.
+    """
 
     def __init__(self, recording: Recording) -> None:
         taxels = recording.layout.taxels
         self.reading: Reading = recording.blocks()
         self.lowest = np.full(taxels, np.inf)
         self.highest = np.full(taxels, -np.inf)
+        self.most = np.full(taxels, -np.inf)
         self.missing = np.zeros(taxels, dtype=np.int64)
         self.first_s = self.last_s = float("nan")
         self.fault: RecordingError | None = None
@@ -241,10 +245,11 @@ class _Tally:
         """Pass blocks on; note what ends them early."""
         try:
             for block in blocks:
-                values = in_si(block.values, self._sensor)
-                known = np.isfinite(values)
-                self.lowest = np.minimum(self.lowest, np.min(values, axis=0, initial=np.inf, where=known))
-                self.highest = np.maximum(self.highest, np.max(values, axis=0, initial=-np.inf, where=known))
+                si = in_si(block.values, self._sensor)
+                known = np.isfinite(si)
+                self.lowest = np.minimum(self.lowest, np.min(block.values, axis=0, initial=np.inf, where=known))
+                self.highest = np.maximum(self.highest, np.max(block.values, axis=0, initial=-np.inf, where=known))
+                self.most = np.maximum(self.most, np.max(si, axis=0, initial=-np.inf, where=known))
                 self.missing += (~known).sum(axis=0)
                 self.first_s = float(block.t_s[0]) if np.isnan(self.first_s) else self.first_s
                 self.last_s = float(block.t_s[-1])
