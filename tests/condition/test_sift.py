@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from synthetic import assert_same, conditioned, dome, grid_sensor, pieces, raw_scans, recorded
 from taxelflow import registry
 from taxelflow.api import estimate, read
-from taxelflow.condition.conditioner import Conditioner
 from taxelflow.condition.sift import Sifter
 
 if TYPE_CHECKING:
@@ -158,14 +157,6 @@ def test_a_real_sliding_object_behind_a_fast_logger(recordings: Path, times: int
     t_s, values = logged(raw.values, times)
     scans = estimate(recorded(values, recording.sensor, t_s)).summary
     assert scans.repeated_values_dropped == pytest.approx(loaded * (times - 1), abs=3)
-
-
-def test_no_repeats_and_no_gaps_are_found_in_real_recordings(recordings: Path) -> None:
-    for file in sorted((recordings / "sdh-dsa").glob("*.dsa")):
-        recording = read(file)
-        session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
-        assert session.foreseen is not None
-        assert (session.foreseen.repeated, session.foreseen.gaps) == (0, 0)
 
 
 # Gaps
