@@ -7,6 +7,7 @@ import pytest
 
 from synthetic import assert_same, conditioned, dome, grid_sensor, raw_scans
 from taxelflow.condition.conditioner import Conditioner
+from taxelflow.layout import Group, Patch
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -97,6 +98,16 @@ def test_one_pads_contact_does_not_stop_another_from_following() -> None:
     scans, _ = conditioned(values, TWO, tare="start", drift="follow")
     assert abs(scans.pressure[-500:, 28:].mean()) < 80
     assert scans.contact[300:, 0].all()
+
+
+def test_a_group_in_contact_stops_only_the_pads_it_takes_taxels_from() -> None:
+    whole = Group("both", (Patch("pad0"), Patch("pad1")))
+    for patches, followed in (((whole,), False), ((Group("left", (Patch("pad0"),)),), True)):
+        sensor = grid_sensor(4, 7, pads=2, full_scale=140e3, groups=patches)
+        values = noisy(6000, 56) + np.concatenate([np.zeros((6000, 28)), creeping(6000, 1500.0)], axis=1)
+        values[200:, :28] += dome(PALM)
+        scans, _ = conditioned(values, sensor, tare="start", drift="follow")
+        assert bool(abs(scans.pressure[-500:, 28:56].mean()) < 80) == followed
 
 
 def test_a_stream_does_not_depend_on_how_it_is_cut() -> None:

@@ -37,6 +37,10 @@ class Drift:
         self._scans = 0
         self._idle = np.ones(layout.pad_count, dtype=np.bool_)
         self._tare: Floats | None = None
+        taxels = np.zeros((len(layout.pads), layout.taxels), dtype=np.bool_)
+        for part, own in enumerate(taxels):
+            own[layout.source[layout.of_pad(part)]] = True
+        self._feels = (taxels[: layout.pad_count].astype(int) @ taxels.T) > 0  # (pads, pads and groups) that share some
 
     @property
     def wanted(self) -> int:
@@ -51,8 +55,7 @@ class Drift:
         self._spell[self._scans : self._scans + len(scans)] = scans.pressure[:, : layout.taxels]
         self._scans += len(scans)
         quiet = ~scans.contact & scans.complete & ~gap[:, np.newaxis]
-        pads, groups = quiet[:, : layout.pad_count], quiet[:, layout.pad_count :]
-        self._idle &= pads.all(axis=0) & groups.all()  # a group may feel what none of its pads does
+        self._idle &= (quiet.all(axis=0) | ~self._feels).all(axis=1)
         if self.wanted:
             return learned
         offset = learned.offset.copy()
