@@ -4,6 +4,7 @@ import bz2
 import csv
 import json
 import os
+import re
 import subprocess
 import sys
 from typing import TYPE_CHECKING, Any
@@ -92,13 +93,17 @@ def refused_estimate(capsys: Capture, tmp_path: Path, recording: Path, *more: ob
 
 @both_modes
 @pytest.mark.parametrize("method", ["lnorm", "convolution"])
-def test_estimate_writes_its_four_files_and_nothing_else(
-    tmp_path: Path, capsys: Capture, method: str, mode: str
-) -> None:
+def test_estimate_writes_its_files_and_nothing_else(tmp_path: Path, capsys: Capture, method: str, mode: str) -> None:
     out = tmp_path / "deep" / "out"
     file = save_npz(tmp_path / "a.npz")
     assert main(["estimate", str(file), "--out", str(out), "--method", method, "--mode", mode]) == 0
-    assert sorted(path.name for path in out.iterdir()) == ["events.csv", "object.csv", "slips.csv", "summary.json"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "contacts.csv",
+        "events.csv",
+        "object.csv",
+        "slips.csv",
+        "summary.json",
+    ]
     said = capsys.readouterr()
     assert str(out) in said.out.replace("\n", "")
     assert "Traceback" not in said.err
@@ -376,6 +381,11 @@ def test_a_time_that_is_no_number(tmp_path: Path, capsys: Capture) -> None:
         ["--gain", "-1"],
         ["--gain", "nan"],
         ["--condition.contact-off", "50"],
+        ["--condition.mask", "3,28"],
+        ["--condition.mask", "all"],
+        ["--condition.lowpass-hz", "5"],
+        ["--condition.median-scans", "2"],
+        ["--features.threshold", "nan"],
         ["--monitor.stop", "50"],
     ],
     ids=" ".join,
@@ -530,6 +540,39 @@ def test_info_gives_json(tmp_path: Path, capsysbinary: pytest.CaptureFixture[byt
     whole = json.loads(capsysbinary.readouterr().out)
     assert (whole["scans"], whole["sensor"], whole["unit"]) == (60, "grid", "Pa")
     assert whole["pads"][0]["contact_scans"] == 40
+
+
+def test_info_draws_the_pads_and_names_what_is_not_well(tmp_path: Path, capsys: Capture) -> None:
+    values = np.repeat(grasp(240), 2, axis=0)
+    values[:, 5] = 30e3
+    file = save_npz(tmp_path / "a.npz", values, np.arange(480) / 60)
+    assert main(["info", str(file)]) == 0
+    said = capsys.readouterr().out
+    assert "scans are the one before again, bit for bit: 30.00 Hz are new" in said.replace("\n", " ")
+    assert "not well: taxel 5 (pad0, row 0, col 5) stuck at 3e+04 Pa" in said
+    assert "! not well" in said
+    assert any(re.fullmatch(r"[0-9.] ([0-9.!] ){6}", line.rstrip() + " ") for line in said.splitlines())
+    assert main(["info", str(file), "--json"]) == 0
+    pad = json.loads(capsys.readouterr().out)["pads"][0]
+    assert pad["findings"][0]["fault"] == "stuck"
+    assert len(pad["marks"]) == 4
+
+
+def test_options_of_the_conditioner(tmp_path: Path, capsys: Capture) -> None:
+    values = grasp(240)
+    values[:, 5] = 30e3
+    file = save_npz(tmp_path / "a.npz", values)
+    arguments = ["--condition.mask", "auto", "--condition.lowpass-hz", "2", "--condition.median-scans", "3"]
+    arguments += ["--condition.drift", "follow", "--condition.repeats", "keep", "--features.threshold", "6"]
+    assert main(["estimate", str(file), "--out", str(tmp_path), *arguments]) == 0
+    said = capsys.readouterr().err
+    assert "masked: taxel 5 (pad0, row 0, col 5) stuck at 3e+04 Pa" in said
+    assert "every lag_s is" in said
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["masked_taxels"] == [5]
+    assert summary["parameters"]["condition"]["lowpass_hz"] == 2.0
+    assert summary["parameters"]["features"] == {"threshold": 6.0}
+    assert len(rows_of(tmp_path / "contacts.csv")) > 100
 
 
 def test_info_refuses_what_estimate_refuses(tmp_path: Path, capsys: Capture) -> None:

@@ -18,7 +18,7 @@ from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
-from taxelflow.messages import Bools, Event, Motions, RawScans, Scans, Slips, joined
+from taxelflow.messages import Bools, Contacts, Event, Motions, RawScans, Scans, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pipeline import Pipeline, Run
 from taxelflow.publish.summary import Summary, Totals
@@ -27,7 +27,10 @@ from taxelflow.sensor import Sensor
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+    from taxelflow.condition.learn import Learned
     from taxelflow.estimation.base import Estimator, Mode
+
+_MOST_WORDS = 4
 
 
 _BAG_DIRECTORY = "metadata.yaml"
@@ -39,7 +42,7 @@ class Result:
     """Everything that a recording gave, in memory.
 
     pads: names along the second axis of the arrays of `slips` and of slipping (scans, pads). `motions` is the
-    object's motion per scan, `summary` what `summary.json` holds.
+    object's motion per scan, `contacts` what each pad's contact is like, `summary` what `summary.json` holds.
     """
 
     pads: tuple[str, ...]
@@ -48,6 +51,7 @@ class Result:
     motions: Motions
     events: list[Event]
     summary: Summary
+    contacts: Contacts
 
 
 def read(
@@ -160,6 +164,7 @@ def estimate(
         motions=joined([output.motions for output in outputs]),
         events=[event for output in outputs for event in output.events],
         summary=summarise(name, pipeline, run, totals),
+        contacts=joined([output.contacts for output in outputs]),
     )
 
 
@@ -188,8 +193,19 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
         own = totals.pads[: layout.pad_count]
         if bare := [name for name in own if name in pads and pads[name].contact_scans and name not in known]:
             notes.append(f"not in the calibration, so at gain 1: {', '.join(bare)}")
-    if silent := [taxel for taxel in masked if not recording.masked[taxel]]:
-        notes.append(f"masked, because silent while noise was learned: taxels {', '.join(map(str, silent))}")
+    if learned is not None:
+        notes += _of_taxels(recording, learned)
+    counts = run.counts
+    rate_hz = 1 / counts.usual_s if counts.usual_s > 0 else None
+    if counts.repeated:
+        notes.append(
+            f"dropped {counts.repeated} scans that repeat the one before bit for bit: {rate_hz:.4g} scans/s are new"
+        )
+    if counts.gaps:
+        gaps = "1 gap" if counts.gaps == 1 else f"{counts.gaps} gaps, the longest"
+        notes.append(f"{gaps} of {counts.longest_gap_s:.3g} s: no motion is followed across it")
+    if run.lag_s:
+        notes.append(f"filtered over time: every lag_s is {1e3 * run.lag_s:.3g} ms longer for it")
     return Summary(
         taxelflow=__version__,
         input=str(recording.source),
@@ -202,6 +218,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
             "method": asdict(cast("Any", pipeline.estimator)),
             "condition": asdict(pipeline.condition),
             "monitor": asdict(pipeline.monitor),
+            "features": asdict(pipeline.features),
         }
         | ({} if pipeline.calibration is None else {"calibration": msgspec.to_builtins(pipeline.calibration)}),
         scans=totals.scans,
@@ -215,4 +232,23 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
         notes=notes,
         layout=recording.sensor,
         loss=str(run.reading.loss) if run.reading.loss else None,
+        repeated_values_dropped=counts.repeated,
+        rate_hz=rate_hz,
+        gaps=counts.gaps,
     )
+
+
+def _of_taxels(recording: Recording, learned: Learned) -> list[str]:
+    """Notes on masked taxels and on those that are not well."""
+    told = {finding.taxel for finding in learned.findings}
+    silent = np.flatnonzero(learned.masked & ~recording.masked)
+    asked = [int(taxel) for taxel in silent if taxel not in told]
+    sensor = recording.sensor
+    notes = [f"masked besides what the recording declares off: taxels {', '.join(map(str, asked))}"] if asked else []
+    for masked, what in ((True, "masked"), (False, "not well, and used all the same (--condition.mask auto)")):
+        found = [finding for finding in learned.findings if learned.masked[finding.taxel] == masked]
+        if found:
+            words = "; ".join(finding.words(sensor) for finding in found[:_MOST_WORDS])
+            rest = len(found) - _MOST_WORDS
+            notes.append(f"{what}: {words}" + (f"; and {rest} more, see `taxelflow info`" if rest > 0 else ""))
+    return notes

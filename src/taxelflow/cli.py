@@ -18,6 +18,7 @@ from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import ParameterInvalid, TaxelflowError
 from taxelflow.fuse.rigid import RigidField
+from taxelflow.monitor.features import ContactFeatures
 from taxelflow.monitor.slip import SlipMonitor
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class _Recorded:
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate(_Recorded):
-    """Estimate motion and slip from a recording: slips.csv, object.csv, events.csv, summary.json.
+    """Estimate motion and slip from a recording: slips.csv, object.csv, events.csv, contacts.csv, summary.json.
 
     A method's own parameters follow as options, e.g. --gain 1.04 for lnorm and convolution.
     Exit code: 0; 1 if the recording is truncated and only a part could be read; 2 on bad input.
@@ -67,6 +68,7 @@ class Estimate(_Recorded):
     condition: Conditioner = field(default_factory=Conditioner)
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
     fusion: RigidField = field(default_factory=RigidField)
+    features: ContactFeatures = field(default_factory=ContactFeatures)
 
     def run(self, rest: list[str]) -> int:
         """Read, estimate, write."""
@@ -81,12 +83,12 @@ class Estimate(_Recorded):
         estimator = tyro.cli(kind, args=rest, prog=f"taxelflow estimate --method {self.method}")
         recording = self.opened()
         calibration = None if self.calibration is None else load_calibration(self.calibration)
-        pipeline = Pipeline(estimator, self.mode, self.condition, self.monitor, self.fusion, calibration)
+        pipeline = Pipeline(estimator, self.mode, self.condition, self.monitor, self.fusion, calibration, self.features)
         totals = Totals(recording.layout.pads)
         with Tables(self.out, recording.layout.pads) as tables:
             run = pipeline.start(recording)
             for output in progress(run, recording.scans, "estimating"):
-                tables.write(output.slips, output.slipping, output.motions, output.events)
+                tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
                 totals.add(output.slips, output.slipping, output.events)
             summary = api.summarise(self.method, pipeline, run, totals)
             tables.write_summary(summary)
@@ -144,7 +146,10 @@ class Calibrate(_Recorded):
 
 @dataclass(frozen=True, kw_only=True)
 class Info(_Recorded):
-    """Look at a recording: sensor, pads, scans, rate with jitter and gaps, values, idle and saturated taxels."""
+    """Check a sensor up by a recording: rate, gaps, repeated scans; noise, drift, load and bad taxels of each pad.
+
+    Taxels that are not well are named with the evidence; `taxelflow estimate --condition.mask auto` leaves them out.
+    """
 
     json: bool = False
     """Print JSON instead of tables."""

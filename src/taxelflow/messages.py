@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    Block = TypeVar("Block", "RawScans", "Scans", "Slips", "Motions")
+    Block = TypeVar("Block", "RawScans", "Scans", "Slips", "Motions", "Contacts")
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -53,7 +53,8 @@ class Scans:
     noise: (entries,) standard deviation of one reading, same unit; 0 marks a masked taxel. A reading of exactly 0
     has no noise: the taxel is masked or missing, or the sensor clips it there while it is idle. ceiling: (entries,),
     a reading at or above it is saturated, the pressure may be larger; inf where no full scale is known.
-    contact: (scans, pads). complete: (scans, pads), False where a loaded taxel is missing in that scan.
+    contact: (scans, pads). complete: (scans, pads), False where a loaded taxel is missing in that scan, and in the
+    first scan after a gap in time or after a change of masks: no motion is to be followed from the scan before it.
     """
 
     t_s: Floats
@@ -154,6 +155,34 @@ class Motions:
     pose: Floats
     pose_covariance: Floats
     pads: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Contacts:
+    """What the contact of a pad is like, per scan and pad, in each pad's frame; NaN without contact, or where a loaded
+    taxel is missing.
+
+    t_s: (scans,). contact: (scans, pads). force, force_std: (scans, pads), N, normal to the skin; NaN for a sensor
+    without a scale. area: (scans, pads), m^2, of the taxels above the noise. peak: (scans, pads), Pa or counts.
+    centroid: (scans, pads, 2), m. axes: (scans, pads, 2), m, full length and width of the evenly filled ellipse with
+    the same second moments. eccentricity: (scans, pads), 0 round to 1 a line. orientation, orientation_std: (scans,
+    pads), rad, of the long axis, from -pi/2 to pi/2 anticlockwise from x; NaN where the contact is too round to tell.
+    """
+
+    t_s: Floats
+    contact: Bools
+    force: Floats
+    area: Floats
+    peak: Floats
+    centroid: Floats
+    axes: Floats
+    eccentricity: Floats
+    orientation: Floats
+    force_std: Floats
+    orientation_std: Floats
 
     def __len__(self) -> int:
         return len(self.t_s)

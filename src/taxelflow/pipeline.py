@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast, get_args
 
 from taxelflow import registry
@@ -12,25 +12,30 @@ from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import CalibrationUnfit, NameUnknown
 from taxelflow.estimation.base import Mode
 from taxelflow.fuse.rigid import RigidField
-from taxelflow.messages import Bools, Event, Motions, RawScans, Slips, cut
+from taxelflow.messages import Bools, Contacts, Event, Motions, RawScans, Scans, Slips, cut, joined
+from taxelflow.monitor.features import ContactFeatures
 from taxelflow.monitor.slip import SlipMonitor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from taxelflow.acquire.base import Reading, Recording
-    from taxelflow.condition.session import Learned
+    from taxelflow.condition.learn import Learned
+    from taxelflow.condition.sift import Counts
     from taxelflow.estimation.base import Calibratable, Estimator, EstimatorSession
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Output:
-    """One block of results: what every pad saw, whether it slips (scans, pads), the object's motion, events."""
+    """One block of results: what every pad saw, whether it slips (scans, pads), the object's motion, events, and what
+    the contacts are like. All of the same scans.
+    """
 
     slips: Slips
     slipping: Bools
     motions: Motions
     events: list[Event]
+    contacts: Contacts
 
     def __len__(self) -> int:
         return len(self.slips)
@@ -46,6 +51,7 @@ class Pipeline:
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
     fusion: RigidField = field(default_factory=RigidField)
     calibration: Calibration | None = None
+    features: ContactFeatures = field(default_factory=ContactFeatures)
 
     def __post_init__(self) -> None:
         if self.mode not in get_args(Mode):
@@ -69,7 +75,19 @@ class Run:
             self._estimate = _started(pipeline, recording)
             self._condition = pipeline.condition.start(recording.sensor, recording.masked, lookahead)
             self._fuse = pipeline.fusion.start(layout)
+            self._describe = pipeline.features.begin(recording.sensor)
+        self._described: list[Contacts] = []
         self._monitor = pipeline.monitor.begin(layout.pads)
+
+    @property
+    def counts(self) -> Counts:
+        """Repeated scans and gaps so far."""
+        return self._condition.counts
+
+    @property
+    def lag_s(self) -> float:
+        """What the filters of the conditioner add to every lag."""
+        return self._condition.lag_s
 
     @property
     def learned(self) -> Learned | None:
@@ -80,15 +98,26 @@ class Run:
         for block in self.reading:
             for raw in _single(block) if self._stream else (block,):
                 for scans in self._condition.step(raw):
-                    yield from self._finish(self._estimate.step(scans))
+                    yield from self._step(scans)
         for scans in self._condition.finish():
-            yield from self._finish(self._estimate.step(scans))
+            yield from self._step(scans)
         yield from self._finish(self._estimate.finish())
 
+    def _step(self, scans: Scans) -> Iterator[Output]:
+        self._described.append(self._describe.step(scans))
+        yield from self._finish(self._estimate.step(scans))
+
     def _finish(self, slips: Slips) -> Iterator[Output]:
-        if len(slips):
-            slipping, events = self._monitor.step(slips)
-            yield Output(slips, slipping, self._fuse.step(slips), events)
+        if not len(slips):
+            return
+        if self._condition.lag_s:
+            slips = replace(slips, lag_s=slips.lag_s + self._condition.lag_s)
+        contacts, self._described = joined(self._described), []
+        if len(contacts) > len(slips):  # the estimator holds some back
+            self._described = [cut(contacts, len(slips), len(contacts))]
+            contacts = cut(contacts, 0, len(slips))
+        slipping, events = self._monitor.step(slips)
+        yield Output(slips, slipping, self._fuse.step(slips), events, contacts)
 
 
 def _started(pipeline: Pipeline, recording: Recording) -> EstimatorSession:

@@ -15,10 +15,15 @@ def numbered(scans: int) -> Floats:
     return count
 
 
+def stamped(values: Floats) -> tuple[Floats, Floats]:
+    """Scans with their first value as their time, tenfold."""
+    return 10.0 * values[:, 0], values
+
+
 def sampled(scans: int, block: int = 5000) -> Sample:
     sample = Sample(1)
     for start in range(0, scans, block):
-        sample.add(numbered(scans)[start : start + block])
+        sample.add(*stamped(numbered(scans)[start : start + block]))
     sample.close()
     return sample
 
@@ -48,6 +53,12 @@ def test_windows_come_evenly_from_the_whole_recording() -> None:
     assert (np.abs(share - MOST_WINDOWS / 8) < 5 * (MOST_WINDOWS / 8) ** 0.5).all()
 
 
+@pytest.mark.parametrize("block", [5, 77, 20_000])
+def test_every_window_knows_the_time_of_its_first_scan(block: int) -> None:
+    sample = sampled(20_000, block)
+    np.testing.assert_array_equal(sample.starts_s, 10.0 * sample.windows[:, 0, 0])
+
+
 def test_a_replay_draws_the_same_windows() -> None:
     np.testing.assert_array_equal(sampled(30_000).windows, sampled(30_000).windows)
 
@@ -56,9 +67,9 @@ def test_a_replay_draws_the_same_windows() -> None:
 def test_the_sample_does_not_depend_on_how_scans_come(cuts: list[int], scans: int) -> None:
     whole, cut_up = Sample(1), Sample(1)
     raw = raw_scans(numbered(scans).reshape(scans, 1))
-    whole.add(raw.values)
+    whole.add(raw.t_s, raw.values)
     for piece in pieces(raw, [min(cut, scans) for cut in cuts]):
-        cut_up.add(piece.values)
+        cut_up.add(piece.t_s, piece.values)
     assert whole.wanted == cut_up.wanted
     whole.close()
     cut_up.close()
@@ -72,9 +83,9 @@ def test_long_recordings_cut_differently_give_the_same_sample() -> None:
 def test_wanted_counts_down_to_the_next_full_window() -> None:
     sample = Sample(1)
     assert sample.wanted == WINDOW_SCANS
-    sample.add(numbered(5))
+    sample.add(*stamped(numbered(5)))
     assert (sample.wanted, sample.seen) == (WINDOW_SCANS - 5, 0)
-    sample.add(numbered(7))
+    sample.add(*stamped(numbered(7)))
     assert (sample.wanted, sample.seen) == (WINDOW_SCANS, 1)
 
 
@@ -91,7 +102,7 @@ def test_no_scans_make_no_window() -> None:
 
 def test_what_is_kept_does_not_change_when_the_source_reuses_its_memory() -> None:
     sample, memory = Sample(1), np.ones((18, 1))
-    sample.add(memory)
+    sample.add(*stamped(memory))
     memory[:] = 7
-    sample.add(np.ones((6, 1)))
+    sample.add(*stamped(np.ones((6, 1))))
     assert (sample.windows == 1).all()

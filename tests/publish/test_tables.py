@@ -10,7 +10,7 @@ from synthetic import METHODS
 from taxelflow import registry
 from taxelflow.api import estimate
 from taxelflow.pipeline import Pipeline
-from taxelflow.publish.tables import SLIPS, Tables
+from taxelflow.publish.tables import CONTACTS, SLIPS, Tables
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -32,7 +32,7 @@ def written(recording: Recording, folder: Path, method: str = "convolution") -> 
     run = Pipeline(registry.find("estimator", method)()).start(recording)
     with Tables(folder, recording.layout.pads) as tables:
         for output in run:
-            tables.write(output.slips, output.slipping, output.motions, output.events)
+            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
     return folder
 
 
@@ -106,18 +106,48 @@ def test_events_have_time_pad_and_kind(stroke: Recording, tmp_path: Path) -> Non
     assert {row["event"] for row in rows} <= {"contact", "release", "slip_start", "slip_stop"}
 
 
+def test_contacts_have_a_row_per_scan_and_pad_in_contact(stroke: Recording, tmp_path: Path) -> None:
+    contacts = estimate(stroke).contacts
+    rows = rows_of(written(stroke, tmp_path) / "contacts.csv")
+    assert list(rows[0]) == list(CONTACTS)
+    touching = contacts.contact[:, 0]
+    assert len(rows) == touching.sum() > 0
+    for name, values in (
+        ("t_s", contacts.t_s),
+        ("force_n", contacts.force[:, 0]),
+        ("area_m2", contacts.area[:, 0]),
+        ("peak_pa", contacts.peak[:, 0]),
+        ("x_m", contacts.centroid[:, 0, 0]),
+        ("y_m", contacts.centroid[:, 0, 1]),
+        ("major_m", contacts.axes[:, 0, 0]),
+        ("minor_m", contacts.axes[:, 0, 1]),
+        ("eccentricity", contacts.eccentricity[:, 0]),
+        ("orientation_rad", contacts.orientation[:, 0]),
+        ("std_force_n", contacts.force_std[:, 0]),
+        ("std_orientation_rad", contacts.orientation_std[:, 0]),
+    ):
+        read = [float(row[name]) if row[name] else np.nan for row in rows]
+        np.testing.assert_allclose(read, values[touching], rtol=1e-8, atol=1e-12, err_msg=name)
+
+
 def test_rows_stand_in_part_files_until_the_end(stroke: Recording, tmp_path: Path) -> None:
     run = Pipeline(registry.find("estimator", "lnorm")()).start(stroke)
     with Tables(tmp_path, stroke.layout.pads) as tables:
         for output in run:
-            tables.write(output.slips, output.slipping, output.motions, output.events)
+            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
         assert sorted(path.name for path in tmp_path.iterdir()) == [
+            "contacts.csv.part",
             "events.csv.part",
             "object.csv.part",
             "slips.csv.part",
         ]
         assert len(rows_of(tmp_path / "slips.csv.part")) == 80
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["events.csv", "object.csv", "slips.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "contacts.csv",
+        "events.csv",
+        "object.csv",
+        "slips.csv",
+    ]
 
 
 @pytest.mark.parametrize("interruption", [KeyboardInterrupt, ValueError, SystemExit])
@@ -127,7 +157,7 @@ def test_an_interruption_keeps_the_part_files(
     run = Pipeline(registry.find("estimator", "lnorm")()).start(stroke)
     with pytest.raises(interruption), Tables(tmp_path, stroke.layout.pads) as tables:
         for output in run:
-            tables.write(output.slips, output.slipping, output.motions, output.events)
+            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
         raise interruption
     assert not (tmp_path / "slips.csv").exists()
     assert len(rows_of(tmp_path / "slips.csv.part")) == 80
@@ -135,7 +165,7 @@ def test_an_interruption_keeps_the_part_files(
 
 def test_no_number_is_written_as_nan_or_inf(stroke: Recording, tmp_path: Path) -> None:
     folder = written(stroke, tmp_path)
-    for name in ("slips.csv", "object.csv", "events.csv"):
+    for name in ("slips.csv", "object.csv", "events.csv", "contacts.csv"):
         text = (folder / name).read_text().lower()
         assert "nan" not in text
         assert "inf" not in text

@@ -28,6 +28,7 @@ WAYS = [
     "stage condition",
     "stage monitor",
     "stage fuse",
+    "stage features",
     "all stages",
 ]
 STAGES = ["parsing", "conditioning", "estimating", "monitoring and fusing", "writing"]

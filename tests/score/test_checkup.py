@@ -8,7 +8,7 @@ import pytest
 from synthetic import dome, grid_sensor, raw_scans, recorded
 from taxelflow.acquire.base import Recording
 from taxelflow.api import read
-from taxelflow.errors import RecordingTruncated, TimesNotIncreasing
+from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TimesNotIncreasing
 from taxelflow.score.checkup import Checkup, check_up
 
 if TYPE_CHECKING:
@@ -148,10 +148,113 @@ def test_times_that_run_backwards_are_an_error() -> None:
         checked(grasp(), -np.arange(300.0))
 
 
+def test_it_reads_the_recording_once() -> None:
+    read_times = 0
+
+    def counted() -> Iterator[RawScans]:
+        nonlocal read_times
+        read_times += 1
+        yield raw_scans(grasp())
+
+    check_up(Recording("memory", "memory", TWO, counted))
+    assert read_times == 1
+
+
+def test_damage_in_the_middle_is_an_error_as_for_every_reader() -> None:
+    def broken() -> Iterator[RawScans]:
+        yield raw_scans(grasp(40))
+        raise RecordingCorrupt("memory", "half a scan", "record it again")
+
+    with pytest.raises(RecordingCorrupt, match="half a scan"):
+        check_up(Recording("memory", "memory", TWO, broken))
+
+
+@pytest.mark.parametrize("scans", [5, 12, 100, 1003])
+def test_contact_is_counted_exactly_where_the_sample_holds_every_scan(scans: int) -> None:
+    small = grid_sensor(4, 7, full_scale=60e3)
+    values = np.random.default_rng(0).normal(0, 100, (scans, 28))
+    values[scans // 3 :] += dome(small)
+    assert check_up(recorded(values, small)).pads[0].contact_scans == scans - scans // 3
+
+
+def test_contact_in_a_long_recording_is_scaled_up_from_the_sample() -> None:
+    small = grid_sensor(4, 7, full_scale=60e3)
+    values = np.random.default_rng(0).normal(0, 100, (20_000, 28))
+    values[5000:10_000] += dome(small)
+    assert check_up(recorded(values, small)).pads[0].contact_scans == pytest.approx(5000, rel=0.15)
+
+
+def test_repeated_scans_are_counted_and_the_true_rate_told() -> None:
+    values = np.repeat(grasp(), 3, axis=0)
+    checkup = checked(values, np.arange(900) / 90)
+    assert checkup.rate_hz == pytest.approx(90)
+    assert checkup.new_rate_hz == pytest.approx(30, rel=0.02)
+    assert 560 < checkup.repeated_values <= 600
+
+
+def test_the_idle_drift_is_that_of_the_idle_scans() -> None:
+    values = grasp(600) + np.linspace(0, 300, 600)[:, np.newaxis]
+    pads = checked(values).pads
+    assert pads[1].idle_drift == pytest.approx(300, rel=0.1)
+    assert pads[0].idle_drift == pytest.approx(300, rel=0.25)
+    assert pads[1].idle_drift_std is not None
+    assert 0 < pads[1].idle_drift_std < 30
+
+
+def test_a_steady_sensor_has_no_drift_beyond_its_error() -> None:
+    pad = checked(grasp()).pads[1]
+    assert pad.idle_drift is not None
+    assert pad.idle_drift_std is not None
+    assert abs(pad.idle_drift) < 4 * pad.idle_drift_std
+
+
+def test_what_is_clipped_while_idle_shows_no_drift() -> None:
+    values = np.zeros((300, 56))
+    values[150:] += dome(TWO)
+    assert [pad.idle_drift for pad in checked(values).pads] == [None, None]
+
+
+def test_the_largest_load_is_a_force() -> None:
+    values = grasp()
+    pads = checked(values).pads
+    assert pads[0].load_n == pytest.approx(float(dome(TWO, radius_m=0.006).sum()) * 1e-4, rel=0.1)
+    assert pads[1].load_n is None
+    counting = grid_sensor(4, 7, pads=2, unit="count")
+    assert check_up(recorded(values, counting)).pads[0].load_n is None
+
+
+def test_the_picture_is_of_the_highest_readings_and_marks_say_what_is_amiss() -> None:
+    sensor = grid_sensor(4, 7, missing=((0, 0),), full_scale=60e3)
+    values = np.random.default_rng(0).normal(0, 100, (300, 27))
+    values[150:] += dome(sensor, radius_m=0.006)
+    values[:, 20] = np.nan
+    values[:, 2] = 0.0
+    values[200, 10] = 60e3
+    pad = check_up(recorded(values, sensor)).pads[0]
+    assert [len(row) for row in pad.picture] == [7] * 4
+    assert (pad.picture[0][0], pad.marks[0][0]) == (None, " ")
+    place = sensor.layout.row, sensor.layout.col
+    marks = "".join(pad.marks[row][col] for row, col in zip(*place, strict=True))
+    assert (marks[2], marks[10], marks[20], marks[0]) == ("!", "F", "!", ".")
+    assert "o" in marks
+    assert pad.picture[int(place[0][10])][int(place[1][10])] == pytest.approx(60e3, rel=0.02)
+    assert [(found.taxel, found.fault) for found in pad.findings] == [(2, "stuck"), (20, "silent")]
+
+
+def test_a_finding_is_in_the_sensors_unit_and_words() -> None:
+    sensor = grid_sensor(4, 7, unit="kPa", full_scale=60.0)
+    values = np.random.default_rng(0).normal(0, 0.1, (300, 28))
+    values[:, 9] = 20.0
+    found = check_up(recorded(values, sensor)).pads[0].findings[0]
+    assert (found.taxel, found.row, found.col, found.fault, found.value, found.scans) == (9, 1, 2, "stuck", 20.0, 300)
+    assert found.words == "taxel 9 (pad0, row 1, col 2) stuck at 20 kPa in 300 scans"
+
+
 def test_a_real_recording_is_well(recordings: Path) -> None:
     checkup = check_up(read(recordings / "sdh-dsa" / "slip_examples_pen_and_wooden_block.dsa"))
     assert checkup.scans == 6893
     assert checkup.rate_hz == pytest.approx(31.7, abs=0.5)
     assert not any(pad.saturated_taxels for pad in checkup.pads)
     assert sum(pad.contact_scans > 0 for pad in checkup.pads) == 2
-    assert not any(pad.missing_readings or pad.masked for pad in checkup.pads)
+    assert not any(pad.missing_readings or pad.masked or pad.findings for pad in checkup.pads)
+    assert (checkup.gaps, checkup.repeated_values) == (0, 0)

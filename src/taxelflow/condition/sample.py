@@ -20,7 +20,8 @@ class Sample:
         self.first = np.zeros((0, taxels))
         """The first window of all, (WINDOW_SCANS, taxels), whatever else is kept."""
         self._windows = np.zeros((0, WINDOW_SCANS, taxels))
-        self._open = np.zeros((0, taxels))
+        self._starts_s = np.zeros(0)
+        self._open, self._open_s = np.zeros((0, taxels)), 0.0
 
     @property
     def windows(self) -> Floats:
@@ -28,24 +29,40 @@ class Sample:
         return self._windows[: min(self.seen, MOST_WINDOWS)]
 
     @property
+    def starts_s(self) -> Floats:
+        """(windows,) time of each window's first scan."""
+        return self._starts_s[: len(self.windows)]
+
+    @property
+    def tail(self) -> tuple[float, Floats]:
+        """Scans since the last window, fewer than make one, and the time of the first of them."""
+        return self._open_s, self._open
+
+    @property
     def wanted(self) -> int:
         """Scans until the next window is full."""
         return WINDOW_SCANS - len(self._open)
 
-    def add(self, values: Floats) -> None:
+    def add(self, t_s: Floats, values: Floats) -> None:
         """Take (scans, taxels) in time order."""
-        values = np.concatenate([self._open, values]) if len(self._open) else values
+        if len(self._open):
+            t_s = np.concatenate([np.full(len(self._open), self._open_s), t_s])
+            values = np.concatenate([self._open, values])
         full = len(values) // WINDOW_SCANS
-        for window in values[: full * WINDOW_SCANS].reshape(full, WINDOW_SCANS, values.shape[1]):
-            self._keep(window)
+        for number, window in enumerate(values[: full * WINDOW_SCANS].reshape(full, WINDOW_SCANS, values.shape[1])):
+            self._keep(float(t_s[number * WINDOW_SCANS]), window)
         self._open = values[full * WINDOW_SCANS :].copy()
+        if len(self._open):
+            self._open_s = float(t_s[full * WINDOW_SCANS])
 
     def close(self) -> None:
         """No more scans: a recording shorter than one window becomes one that ends in NaN."""
         if not self.seen and len(self._open):
-            self._keep(np.concatenate([self._open, np.full((self.wanted, self._open.shape[1]), np.nan)]))
+            patched = np.concatenate([self._open, np.full((self.wanted, self._open.shape[1]), np.nan)])
+            self._keep(self._open_s, patched)
+            self._open = self._open[:0]
 
-    def _keep(self, window: Floats) -> None:
+    def _keep(self, start_s: float, window: Floats) -> None:
         if not self.seen:
             self.first = window.copy()
         place = self.seen
@@ -54,6 +71,7 @@ class Sample:
         elif self.seen >= len(self._windows):
             room = np.zeros((max(16, len(self._windows)), *window.shape))
             self._windows = np.concatenate([self._windows, room])
+            self._starts_s = np.concatenate([self._starts_s, room[:, 0, 0]])
         if place < MOST_WINDOWS:
-            self._windows[place] = window
+            self._windows[place], self._starts_s[place] = window, start_s
         self.seen += 1

@@ -47,7 +47,7 @@ def learn_offset(
     offset = np.zeros(len(masked))
     offset[~masked] = idle.mean(axis=(0, 1))
     settled = float(noise.max()) / np.sqrt(idle.shape[0] * idle.shape[1])
-    if np.abs(offset).max() > _SMALL * reference or not _shapeless(offset, masked, neighbours, settled):
+    if np.abs(offset).max() > _SMALL * reference or not shapeless(offset, masked, neighbours, settled):
         return None
     return offset
 
@@ -62,7 +62,7 @@ def _patched(windows: Floats, masked: Bools) -> Floats:
     return patched
 
 
-def _shapeless(offset: Floats, masked: Bools, neighbours: NDArray[np.int64], settled: float) -> bool:
+def shapeless(offset: Floats, masked: Bools, neighbours: NDArray[np.int64], settled: float) -> bool:
     """Whether this is what electronics leave behind. settled: standard deviation of the offset itself."""
     live = offset[~masked]
     far = np.abs(live - np.median(live))

@@ -54,6 +54,12 @@ class Summary(msgspec.Struct, frozen=True):
     """The sensor in full, so that a result can be drawn without its recording."""
     loss: str | None = None
     """What could not be read of a truncated recording."""
+    repeated_values_dropped: int = 0
+    """Scans with a new stamp that repeat the one before bit for bit, though their readings are too noisy to."""
+    rate_hz: float | None = None
+    """Usual rate of scans that are new."""
+    gaps: int = 0
+    """Time steps far above the usual one; no motion is followed across them."""
 
 
 class Totals:

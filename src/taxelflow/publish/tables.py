@@ -15,7 +15,7 @@ from taxelflow.publish.summary import to_json
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from taxelflow.messages import Bools, Event, Floats, Motions, Slips
+    from taxelflow.messages import Bools, Contacts, Event, Floats, Motions, Slips
     from taxelflow.publish.summary import Summary
 
 # fmt: off
@@ -29,8 +29,13 @@ OBJECT = (
     "std_vx_m_s", "std_vy_m_s", "std_omega_rad_s", "std_rotor_1_s", "std_cx_m", "std_cy_m",
     "std_x_m", "std_y_m", "std_theta_rad",
 )
+CONTACTS = (
+    "t_s", "pad", "force_n", "area_m2", "peak_pa", "x_m", "y_m", "major_m", "minor_m", "eccentricity",
+    "orientation_rad", "std_force_n", "std_orientation_rad",
+)
 # fmt: on
 EVENTS = ("t_s", "pad", "event")
+_TABLES = {"slips": SLIPS, "object": OBJECT, "events": EVENTS, "contacts": CONTACTS}
 
 
 class Tables:
@@ -46,9 +51,9 @@ class Tables:
 
     def __enter__(self) -> Self:
         self.directory.mkdir(parents=True, exist_ok=True)
-        for older in ("slips.csv", "object.csv", "events.csv", "summary.json"):
+        for older in (*(f"{name}.csv" for name in _TABLES), "summary.json"):
             (self.directory / older).unlink(missing_ok=True)  # what stands here after a failure is of this run
-        for name, columns in (("slips", SLIPS), ("object", OBJECT), ("events", EVENTS)):
+        for name, columns in _TABLES.items():
             file = self._stack.enter_context(
                 (self.directory / f"{name}.csv.part").open("w", newline="", encoding="utf-8")
             )
@@ -64,11 +69,12 @@ class Tables:
                 part = self.directory / f"{name}.csv.part"
                 part.replace(part.with_suffix(""))
 
-    def write(self, slips: Slips, slipping: Bools, motions: Motions, events: list[Event]) -> None:
+    def write(self, slips: Slips, slipping: Bools, motions: Motions, events: list[Event], contacts: Contacts) -> None:
         """Append one block; it is on disk when this returns."""
         self._append("slips", _slip_rows(slips, slipping, self._pads))
         self._append("object", _motion_rows(motions))
         self._append("events", ((f"{event.t_s:.6f}", event.pad, event.event) for event in events))
+        self._append("contacts", _contact_rows(contacts, self._pads))
         self._flush()
 
     def write_summary(self, summary: Summary) -> None:
@@ -122,6 +128,16 @@ def _motion_rows(motions: Motions) -> Iterable[list[str]]:
         motions.t_s.tolist(), known.tolist(), motions.pads.tolist(), doubt.tolist(), strict=True
     ):
         yield [f"{t:.6f}", *map(_number, values), str(pads), *map(_number, std)]
+
+
+def _contact_rows(contacts: Contacts, pads: tuple[str, ...]) -> Iterable[list[str]]:
+    """Of pads in contact only."""
+    scan, pad = np.nonzero(contacts.contact)
+    single = [contacts.eccentricity, contacts.orientation, contacts.force_std, contacts.orientation_std]
+    size = np.stack([contacts.force, contacts.area, contacts.peak], axis=2)
+    numbers = np.concatenate([size, contacts.centroid, contacts.axes, np.stack(single, axis=2)], axis=2)[scan, pad]
+    for t, number, values in zip(contacts.t_s[scan].tolist(), pad.tolist(), numbers.tolist(), strict=True):
+        yield [f"{t:.6f}", pads[number], *map(_number, values)]
 
 
 _FLAG = {False: "0", True: "1"}

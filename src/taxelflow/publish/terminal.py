@@ -12,6 +12,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn, 
 from rich.table import Table
 from rich.text import Text
 
+from taxelflow.publish.pressure_map import pressure_maps
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sized
     from pathlib import Path
@@ -80,40 +82,74 @@ def say(summary: Summary, directory: Path) -> None:
 
 
 def show_checkup(checkup: Any) -> None:
-    """Tables of a `Checkup`."""
-    console = Console(markup=False)
+    """A `Checkup`: the recording in lines, the pads in a table and in pictures, then what is not well."""
+    console = Console(markup=False, highlight=False)
     promised = "" if checkup.scans_promised in (None, checkup.scans) else f" of {checkup.scans_promised} promised"
-    console.print(f"{checkup.file} ({checkup.format})", style="bold", highlight=False, soft_wrap=True)
-    console.print(f"sensor  {checkup.sensor}, values in {checkup.unit}", highlight=False)
-    console.print(
-        f"scans   {checkup.scans}{promised} in {checkup.duration_s:.2f} s"
-        + (f", {checkup.repeated_scans} repeated stamps dropped" if checkup.repeated_scans else ""),
-        highlight=False,
-    )
+    console.print(f"{checkup.file} ({checkup.format})", style="bold", soft_wrap=True)
+    console.print(f"sensor  {checkup.sensor}, values in {checkup.unit}")
+    stamps = f", {checkup.repeated_scans} repeated stamps dropped" if checkup.repeated_scans else ""
+    console.print(f"scans   {checkup.scans}{promised} in {checkup.duration_s:.2f} s{stamps}")
     if checkup.rate_hz:
         gaps = f"{checkup.gaps} gaps, the longest {checkup.longest_gap_s:.3f} s" if checkup.gaps else "no gaps"
+        console.print(f"rate    {checkup.rate_hz:.2f} Hz, jitter {1e3 * checkup.jitter_s:.1f} ms, {gaps}")
+    if checkup.repeated_values:
         console.print(
-            f"rate    {checkup.rate_hz:.2f} Hz, jitter {1e3 * checkup.jitter_s:.1f} ms, {gaps}", highlight=False
+            f"repeats {checkup.repeated_values} scans are the one before again, bit for bit: "
+            f"{checkup.new_rate_hz:.2f} Hz are new",
+            style="yellow",
         )
-    columns: list[tuple[str, list[str]]] = [
-        ("pad", [pad.name for pad in checkup.pads]),
-        ("grid", [f"{pad.rows}x{pad.cols}" for pad in checkup.pads]),
-        ("range", [_range(pad.lowest, pad.highest) for pad in checkup.pads]),
-        ("noise", [f"{pad.noise:.3g}" if pad.noise is not None else "-" for pad in checkup.pads]),
-        ("contact", [str(pad.contact_scans) for pad in checkup.pads]),
-        ("taxels", [str(pad.taxels) for pad in checkup.pads]),
-        ("idle", [str(len(pad.idle_taxels)) for pad in checkup.pads]),
-        ("full", [str(len(pad.saturated_taxels)) for pad in checkup.pads]),
-    ]
-    if any(pad.masked for pad in checkup.pads):
-        columns.append(("masked", [str(pad.masked) for pad in checkup.pads]))
-    if any(pad.missing_readings for pad in checkup.pads):
-        columns.append(("missing", [str(pad.missing_readings) for pad in checkup.pads]))
-    caption = "contact in scans; idle, full (saturated) and masked in taxels"
-    table = _table("pad:", *(heading for heading, _ in columns[1:]), caption=caption)
-    for row in zip(*(cells for _, cells in columns), strict=True):
-        table.add_row(*row)
+    table, meanings = _pads_table(checkup)
     console.print(table)
+    if any(pad.contact_scans or pad.findings for pad in checkup.pads):
+        touched = [pad for pad in checkup.pads if pad.contact_scans or pad.findings]
+        maps, digits = pressure_maps(touched, checkup.unit)
+        console.print()
+        console.print(maps)
+        meanings = f"{meanings}\n{digits}"
+    console.print(meanings, style="dim")
+    for finding in (finding for pad in checkup.pads for finding in pad.findings):
+        console.print(f"not well: {finding.words}", style="yellow", soft_wrap=True)
+
+
+def _pads_table(checkup: Any) -> tuple[Table, str]:
+    """One row a pad, with the columns that have something to say, and what they mean."""
+    pads = checkup.pads
+    columns: list[tuple[str, list[str], str]] = [
+        ("grid", [str(pad.taxels) if pad.table else f"{pad.rows}x{pad.cols}" for pad in pads], ""),
+        ("range", [_range(pad.lowest, pad.highest) for pad in pads], ""),
+        ("noise", [_short(pad.noise) for pad in pads], ""),
+        (
+            "drift",
+            [_doubtful(pad.idle_drift, pad.idle_drift_std) for pad in pads],
+            "drift: of the idle pad's mean, start to end",
+        ),
+        ("load N", [_short(pad.load_n) for pad in pads], ""),
+        ("contact", [str(pad.contact_scans) for pad in pads], "contact: scans"),
+        ("taxels", [str(pad.taxels) for pad in pads], ""),
+        ("idle", [str(len(pad.idle_taxels)) for pad in pads], "idle: taxels never loaded"),
+        ("full", [str(len(pad.saturated_taxels)) for pad in pads], "full: taxels that reached full scale"),
+        ("masked", [str(pad.masked) for pad in pads], "masked: taxels"),
+        ("missing", [str(pad.missing_readings) for pad in pads], "missing: readings"),
+    ]
+    told = [column for column in columns if column[0] not in _OPTIONAL or set(column[1]) - {"0", "-"}]
+    table = _table("pad:", *(heading for heading, _, _ in told))
+    for pad, *cells in zip(pads, *(column[1] for column in told), strict=True):
+        table.add_row(pad.name, *cells)
+    return table, "; ".join(meaning for _, _, meaning in told if meaning)
+
+
+_OPTIONAL = ("drift", "load N", "full", "masked", "missing")
+
+
+def _short(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+def _doubtful(value: float | None, std: float | None) -> str:
+    """A value that may be nothing: 0 within four of its standard errors."""
+    if value is None or std is None:
+        return "-"
+    return f"{value:+.3g}" if abs(value) > 4 * std else "0"
 
 
 def _range(lowest: float | None, highest: float | None) -> str:

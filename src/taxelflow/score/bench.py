@@ -24,6 +24,7 @@ from taxelflow.estimation.flow import weighted_sums
 from taxelflow.estimation.literal import convolution_index
 from taxelflow.fuse.rigid import RigidField
 from taxelflow.messages import RawScans, Scans, cut
+from taxelflow.monitor.features import ContactFeatures
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pads import Pad
 from taxelflow.publish.tables import Tables
@@ -167,6 +168,7 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     condition = Conditioner(tare="none").start(sensor, masked, [RawScans(np.arange(16.0), values)])
     estimate = api.estimator("convolution").start(sensor.layout, "stream")
     monitor, fuse = SlipMonitor().begin(sensor.layout.pads), RigidField().start(sensor.layout)
+    describe = ContactFeatures().begin(sensor)
     raw = [RawScans(np.array([0.01 * k]), values[k : k + 1]) for k in range(16)]
     scans = [next(condition.step(scan)) for scan in raw]
     slips = [estimate.step(scan) for scan in scans]
@@ -176,11 +178,13 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
             found = estimate.step(scan)
             monitor.step(found)
             fuse.step(found)
+            describe.step(scan)
 
     return {
         "stage condition": lambda k: list(condition.step(raw[k % 16])),
         "stage monitor": lambda k: monitor.step(slips[k % 16]),
         "stage fuse": lambda k: fuse.step(slips[k % 16]),
+        "stage features": lambda k: describe.step(scans[k % 16]),
         "all stages": together,
     }
 
@@ -281,6 +285,7 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
     start = timed("parsing", start)
     estimate = api.estimator("convolution").start(recording.layout, "batch")
     monitor, fuse = SlipMonitor().begin(recording.layout.pads), RigidField().start(recording.layout)
+    describe = ContactFeatures().begin(recording.sensor)
     with Tables(out, recording.layout.pads) as tables:
         for raw in blocks:
             start = perf_counter()
@@ -288,10 +293,13 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
             start = timed("conditioning", start)
             slips = [estimate.step(block) for block in scans]
             start = timed("estimating", start)
-            found = [(block, monitor.step(block), fuse.step(block)) for block in slips]
+            found = [
+                (block, monitor.step(block), fuse.step(block), describe.step(pressed))
+                for block, pressed in zip(slips, scans, strict=True)
+            ]
             start = timed("monitoring and fusing", start)
-            for block, (slipping, events), motions in found:
-                tables.write(block, slipping, motions, events)
+            for block, (slipping, events), motions, contacts in found:
+                tables.write(block, slipping, motions, events, contacts)
             timed("writing", start)
     total = sum(spent.values())
     return sum(map(len, blocks)), [Share(stage, s, s / total) for stage, s in spent.items()]

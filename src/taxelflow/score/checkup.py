@@ -1,4 +1,4 @@
-"""What a recording holds, and whether its sensor is well: the numbers of `taxelflow info`."""
+"""What a recording holds, and whether its sensor is well: the numbers of `taxelflow info`, from one reading."""
 
 from __future__ import annotations
 
@@ -8,21 +8,48 @@ import msgspec
 import numpy as np
 
 from taxelflow.condition.conditioner import Conditioner
+from taxelflow.condition.units import full_scale, in_si
+from taxelflow.errors import RecordingError
+from taxelflow.monitor.features import ContactFeatures
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from taxelflow.acquire.base import Reading, Recording
-    from taxelflow.messages import Floats, RawScans
+    from taxelflow.condition.health import Finding
+    from taxelflow.condition.learn import Learned
+    from taxelflow.condition.session import Session
+    from taxelflow.messages import RawScans
+    from taxelflow.sensor import Sensor
 
-_GAP = 2.5
-"""A time step longer than so many usual ones is a gap."""
+_FEWEST_IDLE = 5
+"""Idle windows that say something of a drift."""
+
+
+class TaxelFinding(msgspec.Struct, frozen=True):
+    """A taxel that is not well."""
+
+    taxel: int
+    row: int
+    col: int
+    fault: str
+    """silent, stuck, noisy, offset or gain."""
+    value: float
+    """The reading (stuck, offset) or noise (noisy) in the sensor's unit, the share of readings missing (silent), the
+    factor to its neighbours (gain)."""
+    ratio: float | None
+    """To what the pad's other taxels do."""
+    scans: int
+    """How many it was judged on."""
+    words: str
 
 
 class PadCheckup(msgspec.Struct, frozen=True):
     """One pad. Values in the sensor's unit; taxels by their number in the scan."""
 
     name: str
+    table: bool
+    """Its taxels are scattered: rows and cols are those of the picture."""
     rows: int
     cols: int
     taxels: int
@@ -32,11 +59,26 @@ class PadCheckup(msgspec.Struct, frozen=True):
     noise: float | None
     tared: bool
     contact_scans: int
+    """Counted in a sample of at most 512 windows of 12 scans, and scaled up where that is not all of them."""
     idle_taxels: list[int]
     """Never read above the contact threshold."""
     saturated_taxels: list[int]
     """Reached full scale, if the sensor declares one."""
     missing_readings: int
+    idle_drift: float | None
+    """Change of the idle pad's mean from the first scan to the last, by a straight line; None where the pad was idle
+    too seldom, or is clipped while it is."""
+    idle_drift_std: float | None
+    """Standard error of the drift."""
+    load_n: float | None
+    """Largest force in the sample, N; None for a sensor without a scale."""
+    findings: list[TaxelFinding]
+    picture: list[list[float | None]]
+    """Highest reading of each taxel less its offset, row by row from the top; None where there is no taxel, or nothing
+    was heard of it."""
+    marks: list[str]
+    """One letter a place, row by row: o well, . never loaded, F reached full scale, ! not well, x masked; blank where
+    there is no taxel."""
 
 
 class Checkup(msgspec.Struct, frozen=True):
@@ -49,8 +91,14 @@ class Checkup(msgspec.Struct, frozen=True):
     scans: int
     scans_promised: int | None
     repeated_scans: int
+    """Scans with the stamp of the one before."""
+    repeated_values: int
+    """Scans with a stamp of their own that repeat the one before bit for bit, though they are too noisy to."""
     duration_s: float
     rate_hz: float | None
+    """Of stamps, gaps left out."""
+    new_rate_hz: float | None
+    """Of scans that are new: below the rate of stamps if a logger repeats scans."""
     jitter_s: float | None
     """Standard deviation of the time steps, gaps left out."""
     gaps: int
@@ -61,44 +109,16 @@ class Checkup(msgspec.Struct, frozen=True):
 
 
 def check_up(recording: Recording, watched: Callable[[Iterable[RawScans]], Iterable[RawScans]] = iter) -> Checkup:
-    """Read a recording twice: once for its values and noise, once for contact. `watched` may show progress."""
+    """Read a recording once. `watched` may show progress. Raises what reading raises."""
     tally = _Tally(recording)
     session = Conditioner().start(recording.sensor, recording.masked, tally.count(watched(tally.reading)))
-    learned = session.learned
-    if learned is None:
+    if tally.fault is not None:
+        raise tally.fault
+    counts, learned = session.foreseen, session.learned
+    if counts is None or learned is None:
         raise RuntimeError("a lookahead always teaches")
-    layout, full_scale = recording.layout, recording.sensor.full_scale
-    contact = np.zeros(layout.pad_count, dtype=np.int64)
-    touched = np.zeros(layout.taxels, dtype=np.bool_)
-    for raw in recording.blocks():
-        for scans in session.step(raw):
-            contact += scans.contact[:, : layout.pad_count].sum(axis=0)
-            loaded = scans.pressure[:, : layout.taxels] > Conditioner.contact_on * scans.noise[: layout.taxels]
-            touched |= loaded.any(axis=0)
-    saturated = tally.highest >= full_scale if full_scale else np.zeros(layout.taxels, dtype=np.bool_)
-    pads = []
-    for number, name in enumerate(layout.pads[: layout.pad_count]):
-        own = layout.of_pad(number)
-        live = ~learned.masked[own]
-        noise = learned.noise[own][live] / recording.sensor.to_si
-        rows, cols = layout.shapes[number]
-        pads.append(
-            PadCheckup(
-                name=name,
-                rows=rows,
-                cols=cols,
-                taxels=len(live),
-                masked=int(np.sum(~live)),
-                lowest=_finite(tally.lowest[own].min()),
-                highest=_finite(tally.highest[own].max()),
-                noise=float(np.median(noise)) if len(noise) else None,
-                tared=bool(learned.tared[number]),
-                contact_scans=int(contact[number]),
-                idle_taxels=[own.start + int(k) for k in np.flatnonzero(live & ~touched[own])],
-                saturated_taxels=[own.start + int(k) for k in np.flatnonzero(saturated[own])],
-                missing_readings=int(tally.missing[own].sum()),
-            )
-        )
+    seen = _Sampled(session, recording)
+    rate_hz = 1 / counts.step_s if counts.step_s > 0 else None
     return Checkup(
         file=str(recording.source),
         format=recording.format,
@@ -107,63 +127,141 @@ def check_up(recording: Recording, watched: Callable[[Iterable[RawScans]], Itera
         scans=tally.reading.scans,
         scans_promised=recording.scans,
         repeated_scans=tally.reading.repeated,
+        repeated_values=counts.repeated,
         duration_s=tally.last_s - tally.first_s,
-        rate_hz=1 / tally.mean_step_s if tally.steps else None,
-        jitter_s=tally.jitter_s if tally.steps else None,
-        gaps=tally.gaps,
-        longest_gap_s=tally.longest_gap_s,
-        pads=pads,
+        rate_hz=rate_hz,
+        new_rate_hz=1 / counts.usual_s if rate_hz else None,
+        jitter_s=counts.step_std_s if rate_hz else None,
+        gaps=counts.gaps,
+        longest_gap_s=counts.longest_gap_s,
+        pads=[_pad(pad, recording.sensor, learned, tally, seen) for pad in range(recording.layout.pad_count)],
         notes=tally.reading.notes,
         loss=str(tally.reading.loss) if tally.reading.loss else None,
     )
 
 
+def _pad(number: int, sensor: Sensor, learned: Learned, tally: _Tally, seen: _Sampled) -> PadCheckup:
+    layout, to_si = sensor.layout, sensor.to_si
+    own = layout.of_pad(number)
+    live = ~learned.masked[own]
+    most, offset, noise = tally.most[own], learned.offset[own], learned.noise[own]
+    touched = most - offset > Conditioner.contact_on * noise
+    saturated = most >= full_scale(sensor)[own]
+    findings = [found for found in learned.findings if own.start <= found.taxel < own.stop]
+    bad = np.isin(np.arange(own.start, own.stop), [found.taxel for found in findings])
+    rows, cols = layout.shapes[number]
+    drift, drift_std = seen.drift(number, tally.last_s - tally.first_s)
+    picture = layout.grid(number, np.where(np.isfinite(tally.most), tally.most - learned.offset, np.nan) / to_si)
+    marks = np.full((rows, cols), " ")
+    place = layout.row[own], layout.col[own]
+    marks[place] = np.select([bad, ~live, saturated, touched], ["!", "x", "F", "o"], ".")
+    return PadCheckup(
+        name=layout.pads[number],
+        table=bool(layout.tables[number]),
+        rows=rows,
+        cols=cols,
+        taxels=len(live),
+        masked=int(np.sum(~live)),
+        lowest=_finite(tally.lowest[own].min()),
+        highest=_finite(tally.highest[own].max()),
+        noise=float(np.median(noise[live])) / to_si if live.any() else None,
+        tared=bool(learned.tared[number]),
+        contact_scans=round(seen.contact_share[number] * tally.reading.scans),
+        idle_taxels=[own.start + int(k) for k in np.flatnonzero(live & ~touched)],
+        saturated_taxels=[own.start + int(k) for k in np.flatnonzero(saturated)],
+        missing_readings=int(tally.missing[own].sum()),
+        idle_drift=None if drift is None else drift / to_si,
+        idle_drift_std=None if drift_std is None else drift_std / to_si,
+        load_n=_finite(seen.load_n[number]),
+        findings=[_finding(found, sensor) for found in findings],
+        picture=[[_finite(value) for value in row] for row in picture],
+        marks=["".join(row) for row in marks],
+    )
+
+
+def _finding(found: Finding, sensor: Sensor) -> TaxelFinding:
+    layout = sensor.layout
+    in_unit = found.fault in ("stuck", "noisy", "offset")
+    return TaxelFinding(
+        taxel=found.taxel,
+        row=int(layout.row[found.taxel]),
+        col=int(layout.col[found.taxel]),
+        fault=found.fault,
+        value=found.value / sensor.to_si if in_unit else found.value,
+        ratio=found.ratio,
+        scans=found.scans,
+        words=found.words(sensor),
+    )
+
+
+class _Sampled:
+    """Contact, load and idle level of each pad in the sample that noise and tare were learned from."""
+
+    def __init__(self, session: Session, recording: Recording) -> None:
+        layout = recording.layout
+        pads = layout.pad_count
+        describe = ContactFeatures().begin(recording.sensor)
+        contact, scans = np.zeros(pads), 0
+        self.load_n = np.full(pads, np.nan)
+        starts_s, levels = [], []
+        for block in filter(len, session.sampled()):
+            touching = block.contact[:, :pads]
+            contact += touching.sum(axis=0)
+            scans += len(block)
+            self.load_n = np.fmax(self.load_n, np.fmax.reduce(describe.step(block).force[:, :pads], axis=0))
+            level = np.add.reduceat(block.pressure, layout.starts[:-1], axis=1)[:, :pads].mean(axis=0)
+            starts_s.append(block.t_s[0])
+            levels.append(np.where(touching.any(axis=0), np.nan, level / np.diff(layout.starts)[:pads]))
+        self.contact_share = contact / max(scans, 1)
+        self._starts_s = np.array(starts_s)
+        self._levels = np.array(levels).reshape(-1, pads)
+
+    def drift(self, pad: int, duration_s: float) -> tuple[float | None, float | None]:
+        """Change of the idle level over the whole recording, and its standard error, in SI."""
+        idle = np.isfinite(self._levels[:, pad])
+        t, level = self._starts_s[idle], self._levels[idle, pad]
+        if len(t) < _FEWEST_IDLE or np.ptp(level) == 0.0:
+            return None, None
+        t = t - t.mean()
+        slope = float(t @ level / (t @ t))
+        left = level - level.mean() - slope * t
+        error = float(np.sqrt(left @ left / (len(t) - 2) / (t @ t)))
+        return slope * duration_s, error * duration_s
+
+
 class _Tally:
-    """Counts blocks as they pass, in constant memory; gaps are judged by the usual step of the first block."""
+    """Extremes and missing readings of all scans as they pass, in constant memory.
+
+    lowest, highest: (taxels,) in the sensor's unit. most: (taxels,) highest in SI.
+    """
 
     def __init__(self, recording: Recording) -> None:
         taxels = recording.layout.taxels
         self.reading: Reading = recording.blocks()
         self.lowest = np.full(taxels, np.inf)
         self.highest = np.full(taxels, -np.inf)
+        self.most = np.full(taxels, -np.inf)
         self.missing = np.zeros(taxels, dtype=np.int64)
         self.first_s = self.last_s = float("nan")
-        self.steps = self.gaps = 0
-        self.longest_gap_s = 0.0
-        self.mean_step_s = self._squares = 0.0
-        self._usual_s: float | None = None
-
-    @property
-    def jitter_s(self) -> float:
-        return float(np.sqrt(max(self._squares / self.steps - self.mean_step_s**2, 0.0)))
+        self.fault: RecordingError | None = None
+        self._sensor = recording.sensor
 
     def count(self, blocks: Iterable[RawScans]) -> Iterator[RawScans]:
-        for block in blocks:
-            known = np.isfinite(block.values)
-            self.lowest = np.minimum(self.lowest, np.min(block.values, axis=0, initial=np.inf, where=known))
-            self.highest = np.maximum(self.highest, np.max(block.values, axis=0, initial=-np.inf, where=known))
-            self.missing += (~known).sum(axis=0)
-            before = block.t_s[:1] if np.isnan(self.last_s) else [self.last_s]
-            self._time(np.diff(np.concatenate([before, block.t_s])))
-            self.first_s = float(block.t_s[0]) if np.isnan(self.first_s) else self.first_s
-            self.last_s = float(block.t_s[-1])
-            yield block
-
-    def _time(self, steps_s: Floats) -> None:
-        steps_s = steps_s[steps_s > 0]
-        if not len(steps_s):
-            return
-        if self._usual_s is None:
-            self._usual_s = float(np.median(steps_s))
-        gap = steps_s > _GAP * self._usual_s
-        self.gaps += int(gap.sum())
-        self.longest_gap_s = max(self.longest_gap_s, float(steps_s[gap].max(initial=0.0)))
-        regular = steps_s[~gap]
-        total = self.steps + len(regular)
-        if len(regular):
-            self.mean_step_s = (self.mean_step_s * self.steps + float(regular.sum())) / total
-            self._squares += float(np.sum(regular**2))
-            self.steps = total
+        """Pass blocks on; note what ends them early."""
+        try:
+            for block in blocks:
+                si = in_si(block.values, self._sensor)
+                known = np.isfinite(si)
+                self.lowest = np.minimum(self.lowest, np.min(block.values, axis=0, initial=np.inf, where=known))
+                self.highest = np.maximum(self.highest, np.max(block.values, axis=0, initial=-np.inf, where=known))
+                self.most = np.maximum(self.most, np.max(si, axis=0, initial=-np.inf, where=known))
+                self.missing += (~known).sum(axis=0)
+                self.first_s = float(block.t_s[0]) if np.isnan(self.first_s) else self.first_s
+                self.last_s = float(block.t_s[-1])
+                yield block
+        except RecordingError as fault:
+            self.fault = fault
+            raise
 
 
 def _finite(value: float) -> float | None:

@@ -1,0 +1,35 @@
+"""Readings in the sensor's own unit become SI, here and nowhere else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.compiling import kernel
+from taxelflow.messages import Floats
+
+if TYPE_CHECKING:
+    from taxelflow.sensor import Sensor
+
+
+def in_si(values: Floats, sensor: Sensor) -> Floats:
+    """Readings (scans, taxels) in Pa (counts for a sensor without a scale); what is not finite is missing: NaN."""
+    si = np.empty_like(values)
+    scale(values, sensor.to_si, si)
+    return si
+
+
+def full_scale(sensor: Sensor) -> Floats:
+    """(taxels,) in the same unit, where each taxel's reading saturates; inf if unknown."""
+    gain = sensor.wiring.gain  # a gain is in the readings, but not in what the sensor file calls full scale
+    return (sensor.full_scale or np.inf) * gain * sensor.to_si
+
+
+@kernel
+def scale(values: Floats, factor: float, si: Floats) -> None:
+    """Fill si (scans, taxels)."""
+    for scan in range(values.shape[0]):
+        for k in range(values.shape[1]):
+            reading = values[scan, k] * factor
+            si[scan, k] = reading if np.isfinite(reading) else np.nan

@@ -1,0 +1,225 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from synthetic import conditioned, dome, grid_sensor, recorded
+from taxelflow.acquire.rig.scenario import SCENARIOS
+from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.api import estimate, read
+from taxelflow.condition.conditioner import Conditioner
+from taxelflow.errors import ParameterInvalid
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from taxelflow.condition.health import Finding
+    from taxelflow.messages import Floats
+
+PALM = grid_sensor(8, 10, full_scale=140e3)
+BAD = 44
+both_modes = pytest.mark.parametrize("mode", ["batch", "stream"])
+
+
+def wandering(scans: int = 1200, *, clipped: bool = False) -> Floats:
+    """Idle, then a dome that goes round and round over the bad taxel's place, twice lifted off."""
+    random = np.random.default_rng(0)
+    angle = np.arange(scans) / 15
+    place = 0.008 * np.stack([np.cos(angle), np.sin(angle)], axis=1) + np.array([-0.005, -0.005])
+    values = np.array([dome(PALM, x, y, radius_m=0.018) for x, y in place])
+    lifted = (np.arange(scans) % 400) < 100
+    values[lifted] = 0
+    values += random.normal(0, 100, values.shape)
+    return np.where(values > 600, values, 0.0) if clipped else values
+
+
+def faulty(fault: str, *, clipped: bool = False) -> Floats:
+    values = wandering(clipped=clipped)
+    random = np.random.default_rng(1)
+    if fault == "dead":
+        values[:, BAD] = 0.0
+    elif fault == "stuck":
+        values[:, BAD] = 30e3
+    elif fault == "noisy":
+        values[:, BAD] += random.normal(0, 3000, len(values))
+    elif fault == "offset":
+        values[:, BAD] += 20e3 + random.normal(0, 100, len(values))
+    elif fault == "weak":
+        values[:, BAD] *= 0.1
+    elif fault == "strong":
+        values[:, BAD] *= 6.0
+    elif fault == "silent":
+        values[::2, BAD] = np.nan
+        values[1::4, BAD] = np.nan
+    return values
+
+
+def found_in(values: Floats, mode: str = "batch", **parameters: str) -> tuple[Finding, ...]:
+    _, session = conditioned(values, PALM, mode=mode, **parameters)
+    assert session.learned is not None
+    return session.learned.findings
+
+
+@both_modes
+@pytest.mark.parametrize("clipped", [False, True])
+@pytest.mark.parametrize(
+    ("fault", "name", "value"),
+    [
+        ("dead", "stuck", 0.0),
+        ("stuck", "stuck", 30e3),
+        ("offset", "offset", 20e3),
+        ("weak", "gain", 0.1),
+        ("strong", "gain", 6.0),
+        ("silent", "silent", 0.75),
+    ],
+)
+def test_a_bad_taxel_is_found_with_the_evidence(fault: str, name: str, value: float, mode: str, clipped: bool) -> None:
+    findings = found_in(faulty(fault, clipped=clipped), mode)
+    assert [(finding.taxel, finding.fault) for finding in findings] == [(BAD, name)]
+    assert findings[0].value == pytest.approx(value, rel=0.3, abs=1.0 if value == 0.0 else 0.0)
+    assert findings[0].scans >= 24
+
+
+@both_modes
+def test_a_noisy_taxel_is_found_with_its_ratio(mode: str) -> None:
+    findings = found_in(faulty("noisy"), mode)
+    assert [(finding.taxel, finding.fault) for finding in findings] == [(BAD, "noisy")]
+    assert findings[0].value == pytest.approx(3000, rel=0.3)
+    assert findings[0].ratio is not None
+    assert 6 < findings[0].ratio < 60
+
+
+@both_modes
+@pytest.mark.parametrize("clipped", [False, True])
+def test_nothing_is_found_where_all_is_well(clipped: bool, mode: str) -> None:
+    assert found_in(wandering(clipped=clipped), mode) == ()
+
+
+def test_a_still_contact_is_no_fault() -> None:
+    random = np.random.default_rng(0)
+    pin = dome(PALM, 0.005, 0.005, radius_m=0.004)
+    ring = dome(PALM, radius_m=0.025) - 0.999 * dome(PALM, radius_m=0.012)
+    for shape in (pin, ring, dome(PALM)):
+        values = random.normal(0, 100, (600, 80))
+        values[200:] += shape
+        assert found_in(values) == ()
+
+
+def test_an_idle_recording_shows_no_faults() -> None:
+    assert found_in(np.random.default_rng(0).normal(0, 100, (600, 80))) == ()
+    assert found_in(np.zeros((600, 80))) == ()
+
+
+@pytest.mark.parametrize("name", ["stroke", "turn", "press", "tilt", "roll"])
+def test_nothing_is_found_in_the_rigs_scenarios(name: str) -> None:
+    recording = simulate(SCENARIOS[name])
+    session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
+    assert session.learned is not None
+    assert session.learned.findings == ()
+
+
+def test_nothing_is_found_in_real_recordings_until_a_taxel_is_broken(recordings: Path) -> None:
+    for file in sorted((recordings / "sdh-dsa").glob("*.dsa")):
+        recording = read(file)
+        session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
+        assert session.learned is not None
+        assert session.learned.findings == ()
+        assert session.foreseen is not None
+        assert (session.foreseen.repeated, session.foreseen.gaps) == (0, 0)
+    raw = read(recordings / "sdh-dsa" / "tennisball.dsa")
+    values = raw.load().values
+    for level in (0.0, 1500.0):
+        broken = values.copy()
+        broken[:, 142] = level
+        session = Conditioner().start(raw.sensor, raw.masked, recorded(broken, raw.sensor).blocks())
+        assert session.learned is not None
+        assert [(finding.taxel, finding.fault) for finding in session.learned.findings] == [(142, "stuck")]
+
+
+# Masks
+
+
+def test_by_default_a_bad_taxel_is_told_of_and_used() -> None:
+    result = estimate(recorded(faulty("stuck"), PALM))
+    assert result.summary.masked_taxels == []
+    note = next(note for note in result.summary.notes if "not well" in note)
+    assert f"taxel {BAD} (pad0, row 4, col 4) stuck at 3e+04 Pa" in note
+    assert "--condition.mask auto" in note
+
+
+def test_auto_masks_what_it_finds_and_says_so() -> None:
+    result = estimate(recorded(faulty("stuck"), PALM), condition=Conditioner(mask="auto"))
+    assert result.summary.masked_taxels == [BAD]
+    assert any(note.startswith(f"masked: taxel {BAD}") for note in result.summary.notes)
+    assert not any("not well" in note for note in result.summary.notes)
+
+
+def test_with_a_stuck_taxel_masked_the_pad_can_be_tared_and_let_go() -> None:
+    whole, session = conditioned(faulty("stuck"), PALM)
+    masked, better = conditioned(faulty("stuck"), PALM, mask="auto")
+    assert session.learned is not None
+    assert better.learned is not None
+    assert (session.learned.tared.all(), better.learned.tared.all()) == (False, True)
+    lifted = slice(410, 490)
+    assert whole.contact[lifted].all()
+    assert not masked.contact[lifted].any()
+
+
+def test_a_list_masks_what_it_names() -> None:
+    scans, session = conditioned(wandering(), PALM, mask="3, 44")
+    assert np.flatnonzero(scans.noise == 0).tolist() == [3, 44]
+    assert (scans.pressure[:, [3, 44]] == 0).all()
+    assert session.learned is not None
+    assert np.flatnonzero(session.learned.masked).tolist() == [3, 44]
+
+
+def test_a_stream_masks_once_it_knows_and_invents_no_motion_then() -> None:
+    values = wandering(800)
+    values[:, BAD] = 40e3
+    values[0:100] += 0.0
+    still = values.copy()
+    still[100:] = still[150]
+    still[:, :BAD] += np.random.default_rng(2).normal(0, 100, still[:, :BAD].shape)
+    still[:, BAD + 1 :] += np.random.default_rng(3).normal(0, 100, still[:, BAD + 1 :].shape)
+    result = estimate(recorded(still, PALM), mode="stream", condition=Conditioner(mask="auto"))
+    assert result.summary.masked_taxels == [BAD]
+    moved = result.slips.displacement[110:, 0, :2]
+    assert np.nanmax(np.abs(moved)) < 0.001
+
+
+def test_masks_of_a_stream_do_not_depend_on_how_it_is_cut() -> None:
+    values = faulty("stuck")
+    one, _ = conditioned(values, PALM, mode="stream", mask="auto")
+    other, _ = conditioned(values, PALM, mode="stream", mask="auto", cuts=range(0, 1200, 17))
+    np.testing.assert_array_equal(one.pressure, other.pressure)
+    np.testing.assert_array_equal(one.complete, other.complete)
+
+
+@pytest.mark.parametrize("mask", ["some", "1,x", "-3", "", "1.5"])
+def test_a_mask_that_is_none_is_refused(mask: str) -> None:
+    with pytest.raises(ParameterInvalid, match="auto, none, or numbers of taxels such as 17,203"):
+        Conditioner(mask=mask)
+
+
+def test_a_mask_beyond_the_sensor_is_refused_with_its_numbers() -> None:
+    with pytest.raises(ParameterInvalid, match="mask is 80; this sensor's taxels are numbered from 0 to 79"):
+        conditioned(wandering(50), PALM, mask="3,80")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"repeats": "some"}, "repeats is 'some'; it is one of drop, keep"),
+        ({"drift": "yes"}, "drift is 'yes'; it is one of keep, follow"),
+        ({"lowpass_hz": -1.0}, "lowpass_hz is -1.0; it is a frequency in Hz"),
+        ({"lowpass_hz": float("nan")}, "lowpass_hz is nan"),
+        ({"median_scans": 4}, "median_scans is 4; it is an odd number from 1 to 99"),
+        ({"median_scans": 0}, "median_scans is 0"),
+    ],
+    ids=str,
+)
+def test_parameters_out_of_range_are_refused_by_name(parameters: dict[str, str], message: str) -> None:
+    with pytest.raises(ParameterInvalid, match=message):
+        Conditioner(**parameters)  # type: ignore[arg-type]
