@@ -13,10 +13,10 @@ setup: $(READY)
 $(READY): pyproject.toml constraints.txt
 	@if command -v uv >/dev/null 2>&1; then \
 	  uv venv --allow-existing --quiet --python $(PYTHON) .venv && \
-	  uv pip install --quiet --python .venv --constraint constraints.txt --editable '.[plot,dev]'; \
+	  uv pip install --quiet --python .venv --constraint constraints.txt --editable '.[plot,bench,dev]'; \
 	else \
 	  { test -x $(BIN)/python || $(PYTHON) -m venv .venv; } && \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,dev]'; \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,bench,dev]'; \
 	fi
 	@touch $@
 
@@ -57,7 +57,7 @@ pictures: $(READY)
 constraints:
 	rm -rf .venv
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,bench,dev]'
 	{ sed -n '/^#/p' constraints.txt; $(BIN)/python -m pip freeze --exclude-editable | grep -E '^[A-Za-z0-9_.-]+==[^ ]+$$'; } > constraints.new
 	mv constraints.new constraints.txt
 
