@@ -56,7 +56,7 @@ class Bound:
 
     pose: (scans, 3), the true one. known, unknown: (scans, 3) standard deviations in m, m, rad with the pattern known
     and unknown; NaN for a turn that cannot be observed, and (unknown) for scans that are not scored. scored: (scans,),
-    the known bound is below half a pitch along both axes: other scans hardly tell a position.
+    the known bound is below a quarter of a pitch along both axes: other scans hardly tell a position.
     """
 
     pose: Floats
@@ -82,8 +82,11 @@ class _Model:
     gain: Floats
 
 
-def bound_of(scenario: Scenario, t_s: Floats) -> Bound:
-    """Bounds at the true times (scans,) of a scenario on one pad. Raises NameUnknown, ParameterInvalid."""
+def bound_of(scenario: Scenario, t_s: Floats, *, jointly: bool = True) -> Bound:
+    """Bounds at the true times (scans,) of a scenario on one pad. Raises NameUnknown, ParameterInvalid.
+
+    jointly: with the pattern unknown too, which is slow for a thousand scans; else `unknown` is NaN.
+    """
     layout = load_sensor(scenario.sensor).layout
     pads = layout.pads[: layout.pad_count]
     if scenario.pad not in pads:
@@ -96,13 +99,13 @@ def bound_of(scenario: Scenario, t_s: Floats) -> Bound:
     pose = move(scenario.motion, t_s, scenario.seed).pose
     information = np.swapaxes(model.by_pose, 1, 2) @ model.by_pose
     known = _deviations(information)
-    scored = (known[:, :2] < pitch / 2).all(axis=1)
+    scored = (known[:, :2] < pitch / 4).all(axis=1)
     axes = slice(3)
     if not scored.any() or np.median(known[scored, 2]) > _SPINS_RAD:
         known = np.concatenate([_deviations(information, 2), np.full((len(t_s), 1), np.nan)], axis=1)
         axes = slice(2)
     unknown = np.full_like(known, np.nan)
-    if _stays_the_same(scenario):
+    if jointly and _stays_the_same(scenario):
         for contact in _runs(scored):
             if len(contact) >= _FEWEST:
                 unknown[contact, axes] = _jointly(model, pose, known[:, axes], contact, float(pitch.min()) / 2)
