@@ -26,6 +26,7 @@ from taxelflow.layout import Pad, Sensor, builtin_sensors, load_sensor
 from taxelflow.messages import RawScans, Scans, cut
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.publish.tables import Tables
+from taxelflow.score.bench_peers import PeerBench, bench_peers
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -81,6 +82,7 @@ class Bench(msgspec.Struct, frozen=True):
     """All figures of one run."""
 
     latencies: list[Latency]
+    peers: PeerBench
     throughputs: list[Throughput]
     recording: str
     scans: int
@@ -99,7 +101,7 @@ def bench(recording: Path | None) -> Bench:
             save(replace(paper, motion=replace(paper.motion, strokes=140)), recording)
         opened = api.read(recording)
         scans, shares = _shares(opened, Path(folder) / "result")
-    return Bench(latencies, throughputs, recording.name, scans, shares, _starts())
+    return Bench(latencies, bench_peers(), throughputs, recording.name, scans, shares, _starts())
 
 
 def _sensors() -> list[Sensor]:

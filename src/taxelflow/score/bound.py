@@ -47,6 +47,7 @@ _PRESSED = 0.01
 """Share of the largest pressure above which a taxel lies on the object."""
 _FREE = 10.0
 """Standard deviation that the pattern's coefficients have before any scan, over the largest pressure: no knowledge."""
+_RIDGE = 1e-9
 _FEWEST = 3
 
 
@@ -164,15 +165,20 @@ def _jointly(model: _Model, pose: Floats, known: Floats, contact: Any, knot_m: f
     crossed = solve_triangular(factor, (pattern.T @ _blocks(by_pose)).toarray(), lower=True)
     information = _blocks(np.swapaxes(by_pose, 1, 2) @ by_pose).toarray() - crossed.T @ crossed
     gauge = _gauge(pose[contact, 2], scale)
-    weight = (scale / _spread(scale)).reshape(-1, 1) ** 2
-    unit = gauge / np.linalg.norm(gauge, axis=0)
-    whole = cho_factor(information + unit @ unit.T + 1e-9 * np.eye(scans * axes), lower=True)
-    covariance = cho_solve(whole, np.eye(scans * axes))
+    fixed = gauge / np.linalg.norm(gauge, axis=0)
+    whole = cho_factor(information + fixed @ fixed.T + _RIDGE * np.eye(scans * axes), lower=True)
+    variance = _without(gauge, (scale / _spread(scale)).reshape(-1, 1) ** 2, cho_solve(whole, np.eye(scans * axes)))
+    deviation: Floats = np.sqrt(variance).reshape(scans, axes) * scale
+    return deviation
+
+
+def _without(gauge: Floats, weight: Floats, covariance: Floats) -> Floats:
+    """Variances (n,) of what is left of errors after the best combination of gauge (n, axes) was taken off."""
     taken = gauge @ np.linalg.inv(gauge.T @ (weight * gauge))
     seen = covariance @ (weight * gauge)
-    variance = np.diagonal(covariance) - 2 * np.sum(taken * seen, axis=1)
-    variance = variance + np.sum(taken @ ((weight * gauge).T @ seen) * taken, axis=1)
-    return np.sqrt(variance).reshape(scans, axes) * scale
+    both = (weight * gauge).T @ seen
+    left: Floats = np.diagonal(covariance) + np.sum(taken @ both * taken - 2 * taken * seen, axis=1)
+    return left
 
 
 def _gauge(theta: Floats, scale: Floats) -> Floats:

@@ -127,13 +127,13 @@ def limits(
         raise NameUnknown("scenario", scenario, SCENARIOS)
     kinds = {method: api.estimator(method) for method in methods or registry.names("estimator")}
     found: dict[str, list[Errors]] = {method: [] for method in kinds}
-    contact = scored = 0
+    contact = 0
     for number in watched(range(seeds)):
         drawn = replace(SCENARIOS[scenario], seed=seed + number)
         recording = simulate(drawn)
         bound = bound_of(drawn, recording.known_truth.t_s)
         pad = recording.layout.pads.index(drawn.pad)
-        scored += int(bound.scored.sum())
+        pitch_mm = 1e3 * float(recording.layout.pitch_m[pad].min())
         for method, kind in kinds.items():
             slips = api.estimate(recording, kind, mode=mode).slips
             found[method].append(errors_of(drawn, recording.known_truth.t_s, slips, pad, bound))
@@ -142,23 +142,15 @@ def limits(
     if methods and without:
         raise ParameterInvalid("methods", ", ".join(without), "they give no position: leave them out")
     kept = {method: own for method, own in found.items() if method not in without}
-    pitch_mm = 1e3 * float(recording.layout.pitch_m[pad].min())
     return Limits(
         scenario=scenario,
         mode=mode,
         seeds=seeds,
         seed=seed,
-        scored=scored,
+        scored=sum(int(one.bound.scored.sum()) for one in next(iter(found.values()))),
         contact=contact,
         rows=[row for method, own in kept.items() for row in _rows(method, own)],
-        consistency=[
-            row
-            for method, own in kept.items()
-            for scans in SETS
-            for over in SPANS
-            if (row := ConsistencyRow(method, scans, over, consistency([_pieces(one, scans) for one in own], over)))
-            and row.found.pairs
-        ],
+        consistency=[row for method, own in kept.items() for row in _consistencies(method, own)],
         places=[place for method, own in kept.items() for place in _places(method, own, pitch_mm / _BINS_A_PITCH)],
         without=without,
     )
@@ -198,6 +190,14 @@ def _off(pose: Floats, true: Floats, deviation: Floats) -> Floats:
 def _chosen(one: Errors, scans: str) -> Bools:
     known: Bools = np.isfinite(one.error[:, 0])
     return known & one.ok if scans == "ok" else known
+
+
+def _consistencies(method: str, own: list[Errors]) -> list[ConsistencyRow]:
+    rows = []
+    for scans in SETS:
+        contacts = [piece for one in own for piece in _pieces(one, scans)]
+        rows += [ConsistencyRow(method, scans, over, consistency(contacts, over)) for over in SPANS]
+    return [row for row in rows if row.found.pairs]
 
 
 def _pieces(one: Errors, scans: str) -> list[tuple[Floats, Floats]]:

@@ -16,7 +16,7 @@ from scipy.stats import chi2
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from taxelflow.messages import Bools, Floats
+    from taxelflow.messages import Floats
 
 SPANS = (1, 20, 100)
 """Scans that the differences reach over."""
@@ -41,14 +41,16 @@ class Consistency(msgspec.Struct, frozen=True):
     the number of contacts."""
 
 
-def consistency(seeds: Sequence[Sequence[tuple[Floats, Floats]]], over: int) -> Consistency:
+def consistency(contacts: Sequence[tuple[Floats, Floats]], over: int) -> Consistency:
     """NEES over `over` scans of contacts, each errors (scans, 3), NaN where unknown, and covariances (scans, 3, 3)."""
-    found = [nees_of(error, covariance, over) for contacts in seeds for error, covariance in contacts]
+    found = [nees_of(error, covariance, over) for error, covariance in contacts]
     found = [(nees, freedom) for nees, freedom in found if len(nees)]
     if not found:
         return Consistency(None, None, None, 0, 0.0)
     nees, freedom = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    independent = max(len(nees) / _correlation([np.minimum(own / axes, _MOST) for own, axes in found]), float(len(found)))
+    independent = max(
+        len(nees) / _correlation([np.minimum(own / axes, _MOST) for own, axes in found]), float(len(found))
+    )
     degrees = float(freedom.mean()) * independent
     low, high = (float(chi2.ppf(share, degrees) / degrees) for share in ((1 - _SURE) / 2, (1 + _SURE) / 2))
     return Consistency(float(nees.sum() / freedom.sum()), low, high, len(nees), independent)
@@ -74,7 +76,7 @@ def _squared(e: Floats, c: Floats) -> Floats:
     scale = np.sqrt(np.diagonal(c, axis1=1, axis2=2))
     with np.errstate(divide="ignore", invalid="ignore"):
         e, c = e / scale, c / scale[:, :, np.newaxis] / scale[:, np.newaxis]
-    sound: Bools = np.isfinite(c).all(axis=(1, 2))
+    sound = np.asarray(np.isfinite(c).all(axis=(1, 2)))
     sound[sound] = np.linalg.eigvalsh(c[sound])[:, 0] > 1e-9
     squared = np.full(len(e), np.inf)
     squared[sound] = np.sum(e[sound] * np.linalg.solve(c[sound], e[sound, :, np.newaxis])[..., 0], axis=1)

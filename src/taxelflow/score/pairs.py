@@ -45,7 +45,7 @@ def needed(module: str) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        raise ExtraMissing("bench", module.split(".")[0]) from error
+        raise ExtraMissing("bench", module.split(".", maxsplit=1)[0]) from error
 
 
 def _phase(cv2: Any, *, windowed: bool) -> Pair:

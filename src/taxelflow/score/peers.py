@@ -129,7 +129,9 @@ def _followed(pair: Pair, recording: Recording, scans: Scans, tally: list[int]) 
     truth = recording.known_truth
     pad = recording.layout.pads.index(truth.pad)
     images = [recording.layout.grid(pad, pressure, fill=0.0) for pressure in scans.pressure]
-    x_m, piece, (total, lost) = accumulated(pair, images, scans.contact[:, pad], float(recording.layout.pitch_m[pad, 0]))
+    x_m, piece, (total, lost) = accumulated(
+        pair, images, scans.contact[:, pad], float(recording.layout.pitch_m[pad, 0])
+    )
     tally[0] += total
     tally[1] += lost
     return list(cut(truth, x_m, piece=piece))
@@ -182,7 +184,9 @@ def _best(rows: list[Row], ours: tuple[str, ...]) -> list[Best]:
     for speed in SPEEDS_MM_S:
         for scans in SETS:
             for fitted in (False, True):
-                group = [r for r in rows if (r.nominal_mm_s, r.scans, r.factor_standard_error > 0) == (speed, scans, fitted)]
+                group = [
+                    r for r in rows if (r.nominal_mm_s, r.scans, r.factor_standard_error > 0) == (speed, scans, fitted)
+                ]
                 own = min((r for r in group if r.method in ours), key=lambda r: r.rmse_percent)
                 others = [r for r in group if r.method not in ours]
                 if others:

@@ -106,9 +106,7 @@ def cut(
     known = np.isfinite(x_m)
     for sign in (-1.0, 1.0):
         used = known & (direction == sign)
-        whole, inner = (
-            slope(truth.t_s, 1e3 * x_m, chosen, weight, piece) for chosen in (used, used & interior(truth))
-        )
+        whole, inner = (slope(truth.t_s, 1e3 * x_m, chosen, weight, piece) for chosen in (used, used & interior(truth)))
         yield Stroke(sign < 0, whole, inner)
 
 

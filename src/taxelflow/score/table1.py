@@ -1,4 +1,4 @@
-"""Table I of the paper beside ours: velocity of many strokes of an airbag over the palm, by the paper's methods and ours.
+"""Table I of the paper beside ours: velocity of many strokes of an airbag over the palm, by its methods and ours.
 
 Each trial is the paper's: backward along -x, then forward, at 7 Hz, with object, line and phase drawn at random.
 Velocity is the slope of a straight line through the positions of a stroke, as in the paper; methods of ours, whose
