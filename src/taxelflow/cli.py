@@ -311,7 +311,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class Figures:
-    """Draw the paper's figures 2, 4, 5, 6, 7, 9 and Table I, rotation error by slip vectors, error against the bound."""
+    """Draw the paper's figures 2, 4, 5, 6, 7, 9 and Table I, rotation error by slip vectors, error over the bound."""
 
     out: Path
     """Directory for the pictures; made if it does not exist."""
