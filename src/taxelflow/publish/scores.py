@@ -11,7 +11,7 @@ from taxelflow.publish.terminal import quiet_table
 if TYPE_CHECKING:
     from typing import Any
 
-_NAMES = {"lnorm": "L norm", "convolution": "flow"}
+_NAMES = {"lnorm": "L norm", "convolution": "flow", "principal_axis": "axis"}
 
 
 def show_table1(table: Any) -> None:
@@ -105,15 +105,15 @@ def show_limits(scored: Any) -> None:
     console.print(table)
     console.print(
         f"{scored.scored} scans of {scored.contact} in contact are scored: their bound is below a\n"
-        "quarter of a pitch. ok: scans whose quality is ok. bound: Cramér-Rao, gain and\n"
-        "baseline unknown, RMS over the same scans. x known, x unknown: RMS of each scan's\n"
-        "error over its own bound, with the object's pattern known and unknown; 1 is the\n"
-        "best without further knowledge. One constant offset a contact is taken off.",
+        "quarter of a pitch. ok: scans whose quality is ok. bound: Cramér-Rao, gain\n"
+        "and baseline unknown, RMS over the same scans. x known, x unknown: RMS of each\n"
+        "scan's error over its own bound, the object's pattern known and unknown; 1 is\n"
+        "the best without further knowledge. One constant offset a contact is taken off.",
         style="dim",
         highlight=False,
     )
     console.print()
-    title = "NEES of pose differences per degree of freedom: 1 is an honest covariance"
+    title = "NEES of pose differences a degree of freedom; 1: honest"
     table = quiet_table("method:", "scans:", "over", "NEES", "95 % band:", "pairs", "independent", title=title)
     for row in scored.consistency:
         found = row.found
@@ -135,7 +135,7 @@ def show_peers(scored: Any) -> None:
     """Errors of all on the same strokes, and how far the best of them are apart."""
     console = Console(markup=False)
     title = f"velocity RMSE in %, {scored.strokes} strokes a speed, seed {scored.seed}"
-    table = quiet_table("mm/s", "method:", "all", "interior", "all, factor", "interior, factor", "failed", title=title)
+    table = quiet_table("mm/s", "method:", "all", "interior", "all, fit", "interior, fit", "failed", title=title)
     errors = {(r.nominal_mm_s, r.method, r.scans, r.factor_standard_error > 0): r for r in scored.rows}
     failed = {row.method: f"{row.percent:.1f}" for row in scored.failed}
     bounds = {(row.nominal_mm_s, row.scans): f"{row.percent:.3f}" for row in scored.bounds}
@@ -163,7 +163,7 @@ def show_peers(scored: Any) -> None:
         console.print(f"no velocity at all: {', '.join(scored.silent)}", highlight=False)
     console.print(
         "all: every scan in contact. interior: the object near the palm's centre.\n"
-        "factor: one a method and set, fitted at 25 mm/s on strokes of their own.\n"
+        "fit: with one factor a method and set, fitted at 25 mm/s on strokes of their own.\n"
         "failed: pairs of scans without an answer, in %; the sum of displacements begins\n"
         "anew after them. In brackets: strokes, where not all gave a velocity.",
         style="dim",

@@ -27,15 +27,17 @@ _UNKNOWN = (float("nan"), float("nan"))
 
 
 def peers() -> dict[str, Pair]:
-    """All of them by name. Raises ExtraMissing."""
+    """All of them by name: cv2.phaseCorrelate, without and with its window, cv2.DISOpticalFlow on enlarged images,
+    skimage's phase_cross_correlation, OpenPIV. Raises ExtraMissing.
+    """
     cv2 = needed("cv2")
     registration = needed("skimage.registration")
     openpiv = needed("openpiv.pyprocess")
     return {
-        "cv2 phaseCorrelate": _phase(cv2, windowed=False),
-        "cv2 phaseCorrelate, Hann": _phase(cv2, windowed=True),
-        "cv2 DIS x8": _inverse_search(cv2),
-        "skimage phase_cross_corr.": _cross_correlation(registration.phase_cross_correlation),
+        "phaseCorrelate": _phase(cv2, windowed=False),
+        "phaseCorrelate, Hann": _phase(cv2, windowed=True),
+        "DIS flow x8": _inverse_search(cv2),
+        "skimage correlation": _cross_correlation(registration.phase_cross_correlation),
         "OpenPIV": _piv(openpiv),
     }
 
