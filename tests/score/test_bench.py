@@ -44,6 +44,8 @@ def hurried(patch: pytest.MonkeyPatch) -> list[list[str]]:
     patch.setattr("taxelflow.score.bench._LITERAL_BUDGET_S", 0.01)
     patch.setattr("taxelflow.score.bench._BATCH_BYTES", 200_000)
     patch.setattr("taxelflow.score.bench._BATCH_ROUNDS", 1)
+    patch.setattr("taxelflow.score.bench_peers._ROUNDS", 2)
+    patch.setattr("taxelflow.score.bench_peers._WARM", 1)
     patch.setattr("taxelflow.score.bench.subprocess.run", run)
     return started
 
@@ -103,7 +105,7 @@ def test_what_is_started_runs(figures: Bench, started: list[list[str]]) -> None:
 
 def test_json_makes_the_round_trip(figures: Bench) -> None:
     assert msgspec.json.decode(to_json(figures), type=Bench) == figures
-    assert set(json.loads(to_json(figures))) == {"latencies", "throughputs", "recording", "scans", "shares", "starts"}
+    assert set(json.loads(to_json(figures))) == {"latencies", "peers", "throughputs", "recording", "scans", "shares", "starts"}
 
 
 def test_a_recording_of_ones_own_is_measured_and_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -163,7 +163,7 @@ def show_peers(scored: Any) -> None:
         console.print(f"no velocity at all: {', '.join(scored.silent)}", highlight=False)
     console.print(
         "all: every scan in contact. interior: the object near the palm's centre.\n"
-        "fit: with one factor a method and set, fitted at 25 mm/s on strokes of their own.\n"
+        "fit: with one factor a method and set, fitted at 25 mm/s on other strokes.\n"
         "failed: pairs of scans without an answer, in %; the sum of displacements begins\n"
         "anew after them. In brackets: strokes, where not all gave a velocity.",
         style="dim",

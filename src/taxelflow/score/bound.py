@@ -48,6 +48,7 @@ _PRESSED = 0.01
 _FREE = 10.0
 """Standard deviation that the pattern's coefficients have before any scan, over the largest pressure: no knowledge."""
 _RIDGE = 1e-9
+"""Information in every pose, over that with the pattern known: a common motion of pattern and poses has hardly any."""
 _FEWEST = 3
 
 
@@ -165,8 +166,7 @@ def _jointly(model: _Model, pose: Floats, known: Floats, contact: Any, knot_m: f
     crossed = solve_triangular(factor, (pattern.T @ _blocks(by_pose)).toarray(), lower=True)
     information = _blocks(np.swapaxes(by_pose, 1, 2) @ by_pose).toarray() - crossed.T @ crossed
     gauge = _gauge(pose[contact, 2], scale)
-    fixed = gauge / np.linalg.norm(gauge, axis=0)
-    whole = cho_factor(information + fixed @ fixed.T + _RIDGE * np.eye(scans * axes), lower=True)
+    whole = cho_factor(information + _RIDGE * np.eye(scans * axes), lower=True)
     variance = _without(gauge, (scale / _spread(scale)).reshape(-1, 1) ** 2, cho_solve(whole, np.eye(scans * axes)))
     deviation: Floats = np.sqrt(variance).reshape(scans, axes) * scale
     return deviation
