@@ -19,7 +19,14 @@ def loaded_after(program: str) -> set[str]:
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], ["estimate", "--help"], ["calibrate", "--help"], ["info", "--help"], ["sensors", "--help"], ["score", "--help"]],
+    [
+        ["--help"],
+        ["estimate", "--help"],
+        ["calibrate", "--help"],
+        ["info", "--help"],
+        ["sensors", "--help"],
+        ["score", "--help"],
+    ],
 )
 def test_help_imports_no_heavy_library(arguments: list[str]) -> None:
     program = (

@@ -105,7 +105,15 @@ def test_what_is_started_runs(figures: Bench, started: list[list[str]]) -> None:
 
 def test_json_makes_the_round_trip(figures: Bench) -> None:
     assert msgspec.json.decode(to_json(figures), type=Bench) == figures
-    assert set(json.loads(to_json(figures))) == {"latencies", "peers", "throughputs", "recording", "scans", "shares", "starts"}
+    assert set(json.loads(to_json(figures))) == {
+        "latencies",
+        "peers",
+        "throughputs",
+        "recording",
+        "scans",
+        "shares",
+        "starts",
+    }
 
 
 def test_a_recording_of_ones_own_is_measured_and_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from taxelflow import registry
 from taxelflow.acquire.rig.simulate import simulate
-from taxelflow.publish.summary import to_json
 from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.publish.summary import to_json
 from taxelflow.score.strokes import SPEEDS_MM_S, Row
 from taxelflow.score.table1 import METHODS, PAPER, PaperRow, Table1, scored_methods, table1
 
