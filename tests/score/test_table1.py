@@ -1,24 +1,34 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from taxelflow import registry
+from taxelflow.acquire.rig.scenario import SCENARIOS
 from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.api import conditioned
 from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.estimation.convolution import Convolution
+from taxelflow.estimation.principal_axis import PrincipalAxis
+from taxelflow.messages import cut, joined
 from taxelflow.publish.summary import to_json
 from taxelflow.score.strokes import SPEEDS_MM_S, Row
-from taxelflow.score.table1 import METHODS, PAPER, PaperRow, Table1, scored_methods, table1
+from taxelflow.score.table1 import METHODS, PAPER, PaperRow, Table1, scored_methods, strokes_by, table1
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from taxelflow.acquire.base import Recording
     from taxelflow.acquire.rig.scenario import Scenario
+    from taxelflow.estimation.base import Mode
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Scans, Slips
 
 STROKES = 16
 by_method = pytest.mark.parametrize("method", METHODS)
@@ -199,6 +209,45 @@ def test_the_papers_methods_come_first_and_ours_follow_when_they_are_registered(
     assert scored_methods() == ("lnorm", "convolution", "template")
     monkeypatch.setitem(registry.PARTS, "estimator", dict.fromkeys((*METHODS, "sum"), ""))
     assert scored_methods() == METHODS
+
+
+@dataclass(frozen=True)
+class Held:
+    """The principal axis, as an estimator that gives everything at the end; with variances of its own."""
+
+    def start(self, layout: Layout, mode: Mode) -> Held:
+        object.__setattr__(self, "session", PrincipalAxis().start(layout, mode))
+        object.__setattr__(self, "blocks", [])
+        return self
+
+    def step(self, scans: Scans) -> Slips:
+        self.blocks.append(self.session.step(scans))  # type: ignore[attr-defined]
+        return cut(self.blocks[0], 0, 0)  # type: ignore[attr-defined]
+
+    def finish(self) -> Slips:
+        return joined(self.blocks)  # type: ignore[attr-defined]
+
+
+def test_a_method_that_holds_its_slips_back_until_the_end_is_scored_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(registry.PARTS["estimator"], "held", f"{__name__}:{Held.__name__}")
+    told = table1(4, 0, methods=("principal_axis", "held"))
+    own, held = ([row for row in told.ours if row.method == name] for name in ("principal_axis", "held"))
+    assert [replace(row, method="principal_axis") for row in held] == own
+
+
+def test_ours_are_weighted_by_their_variance_and_the_papers_are_not() -> None:
+    recording = simulate(SCENARIOS["stroke"])
+    truth, pad = recording.known_truth, recording.layout.pads.index("palm")
+    scans = conditioned(recording)
+    slips = PrincipalAxis().start(recording.layout, "batch").step(scans)
+    x_m, variance = slips.pose[:, pad, 0], slips.covariance[:, pad, 0, 0]
+    used = np.isfinite(x_m) & (np.gradient(truth.pose[:, 0], truth.t_s) < -1e-3)
+    weighted = np.polyfit(truth.t_s[used], 1e3 * x_m[used], 1, w=1 / np.sqrt(variance[used]))[0]
+    assert strokes_by("principal_axis", recording, scans)[0].all == pytest.approx(weighted)
+    flow = Convolution().start(recording.layout, "batch").step(scans).pose[:, pad, 0]
+    used &= np.isfinite(flow)
+    plain = np.polyfit(truth.t_s[used], 1e3 * flow[used], 1)[0]
+    assert strokes_by("convolution", recording, scans)[0].all == pytest.approx(plain)
 
 
 def test_a_method_without_a_position_is_refused() -> None:
