@@ -50,7 +50,7 @@ pictures: $(READY)
 	$(TAXELFLOW) estimate demo/stroke.npz --method convolution --out demo/convolution
 	$(TAXELFLOW) plot demo/lnorm demo/convolution --out docs/pictures
 	$(TAXELFLOW) figures --out demo/figures
-	cp demo/figures/fig7-rotation.svg docs/pictures/
+	cp demo/figures/fig7-rotation.svg demo/figures/error-over-position.svg docs/pictures/
 	rm docs/pictures/path-*.svg
 
 # Resolve anew, then pin what was resolved. Lines are name==version and nothing else.
