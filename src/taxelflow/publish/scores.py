@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from taxelflow.publish.terminal import quiet_table
+from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
     from typing import Any
