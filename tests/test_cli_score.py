@@ -50,6 +50,14 @@ def test_limits_gives_json(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
     assert {row["over_unknown"] for row in told["rows"]} == {None}
 
 
+def test_contacts_of_the_elastic_solver_may_be_scored(capsys: Capture) -> None:
+    pytest.importorskip("tamaas")
+    assert main(["score", "limits", "turn", "--seeds", "1", "--solver", "elastic", "--methods", "convolution"]) == 0
+    assert "elastic solver" in capsys.readouterr().out
+    assert main(["score", "table1", "--strokes", "2", "--solver", "elastic", "--methods", "convolution"]) == 0
+    assert "elastic solver" in capsys.readouterr().out
+
+
 def test_peers_shows_all_methods_the_bound_and_the_best(capsys: Capture) -> None:
     for library in ("cv2", "skimage", "openpiv"):
         pytest.importorskip(library)

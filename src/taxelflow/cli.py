@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 from tyro.conf import Positional
 
-from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario
+from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario, Solver
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import ParameterInvalid, TaxelflowError
 from taxelflow.fuse.rigid import RigidField
@@ -237,6 +237,8 @@ class Score:
     """table1, peers: our methods to score; the paper's, and the template, if left out. limits: all if left out."""
     mode: Literal["batch", "stream"] = "batch"
     """limits: as for `taxelflow estimate`."""
+    solver: Solver = "analytic"
+    """table1, peers, limits: as for `taxelflow simulate`; elastic takes seconds a contact (extra `sim`)."""
     json: bool = False
     """Print JSON instead of tables."""
 
@@ -261,7 +263,7 @@ class Score:
         from taxelflow.score.table1 import table1
 
         watched = partial(counted, what="trials")
-        return table1(self.strokes, self.seed, watched, self.methods), show_table1
+        return table1(self.strokes, self.seed, watched, self.methods, self.solver), show_table1
 
     def _field(self) -> tuple[Struct, Callable[[Any], None]]:
         from taxelflow.publish.scores import show_field
@@ -275,9 +277,15 @@ class Score:
         from taxelflow.publish.terminal import counted
         from taxelflow.score.limits import limits
 
-        watched = partial(counted, what="seeds")
-        name = self.scenario or "stroke"
-        scored = limits(name, self.seeds, seed=self.seed, mode=self.mode, methods=self.methods, watched=watched)
+        scored = limits(
+            self.scenario or "stroke",
+            self.seeds,
+            seed=self.seed,
+            mode=self.mode,
+            solver=self.solver,
+            methods=self.methods,
+            watched=partial(counted, what="seeds"),
+        )
         return scored, show_limits
 
     def _peers(self) -> tuple[Struct, Callable[[Any], None]]:
@@ -285,7 +293,8 @@ class Score:
         from taxelflow.publish.terminal import counted
         from taxelflow.score.peers import score_peers
 
-        return score_peers(self.strokes, self.seed, partial(counted, what="trials"), self.methods), show_peers
+        watched = partial(counted, what="trials")
+        return score_peers(self.strokes, self.seed, watched, self.methods, self.solver), show_peers
 
 
 @dataclass(frozen=True)

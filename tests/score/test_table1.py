@@ -191,7 +191,7 @@ def test_json_makes_the_round_trip(table: Table1) -> None:
     text = to_json(table)
     assert msgspec.json.decode(text, type=Table1) == table
     whole = json.loads(text)
-    assert set(whole) == {"strokes", "seed", "paper", "ours"}
+    assert set(whole) == {"strokes", "seed", "solver", "paper", "ours"}
     assert None not in whole["ours"][0].values()
 
 

@@ -31,7 +31,7 @@ def show_table1(table: Any) -> None:
         )
     console.print(paper)
     console.print()
-    title = f"ours: {table.strokes} strokes a speed, seed {table.seed}"
+    title = f"ours: {table.strokes} strokes a speed, seed {table.seed}" + _solved(table)
     ours = quiet_table("mm/s", "method:", "scans:", "factor", "back", "forth", "RMSE", "%", "±", "bias", title=title)
     last = {row.nominal_mm_s: row for row in table.ours}
     for row in table.ours:
@@ -88,7 +88,8 @@ def show_field(scored: Any) -> None:
 def show_limits(scored: Any) -> None:
     """Errors over the bound, then the consistency of covariances."""
     console = Console(markup=False)
-    title = f"{scored.scenario}, {scored.mode}, {scored.seeds} seeds from {scored.seed}: error over the bound"
+    ran = f"{scored.scenario}, {scored.mode}, {scored.seeds} seeds from {scored.seed}{_solved(scored)}"
+    title = f"{ran}: error over the bound"
     table = quiet_table("method:", "scans:", "n", "axis:", "RMS", "bound", "x known", "x unknown", title=title)
     for row in scored.rows:
         unit, digits = ("deg", 3) if row.axis == "theta" else ("mm", 4)
@@ -134,7 +135,7 @@ def show_limits(scored: Any) -> None:
 def show_peers(scored: Any) -> None:
     """Errors of all on the same strokes, and how far the best of them are apart."""
     console = Console(markup=False)
-    title = f"velocity RMSE in %, {scored.strokes} strokes a speed, seed {scored.seed}"
+    title = f"velocity RMSE in %, {scored.strokes} strokes a speed, seed {scored.seed}" + _solved(scored)
     table = quiet_table("mm/s", "method:", "all", "interior", "all, fit", "interior, fit", "failed", title=title)
     errors = {(r.nominal_mm_s, r.method, r.scans, r.factor_standard_error > 0): r for r in scored.rows}
     failed = {row.method: f"{row.percent:.1f}" for row in scored.failed}
@@ -173,6 +174,10 @@ def show_peers(scored: Any) -> None:
 
 def _percent(row: Any, strokes: int) -> str:
     return f"{row.rmse_percent:.{_digits(row)}f}" + (f" ({row.strokes})" if row.strokes < strokes else "")
+
+
+def _solved(scored: Any) -> str:
+    return "" if scored.solver == "analytic" else f", {scored.solver} solver"
 
 
 def _digits(row: Any) -> int:

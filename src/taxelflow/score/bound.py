@@ -37,12 +37,13 @@ if TYPE_CHECKING:
     from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Floats
 
-_STEP = 1e-4
-"""Of a pitch, and of a radian: step of the derivatives."""
+_STEPS = (5e-3, 5e-3, 0.03)
+"""Steps of the derivatives to both sides, in pitches and rad: about what a scan can tell, so that structure which is
+too fine to be seen (the cells of the elastic solver's fields) counts for little."""
 _LOOSE = np.diag([1.0, 1.0, 1e-2])
 """Information in every pose, of 1 m and 10 rad: keeps matrices of scans that know nothing invertible."""
-_SPINS_RAD = 1.0
-"""With a median standard deviation above this the turn is not observable, and the round contact has none."""
+_SPINS_RAD = 0.2
+"""With a median standard deviation above this the turn is not observable, and a round contact has none."""
 _PRESSED = 0.01
 """Share of the largest pressure above which a taxel lies on the object."""
 _FREE = 10.0
@@ -100,12 +101,12 @@ def bound_of(scenario: Scenario, t_s: Floats, *, jointly: bool = True) -> Bound:
     model = _modelled(scenario, layout, pad, t_s)
     pose = move(scenario.motion, t_s, scenario.seed).pose
     information = np.swapaxes(model.by_pose, 1, 2) @ model.by_pose
-    known = _deviations(information)
+    known, axes = _deviations(information), slice(3)
+    fixed = _deviations(information, 2)
+    placed = (fixed < pitch / 4).all(axis=1)
+    if not placed.any() or np.median(known[placed, 2]) > _SPINS_RAD:
+        known, axes = np.concatenate([fixed, np.full((len(t_s), 1), np.nan)], axis=1), slice(2)
     scored = (known[:, :2] < pitch / 4).all(axis=1)
-    axes = slice(3)
-    if not scored.any() or np.median(known[scored, 2]) > _SPINS_RAD:
-        known = np.concatenate([_deviations(information, 2), np.full((len(t_s), 1), np.nan)], axis=1)
-        axes = slice(2)
     unknown = np.full_like(known, np.nan)
     if jointly and _stays_the_same(scenario):
         for contact in _runs(scored):
@@ -135,9 +136,12 @@ def _modelled(scenario: Scenario, layout: Layout, pad: int, t_s: Floats) -> _Mod
     own, sensing = layout.of_pad(pad), scenario.sensing
     taxels = np.arange(layout.taxels)[own]
     pressure = pressures(scenario, layout, [pad], t_s)[:, own]
-    steps = _STEP * np.append(np.full(2, layout.pitch_m[pad].min()), 1.0)
-    moved = [pressures(scenario, layout, [pad], t_s, shift)[:, own] for shift in np.diag(steps)]
-    by_pose = np.stack([(there - pressure) / step for there, step in zip(moved, steps, strict=True)], axis=-1)
+    steps = np.array(_STEPS) * [*layout.pitch_m[pad], 1.0]
+    there, back = (
+        np.stack([pressures(scenario, layout, [pad], t_s, shift)[:, own] for shift in np.diag(way)], axis=-1)
+        for way in (steps, -steps)
+    )
+    by_pose = (there - back) / (2 * steps)
     step_pa = sensing.full_scale_pa / (2**sensing.bits - 1)
     weight = np.full(pressure.shape, 1 / np.hypot(sensing.noise_pa, step_pa / np.sqrt(12)))
     weight[:, np.isin(taxels, sensing.dead)] = 0.0

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from taxelflow.acquire.rig.scenario import Scenario
+    from taxelflow.acquire.rig.scenario import Scenario, Solver
     from taxelflow.estimation.base import Mode
     from taxelflow.messages import Bools, Floats, Slips
 
@@ -83,6 +83,7 @@ class Limits(msgspec.Struct, frozen=True):
     """All of one scenario."""
 
     scenario: str
+    solver: str
     mode: str
     seeds: int
     seed: int
@@ -116,12 +117,13 @@ def limits(
     *,
     seed: int = 0,
     mode: Mode = "batch",
+    solver: Solver = "analytic",
     methods: Sequence[str] = (),
     watched: Callable[[Iterable[int]], Iterable[int]] = iter,
 ) -> Limits:
     """Score estimators (all registered ones that know a position, if none is named) on `seeds` seeds of a scenario.
 
-    Raises NameUnknown, ParameterInvalid.
+    Raises NameUnknown, ParameterInvalid, ExtraMissing (solver elastic).
     """
     if scenario not in SCENARIOS:
         raise NameUnknown("scenario", scenario, SCENARIOS)
@@ -129,7 +131,7 @@ def limits(
     found: dict[str, list[Errors]] = {method: [] for method in kinds}
     contact = 0
     for number in watched(range(seeds)):
-        drawn = replace(SCENARIOS[scenario], seed=seed + number)
+        drawn = replace(SCENARIOS[scenario], seed=seed + number, solver=solver)
         recording = simulate(drawn)
         bound = bound_of(drawn, recording.known_truth.t_s)
         pad = recording.layout.pads.index(drawn.pad)
@@ -144,6 +146,7 @@ def limits(
     kept = {method: own for method, own in found.items() if method not in without}
     return Limits(
         scenario=scenario,
+        solver=solver,
         mode=mode,
         seeds=seeds,
         seed=seed,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.acquire.base import Recording, Truth
-    from taxelflow.acquire.rig.scenario import Scenario
+    from taxelflow.acquire.rig.scenario import Scenario, Solver
     from taxelflow.messages import Floats, Scans
     from taxelflow.score.pairs import Pair
     from taxelflow.score.strokes import Seen
@@ -64,6 +64,7 @@ class Peers(msgspec.Struct, frozen=True):
 
     strokes: int
     seed: int
+    solver: str
     ours: tuple[str, ...]
     rows: list[Row]
     bounds: list[BoundRow]
@@ -78,6 +79,7 @@ def score_peers(
     seed: int,
     watched: Callable[[Iterable[int]], Iterable[int]] = iter,
     methods: Sequence[str] = (),
+    solver: Solver = "analytic",
 ) -> Peers:
     """Run the strokes of `table1` with that seed through our estimators and the peers.
 
@@ -95,7 +97,7 @@ def score_peers(
         found = {method: strokes_by(method, recording, scans) for method in ours}
         return found | {name: _followed(pair, recording, scans, tally[name]) for name, pair in pairs.items()}
 
-    seen = run_trials(strokes, seed, measure, watched)
+    seen = run_trials(strokes, seed, measure, watched, solver)
     silent = [name for name in (*ours, *pairs) if not _heard(seen, name)]
     if wrong := [name for name in ours if name in silent]:
         raise ParameterInvalid("methods", ", ".join(wrong), "they give no position: leave them out")
@@ -103,6 +105,7 @@ def score_peers(
     return Peers(
         strokes=strokes + strokes % 2,
         seed=seed,
+        solver=solver,
         ours=ours,
         rows=rows,
         bounds=[

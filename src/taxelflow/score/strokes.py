@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.acquire.base import Truth
+    from taxelflow.acquire.rig.scenario import Solver
     from taxelflow.messages import Bools, Floats
 
 SPEEDS_MM_S = (25, 50)
@@ -70,6 +71,7 @@ def run_trials(
     seed: int,
     measure: Callable[[Scenario], dict[str, list[Stroke]]],
     watched: Callable[[Iterable[int]], Iterable[int]],
+    solver: Solver = "analytic",
 ) -> Seen:
     """Measure `strokes` strokes at each speed, and as many again at 25 mm/s to fit the factors, two a trial."""
     trials = (strokes + 1) // 2
@@ -77,19 +79,21 @@ def run_trials(
     seen: Seen = {}
     for number in watched(range(3 * trials)):
         which: str | int = ("fit", *SPEEDS_MM_S)[number // trials]
-        scenario = trial(first[which] + number % trials, which if isinstance(which, int) else SPEEDS_MM_S[0])
+        speed = which if isinstance(which, int) else SPEEDS_MM_S[0]
+        scenario = trial(first[which] + number % trials, speed, solver)
         for method, found in measure(scenario).items():
             seen.setdefault((which, method), []).extend(found)
     return seen
 
 
-def trial(seed: int, speed_mm_s: int) -> Scenario:
+def trial(seed: int, speed_mm_s: int, solver: Solver = "analytic") -> Scenario:
     """The paper's experiment with an airbag, line and offsets of its own."""
     random = np.random.default_rng([seed, speed_mm_s])
     paper = SCENARIOS["stroke"]
     return replace(
         paper,
         seed=seed,
+        solver=solver,
         contact=replace(paper.contact, radius_m=random.uniform(0.013, 0.017)),
         motion=replace(paper.motion, speed_m_s=speed_mm_s / 1e3, middle_m=(0.0, 0.005 + random.uniform(-0.002, 0.002))),
     )

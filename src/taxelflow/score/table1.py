@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from taxelflow.acquire.base import Recording
+    from taxelflow.acquire.rig.scenario import Solver
     from taxelflow.messages import Floats, Scans, Slips
 
 METHODS = ("lnorm", "convolution")
@@ -55,6 +56,7 @@ class Table1(msgspec.Struct, frozen=True):
 
     strokes: int
     seed: int
+    solver: str
     paper: tuple[PaperRow, ...]
     ours: list[Row]
 
@@ -64,17 +66,18 @@ def table1(
     seed: int,
     watched: Callable[[Iterable[int]], Iterable[int]] = iter,
     methods: Sequence[str] = (),
+    solver: Solver = "analytic",
 ) -> Table1:
     """Run `strokes` strokes at each speed, and as many again at 25 mm/s to fit the factors.
 
-    methods: the paper's and ours if left out. Raises NameUnknown, ParameterInvalid.
+    methods: the paper's and ours if left out. Raises NameUnknown, ParameterInvalid, ExtraMissing (solver elastic).
     """
     chosen = tuple(methods) or scored_methods()
-    seen = run_trials(strokes, seed, lambda scenario: _measured(simulate(scenario), chosen), watched)
+    seen = run_trials(strokes, seed, lambda scenario: _measured(simulate(scenario), chosen), watched, solver)
     for method in chosen:
         if not any(np.isfinite(stroke.all) for stroke in seen["fit", method]):
             raise ParameterInvalid("methods", method, "it gives no position: leave it out")
-    return Table1(strokes + strokes % 2, seed, PAPER, rows_of(seen, chosen))
+    return Table1(strokes + strokes % 2, seed, solver, PAPER, rows_of(seen, chosen))
 
 
 def scored_methods() -> tuple[str, ...]:
