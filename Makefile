@@ -13,10 +13,10 @@ setup: $(READY)
 $(READY): pyproject.toml constraints.txt
 	@if command -v uv >/dev/null 2>&1; then \
 	  uv venv --allow-existing --quiet --python $(PYTHON) .venv && \
-	  uv pip install --quiet --python .venv --constraint constraints.txt --editable '.[plot,dev]'; \
+	  uv pip install --quiet --python .venv --constraint constraints.txt --editable '.[plot,bench,dev]'; \
 	else \
 	  { test -x $(BIN)/python || $(PYTHON) -m venv .venv; } && \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,dev]'; \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,bench,dev]'; \
 	fi
 	@touch $@
 
@@ -50,14 +50,14 @@ pictures: $(READY)
 	$(TAXELFLOW) estimate demo/stroke.npz --method convolution --out demo/convolution
 	$(TAXELFLOW) plot demo/lnorm demo/convolution --out docs/pictures
 	$(TAXELFLOW) figures --out demo/figures
-	cp demo/figures/fig7-rotation.svg docs/pictures/
+	cp demo/figures/fig7-rotation.svg demo/figures/error-over-position.svg docs/pictures/
 	rm docs/pictures/path-*.svg
 
 # Resolve anew, then pin what was resolved. Lines are name==version and nothing else.
 constraints:
 	rm -rf .venv
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,bench,dev]'
 	{ sed -n '/^#/p' constraints.txt; $(BIN)/python -m pip freeze --exclude-editable | grep -E '^[A-Za-z0-9_.-]+==[^ ]+$$'; } > constraints.new
 	mv constraints.new constraints.txt
 

@@ -26,6 +26,7 @@ def loaded_after(program: str) -> set[str]:
         ["info", "--help"],
         ["convert", "--help"],
         ["sensors", "--help"],
+        ["score", "--help"],
     ],
 )
 def test_help_imports_no_heavy_library(arguments: list[str]) -> None:

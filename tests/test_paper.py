@@ -21,7 +21,7 @@ def test_every_figure_of_the_paper_is_drawn(tmp_path: Path, capsys: pytest.Captu
         name.split("/")[-1] for name in named
     )
     stems = {path.stem for path in (tmp_path / "figures").iterdir()}
-    for wanted in ("fig2", "fig4", "fig5", "fig6", "fig7", "fig9", "table1", "rotation"):
+    for wanted in ("fig2", "fig4", "fig5", "fig6", "fig7", "fig9", "table1", "rotation", "error"):
         assert any(stem.startswith(wanted) for stem in stems)
 
 

@@ -7,14 +7,15 @@ import logging
 import os
 import sys
 from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from tyro.conf import Positional
 
 from taxelflow.acquire.columns import Columns
-from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario
+from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario, Solver
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import ParameterInvalid, TaxelflowError
 from taxelflow.fuse.rigid import RigidField
@@ -22,6 +23,10 @@ from taxelflow.monitor.features import ContactFeatures
 from taxelflow.monitor.slip import SlipMonitor
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from msgspec import Struct
+
     from taxelflow.acquire.base import Recording
 
 BAD_INPUT, PARTLY_READ, INTERRUPTED = 2, 1, 130
@@ -266,35 +271,80 @@ class Simulate:
 class Score:
     """Measure accuracy against truth on the simulated rig."""
 
-    what: Positional[Literal["table1", "field"]]
-    """table1: the paper's Table I beside ours, by both of the paper's methods. field: translation and rotation of an
-    object over the whole hand, by number of slip vectors."""
+    what: Positional[Literal["table1", "field", "limits", "peers"]]
+    """table1: the paper's Table I beside ours. field: translation and rotation of an object over the whole hand, by
+    number of slip vectors. limits: estimators against the Cramér-Rao bound, and whether their covariances hold. peers:
+    Table I's strokes through OpenCV, scikit-image and OpenPIV beside ours (extra `bench`)."""
+    scenario: Positional[str | None] = None
+    """limits: one of `taxelflow simulate`; stroke if left out."""
     strokes: int = 1000
-    """table1: strokes at each speed, half of them backward."""
+    """table1, peers: strokes at each speed, half of them backward."""
     seeds: int = 10
-    """field: seeds of each scenario."""
+    """field, limits: seeds of each scenario."""
     seed: int = 0
-    """table1: seed of the first stroke; the others follow from it."""
+    """table1, peers, limits: the first seed; the others follow from it."""
+    methods: tuple[str, ...] = ()
+    """table1, peers: our methods to score; the paper's, and the template, if left out. limits: all if left out."""
+    mode: Literal["batch", "stream"] = "batch"
+    """limits: as for `taxelflow estimate`."""
+    solver: Solver = "analytic"
+    """table1, peers, limits: as for `taxelflow simulate`; elastic takes seconds a contact (extra `sim`)."""
     json: bool = False
     """Print JSON instead of tables."""
 
     def run(self, _rest: list[str]) -> int:
         """Run and print."""
         from taxelflow.publish.summary import to_json
-        from taxelflow.publish.terminal import counted, show_field, show_table1
-        from taxelflow.score.field import score_field
-        from taxelflow.score.table1 import table1
 
         _at_least("strokes", self.strokes, 2)
         _at_least("seeds", self.seeds, 1)
         _at_least("seed", self.seed, 0)
-        if self.what == "table1":
-            table = table1(self.strokes, self.seed, lambda trials: counted(trials, "trials"))
-            show_table1(table) if not self.json else sys.stdout.buffer.write(to_json(table))
-        else:
-            field = score_field(self.seeds, lambda seeds: counted(seeds, "seeds"))
-            show_field(field) if not self.json else sys.stdout.buffer.write(to_json(field))
+        if self.scenario is not None and self.what != "limits":
+            raise ParameterInvalid("scenario", self.scenario, f"score {self.what} has none: leave it out")
+        scored, show = {"table1": self._table1, "field": self._field, "limits": self._limits, "peers": self._peers}[
+            self.what
+        ]()
+        show(scored) if not self.json else sys.stdout.buffer.write(to_json(scored))
         return 0
+
+    def _table1(self) -> tuple[Struct, Callable[[Any], None]]:
+        from taxelflow.publish.scores import show_table1
+        from taxelflow.publish.terminal import counted
+        from taxelflow.score.table1 import table1
+
+        watched = partial(counted, what="trials")
+        return table1(self.strokes, self.seed, watched, self.methods, self.solver), show_table1
+
+    def _field(self) -> tuple[Struct, Callable[[Any], None]]:
+        from taxelflow.publish.scores import show_field
+        from taxelflow.publish.terminal import counted
+        from taxelflow.score.field import score_field
+
+        return score_field(self.seeds, partial(counted, what="seeds")), show_field
+
+    def _limits(self) -> tuple[Struct, Callable[[Any], None]]:
+        from taxelflow.publish.scores import show_limits
+        from taxelflow.publish.terminal import counted
+        from taxelflow.score.limits import limits
+
+        scored = limits(
+            self.scenario or "stroke",
+            self.seeds,
+            seed=self.seed,
+            mode=self.mode,
+            solver=self.solver,
+            methods=self.methods,
+            watched=partial(counted, what="seeds"),
+        )
+        return scored, show_limits
+
+    def _peers(self) -> tuple[Struct, Callable[[Any], None]]:
+        from taxelflow.publish.scores import show_peers
+        from taxelflow.publish.terminal import counted
+        from taxelflow.score.peers import score_peers
+
+        watched = partial(counted, what="trials")
+        return score_peers(self.strokes, self.seed, watched, self.methods, self.solver), show_peers
 
 
 @dataclass(frozen=True)
@@ -320,7 +370,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class Figures:
-    """Draw the paper's figures 2, 4, 5, 6, 7 and 9, its Table I, and rotation error by number of slip vectors."""
+    """Draw the paper's figures 2, 4, 5, 6, 7, 9 and Table I, rotation error by slip vectors, error over the bound."""
 
     out: Path
     """Directory for the pictures; made if it does not exist."""
@@ -328,7 +378,7 @@ class Figures:
     strokes: int = 1000
     """Strokes a speed in Table I."""
     seeds: int = 10
-    """Seeds a scenario in the curve of rotation error."""
+    """Seeds a scenario in the curves of rotation error and of error against the bound."""
 
     def run(self, _rest: list[str]) -> int:
         """Simulate, estimate, draw."""

@@ -16,12 +16,15 @@ from taxelflow.figures import strokes_of
 from taxelflow.geometry import place
 from taxelflow.publish.plots.curve import curve_figure, table_figure
 from taxelflow.publish.plots.hand import Moment, field_figure, layout_figure
+from taxelflow.publish.plots.limits import limits_figure
 from taxelflow.publish.plots.position import position_figure
 from taxelflow.publish.plots.style import save, styled
 from taxelflow.publish.plots.views import views_figure
 from taxelflow.publish.results import Track
 from taxelflow.score.field import score_field, true_twist
-from taxelflow.score.table1 import PaperRow, Row, table1
+from taxelflow.score.limits import limits
+from taxelflow.score.strokes import Row
+from taxelflow.score.table1 import PaperRow, table1
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,7 +40,7 @@ _HAND = "barretthand-162"
 def draw_paper(out: Path, form: str, *, strokes: int, seeds: int) -> list[Path]:
     """Draw every figure into `out`, made if need be. Raises ExtraMissing.
 
-    strokes: per speed in Table I. seeds: per scenario in the curve of rotation error.
+    strokes: per speed in Table I. seeds: per scenario in the curves of rotation error and of error against the bound.
     """
     out.mkdir(parents=True, exist_ok=True)
     figures: dict[str, Callable[[], Figure]] = {
@@ -49,6 +52,7 @@ def draw_paper(out: Path, form: str, *, strokes: int, seeds: int) -> list[Path]:
         "fig9-position": _position,
         "table1": lambda: _table1(strokes),
         "rotation-by-vectors": lambda: _curve(seeds),
+        "error-over-position": lambda: _limits(seeds),
     }
     with styled():
         return [save(draw(), out / f"{name}.{form}") for name, draw in figures.items()]
@@ -133,7 +137,7 @@ def _table1(strokes: int) -> Figure:
     rows = [
         (
             str(row.nominal_mm_s),
-            names[row.method],
+            names.get(row.method, row.method),
             scans,
             factor if row.method == "convolution" or digits == 2 else "none",
             *(f"{value:.2f}" for value in (row.backward_mm_s, row.forward_mm_s, row.rmse_mm_s)),
@@ -157,6 +161,27 @@ def _curve(seeds: int) -> Figure:
         "are better than two; more do not help here, because what is left is the centroid's bias and not noise."
     )
     return curve_figure(curves, "RMSE of the rate of turn in %", caption)
+
+
+def _limits(seeds: int) -> Figure:
+    scored = limits("stroke", seeds)
+    errors: dict[str, list[tuple[float, float]]] = {}
+    known: dict[float, float] = {}
+    unknown: dict[float, float] = {}
+    for row in scored.places:
+        errors.setdefault(row.method, []).append((row.at_mm, row.error_mm))
+        known.setdefault(row.at_mm, row.known_mm)
+        if row.unknown_mm is not None:
+            unknown.setdefault(row.at_mm, row.unknown_mm)
+    palm = load_sensor(_HAND).layout
+    edge_mm = 1e3 * float(np.max(palm.x_m[palm.of_pad(palm.pads.index("palm"))]) + palm.pitch_m[-1, 0] / 2)
+    caption = (
+        f"Error of an airbag's position along its stroke over the palm, by where it is, {seeds} seeds (taxelflow score "
+        "limits), against the Cramér-Rao bound; dotted: the palm's edge. Centroids are biased as soon as the edge cuts "
+        "the contact; the scans would tell more."
+    )
+    bounds = {"bound, pattern known": known, "bound, pattern unknown": unknown}
+    return limits_figure(errors, {name: sorted(own.items()) for name, own in bounds.items() if own}, edge_mm, caption)
 
 
 def _moments(recording: Recording, times_s: list[float]) -> list[Moment]:

@@ -45,6 +45,8 @@ def hurried(patch: pytest.MonkeyPatch) -> list[list[str]]:
     patch.setattr("taxelflow.score.bench._LITERAL_BUDGET_S", 0.01)
     patch.setattr("taxelflow.score.bench._BATCH_BYTES", 200_000)
     patch.setattr("taxelflow.score.bench._BATCH_ROUNDS", 1)
+    patch.setattr("taxelflow.score.bench_peers._ROUNDS", 2)
+    patch.setattr("taxelflow.score.bench_peers._WARM", 1)
     patch.setattr("taxelflow.score.bench.subprocess.run", run)
     patch.setattr("taxelflow.score.bench_reading._ROUNDS", 1)
     return started
@@ -114,6 +116,7 @@ def test_json_makes_the_round_trip(figures: Bench) -> None:
     assert msgspec.json.decode(to_json(figures), type=Bench) == figures
     assert set(json.loads(to_json(figures))) == {
         "latencies",
+        "peers",
         "throughputs",
         "recording",
         "scans",

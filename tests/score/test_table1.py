@@ -1,21 +1,34 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
+from taxelflow import registry
+from taxelflow.acquire.rig.scenario import SCENARIOS
 from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.api import conditioned
+from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.estimation.convolution import Convolution
+from taxelflow.estimation.principal_axis import PrincipalAxis
+from taxelflow.messages import cut, joined
 from taxelflow.publish.summary import to_json
-from taxelflow.score.table1 import METHODS, PAPER, SPEEDS_MM_S, PaperRow, Row, Table1, table1
+from taxelflow.score.strokes import SPEEDS_MM_S, Row
+from taxelflow.score.table1 import METHODS, PAPER, PaperRow, Table1, scored_methods, strokes_by, table1
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from taxelflow.acquire.base import Recording
     from taxelflow.acquire.rig.scenario import Scenario
+    from taxelflow.estimation.base import Mode
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Scans, Slips
 
 STROKES = 16
 by_method = pytest.mark.parametrize("method", METHODS)
@@ -35,7 +48,7 @@ def table(trials: list[Scenario]) -> Table1:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("taxelflow.score.table1.simulate", noted)
-        return table1(STROKES, 0)
+        return table1(STROKES, 0, methods=METHODS)
 
 
 def row(table: Table1, speed: int, method: str, scans: str, *, fitted: bool) -> Row:
@@ -145,20 +158,20 @@ def test_errors_fit_together(table: Table1) -> None:
 
 
 def test_the_same_seed_gives_the_same_table_and_another_another(table: Table1) -> None:
-    assert table1(STROKES, 0) == table
-    other = table1(STROKES, 1000)
+    assert table1(STROKES, 0, methods=METHODS) == table
+    other = table1(STROKES, 1000, methods=METHODS)
     assert all(one != two for one, two in zip(table.ours, other.ours, strict=True))
 
 
 def test_the_standard_error_falls_with_more_strokes() -> None:
-    few, many = table1(10, 5), table1(60, 5)
+    few, many = table1(10, 5, methods=METHODS), table1(60, 5, methods=METHODS)
     one, two = (sum(row.standard_error_percent for row in table.ours) for table in (few, many))
     assert 1.5 < one / two < 4  # about the square root of 6
 
 
 @pytest.mark.parametrize("strokes", [2, 3, 7])
 def test_it_tells_how_many_strokes_it_ran(strokes: int) -> None:
-    told = table1(strokes, 0)
+    told = table1(strokes, 0, methods=METHODS)
     assert {row.strokes for row in told.ours if row.scans == "all"} == {told.strokes}
 
 
@@ -170,7 +183,7 @@ def test_progress_may_be_watched() -> None:
             passed.append(item)
             yield item
 
-    assert table1(4, 0, watched) == table1(4, 0)
+    assert table1(4, 0, watched, METHODS) == table1(4, 0, methods=METHODS)
     assert passed == list(range(6))
 
 
@@ -178,8 +191,73 @@ def test_json_makes_the_round_trip(table: Table1) -> None:
     text = to_json(table)
     assert msgspec.json.decode(text, type=Table1) == table
     whole = json.loads(text)
-    assert set(whole) == {"strokes", "seed", "paper", "ours"}
+    assert set(whole) == {"strokes", "seed", "solver", "paper", "ours"}
     assert None not in whole["ours"][0].values()
+
+
+def test_any_method_with_a_position_may_be_scored_beside_them() -> None:
+    told = table1(4, 0, methods=("convolution", "principal_axis"))
+    assert {row.method for row in told.ours} == {"convolution", "principal_axis"}
+    axis = next(row for row in told.ours if row.method == "principal_axis" and row.scans == "interior")
+    assert axis.rmse_percent < 10
+
+
+def test_the_papers_methods_come_first_and_ours_follow_when_they_are_registered(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(registry.PARTS, "estimator", dict.fromkeys((*METHODS, "template", "sum"), ""))
+    assert scored_methods() == ("lnorm", "convolution", "template")
+    monkeypatch.setitem(registry.PARTS, "estimator", dict.fromkeys((*METHODS, "sum"), ""))
+    assert scored_methods() == METHODS
+
+
+@dataclass(frozen=True)
+class Held:
+    """The principal axis, as an estimator that gives everything at the end; with variances of its own."""
+
+    def start(self, layout: Layout, mode: Mode) -> Held:
+        object.__setattr__(self, "session", PrincipalAxis().start(layout, mode))
+        object.__setattr__(self, "blocks", [])
+        return self
+
+    def step(self, scans: Scans) -> Slips:
+        self.blocks.append(self.session.step(scans))  # type: ignore[attr-defined]
+        return cut(self.blocks[0], 0, 0)  # type: ignore[attr-defined]
+
+    def finish(self) -> Slips:
+        return joined(self.blocks)  # type: ignore[attr-defined]
+
+
+def test_a_method_that_holds_its_slips_back_until_the_end_is_scored_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(registry.PARTS["estimator"], "held", f"{__name__}:{Held.__name__}")
+    told = table1(4, 0, methods=("principal_axis", "held"))
+    own, held = ([row for row in told.ours if row.method == name] for name in ("principal_axis", "held"))
+    assert [replace(row, method="principal_axis") for row in held] == own
+
+
+def test_ours_are_weighted_by_their_variance_and_the_papers_are_not() -> None:
+    recording = simulate(SCENARIOS["stroke"])
+    truth, pad = recording.known_truth, recording.layout.pads.index("palm")
+    scans = conditioned(recording)
+    slips = PrincipalAxis().start(recording.layout, "batch").step(scans)
+    x_m, variance = slips.pose[:, pad, 0], slips.covariance[:, pad, 0, 0]
+    used = np.isfinite(x_m) & (np.gradient(truth.pose[:, 0], truth.t_s) < -1e-3)
+    weighted = np.polyfit(truth.t_s[used], 1e3 * x_m[used], 1, w=1 / np.sqrt(variance[used]))[0]
+    assert strokes_by("principal_axis", recording, scans)[0].all == pytest.approx(weighted)
+    flow = Convolution().start(recording.layout, "batch").step(scans).pose[:, pad, 0]
+    used &= np.isfinite(flow)
+    plain = np.polyfit(truth.t_s[used], 1e3 * flow[used], 1)[0]
+    assert strokes_by("convolution", recording, scans)[0].all == pytest.approx(plain)
+
+
+def test_a_method_without_a_position_is_refused() -> None:
+    with pytest.raises(ParameterInvalid, match="'sum'; it gives no position"):
+        table1(2, 0, methods=("sum",))
+
+
+def test_an_unknown_method_is_refused_with_the_list() -> None:
+    with pytest.raises(NameUnknown, match="'magic'; known are lnorm, convolution"):
+        table1(2, 0, methods=("magic",))
 
 
 # What the paper printed

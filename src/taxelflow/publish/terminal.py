@@ -6,18 +6,19 @@ import sys
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn, track
-from rich.table import Table
 from rich.text import Text
 
 from taxelflow.publish.pressure_map import pressure_maps
+from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sized
     from pathlib import Path
     from typing import Any
+
+    from rich.table import Table
 
     from taxelflow.calibration import Calibration
     from taxelflow.publish.summary import Summary
@@ -48,27 +49,10 @@ def counted(items: Iterable[Item], what: str) -> Iterator[Item]:
     yield from track(items, description=what, console=console, transient=True, disable=not console.is_terminal)
 
 
-def _table(*headings: str, title: str | None = None, caption: str | None = None) -> Table:
-    """A quiet table; headings that end in a colon stand left, numbers right."""
-    # Names come from files: in cells and titles they are Text, in which brackets are brackets.
-    table = Table(
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        show_edge=False,
-        title=Text(title) if title else None,
-        title_justify="left",
-        caption=caption,
-        caption_justify="left",
-    )
-    for heading in headings:
-        table.add_column(Text(heading.rstrip(":")), justify="left" if heading.endswith(":") else "right")
-    return table
-
-
 def say(summary: Summary, directory: Path) -> None:
     """A finished run in a few lines; what was lost or odd goes to stderr."""
     title = f"{summary.method}, {summary.scans} scans of {summary.sensor}"
-    table = _table("pad:", "contact scans", "slips", "net x mm", "net y mm", "at border", title=title)
+    table = quiet_table("pad:", "contact scans", "slips", "net x mm", "net y mm", "at border", title=title)
     for name, pad in summary.pads.items():
         if pad.contact_scans:
             net = [f"{1e3 * m:+.1f}" for m in pad.net_m]
@@ -132,7 +116,7 @@ def _pads_table(checkup: Any) -> tuple[Table, str]:
         ("missing", [str(pad.missing_readings) for pad in pads], "missing: readings"),
     ]
     told = [column for column in columns if column[0] not in _OPTIONAL or set(column[1]) - {"0", "-"}]
-    table = _table("pad:", *(heading for heading, _, _ in told))
+    table = quiet_table("pad:", *(heading for heading, _, _ in told))
     for pad, *cells in zip(pads, *(column[1] for column in told), strict=True):
         table.add_row(pad.name, *cells)
     return table, "; ".join(meaning for _, _, meaning in told if meaning)
@@ -158,7 +142,7 @@ def _range(lowest: float | None, highest: float | None) -> str:
 
 def list_sensors(sensors: list[tuple[str, Sensor]]) -> None:
     """A table of sensors by the name to ask for."""
-    table = _table("name:", "pads", "taxels", "unit:", "note:")
+    table = quiet_table("name:", "pads", "taxels", "unit:", "note:")
     for name, sensor in sensors:
         table.add_row(Text(name), str(len(sensor.pads)), str(sensor.layout.taxels), sensor.unit, Text(sensor.note))
     console = Console(markup=False)
@@ -171,7 +155,7 @@ def list_sensors(sensors: list[tuple[str, Sensor]]) -> None:
 def show_calibration(calibration: Calibration, path: Path) -> None:
     """Gains with standard errors, the mm they amount to, and the frames and clocks found."""
     console = Console(markup=False, highlight=False, soft_wrap=True)
-    table = _table(
+    table = quiet_table(
         "pad:",
         "axis:",
         "gain",
@@ -202,101 +186,46 @@ def show_calibration(calibration: Calibration, path: Path) -> None:
     console.print(f"written to {path}")
 
 
-def show_table1(table: Any) -> None:
-    """The paper's Table I, then ours, in its columns."""
-    console = Console(markup=False)
-    names = {"lnorm": "L norm", "convolution": "flow"}
-    paper = _table(
-        "mm/s", "method:", "backward", "forward", "RMSE mm/s", "RMSE %", title="Table I as published: one trial"
-    )
-    for row in table.paper:
-        velocities = (f"{row.backward_mm_s:.2f}", f"{row.forward_mm_s:.2f}")
-        paper.add_row(
-            str(row.nominal_mm_s), names[row.method], *velocities, f"{row.rmse_mm_s:.2f}", f"{row.rmse_percent:.1f}"
-        )
-    console.print(paper)
-    console.print()
-    title = f"ours: {table.strokes} strokes a speed, seed {table.seed}"
-    ours = _table("mm/s", "method:", "scans:", "factor", "back", "forth", "RMSE", "%", "±", "bias", title=title)
-    for row in table.ours:
-        ours.add_row(
-            str(row.nominal_mm_s),
-            names[row.method],
-            row.scans,
-            "none" if row.factor == 1.0 else f"{row.factor:.4f}({1e4 * row.factor_standard_error:.0f})",
-            f"{row.backward_mm_s:.2f}",
-            f"{row.forward_mm_s:.2f}",
-            f"{row.rmse_mm_s:.2f}",
-            f"{row.rmse_percent:.2f}",
-            f"{row.standard_error_percent:.2f}",
-            f"{row.bias_percent:+.1f}",
-            end_section=row.method == "convolution" and row.scans == "interior" and row.factor != 1.0,
-        )
-    console.print(ours)
-    console.print(
-        "all: every scan in contact. interior: the object's centre at most 22 mm\n"
-        "from the palm's. factor: one per method and set of scans, fitted at 25 mm/s\n"
-        "on strokes that are not in the table, in brackets the standard error of its\n"
-        "last digits. RMSE in mm/s and %, ± the standard error of the latter; bias in %.",
-        style="dim",
-        highlight=False,
-    )
-
-
-def show_field(scored: Any) -> None:
-    """Errors of translation and rotation by number of slip vectors."""
-    console = Console(markup=False)
-    for scenario in dict.fromkeys(row.scenario for row in scored.rows):
-        title = f"{scenario}, {scored.seeds} seeds"
-        table = _table("vectors", "hand:", "direction deg", "speed %", "turn %", "turn bias %", title=title)
-        for row in scored.rows:
-            if row.scenario == scenario:
-                direction = "-" if row.direction_deg is None else f"{row.direction_deg:.1f}"
-                speed = "-" if row.speed_percent is None else f"{row.speed_percent:.1f}"
-                table.add_row(
-                    str(row.vectors),
-                    row.cut,
-                    direction,
-                    speed,
-                    f"{row.turn_percent:.1f}",
-                    f"{row.turn_bias_percent:+.1f}",
-                )
-        console.print(table)
-        console.print()
-    console.print(
-        "direction: median; speed and turn: RMSE over the RMS of the true one; at the hand's origin", style="dim"
-    )
-
-
 def show_bench(figures: Any) -> None:
     """Tables of a `Bench`."""
     console = Console(markup=False)
     title = "one step of a whole hand, every pad loaded"
-    steps = _table("sensor:", "what:", "p50 us", "p99 us", "x literal", title=title)
+    steps = quiet_table("sensor:", "what:", "p50 us", "p99 us", "x literal", title=title)
     for row in figures.latencies:
         steps.add_row(row.sensor, row.what, f"{row.p50_us:.1f}", f"{row.p99_us:.1f}", f"{row.times_faster:.1f}")
     console.print(steps)
     console.print()
-    batch = _table("array:", "what:", "GB/s", "x read", "Mscans/s", title="many scans at once, one core")
+    if figures.peers.skipped:
+        console.print(f"other software is not timed: {figures.peers.skipped}", style="dim")
+    else:
+        rivals = quiet_table(
+            "what:", "p50 us", "p99 us", "x p50", "x p99", title="one streaming step of the 162-taxel hand"
+        )
+        for row in figures.peers.rows:
+            times = (f"{row.p50_us:.1f}", f"{row.p99_us:.1f}", f"{row.p50_over_peer:.2f}", f"{row.p99_over_peer:.2f}")
+            rivals.add_row(row.what, *times)
+        console.print(rivals)
+    console.print()
+    batch = quiet_table("array:", "what:", "GB/s", "x read", "Mscans/s", title="many scans at once, one core")
     for row in figures.throughputs:
         rates = (f"{row.gb_per_s:.1f}", f"{row.share_of_read:.2f}", f"{row.million_scans_per_s:.2f}")
         batch.add_row(row.array, row.what, *rates)
     console.print(batch)
     console.print()
     title = f"estimate, {figures.scans} scans of {figures.recording}"
-    shares = _table("stage:", "ms", "share", title=title)
+    shares = quiet_table("stage:", "ms", "share", title=title)
     for row in figures.shares:
         shares.add_row(row.stage, f"{1e3 * row.seconds:.0f}", f"{100 * row.share:.1f} %")
     console.print(shares)
     console.print()
     title = f"reading, the same {figures.scans} scans in each format"
-    readings = _table("format:", "MB", "scans/s", "MB/s", "plain library:", "scans/s", "x library", title=title)
+    readings = quiet_table("format:", "MB", "scans/s", "MB/s", "plain library:", "scans/s", "x library", title=title)
     for row in figures.readings:
         ours = (f"{row.megabytes:.1f}", f"{row.scans_per_s:.0f}", f"{row.mb_per_s:.0f}")
         readings.add_row(row.format, *ours, row.library, f"{row.library_scans_per_s:.0f}", f"{row.ratio:.2f}")
     console.print(readings)
     console.print()
-    starts = _table("command:", "ms", "x import numpy", title="start of a process")
+    starts = quiet_table("command:", "ms", "x import numpy", title="start of a process")
     for row in figures.starts:
         starts.add_row(row.command, f"{1e3 * row.seconds:.0f}", f"{row.over_import_numpy:.2f}")
     console.print(starts)

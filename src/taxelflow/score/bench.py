@@ -28,6 +28,7 @@ from taxelflow.monitor.features import ContactFeatures
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pads import Pad
 from taxelflow.publish.tables import Tables
+from taxelflow.score.bench_peers import PeerBench, bench_peers
 from taxelflow.score.bench_reading import ReadingRate, reading_rates
 from taxelflow.sensor import Sensor
 
@@ -85,6 +86,7 @@ class Bench(msgspec.Struct, frozen=True):
     """All figures of one run."""
 
     latencies: list[Latency]
+    peers: PeerBench
     throughputs: list[Throughput]
     recording: str
     scans: int
@@ -105,7 +107,7 @@ def bench(recording: Path | None) -> Bench:
         opened = api.read(recording)
         scans, shares = _shares(opened, Path(folder) / "result")
         readings = reading_rates(opened, Path(folder))
-    return Bench(latencies, throughputs, recording.name, scans, shares, readings, _starts())
+    return Bench(latencies, bench_peers(), throughputs, recording.name, scans, shares, readings, _starts())
 
 
 def _sensors() -> list[Sensor]:

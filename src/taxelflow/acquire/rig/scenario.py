@@ -9,7 +9,9 @@ from typing import Literal
 from taxelflow.acquire.rig.parameters import TEXTURED, Contact, Load, Motion, Sensing
 from taxelflow.errors import ParameterInvalid
 
-__all__ = ["DESCRIPTIONS", "SCENARIOS", "Contact", "Load", "Motion", "Scenario", "Sensing"]
+__all__ = ["DESCRIPTIONS", "SCENARIOS", "Contact", "Load", "Motion", "Scenario", "Sensing", "Solver"]
+
+Solver = Literal["analytic", "elastic"]
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class Scenario:
     """The pad that is touched; all others see their offsets and noise. `hand`: the object lies on the hand laid flat
     and touches every pad whose place on it is known; poses are then in the hand frame."""
     seed: int = 0
-    solver: Literal["analytic", "elastic"] = "analytic"
+    solver: Solver = "analytic"
     """analytic: pressure by formula. elastic: by a boundary-element solver of elastic contact (extra `sim`)."""
     contact: Contact = field(default_factory=Contact)
     motion: Motion = field(default_factory=Motion)

@@ -69,8 +69,13 @@ def save(scenario: Scenario, path: Path) -> Recording:
     return recording
 
 
-def pressures(scenario: Scenario, layout: Layout, touched: list[int], t_s: Floats) -> Floats:
-    """Pressure in Pa (scans, taxels) on the touched pads, each taxel read at its own time after the scan's start."""
+def pressures(
+    scenario: Scenario, layout: Layout, touched: list[int], t_s: Floats, shift: Floats | None = None
+) -> Floats:
+    """Pressure in Pa (scans, taxels) on the touched pads, each taxel read at its own time after the scan's start.
+
+    shift: (3,), added to the object's pose in every scan, for derivatives.
+    """
     late = delays(scenario.sensing, layout.taxels) if scenario.sensing.scan_share else None
     pressure = np.zeros((len(t_s), layout.taxels))
     pattern = _pattern(scenario, layout, touched)
@@ -80,6 +85,7 @@ def pressures(scenario: Scenario, layout: Layout, touched: list[int], t_s: Float
         path = move(scenario.motion, when, scenario.seed, scenario.contact.reach_m)
         state = state_at(scenario.load, scenario.motion, when, scenario.contact.deform_1_m * path.travelled_m)
         pose = _in_pad(path.pose, layout.T_hand[pad]) if _on_hand(scenario, layout) else path.pose
+        pose = pose if shift is None else pose + shift
         size = scenario.sensing.active_share * layout.pitch_m[pad]
         pressure[:, own] = taxel_pressure(
             pattern, pose, state, layout.x_m[own], layout.y_m[own], (float(size[0]), float(size[1]))

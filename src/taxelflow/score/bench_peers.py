@@ -1,0 +1,145 @@
+"""One streaming step of an estimator for the whole hand against OpenCV's phaseCorrelate over its pads, in one run.
+
+Every pad of the paper's hand is in contact with an airbag of its own, which slides to and fro. The estimator is given
+each scan once, in time order, as a live session would be.
+"""
+
+from __future__ import annotations
+
+import gc
+from dataclasses import replace
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from taxelflow import api, registry
+from taxelflow.acquire.rig.scenario import SCENARIOS, Contact, Motion
+from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.catalogue import load_sensor
+from taxelflow.compiling import announced
+from taxelflow.errors import ExtraMissing
+from taxelflow.messages import Scans, cut
+from taxelflow.score.pairs import needed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Floats
+
+STEPPED = ("lnorm", "convolution", "template", "registration")
+"""Methods that are timed, where they are registered."""
+_SENSOR = "barretthand-162"
+_RATE_HZ = 100.0
+_SPEED_M_S = 0.01
+_OFFSET_PA = 4e3
+_ROUNDS = 1000
+_WARM = 100
+"""Rounds before any is timed: a pattern is learned, caches are filled."""
+_INNER = 4
+"""Steps in a row, of which the last is timed: the first ones refill the caches that the others emptied."""
+
+
+class PeerLatency(msgspec.Struct, frozen=True):
+    """One streaming step of the hand."""
+
+    what: str
+    p50_us: float
+    p99_us: float
+    p50_over_peer: float
+    """Median over that of the peer; below 1 is faster."""
+    p99_over_peer: float
+
+
+class PeerBench(msgspec.Struct, frozen=True):
+    """All of one run, or why there is none."""
+
+    rows: list[PeerLatency]
+    skipped: str | None = None
+
+
+def bench_peers(methods: Sequence[str] = ()) -> PeerBench:
+    """Time estimators (`STEPPED` if none is named) and the peer in turn. Without OpenCV the rows are empty."""
+    try:
+        cv2 = needed("cv2")
+    except ExtraMissing as error:
+        return PeerBench([], str(error))
+    chosen = methods or [method for method in STEPPED if method in registry.names("estimator")]
+    layout, scans = hand_in_contact(_WARM + _ROUNDS)
+    peer = f"cv2.phaseCorrelate, {layout.pad_count} pads"
+    steps = {peer: _correlations(cv2, layout, scans)}
+    with announced():
+        steps |= {f"{method} step": _session(method, layout, scans) for method in chosen}
+    taken = _in_turn(steps, _WARM, _ROUNDS)
+    quantiles = {what: np.quantile(1e6 * times, (0.5, 0.99)) for what, times in taken.items()}
+    rows = [PeerLatency(what, *map(float, (*own, *(own / quantiles[peer])))) for what, own in quantiles.items()]
+    return PeerBench(rows)
+
+
+def hand_in_contact(rounds: int) -> tuple[Layout, list[Scans]]:
+    """Conditioned scans, one a block, of the paper's hand with every pad in contact; the groups are left out."""
+    count = _INNER * rounds
+    stroke = SCENARIOS["stroke"]
+    sensor = msgspec.structs.replace(load_sensor(_SENSOR), groups=())
+    layout = sensor.layout
+    pressure = np.zeros((count, layout.taxels))
+    for pad, name in enumerate(layout.pads):
+        pitch = float(layout.pitch_m[pad].min())
+        strokes = int(np.ceil(count / _RATE_HZ * _SPEED_M_S / pitch)) + 1
+        scenario = replace(
+            stroke,
+            sensor=_SENSOR,
+            pad=name,
+            seed=pad,
+            contact=Contact("elongated", radius_m=pitch, aspect=1.5),
+            motion=Motion(
+                speed_m_s=_SPEED_M_S,
+                direction_rad=0.7,
+                travel_m=pitch,
+                strokes=strokes,
+                middle_m=(0.0, 0.0),
+                rest_s=0.0,
+            ),
+            sensing=replace(stroke.sensing, rate_hz=_RATE_HZ, baseline_pa=(_OFFSET_PA, _OFFSET_PA)),
+        )
+        own = layout.of_pad(pad)
+        pressure[:, own] = simulate(scenario).load().values[:count, own] * sensor.to_si - _OFFSET_PA
+    contact = np.ones((count, len(layout.pads)), dtype=np.bool_)
+    noise, ceiling = np.full(layout.entries, stroke.sensing.noise_pa), np.full(layout.entries, np.inf)
+    block = Scans(np.arange(count) / _RATE_HZ, pressure, noise, ceiling, contact, contact)
+    return layout, [cut(block, k, k + 1) for k in range(count)]
+
+
+def _session(method: str, layout: Layout, scans: list[Scans]) -> Callable[[int], object]:
+    session = api.estimator(method).start(layout, "stream")
+    return lambda k: session.step(scans[k])
+
+
+def _correlations(cv2: Any, layout: Layout, scans: list[Scans]) -> Callable[[int], object]:
+    """The pads' images are laid out beforehand: only the calls are timed."""
+    images: list[list[Floats]] = [
+        [layout.grid(pad, scan.pressure[0], fill=0.0).astype(np.float32) for pad in range(len(layout.pads))]
+        for scan in scans
+    ]
+    return lambda k: [cv2.phaseCorrelate(*pair) for pair in zip(images[k - 1], images[k], strict=True)]
+
+
+def _in_turn(steps: dict[str, Callable[[int], object]], warm: int, rounds: int) -> dict[str, Floats]:
+    """Seconds (rounds,) of each step, in turn; every step sees each scan once, in order."""
+    taken: dict[str, list[float]] = {what: [] for what in steps}
+    gc.collect()
+    gc.disable()
+    try:
+        for round_ in range(warm + rounds):
+            for what, step in steps.items():
+                for k in range(_INNER * round_, _INNER * (round_ + 1)):
+                    start = perf_counter()
+                    step(k)
+                    end = perf_counter()
+                if round_ >= warm:
+                    taken[what].append(end - start)
+    finally:
+        gc.enable()
+    return {what: np.array(times) for what, times in taken.items()}

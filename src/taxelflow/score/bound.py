@@ -1,0 +1,223 @@
+"""The Cramér-Rao bound of a rig's scenario: how well any unbiased method can know the object's pose from each scan.
+
+A reading is g_k q(R(theta_k)^T (r_i - x_k)) + b_k + n: pattern q, and of scan k pose x_k, theta_k, gain g_k and a
+baseline b_k common to the pad, both free in every scan; n has the variance of the noise and of the quantisation,
+noise_pa^2 + step^2 / 12. Dead and saturated taxels tell nothing. What else the rig can do to a sensor (gain spread,
+wobble, drift) is not in it. With J the readings' derivatives by the parameters, the information is J^T J / variance;
+gain, baseline and pattern are eliminated by Schur complements.
+
+- Pattern known: each scan stands alone.
+- Pattern unknown: the coefficients of a cubic B-spline on knots at half the pitch, where the object presses at all,
+  are parameters too, shared by all scans of a contact. Pattern and poses may then be moved against each other by any
+  rigid motion; the bound is that of the errors left after the best such motion was taken off (weights: information
+  with the pattern known). It is None where the pattern does not stay the same, but for a gain, while the object moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.interpolate import NdBSpline
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.sparse import bsr_array, csr_array
+
+from taxelflow.acquire.rig.load import state_at
+from taxelflow.acquire.rig.motion import move
+from taxelflow.acquire.rig.sensing import delays
+from taxelflow.acquire.rig.simulate import pressures
+from taxelflow.catalogue import load_sensor
+from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.geometry import rotation
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.rig.scenario import Scenario
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Bools, Floats
+
+_STEPS = (5e-3, 5e-3, 0.03)
+"""Steps of the derivatives to both sides, in pitches and rad: about what a scan can tell, so that structure which is
+too fine to be seen (the cells of the elastic solver's fields) counts for little."""
+_LOOSE = np.diag([1.0, 1.0, 1e-2])
+"""Information in every pose, of 1 m and 10 rad: keeps matrices of scans that know nothing invertible."""
+_SPINS_RAD = 0.2
+"""With a median standard deviation above this the turn is not observable, and a round contact has none."""
+_PRESSED = 0.01
+"""Share of the largest pressure above which a taxel lies on the object."""
+_FREE = 10.0
+"""Standard deviation that the pattern's coefficients have before any scan, over the largest pressure: no knowledge."""
+_RIDGE = 1e-9
+"""Information in every pose, over that with the pattern known: a common motion of pattern and poses has hardly any."""
+_FEWEST = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Bounds of all scans of one pad.
+
+    pose: (scans, 3), the true one. known, unknown: (scans, 3) standard deviations in m, m, rad with the pattern known
+    and unknown; NaN for a turn that cannot be observed, and (unknown) for scans that are not scored. scored: (scans,),
+    the known bound is below a quarter of a pitch along both axes: other scans hardly tell a position.
+    """
+
+    pose: Floats
+    known: Floats
+    unknown: Floats
+    scored: Bools
+
+
+@dataclass(frozen=True, slots=True)
+class _Model:
+    """Readings over their noise, and derivatives: pressure (scans, taxels), by_pose (scans, taxels, 3), both with gain
+    and baseline projected out but for `nuisance` (scans, taxels, 2), an orthonormal basis of what was.
+
+    points: (scans, taxels, 2), the taxels in the object's frame, m. weight: (scans, taxels), 1 over noise, 0 where
+    blind. gain: (scans, taxels).
+    """
+
+    pressure: Floats
+    by_pose: Floats
+    nuisance: Floats
+    points: Floats
+    weight: Floats
+    gain: Floats
+
+
+def bound_of(scenario: Scenario, t_s: Floats, *, jointly: bool = True) -> Bound:
+    """Bounds at the true times (scans,) of a scenario on one pad. Raises NameUnknown, ParameterInvalid.
+
+    jointly: with the pattern unknown too, which is slow for a thousand scans; else `unknown` is NaN.
+    """
+    layout = load_sensor(scenario.sensor).layout
+    pads = layout.pads[: layout.pad_count]
+    if scenario.pad not in pads:
+        if scenario.pad == "hand":
+            raise ParameterInvalid("pad", scenario.pad, "bounds are of one pad: choose a scenario on one")
+        raise NameUnknown("pad", scenario.pad, pads)
+    pad = pads.index(scenario.pad)
+    pitch = layout.pitch_m[pad]
+    model = _modelled(scenario, layout, pad, t_s)
+    pose = move(scenario.motion, t_s, scenario.seed).pose
+    information = np.swapaxes(model.by_pose, 1, 2) @ model.by_pose
+    known, axes = _deviations(information), slice(3)
+    fixed = _deviations(information, 2)
+    placed = (fixed < pitch / 4).all(axis=1)
+    if not placed.any() or np.median(known[placed, 2]) > _SPINS_RAD:
+        known, axes = np.concatenate([fixed, np.full((len(t_s), 1), np.nan)], axis=1), slice(2)
+    scored = (known[:, :2] < pitch / 4).all(axis=1)
+    unknown = np.full_like(known, np.nan)
+    if jointly and _stays_the_same(scenario):
+        for contact in _runs(scored):
+            if len(contact) >= _FEWEST:
+                unknown[contact, axes] = _jointly(model, pose, known[:, axes], contact, float(pitch.min()) / 2)
+    return Bound(pose, known, unknown, scored)
+
+
+def _deviations(information: Floats, axes: int = 3) -> Floats:
+    covariance = np.linalg.inv((information + _LOOSE)[:, :axes, :axes])
+    return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+
+
+def _stays_the_same(scenario: Scenario) -> bool:
+    load = scenario.load
+    shape = load.growth or load.tilt or load.roll_m or scenario.contact.deform_1_m
+    return not shape and (scenario.solver == "analytic" or load.kind == "constant")
+
+
+def _runs(flags: Bools) -> list[Any]:
+    """Indices of each run of True."""
+    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0))
+    return [np.arange(first, last) for first, last in pairwise(edges.tolist()) if flags[first]]
+
+
+def _modelled(scenario: Scenario, layout: Layout, pad: int, t_s: Floats) -> _Model:
+    own, sensing = layout.of_pad(pad), scenario.sensing
+    taxels = np.arange(layout.taxels)[own]
+    pressure = pressures(scenario, layout, [pad], t_s)[:, own]
+    steps = np.array(_STEPS) * [*layout.pitch_m[pad], 1.0]
+    there, back = (
+        np.stack([pressures(scenario, layout, [pad], t_s, shift)[:, own] for shift in np.diag(way)], axis=-1)
+        for way in (steps, -steps)
+    )
+    by_pose = (there - back) / (2 * steps)
+    step_pa = sensing.full_scale_pa / (2**sensing.bits - 1)
+    weight = np.full(pressure.shape, 1 / np.hypot(sensing.noise_pa, step_pa / np.sqrt(12)))
+    weight[:, np.isin(taxels, sensing.dead)] = 0.0
+    weight[pressure + np.mean(sensing.baseline_pa) >= sensing.full_scale_pa] = 0.0
+    nuisance, _ = np.linalg.qr(weight[..., np.newaxis] * np.stack([pressure, np.ones_like(pressure)], axis=-1))
+    by_pose = weight[..., np.newaxis] * by_pose
+    by_pose -= nuisance @ (np.swapaxes(nuisance, 1, 2) @ by_pose)
+    late = delays(sensing, layout.taxels)[own] if sensing.scan_share else np.zeros(1)
+    when = t_s[:, np.newaxis] + late
+    path = move(scenario.motion, when, scenario.seed, scenario.contact.reach_m)
+    gain = state_at(scenario.load, scenario.motion, when, np.zeros_like(when)).force
+    lever = np.stack([layout.x_m[own], layout.y_m[own]], axis=-1) - path.pose[..., :2]
+    points = (rotation(-path.pose[..., 2]) @ lever[..., np.newaxis])[..., 0]
+    return _Model(pressure, by_pose, nuisance, points, weight, np.broadcast_to(gain, pressure.shape))
+
+
+def _jointly(model: _Model, pose: Floats, known: Floats, contact: Any, knot_m: float) -> Floats:
+    """Standard deviations (scans, axes) of one contact with the pattern unknown. known: those with it known."""
+    scans, axes = len(contact), known.shape[1]
+    scale = known[contact]
+    by_pose = model.by_pose[contact][..., :axes] * scale[:, np.newaxis]  # poses in units of their known bound
+    pattern = _pattern(model, contact, knot_m)
+    by_nuisance = (_blocks(model.nuisance[contact]).T @ pattern).toarray()
+    among = (pattern.T @ pattern).toarray() - by_nuisance.T @ by_nuisance
+    factor, _ = cho_factor(among + np.eye(len(among)) / _FREE**2, lower=True)
+    crossed = solve_triangular(factor, (pattern.T @ _blocks(by_pose)).toarray(), lower=True)
+    information = _blocks(np.swapaxes(by_pose, 1, 2) @ by_pose).toarray() - crossed.T @ crossed
+    gauge = _gauge(pose[contact, 2], scale)
+    whole = cho_factor(information + _RIDGE * np.eye(scans * axes), lower=True)
+    variance = _without(gauge, (scale / _spread(scale)).reshape(-1, 1) ** 2, cho_solve(whole, np.eye(scans * axes)))
+    deviation: Floats = np.sqrt(variance).reshape(scans, axes) * scale
+    return deviation
+
+
+def _without(gauge: Floats, weight: Floats, covariance: Floats) -> Floats:
+    """Variances (n,) of what is left of errors after the best combination of gauge (n, axes) was taken off."""
+    taken = gauge @ np.linalg.inv(gauge.T @ (weight * gauge))
+    seen = covariance @ (weight * gauge)
+    both = (weight * gauge).T @ seen
+    left: Floats = np.diagonal(covariance) + np.sum(taken @ both * taken - 2 * taken * seen, axis=1)
+    return left
+
+
+def _gauge(theta: Floats, scale: Floats) -> Floats:
+    """(scans * axes, axes): what a rigid motion of the pattern does to the poses, in units of scale (scans, axes)."""
+    scans, axes = scale.shape
+    gauge = np.zeros((scans, axes, axes))
+    gauge[:, :2, :2] = rotation(theta)
+    gauge[:, 2:, 2:] = 1.0
+    return np.asarray((gauge / scale[..., np.newaxis]).reshape(-1, axes), dtype=np.float64)
+
+
+def _spread(scale: Floats) -> Floats:
+    """(scans, axes): one deviation for both axes of position, since a gauge turns one into the other."""
+    spread = scale.copy()
+    spread[:, :2] = np.hypot(scale[:, 0], scale[:, 1])[:, np.newaxis]
+    return spread
+
+
+def _pattern(model: _Model, contact: Any, knot_m: float) -> Any:
+    """Readings by coefficients (scans * taxels, coefficients), sparse, coefficients over the largest pressure."""
+    points, pressure = model.points[contact].reshape(-1, 2), model.pressure[contact].reshape(-1)
+    most = pressure.max()
+    pressed = pressure > _PRESSED * most
+    low, high = points[pressed].min(axis=0) - knot_m, points[pressed].max(axis=0) + knot_m
+    counts = np.ceil((high - low) / knot_m).astype(int)
+    knots = tuple(edge + knot_m * np.arange(-3, count + 4) for edge, count in zip(low, counts, strict=True))
+    near = np.flatnonzero(((points >= low) & (points <= low + counts * knot_m)).all(axis=1))
+    basis = NdBSpline.design_matrix(points[near], knots, 3)
+    touched = np.flatnonzero(np.asarray(abs(basis[pressed[near]]).sum(axis=0)).ravel() > 0)
+    factor = most * (model.gain[contact] * model.weight[contact]).reshape(-1)[near]
+    rows = csr_array((factor, (near, np.arange(len(near)))), shape=(len(points), len(near)))
+    return rows @ csr_array(basis)[:, touched]
+
+
+def _blocks(parts: Floats) -> Any:
+    """(n, rows, columns) as a sparse block-diagonal matrix."""
+    n, rows, columns = parts.shape
+    return bsr_array((parts, np.arange(n), np.arange(n + 1)), shape=(n * rows, n * columns)).tocsr()

@@ -1,0 +1,191 @@
+"""Many strokes of an airbag over the palm, each the paper's experiment with an object, line and phase of its own.
+
+What Table I and the comparison with other software share: the trials, the velocity of a stroke, and the rows.
+Velocity is the slope of a straight line through the positions of a stroke, as in the paper.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from taxelflow.acquire.rig.scenario import SCENARIOS, Scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from taxelflow.acquire.base import Truth
+    from taxelflow.acquire.rig.scenario import Solver
+    from taxelflow.messages import Bools, Floats
+
+SPEEDS_MM_S = (25, 50)
+SETS = ("all", "interior")
+_INTERIOR_M = 0.022
+"""Further out, a contact of this size leaves the 70 mm of the palm."""
+_FEWEST = 3
+"""A line through fewer positions is no velocity."""
+
+
+class Row(msgspec.Struct, frozen=True):
+    """One row of the table; velocities in mm/s, errors in mm/s and percent of the nominal speed."""
+
+    nominal_mm_s: int
+    method: str
+    scans: str
+    """all: every scan in contact. interior: the object's centre is at most 22 mm from the palm's."""
+    factor: float
+    """1 for the uncalibrated method, else fitted at 25 mm/s on strokes of their own."""
+    factor_standard_error: float
+    """0 for the uncalibrated method."""
+    backward_mm_s: float
+    forward_mm_s: float
+    rmse_mm_s: float
+    rmse_percent: float
+    bias_percent: float
+    """Mean error of the speed: negative is too slow."""
+    standard_error_percent: float
+    """Of rmse_percent, from the number of strokes."""
+    strokes: int
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """Velocity of one stroke as a method sees it, in mm/s, by set of scans; NaN where too few scans are left."""
+
+    backward: bool
+    all: float
+    interior: float
+
+
+Seen = dict[tuple[str | int, str], list[Stroke]]
+"""Strokes by what they are for (`fit`, or the speed of the table's rows) and method."""
+
+
+def run_trials(
+    strokes: int,
+    seed: int,
+    measure: Callable[[Scenario], dict[str, list[Stroke]]],
+    watched: Callable[[Iterable[int]], Iterable[int]],
+    solver: Solver = "analytic",
+) -> Seen:
+    """Measure `strokes` strokes at each speed, and as many again at 25 mm/s to fit the factors, two a trial."""
+    trials = (strokes + 1) // 2
+    first = {"fit": seed, 25: seed + trials, 50: seed + 2 * trials}  # no trial is used twice
+    seen: Seen = {}
+    for number in watched(range(3 * trials)):
+        which: str | int = ("fit", *SPEEDS_MM_S)[number // trials]
+        speed = which if isinstance(which, int) else SPEEDS_MM_S[0]
+        scenario = trial(first[which] + number % trials, speed, solver)
+        for method, found in measure(scenario).items():
+            seen.setdefault((which, method), []).extend(found)
+    return seen
+
+
+def trial(seed: int, speed_mm_s: int, solver: Solver = "analytic") -> Scenario:
+    """The paper's experiment with an airbag, line and offsets of its own."""
+    random = np.random.default_rng([seed, speed_mm_s])
+    paper = SCENARIOS["stroke"]
+    return replace(
+        paper,
+        seed=seed,
+        solver=solver,
+        contact=replace(paper.contact, radius_m=random.uniform(0.013, 0.017)),
+        motion=replace(paper.motion, speed_m_s=speed_mm_s / 1e3, middle_m=(0.0, 0.005 + random.uniform(-0.002, 0.002))),
+    )
+
+
+def cut(
+    truth: Truth, x_m: Floats, weight: Floats | None = None, piece: NDArray[np.int64] | None = None
+) -> Iterator[Stroke]:
+    """Velocities of the backward and the forward stroke from positions x_m (scans,), NaN where unknown.
+
+    weight, piece: as in `slope`, (scans,).
+    """
+    direction = np.sign(np.round(np.gradient(truth.pose[:, 0], truth.t_s), 6))
+    known = np.isfinite(x_m)
+    for sign in (-1.0, 1.0):
+        used = known & (direction == sign)
+        whole, inner = (slope(truth.t_s, 1e3 * x_m, chosen, weight, piece) for chosen in (used, used & interior(truth)))
+        yield Stroke(sign < 0, whole, inner)
+
+
+def interior(truth: Truth) -> Bools:
+    """(scans,): the object is near the palm's centre, and was in the scan before: Method II spans two scans."""
+    inner = np.abs(truth.pose[:, 0]) <= _INTERIOR_M
+    return np.asarray(inner & np.concatenate([[False], inner[:-1]]), dtype=np.bool_)
+
+
+def slope(
+    t_s: Floats, x: Floats, used: Bools, weight: Floats | None = None, piece: NDArray[np.int64] | None = None
+) -> float:
+    """Slope of the regression line through the used positions; NaN where they are fewer than 3.
+
+    weight: (scans,), 1 for all if left out. piece: (scans,); positions of different numbers have origins of their own,
+    so that lines of one slope are fitted side by side.
+    """
+    if used.sum() < _FEWEST:
+        return float("nan")
+    t, x = t_s[used], x[used]
+    w = np.ones(len(t)) if weight is None else weight[used]
+    own = np.zeros(len(t), dtype=np.int64) if piece is None else np.unique(piece[used], return_inverse=True)[1]
+    total = np.bincount(own, w)
+    t = t - (np.bincount(own, w * t) / total)[own]
+    x = x - (np.bincount(own, w * x) / total)[own]
+    spread = float(np.sum(w * t**2))
+    return float(np.sum(w * t * x)) / spread if spread > 0 else float("nan")
+
+
+def rows_of(seen: Seen, methods: Sequence[str]) -> list[Row]:
+    """Every method's rows: by speed, set of scans, and uncalibrated or with the factor fitted at 25 mm/s."""
+    rows = []
+    for speed in SPEEDS_MM_S:
+        for method in methods:
+            for scans in SETS:
+                fitted = _factor(_velocities(seen["fit", method], scans), SPEEDS_MM_S[0])
+                measured = seen[speed, method]
+                rows += [_row(speed, method, scans, factor, measured) for factor in ((1.0, 0.0), fitted)]
+    return rows
+
+
+def _velocities(strokes: list[Stroke], scans: str) -> Floats:
+    """(strokes, 2): sign of the stroke, velocity; strokes without a velocity left out."""
+    pairs = np.array([(-1.0 if stroke.backward else 1.0, getattr(stroke, scans)) for stroke in strokes])
+    known: Floats = pairs[np.isfinite(pairs[:, 1])]
+    return known
+
+
+def _factor(velocities: Floats, speed_mm_s: float) -> tuple[float, float]:
+    """Least squares: the factor that brings the velocities closest to the nominal ones, and its standard error."""
+    sign, velocity = velocities.T
+    factor = float(speed_mm_s * np.sum(sign * velocity) / np.sum(velocity**2))
+    residual = speed_mm_s - factor * sign * velocity
+    freedom = max(len(velocity) - 1, 1)
+    return factor, float(np.sqrt(np.sum(residual**2) / freedom / np.sum(velocity**2)))
+
+
+def _row(speed: int, method: str, scans: str, fitted: tuple[float, float], strokes: list[Stroke]) -> Row:
+    sign, velocity = _velocities(strokes, scans).T
+    factor, factor_error = fitted
+    velocity = factor * velocity
+    error = sign * velocity - speed
+    rmse = float(np.sqrt(np.mean(error**2)))
+    spread = float(np.std(error**2) / np.sqrt(len(error)) / (2 * rmse))
+    return Row(
+        nominal_mm_s=speed,
+        method=method,
+        scans=scans,
+        factor=factor,
+        factor_standard_error=factor_error,
+        backward_mm_s=float(velocity[sign < 0].mean()),
+        forward_mm_s=float(velocity[sign > 0].mean()),
+        rmse_mm_s=rmse,
+        rmse_percent=100 * rmse / speed,
+        bias_percent=100 * float(error.mean()) / speed,
+        standard_error_percent=100 * spread / speed,
+        strokes=len(error),
+    )

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import gc
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taxelflow.errors import ExtraMissing
+from taxelflow.score import bench_peers as timing
+from taxelflow.score.bench_peers import bench_peers, hand_in_contact
+
+
+@pytest.fixture(autouse=True)
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timing, "_ROUNDS", 5)
+    monkeypatch.setattr(timing, "_WARM", 2)
+
+
+def test_every_pad_of_the_hand_is_loaded_in_every_scan_by_something_that_moves() -> None:
+    layout, scans = hand_in_contact(20)
+    assert (layout.taxels, len(layout.pads), len(scans)) == (162, 7, 80)
+    pressure = np.concatenate([scan.pressure for scan in scans])
+    for pad in range(7):
+        own = pressure[:, layout.of_pad(pad)]
+        assert (own.max(axis=1) > 30e3).all()
+        assert own.std(axis=0).max() > 5e3
+    assert np.all(np.diff([scan.t_s[0] for scan in scans]) > 0)
+
+
+def test_estimators_are_timed_against_phase_correlation() -> None:
+    pytest.importorskip("cv2")
+    found = bench_peers(("lnorm", "principal_axis"))
+    assert found.skipped is None
+    assert [row.what for row in found.rows] == ["cv2.phaseCorrelate, 7 pads", "lnorm step", "principal_axis step"]
+    peer = found.rows[0]
+    assert (peer.p50_over_peer, peer.p99_over_peer) == (1, 1)
+    for row in found.rows:
+        assert 0 < row.p50_us <= row.p99_us
+        assert row.p50_over_peer == pytest.approx(row.p50_us / peer.p50_us)
+        assert row.p99_over_peer == pytest.approx(row.p99_us / peer.p99_us)
+    assert gc.isenabled()
+
+
+def test_each_step_sees_every_scan_once_and_in_order() -> None:
+    seen: dict[str, list[int]] = {"a": [], "b": []}
+    steps = {name: own.append for name, own in seen.items()}
+    taken = timing._in_turn(steps, 2, 3)
+    assert seen["a"] == seen["b"] == list(range(20))
+    assert [len(times) for times in taken.values()] == [3, 3]
+
+
+def test_without_opencv_a_line_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(module: str) -> Any:
+        raise ExtraMissing("bench", module)
+
+    monkeypatch.setattr(timing, "needed", absent)
+    found = bench_peers()
+    assert found.rows == []
+    assert found.skipped == "cv2 is not installed; install it with: pip install 'taxelflow[bench]'"
