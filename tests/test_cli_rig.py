@@ -219,7 +219,8 @@ def test_score_prints_the_papers_table_and_ours(capsys: Capture) -> None:
 
 
 def test_score_gives_json(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
-    assert main(["score", "table1", "--strokes", "8", "--seed", "3", "--json"]) == 0
+    methods = ("--methods", "lnorm", "convolution")
+    assert main(["score", "table1", "--strokes", "8", "--seed", "3", "--json", *methods]) == 0
     whole = json.loads(capsysbinary.readouterr().out)
     assert (whole["strokes"], whole["seed"]) == (8, 3)
     assert len(whole["paper"]) == 4
@@ -238,7 +239,7 @@ def test_score_refuses_a_negative_seed(capsys: Capture) -> None:
 
 
 def test_two_strokes_are_enough(capsys: Capture) -> None:
-    assert main(["score", "table1", "--strokes", "2"]) == 0
+    assert main(["score", "table1", "--strokes", "2", "--methods", "lnorm", "convolution"]) == 0
     assert "nan" not in capsys.readouterr().out
 
 

@@ -54,7 +54,7 @@ def test_the_papers_methods_have_their_names() -> None:
 
 
 def test_the_baselines_have_their_names() -> None:
-    assert registry.names("estimator")[:4] == ["lnorm", "convolution", "sum", "principal_axis"]
+    assert registry.names("estimator")[:5] == ["lnorm", "convolution", "template", "sum", "principal_axis"]
 
 
 def test_an_unknown_name_comes_with_the_list() -> None:
