@@ -210,6 +210,21 @@ def test_what_a_sensor_sends_is_converted_not_what_is_made_of_it(tmp_path: Path,
     np.testing.assert_array_equal(back.load().values, recording.load().values)
 
 
+@pytest.mark.parametrize("suffix", CARRYING)
+def test_scans_may_lie_in_memory_in_any_order(tmp_path: Path, suffix: str) -> None:
+    values = np.asfortranarray(np.arange(24.0).reshape(4, 6))
+    recording = Recording("memory", "memory", SENSOR, lambda: iter([RawScans(times(4), values)]))
+    convert(recording, tmp_path / f"a{suffix}")
+    np.testing.assert_array_equal(read(tmp_path / f"a{suffix}").load().values, values)
+
+
+@pytest.mark.parametrize("suffix", CARRYING)
+def test_a_real_bag_is_converted_to_the_bit(tmp_path: Path, recordings: Path, suffix: str) -> None:
+    bag = read(recordings / "sdh-bags" / "no_slippage.bag")
+    convert(bag, tmp_path / f"a{suffix}")
+    np.testing.assert_array_equal(read(tmp_path / f"a{suffix}").load().values, bag.load().values)
+
+
 @pytest.mark.parametrize("write", [write_npz, write_csv, write_parquet, write_mcap])
 def test_a_writer_writes_the_blocks_that_it_is_given(tmp_path: Path, write: Any) -> None:
     recording = known(np.arange(24.0).reshape(4, 6))

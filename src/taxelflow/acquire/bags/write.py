@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from taxelflow.acquire.bags.kinds import SCAN
 from taxelflow.acquire.bags.mcap import METADATA
 from taxelflow.acquire.carried import texts_of
@@ -38,7 +40,8 @@ def write_mcap(recording: Recording, path: Path, blocks: Iterable[RawScans]) -> 
         schema = writer.register_schema(name, "ros2msg", SCAN.definition.encode())
         channel = writer.register_channel(TOPIC, "cdr", schema)
         for block in blocks:
-            for t_s, values in zip(block.t_s.tolist(), block.values, strict=True):
+            rows = np.ascontiguousarray(block.values)  # rosbags writes no strided array
+            for t_s, values in zip(block.t_s.tolist(), rows, strict=True):
                 content = store.serialize_cdr(scan(t_s=t_s, values=values), name)
                 at_ns = max(0, round(t_s * 1e9))
                 writer.add_message(channel, at_ns, bytes(content), at_ns)
