@@ -17,9 +17,13 @@ from taxelflow.messages import Floats
 from taxelflow.monitor.onset import factor, nearest, whiten
 
 # The slip, per pad. PLACE, SPEED: (3,) along x, y, theta. Q: their covariance pp, pv, vv of a translation, m^2, m^2/s, ...
-PLACE, SPEED, Q, BEGAN, FROM, STOPS, DOUBT, SLIDE = 0, 3, 6, 9, 10, 13, 14, 15
+PLACE, SPEED, Q, BEGAN, FROM, STOPS, DOUBT, TURNED, SLIDE = 0, 3, 6, 9, 10, 13, 14, 15, 16
 # A stop: after which scan, its share of the odds without L, log L, place (3), its variance.
 T_0, WEIGHT, LOG_L, REST, REST_VAR, STOP = 0, 1, 2, 3, 6, 7
+_RATE = 3.0
+"""Stops per second of slip."""
+_AGILITY = 0.002
+"""Standard deviation by which a slip's velocity changes in a second, m/s; in other times as their root."""
 MOST_STOPS, _YOUNG = 12, 6
 
 
@@ -29,7 +33,7 @@ def set_off(t: float, slip: Floats, variance: float, m: Floats) -> None:
 
     variance: of the place, but for the velocity's part.
     """
-    m[BEGAN], m[STOPS], m[DOUBT] = slip[0], 0.0, 0.0
+    m[BEGAN], m[STOPS], m[DOUBT], m[TURNED] = slip[0], 0.0, 0.0, 0.0
     for axis in range(3):
         m[PLACE + axis], m[SPEED + axis] = slip[1 + axis], slip[4 + axis]
         m[FROM + axis] = slip[1 + axis] - (t - slip[0]) * slip[4 + axis]
@@ -44,17 +48,14 @@ def slide(
     noise: Floats,
     spread: float,
     before_s: float,
-    agility: float,
-    rate: float,
     m: Floats,
     stops: Floats,
     rest: Floats,
 ) -> float:
     """One more pose of an object that slipped so far: the odds that it has stopped.
 
-    y, noise, before_s: as `onset.watch`; noise: scaled to what is seen, spread: mean of its xx and yy. agility: variance
-    by which a velocity changes, m^2/s^3. rate: of stops, 1/s. m: (SLIDE,), stops: (MOST_STOPS, STOP), kept from scan to
-    scan. rest: (5,), time of the likeliest stop, place there (3,) and its variance.
+    y, noise, before_s: as `onset.watch`; noise: scaled to what is seen, spread: mean of its xx and yy.
+    m: (SLIDE,), stops: (MOST_STOPS, STOP), kept from scan to scan. rest: (5,), time of the likeliest stop, place there (3,) and its variance.
     """
     dt = t - before_s
     root, e = np.empty(6), np.empty(3)
@@ -68,7 +69,7 @@ def slide(
             stops[j, :] = stops[j + 1, :]
         count -= 1
     stop = stops[count]
-    stop[T_0], stop[WEIGHT], stop[LOG_L] = before_s, rate * dt, 0.0
+    stop[T_0], stop[WEIGHT], stop[LOG_L] = before_s, _RATE * dt, 0.0
     way = dt * np.hypot(m[SPEED], m[SPEED + 1])
     stop[REST_VAR] = m[Q] + way * way / 12.0  # it stopped somewhere between two scans
     for axis in range(3):
@@ -76,7 +77,7 @@ def slide(
     count += 1
     m[STOPS] = count
     pp, pv, vv = m[Q], m[Q + 1], m[Q + 2]
-    vv += agility * dt
+    vv += _AGILITY**2 * dt
     pp, pv = pp + 2.0 * dt * pv + dt * dt * vv, pv + dt * vv
     total = pp + spread
     for axis in range(3):
@@ -99,6 +100,6 @@ def slide(
         odds += share
         if share > most:
             most = share
-            rest[0] = stop[T_0] + 0.5 * stop[WEIGHT] / rate
+            rest[0] = stop[T_0] + 0.5 * stop[WEIGHT] / _RATE
             rest[1:5] = stop[REST : REST_VAR + 1]
     return odds

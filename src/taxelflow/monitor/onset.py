@@ -23,22 +23,28 @@ from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
 
 # The still object, per pad. A, B, C: (3,) each along x, y, theta. P: their covariance aa, ab, ac, bb, bc, cc in m^2,
-# m^2, ... of a translation; a rotation's is larger as its noise is. ENERGY, FREEDOM: E and nu.
-A, B, C, P, LOG_LOAD, ENERGY, FREEDOM, RAMPS, STILL = 0, 3, 6, 9, 15, 16, 17, 18, 19
+# m^2, ... of a translation; a rotation's is larger as its noise is. ENERGY, FREEDOM: E and nu. TURNS: poses in a row whose
+# turn is known, up to _TURNS. SERIAL: sum of u' with the u before, WAITING and FRESH what is not yet in it, POSES how many
+# poses are in FRESH; U: the last u (3,).
+A, B, C, P, LOG_LOAD, ENERGY, FREEDOM, RAMPS, TURNS, SERIAL, WAITING, FRESH, POSES, U, STILL = 0, 3, 6, 9, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 27
 # A ramp: begin, weight, the filter's answer to it (3), F for place and turn, h (3), g.
 T_0, WEIGHT, ANSWER, F, H, G, RAMP = 0, 1, 2, 5, 7, 10, 11
 
-import os
-REACH = float(os.environ.get("REACH",2))
+REACH = 2.0
 """A usual slip moves by so many standard deviations of a pose from scan to scan; faster and slower ones are found too."""
 MOST_RAMPS, _YOUNG = 20, 8
 """Ramps followed at a time, and how many of the last are never merged."""
-_MEMORY = 600.0
-"""Innovations that the noise's scale is learned from, in components."""
+_RELAX_S = 1.0
+"""What load and creep do is forgotten in this time."""
+_TURNS = 20.0
+"""A turn that was unknown for a while counts again when it has been known for so many poses."""
+_BLOCK, _MEMORY = 16, 3000.0
+"""Poses after which a correlation counts; components that the noise's scale and correlation are learned from."""
 _PRIOR = 20.0
 """Components for which the covariance that comes with a pose counts."""
 LEAST_SCALE, MOST_SCALE = 0.25, 25.0
 """The scatter may be between so many times the variance that comes with a pose."""
+_MOST_SERIAL, _MOST_DRAWN_OUT = 0.8, 9.0
 _OLDEST_S, _OLDEST_SCANS = 2.0, 64
 
 
@@ -51,6 +57,16 @@ def scale(m: Floats) -> float:
 
 
 @kernel
+def drawn_out(m: Floats) -> float:
+    """How many times larger the noise's mean over many poses varies than if they were independent, 1 or more.
+
+    From the correlation r of consecutive innovations, (1 + r) / (1 - r), less what chance makes of independent ones.
+    """
+    r = m[SERIAL] / m[ENERGY] - 1.0 / np.sqrt(m[FREEDOM])
+    return (1.0 + r) / (1.0 - r) if 0.0 < r < _MOST_SERIAL else 1.0 if r <= 0.0 else _MOST_DRAWN_OUT
+
+
+@kernel
 def settle(y: Floats, variance: float, load: float, prior: Floats, m: Floats) -> None:
     """The object is at y (3,), known with this variance, m^2; what load and creep do to it is unknown."""
     for axis in range(3):
@@ -58,9 +74,25 @@ def settle(y: Floats, variance: float, load: float, prior: Floats, m: Floats) ->
     m[P : P + 6] = 0.0
     m[P], m[P + 3], m[P + 5] = variance, prior[0] ** 2, prior[1] ** 2
     m[LOG_LOAD] = load
-    m[RAMPS] = 0.0
+    m[RAMPS], m[TURNS] = 0.0, _TURNS
+    m[WAITING] = m[FRESH] = m[POSES] = 0.0
+    m[U : U + 3] = 0.0
     if m[FREEDOM] == 0.0:
         m[ENERGY] = m[FREEDOM] = _PRIOR
+
+
+@kernel
+def turn_counts(theta: float, noise: Floats, m: Floats) -> bool:
+    """Whether the turn was known for long enough; if not, its place is the mean so far, and noise's tt becomes NaN."""
+    if np.isnan(noise[2]):
+        m[TURNS] = 0.0
+        return False
+    if m[TURNS] == _TURNS:
+        return True
+    m[TURNS] += 1.0
+    m[A + 2] += (theta - m[A + 2]) / m[TURNS]
+    noise[2] = np.nan
+    return False
 
 
 @kernel
@@ -94,9 +126,9 @@ def whiten(root: Floats, e: Floats) -> float:
 def predict(dt: float, rise: float, prior: Floats, m: Floats) -> float:
     """The still object after dt in which the logarithm of the load rose by `rise`: b and c fade towards what is usual.
 
-    Gives what is left of b and c. prior: load_m, creep_m_s, relax_s.
+    Gives what is left of b and c. prior: (2,), load_m and creep_m_s.
     """
-    keep = exp(-dt / prior[2])
+    keep = exp(-dt / _RELAX_S)
     fresh = 1.0 - keep * keep
     for axis in range(3):
         m[A + axis] += rise * m[B + axis] + dt * m[C + axis]
@@ -148,7 +180,8 @@ def watch(
     gain_a, gain_b, gain_c = m[P] / total, m[P + 1] / total, m[P + 2] / total
     narrow = np.sqrt(spread / total)
     e, root, u = np.empty(3), np.empty(6), np.empty(3)
-    turns = factor(noise, root)
+    turns = turn_counts(y[2], noise, m)
+    factor(noise, root)
     known = 3.0 if turns else 2.0
     for axis in range(3):
         e[axis] = y[axis] - m[A + axis] if axis < 2 or turns else 0.0
@@ -158,6 +191,15 @@ def watch(
     m[FREEDOM] = fade * m[FREEDOM] + known
     energy = fade * m[ENERGY] + fresh
     m[ENERGY] = min(max(energy, LEAST_SCALE * m[FREEDOM]), MOST_SCALE * m[FREEDOM])
+    m[SERIAL] *= fade
+    for axis in range(3):
+        m[FRESH] += u[axis] * m[U + axis]
+        m[U + axis] = u[axis]
+    m[POSES] += 1.0
+    if m[POSES] == _BLOCK:  # what may be a slip's beginning does not count yet
+        m[SERIAL] += m[WAITING]
+        m[WAITING], m[FRESH], m[POSES] = m[FRESH], 0.0, 0.0
+    energy = m[ENERGY] * drawn_out(m)
     count = int(m[RAMPS])
     ramps[count, :] = 0.0
     ramps[count, T_0], ramps[count, WEIGHT], ramps[count, G] = before_s, dt, (dt / REACH) ** 2
@@ -175,7 +217,7 @@ def watch(
         ramp[F + 1] += f * f if turns else 0.0
         for axis in range(3):
             ramp[H + axis] += f * u[axis]
-        ratio, q = likelihood(ramp, m[ENERGY], m[FREEDOM])
+        ratio, q = likelihood(ramp, energy, m[FREEDOM])
         ratio *= ramp[WEIGHT]
         whole += ratio
         if ratio > most:

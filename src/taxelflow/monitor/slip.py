@@ -17,8 +17,6 @@ class SlipMonitor:
 
     alarms_per_hour: float = 1.0
     """False alarms that noise may make of a still object, per hour of contact and per pad. Fewer cost a later onset."""
-    slip_m_s: float = 0.01
-    """Usual speed of a slip, m/s; others are found too, a little later."""
     creep_m_s: float = 1e-4
     """Usual speed of what is not to count as a slip, m/s; a slip is several times faster."""
     load_m: float = 1e-3
@@ -27,25 +25,20 @@ class SlipMonitor:
     """A contact younger than this is not judged, s."""
 
     def __post_init__(self) -> None:
-        for name in ("alarms_per_hour", "slip_m_s"):
-            if not 0 < getattr(self, name) < float("inf"):
-                raise ParameterInvalid(f"monitor {name}", getattr(self, name), "it is above 0")
+        if not 0 < self.alarms_per_hour < float("inf"):
+            raise ParameterInvalid("monitor alarms_per_hour", self.alarms_per_hour, "it is above 0")
         for name in ("creep_m_s", "load_m", "settle_s"):
             if not 0 <= getattr(self, name) < float("inf"):
                 raise ParameterInvalid(f"monitor {name}", getattr(self, name), "it is 0 or more")
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """What the kernel takes, see `watch`."""
+        """Mean time between false alarms in s, then the other fields, as `watch.follow` takes them."""
         return (
             3600.0 / self.alarms_per_hour,
             self.load_m,
             self.creep_m_s,
-            1.0,
-            (0.5 * self.slip_m_s) ** 2,
-            3.0,
             self.settle_s,
-            9.0,
         )
 
     def begin(self, pads: tuple[str, ...]) -> SlipSession:

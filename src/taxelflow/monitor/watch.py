@@ -8,8 +8,8 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import LOST, UNRESOLVED, Bools, Bytes, Floats
-from taxelflow.monitor.halt import BEGAN, DOUBT, FROM, SLIDE, SPEED, set_off, slide
-from taxelflow.monitor.onset import ENERGY, STILL, P, scale, settle, threshold, watch
+from taxelflow.monitor.halt import BEGAN, DOUBT, FROM, SLIDE, SPEED, TURNED, set_off, slide
+from taxelflow.monitor.onset import ENERGY, STILL, P, TURNS, scale, settle, threshold, turn_counts, watch
 
 NEW, RESTING, SLIPPING = range(3)
 """Modes: in contact for too short a time to judge; still; slipping."""
@@ -25,15 +25,15 @@ MEMORY = MOVED + SLIDE
 WHEN, VELOCITY, NOTE = 0, 1, 4
 
 # Numbers of the tests.
-(ALARM_S, LOAD_M, CREEP_M_S, RELAX_S, AGILITY, STOP_RATE, SETTLE_S, UNSURE) = range(8)
-NUMBERS = 8
+ALARM_S, LOAD_M, CREEP_M_S, SETTLE_S = range(4)
 
+_UNSURE = 9.0
+"""Factor on the variance of a pose that does not fit what the method knows."""
 _FEWEST = 3
 """Poses that a still object must have had."""
 _FLOOR_M, _FLOOR_RAD = 1e-6, 1e-5
 """No pose is better known than this; some methods say 0."""
-import os
-_STOPS=float(os.environ.get("STOPS",3.0)); _SURE=float(os.environ.get("SURE",30.0))
+_STOPS, _SURE = 3.0, 30.0
 """Odds at which a slip is said to have stopped, and to go on after all below one over them; odds that end the doubt."""
 _CALM_SIGMAS = 2.5
 """A method without direction has stopped slipping when its sign of slip is below so many standard deviations."""
@@ -58,7 +58,7 @@ def follow(
 ) -> None:
     """Fill slipping (scans, pads) and, where a slip begins or ends, notes (scans, pads, NOTE).
 
-    The first eight: fields of `Slips`, covariance that of the displacement. numbers: (NUMBERS,). memory: (pads, MEMORY),
+    The first eight: fields of `Slips`, covariance that of the displacement. numbers: `SlipMonitor.numbers`. memory: (pads, MEMORY),
     ramps: (pads, MOST_RAMPS, RAMP), stops: (pads, MOST_STOPS, STOP), kept from block to block.
     """
     y, noise = np.empty(3), np.empty(6)
@@ -86,7 +86,7 @@ def follow(
                     m[SINCE] = t[scan]
                 m[KNOWN] += 1.0
                 if m[KNOWN] == 1.0 or not shared or t[scan] - 2.0 * lag[scan, pad] > m[USED] + 1e-9:
-                    doubt = numbers[UNSURE] if quality[scan, pad] == UNRESOLVED else 1.0
+                    doubt = _UNSURE if quality[scan, pad] == UNRESOLVED else 1.0
                     _spread(covariance[scan, pad], doubt * (1.0 if shared else 0.5), noise)
                     _judge(t[scan], y, noise, logarithm, numbers, m, ramps[pad], stops[pad], notes[scan, pad])
                     m[USED], m[LOAD] = t[scan], logarithm
@@ -119,10 +119,11 @@ def _judge(
 ) -> None:
     """One pose of one pad, independent of the last one."""
     calm, moved = m[CALM : CALM + STILL], m[MOVED : MOVED + SLIDE]
-    prior = numbers[LOAD_M : RELAX_S + 1]
+    prior = numbers[LOAD_M : CREEP_M_S + 1]
     variance = 0.5 * (noise[0] + noise[1])
     if m[MODE] == NEW:
         settle(y, variance * scale(calm), load, prior, calm)
+        turn_counts(y[2], noise, calm)
         if m[KNOWN] >= _FEWEST and t - m[SINCE] >= numbers[SETTLE_S]:
             m[MODE] = RESTING
     elif m[MODE] == RESTING:
@@ -139,11 +140,11 @@ def _judge(
     else:
         scaled = scale(calm)
         rest = np.empty(5)
-        turns = not np.isnan(noise[2])
+        turns = not np.isnan(noise[2]) and moved[TURNED] == 0.0
+        if not turns:  # what it turned by in between is lost
+            moved[TURNED], noise[2] = 1.0, np.nan
         noise *= scaled
-        odds = slide(
-            t, y, noise, scaled * variance, m[USED], numbers[AGILITY], numbers[STOP_RATE], moved, stops, rest
-        )
+        odds = slide(t, y, noise, scaled * variance, m[USED], moved, stops, rest)
         if odds > _STOPS and moved[DOUBT] == 0.0:
             moved[DOUBT] = 1.0
             note[WHEN] = rest[0]
@@ -160,6 +161,8 @@ def _judge(
         if odds > _SURE:
             m[MODE] = RESTING
             settle(rest[1:4], rest[4], load, prior, calm)
+            if not turns:
+                calm[TURNS] = 0.0
 
 
 @kernel
