@@ -9,8 +9,9 @@ import numpy as np
 
 from taxelflow.messages import Bools, Event, Floats, Slips
 from taxelflow.monitor.halt import MOST_STOPS, STOP
-from taxelflow.monitor.onset import ENERGY, FREEDOM, MOST_RAMPS, RAMP
-from taxelflow.monitor.watch import CALM, MEMORY, NOTE, VELOCITY, WHEN, follow
+from taxelflow.monitor.onset import MOST_RAMPS, RAMP
+from taxelflow.monitor.still import ENERGY, FREEDOM
+from taxelflow.monitor.watch import CALM, MEMORY, NOTE, follow
 
 if TYPE_CHECKING:
     from taxelflow.monitor.slip import SlipMonitor

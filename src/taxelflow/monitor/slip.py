@@ -20,7 +20,7 @@ class SlipMonitor:
     creep_m_s: float = 1e-4
     """Usual speed of what is not to count as a slip, m/s; a slip is several times faster."""
     load_m: float = 1e-3
-    """How far a still object seems to move when the load grows by a factor of e, m; what a pad really does is learned."""
+    """How far a still object seems to move when the load grows by a factor of e, m; what it really does is learned."""
     settle_s: float = 0.1
     """A contact younger than this is not judged, s."""
 

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from taxelflow.acquire.rig.pattern import Pattern
-    from taxelflow.acquire.rig.scenario import Scenario
     from numpy.typing import NDArray
 
+    from taxelflow.acquire.rig.pattern import Pattern
+    from taxelflow.acquire.rig.scenario import Scenario
     from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Floats
 
