@@ -243,10 +243,10 @@ class Score:
         from taxelflow.score.table1 import table1
 
         _at_least("strokes", self.strokes, 2)
-        _at_least("seeds", self.seeds, 1)
         _at_least("seed", self.seed, 0)
         if self.what == "slip":
             return self._slip()
+        _at_least("seeds", self.seeds, 1)
         if self.what == "table1":
             table = table1(self.strokes, self.seed, lambda trials: counted(trials, "trials"))
             show_table1(table) if not self.json else sys.stdout.buffer.write(to_json(table))
@@ -260,6 +260,7 @@ class Score:
         from taxelflow.publish.terminal import counted, show_slip
         from taxelflow.score.slip import METHODS, score_slip
 
+        _at_least("seeds", self.seeds, 0)
         _at_least("processes", self.processes, 1)
         if not 0 <= self.hours < float("inf"):
             raise ParameterInvalid("hours", self.hours, "it is 0 or more")

@@ -18,8 +18,8 @@ from taxelflow.monitor.onset import BEGIN, LATE, PLACE_NOW, VARIANCE, VELOCITY, 
 from taxelflow.monitor.still import factor, whiten
 
 # Memory per pad. PLACE, SPEED: (3,) along x, y, theta. Q: their covariance pp, pv, vv of a translation, m^2, m^2/s...
-# BEGAN, FROM: when and where (3,). STOPS: how many are followed. DOUBT: it may have stopped. LOST_TURN: the turn was not
-# known all the time, so that it does not count.
+# BEGAN, FROM: when and where (3,). STOPS: how many are followed. DOUBT: it may have stopped. LOST_TURN: the turn was
+# not known all the time, so that it does not count.
 PLACE, SPEED, Q, BEGAN, FROM, STOPS, DOUBT, LOST_TURN, SLIDE = 0, 3, 6, 9, 10, 13, 14, 15, 16
 # A stop: after which scan, its share of the odds without L, log L, place (3), its variance.
 T_0, WEIGHT, LOG_L, REST, REST_VAR, STOP = 0, 1, 2, 3, 6, 7
@@ -29,18 +29,25 @@ _RATE = 3.0
 """Stops per second of slip."""
 _AGILITY = 0.002
 """Standard deviation by which a slip's velocity changes in a second, m/s; in other times as their root."""
+_ERRS = 0.1
+"""Share of an object's way by which its pose errs, beyond the noise of a still one."""
 MOST_STOPS, _YOUNG = 12, 6
 
 
 @kernel
-def set_off(t: float, slip: Floats, variance: float, m: Floats) -> None:
-    """The object slips, at t, as `onset.weigh` has found; variance: of the place, but for the velocity's part."""
+def set_off(t: float, before_s: float, slip: Floats, variance: float, m: Floats) -> None:
+    """The object slips, at t, as `onset.weigh` has found.
+
+    before_s: time of the pose before. variance: of the place, but for the velocity's part.
+    """
     m[BEGAN], m[STOPS], m[DOUBT], m[LOST_TURN] = slip[BEGIN], 0.0, 0.0, 0.0
     for axis in range(3):
         m[PLACE + axis], m[SPEED + axis] = slip[PLACE_NOW + axis], slip[VELOCITY + axis]
         m[FROM + axis] = slip[PLACE_NOW + axis] - (t - slip[BEGIN]) * slip[VELOCITY + axis]
     behind_s = slip[LATE] / slip[VARIANCE]
     m[Q], m[Q + 1], m[Q + 2] = variance + behind_s * slip[LATE], slip[LATE], slip[VARIANCE]
+    unsure = 0.5 * (t - before_s) / (t - slip[BEGIN])  # it began somewhere between two poses
+    m[Q + 2] += (unsure * unsure) * (m[SPEED] ** 2 + m[SPEED + 1] ** 2)
 
 
 @kernel
@@ -59,7 +66,8 @@ def slide(
     axes = 3 if turns else 2
     count = _one_more(t, before_s, m, stops)
     pp, pv, vv = m[Q], m[Q + 1], m[Q + 2] + _AGILITY**2 * dt
-    pp, pv = pp + 2.0 * dt * pv + dt * dt * vv, pv + dt * vv
+    way = dt * np.hypot(m[SPEED], m[SPEED + 1])
+    pp, pv = pp + 2.0 * dt * pv + dt * dt * vv + (_ERRS * way) ** 2, pv + dt * vv
     total = pp + spread
     for axis in range(3):
         m[PLACE + axis] += dt * m[SPEED + axis]

@@ -10,7 +10,7 @@ from taxelflow.compiling import kernel
 from taxelflow.messages import LOST, UNRESOLVED, Bools, Bytes, Floats
 from taxelflow.monitor.halt import AT, AT_VAR, BEGAN, DOUBT, FROM, LOST_TURN, RESTS, SINCE, SLIDE, SPEED, set_off, slide
 from taxelflow.monitor.onset import BEGIN, ENERGY_OF, SLIP, VELOCITY, thinned, threshold, weigh
-from taxelflow.monitor.still import ENERGY, STEP, STILL, TURN_COUNTS, TURNS, P, innovate, scale, settle, turn_counts
+from taxelflow.monitor.still import ENERGY, STEP, STILL, TURN_COUNTS, TURNS, P, innovate, scale, settle
 
 NEW, RESTING, SLIPPING = range(3)
 """Modes: in contact for too short a time to judge; still; slipping."""
@@ -32,8 +32,8 @@ _FEWEST = 3
 """Poses that a still object must have had."""
 _FLOOR_M, _FLOOR_RAD = 1e-6, 1e-5
 """No pose is better known than this; some methods say 0."""
-_STOPS, _SURE = 3.0, 30.0
-"""Odds at which a slip is said to have stopped, and to go on after all below one over them; odds that end the doubt."""
+_STOPS, _GOES_ON, _SURE = 3.0, 0.02, 30.0
+"""Odds of a stop at which it is told, at which the slip goes on after all, and that end the doubt."""
 _CALM_SIGMAS = 2.5
 """A method without direction has stopped slipping when its sign of slip is below so many standard deviations."""
 
@@ -109,8 +109,10 @@ def _judge(
     if m[MODE] == NEW:
         calm = m[CALM : CALM + STILL]
         variance = 0.5 * (noise[0] + noise[1]) * scale(calm)
+        turns = not np.isnan(noise[2]) and (m[KNOWN] == 1.0 or calm[TURNS] > 0.0)
         settle(y, variance, m[LOAD], numbers[LOAD_M : CREEP_M_S + 1], calm)
-        turn_counts(y[2], noise, calm)
+        if not turns:
+            calm[TURNS] = 0.0
         m[RAMPS] = 0.0
         if m[KNOWN] >= _FEWEST and t - m[FIRST] >= numbers[SETTLE_S]:
             m[MODE] = RESTING
@@ -131,7 +133,7 @@ def _rests(t: float, y: Floats, noise: Floats, numbers: Floats, m: Floats, ramps
     m[RAMPS] = thinned(t, count + 1, ramps)
     if whole > threshold(numbers[ALARM_S], t - m[USED], step[TURN_COUNTS]):
         m[MODE] = SLIPPING
-        set_off(t, slip, calm[P], moved)
+        set_off(t, m[USED], slip, calm[P], moved)
         calm[ENERGY] = max(calm[ENERGY] - slip[ENERGY_OF], 0.0)  # the slip's part of the scatter is explained
         _tell(slip[BEGIN], slip[VELOCITY : VELOCITY + 3], step[TURN_COUNTS] > 0.0, note)
 
@@ -150,7 +152,7 @@ def _slips(t: float, y: Floats, noise: Floats, numbers: Floats, m: Floats, stops
         moved[DOUBT] = 1.0
         mean = (rests[AT : AT + 3] - moved[FROM : FROM + 3]) / max(rests[SINCE] - moved[BEGAN], 1e-9)
         _tell(rests[SINCE], mean, turns, note)
-    elif odds < 1.0 / _STOPS and moved[DOUBT] > 0.0:
+    elif odds < _GOES_ON and moved[DOUBT] > 0.0:
         moved[DOUBT] = 0.0
         _tell(moved[BEGAN], moved[SPEED : SPEED + 3], turns, note)
     if odds > _SURE:

@@ -146,7 +146,13 @@ def score_slip(
     processes: int = 1,
     watched: Callable[[list[_Job]], Iterable[_Job]] = iter,
 ) -> SlipScore:
-    """Slips: `seeds` recordings of each object. Holds: `hours` of each scenario. seed: added to all seeds."""
+    """Slips: `seeds` recordings of each object. Holds: `hours` of each scenario. seed: added to all seeds.
+
+    Raises ParameterInvalid, NameUnknown.
+    """
+    SlipMonitor(alarms_per_hour=alarms_per_hour)  # what cannot work is refused before the work begins
+    for method in methods:
+        api.estimator(method)
     first = FRESH_SEED + seed
     blocks = ceil(hours * 3600 / _BLOCK_S)
     jobs = [_Job(name, first + k, methods, alarms_per_hour) for name in OBJECTS for k in range(seeds)]
@@ -186,7 +192,7 @@ def _watch(job: _Job, hours: float) -> dict[str, _Seen]:
         watch = monitor.begin(recording.layout.pads)
         slipping, events = watch.step(slips)
         own = [event for event in events if event.pad == truth.pad]
-        seen = _compared(slipping[:, pad], own, truth)
+        seen = _compared(slipping[:, pad], own, truth, _scenario(job).motion.interval_s[0])
         seen.hours = float(slips.contact[:, pad].mean() * (truth.t_s[-1] - truth.t_s[0]) / 3600)
         seen.scatter = [float(watch.scatter[pad])]
         found[method] = seen
@@ -199,8 +205,8 @@ def _scenario(job: _Job) -> Scenario:
     return replace(SCENARIOS[job.name], seed=job.seed)
 
 
-def _compared(slipping: Bools, events: list[Event], truth: Truth) -> _Seen:
-    """One recording: slipping (scans,) and events of the touched pad against its truth."""
+def _compared(slipping: Bools, events: list[Event], truth: Truth, shortest_s: float) -> _Seen:
+    """One recording: slipping (scans,) and events of the touched pad against its truth; its shortest slips."""
     t_s, true = truth.t_s, truth.slipping
     if true is None:
         raise RuntimeError("the rig always knows the truth")
@@ -214,6 +220,8 @@ def _compared(slipping: Bools, events: list[Event], truth: Truth) -> _Seen:
     seen.false = sum(not near[int(np.searchsorted(t_s, event.t_s))] for event, _ in starts)
     half_s = 0.5 * float(np.median(np.diff(t_s)))
     for begin, end in _runs(true):
+        if t_s[end - 1] - t_s[begin] < shortest_s - 4 * half_s:  # the last one, cut short by the end of the motion
+            continue
         found = np.flatnonzero(slipping[begin:end])
         if not len(found):
             seen.missed += 1
