@@ -17,21 +17,24 @@ from taxelflow.score.slip import APART, FRESH_SEED, HOLDS, METHODS, NOISE, OBJEC
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from taxelflow.acquire.rig.scenario import Scenario
+
 
 @pytest.fixture(scope="module")
-def short() -> Iterator[None]:
+def scenes() -> Iterator[dict[str, Scenario]]:
     """Scenarios of a few seconds."""
     with pytest.MonkeyPatch.context() as patch:
-        scenes = {
+        short = {
             name: rigged(name, motion={"turn_s": 2.0, "stick_slip_s": 3.0}) for name in ("stick-slip", *HOLDS, *APART)
         }
-        patch.setattr(slip, "SCENARIOS", scenes)
+        patch.setattr(slip, "SCENARIOS", short)
         patch.setattr(slip, "OBJECTS", {"airbag": OBJECTS["airbag"]})
-        yield
+        yield short
 
 
 @pytest.fixture(scope="module")
-def score(short: None) -> SlipScore:
+def score(scenes: dict[str, Scenario]) -> SlipScore:
+    assert slip.SCENARIOS is scenes
     return score_slip(METHODS, 1, hours=0.01)
 
 
@@ -58,17 +61,17 @@ def test_what_holds_still_raises_no_alarm_and_the_interval_says_how_sure_that_is
         if row.scenario in (*HOLDS, NOISE):
             assert (row.alarms, row.per_hour, row.low) == (0, 0.0, 0.0)
             assert row.high == pytest.approx(-np.log(0.025) / row.hours)
-            assert 0.8 < row.scatter < 1.2
+            assert 0.6 < row.scatter < 1.4
 
 
-def test_the_same_seeds_give_the_same_score_and_others_another(score: SlipScore, short: None) -> None:
+def test_the_same_seeds_give_the_same_score_and_others_another(score: SlipScore) -> None:
     assert score_slip(METHODS, 1, hours=0.01) == score
     other = score_slip(METHODS, 1, seed=1, hours=0)
     assert other.holds == []
     assert other.slips != score.slips
 
 
-def test_noise_alarms_as_often_as_asked(short: None) -> None:
+def test_noise_alarms_as_often_as_asked() -> None:
     (row,) = score_slip((), 0, hours=0.5, alarms_per_hour=200.0).holds
     assert row.low < 260
     assert row.high > 140
