@@ -21,6 +21,7 @@ PARTS: dict[str, dict[str, str]] = {
     "estimator": {
         "lnorm": "taxelflow.estimation.lnorm:LNorm",
         "convolution": "taxelflow.estimation.convolution:Convolution",
+        "template": "taxelflow.estimation.template:Template",
         "sum": "taxelflow.estimation.sum:Sum",
         "principal_axis": "taxelflow.estimation.principal_axis:PrincipalAxis",
     },

@@ -1,0 +1,167 @@
+"""The template over whole contacts: scans are held until their contact, or a window of it, is complete."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from taxelflow.estimation.pattern.contact import solve_contact
+from taxelflow.estimation.pattern.poses import Poses, aligned, poses_of
+from taxelflow.estimation.pattern.scanned import Scanned
+from taxelflow.estimation.translation import mark_border
+from taxelflow.messages import Scans, Slips, cut, joined
+
+if TYPE_CHECKING:
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Floats
+
+_OVERLAP = 4
+"""A window shares one part in so many with the one before."""
+_MOST_BYTES = 2e8
+_BYTES_PER_READING = 250
+_FEWEST = 100
+
+
+@dataclass(slots=True, eq=False)
+class _Open:
+    """A contact that goes on: the first scan that is still to be solved, and the poses that it shares with before."""
+
+    start: int
+    before: Poses | None = None
+
+    @property
+    def first_unknown(self) -> int:
+        return self.start + (0 if self.before is None else len(self.before))
+
+
+@dataclass(slots=True, eq=False)
+class _Done:
+    """Poses of a pad from scan `start` on; the first `known` of them were given out before."""
+
+    pad: int
+    start: int
+    known: int
+    poses: Poses
+    t_s: Floats
+
+
+class BatchSession:
+    """Holds scans, solves contacts, gives out what is complete. Scans are numbered from the start of the stream."""
+
+    def __init__(self, layout: Layout, window_scans: int) -> None:
+        self._layout = layout
+        self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
+        largest = int(np.diff(layout.starts).max())
+        self._window = int(min(window_scans, max(_FEWEST, _MOST_BYTES / (_BYTES_PER_READING * largest))))
+        none = np.zeros((0, len(layout.pads)), dtype=np.bool_)
+        bare = np.zeros(layout.entries)
+        self._nothing = Scans(np.zeros(0), np.zeros((0, layout.entries)), bare, bare, none, none)
+        self._held: list[Scans] = []
+        self._first = self._seen = 0
+        self._open: list[_Open | None] = [None] * len(layout.pads)
+        self._done: list[_Done] = []
+        edge = np.flatnonzero(layout.border.any(axis=1))
+        self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
+        self._dead: dict[str, set[int]] = {}
+
+    @property
+    def notes(self) -> list[str]:
+        """What the estimator has found out about the sensor."""
+        return [
+            f"masked, because they do not answer to the pattern: taxels {', '.join(map(str, sorted(taxels)))} of {pad}"
+            for pad, taxels in self._dead.items()
+        ]
+
+    def step(self, scans: Scans) -> Slips:
+        """Slips of all pads whose contacts are complete; see `EstimatorSession.step`."""
+        self._held.append(scans)
+        start, self._seen = self._seen, self._seen + len(scans)
+        for pad in range(len(self._layout.pads)):
+            self._follow(pad, scans.contact[:, pad], start)
+        return self._given()
+
+    def finish(self) -> Slips:
+        """Slips of contacts that last to the end of the stream."""
+        for pad, going_on in enumerate(self._open):
+            if going_on is not None:
+                self._solve(pad, going_on, self._seen)
+                self._open[pad] = None
+        return self._given()
+
+    def _follow(self, pad: int, contact: np.ndarray, start: int) -> None:
+        """Open, cut and close contacts of a pad; contact: (scans,) from scan `start` on."""
+        for number, touched in enumerate(contact.tolist(), start):
+            going_on = self._open[pad]
+            if not touched:
+                if going_on is not None:
+                    self._solve(pad, going_on, number)
+                    self._open[pad] = None
+            elif going_on is None:
+                self._open[pad] = _Open(number)
+            elif number + 1 - going_on.start == self._window:
+                poses = self._solve(pad, going_on, number + 1)
+                shared = self._window // _OVERLAP
+                self._open[pad] = _Open(number + 1 - shared, poses.tail(shared))
+
+    def _solve(self, pad: int, contact: _Open, stop: int) -> Poses:
+        """Solve a contact up to scan `stop` (excluded)."""
+        layout, own = self._layout, self._layout.of_pad(pad)
+        scans = cut(self._all(), contact.start - self._first, stop - self._first)
+        pitch_m = float(self._pitch_m[pad])
+        readings = np.ascontiguousarray(scans.pressure[:, own])
+        variance = np.repeat((scans.noise[own] ** 2)[np.newaxis], len(scans), axis=0)
+        variance[~scans.complete[:, pad, np.newaxis] & (readings == 0)] = 0.0  # missing, not unloaded
+        places = np.stack([layout.x_m[own], layout.y_m[own]]) / pitch_m
+        scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], layout.delay_s[own])
+        with threadpool_limits(1, user_api="blas"):  # the matrices are too small to share among cores
+            solved = solve_contact(scanned, layout.pitch_m[pad] / pitch_m)
+        if len(solved.dead):
+            self._dead.setdefault(layout.pads[pad], set()).update((solved.dead + own.start).tolist())
+        poses = poses_of(solved, pitch_m)
+        known = 0
+        if contact.before is not None:
+            known = len(contact.before)
+            poses = aligned(poses, contact.before)
+        self._done.append(_Done(pad, contact.start, known, poses, scans.t_s))
+        return poses
+
+    def _all(self) -> Scans:
+        self._held = [joined(self._held or [self._nothing])]
+        return self._held[0]
+
+    def _given(self) -> Slips:
+        """Slips of all scans that are known on every pad."""
+        stop = min([going_on.first_unknown for going_on in self._open if going_on is not None] + [self._seen])
+        count = stop - self._first
+        scans = self._all()
+        out = cut(scans, 0, count)
+        slips = Slips.unknown(out, self._layout.starts)
+        mark_border(out.pressure, out.noise, out.contact, *self._edge, slips.border)
+        waiting = []
+        for done in self._done:
+            self._fill(slips, done)
+            if done.start + len(done.poses) > stop:
+                waiting.append(done)
+        self._done = waiting
+        self._held, self._first = [cut(scans, count, len(scans))], stop
+        return slips
+
+    def _fill(self, slips: Slips, done: _Done) -> None:
+        """Put the part of a solved contact that is new, and in the block given out, into it."""
+        low = max(done.start + done.known, self._first)
+        high = min(done.start + len(done.poses), self._first + len(slips))
+        if high <= low:
+            return
+        rows, part = slice(low - self._first, high - self._first), slice(low - done.start, high - done.start)
+        poses, pad = done.poses, done.pad
+        slips.pose[rows, pad] = poses.pose[part]
+        slips.covariance[rows, pad] = poses.covariance[part]
+        slips.quality[rows, pad] = poses.quality[part]
+        slips.lag_s[rows, pad] = 0.0
+        moved, noise, span = poses.steps(done.t_s)
+        slips.displacement[rows, pad] = moved[part]
+        slips.displacement_covariance[rows, pad] = noise[part]
+        slips.span_s[rows, pad] = span[part]

@@ -1,0 +1,243 @@
+"""A whole contact: pattern, poses, and what the data say about noise, gain, rotation and dead taxels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg.lapack import dtbtrs
+
+from taxelflow.estimation.pattern.joint import Fit, refine
+from taxelflow.estimation.pattern.spline import GAIN, STATE, evaluate
+from taxelflow.estimation.pattern.track import Tracker
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.estimation.pattern.normal import Factor
+    from taxelflow.estimation.pattern.pattern import Pattern
+    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.messages import Floats
+
+_SPACING, _QUADRATURE = 0.5, 1
+_FIRST_ROUGH, _LEAST_ROUGH, _MOST_ROUGH = 0.02, 0.002, 0.2
+_FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
+_LOOSE_TURN = 1e-3
+"""Keeps a turn that nothing determines from wandering: 1 / rad^2."""
+_SEEN = 4.0
+"""A turn is observable if the pattern tells it so many times better than its own noise would."""
+_TURN_NEEDED = 1.1
+"""... or if the scans fit so many times worse without it."""
+_ROUND, _EXPLAINED = 1.0, 1.3
+"""A pattern that shows less of a turn than this, and leaves less of the scans unexplained, needs no second look."""
+_GLIMPSE, _LIKELY = 4, 3.0
+"""After so many scans a pattern shows whether a turn is likely to be seen."""
+_DRAWS = 8
+_MOST_DEAD = 8
+_DEAD_GAIN = 0.8
+"""... and the fit without it is at least so much better."""
+_BESIDE, _STRONG, _SILENT = 1.25, 10.0, 0.1
+"""Neighbours lie within so many pitches, are loaded above so many standard deviations, and a silent taxel reads less
+than this share of theirs."""
+_DEAD, _LOADED_ENOUGH = 0.5, 400.0
+"""A taxel is dead if it gives less than this share of what the pattern puts on it, which is so many variances."""
+
+
+@dataclass(slots=True, eq=False)
+class Solved:
+    """A contact as the joint fit sees it.
+
+    states: (scans, 5), see `spline`. rough: error of the pattern relative to it. gain_std: of the gains around 1.
+    turns: whether its rotation can be seen; sight: how well, see `sight_of_turn`. dead: taxels that do not answer.
+    """
+
+    pattern: Pattern
+    states: Floats
+    fit: Fit
+    rough: float
+    gain_std: float
+    turns: bool
+    dead: NDArray[np.int64]
+    sight: float
+
+    def unexplained(self, scanned: Scanned, rough: float) -> float:
+        """Chi-square per degree of freedom if the pattern's relative error were `rough`."""
+        fit = self.fit
+        used = fit.weight > 0
+        variance = scanned.variance[used] + (rough * np.maximum(fit.model[used], 0.0)) ** 2
+        return float(np.minimum(fit.residual[used] ** 2 / variance, 25.0).mean() / fit.freedom) if used.any() else 0.0
+
+
+def solve_contact(scanned: Scanned, size: Floats) -> Solved:
+    """Pattern and poses of all scans of a contact, by maximum likelihood. size: (2,) of a taxel, in pitches."""
+    dead = _silent_taxels(scanned).tolist()
+    scanned.variance[:, dead] = 0.0
+    solved = _solve_either(scanned, size)
+    while len(dead) < _MOST_DEAD:
+        worst = _dead_taxel(scanned, solved.fit)
+        if worst is None:
+            break
+        kept = scanned.variance[:, worst].copy()
+        scanned.variance[:, worst] = 0.0
+        without = _solve_either(scanned, size)
+        if without.unexplained(scanned, solved.rough) > _DEAD_GAIN * solved.unexplained(scanned, solved.rough):
+            scanned.variance[:, worst] = kept
+            break
+        dead.append(worst)
+        solved = without
+    solved.dead = np.array(dead, np.int64)
+    return solved
+
+
+def _solve_either(scanned: Scanned, size: Floats) -> Solved:
+    """With rotation if the data show that it can be seen, else without."""
+    tracker = _tracker(scanned, size, turns=True)
+    tracker.run(_GLIMPSE)
+    factor = tracker.sums.solve(tracker.pattern)
+    if sight_of_turn(tracker.pattern, scanned, tracker.states, factor, tracker.start, _FIRST_ROUGH) > _LIKELY:
+        free = _solve(scanned, tracker, turns=True)
+        if free.sight > _SEEN:
+            return free
+        fixed = _solve(scanned, _tracker(scanned, size, turns=False), turns=False)
+    else:
+        fixed = _solve(scanned, _tracker(scanned, size, turns=False), turns=False)
+        if fixed.sight < _ROUND and fixed.unexplained(scanned, _FIRST_ROUGH) < _EXPLAINED:
+            return fixed
+        free = _solve(scanned, tracker, turns=True)
+        if free.sight > _SEEN:
+            return free
+    rough = min(free.rough, fixed.rough)
+    needed = fixed.unexplained(scanned, rough) > _TURN_NEEDED * free.unexplained(scanned, rough)
+    return free if needed else fixed
+
+
+def start_scan(scanned: Scanned) -> int:
+    """The scan to begin with: well loaded, its contact nearest to the pad's centre."""
+    load = np.where(scanned.loaded(), scanned.readings, 0.0).sum(axis=1)
+    middle = 0.5 * (scanned.places.min(axis=1) + scanned.places.max(axis=1))
+    away = np.hypot(*(scanned.centroids() - middle).T)
+    return int(np.argmin(np.where(load >= 0.5 * load.max(), away, np.inf)))
+
+
+def _tracker(scanned: Scanned, size: Floats, *, turns: bool) -> Tracker:
+    stiffness = np.array([0.0, 0.0, _LOOSE_TURN if turns else np.inf, _FIRST_GAIN_STD**-2, np.inf])
+    return Tracker(
+        scanned,
+        start_scan(scanned),
+        spacing=_SPACING,
+        quadrature=_QUADRATURE,
+        size=size,
+        rough=_FIRST_ROUGH,
+        stiffness=stiffness,
+        step=np.array([_FIRST_GAIN_STD, 0.1]),
+    )
+
+
+def _solve(scanned: Scanned, tracker: Tracker, *, turns: bool) -> Solved:
+    """Track all scans, then refine jointly, learning gain and roughness in between."""
+    tracker.run()
+    pattern, states, rough = tracker.pattern, tracker.states, _FIRST_ROUGH
+    start, stiffness = tracker.start, tracker.stiffness.copy()
+    scanned.bend(states)
+    fit = refine(pattern, scanned, states, rounds=4, rough=rough, stiffness=stiffness)
+    gain_std = _FIRST_GAIN_STD
+    for rounds in (6, 10):
+        mean, gain_std = gains(fit, states)
+        states[:, GAIN] /= mean
+        pattern.coefficients = pattern.coefficients * mean
+        pattern.smoothing /= mean**2
+        stiffness[GAIN] = gain_std**-2
+        rough = roughness(fit, scanned)
+        scanned.bend(states)
+        fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
+    sight = sight_of_turn(pattern, scanned, states, fit.factor, start, rough) * fit.freedom**2
+    return Solved(pattern, states, fit, rough, gain_std, turns, np.zeros(0, np.int64), sight)
+
+
+def _cost(fit: Fit) -> float:
+    return float(fit.chi.sum())
+
+
+def gains(fit: Fit, states: Floats) -> tuple[float, float]:
+    """Mean and standard deviation of the gains, from the scans that determine theirs best."""
+    variance = np.linalg.inv(fit.information + 1e-9 * np.eye(STATE))[:, GAIN, GAIN]
+    well = variance <= np.quantile(variance, 0.6)
+    mean = max(float(np.median(states[well, GAIN])), 0.05)
+    spread = 1.4826 * float(np.median(np.abs(states[well, GAIN] - mean)))
+    return mean, float(np.sqrt(max(spread**2 - float(np.median(variance[well])), _LEAST_GAIN_STD**2)))
+
+
+def roughness(fit: Fit, scanned: Scanned) -> float:
+    """Error of the pattern relative to itself that makes chi-square of the loaded taxels what it should be."""
+    high = (fit.weight > 0) & (fit.model > 5.0 * np.sqrt(scanned.variance))
+    squared, model, variance = fit.residual[high] ** 2, fit.model[high] ** 2, scanned.variance[high]
+    wanted = fit.freedom * len(squared)
+
+    def excess(rough: float) -> float:
+        return float(np.minimum(squared / (variance + rough**2 * model), 25.0).sum()) - wanted
+
+    low, top = _LEAST_ROUGH, _MOST_ROUGH
+    if not len(squared) or excess(low) <= 0:
+        return low
+    for _ in range(30):
+        middle = float(np.sqrt(low * top))
+        low, top = (middle, top) if excess(middle) > 0 else (low, middle)
+    return top
+
+
+def _silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
+    """Taxels that read next to nothing in scans in which nearly all of their neighbours are loaded."""
+    apart = np.hypot(*(scanned.places[:, :, np.newaxis] - scanned.places[:, np.newaxis, :]))
+    beside = (apart > 0) & (apart < _BESIDE)
+    strong = (scanned.readings > _STRONG * np.sqrt(scanned.variance)) & (scanned.variance > 0)
+    count = beside.sum(axis=0)
+    surrounded = (strong @ beside.astype(np.float64) > np.maximum(count - 1.5, 2.5)) & (count > 2)
+    around = (scanned.readings @ beside.astype(np.float64)) / np.maximum(count, 1)
+    own = np.where(surrounded, scanned.readings, 0.0).sum(axis=0)
+    expected = np.where(surrounded, around, 0.0).sum(axis=0)
+    return np.flatnonzero((expected > 0) & (own < _SILENT * expected))
+
+
+def _dead_taxel(scanned: Scanned, fit: Fit) -> int | None:
+    """The taxel that answers least to what the pattern surely puts on it, if it is too little."""
+    known = (scanned.variance > 0) & (fit.model > 0)
+    model = np.where(known, fit.model, 0.0)
+    power = (model**2).sum(axis=0)
+    answer = (model * scanned.readings).sum(axis=0)
+    noise = (model**2 * scanned.variance).sum(axis=0)
+    share = np.where(power**2 > _LOADED_ENOUGH * noise, answer / np.maximum(power, 1e-300), np.inf)
+    worst = int(np.argmin(share))
+    return worst if share[worst] < _DEAD else None
+
+
+def sight_of_turn(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, scan: int, rough: float) -> float:
+    """How many times better the pattern tells a turn, in a given scan, than its own noise would pretend to."""
+    base = _values(pattern, pattern.coefficients, scanned, states, scan)
+    known = np.isfinite(base[:, 0]) & (scanned.variance[scan] > 0)
+    base = base[known]
+    gain = states[scan, GAIN]
+    model = gain * base[:, 0]
+    w = 1.0 / (scanned.variance[scan, known] + (rough * np.maximum(model, 0.0)) ** 2)
+    others = np.stack([gain * base[:, 1], gain * base[:, 2], base[:, 0]], axis=1)
+    normal = (others * w[:, np.newaxis]).T @ others + 1e-12 * np.eye(3)
+
+    def information(turn: Floats) -> float:
+        mixed = (others * w[:, np.newaxis]).T @ turn
+        return float((w * turn * turn).sum() - mixed @ np.linalg.solve(normal, mixed))
+
+    random = np.random.default_rng(0)
+    pretended = []
+    for _ in range(_DRAWS):
+        white = random.standard_normal((pattern.coefficients.size, 1))
+        drawn, _ = dtbtrs(factor.lower, white, uplo="L", trans="T")
+        values = _values(pattern, drawn.reshape(pattern.shape), scanned, states, scan)
+        pretended.append(information(gain * values[known, 3]))
+    return information(gain * base[:, 3]) / max(float(np.mean(pretended)), 1e-300)
+
+
+def _values(pattern: Pattern, coefficients: Floats, scanned: Scanned, states: Floats, scan: int) -> Floats:
+    """(taxels, 5): see `spline.evaluate`."""
+    values = np.empty((scanned.places.shape[1], 5))
+    evaluate(coefficients, pattern.lattice, scanned.places, states[scan], pattern.points, scanned.bends[scan], values)
+    return values

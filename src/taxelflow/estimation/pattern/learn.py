@@ -1,0 +1,297 @@
+"""What a pattern in a stream is learned from: keyframes, and the work that goes on beside the stream."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from taxelflow.estimation.pattern.contact import gains, roughness, sight_of_turn
+from taxelflow.estimation.pattern.joint import refine
+from taxelflow.estimation.pattern.online import gate
+from taxelflow.estimation.pattern.pattern import Pattern, Sums
+from taxelflow.estimation.pattern.register import register
+from taxelflow.estimation.pattern.scanned import Scanned
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.messages import Floats
+
+_SPACING = 0.5
+_MARGIN = 1.5
+_NEAR = 0.25
+"""Keyframes closer than this, in pitches, show the same."""
+_SAME = 3
+"""As many of them are kept: more do not tell more."""
+MOST_KEYFRAMES = 60
+_YOUNG = 8
+_RAW_ROUGH, _FIRST_ROUGH = 0.1, 0.02
+_FIRST_GAIN_STD = 0.3
+_LOOSE_TURN = 1e-3
+_SEEN, _DECIDE = 3.0, 4
+_CUT_LOOKS_TURNED = 10.0
+FIRST_SLACK = (0.1, 0.01)
+"""Before anything is known of how good a pattern is: pitches^2, rad^2."""
+_FORGET = 0.5
+_MATURE, _SETTLED = 10, 0.05
+
+
+@dataclass(slots=True, eq=False)
+class Keyframes:
+    """Scans that the pattern is learned from, oldest first, with their states (n, 5)."""
+
+    scanned: Scanned
+    states: Floats
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def novel(self, state: Floats, radius: float) -> bool:
+        """Whether a scan at this state (5,) shows the pattern anew; radius of the contact, in pitches."""
+        apart = np.hypot(*(self.states[:, :2] - state[:2]).T) + radius * np.abs(self.states[:, THETA] - state[THETA])
+        return int(np.sum(apart < _NEAR)) < _SAME
+
+    def spread(self, radius: float) -> float:
+        """How far the keyframes lie from one another, in pitches."""
+        extent = np.ptp(self.states[:, :2], axis=0)
+        return float(max(extent.max(), radius * np.ptp(self.states[:, THETA])))
+
+    def with_scan(self, t_s: float, reading: Floats, variance: Floats, bend: Floats, state: Floats) -> Keyframes:
+        """One more; if there are too many, the one in the most crowded place goes, never the first."""
+        old = self.scanned
+        states = np.concatenate([self.states, state[np.newaxis]])
+        readings = np.concatenate([old.readings, reading[np.newaxis]])
+        variances = np.concatenate([old.variance, variance[np.newaxis]])
+        bends = np.concatenate([old.bends, bend[np.newaxis]])
+        times = np.append(old.t_s, t_s)
+        keep: NDArray[np.int64] = np.arange(len(states))
+        if len(states) > MOST_KEYFRAMES:
+            apart = np.abs(states[:, np.newaxis, : THETA + 1] - states[np.newaxis, :, : THETA + 1])
+            apart = apart.sum(axis=2) + 1e6 * np.eye(len(states))
+            crowded = np.sort(apart, axis=1)[:, :3].sum(axis=1)
+            crowded[0] = crowded[-1] = np.inf
+            keep = np.delete(keep, int(np.argmin(crowded)))
+        scanned = Scanned(
+            times[keep], old.places, readings[keep], variances[keep], old.ceiling, old.delay_s, bends[keep]
+        )
+        return Keyframes(scanned, states[keep])
+
+
+@dataclass(slots=True, eq=False)
+class Learned:
+    """A pattern and what goes with it.
+
+    keyframes: it was learned from, their states in its frame. usual: chi-square per reading of a scan that fits.
+    slack: (2,) how wrong poses on the pattern before have been, variance of x and y (pitches^2) and of theta (rad^2).
+    fresh: how many of the last keyframes were registered on the pattern before.
+    turned: by how much its theta differs from that of the pattern before.
+    gain_std: from scan to scan. turns: whether a turn can be seen. refined: jointly.
+    """
+
+    pattern: Pattern
+    keyframes: Keyframes
+    radius: float
+    rough: float = _RAW_ROUGH
+    usual: float = 1.0
+    gain_std: float = _FIRST_GAIN_STD
+    turns: bool = False
+    sight: float = 2.0
+    turned: float = 0.0
+    slack: Floats = field(default_factory=lambda: np.array(FIRST_SLACK))
+    fresh: int = 0
+
+    @property
+    def mature(self) -> bool:
+        """Whether the pattern is known well enough to look for it elsewhere."""
+        return len(self.keyframes) >= _MATURE and self.slack[0] < _SETTLED
+
+
+def first_pattern(
+    t_s: float, places: Floats, reading: Floats, variance: Floats, ceiling: Floats, delay_s: Floats
+) -> Learned:
+    """A pattern from a single scan, its origin at the contact's centroid."""
+    scanned = Scanned.of(np.array([t_s]), places, reading[np.newaxis], variance[np.newaxis], ceiling, delay_s)
+    state = np.array([*scanned.centroids()[0], 0.0, 1.0, 0.0])
+    return learn(Learned(_covering(scanned, state[np.newaxis], None), Keyframes(scanned, state[np.newaxis]), 1.0))
+
+
+def recognised(
+    known: Learned, middle: Floats, places: Floats, reading: Floats, variance: Floats, ceiling: Floats
+) -> tuple[Floats, Floats, float, int] | None:
+    """Where a known pattern explains a scan, or None: state (5,), its information (5, 5), chi-square per reading and
+    how many readings. middle: (2,) centroid of the scan.
+
+    The object may lie partly beyond the pad's border, so it is looked for further out, too; where a turn can be seen,
+    at all angles.
+    """
+    pattern = known.pattern
+    outward = middle / max(float(np.hypot(*middle)), 1e-9)
+    angles = np.arange(12) * (np.pi / 6) if known.turns else np.zeros(1)
+    centre, best, found = pattern.centre(), np.inf, None
+    information, scratch = np.zeros((STATE, STATE)), np.empty((len(reading), 6))
+    stiffness = np.array([1e-6, 1e-6, 1e-6 if known.turns else 1e12, 0.0, 1e12])
+    for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
+        stiffness[GAIN] = gain_std**-2
+        for angle in angles + known.keyframes.states[-1, THETA]:
+            for reach in (0.0, 0.5, 1.0, 1.5, 2.0):
+                cos, sin = np.cos(angle), np.sin(angle)
+                arm = np.array([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]])
+                state = np.array([*(middle + reach * known.radius * outward - arm), angle, 1.0, 0.0])
+                cost, chi, count = register(
+                    pattern.coefficients,
+                    0.25 * pattern.doubt,
+                    pattern.lattice,
+                    places,
+                    np.zeros((1, 2)),
+                    np.zeros((3, 0)),
+                    reading,
+                    variance,
+                    ceiling,
+                    known.rough,
+                    5.0,
+                    state.copy(),
+                    stiffness,
+                    20,
+                    state,
+                    information,
+                    scratch,
+                )
+                if cost < best and count and chi / count < gate(known.usual, count):
+                    best, found = cost, (state.copy(), information.copy(), chi / count, count)
+        if found is not None:
+            break
+    return found
+
+
+def learn(known: Learned) -> Learned:
+    """The pattern anew from its keyframes; poses are refined with it where the object has moved.
+
+    The frame stays as well as the keyframes tell.
+    """
+    with threadpool_limits(1, user_api="blas"):
+        return _learn(known)
+
+
+def _learn(known: Learned) -> Learned:
+    keyframes = known.keyframes
+    scanned, states = keyframes.scanned, keyframes.states.copy()
+    pattern = _covering(scanned, states, known.pattern)
+    count = len(keyframes)
+    rough = _RAW_ROUGH if count < _YOUNG else known.rough
+    rough = min(rough, _FIRST_ROUGH) if count >= _YOUNG else rough
+    sums = Sums(pattern)
+    sums.add(
+        pattern,
+        scanned.places,
+        states,
+        scanned.bends,
+        scanned.readings,
+        scanned.variance,
+        scanned.ceiling,
+        _FIRST_ROUGH,
+    )
+    factor = sums.solve(pattern)
+    doubt, spare = pattern.doubt, 1.0
+    radius = _radius(pattern)
+    new = replace(known, pattern=pattern, radius=radius, rough=rough, turned=0.0)
+    if count > 2 and keyframes.spread(radius) > _NEAR:
+        turn = _LOOSE_TURN if known.turns else np.inf
+        gain_std = known.gain_std if count >= _YOUNG else _FIRST_GAIN_STD
+        stiffness = np.array([0.0, 0.0, turn, gain_std**-2, np.inf])
+        used = min(rough, _FIRST_ROUGH)
+        fit = refine(pattern, scanned, states, rounds=6 if count < _YOUNG else 3, rough=used, stiffness=stiffness)
+        if count >= _YOUNG:
+            mean, new.gain_std = gains(fit, states)
+            states[:, GAIN] /= mean
+            pattern.coefficients = pattern.coefficients * mean
+            pattern.smoothing /= mean**2
+            new.rough = roughness(fit, scanned)
+        factor = fit.factor
+        new.usual = max(fit.reduced / fit.freedom, 0.3)
+        new.turned = float(np.mean(states[:, THETA] - keyframes.states[:, THETA]))
+        states = reframed(states, keyframes.states, fit.information, pattern)
+        off = (states - keyframes.states)[count - known.fresh :]
+        if len(off):
+            wrong = np.array([0.5 * np.mean(off[:, :2] ** 2) * 2.0, np.mean((off[:, THETA] - new.turned) ** 2)])
+            new.slack = np.maximum(wrong, _FORGET * known.slack)
+        spare = fit.freedom
+    if count >= _DECIDE:
+        scan, cut_off = _most_whole(keyframes)
+        new.sight = sight_of_turn(pattern, scanned, states, factor, scan, max(new.rough, _FIRST_ROUGH)) * spare**2
+        new.turns = known.turns or new.sight > _SEEN * (1.0 + _CUT_LOOKS_TURNED * cut_off)
+    pattern.doubt = doubt
+    new.keyframes = Keyframes(scanned, states)
+    return new
+
+
+def reframed(states: Floats, before: Floats, information: Floats, pattern: Pattern) -> Floats:
+    """States (n, 5) with the object's frame shifted, and the pattern with it, so that most stay where they were before.
+
+    Those count most of which the scans know most: information (n, 5, 5). Some may have been wrong before, so it is
+    their weighted median that stays. Only the origin moves: a turned lattice would have to be learned anew.
+    """
+    own = np.linalg.inv(information + 1e-9 * np.eye(STATE))
+    weight = 1.0 / (own[:, 0, 0] + own[:, 1, 1])
+    cos, sin = np.cos(states[:, THETA]), np.sin(states[:, THETA])
+    gap = before[:, :2] - states[:, :2]
+    body = np.array(
+        [
+            _weighted_median(cos * gap[:, 0] + sin * gap[:, 1], weight),
+            _weighted_median(cos * gap[:, 1] - sin * gap[:, 0], weight),
+        ]
+    )
+    moved = states.copy()
+    moved[:, 0] += cos * body[0] - sin * body[1]
+    moved[:, 1] += sin * body[0] + cos * body[1]
+    pattern.lattice = pattern.lattice - np.array([0.0, *body])
+    return moved
+
+
+def _weighted_median(values: Floats, weight: Floats) -> float:
+    order = np.argsort(values)
+    reached = np.cumsum(weight[order])
+    return float(values[order[np.searchsorted(reached, 0.5 * reached[-1])]])
+
+
+def _most_whole(keyframes: Keyframes) -> tuple[int, float]:
+    """The keyframe least cut by the pad's border, and which share of its load lies there.
+
+    A round contact that is cut looks as if it had an angle.
+    """
+    x, y = keyframes.scanned.places
+    border = (x <= x.min()) | (x >= x.max()) | (y <= y.min()) | (y >= y.max())
+    load = np.maximum(keyframes.scanned.readings, 0.0)
+    share = load[:, border].sum(axis=1) / np.maximum(load.sum(axis=1), 1e-300)
+    best = len(share) - 1 - int(np.argmin(share[::-1]))
+    return best, float(share[best])
+
+
+def _radius(pattern: Pattern) -> float:
+    """Of gyration of the pattern, in pitches."""
+    h, left, low = pattern.lattice
+    c = np.maximum(pattern.coefficients, 0.0)
+    x, y = left + h * np.arange(pattern.shape[1]), low + h * np.arange(pattern.shape[0])
+    centre, total = pattern.centre(), c.sum() or 1.0
+    square = (c.sum(axis=0) @ (x - centre[0]) ** 2 + c.sum(axis=1) @ (y - centre[1]) ** 2) / total
+    return float(np.sqrt(max(square, 0.25)))
+
+
+def _covering(scanned: Scanned, states: Floats, known: Pattern | None) -> Pattern:
+    """A pattern of zeros over all that the scans load, on the lattice of the known one."""
+    loaded = scanned.loaded()
+    corners = []
+    for k in range(len(states)):
+        d = scanned.places[:, loaded[k]].T - states[k, :2]
+        cos, sin = np.cos(states[k, THETA]), np.sin(states[k, THETA])
+        if len(d):
+            corners.append(np.stack([cos * d[:, 0] + sin * d[:, 1], cos * d[:, 1] - sin * d[:, 0]], axis=1))
+    reached = np.concatenate(corners) if corners else np.zeros((1, 2))
+    low, high = reached.min(axis=0) - _MARGIN, reached.max(axis=0) + _MARGIN
+    pattern = Pattern.empty(low, high, _SPACING, 1, np.ones(2), scanned.amplitude)
+    if known is not None:
+        pattern.smoothing = known.smoothing * (known.amplitude / pattern.amplitude) ** 2
+    return pattern

@@ -1,0 +1,108 @@
+"""Normal equations of a pattern's coefficients: sums over readings, smoothness, and their solution.
+
+A coefficient meets only those fewer than `width` knots away, so the matrix is kept as a stencil (knots, width,
+2 width - 1): entry (j, dy, dx + width - 1) couples knot j with the knot dy rows and dx columns on.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from taxelflow.compiling import kernel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.messages import Floats
+
+
+@kernel
+def add_square(
+    first: int, weight: Floats, factor: float, reading: float, nx: int, width: int, stencil: Floats, right: Floats
+) -> None:
+    """Add factor x (weight weight^T) to the stencil and factor x weight x reading to the right-hand side.
+
+    weight: (width * width,) on the square of knots from `first`.
+    """
+    for qy in range(width):
+        for qx in range(width):
+            wq = factor * weight[qy * width + qx]
+            if wq == 0.0:
+                continue
+            knot = first + qy * nx + qx
+            right[knot] += wq * reading
+            for ay in range(qy, width):
+                for ax in range(qx if ay == qy else 0, width):
+                    stencil[knot, ay - qy, ax - qx + width - 1] += wq * weight[ay * width + ax]
+
+
+@kernel
+def multiply(stencil: Floats, nx: int, vector: Floats, out: Floats) -> None:
+    """Fill out (knots,) with the symmetric matrix times vector."""
+    n, width = stencil.shape[:2]
+    out[:] = 0.0
+    for j in range(n):
+        for dy in range(width):
+            for k in range(stencil.shape[2]):
+                v = stencil[j, dy, k]
+                if v != 0.0:
+                    i = j + dy * nx + k - width + 1
+                    out[i] += v * vector[j]
+                    if i != j:
+                        out[j] += v * vector[i]
+
+
+@kernel
+def to_band(stencil: Floats, nx: int, band: Floats) -> None:
+    """Fill the lower band (offsets, knots) that `scipy.linalg.cholesky_banded` takes."""
+    n, width = stencil.shape[:2]
+    band[:] = 0.0
+    for j in range(n):
+        for dy in range(width):
+            for k in range(stencil.shape[2]):
+                offset = dy * nx + k - width + 1
+                if stencil[j, dy, k] != 0.0:
+                    band[offset, j] = stencil[j, dy, k]
+
+
+def smoothness(shape: tuple[int, int], width: int) -> Floats:
+    """Stencil of the sum of squared second differences along x, along y, and twice across."""
+    ny, nx = shape
+    stencil = np.zeros((ny * nx, width, 2 * width - 1))
+    knots: NDArray[np.int64] = np.arange(ny * nx).reshape(ny, nx)
+    _add_differences(stencil, nx, [knots[:, :-2], knots[:, 1:-1], knots[:, 2:]], (1.0, -2.0, 1.0), 1.0)
+    _add_differences(stencil, nx, [knots[:-2], knots[1:-1], knots[2:]], (1.0, -2.0, 1.0), 1.0)
+    corners = [knots[:-1, :-1], knots[1:, :-1], knots[:-1, 1:], knots[1:, 1:]]
+    _add_differences(stencil, nx, corners, (1.0, -1.0, -1.0, 1.0), 2.0)
+    return stencil
+
+
+def _add_differences(
+    stencil: Floats, nx: int, knots: list[NDArray[np.int64]], signs: tuple[float, ...], factor: float
+) -> None:
+    width = stencil.shape[1]
+    for one, sign in zip(knots, signs, strict=True):
+        for other, against in zip(knots, signs, strict=True):
+            low, high = one.ravel(), other.ravel()
+            ahead = high >= low
+            low, high = low[ahead], high[ahead]
+            dx = high % nx - low % nx
+            np.add.at(stencil, (low, (high - low - dx) // nx, dx + width - 1), factor * sign * against)
+
+
+class Factor:
+    """A factored banded matrix."""
+
+    def __init__(self, stencil: Floats, nx: int) -> None:
+        width = stencil.shape[1]
+        band = np.empty(((width - 1) * (nx + 1) + 1, len(stencil)))
+        to_band(stencil, nx, band)
+        self.lower: Floats = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
+
+    def solve(self, right: Floats) -> Floats:
+        """The solution for one right-hand side (knots,) or several (knots, n)."""
+        solution: Floats = cho_solve_banded((self.lower, True), right, check_finite=False)
+        return solution

@@ -1,0 +1,280 @@
+"""One scan after the other: every pad's scan registered to its pattern, in one call for the whole hand."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.compiling import kernel
+from taxelflow.estimation.pattern.register import register, solve_small
+from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA
+from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.messages import Bools, Floats
+
+(
+    ACTIVE,  # whether the pad has a pattern
+    ROWS,  # knots of its lattice
+    COLS,
+    SPACING,  # lattice
+    LEFT,
+    LOW,
+    ROUGH,  # error of the pattern relative to it
+    USUAL,  # chi-square per reading that its scans usually leave
+    TURN_STD,  # how far theta may move from scan to scan; 0 if it is fixed
+    GAIN_STD,  # and the gain
+    CHI,  # chi-square per reading of the last scan
+    COUNT,  # readings in it
+    SPEED_X,  # of the last scan, per s
+    SPEED_Y,
+    SPEED_T,
+    LAST_T,  # time of the last registered scan
+    CENTROID_X,
+    CENTROID_Y,
+    RADIUS,  # of the pattern
+    SHARE,  # of the information on theta that is real, see `poses.to_pad`
+    SEEN,  # whether theta is reported
+    THETA_0,  # where it counts from
+    POOR,  # scans in a row that do not fit
+    CONTINUES,  # whether the scan before was registered, on this pattern
+    KEYFRAMES,  # how many there are
+    SLACK,  # variance of x and y, in pitches^2, from errors of the pattern
+    SLACK_T,  # and of theta
+    FLAG,  # what the last scan calls for, one of the below
+    SLOTS,
+) = range(29)
+"""Places in a pad's memory."""
+
+NOTHING, NOVEL, STRANGE, GONE = range(4)
+"""What a scan calls for: nothing, to be learned from, to be learned from while the old is forgotten, a new start."""
+
+_ITERATIONS = 12
+_HUBER = 5.0
+_POOR = 2.0
+"""A scan that fits so many times worse than usual is tried from other starts."""
+_LOOSE_GAIN_STD = 0.5
+_GATE, _FAR_OFF = 2.0, 10.0
+"""Chi-square over the usual above which a scan does not fit, and does not fit at all."""
+_PATIENCE, _MOST_POOR = 5, 20
+_LEAP = 1.5
+"""A scan that moves so many radii and pitches at once is not believed."""
+_NEAR, _SAME = 0.25, 3
+_BLURRED = 0.25
+
+
+@kernel
+def centroid(reading: Floats, variance: Floats, places: Floats, out: Floats) -> None:
+    """Fill out (2,) with the centroid of what is loaded above 4 standard deviations and 5 % of the peak."""
+    peak = 0.0
+    for i in range(len(reading)):
+        peak = max(peak, reading[i])
+    total = x = y = 0.0
+    for i in range(len(reading)):
+        p = reading[i]
+        if p > 0.05 * peak and p * p > 16.0 * variance[i] > 0.0:
+            total += p
+            x += p * places[0, i]
+            y += p * places[1, i]
+    out[0], out[1] = (x / total, y / total) if total > 0.0 else (0.0, 0.0)
+
+
+@kernel
+def follow(
+    t: float,
+    reading: Floats,
+    variance: Floats,
+    ceiling: Floats,
+    places: Floats,
+    delay: Floats,
+    starts: NDArray[np.int64],
+    contact: Bools,
+    patterns: Floats,
+    doubts: Floats,
+    memory: Floats,
+    states: Floats,
+    information: Floats,
+    scratch: Floats,
+) -> bool:
+    """Register one scan (entries,) on the patterns (pads, rows, cols) of all pads in contact; whether all of them fit.
+
+    memory: (pads, SLOTS), states: (pads, 5) and information: (pads, 5, 5) are kept from scan to scan. places: (2,
+    entries) in pitches; delay: (entries,) or (0,).
+    """
+    fits = True
+    one_point = np.zeros((1, 2))
+    no_bend = np.zeros((3, 0))
+    for pad in range(len(starts) - 1):
+        m = memory[pad]
+        if not contact[pad] or m[ACTIVE] == 0.0:
+            continue
+        own = slice(starts[pad], starts[pad + 1])
+        where = places[:, own]
+        ny, nx = int(m[ROWS]), int(m[COLS])
+        span = t - m[LAST_T]
+        last = states[pad].copy()
+        middle = np.empty(2)
+        centroid(reading[own], variance[own], where, middle)
+        bend = no_bend
+        if len(delay):
+            bend = np.empty((3, where.shape[1]))
+            for i in range(where.shape[1]):
+                late = delay[starts[pad] + i]
+                bend[0, i], bend[1, i], bend[2, i] = m[SPEED_X] * late, m[SPEED_Y] * late, m[SPEED_T] * late
+        stiffness = np.zeros(STATE)
+        stiffness[0] = stiffness[1] = 1e-6
+        stiffness[THETA] = 1.0 / m[TURN_STD] ** 2 if m[TURN_STD] > 0.0 else 1e12
+        stiffness[SIZE] = 1e12
+        best = np.inf
+        trial, found = np.empty(STATE), np.zeros((STATE, STATE))
+        for attempt in range(4):
+            trial[:] = last
+            if attempt == 0:
+                trial[0] += m[SPEED_X] * span
+                trial[1] += m[SPEED_Y] * span
+                if m[TURN_STD] > 0.0:
+                    trial[THETA] += m[SPEED_T] * span
+            elif attempt == 2:
+                trial[0] += middle[0] - m[CENTROID_X]
+                trial[1] += middle[1] - m[CENTROID_Y]
+            prior = last.copy()
+            if attempt < 3:
+                stiffness[GAIN] = 1.0 / (m[GAIN_STD] * last[GAIN]) ** 2
+            else:
+                trial[:] = states[pad]
+                stiffness[GAIN] = 1.0 / (_LOOSE_GAIN_STD * last[GAIN]) ** 2
+            prior[THETA] = trial[THETA] if m[TURN_STD] > 0.0 else 0.0
+            cost, chi, count = register(
+                patterns[pad, :ny, :nx],
+                doubts[pad, :ny, :nx],
+                m[SPACING : LOW + 1],
+                where,
+                one_point,
+                bend,
+                reading[own],
+                variance[own],
+                ceiling[own],
+                m[ROUGH],
+                _HUBER,
+                prior,
+                stiffness,
+                _ITERATIONS,
+                trial,
+                found,
+                scratch[own],
+            )
+            if cost < best - 1e-3:
+                best = cost
+                states[pad] = trial
+                information[pad] = found
+                m[CHI], m[COUNT] = chi / max(count, 1), count
+            if attempt < 3 and m[CHI] <= _POOR * m[USUAL]:
+                break
+        if span > 0.0:
+            m[SPEED_X] = (states[pad, 0] - last[0]) / span
+            m[SPEED_Y] = (states[pad, 1] - last[1]) / span
+            m[SPEED_T] = (states[pad, 2] - last[2]) / span
+        m[LAST_T] = t
+        m[CENTROID_X], m[CENTROID_Y] = middle
+        fits = fits and m[CHI] <= gate(m[USUAL], m[COUNT])
+    return fits
+
+
+@kernel
+def gate(usual: float, count: float) -> float:
+    """Chi-square per reading up to which a scan of so many readings fits."""
+    return float(usual * _GATE * (1.0 + 2.0 / np.sqrt(max(count, 1.0))))
+
+
+@kernel
+def report(
+    t: float,
+    contact: Bools,
+    pitch_m: Floats,
+    memory: Floats,
+    states: Floats,
+    information: Floats,
+    before: Floats,
+    before_cov: Floats,
+    before_t: Floats,
+    keyframes: Floats,
+    pose: Floats,
+    covariance: Floats,
+    displacement: Floats,
+    displacement_covariance: Floats,
+    span: Floats,
+    quality: NDArray[np.uint8],
+) -> None:
+    """Fill one scan's pose ... quality (pads, ...), which come in as NaN and 0, and each pad's FLAG.
+
+    before, before_cov: (pads, 3), (pads, 3, 3), the pose before on the same pattern, before_t (pads,) its time.
+    keyframes: (pads, n, 3) poses of scans that the pattern is learned from, in pitches and rad.
+    """
+    matrix, unit = np.empty((STATE, STATE)), np.empty(STATE)
+    for pad in range(len(contact)):
+        m = memory[pad]
+        m[FLAG] = NOTHING
+        if not contact[pad] or m[ACTIVE] == 0.0:
+            m[CONTINUES] = 0.0
+            continue
+        state = states[pad]
+        scale = pitch_m[pad]
+        cov = covariance[pad]
+        for column in range(3):
+            matrix[:] = information[pad]
+            for a in range(STATE):
+                matrix[a, THETA] *= m[SHARE]
+                matrix[THETA, a] *= m[SHARE]
+                matrix[a, a] += 1e-12
+            unit[:] = 0.0
+            unit[column] = 1.0
+            solve_small(matrix, unit, STATE)
+            for a in range(3):
+                cov[a, column] = unit[a] * (scale if a < 2 else 1.0) * (scale if column < 2 else 1.0)
+        pose[pad, 0], pose[pad, 1] = scale * state[0], scale * state[1]
+        pose[pad, 2] = state[2] - m[THETA_0]
+        if m[SEEN] == 0.0:
+            pose[pad, 2] = np.nan
+            for a in range(3):
+                cov[a, 2] = cov[2, a] = np.nan
+        noise = cov.copy()
+        cov[0, 0] += m[SLACK] * scale * scale
+        cov[1, 1] += m[SLACK] * scale * scale
+        cov[2, 2] += m[SLACK_T]
+        misfit = m[CHI] / m[USUAL]
+        moved = 0.0
+        if m[CONTINUES] > 0.0:
+            for a in range(3):
+                displacement[pad, a] = pose[pad, a] - before[pad, a]
+                for b in range(3):
+                    displacement_covariance[pad, a, b] = noise[a, b] + before_cov[pad, a, b]
+            span[pad] = t - before_t[pad]
+            moved = np.hypot(displacement[pad, 0], displacement[pad, 1]) / scale
+        before[pad] = pose[pad]
+        before_cov[pad] = noise
+        before_t[pad] = t
+        m[CONTINUES] = 1.0
+        xx, yy, xy = noise[0, 0], noise[1, 1], noise[0, 1]
+        largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+        quality[pad] = AMBIGUOUS if largest + m[SLACK] * scale**2 > (_BLURRED * scale) ** 2 else OK
+        if m[CHI] <= gate(m[USUAL], m[COUNT]):
+            m[POOR] = 0.0
+            if largest < (_BLURRED * scale) ** 2:
+                close = 0
+                for k in range(int(m[KEYFRAMES])):
+                    apart = np.hypot(state[0] - keyframes[pad, k, 0], state[1] - keyframes[pad, k, 1])
+                    if apart + m[RADIUS] * abs(state[2] - keyframes[pad, k, 2]) < _NEAR:
+                        close += 1
+                if close < _SAME:
+                    m[FLAG] = NOVEL
+        else:
+            quality[pad] = UNRESOLVED
+            m[POOR] += 1.0 if misfit <= _FAR_OFF else 2.0
+            if m[POOR] >= _PATIENCE:
+                m[FLAG] = STRANGE
+        if moved > _LEAP * (1.0 + m[RADIUS]) or m[POOR] >= _MOST_POOR:
+            m[FLAG] = GONE
+            quality[pad] = LOST

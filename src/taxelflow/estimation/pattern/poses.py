@@ -1,0 +1,120 @@
+"""From states on a pattern to poses in a pad's frame, with what they are worth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.pattern.spline import SIZE, STATE, THETA
+from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.pattern.contact import Solved
+    from taxelflow.messages import Bytes, Floats
+
+_TOO_ROUGH = 0.1
+_UNRESOLVED = 2.0
+"""Chi-square per degree of freedom above which a scan does not fit."""
+_BLURRED = 0.25
+"""Standard deviation of a position, in pitches, above which its direction is not seen."""
+
+
+@dataclass(slots=True, eq=False)
+class Poses:
+    """Poses (scans, 3) of the pattern's centre in a pad's frame, in m and rad, turned since the first; covariance
+    (scans, 3, 3), NaN where the turn is unknown; quality (scans,), see `messages.QUALITY`.
+    """
+
+    pose: Floats
+    covariance: Floats
+    quality: Bytes
+
+    def __len__(self) -> int:
+        return len(self.pose)
+
+    def steps(self, t_s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Displacement (scans, 3) since the scan before, its covariance (scans, 3, 3) and time (scans,); first NaN.
+
+        The pattern's error is common to both scans; what is left is the noise of both.
+        """
+        moved = np.diff(self.pose, axis=0, prepend=np.nan)
+        noise = np.full_like(self.covariance, np.nan)
+        noise[1:] = self.covariance[1:] + self.covariance[:-1]
+        return moved, noise, np.diff(t_s, prepend=np.nan)
+
+    def tail(self, count: int) -> Poses:
+        """The last `count` scans."""
+        return Poses(self.pose[-count:], self.covariance[-count:], self.quality[-count:])
+
+
+def poses_of(solved: Solved, pitch_m: float) -> Poses:
+    """Poses of all scans of a solved contact."""
+    states, fit = solved.states, solved.fit
+    pose, covariance = to_pad(
+        states, fit.information, solved.pattern.centre(), solved.sight, pitch_m, turns=solved.turns
+    )
+    misfit = fit.chi / np.maximum(fit.counts, 1) / fit.freedom
+    return Poses(pose, covariance, judge(covariance, misfit, solved.rough, pitch_m))
+
+
+def to_pad(
+    states: Floats, information: Floats, centre: Floats, sight: float, pitch_m: float, *, turns: bool
+) -> tuple[Floats, Floats]:
+    """Poses (scans, 3) and covariances (scans, 3, 3) of the body's point `centre` (2,), SI, from states (scans, 5).
+
+    sight: how far the pattern's angular structure stands above its noise; noise in it makes a turn seem surer than it
+    is (errors in variables), so its information counts only as far as it is real.
+    """
+    real = information.copy()
+    share = 1.0 - 1.0 / max(sight, 2.0)
+    real[:, THETA, :] *= share
+    real[:, :, THETA] *= share
+    own = np.linalg.inv(real + 1e-12 * np.eye(STATE))[:, : THETA + 1, : THETA + 1]
+    cos, sin = np.cos(states[:, THETA]), np.sin(states[:, THETA])
+    grow = np.exp(states[:, SIZE])
+    arm = grow[:, np.newaxis] * np.stack([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]], axis=1)
+    pose = np.empty((len(states), 3))
+    pose[:, :2] = pitch_m * (states[:, :2] + arm)
+    pose[:, 2] = np.unwrap(states[:, THETA]) - states[0, THETA]
+    lever = np.zeros((len(states), 3, 3))
+    lever[:, 0, 0] = lever[:, 1, 1] = pitch_m
+    lever[:, 2, 2] = 1.0
+    if turns:
+        lever[:, 0, 2] = -pitch_m * arm[:, 1]
+        lever[:, 1, 2] = pitch_m * arm[:, 0]
+    covariance = lever @ own @ lever.transpose(0, 2, 1)
+    if not turns:
+        pose[:, 2] = np.nan
+        covariance[:, 2, :] = covariance[:, :, 2] = np.nan
+    return pose, covariance
+
+
+def judge(covariance: Floats, misfit: Floats, rough: float, pitch_m: float) -> Bytes:
+    """Quality (scans,). misfit: chi-square per degree of freedom; rough: error of the pattern relative to it."""
+    xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
+    largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
+    quality = np.where(np.sqrt(largest) > _BLURRED * pitch_m, AMBIGUOUS, OK)
+    quality = np.where((misfit > _UNRESOLVED) | (rough > _TOO_ROUGH), UNRESOLVED, quality)
+    return quality.astype(np.uint8)
+
+
+def aligned(poses: Poses, before: Poses) -> Poses:
+    """Poses of a window in the frame of the window before, which ends with its first scans.
+
+    The object's own frame is arbitrary: it is shifted and turned so that both windows agree on the scans they share.
+    """
+    shared = len(before)
+    turn = before.pose[:, 2] - poses.pose[:shared, 2]
+    offset = float(np.mean(turn)) if np.isfinite(turn).all() else 0.0
+    angle = np.nan_to_num(poses.pose[:, 2])
+    cos, sin = np.cos(angle), np.sin(angle)
+    rotation = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
+    gap = before.pose[:, :2] - poses.pose[:shared, :2]
+    known = np.isfinite(gap).all(axis=1)
+    body = np.einsum("kji,kj->ki", rotation[:shared][known], gap[known]).mean(axis=0) if known.any() else np.zeros(2)
+    pose = poses.pose.copy()
+    pose[:, :2] += rotation @ body
+    pose[:, 2] += offset
+    return Poses(pose, poses.covariance, poses.quality)

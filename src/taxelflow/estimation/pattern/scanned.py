@@ -1,0 +1,86 @@
+"""Scans of one contact, as the pattern sees them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.pattern.spline import THETA
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.messages import Floats
+
+_LOADED_SIGMAS = 4.0
+_LOADED_SHARE = 0.03
+
+
+@dataclass(slots=True, eq=False)
+class Scanned:
+    """Scans of one contact on one pad.
+
+    t_s: (scans,). places: (2, taxels) in pitches. readings, variance: (scans, taxels), the latter 0 where a reading
+    says nothing. ceiling: (taxels,). delay_s: (taxels,), when after t_s each is read. bends: (scans, 3, taxels or 0),
+    see `spline.evaluate`.
+    """
+
+    t_s: Floats
+    places: Floats
+    readings: Floats
+    variance: Floats
+    ceiling: Floats
+    delay_s: Floats
+    bends: Floats
+
+    @classmethod
+    def of(
+        cls, t_s: Floats, places: Floats, readings: Floats, variance: Floats, ceiling: Floats, delay_s: Floats
+    ) -> Scanned:
+        """Scans whose poses are not known yet."""
+        width = len(delay_s) if delay_s.any() else 0
+        return cls(t_s, places, readings, variance, ceiling, delay_s, np.zeros((len(t_s), 3, width)))
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    @property
+    def rolling(self) -> bool:
+        """Whether taxels are read one after the other."""
+        return bool(self.bends.shape[2])
+
+    @property
+    def amplitude(self) -> float:
+        """Largest reading."""
+        return float(self.readings.max(initial=0.0)) or 1.0
+
+    def taken(self, which: NDArray[np.int64] | slice) -> Scanned:
+        """Some of the scans."""
+        parts = (self.readings[which], self.variance[which])
+        return Scanned(self.t_s[which], self.places, *parts, self.ceiling, self.delay_s, self.bends[which])
+
+    def loaded(self) -> NDArray[np.bool_]:
+        """(scans, taxels), readings that the object surely makes."""
+        floor = np.maximum(_LOADED_SIGMAS * np.sqrt(self.variance), _LOADED_SHARE * self.amplitude)
+        sure: NDArray[np.bool_] = (self.readings > floor) & (self.variance > 0)
+        return sure
+
+    def centroids(self) -> Floats:
+        """(scans, 2) of the loaded readings; (0, 0) where there are none."""
+        weight = np.where(self.loaded(), self.readings, 0.0)
+        total = np.maximum(weight.sum(axis=1), 1e-300)
+        centre: Floats = (weight @ self.places.T) / total[:, np.newaxis]
+        return centre
+
+    def bend(self, states: Floats, which: NDArray[np.int64] | slice = slice(None)) -> None:
+        """Take from the states (scans, 5) how far the object moves while a scan is read."""
+        if self.rolling:
+            span = np.diff(self.t_s, prepend=np.nan, append=np.nan)
+            before, after = span[:-1, np.newaxis], span[1:, np.newaxis]
+            step = np.diff(states[:, : THETA + 1], axis=0, prepend=np.nan, append=np.nan)
+            velocity = (
+                np.nanmean([step[:-1] / before, step[1:] / after], axis=0) if len(self) > 1 else 0.0 * states[:, :3]
+            )
+            self.bends[which] = (velocity[:, :, np.newaxis] * self.delay_s)[which]

@@ -1,0 +1,323 @@
+"""The template scan by scan: registered at once, learned from beside the stream.
+
+What is learned from a scan is adopted a fixed time after it, by the scans' own clock, so that results do not depend on
+how fast the machine is or how the stream is cut; a machine that is too slow makes the stream wait.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.pattern import online
+from taxelflow.estimation.pattern.learn import MOST_KEYFRAMES, Learned, first_pattern, learn, recognised
+from taxelflow.estimation.pattern.online import follow, report
+from taxelflow.estimation.pattern.spline import STATE, THETA
+from taxelflow.estimation.translation import mark_border
+from taxelflow.messages import Scans, Slips
+
+if TYPE_CHECKING:
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Floats
+
+_LIBRARY = 4
+"""Patterns of former contacts that a pad remembers."""
+_TURN_STD = 0.1
+_LEAST_GAIN_STD = 0.05
+_DOUBT = 0.25
+
+
+@dataclass(slots=True, eq=False)
+class _Pad:
+    """What a pad has learned, and is learning."""
+
+    learned: Learned | None = None
+    job: Future[Learned] | None = None
+    due_s: float = np.inf
+    waiting: list[tuple[float, Floats, Floats, Floats, Floats]] = field(default_factory=list)
+    library: list[Learned] = field(default_factory=list)
+
+
+class StreamSession:
+    """A causal estimator of pose on a pattern that it learns."""
+
+    def __init__(self, layout: Layout, latency_s: float) -> None:
+        self._layout, self._latency_s = layout, latency_s
+        pads = len(layout.pads)
+        self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
+        scale = np.repeat(self._pitch_m, np.diff(layout.starts))
+        self._places = np.stack([layout.x_m, layout.y_m]) / scale
+        self._delay = layout.delay_s if layout.delay_s.any() else np.zeros(0)
+        self._pads = [_Pad() for _ in range(pads)]
+        self._memory = np.zeros((pads, online.SLOTS))
+        self._states = np.zeros((pads, STATE))
+        self._information = np.zeros((pads, STATE, STATE))
+        self._patterns, self._doubts = np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8))
+        self._keyframes = np.zeros((pads, MOST_KEYFRAMES, 3))
+        self._before, self._before_cov = np.zeros((pads, 3)), np.zeros((pads, 3, 3))
+        self._before_t = np.zeros(pads)
+        self._scratch = np.zeros((layout.entries, 6))
+        self._touched = np.zeros(pads, dtype=np.bool_)
+        self._last_reading, self._last_variance = np.zeros(layout.entries), np.zeros(layout.entries)
+        self._noise: Floats | None = None
+        self._squared = np.zeros(layout.entries)
+        self._ceiling = np.full(layout.entries, np.inf)
+        edge = np.flatnonzero(layout.border.any(axis=1))
+        self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
+        self.notes: list[str] = []
+        self._compile()
+
+    def step(self, scans: Scans) -> Slips:
+        """Slips of all pads; see `EstimatorSession.step`."""
+        slips = Slips.unknown(scans, self._layout.starts)
+        mark_border(scans.pressure, scans.noise, scans.contact, *self._edge, slips.border)
+        if scans.noise is not self._noise:
+            self._noise, self._squared = scans.noise, scans.noise**2
+        self._ceiling = scans.ceiling
+        for k in range(len(scans)):
+            self._scan(k, scans, slips)
+        slips.lag_s[np.isfinite(slips.pose[..., 0])] = 0.0
+        return slips
+
+    def finish(self) -> Slips:
+        """Nothing is held back."""
+        self._worker.shutdown(wait=True, cancel_futures=True)
+        return Slips.unknown(self._nothing(), self._layout.starts)
+
+    def _nothing(self) -> Scans:
+        layout = self._layout
+        none, bare = np.zeros((0, len(layout.pads)), dtype=np.bool_), np.zeros(layout.entries)
+        return Scans(np.zeros(0), np.zeros((0, layout.entries)), bare, bare, none, none)
+
+    def _scan(self, k: int, scans: Scans, slips: Slips) -> None:
+        t, reading, contact = float(scans.t_s[k]), scans.pressure[k], scans.contact[k]
+        variance = self._squared
+        if not scans.complete[k].all():
+            variance = self._variance(reading, scans.complete[k])
+        if (contact != self._touched).any():
+            self._change(t, contact, reading, variance)
+        for pad, own in enumerate(self._pads):
+            if own.due_s <= t:
+                self._adopt(pad, own)
+        fits = follow(
+            t,
+            reading,
+            variance,
+            self._ceiling,
+            self._places,
+            self._delay,
+            self._layout.starts,
+            contact,
+            self._patterns,
+            self._doubts,
+            self._memory,
+            self._states,
+            self._information,
+            self._scratch,
+        )
+        if not fits:
+            self._find_again(t, contact, reading, variance)
+        report(
+            t,
+            contact,
+            self._pitch_m,
+            self._memory,
+            self._states,
+            self._information,
+            self._before,
+            self._before_cov,
+            self._before_t,
+            self._keyframes,
+            slips.pose[k],
+            slips.covariance[k],
+            slips.displacement[k],
+            slips.displacement_covariance[k],
+            slips.span_s[k],
+            slips.quality[k],
+        )
+        if self._memory[:, online.FLAG].any():
+            for pad in np.flatnonzero(self._memory[:, online.FLAG]):
+                self._answer(int(pad), t, reading, variance)
+        self._last_reading[:], self._last_variance[:] = reading, variance
+        self._touched[:] = contact
+
+    def _find_again(self, t: float, contact: np.ndarray, reading: Floats, variance: Floats) -> None:
+        """Look for the object all over the pad where a scan does not fit where it was looked for."""
+        for pad in np.flatnonzero(contact):
+            m, known = self._memory[pad], self._pads[pad].learned
+            if known is None or not known.mature or m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT]):
+                continue
+            own = self._layout.of_pad(int(pad))
+            middle = m[online.CENTROID_X : online.CENTROID_Y + 1]
+            scan = (self._places[:, own], reading[own], variance[own], self._ceiling[own])
+            found = recognised(known, middle, *scan)
+            if found is not None:
+                self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
+                m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
+
+    def _variance(self, reading: Floats, complete: np.ndarray) -> Floats:
+        """Noise squared, 0 where a reading is missing."""
+        variance = self._squared.copy()
+        for pad in np.flatnonzero(~complete):
+            own = self._layout.of_pad(int(pad))
+            variance[own][reading[own] == 0] = 0.0
+        return variance
+
+    def _change(self, t: float, contact: np.ndarray, reading: Floats, variance: Floats) -> None:
+        """Contacts that begin or end."""
+        for pad in np.flatnonzero(contact != self._touched):
+            own = self._pads[pad]
+            if contact[pad]:
+                self._begin(int(pad), t, reading, variance)
+            else:
+                self._settle(own)
+                if own.learned is not None and own.learned.mature:
+                    own.library = [*own.library, own.learned][-_LIBRARY:]
+                own.learned, own.waiting = None, []
+                self._memory[pad, online.ACTIVE] = 0.0
+
+    def _settle(self, own: _Pad) -> None:
+        """Take what is still being learned when a contact ends."""
+        if own.job is not None:
+            own.learned = own.job.result()
+        own.job, own.due_s = None, np.inf
+
+    def _begin(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
+        """A new contact: a pattern known from before, or else a new one from its first scan."""
+        own = self._layout.of_pad(pad)
+        places, middle = self._places[:, own], np.empty(2)
+        online.centroid(reading[own], variance[own], places, middle)
+        m = self._memory[pad]
+        m[:] = 0.0
+        scan = (places, reading[own], variance[own], self._ceiling[own])
+        for known in reversed(self._pads[pad].library):
+            found = recognised(known, middle, *scan)
+            if found is not None:
+                self._put(pad, known)
+                self._states[pad] = found[0]
+                break
+        else:
+            delay = self._delay[own] if len(self._delay) else np.zeros(own.stop - own.start)
+            learned = first_pattern(t, *scan, delay)
+            self._put(pad, learned)
+            self._states[pad] = learned.keyframes.states[0]
+        m[online.LAST_T] = t
+        m[online.CENTROID_X], m[online.CENTROID_Y] = middle
+
+    def _put(self, pad: int, learned: Learned) -> None:
+        """Make what was learned the pattern that scans are registered on."""
+        pattern, m = learned.pattern, self._memory[pad]
+        rows, cols = pattern.shape
+        if rows > self._patterns.shape[1] or cols > self._patterns.shape[2]:
+            shape = (max(rows, self._patterns.shape[1]) + 8, max(cols, self._patterns.shape[2]) + 8)
+            for name in ("_patterns", "_doubts"):
+                old = getattr(self, name)
+                new = np.zeros((len(old), *shape))
+                new[:, : old.shape[1], : old.shape[2]] = old
+                setattr(self, name, new)
+        self._patterns[pad, :rows, :cols] = pattern.coefficients
+        self._doubts[pad, :rows, :cols] = _DOUBT * pattern.doubt
+        m[online.ACTIVE], m[online.ROWS], m[online.COLS] = 1.0, rows, cols
+        m[online.SPACING : online.LOW + 1] = pattern.lattice
+        m[online.ROUGH], m[online.USUAL], m[online.RADIUS] = learned.rough, learned.usual, learned.radius
+        m[online.TURN_STD] = _TURN_STD if learned.turns else 0.0
+        m[online.GAIN_STD] = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
+        m[online.SHARE] = 1.0 - 1.0 / max(learned.sight, 2.0)
+        m[online.SLACK], m[online.SLACK_T] = learned.slack
+        m[online.SEEN] = 1.0 if learned.turns else 0.0
+        states = learned.keyframes.states
+        m[online.KEYFRAMES] = len(states)
+        self._keyframes[pad, : len(states)] = states[:, : THETA + 1]
+        self._pads[pad].learned = learned
+
+    def _adopt(self, pad: int, own: _Pad) -> None:
+        """Put in what was learned, and register the last scan anew, so that its change is no motion."""
+        if own.job is None or own.learned is None:
+            return
+        new = own.job.result()
+        own.job, own.due_s = None, np.inf
+        m = self._memory[pad]
+        m[online.THETA_0] += new.turned
+        self._put(pad, new)
+        alone = np.zeros(len(self._pads), dtype=np.bool_)
+        alone[pad] = True
+        kept = m[online.SPEED_X : online.LAST_T + 1].copy()
+        m[online.SPEED_X : online.SPEED_T + 1] = 0.0
+        follow(
+            float(m[online.LAST_T]),
+            self._last_reading,
+            self._last_variance,
+            self._ceiling,
+            self._places,
+            self._delay,
+            self._layout.starts,
+            alone,
+            self._patterns,
+            self._doubts,
+            self._memory,
+            self._states,
+            self._information,
+            self._scratch,
+        )
+        m[online.SPEED_X : online.LAST_T + 1] = kept
+        state, scale = self._states[pad], self._pitch_m[pad]
+        turn = state[THETA] - m[online.THETA_0] if m[online.SEEN] else np.nan
+        self._before[pad] = scale * state[0], scale * state[1], turn
+        if own.waiting:
+            self._submit(pad, own)
+
+    def _answer(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
+        """Do what a scan calls for."""
+        own, flag = self._pads[pad], self._memory[pad, online.FLAG]
+        if own.learned is None:
+            return
+        if flag == online.GONE:
+            self._settle(own)
+            own.waiting = []
+            self._begin(pad, t, reading, variance)
+            return
+        taxels = self._layout.of_pad(pad)
+        m = self._memory[pad]
+        late = self._delay[taxels] if len(self._delay) else np.zeros(0)
+        bend = m[online.SPEED_X : online.SPEED_T + 1, np.newaxis] * late
+        own.waiting.append((t, reading[taxels].copy(), variance[taxels].copy(), bend, self._states[pad].copy()))
+        count = int(m[online.KEYFRAMES])
+        if count < MOST_KEYFRAMES:
+            self._keyframes[pad, count] = self._states[pad, : THETA + 1]
+            m[online.KEYFRAMES] += 1
+        if own.job is None:
+            self._submit(pad, own)
+
+    def _submit(self, pad: int, own: _Pad) -> None:
+        """Begin to learn from the scans that wait."""
+        if own.learned is None:
+            return
+        known = own.learned
+        keyframes = known.keyframes
+        for scan in own.waiting:
+            keyframes = keyframes.with_scan(*scan)
+        start, fresh = own.waiting[-1][0], len(own.waiting)
+        own.waiting = []
+        work = replace(known, keyframes=keyframes, fresh=fresh)
+        own.job = self._worker.submit(learn, work)
+        own.due_s = max(start, float(self._memory[pad, online.LAST_T])) + self._latency_s
+
+    def _compile(self) -> None:
+        """Run the kernels on nothing, so that none is compiled within the stream."""
+        pads = len(self._pads)
+        slips = Slips.unknown(
+            Scans(
+                np.zeros(1),
+                np.zeros((1, self._layout.entries)),
+                self._squared,
+                self._ceiling,
+                np.zeros((1, pads), dtype=np.bool_),
+                np.ones((1, pads), dtype=np.bool_),
+            ),
+            self._layout.starts,
+        )
+        del slips

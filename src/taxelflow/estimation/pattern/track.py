@@ -1,0 +1,205 @@
+"""First poses of all scans of a contact: from one scan outwards, each registered to the pattern learned so far."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.pattern.joint import refine
+from taxelflow.estimation.pattern.pattern import Pattern, Sums
+from taxelflow.estimation.pattern.register import register
+from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.messages import Floats
+
+_REFINE_AT = (3, 8, 20, 50)
+_YOUNG = 10
+"""Scans after which a pattern is no longer raw."""
+_RAW_ROUGH = 0.1
+_HUBER = 6.0
+_ITERATIONS = 30
+_SOLVE_EVERY = 3
+_MARGIN = 1.5
+"""Pitches around the loaded taxels that a pattern covers."""
+_MOST_KNOTS = 40_000
+
+
+class Tracker:
+    """Scans of a contact on their way to poses."""
+
+    def __init__(
+        self,
+        scanned: Scanned,
+        start: int,
+        *,
+        spacing: float,
+        quadrature: int,
+        size: Floats,
+        rough: float,
+        stiffness: Floats,
+        step: Floats,
+    ) -> None:
+        """stiffness: (5,) how firmly the state is held, inf to fix. step: (2,) standard deviations, from scan to scan, of
+        gain and of the logarithm of size.
+        """
+        self.scanned, self.start, self.rough, self.stiffness = scanned, start, rough, stiffness
+        self._spacing, self._quadrature, self._size = spacing, quadrature, size
+        self._step = step
+        self.loaded, self.centroid, self.amplitude = scanned.loaded(), scanned.centroids(), scanned.amplitude
+        self.states = np.zeros((len(scanned), STATE))
+        self.states[:, GAIN] = 1.0
+        self.done = [start]
+        self.states[start, :2] = self.centroid[start]
+        places = scanned.places[:, self.loaded[start]].T - self.centroid[start]
+        if not len(places):
+            places = np.zeros((1, 2))
+        self.pattern = self._empty(places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN)
+        self._sum_up()
+
+    def _empty(self, low: Floats, high: Floats) -> Pattern:
+        return Pattern.empty(low, high, self._spacing, self._quadrature, self._size, self.amplitude)
+
+    def _rough_now(self) -> float:
+        return max(self.rough, _RAW_ROUGH) if len(self.done) < _YOUNG else self.rough
+
+    def _sum_up(self) -> None:
+        """Sums over all scans done, and the pattern they give."""
+        self.sums = Sums(self.pattern)
+        self._add(np.array(self.done))
+        self.sums.solve(self.pattern)
+
+    def _add(self, which: NDArray[np.int64]) -> None:
+        part = self.scanned.taken(which)
+        self.sums.add(
+            self.pattern,
+            part.places,
+            self.states[which],
+            part.bends,
+            part.readings,
+            part.variance,
+            part.ceiling,
+            self.rough,
+        )
+
+    def run(self, most: int | None = None) -> None:
+        """Register every scan, or `most` more, forwards from the start, then backwards."""
+        scans = len(self.scanned)
+        order = [*range(self.start + 1, scans), *range(self.start - 1, -1, -1)][len(self.done) - 1 :]
+        for k in order[:most]:
+            self._one(k)
+            self.done.append(k)
+            self._cover(k)
+            self._add(np.array([k]))
+            count = len(self.done)
+            if count < _YOUNG or count % max(_SOLVE_EVERY, count // 10) == 0:
+                self.sums.solve(self.pattern)
+            if count in _REFINE_AT and count < scans:
+                self._refine()
+
+    def _refine(self) -> None:
+        which = np.array(sorted(self.done))
+        states = self.states[which]
+        self._bend()
+        refine(
+            self.pattern,
+            self.scanned.taken(which),
+            states,
+            rounds=6,
+            rough=self.rough,
+            stiffness=self.stiffness,
+        )
+        self.states[which] = states
+        self._sum_up()
+
+    def _bend(self) -> None:
+        """Motion while a scan is read, from the poses known so far."""
+        which = np.array(sorted(self.done))
+        part = self.scanned.taken(which)
+        part.bend(self.states[which])
+        self.scanned.bends[which] = part.bends
+
+    def _one(self, k: int) -> None:
+        """Register scan k from several starts; the cheapest wins."""
+        forward = 1 if k > self.start else -1
+        before, further = k - forward, k - 2 * forward
+        last = self.states[before]
+        starts = [last.copy()]
+        if (further - self.start) * forward >= 0:
+            moved = last.copy()
+            moved[: THETA + 1] += last[: THETA + 1] - self.states[further, : THETA + 1]
+            starts.insert(0, moved)
+            if self.scanned.rolling:
+                speed = (last - self.states[further])[: THETA + 1] / (
+                    self.scanned.t_s[before] - self.scanned.t_s[further]
+                )
+                self.scanned.bends[k] = speed[:, np.newaxis] * self.scanned.delay_s
+        shifted = last.copy()
+        shifted[:2] += self.centroid[k] - self.centroid[before]
+        starts.append(shifted)
+        fixed = np.isinf(self.stiffness)
+        stiffness = np.where(fixed, 1e12, 1e-6)
+        stiffness[GAIN] = self._step[0] ** -2
+        if not fixed[SIZE]:
+            stiffness[SIZE] = self._step[1] ** -2
+        best = np.inf
+        scanned, pattern = self.scanned, self.pattern
+        information, scratch = np.zeros((STATE, STATE)), np.zeros((scanned.places.shape[1], 6))
+        for state in starts:
+            prior = last.copy()
+            if fixed[THETA]:
+                state[THETA] = 0.0
+            cost, _, _ = register(
+                pattern.coefficients,
+                pattern.doubt,
+                pattern.lattice,
+                scanned.places,
+                pattern.points,
+                scanned.bends[k],
+                scanned.readings[k],
+                scanned.variance[k],
+                scanned.ceiling,
+                self._rough_now(),
+                _HUBER,
+                prior,
+                stiffness,
+                _ITERATIONS,
+                state,
+                information,
+                scratch,
+            )
+            if cost < best - 1e-3:
+                best = cost
+                self.states[k] = state
+
+    def _cover(self, k: int) -> None:
+        """Let the pattern grow to where scan k is loaded."""
+        places = _in_object(self.scanned.places[:, self.loaded[k]].T, self.states[k])
+        if not len(places):
+            return
+        low, high = self.pattern.box
+        margin = 0.5
+        if (places.min(axis=0) - margin >= low).all() and (places.max(axis=0) + margin <= high).all():
+            return
+        new_low = np.minimum(low, places.min(axis=0) - _MARGIN)
+        new_high = np.maximum(high, places.max(axis=0) + _MARGIN)
+        if np.prod((new_high - new_low) / self._spacing + 7) > _MOST_KNOTS:
+            return
+        smoothing = self.pattern.smoothing
+        self.pattern = self._empty(new_low, new_high)
+        self.pattern.smoothing = smoothing
+        self.done.remove(k)
+        self._sum_up()
+        self.done.append(k)
+
+
+def _in_object(places: Floats, state: Floats) -> Floats:
+    """Places (n, 2) on the pad, in the object's frame."""
+    cos, sin = np.cos(state[THETA]), np.sin(state[THETA])
+    d = places - state[:2]
+    inside: Floats = np.exp(-state[SIZE]) * np.stack([cos * d[:, 0] + sin * d[:, 1], cos * d[:, 1] - sin * d[:, 0]], 1)
+    return inside

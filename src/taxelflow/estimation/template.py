@@ -1,0 +1,40 @@
+"""The learned template: poses from a pressure pattern that is learned while the object moves over the skin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taxelflow.errors import ParameterInvalid
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.base import EstimatorSession, Mode
+    from taxelflow.layout import Layout
+
+
+@dataclass(frozen=True)
+class Template:
+    """Pattern of the object's pressure and pose of every scan on it, by maximum likelihood.
+
+    batch: all scans of a contact together. stream: scan by scan, causal; the pattern is refined in the background.
+    """
+
+    window_scans: int = 1000
+    """batch: longer contacts are solved in overlapping windows of so many scans."""
+
+    latency_s: float = 0.1
+    """stream: what is learned from a scan is used so long after it; if learning takes longer, the stream waits."""
+
+    def __post_init__(self) -> None:
+        if not 20 <= self.window_scans <= 100_000:
+            raise ParameterInvalid("window_scans", self.window_scans, "it lies between 20 and 100000")
+
+    def start(self, layout: Layout, mode: Mode) -> EstimatorSession:
+        """Begin a session; kernels are compiled here."""
+        if mode == "batch":
+            from taxelflow.estimation.pattern.batch import BatchSession
+
+            return BatchSession(layout, self.window_scans)
+        from taxelflow.estimation.pattern.stream import StreamSession
+
+        return StreamSession(layout, self.latency_s)
