@@ -225,7 +225,7 @@ class Score:
     seed: int = 0
     """table1: seed of the first stroke; the others follow from it. slip: added to the seeds, which begin at 1000."""
     methods: tuple[str, ...] = ()
-    """slip: estimators to compare; principal_axis and convolution if left out."""
+    """slip: estimators to compare; template, principal_axis and convolution if left out."""
     hours: float = 0.1
     """slip: hours of each scenario that holds an object still."""
     alarms_per_hour: float = 1.0

@@ -74,6 +74,14 @@ def settle(y: Floats, variance: float, load: float, prior: Floats, m: Floats) ->
 
 
 @kernel
+def forget(m: Floats) -> None:
+    """Another contact, or a pattern begun anew: the scatter counts for little, unless it was larger than said."""
+    m[ENERGY] = _PRIOR * max(scale(m), 1.0)
+    m[FREEDOM] = _PRIOR
+    m[SERIAL] = 0.0
+
+
+@kernel
 def turn_counts(theta: float, noise: Floats, m: Floats) -> bool:
     """Whether the turn was known for long enough; if not, its place is the mean so far, and noise's tt becomes NaN."""
     if np.isnan(noise[2]):

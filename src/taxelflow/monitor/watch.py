@@ -10,7 +10,7 @@ from taxelflow.compiling import kernel
 from taxelflow.messages import LOST, UNRESOLVED, Bools, Bytes, Floats
 from taxelflow.monitor.halt import AT, AT_VAR, BEGAN, DOUBT, FROM, LOST_TURN, RESTS, SINCE, SLIDE, SPEED, set_off, slide
 from taxelflow.monitor.onset import BEGIN, ENERGY_OF, SLIP, VELOCITY, thinned, threshold, weigh
-from taxelflow.monitor.still import ENERGY, STEP, STILL, TURN_COUNTS, TURNS, P, innovate, scale, settle
+from taxelflow.monitor.still import ENERGY, STEP, STILL, TURN_COUNTS, TURNS, P, forget, innovate, scale, settle
 
 NEW, RESTING, SLIPPING = range(3)
 """Modes: in contact for too short a time to judge; still; slipping."""
@@ -28,6 +28,8 @@ ALARM_S, LOAD_M, CREEP_M_S, SETTLE_S = range(4)
 
 _UNSURE = 9.0
 """Factor on the variance of a pose that does not fit what the method knows."""
+_JUMP = 0.7
+"""A load that grows or falls by more than e to this power from one scan to the next is another contact."""
 _FEWEST = 3
 """Poses that a still object must have had."""
 _FLOOR_M, _FLOOR_RAD = 1e-6, 1e-5
@@ -69,8 +71,14 @@ def follow(
             if not contact[scan, pad] or (not senses and (np.isnan(d[0]) or quality[scan, pad] == LOST)):
                 m[MODE], m[KNOWN] = NEW, 0.0
             else:
+                loads = load[scan, pad] > 0.0
+                if loads and abs(np.log(load[scan, pad]) - m[LOAD]) > _JUMP:
+                    m[MODE], m[KNOWN] = NEW, 0.0  # touched or let go, all or a part of it
                 if m[KNOWN] == 0.0:
                     m[FIRST], m[USED] = now, -np.inf
+                    forget(m[CALM : CALM + STILL])
+                if loads:
+                    m[LOAD] = np.log(load[scan, pad])
                 m[KNOWN] += 1.0
                 # A pose that is the mean of two scans shares one with the next: only every second one is new.
                 shared = lag[scan, pad] > 0.0
@@ -83,7 +91,6 @@ def follow(
                     if not shared or now - 2.0 * lag[scan, pad] > m[USED] + 1e-9:
                         doubt = _UNSURE if quality[scan, pad] == UNRESOLVED else 1.0
                         _spread(covariance[scan, pad], doubt * (1.0 if shared else 0.5), noise)
-                        m[LOAD] = np.log(load[scan, pad]) if load[scan, pad] > 0.0 else m[LOAD]
                         _judge(now, y, noise, numbers, m, ramps[pad], stops[pad], notes[scan, pad])
                         m[USED] = now
             m[LAST] = now

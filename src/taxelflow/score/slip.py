@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Truth
     from taxelflow.messages import Bools, Floats
 
-METHODS = ("principal_axis", "convolution")
+METHODS = ("template", "principal_axis", "convolution")
 OBJECTS = {
     "textured": Contact("textured", radius_m=0.016),
     "elongated": Contact("elongated", radius_m=0.008),
