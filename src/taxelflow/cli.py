@@ -269,26 +269,35 @@ class Simulate:
 
 @dataclass(frozen=True)
 class Score:
-    """Measure accuracy against truth on the simulated rig."""
+    """Measure accuracy and slip events against truth on the simulated rig."""
 
-    what: Positional[Literal["table1", "field", "limits", "peers"]]
+    what: Positional[Literal["table1", "field", "slip", "limits", "peers"]]
     """table1: the paper's Table I beside ours. field: translation and rotation of an object over the whole hand, by
-    number of slip vectors. limits: estimators against the Cramér-Rao bound, and whether their covariances hold. peers:
-    Table I's strokes through OpenCV, scikit-image and OpenPIV beside ours (extra `bench`)."""
+    number of slip vectors. slip: slips found and missed, and false alarms an hour. limits: estimators against the
+    Cramér-Rao bound, and whether their covariances hold. peers: Table I's strokes through OpenCV, scikit-image and
+    OpenPIV beside ours (extra `bench`)."""
     scenario: Positional[str | None] = None
     """limits: one of `taxelflow simulate`; stroke if left out."""
     strokes: int = 1000
     """table1, peers: strokes at each speed, half of them backward."""
     seeds: int = 10
-    """field, limits: seeds of each scenario."""
+    """field, limits: seeds of each scenario. slip: recordings of each object that sticks and slips."""
     seed: int = 0
-    """table1, peers, limits: the first seed; the others follow from it."""
+    """table1, peers, limits: the first seed; the others follow from it. slip: added to the seeds, which begin at
+    1000."""
     methods: tuple[str, ...] = ()
-    """table1, peers: our methods to score; the paper's, and the template, if left out. limits: all if left out."""
+    """table1, peers: our methods to score; the paper's, and the template, if left out. limits: all if left out. slip:
+    template, principal_axis and convolution if left out."""
     mode: Literal["batch", "stream"] = "batch"
     """limits: as for `taxelflow estimate`."""
     solver: Solver = "analytic"
     """table1, peers, limits: as for `taxelflow simulate`; elastic takes seconds a contact (extra `sim`)."""
+    hours: float = 0.1
+    """slip: hours of each scenario that holds an object still."""
+    alarms_per_hour: float = 1.0
+    """slip: the rate of false alarms that is asked for."""
+    processes: int = 1
+    """slip: work on so many recordings at a time."""
     json: bool = False
     """Print JSON instead of tables."""
 
@@ -297,13 +306,18 @@ class Score:
         from taxelflow.publish.summary import to_json
 
         _at_least("strokes", self.strokes, 2)
-        _at_least("seeds", self.seeds, 1)
+        _at_least("seeds", self.seeds, 0 if self.what == "slip" else 1)
         _at_least("seed", self.seed, 0)
         if self.scenario is not None and self.what != "limits":
             raise ParameterInvalid("scenario", self.scenario, f"score {self.what} has none: leave it out")
-        scored, show = {"table1": self._table1, "field": self._field, "limits": self._limits, "peers": self._peers}[
-            self.what
-        ]()
+        kinds = {
+            "table1": self._table1,
+            "field": self._field,
+            "slip": self._slip,
+            "limits": self._limits,
+            "peers": self._peers,
+        }
+        scored, show = kinds[self.what]()
         show(scored) if not self.json else sys.stdout.buffer.write(to_json(scored))
         return 0
 
@@ -321,6 +335,25 @@ class Score:
         from taxelflow.score.field import score_field
 
         return score_field(self.seeds, partial(counted, what="seeds")), show_field
+
+    def _slip(self) -> tuple[Struct, Callable[[Any], None]]:
+        from taxelflow.publish.scores import show_slip
+        from taxelflow.publish.terminal import counted
+        from taxelflow.score.slip import METHODS, score_slip
+
+        _at_least("processes", self.processes, 1)
+        if not 0 <= self.hours < float("inf"):
+            raise ParameterInvalid("hours", self.hours, "it is 0 or more")
+        scored = score_slip(
+            self.methods or METHODS,
+            self.seeds,
+            seed=self.seed,
+            hours=self.hours,
+            alarms_per_hour=self.alarms_per_hour,
+            processes=self.processes,
+            watched=partial(counted, what="recordings"),
+        )
+        return scored, show_slip
 
     def _limits(self) -> tuple[Struct, Callable[[Any], None]]:
         from taxelflow.publish.scores import show_limits

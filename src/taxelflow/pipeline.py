@@ -12,7 +12,7 @@ from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import CalibrationUnfit, NameUnknown
 from taxelflow.estimation.base import Mode
 from taxelflow.fuse.rigid import RigidField
-from taxelflow.messages import Bools, Contacts, Event, Motions, RawScans, Scans, Slips, cut, joined
+from taxelflow.messages import Bools, Contacts, Event, Floats, Motions, RawScans, Scans, Slips, cut, joined
 from taxelflow.monitor.features import ContactFeatures
 from taxelflow.monitor.slip import SlipMonitor
 
@@ -93,6 +93,11 @@ class Run:
     def learned(self) -> Learned | None:
         """Tare, noise and masks, as far as they are known."""
         return self._condition.learned
+
+    @property
+    def scatter(self) -> Floats:
+        """(pads,), see `SlipSession.scatter`."""
+        return self._monitor.scatter
 
     def __iter__(self) -> Iterator[Output]:
         for block in self.reading:
