@@ -66,6 +66,7 @@ _GATE, _FAR_OFF = 2.0, 10.0
 _PATIENCE, _MOST_POOR = 5, 20
 _LEAP = 1.5
 """A scan that moves so many radii and pitches at once is not believed."""
+_YOUNG = 8
 _NEAR, _SAME = 0.25, 5
 """Keyframes closer than this, in pitches, show the same, and so many are enough."""
 _LOUDER = 0.5
@@ -292,8 +293,10 @@ def report(
         else:
             quality[pad] = UNRESOLVED
             m[POOR] += 1.0 if misfit <= _FAR_OFF else 2.0
-            if m[POOR] >= _PATIENCE:
+            if m[POOR] >= _PATIENCE or m[KEYFRAMES] < _YOUNG:  # a young pattern is not yet to be trusted more
                 m[FLAG] = STRANGE
+        if largest > scale * scale:  # nowhere in particular
+            m[POOR] += 1.0
         if moved > _LEAP * (1.0 + m[RADIUS]) or m[POOR] >= _MOST_POOR:
             m[FLAG] = GONE
             quality[pad] = LOST
