@@ -45,9 +45,10 @@ if TYPE_CHECKING:
     SLACK,  # variance of x and y, in pitches^2, from errors of the pattern
     SLACK_T,  # and of theta
     CUT,  # whether this contact has ever been cut by the border
+    PROBATION,  # scans for which a recognised pattern is looked for all over the pad
     FLAG,  # what the last scan calls for, one of the below
     SLOTS,
-) = range(30)
+) = range(31)
 """Places in a pad's memory."""
 
 NOTHING, NOVEL, STRANGE, GONE = range(4)
@@ -198,7 +199,7 @@ def follow(
             m[SPEED_T] = (states[pad, 2] - last[2]) / span
         m[LAST_T] = t
         m[CENTROID_X], m[CENTROID_Y] = middle[0], middle[1]
-        fits = fits and m[CHI] <= gate(m[USUAL], m[COUNT])
+        fits = fits and m[CHI] <= gate(m[USUAL], m[COUNT]) and m[PROBATION] == 0.0
     return fits
 
 
