@@ -213,17 +213,25 @@ class Simulate:
 
 @dataclass(frozen=True)
 class Score:
-    """Measure accuracy against truth on the simulated rig."""
+    """Measure accuracy and slip events against truth on the simulated rig."""
 
-    what: Positional[Literal["table1", "field"]]
+    what: Positional[Literal["table1", "field", "slip"]]
     """table1: the paper's Table I beside ours, by both of the paper's methods. field: translation and rotation of an
-    object over the whole hand, by number of slip vectors."""
+    object over the whole hand, by number of slip vectors. slip: slips found and missed, and false alarms an hour."""
     strokes: int = 1000
     """table1: strokes at each speed, half of them backward."""
     seeds: int = 10
-    """field: seeds of each scenario."""
+    """field: seeds of each scenario. slip: recordings of each object that sticks and slips."""
     seed: int = 0
-    """table1: seed of the first stroke; the others follow from it."""
+    """table1: seed of the first stroke; the others follow from it. slip: added to the seeds, which begin at 1000."""
+    methods: tuple[str, ...] = ()
+    """slip: estimators to compare; template, principal_axis and convolution if left out."""
+    hours: float = 0.1
+    """slip: hours of each scenario that holds an object still."""
+    alarms_per_hour: float = 1.0
+    """slip: the rate of false alarms that is asked for."""
+    processes: int = 1
+    """slip: work on so many recordings at a time."""
     json: bool = False
     """Print JSON instead of tables."""
 
@@ -235,14 +243,37 @@ class Score:
         from taxelflow.score.table1 import table1
 
         _at_least("strokes", self.strokes, 2)
-        _at_least("seeds", self.seeds, 1)
         _at_least("seed", self.seed, 0)
+        if self.what == "slip":
+            return self._slip()
+        _at_least("seeds", self.seeds, 1)
         if self.what == "table1":
             table = table1(self.strokes, self.seed, lambda trials: counted(trials, "trials"))
             show_table1(table) if not self.json else sys.stdout.buffer.write(to_json(table))
         else:
             field = score_field(self.seeds, lambda seeds: counted(seeds, "seeds"))
             show_field(field) if not self.json else sys.stdout.buffer.write(to_json(field))
+        return 0
+
+    def _slip(self) -> int:
+        from taxelflow.publish.summary import to_json
+        from taxelflow.publish.terminal import counted, show_slip
+        from taxelflow.score.slip import METHODS, score_slip
+
+        _at_least("seeds", self.seeds, 0)
+        _at_least("processes", self.processes, 1)
+        if not 0 <= self.hours < float("inf"):
+            raise ParameterInvalid("hours", self.hours, "it is 0 or more")
+        score = score_slip(
+            self.methods or METHODS,
+            self.seeds,
+            seed=self.seed,
+            hours=self.hours,
+            alarms_per_hour=self.alarms_per_hour,
+            processes=self.processes,
+            watched=lambda jobs: counted(jobs, "recordings"),
+        )
+        show_slip(score) if not self.json else sys.stdout.buffer.write(to_json(score))
         return 0
 
 

@@ -12,7 +12,7 @@ from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import CalibrationUnfit, NameUnknown
 from taxelflow.estimation.base import Mode
 from taxelflow.fuse.rigid import RigidField
-from taxelflow.messages import Bools, Event, Motions, RawScans, Slips, cut
+from taxelflow.messages import Bools, Event, Floats, Motions, RawScans, Slips, cut
 from taxelflow.monitor.slip import SlipMonitor
 
 if TYPE_CHECKING:
@@ -75,6 +75,11 @@ class Run:
     def learned(self) -> Learned | None:
         """Tare, noise and masks, as far as they are known."""
         return self._condition.learned
+
+    @property
+    def scatter(self) -> Floats:
+        """(pads,), see `SlipSession.scatter`."""
+        return self._monitor.scatter
 
     def __iter__(self) -> Iterator[Output]:
         for block in self.reading:
