@@ -15,7 +15,7 @@ import numpy as np
 from taxelflow.estimation.pattern import online
 from taxelflow.estimation.pattern.learn import MOST_KEYFRAMES, Learned, first_pattern, learn, recognised
 from taxelflow.estimation.pattern.online import follow, report
-from taxelflow.estimation.pattern.spline import STATE, THETA
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
 from taxelflow.estimation.translation import mark_border
 from taxelflow.messages import Scans, Slips
 
@@ -28,6 +28,10 @@ _LIBRARY = 4
 _TURN_STD = 0.1
 _LEAST_GAIN_STD = 0.05
 _DOUBT = 0.25
+_STILL = 1e-3
+_PROBATION, _SURELY = 8, 9.0
+_YOUNG, _YOUNG_LATENCY = 12, 0.2
+"""A pattern of few keyframes is learned faster, and adopted after this share of the usual time."""
 
 
 @dataclass(slots=True, eq=False)
@@ -56,7 +60,7 @@ class StreamSession:
         self._states = np.zeros((pads, STATE))
         self._information = np.zeros((pads, STATE, STATE))
         self._patterns, self._doubts = np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8))
-        self._keyframes = np.zeros((pads, MOST_KEYFRAMES, 3))
+        self._keyframes = np.zeros((pads, MOST_KEYFRAMES, 4))
         self._before, self._before_cov = np.zeros((pads, 3)), np.zeros((pads, 3, 3))
         self._before_t = np.zeros(pads)
         self._scratch = np.zeros((layout.entries, 6))
@@ -66,6 +70,7 @@ class StreamSession:
         self._squared = np.zeros(layout.entries)
         self._ceiling = np.full(layout.entries, np.inf)
         edge = np.flatnonzero(layout.border.any(axis=1))
+        self._border = layout.border.any(axis=1)
         self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
         self.notes: list[str] = []
@@ -110,6 +115,7 @@ class StreamSession:
             self._ceiling,
             self._places,
             self._delay,
+            self._border,
             self._layout.starts,
             contact,
             self._patterns,
@@ -149,13 +155,17 @@ class StreamSession:
         """Look for the object all over the pad where a scan does not fit where it was looked for."""
         for pad in np.flatnonzero(contact):
             m, known = self._memory[pad], self._pads[pad].learned
-            if known is None or not known.mature or m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT]):
+            if known is None or not known.mature:
                 continue
+            fits = m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT])
+            if fits and m[online.PROBATION] == 0.0:
+                continue
+            m[online.PROBATION] = max(m[online.PROBATION] - 1.0, 0.0)
             own = self._layout.of_pad(int(pad))
             middle = m[online.CENTROID_X : online.CENTROID_Y + 1]
             scan = (self._places[:, own], reading[own], variance[own], self._ceiling[own])
             found = recognised(known, middle, *scan)
-            if found is not None:
+            if found is not None and (not fits or _better(found, m)):
                 self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
                 m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
 
@@ -189,16 +199,17 @@ class StreamSession:
     def _begin(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
         own = self._layout.of_pad(pad)
-        places, middle = self._places[:, own], np.empty(2)
-        online.centroid(reading[own], variance[own], places, middle)
+        places, middle = self._places[:, own], np.empty(3)
+        online.centroid(reading[own], variance[own], places, self._border[own], middle)
         m = self._memory[pad]
         m[:] = 0.0
         scan = (places, reading[own], variance[own], self._ceiling[own])
         for known in reversed(self._pads[pad].library):
-            found = recognised(known, middle, *scan)
+            found = recognised(known, middle[:2], *scan)
             if found is not None:
                 self._put(pad, known)
                 self._states[pad] = found[0]
+                m[online.PROBATION] = _PROBATION
                 break
         else:
             delay = self._delay[own] if len(self._delay) else np.zeros(own.stop - own.start)
@@ -206,7 +217,7 @@ class StreamSession:
             self._put(pad, learned)
             self._states[pad] = learned.keyframes.states[0]
         m[online.LAST_T] = t
-        m[online.CENTROID_X], m[online.CENTROID_Y] = middle
+        m[online.CENTROID_X], m[online.CENTROID_Y] = middle[:2]
 
     def _put(self, pad: int, learned: Learned) -> None:
         """Make what was learned the pattern that scans are registered on."""
@@ -228,10 +239,10 @@ class StreamSession:
         m[online.GAIN_STD] = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
         m[online.SHARE] = 1.0 - 1.0 / max(learned.sight, 2.0)
         m[online.SLACK], m[online.SLACK_T] = learned.slack
-        m[online.SEEN] = 1.0 if learned.turns else 0.0
+        m[online.SEEN] = 1.0 if learned.seen else 0.0
         states = learned.keyframes.states
         m[online.KEYFRAMES] = len(states)
-        self._keyframes[pad, : len(states)] = states[:, : THETA + 1]
+        self._keyframes[pad, : len(states)] = states[:, : GAIN + 1]
         self._pads[pad].learned = learned
 
     def _adopt(self, pad: int, own: _Pad) -> None:
@@ -254,6 +265,7 @@ class StreamSession:
             self._ceiling,
             self._places,
             self._delay,
+            self._border,
             self._layout.starts,
             alone,
             self._patterns,
@@ -287,7 +299,7 @@ class StreamSession:
         own.waiting.append((t, reading[taxels].copy(), variance[taxels].copy(), bend, self._states[pad].copy()))
         count = int(m[online.KEYFRAMES])
         if count < MOST_KEYFRAMES:
-            self._keyframes[pad, count] = self._states[pad, : THETA + 1]
+            self._keyframes[pad, count] = self._states[pad, : GAIN + 1]
             m[online.KEYFRAMES] += 1
         if own.job is None:
             self._submit(pad, own)
@@ -302,9 +314,11 @@ class StreamSession:
             keyframes = keyframes.with_scan(*scan)
         start, fresh = own.waiting[-1][0], len(own.waiting)
         own.waiting = []
-        work = replace(known, keyframes=keyframes, fresh=fresh)
+        may_turn = known.turns or bool(np.ptp(keyframes.states[:, THETA]) > _STILL)
+        work = replace(known, keyframes=keyframes, fresh=fresh, turns=may_turn)
         own.job = self._worker.submit(learn, work)
-        own.due_s = max(start, float(self._memory[pad, online.LAST_T])) + self._latency_s
+        latency_s = self._latency_s * (_YOUNG_LATENCY if len(keyframes) < _YOUNG else 1.0)
+        own.due_s = max(start, float(self._memory[pad, online.LAST_T])) + latency_s
 
     def _compile(self) -> None:
         """Run the kernels on nothing, so that none is compiled within the stream."""
@@ -321,3 +335,9 @@ class StreamSession:
             self._layout.starts,
         )
         del slips
+
+
+def _better(found: tuple[Floats, Floats, float, int], m: Floats) -> bool:
+    """Whether a state found elsewhere explains the scan surely better than the one that was followed."""
+    _, _, chi, count = found
+    return chi * count < m[online.CHI] * m[online.COUNT] - _SURELY * m[online.USUAL]
