@@ -168,11 +168,11 @@ def test_the_summary_says_what_ran_on_what(tmp_path: Path) -> None:
 
 
 def test_parameters_of_the_stages_are_options(tmp_path: Path) -> None:
-    arguments = ["--condition.tare", "none", "--condition.contact-on", "9", "--monitor.start", "7"]
+    arguments = ["--condition.tare", "none", "--condition.contact-on", "9", "--monitor.settle-s", "0.2"]
     assert main(["estimate", str(save_npz(tmp_path / "a.npz")), "--out", str(tmp_path), *arguments]) == 0
     parameters = json.loads((tmp_path / "summary.json").read_text())["parameters"]
     assert (parameters["condition"]["tare"], parameters["condition"]["contact_on"]) == ("none", 9.0)
-    assert parameters["monitor"]["start"] == 7.0
+    assert parameters["monitor"]["settle_s"] == 0.2
 
 
 @pytest.mark.parametrize("option", [["--gain", "1.04"], ["--gain=1.04"]], ids=" ".join)
@@ -386,7 +386,7 @@ def test_a_time_that_is_no_number(tmp_path: Path, capsys: Capture) -> None:
         ["--condition.lowpass-hz", "5"],
         ["--condition.median-scans", "2"],
         ["--features.threshold", "nan"],
-        ["--monitor.stop", "50"],
+        ["--monitor.alarms-per-hour", "0"],
     ],
     ids=" ".join,
 )
