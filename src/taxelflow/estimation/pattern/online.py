@@ -46,9 +46,10 @@ if TYPE_CHECKING:
     SLACK_T,  # and of theta
     CUT,  # whether this contact has ever been cut by the border
     PROBATION,  # scans for which a recognised pattern is looked for all over the pad
+    CHANGING,  # whether the pattern does not stay: every scan is learned from, and the old forgotten
     FLAG,  # what the last scan calls for, one of the below
     SLOTS,
-) = range(31)
+) = range(32)
 """Places in a pad's memory."""
 
 NOTHING, NOVEL, STRANGE, GONE = range(4)
@@ -279,7 +280,8 @@ def report(
         m[CONTINUES] = 1.0
         xx, yy, xy = noise[0, 0], noise[1, 1], noise[0, 1]
         largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
-        quality[pad] = AMBIGUOUS if largest + m[SLACK] * scale**2 > (_BLURRED * scale) ** 2 else OK
+        blurred = largest + m[SLACK] * scale * scale > (_BLURRED * scale) ** 2
+        quality[pad] = AMBIGUOUS if blurred or m[CHANGING] > 0.0 else OK
         if m[CHI] <= gate(m[USUAL], m[COUNT]):
             m[POOR] = 0.0
             if largest < (_BLURRED * scale) ** 2:
@@ -289,7 +291,7 @@ def report(
                     apart += m[RADIUS] * abs(state[THETA] - keyframes[pad, k, 2])
                     if apart + abs(np.log(state[GAIN] / keyframes[pad, k, 3])) * _NEAR / _LOUDER < _NEAR:
                         close += 1
-                if close < _SAME:
+                if close < _SAME or m[CHANGING] > 0.0:
                     m[FLAG] = NOVEL
         else:
             quality[pad] = UNRESOLVED

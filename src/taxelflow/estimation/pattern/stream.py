@@ -29,6 +29,8 @@ _TURN_STD = 0.1
 _LEAST_GAIN_STD = 0.05
 _DOUBT = 0.25
 _STILL = 1e-3
+_MUCH_MORE = 3.0
+"""A pattern from scans so many times fainter is not worth keeping."""
 _PROBATION, _SURELY = 8, 9.0
 _YOUNG, _YOUNG_LATENCY = 12, 0.2
 """A pattern of few keyframes is learned faster, and adopted after this share of the usual time."""
@@ -219,6 +221,19 @@ class StreamSession:
         m[online.LAST_T] = t
         m[online.CENTROID_X], m[online.CENTROID_Y] = middle[:2]
 
+    def _learn_anew(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
+        """A new pattern from this scan, which stays where it is."""
+        own, state = self._pads[pad], self._states[pad]
+        taxels, m = self._layout.of_pad(pad), self._memory[pad]
+        self._settle(own)
+        own.waiting = []
+        delay = self._delay[taxels] if len(self._delay) else np.zeros(taxels.stop - taxels.start)
+        scan = (self._places[:, taxels], reading[taxels], variance[taxels], self._ceiling[taxels])
+        learned = first_pattern(t, *scan, delay, state[:2])
+        m[online.THETA_0] -= state[THETA]
+        self._put(pad, learned)
+        self._states[pad] = learned.keyframes.states[0]
+
     def _put(self, pad: int, learned: Learned) -> None:
         """Make what was learned the pattern that scans are registered on."""
         pattern, m = learned.pattern, self._memory[pad]
@@ -238,6 +253,7 @@ class StreamSession:
         m[online.TURN_STD] = _TURN_STD if learned.turns else 0.0
         m[online.GAIN_STD] = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
         m[online.SHARE] = 1.0 - 1.0 / max(learned.sight, 2.0)
+        m[online.CHANGING] = 1.0 if learned.changing else 0.0
         m[online.SLACK], m[online.SLACK_T] = learned.slack
         m[online.SEEN] = 1.0 if learned.seen else 0.0
         states = learned.keyframes.states
@@ -294,6 +310,9 @@ class StreamSession:
             return
         taxels = self._layout.of_pad(pad)
         m = self._memory[pad]
+        if self._states[pad, GAIN] > _MUCH_MORE and not own.learned.mature:  # what was learned from is too faint
+            self._learn_anew(pad, t, reading, variance)
+            return
         late = self._delay[taxels] if len(self._delay) else np.zeros(0)
         bend = m[online.SPEED_X : online.SPEED_T + 1, np.newaxis] * late
         own.waiting.append((t, reading[taxels].copy(), variance[taxels].copy(), bend, self._states[pad].copy()))
