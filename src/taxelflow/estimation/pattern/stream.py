@@ -31,7 +31,9 @@ _DOUBT = 0.25
 _STILL = 1e-3
 _MUCH_MORE = 3.0
 """A pattern from scans so many times fainter is not worth keeping."""
-_PROBATION, _SURELY = 8, 9.0
+_PROBATION, _SURELY, _LEAP = 8, 9.0, 2.0
+"""A pattern that was recognised is looked for all over the pad in so many scans, and found elsewhere if chi-square is
+less by so much; later it is looked for within so many pitches."""
 _YOUNG, _YOUNG_LATENCY = 12, 0.2
 """A pattern of few keyframes is learned faster, and adopted after this share of the usual time."""
 
@@ -162,12 +164,15 @@ class StreamSession:
             fits = m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT])
             if fits and m[online.PROBATION] == 0.0:
                 continue
+            near = m[online.PROBATION] == 0.0
             m[online.PROBATION] = max(m[online.PROBATION] - 1.0, 0.0)
             own = self._layout.of_pad(int(pad))
             middle = m[online.CENTROID_X : online.CENTROID_Y + 1]
             scan = (self._places[:, own], reading[own], variance[own], self._ceiling[own])
             found = recognised(known, middle, *scan)
-            if found is not None and (not fits or _better(found, m)):
+            if found is None or (near and np.hypot(*(found[0] - self._states[pad])[:2]) > _LEAP):
+                continue
+            if not fits or _better(found, m):
                 self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
                 m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
 
@@ -201,7 +206,7 @@ class StreamSession:
     def _begin(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
         own = self._layout.of_pad(pad)
-        places, middle = self._places[:, own], np.empty(3)
+        places, middle = self._places[:, own], np.empty(4)
         online.centroid(reading[own], variance[own], places, self._border[own], middle)
         m = self._memory[pad]
         m[:] = 0.0
@@ -219,7 +224,7 @@ class StreamSession:
             self._put(pad, learned)
             self._states[pad] = learned.keyframes.states[0]
         m[online.LAST_T] = t
-        m[online.CENTROID_X], m[online.CENTROID_Y] = middle[:2]
+        m[online.CENTROID_X], m[online.CENTROID_Y], m[online.LOAD] = middle[0], middle[1], middle[3]
 
     def _learn_anew(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """A new pattern from this scan, which stays where it is."""
