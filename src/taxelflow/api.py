@@ -16,7 +16,7 @@ from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
 from taxelflow.layout import Sensor, load_sensor
-from taxelflow.messages import Bools, Event, Motions, Scans, Slips, joined
+from taxelflow.messages import Bools, Event, LearnedPattern, Motions, Scans, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pipeline import Pipeline, Run
 from taxelflow.publish.summary import Summary, Totals
@@ -30,7 +30,7 @@ class Result:
     """Everything that a recording gave, in memory.
 
     pads: names along the second axis of the arrays of `slips` and of slipping (scans, pads). `motions` is the
-    object's motion per scan, `summary` what `summary.json` holds.
+    object's motion per scan, `summary` what `summary.json` holds, `patterns` what a method that learns has learned.
     """
 
     pads: tuple[str, ...]
@@ -38,6 +38,7 @@ class Result:
     slipping: Bools
     motions: Motions
     events: list[Event]
+    patterns: list[LearnedPattern]
     summary: Summary
 
 
@@ -111,6 +112,7 @@ def estimate(
         slipping=np.concatenate([output.slipping for output in outputs]),
         motions=joined([output.motions for output in outputs]),
         events=[event for output in outputs for event in output.events],
+        patterns=run.patterns,
         summary=summarise(name, pipeline, run, totals),
     )
 
@@ -142,6 +144,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
             notes.append(f"not in the calibration, so at gain 1: {', '.join(bare)}")
     if silent := [taxel for taxel in masked if not recording.masked[taxel]]:
         notes.append(f"masked, because silent while noise was learned: taxels {', '.join(map(str, silent))}")
+    notes += run.notes
     return Summary(
         taxelflow=__version__,
         input=str(recording.source),

@@ -26,6 +26,7 @@ BAD_INPUT, PARTLY_READ, INTERRUPTED = 2, 1, 130
 class Estimate:
     """Estimate motion and slip from a recording: slips.csv, object.csv, events.csv, summary.json.
 
+    A method that learns the object's pressure pattern (template) writes patterns.npz, too.
     A method's own parameters follow as options, e.g. --gain 1.04 for lnorm and convolution.
     Exit code: 0; 1 if the recording is truncated and only a part could be read; 2 on bad input.
     """
@@ -68,6 +69,7 @@ class Estimate:
                 tables.write(output.slips, output.slipping, output.motions, output.events)
                 totals.add(output.slips, output.slipping, output.events)
             summary = api.summarise(self.method, pipeline, run, totals)
+            tables.write_patterns(run.patterns)
             tables.write_summary(summary)
         say(summary, self.out)
         return PARTLY_READ if summary.loss else 0

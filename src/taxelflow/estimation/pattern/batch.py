@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from taxelflow.estimation.pattern.contact import solve_contact
+from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.poses import Poses, aligned, poses_of
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.translation import mark_border
@@ -66,6 +67,7 @@ class BatchSession:
         edge = np.flatnonzero(layout.border.any(axis=1))
         self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
         self._dead: dict[str, set[int]] = {}
+        self.patterns = Maps()
 
     @property
     def notes(self) -> list[str]:
@@ -125,6 +127,18 @@ class BatchSession:
         if contact.before is not None:
             known = len(contact.before)
             poses = aligned(poses, contact.before)
+        self.patterns.add(
+            layout.pads[pad],
+            solved.pattern,
+            scanned,
+            solved.states,
+            poses.pose[-1],
+            rough=solved.rough,
+            pitch_m=pitch_m,
+            size=layout.pitch_m[pad] / pitch_m,
+            turns=solved.turns,
+            dead=layout.source[own][solved.dead],
+        )
         self._done.append(_Done(pad, contact.start, known, poses, scans.t_s))
         return poses
 
