@@ -63,7 +63,7 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
     below = 2.1 if turned else 0.0
     figure = plt.figure(figsize=(3 * width + 1.9, height + 0.9 + below), layout="constrained")
     rows = figure.subfigures(2, 1, height_ratios=(height + 0.9, below)) if turned else [figure.subfigures(1, 1)]
-    axes = rows[0].subplots(1, 3, width_ratios=(1.0, 1.1, 1.1))
+    axes = rows[0].subplots(1, 3)
     scale, unit = _scale(contact)
     top = float(np.nanmax(contact.pattern.pressure)) / scale
     if contact.scan is not None:
