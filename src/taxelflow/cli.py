@@ -215,11 +215,16 @@ class Simulate:
 
 @dataclass(frozen=True)
 class Score:
-    """Measure accuracy against truth on the simulated rig."""
+    """Measure accuracy: against truth on the simulated rig, or on real recordings without it."""
 
-    what: Positional[Literal["table1", "field"]]
+    what: Positional[Literal["table1", "field", "real"]]
     """table1: the paper's Table I beside ours, by both of the paper's methods. field: translation and rotation of an
-    object over the whole hand, by number of slip vectors."""
+    object over the whole hand, by number of slip vectors. real: on recordings without truth, how well the template
+    predicts the next scan, and its turn beside the principal axis."""
+    recordings: Positional[tuple[Path, ...]] = ()
+    """real: the recordings; sensors are theirs or --sensor."""
+    sensor: str | None = None
+    """real: a built-in sensor or a TOML file; not needed where the recordings name their own."""
     strokes: int = 1000
     """table1: strokes at each speed, half of them backward."""
     seeds: int = 10
@@ -239,13 +244,30 @@ class Score:
         _at_least("strokes", self.strokes, 2)
         _at_least("seeds", self.seeds, 1)
         _at_least("seed", self.seed, 0)
-        if self.what == "table1":
+        if self.recordings and self.what != "real":
+            raise ParameterInvalid("recordings", [str(path) for path in self.recordings], "only score real takes them")
+        if self.what == "real":
+            self._real()
+        elif self.what == "table1":
             table = table1(self.strokes, self.seed, lambda trials: counted(trials, "trials"))
             show_table1(table) if not self.json else sys.stdout.buffer.write(to_json(table))
         else:
             field = score_field(self.seeds, lambda seeds: counted(seeds, "seeds"))
             show_field(field) if not self.json else sys.stdout.buffer.write(to_json(field))
         return 0
+
+    def _real(self) -> None:
+        from taxelflow import api
+        from taxelflow.publish.real import show_real
+        from taxelflow.publish.summary import to_json
+        from taxelflow.publish.terminal import counted
+        from taxelflow.score.real import score_real
+
+        if not self.recordings:
+            raise ParameterInvalid("recordings", "nothing", "give at least one recording")
+        opened = [api.read(path, self.sensor) for path in self.recordings]
+        scored = score_real(opened, lambda recordings: counted(recordings, "recordings"))
+        show_real(scored) if not self.json else sys.stdout.buffer.write(to_json(scored))
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import RecordingError, ResultMissing
 from taxelflow.estimation.literal import convolution_matrix
 from taxelflow.geometry import place
-from taxelflow.publish.plots.hand import Moment, field_figure
 from taxelflow.publish.patterns import read_patterns
+from taxelflow.publish.plots.hand import Moment, field_figure
 from taxelflow.publish.plots.path import path_figure
 from taxelflow.publish.plots.pattern import Contact, pattern_figure
 from taxelflow.publish.plots.position import position_figure
@@ -145,7 +145,9 @@ def _axis_track(
 def _all_images(ran: Summary, recording: Recording, pad: str, t_s: Floats) -> Floats:
     """(n, rows, cols), the pad in the scans at t_s (n,), conditioned as in the run."""
     number = recording.layout.pads.index(pad)
-    return np.stack([image for when, image in _images(ran, recording, number) if t_s[0] - 1e-6 <= when <= t_s[-1] + 1e-6])
+    return np.stack(
+        [image for when, image in _images(ran, recording, number) if t_s[0] - 1e-6 <= when <= t_s[-1] + 1e-6]
+    )
 
 
 def _field(ran: Summary, tracks: list[Track], directory: Path) -> list[Moment]:

@@ -43,7 +43,9 @@ def read_patterns(directory: Path) -> list[LearnedPattern]:
         with np.load(path) as file:
             rows = zip(*(file[name].tolist() for name in _SINGLE), strict=True)
             return [
-                LearnedPattern(**dict(zip(_SINGLE, row, strict=True)), **{name: file[f"{name}_{k}"] for name in _ARRAYS})
+                LearnedPattern(
+                    **dict(zip(_SINGLE, row, strict=True)), **{name: file[f"{name}_{k}"] for name in _ARRAYS}
+                )
                 for k, row in enumerate(rows)
             ]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:

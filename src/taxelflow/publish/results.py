@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 # fmt: off
 _COLUMNS = (
-    "t_s", "x_m", "y_m", "theta_rad", "dx_m", "dy_m", "vx_m_s", "vy_m_s", "std_x_m", "std_y_m", "std_theta_rad", "lag_s",
+    "t_s", "x_m", "y_m", "theta_rad", "dx_m", "dy_m", "vx_m_s", "vy_m_s", "std_x_m", "std_y_m", "std_theta_rad",
+    "lag_s",
 )
 # fmt: on
 _FLAGS = ("contact", "slipping")

@@ -6,11 +6,11 @@ import sys
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn, track
-from rich.table import Table
 from rich.text import Text
+
+from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sized
@@ -46,27 +46,10 @@ def counted(items: Iterable[Item], what: str) -> Iterator[Item]:
     yield from track(items, description=what, console=console, transient=True, disable=not console.is_terminal)
 
 
-def _table(*headings: str, title: str | None = None, caption: str | None = None) -> Table:
-    """A quiet table; headings that end in a colon stand left, numbers right."""
-    # Names come from files: in cells and titles they are Text, in which brackets are brackets.
-    table = Table(
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        show_edge=False,
-        title=Text(title) if title else None,
-        title_justify="left",
-        caption=caption,
-        caption_justify="left",
-    )
-    for heading in headings:
-        table.add_column(Text(heading.rstrip(":")), justify="left" if heading.endswith(":") else "right")
-    return table
-
-
 def say(summary: Summary, directory: Path) -> None:
     """A finished run in a few lines; what was lost or odd goes to stderr."""
     title = f"{summary.method}, {summary.scans} scans of {summary.sensor}"
-    table = _table("pad:", "contact scans", "slips", "net x mm", "net y mm", "at border", title=title)
+    table = quiet_table("pad:", "contact scans", "slips", "net x mm", "net y mm", "at border", title=title)
     for name, pad in summary.pads.items():
         if pad.contact_scans:
             net = [f"{1e3 * m:+.1f}" for m in pad.net_m]
@@ -110,7 +93,7 @@ def show_checkup(checkup: Any) -> None:
     if any(pad.missing_readings for pad in checkup.pads):
         columns.append(("missing", [str(pad.missing_readings) for pad in checkup.pads]))
     caption = "contact in scans; idle, full (saturated) and masked in taxels"
-    table = _table("pad:", *(heading for heading, _ in columns[1:]), caption=caption)
+    table = quiet_table("pad:", *(heading for heading, _ in columns[1:]), caption=caption)
     for row in zip(*(cells for _, cells in columns), strict=True):
         table.add_row(*row)
     console.print(table)
@@ -122,7 +105,7 @@ def _range(lowest: float | None, highest: float | None) -> str:
 
 def list_sensors(sensors: list[Sensor]) -> None:
     """A table of sensors."""
-    table = _table("name:", "pads", "taxels", "unit:", "note:")
+    table = quiet_table("name:", "pads", "taxels", "unit:", "note:")
     for sensor in sensors:
         table.add_row(sensor.name, str(len(sensor.pads)), str(sensor.layout.taxels), sensor.unit, sensor.note)
     Console(markup=False).print(table)
@@ -157,7 +140,7 @@ def draw_sensor(sensor: Sensor) -> None:
 def show_calibration(calibration: Calibration, path: Path) -> None:
     """Gains with standard errors, the mm they amount to, and the frames and clocks found."""
     console = Console(markup=False, highlight=False, soft_wrap=True)
-    table = _table(
+    table = quiet_table(
         "pad:",
         "axis:",
         "gain",
@@ -192,7 +175,7 @@ def show_table1(table: Any) -> None:
     """The paper's Table I, then ours, in its columns."""
     console = Console(markup=False)
     names = {"lnorm": "L norm", "convolution": "flow"}
-    paper = _table(
+    paper = quiet_table(
         "mm/s", "method:", "backward", "forward", "RMSE mm/s", "RMSE %", title="Table I as published: one trial"
     )
     for row in table.paper:
@@ -203,7 +186,7 @@ def show_table1(table: Any) -> None:
     console.print(paper)
     console.print()
     title = f"ours: {table.strokes} strokes a speed, seed {table.seed}"
-    ours = _table("mm/s", "method:", "scans:", "factor", "back", "forth", "RMSE", "%", "±", "bias", title=title)
+    ours = quiet_table("mm/s", "method:", "scans:", "factor", "back", "forth", "RMSE", "%", "±", "bias", title=title)
     for row in table.ours:
         ours.add_row(
             str(row.nominal_mm_s),
@@ -234,7 +217,7 @@ def show_field(scored: Any) -> None:
     console = Console(markup=False)
     for scenario in dict.fromkeys(row.scenario for row in scored.rows):
         title = f"{scenario}, {scored.seeds} seeds"
-        table = _table("vectors", "hand:", "direction deg", "speed %", "turn %", "turn bias %", title=title)
+        table = quiet_table("vectors", "hand:", "direction deg", "speed %", "turn %", "turn bias %", title=title)
         for row in scored.rows:
             if row.scenario == scenario:
                 direction = "-" if row.direction_deg is None else f"{row.direction_deg:.1f}"
@@ -258,24 +241,24 @@ def show_bench(figures: Any) -> None:
     """Tables of a `Bench`."""
     console = Console(markup=False)
     title = "one step of a whole hand, every pad loaded"
-    steps = _table("sensor:", "what:", "p50 us", "p99 us", "x literal", title=title)
+    steps = quiet_table("sensor:", "what:", "p50 us", "p99 us", "x literal", title=title)
     for row in figures.latencies:
         steps.add_row(row.sensor, row.what, f"{row.p50_us:.1f}", f"{row.p99_us:.1f}", f"{row.times_faster:.1f}")
     console.print(steps)
     console.print()
-    batch = _table("array:", "what:", "GB/s", "x read", "Mscans/s", title="many scans at once, one core")
+    batch = quiet_table("array:", "what:", "GB/s", "x read", "Mscans/s", title="many scans at once, one core")
     for row in figures.throughputs:
         rates = (f"{row.gb_per_s:.1f}", f"{row.share_of_read:.2f}", f"{row.million_scans_per_s:.2f}")
         batch.add_row(row.array, row.what, *rates)
     console.print(batch)
     console.print()
     title = f"estimate, {figures.scans} scans of {figures.recording}"
-    shares = _table("stage:", "ms", "share", title=title)
+    shares = quiet_table("stage:", "ms", "share", title=title)
     for row in figures.shares:
         shares.add_row(row.stage, f"{1e3 * row.seconds:.0f}", f"{100 * row.share:.1f} %")
     console.print(shares)
     console.print()
-    starts = _table("command:", "ms", "x import numpy", title="start of a process")
+    starts = quiet_table("command:", "ms", "x import numpy", title="start of a process")
     for row in figures.starts:
         starts.add_row(row.command, f"{1e3 * row.seconds:.0f}", f"{row.over_import_numpy:.2f}")
     console.print(starts)

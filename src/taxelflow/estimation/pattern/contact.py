@@ -61,12 +61,12 @@ class Solved:
     dead: NDArray[np.int64]
     sight: float
 
-    def unexplained(self, scanned: Scanned, rough: float) -> float:
-        """Chi-square per degree of freedom if the pattern's relative error were `rough`."""
-        fit = self.fit
-        used = fit.weight > 0
-        variance = scanned.variance[used] + (rough * np.maximum(fit.model[used], 0.0)) ** 2
-        return float(np.minimum(fit.residual[used] ** 2 / variance, 25.0).mean() / fit.freedom) if used.any() else 0.0
+
+def unexplained(fit: Fit, scanned: Scanned, rough: float) -> float:
+    """Chi-square per degree of freedom if the pattern's relative error were `rough`."""
+    used = fit.weight > 0
+    variance = scanned.variance[used] + (rough * np.maximum(fit.model[used], 0.0)) ** 2
+    return float(np.minimum(fit.residual[used] ** 2 / variance, 25.0).mean() / fit.freedom) if used.any() else 0.0
 
 
 def solve_contact(scanned: Scanned, size: Floats) -> Solved:
@@ -81,7 +81,7 @@ def solve_contact(scanned: Scanned, size: Floats) -> Solved:
         kept = scanned.variance[:, worst].copy()
         scanned.variance[:, worst] = 0.0
         without = _solve_either(scanned, size)
-        if without.unexplained(scanned, solved.rough) > _DEAD_GAIN * solved.unexplained(scanned, solved.rough):
+        if unexplained(without.fit, scanned, solved.rough) > _DEAD_GAIN * unexplained(solved.fit, scanned, solved.rough):
             scanned.variance[:, worst] = kept
             break
         dead.append(worst)
@@ -102,13 +102,13 @@ def _solve_either(scanned: Scanned, size: Floats) -> Solved:
         fixed = _solve(scanned, _tracker(scanned, size, turns=False), turns=False)
     else:
         fixed = _solve(scanned, _tracker(scanned, size, turns=False), turns=False)
-        if fixed.sight < _ROUND and fixed.unexplained(scanned, _FIRST_ROUGH) < _EXPLAINED:
+        if fixed.sight < _ROUND and unexplained(fixed.fit, scanned, _FIRST_ROUGH) < _EXPLAINED:
             return fixed
         free = _solve(scanned, tracker, turns=True)
         if free.sight > _SEEN:
             return free
     rough = min(free.rough, fixed.rough)
-    needed = fixed.unexplained(scanned, rough) > _TURN_NEEDED * free.unexplained(scanned, rough)
+    needed = unexplained(fixed.fit, scanned, rough) > _TURN_NEEDED * unexplained(free.fit, scanned, rough)
     return free if needed else fixed
 
 
@@ -153,10 +153,6 @@ def _solve(scanned: Scanned, tracker: Tracker, *, turns: bool) -> Solved:
         fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
     sight = sight_of_turn(pattern, scanned, states, fit.factor, start, rough) * fit.freedom**2
     return Solved(pattern, states, fit, rough, gain_std, turns, np.zeros(0, np.int64), sight)
-
-
-def _cost(fit: Fit) -> float:
-    return float(fit.chi.sum())
 
 
 def gains(fit: Fit, states: Floats) -> tuple[float, float]:

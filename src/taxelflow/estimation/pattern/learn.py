@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxelflow.estimation.pattern.contact import gains, roughness, sight_of_turn
-from taxelflow.estimation.pattern.joint import refine
+from taxelflow.estimation.pattern.contact import gains, roughness, sight_of_turn, unexplained
+from taxelflow.estimation.pattern.joint import Fit, refine
 from taxelflow.estimation.pattern.online import gate
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
 from taxelflow.estimation.pattern.register import register
@@ -25,17 +25,18 @@ _SPACING = 0.5
 _MARGIN = 1.5
 _NEAR = 0.25
 """Keyframes closer than this, in pitches, show the same."""
-_SAME = 3
-"""As many of them are kept: more do not tell more."""
 MOST_KEYFRAMES = 60
 _YOUNG = 8
 _RAW_ROUGH, _FIRST_ROUGH = 0.1, 0.02
 _FIRST_GAIN_STD = 0.3
 _LOOSE_TURN = 1e-3
-_SEEN, _DECIDE = 3.0, 4
+_SEEN, _DOUBTFUL, _DECIDE = 3.0, 1.0, 4
+_EXPLAINED, _TURN_NEEDED, _WHOLE = 1.3, 1.5, 0.1
 _CUT_LOOKS_TURNED = 10.0
-FIRST_SLACK = (0.1, 0.01)
+FIRST_SLACK = (0.0025, 0.0025)
 """Before anything is known of how good a pattern is: pitches^2, rad^2."""
+_CUT_SLACK = 0.5
+"""What is added, times the share of the load that lies at the border."""
 _FORGET = 0.5
 _MATURE, _SETTLED = 10, 0.05
 
@@ -49,11 +50,6 @@ class Keyframes:
 
     def __len__(self) -> int:
         return len(self.states)
-
-    def novel(self, state: Floats, radius: float) -> bool:
-        """Whether a scan at this state (5,) shows the pattern anew; radius of the contact, in pitches."""
-        apart = np.hypot(*(self.states[:, :2] - state[:2]).T) + radius * np.abs(self.states[:, THETA] - state[THETA])
-        return int(np.sum(apart < _NEAR)) < _SAME
 
     def spread(self, radius: float) -> float:
         """How far the keyframes lie from one another, in pitches."""
@@ -89,7 +85,8 @@ class Learned:
     slack: (2,) how wrong poses on the pattern before have been, variance of x and y (pitches^2) and of theta (rad^2).
     fresh: how many of the last keyframes were registered on the pattern before.
     turned: by how much its theta differs from that of the pattern before.
-    gain_std: from scan to scan. turns: whether a turn can be seen. refined: jointly.
+    gain_std: from scan to scan. turns: whether it may turn; seen: whether
+    the pattern shows a turn. refined: jointly.
     """
 
     pattern: Pattern
@@ -99,6 +96,7 @@ class Learned:
     usual: float = 1.0
     gain_std: float = _FIRST_GAIN_STD
     turns: bool = False
+    seen: bool = False
     sight: float = 2.0
     turned: float = 0.0
     slack: Floats = field(default_factory=lambda: np.array(FIRST_SLACK))
@@ -116,7 +114,9 @@ def first_pattern(
     """A pattern from a single scan, its origin at the contact's centroid."""
     scanned = Scanned.of(np.array([t_s]), places, reading[np.newaxis], variance[np.newaxis], ceiling, delay_s)
     state = np.array([*scanned.centroids()[0], 0.0, 1.0, 0.0])
-    return learn(Learned(_covering(scanned, state[np.newaxis], None), Keyframes(scanned, state[np.newaxis]), 1.0))
+    learned = learn(Learned(_covering(scanned, state[np.newaxis], None), Keyframes(scanned, state[np.newaxis]), 1.0))
+    learned.slack[0] += _CUT_SLACK * _most_whole(learned.keyframes)[1]
+    return learned
 
 
 def recognised(
@@ -198,34 +198,52 @@ def _learn(known: Learned) -> Learned:
     doubt, spare = pattern.doubt, 1.0
     radius = _radius(pattern)
     new = replace(known, pattern=pattern, radius=radius, rough=rough, turned=0.0)
+    scan, cut_off = _most_whole(keyframes)
     if count > 2 and keyframes.spread(radius) > _NEAR:
-        turn = _LOOSE_TURN if known.turns else np.inf
-        gain_std = known.gain_std if count >= _YOUNG else _FIRST_GAIN_STD
-        stiffness = np.array([0.0, 0.0, turn, gain_std**-2, np.inf])
-        used = min(rough, _FIRST_ROUGH)
-        fit = refine(pattern, scanned, states, rounds=6 if count < _YOUNG else 3, rough=used, stiffness=stiffness)
-        if count >= _YOUNG:
-            mean, new.gain_std = gains(fit, states)
-            states[:, GAIN] /= mean
-            pattern.coefficients = pattern.coefficients * mean
-            pattern.smoothing /= mean**2
-            new.rough = roughness(fit, scanned)
-        factor = fit.factor
+        fit = _refined(new, pattern, scanned, states)
+        whole = cut_off < _WHOLE
+        if not known.turns and whole and count >= _DECIDE and unexplained(fit, scanned, _FIRST_ROUGH) > _EXPLAINED:
+            free = replace(new, turns=True)
+            turned, angled = replace(pattern), keyframes.states.copy()
+            better = _refined(free, turned, scanned, angled)
+            if unexplained(fit, scanned, _FIRST_ROUGH) > _TURN_NEEDED * unexplained(better, scanned, _FIRST_ROUGH):
+                new, pattern, states, fit = replace(free, pattern=turned), turned, angled, better
+        factor, spare = fit.factor, fit.freedom
         new.usual = max(fit.reduced / fit.freedom, 0.3)
         new.turned = float(np.mean(states[:, THETA] - keyframes.states[:, THETA]))
         states = reframed(states, keyframes.states, fit.information, pattern)
         off = (states - keyframes.states)[count - known.fresh :]
         if len(off):
-            wrong = np.array([0.5 * np.mean(off[:, :2] ** 2) * 2.0, np.mean((off[:, THETA] - new.turned) ** 2)])
+            wrong = np.array([np.mean(off[:, :2] ** 2), np.mean((off[:, THETA] - new.turned) ** 2)])
             new.slack = np.maximum(wrong, _FORGET * known.slack)
-        spare = fit.freedom
     if count >= _DECIDE:
-        scan, cut_off = _most_whole(keyframes)
-        new.sight = sight_of_turn(pattern, scanned, states, factor, scan, max(new.rough, _FIRST_ROUGH)) * spare**2
-        new.turns = known.turns or new.sight > _SEEN * (1.0 + _CUT_LOOKS_TURNED * cut_off)
+        sight = sight_of_turn(pattern, scanned, states, factor, scan, max(new.rough, _FIRST_ROUGH)) * spare**2
+        new.sight = sight
+        likely = sight > _SEEN * (1.0 + _CUT_LOOKS_TURNED * cut_off)
+        new.seen = likely or (known.seen and sight > _DOUBTFUL)
+        new.turns = new.seen or (new.turns and sight > _DOUBTFUL)
+        if not new.turns:
+            states[:, THETA] = states[0, THETA]
     pattern.doubt = doubt
     new.keyframes = Keyframes(scanned, states)
     return new
+
+
+def _refined(new: Learned, pattern: Pattern, scanned: Scanned, states: Floats) -> Fit:
+    """Refine pattern and states (n, 5) jointly, in place; what that says of gains and roughness goes into `new`."""
+    young = len(states) < _YOUNG
+    turn = _LOOSE_TURN if new.turns else np.inf
+    gain_std = _FIRST_GAIN_STD if young else new.gain_std
+    stiffness = np.array([0.0, 0.0, turn, gain_std**-2, np.inf])
+    rounds, rough = (6, _FIRST_ROUGH) if young else (3, min(new.rough, _FIRST_ROUGH))
+    fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
+    if not young:
+        mean, new.gain_std = gains(fit, states)
+        states[:, GAIN] /= mean
+        pattern.coefficients = pattern.coefficients * mean
+        pattern.smoothing /= mean**2
+        new.rough = roughness(fit, scanned)
+    return fit
 
 
 def reframed(states: Floats, before: Floats, information: Floats, pattern: Pattern) -> Floats:

@@ -44,9 +44,10 @@ if TYPE_CHECKING:
     KEYFRAMES,  # how many there are
     SLACK,  # variance of x and y, in pitches^2, from errors of the pattern
     SLACK_T,  # and of theta
+    CUT,  # whether this contact has ever been cut by the border
     FLAG,  # what the last scan calls for, one of the below
     SLOTS,
-) = range(29)
+) = range(30)
 """Places in a pad's memory."""
 
 NOTHING, NOVEL, STRANGE, GONE = range(4)
@@ -57,29 +58,40 @@ _HUBER = 5.0
 _POOR = 2.0
 """A scan that fits so many times worse than usual is tried from other starts."""
 _LOOSE_GAIN_STD = 0.5
+_TURNS_GAIN = 0.3
+_CUT, _FIRST_TURN_STD = 0.1, 0.1
+"""A contact is cut if so much of its load lies at the border; an object that is whole may begin to turn."""
 _GATE, _FAR_OFF = 2.0, 10.0
 """Chi-square over the usual above which a scan does not fit, and does not fit at all."""
 _PATIENCE, _MOST_POOR = 5, 20
 _LEAP = 1.5
 """A scan that moves so many radii and pitches at once is not believed."""
-_NEAR, _SAME = 0.25, 3
+_NEAR, _SAME = 0.25, 5
+"""Keyframes closer than this, in pitches, show the same, and so many are enough."""
+_LOUDER = 0.5
+"""A change of the gain's logarithm by this much counts as a pitch."""
 _BLURRED = 0.25
 
 
 @kernel
-def centroid(reading: Floats, variance: Floats, places: Floats, out: Floats) -> None:
-    """Fill out (2,) with the centroid of what is loaded above 4 standard deviations and 5 % of the peak."""
+def centroid(reading: Floats, variance: Floats, places: Floats, edge: Bools, out: Floats) -> None:
+    """Fill out (3,) with the centroid of what is loaded above 4 standard deviations and 5 % of the peak, and the share of
+    it that lies at the border; edge: (taxels,).
+    """
     peak = 0.0
     for i in range(len(reading)):
         peak = max(peak, reading[i])
-    total = x = y = 0.0
+    total = x = y = border = 0.0
     for i in range(len(reading)):
         p = reading[i]
         if p > 0.05 * peak and p * p > 16.0 * variance[i] > 0.0:
             total += p
             x += p * places[0, i]
             y += p * places[1, i]
-    out[0], out[1] = (x / total, y / total) if total > 0.0 else (0.0, 0.0)
+            border += p if edge[i] else 0.0
+    out[:] = 0.0
+    if total > 0.0:
+        out[0], out[1], out[2] = x / total, y / total, border / total
 
 
 @kernel
@@ -90,6 +102,7 @@ def follow(
     ceiling: Floats,
     places: Floats,
     delay: Floats,
+    edge: Bools,
     starts: NDArray[np.int64],
     contact: Bools,
     patterns: Floats,
@@ -102,7 +115,7 @@ def follow(
     """Register one scan (entries,) on the patterns (pads, rows, cols) of all pads in contact; whether all of them fit.
 
     memory: (pads, SLOTS), states: (pads, 5) and information: (pads, 5, 5) are kept from scan to scan. places: (2,
-    entries) in pitches; delay: (entries,) or (0,).
+    entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a border of its pad.
     """
     fits = True
     one_point = np.zeros((1, 2))
@@ -116,8 +129,9 @@ def follow(
         ny, nx = int(m[ROWS]), int(m[COLS])
         span = t - m[LAST_T]
         last = states[pad].copy()
-        middle = np.empty(2)
-        centroid(reading[own], variance[own], where, middle)
+        middle = np.empty(3)
+        centroid(reading[own], variance[own], where, edge[own], middle)
+        m[CUT] = max(m[CUT], 1.0 if middle[2] > _CUT else 0.0)
         bend = no_bend
         if len(delay):
             bend = np.empty((3, where.shape[1]))
@@ -130,7 +144,7 @@ def follow(
         stiffness[SIZE] = 1e12
         best = np.inf
         trial, found = np.empty(STATE), np.zeros((STATE, STATE))
-        for attempt in range(4):
+        for attempt in range(5):
             trial[:] = last
             if attempt == 0:
                 trial[0] += m[SPEED_X] * span
@@ -141,12 +155,15 @@ def follow(
                 trial[0] += middle[0] - m[CENTROID_X]
                 trial[1] += middle[1] - m[CENTROID_Y]
             prior = last.copy()
-            if attempt < 3:
-                stiffness[GAIN] = 1.0 / (m[GAIN_STD] * last[GAIN]) ** 2
-            else:
+            stiffness[GAIN] = 1.0 / (m[GAIN_STD] * last[GAIN]) ** 2
+            if attempt >= 3:
                 trial[:] = states[pad]
                 stiffness[GAIN] = 1.0 / (_LOOSE_GAIN_STD * last[GAIN]) ** 2
-            prior[THETA] = trial[THETA] if m[TURN_STD] > 0.0 else 0.0
+            if attempt == 4:  # it may have begun to turn
+                if m[TURN_STD] > 0.0 or m[CUT] > 0.0 or m[CHI] <= gate(m[USUAL], m[COUNT]):
+                    break
+                stiffness[THETA] = 1.0 / _FIRST_TURN_STD**2
+            prior[THETA] = trial[THETA] if m[TURN_STD] > 0.0 else last[THETA]
             cost, chi, count = register(
                 patterns[pad, :ny, :nx],
                 doubts[pad, :ny, :nx],
@@ -166,19 +183,20 @@ def follow(
                 found,
                 scratch[own],
             )
-            if cost < best - 1e-3:
+            needed = 1e-3 if attempt < 4 else _TURNS_GAIN * best
+            if cost < best - needed:
                 best = cost
                 states[pad] = trial
                 information[pad] = found
                 m[CHI], m[COUNT] = chi / max(count, 1), count
-            if attempt < 3 and m[CHI] <= _POOR * m[USUAL]:
+            if m[CHI] <= _POOR * m[USUAL]:
                 break
         if span > 0.0:
             m[SPEED_X] = (states[pad, 0] - last[0]) / span
             m[SPEED_Y] = (states[pad, 1] - last[1]) / span
             m[SPEED_T] = (states[pad, 2] - last[2]) / span
         m[LAST_T] = t
-        m[CENTROID_X], m[CENTROID_Y] = middle
+        m[CENTROID_X], m[CENTROID_Y] = middle[0], middle[1]
         fits = fits and m[CHI] <= gate(m[USUAL], m[COUNT])
     return fits
 
@@ -211,7 +229,7 @@ def report(
     """Fill one scan's pose ... quality (pads, ...), which come in as NaN and 0, and each pad's FLAG.
 
     before, before_cov: (pads, 3), (pads, 3, 3), the pose before on the same pattern, before_t (pads,) its time.
-    keyframes: (pads, n, 3) poses of scans that the pattern is learned from, in pitches and rad.
+    keyframes: (pads, n, 4), pose in pitches and rad, and gain, of the scans that the pattern is learned from.
     """
     matrix, unit = np.empty((STATE, STATE)), np.empty(STATE)
     for pad in range(len(contact)):
@@ -266,7 +284,8 @@ def report(
                 close = 0
                 for k in range(int(m[KEYFRAMES])):
                     apart = np.hypot(state[0] - keyframes[pad, k, 0], state[1] - keyframes[pad, k, 1])
-                    if apart + m[RADIUS] * abs(state[2] - keyframes[pad, k, 2]) < _NEAR:
+                    apart += m[RADIUS] * abs(state[THETA] - keyframes[pad, k, 2])
+                    if apart + abs(np.log(state[GAIN] / keyframes[pad, k, 3])) * _NEAR / _LOUDER < _NEAR:
                         close += 1
                 if close < _SAME:
                     m[FLAG] = NOVEL

@@ -17,7 +17,7 @@ from taxelflow.estimation.pattern.learn import MOST_KEYFRAMES, Learned, first_pa
 from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.online import follow, report
 from taxelflow.estimation.pattern.predict import expected
-from taxelflow.estimation.pattern.spline import STATE, THETA
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
 from taxelflow.estimation.translation import mark_border
 from taxelflow.messages import Scans, Slips
 
@@ -30,6 +30,9 @@ _LIBRARY = 4
 _TURN_STD = 0.1
 _LEAST_GAIN_STD = 0.05
 _DOUBT = 0.25
+_STILL = 1e-3
+_YOUNG, _YOUNG_LATENCY = 12, 0.2
+"""A pattern of few keyframes is learned faster, and adopted after this share of the usual time."""
 
 
 @dataclass(slots=True, eq=False)
@@ -58,7 +61,7 @@ class StreamSession:
         self._states = np.zeros((pads, STATE))
         self._information = np.zeros((pads, STATE, STATE))
         self._patterns, self._doubts = np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8))
-        self._keyframes = np.zeros((pads, MOST_KEYFRAMES, 3))
+        self._keyframes = np.zeros((pads, MOST_KEYFRAMES, 4))
         self._before, self._before_cov = np.zeros((pads, 3)), np.zeros((pads, 3, 3))
         self._before_t = np.zeros(pads)
         self._scratch = np.zeros((layout.entries, 6))
@@ -68,6 +71,7 @@ class StreamSession:
         self._squared = np.zeros(layout.entries)
         self._ceiling = np.full(layout.entries, np.inf)
         edge = np.flatnonzero(layout.border.any(axis=1))
+        self._border = layout.border.any(axis=1)
         self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
         self.notes: list[str] = []
@@ -141,6 +145,7 @@ class StreamSession:
             self._ceiling,
             self._places,
             self._delay,
+            self._border,
             self._layout.starts,
             contact,
             self._patterns,
@@ -221,13 +226,13 @@ class StreamSession:
     def _begin(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
         own = self._layout.of_pad(pad)
-        places, middle = self._places[:, own], np.empty(2)
-        online.centroid(reading[own], variance[own], places, middle)
+        places, middle = self._places[:, own], np.empty(3)
+        online.centroid(reading[own], variance[own], places, self._border[own], middle)
         m = self._memory[pad]
         m[:] = 0.0
         scan = (places, reading[own], variance[own], self._ceiling[own])
         for known in reversed(self._pads[pad].library):
-            found = recognised(known, middle, *scan)
+            found = recognised(known, middle[:2], *scan)
             if found is not None:
                 self._put(pad, known)
                 self._states[pad] = found[0]
@@ -238,7 +243,7 @@ class StreamSession:
             self._put(pad, learned)
             self._states[pad] = learned.keyframes.states[0]
         m[online.LAST_T] = t
-        m[online.CENTROID_X], m[online.CENTROID_Y] = middle
+        m[online.CENTROID_X], m[online.CENTROID_Y] = middle[:2]
 
     def _put(self, pad: int, learned: Learned) -> None:
         """Make what was learned the pattern that scans are registered on."""
@@ -260,10 +265,10 @@ class StreamSession:
         m[online.GAIN_STD] = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
         m[online.SHARE] = 1.0 - 1.0 / max(learned.sight, 2.0)
         m[online.SLACK], m[online.SLACK_T] = learned.slack
-        m[online.SEEN] = 1.0 if learned.turns else 0.0
+        m[online.SEEN] = 1.0 if learned.seen else 0.0
         states = learned.keyframes.states
         m[online.KEYFRAMES] = len(states)
-        self._keyframes[pad, : len(states)] = states[:, : THETA + 1]
+        self._keyframes[pad, : len(states)] = states[:, : GAIN + 1]
         self._pads[pad].learned = learned
 
     def _adopt(self, pad: int, own: _Pad) -> None:
@@ -286,6 +291,7 @@ class StreamSession:
             self._ceiling,
             self._places,
             self._delay,
+            self._border,
             self._layout.starts,
             alone,
             self._patterns,
@@ -319,7 +325,7 @@ class StreamSession:
         own.waiting.append((t, reading[taxels].copy(), variance[taxels].copy(), bend, self._states[pad].copy()))
         count = int(m[online.KEYFRAMES])
         if count < MOST_KEYFRAMES:
-            self._keyframes[pad, count] = self._states[pad, : THETA + 1]
+            self._keyframes[pad, count] = self._states[pad, : GAIN + 1]
             m[online.KEYFRAMES] += 1
         if own.job is None:
             self._submit(pad, own)
@@ -334,9 +340,11 @@ class StreamSession:
             keyframes = keyframes.with_scan(*scan)
         start, fresh = own.waiting[-1][0], len(own.waiting)
         own.waiting = []
-        work = replace(known, keyframes=keyframes, fresh=fresh)
+        may_turn = known.turns or bool(np.ptp(keyframes.states[:, THETA]) > _STILL)
+        work = replace(known, keyframes=keyframes, fresh=fresh, turns=may_turn)
         own.job = self._worker.submit(learn, work)
-        own.due_s = max(start, float(self._memory[pad, online.LAST_T])) + self._latency_s
+        latency_s = self._latency_s * (_YOUNG_LATENCY if len(keyframes) < _YOUNG else 1.0)
+        own.due_s = max(start, float(self._memory[pad, online.LAST_T])) + latency_s
 
     def _compile(self) -> None:
         """Run the kernels on nothing, so that none is compiled within the stream."""
