@@ -42,9 +42,10 @@ def show_real(scored: Any) -> None:
     if not scored.predictions:
         console.print("no contact is long enough to predict a scan of it")
     console.print(
-        "errors of the next scan, % of its readings, RMS. forecast: the template, causal, its pose\n"
-        "moved on. no motion: the last scan again. registered: the template at the pose of\n"
-        "that scan. centroid: the last scan moved with the centroid. noise: of the sensor.\n"
-        "turn: the longest contact that shows one, the template as a batch.",
+        "Errors of the next scan, RMS, in % of its readings. forecast: the template,\n"
+        "causal, moved on at its last velocity. no motion: the last scan again.\n"
+        "registered: the template at the pose of that scan. centroid: the last scan,\n"
+        "moved as far as the centroid did. noise: the sensor's own. Turns: the longest\n"
+        "contact that shows one, the template as a batch.",
         style="dim",
     )

@@ -59,11 +59,14 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
     ratio = (box[1] - box[0]) / (box[3] - box[2])
     width = float(np.clip(_HEIGHT * ratio, 2.2, 3.4))
     height = width / ratio
-    turned = np.isfinite(contact.pose[:, 2]).any()
+    turned = bool(np.isfinite(contact.pose[:, 2]).any())
     below = 2.1 if turned else 0.0
     figure = plt.figure(figsize=(3 * width + 1.9, height + 0.9 + below), layout="constrained")
-    rows = figure.subfigures(2, 1, height_ratios=(height + 0.9, below)) if turned else [figure.subfigures(1, 1)]
-    axes = rows[0].subplots(1, 3)
+    parts: Any = figure.subfigures(
+        2 if turned else 1, 1, height_ratios=(height + 0.9, below)[: 1 + turned], squeeze=False
+    )
+    upper = parts[0, 0]
+    axes = upper.subplots(1, 3)
     scale, unit = _scale(contact)
     top = float(np.nanmax(contact.pattern.pressure)) / scale
     if contact.scan is not None:
@@ -80,11 +83,11 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
         axis.spines[:].set_visible(False)
     for axis, colour in ((axes[0], "white"), (axes[2], INK)):
         _draw_bar(axis, box, colour)
-    rows[0].colorbar(shades, ax=axes[1], label=f"pressure in {unit}", shrink=0.8, pad=0.03).outline.set_visible(False)
-    rows[0].colorbar(dots, ax=axes[2], label="time in s", shrink=0.8, pad=0.03).outline.set_visible(False)
+    upper.colorbar(shades, ax=axes[1], label=f"pressure in {unit}", shrink=0.8, pad=0.03).outline.set_visible(False)
+    upper.colorbar(dots, ax=axes[2], label="time in s", shrink=0.8, pad=0.03).outline.set_visible(False)
     figure.suptitle(plain(_title(contact)), x=0.01, ha="left", fontweight="bold", fontsize=11)
     if turned:
-        _draw_turn(rows[1].subplots(1, 1), contact)
+        _draw_turn(parts[1, 0].subplots(), contact)
     return figure
 
 
