@@ -68,6 +68,10 @@ class Maps(Sequence[LearnedPattern]):
         x, y, pressure, std = mapped(pattern, scanned, states, pose / [pitch_m, pitch_m, 1.0], rough, size)
         times = float(scanned.t_s[0]), float(scanned.t_s[-1])
         found = LearnedPattern(pad, *times, len(states), pitch_m * x, pitch_m * y, pressure, std, turns, dead)
+        self.keep(found)
+
+    def keep(self, found: LearnedPattern) -> None:
+        """One more map."""
         self._kept.append(found)
         while len(self._kept) > _MOST or sum(one.pressure.nbytes for one in self._kept) > _MOST_BYTES:
             self._kept.remove(min(self._kept, key=lambda one: one.scans))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.publish.plots.path import draw_pad
-from taxelflow.publish.plots.style import GREY, INK, MAGENTA, VERMILION, plain
+from taxelflow.publish.plots.style import GREY, INK, MAGENTA, VERMILION, caption, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,7 +61,7 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
     height = width / ratio
     turned = bool(np.isfinite(contact.pose[:, 2]).any())
     below = 2.1 if turned else 0.0
-    figure = plt.figure(figsize=(3 * width + 1.9, height + 0.9 + below), layout="constrained")
+    figure = plt.figure(figsize=(3 * width + 1.9, height + 1.1 + below), layout="constrained")
     parts: Any = figure.subfigures(
         2 if turned else 1, 1, height_ratios=(height + 0.9, below)[: 1 + turned], squeeze=False
     )
@@ -86,6 +86,8 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
     upper.colorbar(shades, ax=axes[1], label=f"pressure in {unit}", shrink=0.8, pad=0.03).outline.set_visible(False)
     upper.colorbar(dots, ax=axes[2], label="time in s", shrink=0.8, pad=0.03).outline.set_visible(False)
     figure.suptitle(plain(_title(contact)), x=0.01, ha="left", fontweight="bold", fontsize=11)
+    marks = "; marks: direction of the pattern's long axis" if turned else ""
+    caption(figure, f"Grey: where no taxel has looked{marks}.", int(14 * figure.get_figwidth()))
     if turned:
         _draw_turn(parts[1, 0].subplots(), contact)
     return figure
