@@ -61,7 +61,7 @@ class BatchSession:
         bare = np.zeros(layout.entries)
         self._nothing = Scans(np.zeros(0), np.zeros((0, layout.entries)), bare, bare, none, none)
         self._held: list[Scans] = []
-        self._first = self._seen = 0
+        self._first = self._out = self._seen = 0  # of the scans: first held, first not given out, first not seen
         self._open: list[_Open | None] = [None] * len(layout.pads)
         self._done: list[_Done] = []
         edge = np.flatnonzero(layout.border.any(axis=1))
@@ -149,9 +149,8 @@ class BatchSession:
     def _given(self) -> Slips:
         """Slips of all scans that are known on every pad."""
         stop = min([going_on.first_unknown for going_on in self._open if going_on is not None] + [self._seen])
-        count = stop - self._first
         scans = self._all()
-        out = cut(scans, 0, count)
+        out = cut(scans, self._out - self._first, stop - self._first)
         slips = Slips.unknown(out, self._layout.starts)
         mark_border(out.pressure, out.noise, out.contact, *self._edge, slips.border)
         waiting = []
@@ -160,16 +159,18 @@ class BatchSession:
             if done.start + len(done.poses) > stop:
                 waiting.append(done)
         self._done = waiting
-        self._held, self._first = [cut(scans, count, len(scans))], stop
+        first = min([going_on.start for going_on in self._open if going_on is not None] + [stop])
+        self._held = [cut(scans, first - self._first, len(scans))]  # what windows share is needed again
+        self._first, self._out = first, stop
         return slips
 
     def _fill(self, slips: Slips, done: _Done) -> None:
         """Put the part of a solved contact that is new, and in the block given out, into it."""
-        low = max(done.start + done.known, self._first)
-        high = min(done.start + len(done.poses), self._first + len(slips))
+        low = max(done.start + done.known, self._out)
+        high = min(done.start + len(done.poses), self._out + len(slips))
         if high <= low:
             return
-        rows, part = slice(low - self._first, high - self._first), slice(low - done.start, high - done.start)
+        rows, part = slice(low - self._out, high - self._out), slice(low - done.start, high - done.start)
         poses, pad = done.poses, done.pad
         slips.pose[rows, pad] = poses.pose[part]
         slips.covariance[rows, pad] = poses.covariance[part]
