@@ -40,7 +40,7 @@ def read_patterns(directory: Path) -> list[LearnedPattern]:
     if not path.is_file():
         return []
     try:
-        with np.load(path) as file:
+        with path.open("rb") as opened, np.load(opened) as file:
             rows = zip(*(file[name].tolist() for name in _SINGLE), strict=True)
             return [
                 LearnedPattern(

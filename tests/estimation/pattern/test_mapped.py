@@ -27,13 +27,13 @@ def pressure_at(x: Floats, y: Floats) -> Floats:
     return 60e3 * one + 40e3 * other
 
 
-def moved(pose: Floats) -> Recording:
-    """Scans of the object at poses (n, 3), after some idle ones."""
+def moved(pose: Floats, block: int = 1024) -> Recording:
+    """Scans of the object at poses (n, 3), after some idle ones, given out in blocks."""
     x, y = SENSOR.layout.x_m - pose[:, :1], SENSOR.layout.y_m - pose[:, 1:2]
     cos, sin = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
     scans = pressure_at(cos * x + sin * y, cos * y - sin * x)
     values = np.concatenate([np.zeros((IDLE, SENSOR.layout.taxels)), scans])
-    return recorded(values + np.random.default_rng(0).normal(0, NOISE, values.shape), SENSOR)
+    return recorded(values + np.random.default_rng(0).normal(0, NOISE, values.shape), SENSOR, block=block)
 
 
 def way(scans: int = 60, turn: float = 0.6) -> Floats:
@@ -82,7 +82,7 @@ def test_a_pattern_is_finer_than_the_taxels_and_unknown_where_none_looked(turned
 
 
 def test_the_std_of_a_pattern_is_that_of_its_error() -> None:
-    still = np.zeros((40, 3)) + [0.001, 0.0005, 0.0]
+    still = np.tile([0.001, 0.0005, 0.0], (40, 1))
     result = api.estimate(moved(way(turn=0.0)), "template")
     (pattern,) = result.patterns
     x, y, theta = np.nan_to_num(result.slips.pose[IDLE, 0])
@@ -103,6 +103,10 @@ def test_windows_of_a_contact_have_patterns_in_the_frame_of_its_poses() -> None:
     assert len(result.patterns) > 1
     for pattern in result.patterns:
         assert np.median(explained(result, pattern, truth)) < 6 * NOISE
+    cut = api.estimate(moved(truth, block=7), "template", window_scans=50)
+    for one, other in zip(result.patterns, cut.patterns, strict=True):
+        np.testing.assert_array_equal(one.pressure, other.pressure)
+    np.testing.assert_array_equal(result.slips.pose, cut.slips.pose)
 
 
 def test_a_stream_keeps_the_pattern_of_each_contact() -> None:

@@ -128,7 +128,7 @@ def _on_pad_mm(contact: Contact) -> tuple[Floats, Floats]:
 def _draw_scan(axis: Axes, layout: Layout, pad: int, contact: Contact, scale: float, top: float) -> None:
     """Every taxel in the colour of its pressure; empty if the recording is gone."""
     axis.set_facecolor(_DARK)
-    axis.set_title("one scan")
+    axis.set_title("one scan" if contact.scan is not None else "the pad")
     _draw_taxels(axis, layout, pad, contact.scan if contact.scan is None else contact.scan / scale, top)
 
 
