@@ -54,7 +54,7 @@ class Touch:
         off = np.zeros(LAYOUT.taxels, dtype=np.bool_)
         self.condition = Conditioner(tare="none").start(SENSOR, off, lookahead=None)
         self.estimate = estimator("convolution").start(LAYOUT, "stream")
-        self.monitor = SlipMonitor(start=4.0, stop=2.0).begin(LAYOUT.pads)
+        self.monitor = SlipMonitor().begin(LAYOUT.pads)
         self.start_m, self.felt_m = np.nan, 0.0
 
     def slips(self, scan: RawScans) -> bool:

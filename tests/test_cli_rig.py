@@ -241,6 +241,26 @@ def test_two_strokes_are_enough(capsys: Capture) -> None:
     assert "nan" not in capsys.readouterr().out
 
 
+def test_score_slip_prints_slips_and_alarms_beside_the_rate(capsys: Capture) -> None:
+    assert main(["score", "slip", "--seeds", "0", "--hours", "0.002", "--alarms-per-hour", "7"]) == 0
+    said = capsys.readouterr().out
+    for word in ("seeds from 1000", "7 false alarms an hour asked for", "hold-pressed", "hold-at-edge", "white noise"):
+        assert word in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--hours", -1], "hours is -1.0; it is 0 or more"),
+        (["--processes", 0], "processes is 0; it is 1 or more"),
+        (["--alarms-per-hour", 0], "monitor alarms_per_hour is 0.0; it is above 0"),
+        (["--methods", "guess"], "unknown estimator 'guess'; known are lnorm"),
+    ],
+)
+def test_score_slip_refuses_what_cannot_be(capsys: Capture, arguments: list[object], message: str) -> None:
+    assert message in refused(capsys, "score", "slip", *arguments)
+
+
 # plot
 
 

@@ -131,7 +131,9 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
             live = live[live > 0]
             noise = float(np.median(live)) if len(live) else None
             home = int(np.searchsorted(layout.starts, layout.source[layout.starts[number]], side="right")) - 1
-            pads[name] = totals.of_pad(number, tared=bool(learned.tared[home]), noise=noise)
+            pads[name] = totals.of_pad(
+                number, tared=bool(learned.tared[home]), noise=noise, scatter=float(run.scatter[number])
+            )
     if not totals.contact_scans.any():
         notes.append("no contact: no pad was touched in this recording")
     untared = [name for name, pad in pads.items() if not pad.tared and pad.contact_scans]

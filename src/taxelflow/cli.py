@@ -215,12 +215,13 @@ class Simulate:
 
 @dataclass(frozen=True)
 class Score:
-    """Measure accuracy: against truth on the simulated rig, or on real recordings without it."""
+    """Measure accuracy and slip events: against truth on the simulated rig, or on real recordings without it."""
 
-    what: Positional[Literal["table1", "field", "real"]]
+    what: Positional[Literal["table1", "field", "slip", "real"]]
     """table1: the paper's Table I beside ours, by both of the paper's methods. field: translation and rotation of an
-    object over the whole hand, by number of slip vectors. real: on recordings without truth, how well the template
-    predicts the next scan, and its turn beside the principal axis."""
+    object over the whole hand, by number of slip vectors. slip: slips found and missed, and false alarms an hour.
+    real: on recordings without truth, how well the template predicts the next scan, and its turn beside the principal
+    axis."""
     recordings: Positional[tuple[Path, ...]] = ()
     """real: the recordings; sensors are theirs or --sensor."""
     sensor: str | None = None
@@ -228,9 +229,17 @@ class Score:
     strokes: int = 1000
     """table1: strokes at each speed, half of them backward."""
     seeds: int = 10
-    """field: seeds of each scenario."""
+    """field: seeds of each scenario. slip: recordings of each object that sticks and slips."""
     seed: int = 0
-    """table1: seed of the first stroke; the others follow from it."""
+    """table1: seed of the first stroke; the others follow from it. slip: added to the seeds, which begin at 1000."""
+    methods: tuple[str, ...] = ()
+    """slip: estimators to compare; template, principal_axis and convolution if left out."""
+    hours: float = 0.1
+    """slip: hours of each scenario that holds an object still."""
+    alarms_per_hour: float = 1.0
+    """slip: the rate of false alarms that is asked for."""
+    processes: int = 1
+    """slip: work on so many recordings at a time."""
     json: bool = False
     """Print JSON instead of tables."""
 
@@ -242,13 +251,15 @@ class Score:
         from taxelflow.score.table1 import table1
 
         _at_least("strokes", self.strokes, 2)
-        _at_least("seeds", self.seeds, 1)
         _at_least("seed", self.seed, 0)
         if self.recordings and self.what != "real":
             raise ParameterInvalid("recordings", [str(path) for path in self.recordings], "only score real takes them")
         if self.what == "real":
-            self._real()
-        elif self.what == "table1":
+            return self._real()
+        if self.what == "slip":
+            return self._slip()
+        _at_least("seeds", self.seeds, 1)
+        if self.what == "table1":
             table = table1(self.strokes, self.seed, lambda trials: counted(trials, "trials"))
             show_table1(table) if not self.json else sys.stdout.buffer.write(to_json(table))
         else:
@@ -256,7 +267,7 @@ class Score:
             show_field(field) if not self.json else sys.stdout.buffer.write(to_json(field))
         return 0
 
-    def _real(self) -> None:
+    def _real(self) -> int:
         from taxelflow import api
         from taxelflow.publish.real import show_real
         from taxelflow.publish.summary import to_json
@@ -268,6 +279,28 @@ class Score:
         opened = [api.read(path, self.sensor) for path in self.recordings]
         scored = score_real(opened, lambda recordings: counted(recordings, "recordings"))
         show_real(scored) if not self.json else sys.stdout.buffer.write(to_json(scored))
+        return 0
+
+    def _slip(self) -> int:
+        from taxelflow.publish.summary import to_json
+        from taxelflow.publish.terminal import counted, show_slip
+        from taxelflow.score.slip import METHODS, score_slip
+
+        _at_least("seeds", self.seeds, 0)
+        _at_least("processes", self.processes, 1)
+        if not 0 <= self.hours < float("inf"):
+            raise ParameterInvalid("hours", self.hours, "it is 0 or more")
+        score = score_slip(
+            self.methods or METHODS,
+            self.seeds,
+            seed=self.seed,
+            hours=self.hours,
+            alarms_per_hour=self.alarms_per_hour,
+            processes=self.processes,
+            watched=lambda jobs: counted(jobs, "recordings"),
+        )
+        show_slip(score) if not self.json else sys.stdout.buffer.write(to_json(score))
+        return 0
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ Unknown numbers are NaN. Axis order of three components is always (x, y, theta),
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from math import nan
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -161,11 +162,20 @@ class Motions:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened on a pad: `contact`, `release`, `slip_start` or `slip_stop`."""
+    """Something that happened on a pad: `contact`, `release`, `slip_start` or `slip_stop`.
+
+    t_s: time of the scan that told of it. onset_s: when it is thought to have happened, for a slip mostly earlier.
+    direction_rad, speed_m_s, turn_rad_s: the slip's motion in the pad's frame, as far as known at its start, over all
+    of it at its end. NaN where unknown, and for contact and release.
+    """
 
     t_s: float
     pad: str
     event: str
+    onset_s: float = nan
+    direction_rad: float = nan
+    speed_m_s: float = nan
+    turn_rad_s: float = nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import CalibrationUnfit, NameUnknown
 from taxelflow.estimation.base import Learning, Mode
 from taxelflow.fuse.rigid import RigidField
-from taxelflow.messages import Bools, Event, LearnedPattern, Motions, RawScans, Slips, cut
+from taxelflow.messages import Bools, Event, Floats, LearnedPattern, Motions, RawScans, Slips, cut
 from taxelflow.monitor.slip import SlipMonitor
 
 if TYPE_CHECKING:
@@ -85,6 +85,11 @@ class Run:
     def notes(self) -> list[str]:
         """What the estimator has found out about the sensor."""
         return list(self._estimate.notes) if isinstance(self._estimate, Learning) else []
+
+    @property
+    def scatter(self) -> Floats:
+        """(pads,), see `SlipSession.scatter`."""
+        return self._monitor.scatter
 
     def __iter__(self) -> Iterator[Output]:
         for block in self.reading:

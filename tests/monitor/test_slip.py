@@ -1,175 +1,289 @@
 from __future__ import annotations
 
 import itertools
+import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthetic import pieces
 from taxelflow.errors import ParameterInvalid
-from taxelflow.messages import Bools, Event, Slips
+from taxelflow.messages import LOST, UNRESOLVED, Bools, Event, Floats, Slips
+from taxelflow.monitor.session import SlipSession
 from taxelflow.monitor.slip import SlipMonitor
+from taxelflow.score.slip import still_slips
+
+STD = np.array([2e-5, 2e-5, 1e-3])
+RATE_HZ = 100.0
+NAN = float("nan")
 
 
-def slips_of(sizes: Any, *, contact: Any = None, direction: tuple[float, float] = (1.0, 0.0)) -> Slips:
-    """Slips (scans, pads) whose displacement is so many standard deviations of 1 mm along a direction; NaN unknown."""
-    size = np.asarray(sizes, dtype=float)
-    size = size[:, np.newaxis] if size.ndim == 1 else size
-    scans, pads = size.shape
-    displacement = np.full((scans, pads, 3), np.nan)
-    displacement[..., :2] = 1e-3 * size[..., np.newaxis] * direction
-    covariance = np.full((scans, pads, 3, 3), np.nan)
-    covariance[..., :2, :2] = 1e-6 * np.eye(2)
-    unknown = np.full((scans, pads), np.nan)
-    touched = np.ones((scans, pads), bool) if contact is None else np.asarray(contact, bool).reshape(scans, pads)
-    return Slips(
-        t_s=np.arange(scans) / 10,
-        contact=touched,
-        border=np.zeros((scans, pads, 2), bool),
-        displacement=displacement,
-        pose=np.full((scans, pads, 3), np.nan),
-        covariance=covariance.copy(),
-        displacement_covariance=covariance,
-        span_s=np.full((scans, pads), 0.1),
-        lag_s=unknown,
-        load=unknown,
-        disturbance=unknown.copy(),
-        quality=np.ones((scans, pads), np.uint8),
-    )
+def noise(scans: int, seed: int = 0) -> Floats:
+    drawn: Floats = STD * np.random.default_rng(seed).standard_normal((scans, 3))
+    return drawn
 
 
-def watched(*blocks: Slips, monitor: SlipMonitor | None = None) -> tuple[Bools, list[Event]]:
+def slips_of(pose: Floats, *, load: Any = None, theta: bool = True, t_s: Any = None) -> Slips:
+    """One pad's slips from its poses (scans, 3), whose noise is STD."""
+    times = np.arange(len(pose)) / RATE_HZ if t_s is None else t_s
+    slips = still_slips(times, pose, STD, np.full(3, NAN))
+    if load is not None:
+        slips = replace(slips, load=np.asarray(load, dtype=float)[:, np.newaxis])
+    if not theta:
+        slips.displacement[..., 2] = NAN
+        slips.displacement_covariance[..., 2, :] = slips.displacement_covariance[..., :, 2] = NAN
+    return slips
+
+
+def slid(velocity: tuple[float, float, float], *, scans: int = 300, begin: int = 100, end: int = 200) -> Floats:
+    """Poses that move from scan `begin` to scan `end`, with noise."""
+    moved = np.clip(np.arange(scans) - begin, 0, end - begin)[:, np.newaxis] / RATE_HZ * velocity
+    return noise(scans) + moved
+
+
+def watched(*blocks: Slips, monitor: SlipMonitor | None = None) -> tuple[Bools, list[Event], SlipSession]:
     session = (monitor or SlipMonitor()).begin(tuple(f"pad{k}" for k in range(blocks[0].contact.shape[1])))
     found = [session.step(block) for block in blocks]
-    return np.concatenate([slipping for slipping, _ in found]), [event for _, events in found for event in events]
+    flags = np.concatenate([slipping for slipping, _ in found])
+    return flags, [event for _, events in found for event in events], session
 
 
-def slipping(sizes: Any, **more: Any) -> list[bool]:
-    flags: list[bool] = watched(slips_of(sizes, **more))[0][:, 0].tolist()
-    return flags
+def kinds(events: list[Event]) -> list[str]:
+    return [event.event for event in events]
 
 
-def test_slip_starts_above_one_multiple_and_stops_below_another() -> None:
-    sizes = [0, 2.6, 4.9, 5.1, 4.9, 2.6, 2.4, 2.6, 4.9, 5.1, 0]
-    assert slipping(sizes) == [False, False, False, True, True, True, False, False, False, True, False]
+@pytest.mark.parametrize("speed_m_s", [0.003, 0.015, 0.1])
+@pytest.mark.parametrize("direction", [0.0, 2.0, -1.2])
+def test_a_slip_is_found_with_its_time_direction_and_speed(speed_m_s: float, direction: float) -> None:
+    velocity = (speed_m_s * np.cos(direction), speed_m_s * np.sin(direction), 0.0)
+    flags, events, _ = watched(slips_of(slid(velocity)))
+    assert kinds(events) == ["contact", "slip_start", "slip_stop"]
+    start, stop = events[1:]
+    late = 8 if speed_m_s < 0.01 else 3
+    assert 1.0 < start.t_s <= 1.0 + late / RATE_HZ
+    assert start.onset_s == pytest.approx(1.0, abs=late / RATE_HZ)
+    assert start.onset_s < start.t_s
+    assert 2.0 < stop.t_s <= 2.0 + late / RATE_HZ
+    assert stop.onset_s == pytest.approx(2.0, abs=late / RATE_HZ)
+    assert stop.speed_m_s == pytest.approx(speed_m_s, rel=0.05)
+    assert math.remainder(stop.direction_rad - direction, math.tau) == pytest.approx(0, abs=0.05)
+    assert abs(stop.turn_rad_s) < 0.02
+    assert flags[110:200].all()
+    assert not flags[:101].any()
+    assert not flags[210:].any()
 
 
-def test_the_multiples_are_parameters() -> None:
-    flags, _ = watched(slips_of([2, 4, 2, 0.5]), monitor=SlipMonitor(start=3, stop=1))
-    assert flags[:, 0].tolist() == [False, True, True, False]
+def test_a_turn_in_place_is_a_slip() -> None:
+    _, events, _ = watched(slips_of(slid((0.0, 0.0, -0.5))))
+    assert kinds(events) == ["contact", "slip_start", "slip_stop"]
+    assert events[2].turn_rad_s == pytest.approx(-0.5, rel=0.05)
+    assert events[2].speed_m_s < 5e-4
 
 
-@pytest.mark.parametrize("direction", [(1, 0), (0, 1), (-1, 0), (0, -1), (0.6, -0.8)])
-def test_the_direction_does_not_matter(direction: tuple[float, float]) -> None:
-    assert slipping([4.9, 5.1], direction=direction) == [False, True]
+def test_where_the_turn_is_unknown_it_stays_so_and_translation_is_found() -> None:
+    _, events, _ = watched(slips_of(slid((0.01, 0.0, 5.0)), theta=False))
+    assert kinds(events) == ["contact", "slip_start", "slip_stop"]
+    assert np.isnan(events[1].turn_rad_s)
+    assert np.isnan(events[2].turn_rad_s)
+    assert kinds(watched(slips_of(slid((0.0, 0.0, 5.0)), theta=False))[1]) == ["contact"]
 
 
-def test_the_deviation_counts_along_the_displacement() -> None:
-    slips = slips_of([6.0, 6.0], direction=(0.0, 1.0))
-    slips.displacement_covariance[1, :, 1, 1] *= 4  # twice the deviation along y: only 3 of them now
-    slips.displacement_covariance[:, :, 0, 0] *= 1e-4
-    flags, _ = watched(slips, monitor=SlipMonitor(start=5, stop=4))
-    assert flags[:, 0].tolist() == [True, False]
-
-
-def test_an_unknown_displacement_is_no_slip_and_ends_one() -> None:
-    nan = float("nan")
-    assert slipping([nan, 6, 6, nan, nan, 4]) == [False, True, True, False, False, False]
-
-
-def test_no_displacement_at_all_is_no_slip_even_without_noise() -> None:
-    slips = slips_of([0, 0])
-    slips.displacement_covariance[..., :2, :2] = 0
-    assert not watched(slips)[0].any()
-
-
-def test_any_displacement_is_slip_where_noise_makes_none() -> None:
-    slips = slips_of([0, 1e-3, 0])
-    slips.displacement_covariance[..., :2, :2] = 0
-    assert watched(slips)[0][:, 0].tolist() == [False, True, False]
-
-
-def test_a_known_rotation_counts_as_well() -> None:
-    slips = slips_of([0, 0, 0])
-    slips.displacement[1, 0, 2] = -0.06
-    slips.displacement[[0, 2], 0, 2] = 0.0
-    slips.displacement_covariance[..., 2, 2] = 0.01**2
-    assert watched(slips)[0][:, 0].tolist() == [False, True, False]
-
-
-def test_a_disturbance_counts_where_there_is_no_displacement() -> None:
-    slips = slips_of([np.nan, np.nan, np.nan, 0.0, 6.0])
-    slips.disturbance[:, 0] = [np.nan, 5.1, 2.4, 5.1, np.nan]
-    assert watched(slips)[0][:, 0].tolist() == [False, True, False, True, True]
-
-
-def test_events_tell_of_contact_slip_and_release() -> None:
-    slips = slips_of([np.nan, 0, 9, 9, 0, np.nan], contact=[0, 1, 1, 1, 1, 0])
-    _, events = watched(slips)
-    assert [(event.t_s, event.pad, event.event) for event in events] == [
-        (0.1, "pad0", "contact"),
-        (0.2, "pad0", "slip_start"),
-        (0.4, "pad0", "slip_stop"),
-        (0.5, "pad0", "release"),
-    ]
-
-
-def test_a_contact_in_the_first_scan_is_an_event() -> None:
-    assert [event.event for event in watched(slips_of([0]))[1]] == ["contact"]
-
-
-def test_a_slip_that_ends_by_lift_off_stops_before_the_release() -> None:
-    _, events = watched(slips_of([0, 9, np.nan], contact=[1, 1, 0]))
-    assert [event.event for event in events] == ["contact", "slip_start", "slip_stop", "release"]
-    assert events[2].t_s == events[3].t_s
-
-
-def test_events_of_all_pads_come_in_time_order() -> None:
-    random = np.random.default_rng(0)
-    sizes = random.uniform(0, 10, (200, 3))
-    contact = random.random((200, 3)) < 0.7
-    sizes[~contact] = np.nan
-    _, events = watched(slips_of(sizes, contact=contact))
-    t_s = [event.t_s for event in events]
-    assert t_s == sorted(t_s)
-    assert {event.pad for event in events} == {"pad0", "pad1", "pad2"}
-
-
-def test_events_of_a_pad_alternate() -> None:
-    random = np.random.default_rng(0)
-    _, events = watched(slips_of(random.uniform(0, 10, 300), contact=random.random(300) < 0.8))
-    for pair in ({"contact", "release"}, {"slip_start", "slip_stop"}):
-        kinds = [event.event for event in events if event.event in pair]
-        assert all(one != other for one, other in itertools.pairwise(kinds))
+def test_a_turn_that_is_known_only_now_and_then_does_not_alarm() -> None:
+    slips = slips_of(noise(2000))
+    gaps = np.arange(2000) % 7 == 5
+    slips.displacement[np.roll(gaps, 1), :, 2] += 0.05  # found again, but elsewhere
+    slips.displacement[gaps, :, 2] = NAN
+    slips.displacement_covariance[gaps, :, 2, 2] = NAN
+    assert kinds(watched(slips)[1]) == ["contact"]
 
 
 @given(
-    sizes=st.lists(st.one_of(st.floats(0, 10), st.just(float("nan"))), min_size=1, max_size=30),
-    cuts=st.lists(st.integers(0, 30), max_size=10),
+    velocity=st.tuples(*[st.floats(-0.03, 0.03)] * 2, st.floats(-1, 1)),
+    seed=st.integers(0, 99),
+    cuts=st.lists(st.integers(0, 120), max_size=8),
 )
-def test_what_is_seen_does_not_depend_on_how_slips_are_cut(sizes: list[float], cuts: list[int]) -> None:
-    slips = slips_of(sizes, contact=np.arange(len(sizes)) % 5 > 0)
-    whole_flags, whole_events = watched(slips)
-    flags, events = watched(*pieces(slips, [min(cut, len(sizes)) for cut in cuts]))
+@settings(max_examples=25)
+def test_what_is_seen_does_not_depend_on_how_slips_are_cut(
+    velocity: tuple[float, float, float], seed: int, cuts: list[int]
+) -> None:
+    slips = slips_of(slid(velocity, scans=120, begin=40, end=80) + noise(120, seed))
+    slips.contact[(seed + np.arange(120)) % 50 == 0] = False
+    whole_flags, whole_events, whole = watched(slips)
+    flags, events, session = watched(*pieces(slips, cuts))
     np.testing.assert_array_equal(flags, whole_flags)
+    np.testing.assert_array_equal(session.scatter, whole.scatter)
     assert events == whole_events
 
 
+@given(unit_m=st.floats(0.1, 10), clock=st.floats(0.2, 5))
+@settings(max_examples=20)
+def test_with_nothing_but_noise_neither_unit_nor_clock_matter(unit_m: float, clock: float) -> None:
+    slips = slips_of(slid((0.02, 0.0, 0.0)))
+    parameters = SlipMonitor(creep_m_s=0.0, load_m=0.0, settle_s=0.0, alarms_per_hour=60 / clock)
+    scaled = slips_of(slid((0.02, 0.0, 0.0)), t_s=slips.t_s * clock)
+    scaled.displacement[...] *= [unit_m, unit_m, 1]
+    scaled.displacement_covariance[...] *= np.outer([unit_m, unit_m, 1], [unit_m, unit_m, 1])
+    starts = [
+        next(round(e.t_s / each.t_s[1]) for e in watched(each, monitor=monitor)[1] if e.event == "slip_start")
+        for each, monitor in ((slips, replace(parameters, alarms_per_hour=60.0)), (scaled, parameters))
+    ]
+    assert starts[0] == starts[1]
+
+
+def test_a_pads_answer_does_not_depend_on_the_other_pads() -> None:
+    one, other = slips_of(slid((0.01, 0.0, 0.0))), slips_of(noise(300, 1))
+    names = ("contact", "border", "displacement", "pose", "covariance", "displacement_covariance")
+    names += ("span_s", "lag_s", "load", "disturbance", "quality")
+    both = replace(one, **{name: np.concatenate([getattr(other, name), getattr(one, name)], axis=1) for name in names})
+    flags, events, _ = watched(both)
+    np.testing.assert_array_equal(flags[:, 1], watched(one)[0][:, 0])
+    assert not flags[:, 0].any()
+    assert [event.t_s for event in events] == sorted(event.t_s for event in events)
+
+
+@pytest.mark.parametrize("scale", [0.6, 1.7, 3.0])
+def test_the_scatter_is_learned(scale: float) -> None:
+    _, events, session = watched(slips_of(scale * noise(6000)))
+    assert session.scatter[0] == pytest.approx(scale, rel=0.06)
+    assert kinds(events) == ["contact"]
+
+
+def test_before_any_pose_the_scatter_is_1() -> None:
+    assert SlipMonitor().begin(("a", "b")).scatter.tolist() == [1.0, 1.0]
+
+
+def test_motion_that_follows_the_load_is_no_slip() -> None:
+    t_s = np.arange(3000) / RATE_HZ
+    load = np.exp(0.8 * np.sin(2 * np.pi * t_s / 2))
+    moved = 3e-4 * np.log(load)[:, np.newaxis] * [1.0, -0.5, 10.0]
+    assert kinds(watched(slips_of(noise(3000) + moved, load=load))[1]) == ["contact"]
+    assert "slip_start" in kinds(watched(slips_of(noise(3000) + moved))[1])  # unless the load is not seen to change
+
+
+def test_creep_is_no_slip() -> None:
+    creep = np.arange(6000)[:, np.newaxis] / RATE_HZ * [1e-4, 0.0, 0.0]
+    assert kinds(watched(slips_of(noise(6000) + creep))[1]) == ["contact"]
+
+
+def test_a_correction_of_the_map_moves_the_pose_and_is_no_slip() -> None:
+    slips = slips_of(noise(300))
+    slips.pose[150:, 0, 0] += 1e-3
+    assert kinds(watched(slips)[1]) == ["contact"]
+
+
+def test_a_slip_at_once_after_contact_waits_until_the_contact_has_settled() -> None:
+    flags, _, _ = watched(slips_of(slid((0.05, 0.0, 0.0), begin=0, end=60)))
+    assert not flags[:11].any()
+    assert flags[20:60].all()
+    flags, _, _ = watched(slips_of(slid((0.05, 0.0, 0.0), begin=0, end=60)), monitor=SlipMonitor(settle_s=0.3))
+    assert not flags[:31].any()
+
+
+@pytest.mark.parametrize("lost", ["displacement", "quality"])
+def test_an_unknown_displacement_ends_a_slip_and_what_follows_begins_anew(lost: str) -> None:
+    slips = slips_of(slid((0.01, 0.0, 0.0)))
+    if lost == "displacement":
+        slips.displacement[150] = NAN
+    else:
+        slips.quality[150] = LOST
+    flags, events, _ = watched(slips)
+    assert flags[140:150].all()
+    assert not flags[150:160].any()
+    assert kinds(events) == ["contact", "slip_start", "slip_stop", "slip_start", "slip_stop"]
+
+
+def test_a_pose_that_does_not_fit_counts_less() -> None:
+    slips = slips_of(slid((0.004, 0.0, 0.0)))
+    sure = watched(slips)[1][1].t_s
+    slips.quality[...] = UNRESOLVED
+    assert watched(slips)[1][1].t_s > sure
+
+
+def test_fewer_false_alarms_cost_a_later_onset() -> None:
+    slips = slips_of(slid((0.003, 0.0, 0.0)))
+    onsets = [watched(slips, monitor=SlipMonitor(alarms_per_hour=rate))[1][1].t_s for rate in (1000.0, 1.0, 1e-6)]
+    assert onsets == sorted(onsets)
+    assert onsets[0] < onsets[2]
+
+
+def test_poses_that_share_a_scan_are_not_taken_for_independent() -> None:
+    single = noise(40_000)
+    mean = 0.5 * (single[1:] + single[:-1])
+    slips = slips_of(mean)
+    slips.lag_s[...] = 0.5 / RATE_HZ
+    slips.displacement_covariance[...] = np.diag(STD**2) / 2
+    _, events, session = watched(slips)
+    assert kinds(events) == ["contact"]
+    assert session.scatter[0] == pytest.approx(1, abs=0.06)
+
+
+def test_without_noise_a_still_object_is_still_and_any_motion_is_slip() -> None:
+    slips = slips_of(np.zeros((100, 3)))
+    slips.displacement_covariance[...] = 0
+    assert kinds(watched(slips)[1]) == ["contact"]
+    slips.displacement[50:60, 0, 0] = 1e-3
+    flags, _, _ = watched(slips)
+    assert flags[52:60].all()
+
+
+def test_a_disturbance_counts_where_there_is_no_displacement() -> None:
+    slips = slips_of(noise(300))
+    slips.displacement[...] = NAN
+    slips.disturbance[:, 0] = np.abs(np.random.default_rng(0).standard_normal(300))
+    slips.disturbance[100:103, 0] = 7.0
+    flags, events, _ = watched(slips)
+    assert flags[:, 0].nonzero()[0].tolist() == [100, 101, 102]
+    assert events[1] == Event(1.0, "pad0", "slip_start", 1.0)
+    assert np.isnan(events[1].speed_m_s)
+
+
+def test_a_contact_in_the_first_scan_is_an_event_and_no_contact_is_none() -> None:
+    slips = slips_of(noise(3))
+    assert watched(slips)[1] == [Event(0.0, "pad0", "contact")]
+    slips.contact[...] = False
+    assert watched(slips)[1] == []
+
+
+def test_a_slip_that_ends_by_lift_off_stops_before_the_release() -> None:
+    slips = slips_of(slid((0.02, 0.0, 0.0)))
+    slips.contact[150:] = False
+    slips.displacement[150:] = NAN
+    _, events, _ = watched(slips)
+    assert kinds(events) == ["contact", "slip_start", "slip_stop", "release"]
+    assert events[2].t_s == events[2].onset_s == events[3].t_s
+    assert np.isnan(events[2].speed_m_s)
+
+
+def test_events_of_a_pad_alternate_and_agree_with_the_flags() -> None:
+    random = np.random.default_rng(0)
+    slips = slips_of(noise(3000) + np.cumsum(random.choice([0.0, 2e-4], (3000, 1), p=[0.5, 0.5]) * [1, 0, 0], axis=0))
+    slips.contact[random.random(3000) < 0.02] = False
+    flags, events, _ = watched(slips)
+    for pair in ({"contact", "release"}, {"slip_start", "slip_stop"}):
+        order = [kind for kind in kinds(events) if kind in pair]
+        assert len(order) > 10
+        assert all(one != other for one, other in itertools.pairwise(order))
+    told = np.zeros(3001)
+    for event in events:
+        told[round(event.t_s * RATE_HZ)] += {"slip_start": 1, "slip_stop": -1}.get(event.event, 0)
+    np.testing.assert_array_equal(np.cumsum(told)[:-1], flags[:, 0])
+
+
 @pytest.mark.parametrize(
-    "parameters",
+    ("parameters", "message"),
     [
-        {"start": 2.0},
-        {"stop": 0.0},
-        {"stop": -1.0},
-        {"start": 0.0, "stop": 0.0},
-        {"start": float("nan")},
-        {"stop": float("nan")},
+        ({"alarms_per_hour": 0.0}, r"monitor alarms_per_hour is 0\.0; it is above 0"),
+        ({"alarms_per_hour": NAN}, "monitor alarms_per_hour is nan; it is above 0"),
+        ({"creep_m_s": -1.0}, r"monitor creep_m_s is -1\.0; it is 0 or more"),
+        ({"load_m": math.inf}, "monitor load_m is inf; it is 0 or more"),
+        ({"settle_s": -0.1}, r"monitor settle_s is -0\.1; it is 0 or more"),
     ],
     ids=str,
 )
-def test_multiples_that_cannot_work_are_refused(parameters: dict[str, float]) -> None:
-    with pytest.raises(ParameterInvalid, match="stop"):
+def test_parameters_that_cannot_work_are_refused(parameters: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterInvalid, match=message):
         SlipMonitor(**parameters)

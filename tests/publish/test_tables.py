@@ -101,9 +101,14 @@ def test_the_objects_motion_has_a_row_per_scan(stroke: Recording, tmp_path: Path
 
 def test_events_have_time_pad_and_kind(stroke: Recording, tmp_path: Path) -> None:
     rows = rows_of(written(stroke, tmp_path) / "events.csv")
-    assert list(rows[0]) == ["t_s", "pad", "event"]
+    assert list(rows[0]) == ["t_s", "pad", "event", "onset_s", "direction_rad", "speed_m_s", "turn_rad_s"]
     assert [row["event"] for row in rows if row["event"] in ("contact", "release")] == ["contact", "release"]
     assert {row["event"] for row in rows} <= {"contact", "release", "slip_start", "slip_stop"}
+    for row in rows:
+        slip = row["event"].startswith("slip")
+        assert bool(row["onset_s"]) == bool(row["speed_m_s"]) == bool(row["direction_rad"]) == slip
+        assert not slip or float(row["onset_s"]) <= float(row["t_s"])
+        assert row["turn_rad_s"] == ""  # the L norm knows none
 
 
 def test_rows_stand_in_part_files_until_the_end(stroke: Recording, tmp_path: Path) -> None:

@@ -8,24 +8,41 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
-    from taxelflow.monitor.hysteresis import HysteresisSession
+    from taxelflow.monitor.session import SlipSession
 
 
 @dataclass(frozen=True)
 class SlipMonitor:
-    """Slip = a displacement larger than noise can make it, with hysteresis."""
+    """Slip = a motion that noise, load and creep explain more seldom than so many times an hour."""
 
-    start: float = 5.0
-    """A pad starts slipping when a scan's displacement exceeds so many of its standard deviations."""
-    stop: float = 2.5
-    """... and stops when it falls below so many."""
+    alarms_per_hour: float = 1.0
+    """False alarms that noise may make of a still object, per hour of contact and per pad. Fewer cost a later onset."""
+    creep_m_s: float = 1e-4
+    """Usual speed of what is not to count as a slip, m/s; a slip is several times faster."""
+    load_m: float = 1e-3
+    """How far a still object seems to move when the load grows by a factor of e, m; what it really does is learned."""
+    settle_s: float = 0.1
+    """A contact younger than this is not judged, s."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.stop <= self.start:
-            raise ParameterInvalid("monitor stop", self.stop, f"it lies above 0, up to start = {self.start}")
+        if not 0 < self.alarms_per_hour < float("inf"):
+            raise ParameterInvalid("monitor alarms_per_hour", self.alarms_per_hour, "it is above 0")
+        for name in ("creep_m_s", "load_m", "settle_s"):
+            if not 0 <= getattr(self, name) < float("inf"):
+                raise ParameterInvalid(f"monitor {name}", getattr(self, name), "it is 0 or more")
 
-    def begin(self, pads: tuple[str, ...]) -> HysteresisSession:
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Mean time between false alarms in s, then the other fields, as `watch.follow` takes them."""
+        return (
+            3600.0 / self.alarms_per_hour,
+            self.load_m,
+            self.creep_m_s,
+            self.settle_s,
+        )
+
+    def begin(self, pads: tuple[str, ...]) -> SlipSession:
         """Begin a session over pads of these names."""
-        from taxelflow.monitor.hysteresis import HysteresisSession
+        from taxelflow.monitor.session import SlipSession
 
-        return HysteresisSession(self, pads)
+        return SlipSession(self, pads)

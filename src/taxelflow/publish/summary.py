@@ -28,6 +28,9 @@ class PadSummary(msgspec.Struct, frozen=True):
     border_share: float
     """Share of contact scans that touch a border of the pad, where the paper's methods are biased."""
     slips: int
+    scatter: float
+    """How many times larger than its covariance says the pose of a still object scattered, as the slip monitor learned;
+    1 if it learned nothing."""
 
 
 class Summary(msgspec.Struct, frozen=True):
@@ -85,7 +88,7 @@ class Totals:
         self.events.update(event.event for event in events)
         self.slips.update(event.pad for event in events if event.event == "slip_start")
 
-    def of_pad(self, pad: int, *, tared: bool, noise: float | None) -> PadSummary:
+    def of_pad(self, pad: int, *, tared: bool, noise: float | None, scatter: float) -> PadSummary:
         """The sums of pad number `pad`."""
         contact = int(self.contact_scans[pad])
         return PadSummary(
@@ -96,6 +99,7 @@ class Totals:
             net_m=(float(self.net_m[pad, 0]), float(self.net_m[pad, 1])),
             border_share=int(self.border_scans[pad]) / contact if contact else 0.0,
             slips=self.slips[self.pads[pad]],
+            scatter=scatter,
         )
 
 

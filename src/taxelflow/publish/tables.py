@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from contextlib import ExitStack
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -32,7 +33,7 @@ OBJECT = (
     "std_x_m", "std_y_m", "std_theta_rad",
 )
 # fmt: on
-EVENTS = ("t_s", "pad", "event")
+EVENTS = ("t_s", "pad", "event", "onset_s", "direction_rad", "speed_m_s", "turn_rad_s")
 
 
 class Tables:
@@ -70,7 +71,7 @@ class Tables:
         """Append one block; it is on disk when this returns."""
         self._append("slips", _slip_rows(slips, slipping, self._pads))
         self._append("object", _motion_rows(motions))
-        self._append("events", ((f"{event.t_s:.6f}", event.pad, event.event) for event in events))
+        self._append("events", map(_event_row, events))
         self._flush()
 
     def write_summary(self, summary: Summary) -> None:
@@ -129,6 +130,12 @@ def _motion_rows(motions: Motions) -> Iterable[list[str]]:
         motions.t_s.tolist(), known.tolist(), motions.pads.tolist(), doubt.tolist(), strict=True
     ):
         yield [f"{t:.6f}", *map(_number, values), str(pads), *map(_number, std)]
+
+
+def _event_row(event: Event) -> list[str]:
+    onset = "" if isnan(event.onset_s) else f"{event.onset_s:.6f}"
+    motion = map(_number, (event.direction_rad, event.speed_m_s, event.turn_rad_s))
+    return [f"{event.t_s:.6f}", event.pad, event.event, onset, *motion]
 
 
 _FLAG = {False: "0", True: "1"}

@@ -237,6 +237,37 @@ def show_field(scored: Any) -> None:
     )
 
 
+def show_slip(scored: Any) -> None:
+    """Slips found, then alarms of still objects beside the rate that was asked for."""
+    console = Console(markup=False)
+    title = f"slips: {scored.seeds} recordings of each object, seeds from {scored.first_seed}"
+    found = quiet_table(
+        "object:", "method:", "n", "F1", "ms", "p90", "max", "miss", "false", "split", "deg", "%", title=title
+    )
+    for row in scored.slips:
+        onsets = [f"{ms:.0f}" for ms in (row.onset_ms, row.onset_p90_ms, row.onset_max_ms)]
+        counts = [str(count) for count in (row.missed, row.false, row.split)]
+        motion = (f"{row.direction_deg:.0f}", f"{row.speed_percent:.0f}")
+        found.add_row(row.object, row.method, str(row.slips), f"{row.f1:.3f}", *onsets, *counts, *motion)
+    console.print(found)
+    console.print()
+    title = f"still objects, {scored.alarms_per_hour:g} false alarms an hour asked for"
+    still = quiet_table("scenario:", "method:", "hours", "alarms", "an hour", "95 %:", "scatter", title=title)
+    for row in scored.holds:
+        rates = [f"{rate:.0f}" if rate >= 100 else f"{rate:.2g}" for rate in (row.per_hour, row.low, row.high)]
+        numbers = (f"{row.hours:.2f}", str(row.alarms), rates[0], f"{rates[1]} to {rates[2]}", f"{row.scatter:.2f}")
+        still.add_row(row.scenario, row.method, *numbers)
+    console.print(still)
+    console.print(
+        "n: slips. ms, p90, max: from the first slipping scan to the first called so.\n"
+        "false: begun while still. split: begun anew within a slip. deg, %: median error\n"
+        "of a slip's direction and speed. 95 %: interval of the rate. scatter: learned,\n"
+        "over the covariance's. roll and tilt are no slips; pressure alone cannot tell.",
+        style="dim",
+        highlight=False,
+    )
+
+
 def show_bench(figures: Any) -> None:
     """Tables of a `Bench`."""
     console = Console(markup=False)

@@ -96,6 +96,15 @@ _STILL = replace(
     load=Load(lift_s=1.0),
     sensing=Sensing(rate_hz=30.0),
 )
+_STICK_SLIP = Scenario(
+    sensor="grid-16x16",
+    pad="grid",
+    contact=Contact("textured", radius_m=0.016),
+    motion=Motion("stick-slip", travel_m=0.02, middle_m=(0.0, 0.0), rest_s=1.5),
+    load=Load(lift_s=1.0),
+    sensing=Sensing(rate_hz=100.0),
+)
+_HOLD = replace(_STICK_SLIP, motion=replace(_STILL.motion, turn_s=60.0))
 
 SCENARIOS = {
     "stroke": _PAPER,
@@ -106,14 +115,7 @@ SCENARIOS = {
     "bulb-pull": _BULB,
     "turn-over-hand": _OVER_HAND,
     "slide-and-turn-over-hand": replace(_OVER_HAND, motion=replace(_OVER_HAND.motion, travel_m=0.004, speed_m_s=0.02)),
-    "stick-slip": Scenario(
-        sensor="grid-16x16",
-        pad="grid",
-        contact=Contact("textured", radius_m=0.016),
-        motion=Motion("stick-slip", travel_m=0.02, middle_m=(0.0, 0.0), rest_s=1.5),
-        load=Load(lift_s=1.0),
-        sensing=Sensing(rate_hz=100.0),
-    ),
+    "stick-slip": _STICK_SLIP,
     "press": replace(
         _STILL,
         contact=Contact("hertz", radius_m=0.010, peak_pa=50e3),
@@ -121,6 +123,15 @@ SCENARIOS = {
     ),
     "roll": replace(_STILL, load=replace(_STILL.load, roll_m=0.005)),
     "tilt": replace(_STILL, load=replace(_STILL.load, tilt=0.6)),
+    "hold-pressed": replace(_HOLD, load=replace(_HOLD.load, kind="cycles", multiples=(0.3, 1.5), cycles=30)),
+    "hold-at-edge": replace(
+        _HOLD,
+        contact=Contact("hertz", radius_m=0.010, peak_pa=50e3),
+        motion=replace(_HOLD.motion, middle_m=(0.024, 0.0)),
+        load=replace(_HOLD.load, kind="cycles", multiples=(1.0, 5.0), cycles=30, growth=1 / 3),
+    ),
+    "hold-drifting": replace(_HOLD, sensing=replace(_HOLD.sensing, drift_pa_s=4e3 / 64)),
+    "hold-wobbling": replace(_HOLD, sensing=replace(_HOLD.sensing, gain_wobble=0.02)),
 }
 
 DESCRIPTIONS = {
@@ -136,4 +147,8 @@ DESCRIPTIONS = {
     "press": "An elastic sphere pressed up to five times as hard, without slip.",
     "roll": "An airbag that rolls 5 mm on the palm, without slip.",
     "tilt": "An airbag that tilts on the palm, without slip.",
+    "hold-pressed": "The object of stick-slip held still for a minute, pressed five times as hard every two seconds.",
+    "hold-at-edge": "An elastic sphere held at the border of a 16x16 grid, grown and shrunk by five times the load.",
+    "hold-drifting": "The object of stick-slip held still while the offsets drift from 0 to 4 kPa.",
+    "hold-wobbling": "The object of stick-slip held still while the gain wobbles by 2 % from scan to scan.",
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -11,7 +11,7 @@ import numpy as np
 
 from taxelflow.acquire.base import BLOCK_SCANS, HAND, Recording, Truth
 from taxelflow.acquire.rig.contact import taxel_pressure
-from taxelflow.acquire.rig.load import state_at
+from taxelflow.acquire.rig.load import State, state_at
 from taxelflow.acquire.rig.motion import move
 from taxelflow.acquire.rig.pattern import Analytic
 from taxelflow.acquire.rig.sensing import clock, delays, reported, sense
@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from taxelflow.acquire.rig.pattern import Pattern
     from taxelflow.acquire.rig.scenario import Scenario
     from taxelflow.layout import Layout
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
 
 
 def simulate(scenario: Scenario) -> Recording:
@@ -94,10 +96,25 @@ def pressures(scenario: Scenario, layout: Layout, touched: list[int], t_s: Float
         state = state_at(scenario.load, scenario.motion, when, scenario.contact.deform_1_m * path.travelled_m)
         pose = _in_pad(path.pose, layout.T_hand[pad]) if _on_hand(scenario, layout) else path.pose
         size = scenario.sensing.active_share * layout.pitch_m[pad]
-        pressure[:, own] = taxel_pressure(
-            pattern, pose, state, layout.x_m[own], layout.y_m[own], (float(size[0]), float(size[1]))
+        new, which = _distinct(pose, state)
+        seen = taxel_pressure(
+            pattern,
+            pose[new],
+            State(*(getattr(state, item.name)[new] for item in fields(state))),
+            layout.x_m[own],
+            layout.y_m[own],
+            (float(size[0]), float(size[1])),
         )
+        pressure[:, own] = seen[which]
     return pressure
+
+
+def _distinct(pose: Floats, state: State) -> tuple[Bools, NDArray[np.int64]]:
+    """Scans (scans,) in which anything differs from the scan before, and for each scan which of those it is like."""
+    numbers = [pose.reshape(len(pose), -1), *(getattr(state, item.name) for item in fields(state))]
+    new = np.ones(len(pose), dtype=np.bool_)
+    new[1:] = np.any([np.any(values[1:] != values[:-1], axis=1) for values in numbers], axis=0)
+    return new, np.cumsum(new) - 1
 
 
 def _touched(scenario: Scenario, layout: Layout) -> list[int]:

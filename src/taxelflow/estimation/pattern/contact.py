@@ -81,7 +81,9 @@ def solve_contact(scanned: Scanned, size: Floats) -> Solved:
         kept = scanned.variance[:, worst].copy()
         scanned.variance[:, worst] = 0.0
         without = _solve_either(scanned, size)
-        if unexplained(without.fit, scanned, solved.rough) > _DEAD_GAIN * unexplained(solved.fit, scanned, solved.rough):
+        if unexplained(without.fit, scanned, solved.rough) > _DEAD_GAIN * unexplained(
+            solved.fit, scanned, solved.rough
+        ):
             scanned.variance[:, worst] = kept
             break
         dead.append(worst)

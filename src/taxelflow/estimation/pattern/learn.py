@@ -37,7 +37,7 @@ FIRST_SLACK = (0.0025, 0.0025)
 """Before anything is known of how good a pattern is: pitches^2, rad^2."""
 _CUT_SLACK = 0.5
 """What is added, times the share of the load that lies at the border."""
-_FORGET = 0.5
+_FORGET = 0.35
 _MATURE, _SETTLED = 10, 0.05
 
 

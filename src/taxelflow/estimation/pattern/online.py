@@ -45,9 +45,10 @@ if TYPE_CHECKING:
     SLACK,  # variance of x and y, in pitches^2, from errors of the pattern
     SLACK_T,  # and of theta
     CUT,  # whether this contact has ever been cut by the border
+    PROBATION,  # scans for which a recognised pattern is looked for all over the pad
     FLAG,  # what the last scan calls for, one of the below
     SLOTS,
-) = range(30)
+) = range(31)
 """Places in a pad's memory."""
 
 NOTHING, NOVEL, STRANGE, GONE = range(4)
@@ -66,6 +67,7 @@ _GATE, _FAR_OFF = 2.0, 10.0
 _PATIENCE, _MOST_POOR = 5, 20
 _LEAP = 1.5
 """A scan that moves so many radii and pitches at once is not believed."""
+_YOUNG = 8
 _NEAR, _SAME = 0.25, 5
 """Keyframes closer than this, in pitches, show the same, and so many are enough."""
 _LOUDER = 0.5
@@ -197,7 +199,7 @@ def follow(
             m[SPEED_T] = (states[pad, 2] - last[2]) / span
         m[LAST_T] = t
         m[CENTROID_X], m[CENTROID_Y] = middle[0], middle[1]
-        fits = fits and m[CHI] <= gate(m[USUAL], m[COUNT])
+        fits = fits and m[CHI] <= gate(m[USUAL], m[COUNT]) and m[PROBATION] == 0.0
     return fits
 
 
@@ -292,8 +294,10 @@ def report(
         else:
             quality[pad] = UNRESOLVED
             m[POOR] += 1.0 if misfit <= _FAR_OFF else 2.0
-            if m[POOR] >= _PATIENCE:
+            if m[POOR] >= _PATIENCE or m[KEYFRAMES] < _YOUNG:  # a young pattern is not yet to be trusted more
                 m[FLAG] = STRANGE
+        if largest > scale * scale:  # nowhere in particular
+            m[POOR] += 1.0
         if moved > _LEAP * (1.0 + m[RADIUS]) or m[POOR] >= _MOST_POOR:
             m[FLAG] = GONE
             quality[pad] = LOST

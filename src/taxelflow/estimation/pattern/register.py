@@ -75,7 +75,7 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     normal, right, best_right = np.zeros((STATE, STATE)), np.zeros(STATE), np.zeros(STATE)
     jacobian = np.zeros(STATE)
     matrix, step = np.zeros((STATE, STATE)), np.zeros(STATE)
-    for round_ in range(iterations):
+    for _ in range(iterations):
         evaluate(c, lattice, places, state, points, bend, scratch)
         normal[:] = 0.0
         right[:] = 0.0
@@ -87,9 +87,10 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 continue
             q = scratch[i, 0]
             if np.isnan(q):
-                scratch[i, 5] = 0.0 if round_ == 0 else scratch[i, 5]
                 if reading[i] * reading[i] > 9.0 * variance[i]:  # a load off the lattice: not explained
-                    z = reading[i] / np.sqrt(variance[i])
+                    z = abs(reading[i]) / np.sqrt(variance[i])
+                    chi += min(z * z, 25.0)
+                    seen += 1
                     cost += 2.0 * huber * z - huber * huber if z > huber else z * z
                 continue
             model = gain * q

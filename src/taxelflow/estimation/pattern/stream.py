@@ -31,6 +31,7 @@ _TURN_STD = 0.1
 _LEAST_GAIN_STD = 0.05
 _DOUBT = 0.25
 _STILL = 1e-3
+_PROBATION, _SURELY = 8, 9.0
 _YOUNG, _YOUNG_LATENCY = 12, 0.2
 """A pattern of few keyframes is learned faster, and adopted after this share of the usual time."""
 
@@ -185,13 +186,17 @@ class StreamSession:
         """Look for the object all over the pad where a scan does not fit where it was looked for."""
         for pad in np.flatnonzero(contact):
             m, known = self._memory[pad], self._pads[pad].learned
-            if known is None or not known.mature or m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT]):
+            if known is None or not known.mature:
                 continue
+            fits = m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT])
+            if fits and m[online.PROBATION] == 0.0:
+                continue
+            m[online.PROBATION] = max(m[online.PROBATION] - 1.0, 0.0)
             own = self._layout.of_pad(int(pad))
             middle = m[online.CENTROID_X : online.CENTROID_Y + 1]
             scan = (self._places[:, own], reading[own], variance[own], self._ceiling[own])
             found = recognised(known, middle, *scan)
-            if found is not None:
+            if found is not None and (not fits or _better(found, m)):
                 self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
                 m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
 
@@ -236,6 +241,7 @@ class StreamSession:
             if found is not None:
                 self._put(pad, known)
                 self._states[pad] = found[0]
+                m[online.PROBATION] = _PROBATION
                 break
         else:
             delay = self._delay[own] if len(self._delay) else np.zeros(own.stop - own.start)
@@ -361,3 +367,9 @@ class StreamSession:
             self._layout.starts,
         )
         del slips
+
+
+def _better(found: tuple[Floats, Floats, float, int], m: Floats) -> bool:
+    """Whether a state found elsewhere explains the scan surely better than the one that was followed."""
+    _, _, chi, count = found
+    return chi * count < m[online.CHI] * m[online.COUNT] - _SURELY * m[online.USUAL]

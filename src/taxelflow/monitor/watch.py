@@ -1,0 +1,189 @@
+"""Every pad's poses through the two tests, scan by scan: is it still, does it slip, and what changed."""
+
+from __future__ import annotations
+
+from math import erfc
+
+import numpy as np
+
+from taxelflow.compiling import kernel
+from taxelflow.messages import LOST, UNRESOLVED, Bools, Bytes, Floats
+from taxelflow.monitor.halt import AT, AT_VAR, BEGAN, DOUBT, FROM, LOST_TURN, RESTS, SINCE, SLIDE, SPEED, set_off, slide
+from taxelflow.monitor.onset import BEGIN, ENERGY_OF, SLIP, VELOCITY, thinned, threshold, weigh
+from taxelflow.monitor.still import ENERGY, STEP, STILL, TURN_COUNTS, TURNS, P, forget, innovate, scale, settle
+
+NEW, RESTING, SLIPPING = range(3)
+"""Modes: in contact for too short a time to judge; still; slipping."""
+
+# Memory per pad: mode, time of the last scan and of the last pose used, logarithm of the load, poses since the contact
+# began or began anew, when that was, how many ramps are followed, accumulated displacement (3); `still`'s and `halt`'s.
+MODE, LAST, USED, LOAD, KNOWN, FIRST, RAMPS, Y = range(8)
+CALM = 10
+MOVED = CALM + STILL
+MEMORY = MOVED + SLIDE
+# What changed: when a slip began or ended, s, and its velocity along x, y, theta.
+WHEN, MOTION, NOTE = 0, 1, 4
+# Parameters, see `SlipMonitor.numbers`.
+ALARM_S, LOAD_M, CREEP_M_S, SETTLE_S = range(4)
+
+_UNSURE = 9.0
+"""Factor on the variance of a pose that does not fit what the method knows."""
+_JUMP = 0.7
+"""A load that grows or falls by more than e to this power from one scan to the next is another contact."""
+_FEWEST = 3
+"""Poses that a still object must have had."""
+_FLOOR_M, _FLOOR_RAD = 1e-6, 1e-5
+"""No pose is better known than this; some methods say 0."""
+_STOPS, _GOES_ON, _SURE = 3.0, 0.02, 30.0
+"""Odds of a stop at which it is told, at which the slip goes on after all, and that end the doubt."""
+_CALM_SIGMAS = 2.5
+"""A method without direction has stopped slipping when its sign of slip is below so many standard deviations."""
+
+
+@kernel
+def follow(
+    t: Floats,
+    contact: Bools,
+    displacement: Floats,
+    covariance: Floats,
+    lag: Floats,
+    load: Floats,
+    disturbance: Floats,
+    quality: Bytes,
+    numbers: Floats,
+    memory: Floats,
+    ramps: Floats,
+    stops: Floats,
+    slipping: Bools,
+    notes: Floats,
+) -> None:
+    """Fill slipping (scans, pads) and, where a slip begins or ends, notes (scans, pads, NOTE).
+
+    The first eight: fields of `Slips`, covariance that of the displacement. numbers: `SlipMonitor.numbers`.
+    memory: (pads, MEMORY), ramps: (pads, MOST_RAMPS, RAMP), stops: (pads, MOST_STOPS, STOP), kept from block to block.
+    """
+    y, noise = np.empty(3), np.empty(6)
+    for pad in range(contact.shape[1]):
+        m = memory[pad]
+        for scan in range(len(t)):
+            d, now = displacement[scan, pad], t[scan]
+            senses = not np.isnan(disturbance[scan, pad])
+            if not contact[scan, pad] or (not senses and (np.isnan(d[0]) or quality[scan, pad] == LOST)):
+                m[MODE], m[KNOWN] = NEW, 0.0
+            else:
+                loads = load[scan, pad] > 0.0
+                if loads and abs(np.log(load[scan, pad]) - m[LOAD]) > _JUMP:
+                    m[MODE], m[KNOWN] = NEW, 0.0  # touched or let go, all or a part of it
+                if m[KNOWN] == 0.0:
+                    m[FIRST], m[USED] = now, -np.inf
+                    forget(m[CALM : CALM + STILL])
+                if loads:
+                    m[LOAD] = np.log(load[scan, pad])
+                m[KNOWN] += 1.0
+                # A pose that is the mean of two scans shares one with the next: only every second one is new.
+                shared = lag[scan, pad] > 0.0
+                if senses:
+                    _sense(now, disturbance[scan, pad], numbers, m, notes[scan, pad])
+                else:
+                    for axis in range(3):
+                        m[Y + axis] += d[axis] if not np.isnan(d[axis]) else 0.0
+                        y[axis] = m[Y + axis]
+                    if not shared or now - 2.0 * lag[scan, pad] > m[USED] + 1e-9:
+                        doubt = _UNSURE if quality[scan, pad] == UNRESOLVED else 1.0
+                        _spread(covariance[scan, pad], doubt * (1.0 if shared else 0.5), noise)
+                        _judge(now, y, noise, numbers, m, ramps[pad], stops[pad], notes[scan, pad])
+                        m[USED] = now
+            m[LAST] = now
+            slipping[scan, pad] = m[MODE] == SLIPPING and m[MOVED + DOUBT] == 0.0
+
+
+@kernel
+def _spread(covariance: Floats, share: float, noise: Floats) -> None:
+    """Covariance (6,) of one pose from that of a displacement (3, 3): `share` of it, and no less than the floor."""
+    noise[0] = share * covariance[0, 0] + _FLOOR_M**2
+    noise[1] = share * covariance[1, 1] + _FLOOR_M**2
+    noise[2] = share * covariance[2, 2] + _FLOOR_RAD**2
+    noise[3] = share * covariance[0, 1]
+    noise[4] = share * covariance[0, 2]
+    noise[5] = share * covariance[1, 2]
+
+
+@kernel
+def _judge(
+    t: float, y: Floats, noise: Floats, numbers: Floats, m: Floats, ramps: Floats, stops: Floats, note: Floats
+) -> None:
+    """One pose of one pad, independent of the last one."""
+    if m[MODE] == NEW:
+        calm = m[CALM : CALM + STILL]
+        variance = 0.5 * (noise[0] + noise[1]) * scale(calm)
+        turns = not np.isnan(noise[2]) and (m[KNOWN] == 1.0 or calm[TURNS] > 0.0)
+        settle(y, variance, m[LOAD], numbers[LOAD_M : CREEP_M_S + 1], calm)
+        if not turns:
+            calm[TURNS] = 0.0
+        m[RAMPS] = 0.0
+        if m[KNOWN] >= _FEWEST and t - m[FIRST] >= numbers[SETTLE_S]:
+            m[MODE] = RESTING
+    elif m[MODE] == RESTING:
+        _rests(t, y, noise, numbers, m, ramps, note)
+    else:
+        _slips(t, y, noise, numbers, m, stops, note)
+
+
+@kernel
+def _rests(t: float, y: Floats, noise: Floats, numbers: Floats, m: Floats, ramps: Floats, note: Floats) -> None:
+    """One more pose of a still object, which may begin to slip."""
+    calm, moved = m[CALM : CALM + STILL], m[MOVED : MOVED + SLIDE]
+    step, slip = np.empty(STEP), np.empty(SLIP)
+    innovate(t - m[USED], y, noise, m[LOAD], numbers[LOAD_M : CREEP_M_S + 1], calm, step)
+    count = int(m[RAMPS])
+    whole = weigh(t, m[USED], step, calm, count, ramps, slip)
+    m[RAMPS] = thinned(t, count + 1, ramps)
+    if whole > threshold(numbers[ALARM_S], t - m[USED], step[TURN_COUNTS]):
+        m[MODE] = SLIPPING
+        set_off(t, m[USED], slip, calm[P], moved)
+        calm[ENERGY] = max(calm[ENERGY] - slip[ENERGY_OF], 0.0)  # the slip's part of the scatter is explained
+        _tell(slip[BEGIN], slip[VELOCITY : VELOCITY + 3], step[TURN_COUNTS] > 0.0, note)
+
+
+@kernel
+def _slips(t: float, y: Floats, noise: Floats, numbers: Floats, m: Floats, stops: Floats, note: Floats) -> None:
+    """One more pose of a slipping object, which may stop."""
+    calm, moved = m[CALM : CALM + STILL], m[MOVED : MOVED + SLIDE]
+    rests = np.empty(RESTS)
+    turns = not np.isnan(noise[2]) and moved[LOST_TURN] == 0.0
+    if not turns:  # what it turned by in between is unknown
+        moved[LOST_TURN], noise[2] = 1.0, np.nan
+    noise *= scale(calm)
+    odds = slide(t, y, noise, m[USED], numbers[CREEP_M_S], moved, stops, rests)
+    if odds > _STOPS and moved[DOUBT] == 0.0:
+        moved[DOUBT] = 1.0
+        mean = (rests[AT : AT + 3] - moved[FROM : FROM + 3]) / max(rests[SINCE] - moved[BEGAN], 1e-9)
+        _tell(rests[SINCE], mean, turns, note)
+    elif odds < _GOES_ON and moved[DOUBT] > 0.0:
+        moved[DOUBT] = 0.0
+        _tell(moved[BEGAN], moved[SPEED : SPEED + 3], turns, note)
+    if odds > _SURE:
+        m[MODE], m[RAMPS] = RESTING, 0.0
+        settle(rests[AT : AT + 3], rests[AT_VAR], m[LOAD], numbers[LOAD_M : CREEP_M_S + 1], calm)
+        if not turns:
+            calm[TURNS] = 0.0
+
+
+@kernel
+def _tell(when_s: float, velocity: Floats, turns: bool, note: Floats) -> None:
+    note[WHEN] = when_s
+    for axis in range(3):
+        note[MOTION + axis] = velocity[axis] if axis < 2 or turns else np.nan
+
+
+@kernel
+def _sense(t: float, sigmas: float, numbers: Floats, m: Floats, note: Floats) -> None:
+    """One scan of a method without direction: it alarms if chance does so more seldom than was asked for."""
+    chance = erfc(sigmas / np.sqrt(2.0))
+    if m[MODE] == SLIPPING:
+        if sigmas < _CALM_SIGMAS:
+            m[MODE] = RESTING
+            note[WHEN] = t
+    elif t - m[FIRST] >= numbers[SETTLE_S] and chance < (t - m[LAST]) / numbers[ALARM_S]:
+        m[MODE], m[MOVED + DOUBT] = SLIPPING, 0.0
+        note[WHEN] = t

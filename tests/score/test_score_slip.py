@@ -1,0 +1,121 @@
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from rigged import rigged
+from taxelflow.acquire.base import Truth
+from taxelflow.acquire.rig.scenario import SCENARIOS
+from taxelflow.messages import Event
+from taxelflow.publish.summary import to_json
+from taxelflow.score import slip
+from taxelflow.score.slip import APART, FRESH_SEED, HOLDS, METHODS, NOISE, OBJECTS, SlipScore, score_slip
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from taxelflow.acquire.rig.scenario import Scenario
+
+
+@pytest.fixture(scope="module")
+def scenes() -> Iterator[dict[str, Scenario]]:
+    """Scenarios of a few seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        short = {
+            name: rigged(name, motion={"turn_s": 2.0, "stick_slip_s": 3.0}) for name in ("stick-slip", *HOLDS, *APART)
+        }
+        patch.setattr(slip, "SCENARIOS", short)
+        patch.setattr(slip, "OBJECTS", {"airbag": OBJECTS["airbag"]})
+        yield short
+
+
+@pytest.fixture(scope="module")
+def score(scenes: dict[str, Scenario]) -> SlipScore:
+    assert slip.SCENARIOS is scenes
+    return score_slip(METHODS, 1, hours=0.01)
+
+
+def test_there_is_a_row_for_each_object_scenario_and_method(score: SlipScore) -> None:
+    assert [(row.object, row.method) for row in score.slips] == [("airbag", method) for method in METHODS]
+    wanted = [(name, method) for name in (*HOLDS, *APART) for method in METHODS]
+    assert [(row.scenario, row.method) for row in score.holds] == [*wanted, (NOISE, NOISE)]
+    assert (score.first_seed, score.alarms_per_hour) == (FRESH_SEED, 1.0)
+
+
+def test_slips_of_an_airbag_are_found(score: SlipScore) -> None:
+    for row in score.slips:
+        assert row.slips >= 4
+        assert row.missed == 0
+        assert 0.7 < row.f1 < 1
+        assert 0 <= row.onset_ms <= row.onset_p90_ms <= row.onset_max_ms < 200
+        assert row.dated_ms < 40
+        assert row.direction_deg < 10
+        assert row.speed_percent < 20
+
+
+def test_what_holds_still_raises_no_alarm_and_the_interval_says_how_sure_that_is(score: SlipScore) -> None:
+    for row in score.holds:
+        if row.scenario in (*HOLDS, NOISE):
+            assert (row.alarms, row.per_hour, row.low) == (0, 0.0, 0.0)
+            assert row.high == pytest.approx(-np.log(0.025) / row.hours)
+            assert 0.6 < row.scatter < 1.4
+
+
+def test_the_same_seeds_give_the_same_score_and_others_another(score: SlipScore) -> None:
+    assert score_slip(METHODS, 1, hours=0.01) == score
+    other = score_slip(METHODS, 1, seed=1, hours=0)
+    assert other.holds == []
+    assert other.slips != score.slips
+
+
+def test_noise_alarms_as_often_as_asked() -> None:
+    (row,) = score_slip((), 0, hours=0.5, alarms_per_hour=200.0).holds
+    assert row.low < 260
+    assert row.high > 140
+    assert row.hours == pytest.approx(0.5, rel=1e-3)
+
+
+def test_json_tells_all(score: SlipScore) -> None:
+    whole = json.loads(to_json(score))
+    assert set(whole) == {"alarms_per_hour", "seeds", "first_seed", "slips", "holds"}
+    assert whole["slips"][0]["object"] == "airbag"
+
+
+def test_processes_give_what_one_gives() -> None:
+    jobs = [slip._Job(NOISE, seed, (NOISE,), 100.0) for seed in (3, 4)]
+    one, two = (list(slip._found(jobs, 0.05, processes)) for processes in (1, 2))
+    assert one == two
+    assert one[0] != one[1]
+
+
+def test_calls_are_held_against_the_truth() -> None:
+    t_s = np.arange(100) / 100
+    true = np.zeros(100, bool)
+    true[20:40] = true[60:80] = True
+    pose = np.zeros((100, 3))
+    pose[:, 0] = np.cumsum(true) * 1e-4
+    said = np.zeros(100, bool)
+    said[22:30] = said[33:42] = said[90:95] = True
+    events = [
+        Event(0.22, "pad", "slip_start", 0.20, 0.0, 0.01),
+        Event(0.30, "pad", "slip_stop", 0.29, 0.0, 0.01),
+        Event(0.33, "pad", "slip_start", 0.31, 0.0, 0.01),
+        Event(0.42, "pad", "slip_stop", 0.40, 0.1, 0.011),
+        Event(0.90, "pad", "slip_start", 0.89, 0.0, 0.01),
+    ]
+    seen = slip._compared(said, events, Truth("pad", t_s, pose, true), 0.15)
+    assert (seen.true, seen.told, seen.both) == (40, 22, 15)
+    assert (seen.alarms, seen.false, seen.split, seen.missed) == (3, 1, 1, 1)
+    assert seen.latency_ms == pytest.approx([20.0])
+    assert seen.dated_ms == pytest.approx([5.0])
+    assert seen.direction_deg == pytest.approx([np.degrees(0.1)])
+    assert seen.speed_percent == pytest.approx([10.0], abs=0.1)
+
+
+def test_the_scenarios_that_hold_still_do_and_touch_the_grid() -> None:
+    for name in HOLDS:
+        assert SCENARIOS[name].motion.travel_m == 0
+        assert SCENARIOS[name].sensor == "grid-16x16"
