@@ -18,7 +18,7 @@ from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
-from taxelflow.messages import Bools, Contacts, Event, Motions, RawScans, Scans, Slips, joined
+from taxelflow.messages import Bools, Contacts, Event, LearnedPattern, Motions, RawScans, Scans, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pipeline import Pipeline, Run
 from taxelflow.publish.summary import Summary, Totals
@@ -42,7 +42,8 @@ class Result:
     """Everything that a recording gave, in memory.
 
     pads: names along the second axis of the arrays of `slips` and of slipping (scans, pads). `motions` is the
-    object's motion per scan, `contacts` what each pad's contact is like, `summary` what `summary.json` holds.
+    object's motion per scan, `contacts` what each pad's contact is like, `patterns` what a method that learns has
+    learned, `summary` what `summary.json` holds.
     """
 
     pads: tuple[str, ...]
@@ -50,6 +51,7 @@ class Result:
     slipping: Bools
     motions: Motions
     events: list[Event]
+    patterns: list[LearnedPattern]
     summary: Summary
     contacts: Contacts
 
@@ -163,6 +165,7 @@ def estimate(
         slipping=np.concatenate([output.slipping for output in outputs]),
         motions=joined([output.motions for output in outputs]),
         events=[event for output in outputs for event in output.events],
+        patterns=run.patterns,
         summary=summarise(name, pipeline, run, totals),
         contacts=joined([output.contacts for output in outputs]),
     )
@@ -208,6 +211,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
         notes.append(f"{gaps} of {counts.longest_gap_s:.3g} s: no motion is followed across it")
     if run.lag_s:
         notes.append(f"filtered over time: every lag_s is {1e3 * run.lag_s:.3g} ms longer for it")
+    notes += run.notes
     return Summary(
         taxelflow=__version__,
         input=str(recording.source),

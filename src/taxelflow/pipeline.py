@@ -10,9 +10,21 @@ from taxelflow.calibration import Calibration
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import CalibrationUnfit, NameUnknown
-from taxelflow.estimation.base import Mode
+from taxelflow.estimation.base import Learning, Mode
 from taxelflow.fuse.rigid import RigidField
-from taxelflow.messages import Bools, Contacts, Event, Floats, Motions, RawScans, Scans, Slips, cut, joined
+from taxelflow.messages import (
+    Bools,
+    Contacts,
+    Event,
+    Floats,
+    LearnedPattern,
+    Motions,
+    RawScans,
+    Scans,
+    Slips,
+    cut,
+    joined,
+)
 from taxelflow.monitor.features import ContactFeatures
 from taxelflow.monitor.slip import SlipMonitor
 
@@ -93,6 +105,16 @@ class Run:
     def learned(self) -> Learned | None:
         """Tare, noise and masks, as far as they are known."""
         return self._condition.learned
+
+    @property
+    def patterns(self) -> list[LearnedPattern]:
+        """What the estimator has learned of the object; none unless it learns."""
+        return list(self._estimate.patterns) if isinstance(self._estimate, Learning) else []
+
+    @property
+    def notes(self) -> list[str]:
+        """What the estimator has found out about the sensor."""
+        return list(self._estimate.notes) if isinstance(self._estimate, Learning) else []
 
     @property
     def scatter(self) -> Floats:
