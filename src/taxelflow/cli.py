@@ -332,7 +332,7 @@ class Score:
         """What is scored is named for `limits` and `real` only."""
         if self.what == "real":
             if not self.of:
-                raise ParameterInvalid("recordings", "nothing", "score real needs at least one")
+                raise ParameterInvalid("recordings", "nothing", "give at least one recording")
             return
         for name, value in (("sensor", self.sensor), ("topic", self.topic)):
             if value is not None:

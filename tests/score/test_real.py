@@ -87,7 +87,13 @@ def test_the_command_says_what_it_needs(turned: Path, capsys: pytest.CaptureFixt
     assert main(["score", "real"]) == 2
     assert "give at least one recording" in capsys.readouterr().err
     assert main(["score", "field", str(turned)]) == 2
-    assert "only score real takes them" in capsys.readouterr().err
+    assert "leave it out: score field simulates its own" in capsys.readouterr().err
+    assert main(["score", "limits", "stroke", "turn"]) == 2
+    assert "score limits takes one at a time" in capsys.readouterr().err
+    assert main(["score", "limits", "--topic", "touch"]) == 2
+    assert "leave it out: score limits reads no recording" in capsys.readouterr().err
+    assert main(["score", "real", str(turned), "--topic", "touch"]) == 2
+    assert "it means nothing for .npz recordings" in capsys.readouterr().err
 
 
 def test_a_learned_pattern_is_written_and_drawn(turned: Path, tmp_path: Path) -> None:

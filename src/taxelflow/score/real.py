@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.ndimage import shift
 
 from taxelflow import api
@@ -146,17 +147,23 @@ def _count(sums: _Sums, seen: Floats, noise: Floats, guesses: dict[str, Floats],
 def _moved(layout: Layout, pad: int, before: Scans, now: Scans) -> Floats:
     """(taxels,), the pad in the scan before, moved by the step of the centroid; at the border it goes on as it ends."""
     own = layout.of_pad(pad)
-    row, col = layout.row[own], layout.col[own]
-    centres = [_centroid(scan.pressure[0, own], scan.noise[own], row, col) for scan in (before, now)]
+    table = bool(layout.tables[pad])
+    places = np.stack([layout.x_m[own], layout.y_m[own]] if table else [layout.row[own], layout.col[own]], axis=1)
+    centres = [_centroid(scan.pressure[0, own], scan.noise[own], places) for scan in (before, now)]
+    step = centres[1] - centres[0]
+    if table:
+        last = before.pressure[0, own]
+        between = LinearNDInterpolator(places, last)(places - step)
+        return np.where(np.isfinite(between), between, NearestNDInterpolator(places, last)(places - step))
     image = layout.grid(pad, before.pressure[0], fill=0.0)
-    moved: Floats = shift(image, centres[1] - centres[0], order=1, mode="nearest")[row, col]
+    moved: Floats = shift(image, step, order=1, mode="nearest")[layout.row[own], layout.col[own]]
     return moved
 
 
-def _centroid(pressure: Floats, noise: Floats, row: np.ndarray, col: np.ndarray) -> Floats:
+def _centroid(pressure: Floats, noise: Floats, places: Floats) -> Floats:
     weight = np.where(pressure > 3.0 * noise, pressure, 0.0)
-    total = weight.sum() or 1.0
-    return np.array([weight @ row / total, weight @ col / total])
+    centre: Floats = weight @ places / (weight.sum() or 1.0)
+    return centre
 
 
 def _row(name: str, pad: str, sums: _Sums) -> Prediction:

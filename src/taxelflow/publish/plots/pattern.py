@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.publish.plots.outlines import extent_mm, outlines
 from taxelflow.publish.plots.path import draw_pad
 from taxelflow.publish.plots.style import GREY, INK, MAGENTA, VERMILION, caption, plain
 
@@ -106,12 +107,11 @@ def _scale(contact: Contact) -> tuple[float, str]:
 
 def _box_mm(layout: Layout, pad: int, contact: Contact) -> tuple[float, float, float, float]:
     """The pad, the pattern at the pose shown and the way, with a margin."""
-    rows, cols = layout.shapes[pad]
-    half = 0.5e3 * layout.pitch_m[pad] * [cols, rows]
+    left, right, low, high = extent_mm(layout, pad)
     x, y = _on_pad_mm(contact)
     there = np.nan_to_num(contact.pattern.pressure) > _SHOWN * np.nanmax(contact.pattern.pressure)
     way = 1e3 * contact.pose[np.isfinite(contact.pose[:, 0]), :2]
-    at = np.concatenate([np.stack([x[there], y[there]], axis=1), way, [-half, half]])
+    at = np.concatenate([np.stack([x[there], y[there]], axis=1), way, [[left, low], [right, high]]])
     (left, low), (right, high) = at.min(axis=0), at.max(axis=0)
     margin = 0.06 * max(right - left, high - low)
     return float(left - margin), float(right + margin), float(low - margin), float(high + margin)
@@ -136,10 +136,7 @@ def _draw_taxels(axis: Axes, layout: Layout, pad: int, image: Floats | None, top
     from matplotlib.collections import PolyCollection
 
     own = layout.of_pad(pad)
-    centre = 1e3 * np.stack([layout.x_m[own], layout.y_m[own]], axis=1)
-    half = 0.5e3 * layout.pitch_m[pad]
-    corners = centre[:, np.newaxis] + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    taxels = PolyCollection(list(corners), edgecolor=_EDGE, linewidth=0.5)
+    taxels = PolyCollection(list(1e3 * outlines(layout, pad)), edgecolor=_EDGE, linewidth=0.5)
     if image is None:
         taxels.set_facecolor("none")
         taxels.set_alpha(0.6)
