@@ -26,8 +26,9 @@ _SIGHT, _STILL_SIGHT = 4.0, 2.0
 """A turn is seen if the pattern tells it so many times better than noise would pretend; it stays seen down to the
 second."""
 _SURE_RAD = 0.1
-"""... and if its standard deviation is below this."""
+"""... and if its standard deviation is below this. What noise does not explain of a scan counts as more noise."""
 _BLURRED = 0.25
+"""Standard deviation of a position, in pitches, above which its direction is not seen."""
 
 
 @kernel
@@ -129,18 +130,18 @@ def follow(  # noqa: PLR0915  one loop, as a kernel must be
         g, g_before = np.empty((3, count)), np.zeros((3, taxels))
         if turns:
             enough = _STILL_SIGHT if m[TURN] == _SEEN else _SIGHT
-            turns = sight(normal, pretended) > enough
+            worse = max(1.0, chi / freedom)
+            turns = sight(normal, pretended) > enough * worse
             if turns:
                 gains(normal, pretended, jacobian, weights, True, g)
-                turns = squared(g, y, v) < _SURE_RAD**2
+                turns = squared(g, y, v) * worse < _SURE_RAD**2
             if not turns and not fresh:
                 find(c, doubt, local, where, y, v, top, shift, gain, False, state)
                 chi, fit, freedom = weigh(
                     c, noise_doubt, unsure, local, where, y, v, top, state, model, jacobian, weights, normal, pretended
                 )
         gains(normal, pretended, jacobian, weights, turns, g)
-        worse = np.sqrt(max(1.0, chi / freedom))
-        g *= worse
+        g *= np.sqrt(max(1.0, chi / freedom))
         part = np.zeros((3, 3))
         for j in range(count):
             if y[j] != 0.0:
@@ -235,8 +236,8 @@ def refresh(
     now: Floats, first: NDArray[np.int64], weight: Floats, factor: Floats, trust: Floats, c: Floats
 ) -> None:
     """Make c (ny, nx) the spline through readings (taxels,)."""
-    right = np.zeros((c.size, 1))
-    gather(first, weight, (now * trust).reshape((-1, 1)), c.shape[1], right)
+    right = np.zeros((1, c.size))
+    gather(first, weight, (now * trust).reshape((1, -1)), c.shape[1], right)
     solve_band(factor, right)
     c[:] = right.reshape(c.shape)
 

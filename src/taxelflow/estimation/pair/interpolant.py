@@ -27,7 +27,7 @@ _SMOOTHING = 1e-6
 _FARTHEST = 0.75
 """A knot farther than so many pitches from every live taxel knows nothing."""
 _MOST_KNOTS = 40_000
-_VALUE_NOISE = 0.764
+VALUE_NOISE = 0.764
 SLOPE_NOISE = 2.163
 """Variance of the spline and of its slope per pitch over that of a reading, through which a cubic spline on a grid goes;
 means over a taxel."""
@@ -75,7 +75,7 @@ class Interpolant:
         first, weight = np.empty(len(variance), np.int64), np.empty((len(variance), pattern.width**2))
         spread(pattern.shape, pattern.lattice, places, state, pattern.points, bends[0], pattern.width, first, weight)
         nearest = _nearest_live(pattern, places, live)
-        doubt = np.where(nearest >= 0, _VALUE_NOISE * variance[nearest], usual)
+        doubt = np.where(nearest >= 0, VALUE_NOISE * variance[nearest], usual)
         return cls(
             lattice=pattern.lattice,
             shape=pattern.shape,
@@ -105,34 +105,29 @@ def _nearest_live(pattern: Pattern, places: Floats, live: Bools) -> NDArray[np.i
 
 @kernel
 def gather(first: NDArray[np.int64], weight: Floats, values: Floats, nx: int, out: Floats) -> None:
-    """Add values (taxels, n), spread with weight (taxels, 16), to out (knots, n)."""
+    """Add values (n, taxels), spread with weight (taxels, 16), to out (n, knots)."""
     for i in range(len(first)):
         if first[i] >= 0:
             for a in range(4):
                 for b in range(4):
-                    w = weight[i, 4 * a + b]
-                    knot = first[i] + a * nx + b
-                    for column in range(values.shape[1]):
-                        out[knot, column] += w * values[i, column]
+                    for row in range(len(values)):
+                        out[row, first[i] + a * nx + b] += weight[i, 4 * a + b] * values[row, i]
 
 
 @kernel
 def solve_band(factor: Floats, right: Floats) -> None:
-    """Solve in place for right-hand sides (knots, n); factor as in `Interpolant`."""
+    """Solve in place for right-hand sides (n, knots); factor as in `Interpolant`."""
     knots, band = factor.shape
-    columns = right.shape[1]
-    for j in range(knots):
-        last = min(band, knots - j)
-        for column in range(columns):
-            value = right[j, column] / factor[j, 0]
-            right[j, column] = value
-            if value != 0.0:
-                for k in range(1, last):
-                    right[j + k, column] -= factor[j, k] * value
-    for j in range(knots - 1, -1, -1):
-        last = min(band, knots - j)
-        for column in range(columns):
-            value = right[j, column]
-            for k in range(1, last):
-                value -= factor[j, k] * right[j + k, column]
-            right[j, column] = value / factor[j, 0]
+    for row in range(len(right)):
+        x = right[row]
+        for j in range(knots):
+            if x[j] != 0.0:
+                value = x[j] / factor[j, 0]
+                x[j] = value
+                for k in range(1, min(band, knots - j)):
+                    x[j + k] -= factor[j, k] * value
+        for j in range(knots - 1, -1, -1):
+            value = x[j]
+            for k in range(1, min(band, knots - j)):
+                value -= factor[j, k] * x[j + k]
+            x[j] = value / factor[j, 0]

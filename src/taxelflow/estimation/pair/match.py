@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.pair.interpolant import SLOPE_NOISE, gather, solve_band
+from taxelflow.estimation.pair.interpolant import SLOPE_NOISE, VALUE_NOISE, gather, solve_band
 from taxelflow.estimation.pattern.register import register, solve_small
 from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y, evaluate, spread
 
@@ -38,6 +38,8 @@ _BOX = 1.5
 _LOADED = 4.0
 """... which stand above so many standard deviations."""
 _OUTLIER = 25.0
+_FITS = 1.5
+"""Chi-square per reading at which no other start is tried."""
 _MODEL_ERROR = 0.05
 """A scan fits if its residuals are explained by noise and by an error of the pattern of this share."""
 
@@ -86,7 +88,7 @@ def find(
     for start in range(2):
         trial[:] = prior
         trial[X], trial[Y] = start * shift[0], start * shift[1]
-        cost, _, _ = register(
+        cost, chi, count = register(
             c,
             doubt,
             lattice,
@@ -108,6 +110,8 @@ def find(
         if cost < best - 1e-3:
             best = cost
             state[:] = trial
+        if chi <= _FITS * count:
+            break
 
 
 @kernel
@@ -166,7 +170,7 @@ def weigh(
         for a in range(THETA + 1):
             jacobian[i, a] = gain * slopes[i, a + 1]
         jacobian[i, GAIN] = q
-        noise = w * SLOPE_NOISE / 0.764 * doubt * gain * gain
+        noise = w * SLOPE_NOISE / VALUE_NOISE * doubt * gain * gain
         n[X, X] += noise
         n[X, THETA] -= noise * dy
         n[Y, THETA] += noise * dx
@@ -246,8 +250,8 @@ def carried(
     seen = places.shape[1]
     start, share = np.empty(seen, np.int64), np.empty((seen, 16))
     spread(shape, lattice, places, state, np.zeros((1, 2)), np.zeros((3, 0)), 4, start, share)
-    knots = np.zeros((shape[0] * shape[1], 3))
-    gather(start, share, np.ascontiguousarray((state[GAIN] * g).T), shape[1], knots)
+    knots = np.zeros((3, shape[0] * shape[1]))
+    gather(start, share, state[GAIN] * g, shape[1], knots)
     solve_band(factor, knots)
     out[:] = 0.0
     for i in range(len(first)):
@@ -256,4 +260,4 @@ def carried(
                 for b in range(4):
                     w = trust[i] * weight[i, 4 * a + b]
                     for row in range(3):
-                        out[row, i] += w * knots[first[i] + a * shape[1] + b, row]
+                        out[row, i] += w * knots[row, first[i] + a * shape[1] + b]

@@ -54,7 +54,7 @@ class PairSession:
         layout = self._layout
         slips = Slips.unknown(scans, layout.starts)
         mark_border(scans.pressure, scans.noise, scans.contact, *self._edge, slips.border)
-        if scans.noise is not self._noise:
+        if self._noise is None or not np.array_equal(scans.noise, self._noise):
             self._learn(scans.noise)
         for number, pad in enumerate(self._pads):
             own = layout.of_pad(number)
