@@ -15,6 +15,7 @@ from taxelflow.calibration import Calibration, load_calibration
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
+from taxelflow.estimation.smoothing import NOTE, Smoothing
 from taxelflow.layout import Sensor, load_sensor
 from taxelflow.messages import Bools, Event, Motions, Scans, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
@@ -82,6 +83,7 @@ def estimate(
     condition: Conditioner | None = None,
     monitor: SlipMonitor | None = None,
     calibration: Calibration | str | Path | None = None,
+    smooth: Smoothing | None = None,
     **parameters: Any,
 ) -> Result:
     """Run a recording through the pipeline and keep all results in memory.
@@ -98,7 +100,14 @@ def estimate(
         chosen, name = method, type(method).__name__
     if calibration is not None and not isinstance(calibration, Calibration):
         calibration = load_calibration(calibration)
-    pipeline = Pipeline(chosen, mode, condition or Conditioner(), monitor or SlipMonitor(), calibration=calibration)
+    pipeline = Pipeline(
+        chosen,
+        mode,
+        condition or Conditioner(),
+        monitor or SlipMonitor(),
+        calibration=calibration,
+        smooth=smooth or Smoothing(),
+    )
     run = pipeline.start(recording)
     totals = Totals(recording.layout.pads)
     outputs = []
@@ -140,6 +149,8 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
         own = totals.pads[: layout.pad_count]
         if bare := [name for name in own if name in pads and pads[name].contact_scans and name not in known]:
             notes.append(f"not in the calibration, so at gain 1: {', '.join(bare)}")
+    if pipeline.smooth.acceleration_m_s2:
+        notes.append(NOTE)
     if silent := [taxel for taxel in masked if not recording.masked[taxel]]:
         notes.append(f"masked, because silent while noise was learned: taxels {', '.join(map(str, silent))}")
     return Summary(
@@ -154,6 +165,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
             "method": asdict(cast("Any", pipeline.estimator)),
             "condition": asdict(pipeline.condition),
             "monitor": asdict(pipeline.monitor),
+            "smooth": asdict(pipeline.smooth),
         }
         | ({} if pipeline.calibration is None else {"calibration": msgspec.to_builtins(pipeline.calibration)}),
         scans=totals.scans,

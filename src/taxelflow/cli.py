@@ -16,6 +16,7 @@ from tyro.conf import Positional
 from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import ParameterInvalid, TaxelflowError
+from taxelflow.estimation.smoothing import Smoothing
 from taxelflow.fuse.rigid import RigidField
 from taxelflow.monitor.slip import SlipMonitor
 
@@ -37,8 +38,8 @@ class Estimate:
     sensor: str | None = None
     """A built-in sensor (see `taxelflow sensors`) or a TOML file; not needed where the recording names its own."""
     method: str = "convolution"
-    """lnorm or convolution (the paper's methods I and II), the baselines sum (no direction) or principal_axis (with
-    rotation), or one from another package."""
+    """lnorm or convolution (the paper's methods I and II), registration (of two scans, with rotation), the baselines
+    sum (no direction) or principal_axis (with rotation), or one from another package."""
     mode: Literal["batch", "stream"] = "batch"
     """batch: learn tare and noise from the whole recording first. stream: scan by scan, as from a live device."""
     calibration: Path | None = None
@@ -46,6 +47,7 @@ class Estimate:
     condition: Conditioner = field(default_factory=Conditioner)
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
     fusion: RigidField = field(default_factory=RigidField)
+    smooth: Smoothing = field(default_factory=Smoothing)
 
     def run(self, rest: list[str]) -> int:
         """Read, estimate, write."""
@@ -60,7 +62,7 @@ class Estimate:
         estimator = tyro.cli(kind, args=rest, prog=f"taxelflow estimate --method {self.method}")
         recording = api.read(self.recording, self.sensor)
         calibration = None if self.calibration is None else load_calibration(self.calibration)
-        pipeline = Pipeline(estimator, self.mode, self.condition, self.monitor, self.fusion, calibration)
+        pipeline = Pipeline(estimator, self.mode, self.condition, self.monitor, self.fusion, calibration, self.smooth)
         totals = Totals(recording.layout.pads)
         with Tables(self.out, recording.layout.pads) as tables:
             run = pipeline.start(recording)

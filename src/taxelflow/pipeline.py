@@ -11,6 +11,7 @@ from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import CalibrationUnfit, NameUnknown
 from taxelflow.estimation.base import Mode
+from taxelflow.estimation.smoothing import Smoothing
 from taxelflow.fuse.rigid import RigidField
 from taxelflow.messages import Bools, Event, Motions, RawScans, Slips, cut
 from taxelflow.monitor.slip import SlipMonitor
@@ -46,6 +47,7 @@ class Pipeline:
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
     fusion: RigidField = field(default_factory=RigidField)
     calibration: Calibration | None = None
+    smooth: Smoothing = field(default_factory=Smoothing)
 
     def __post_init__(self) -> None:
         if self.mode not in get_args(Mode):
@@ -66,7 +68,8 @@ class Run:
         self._stream = pipeline.mode == "stream"
         lookahead = None if self._stream else recording.blocks()
         with announced():
-            self._estimate = _started(pipeline, recording)
+            estimate = _started(pipeline, recording)
+            self._estimate = pipeline.smooth.around(estimate, layout, pipeline.mode)
             self._condition = pipeline.condition.start(recording.sensor, recording.masked, lookahead)
             self._fuse = pipeline.fusion.start(layout)
         self._monitor = pipeline.monitor.begin(layout.pads)

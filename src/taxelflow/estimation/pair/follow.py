@@ -18,15 +18,18 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Bools, Floats
 
-# Memory of a pad: whether there is a scan to register on, its time, the pose (pitches, rad), how well the turn was
-# seen, and its state: not seen yet, seen, lost sight of; then the pose's covariance.
-RUN, LAST, POSE, TURN, COVARIANCE, MEMORY = 0, 1, 2, 5, 6, 15
+# Memory of a pad: whether there is a scan to register on, its time, the pose (pitches, rad), whether its turn is not seen
+# yet, seen, or lost sight of, the pose's covariance, and the way since the contact began.
+RUN, LAST, POSE, TURN, COVARIANCE, WAY, MEMORY = 0, 1, 2, 5, 6, 15, 18
 _NOT_YET, _SEEN, _GONE = 0.0, 1.0, 2.0
 _SIGHT, _STILL_SIGHT = 4.0, 2.0
 """A turn is seen if the pattern tells it so many times better than noise would pretend; it stays seen down to the
 second."""
 _SURE_RAD = 0.1
 """... and if its standard deviation is below this. What noise does not explain of a scan counts as more noise."""
+_SCALE_ERROR = 0.03
+"""Standard deviation of the share by which steps are too long or too short: a spline through taxels is too flat between
+them, by 1 % for waves of six pitches and 4 % for waves of four."""
 _BLURRED = 0.25
 """Standard deviation of a position, in pitches, above which its direction is not seen."""
 
@@ -69,7 +72,8 @@ def follow(  # noqa: PLR0915  one loop, as a kernel must be
     """
     taxels = len(noise)
     m, p = memory, memory[POSE : POSE + 3]
-    P = memory[COVARIANCE:].reshape((3, 3))
+    P = memory[COVARIANCE:WAY].reshape((3, 3))
+    way = memory[WAY:]
     chosen = np.empty(taxels, np.bool_)
     middle, middle_before = np.empty(2), np.empty(2)
     state = np.empty(STATE)
@@ -93,7 +97,7 @@ def follow(  # noqa: PLR0915  one loop, as a kernel must be
             centroid(now, variance, places, middle)
             p[0], p[1], p[2] = middle[0], middle[1], 0.0
             m[TURN] = _NOT_YET
-            P[:] = 0.0
+            way[:] = 0.0
             refresh(now, first, weight, factor, trust, c)
             before[:], variance_before[:] = now, variance
             gains_before[:] = 0.0
@@ -169,6 +173,7 @@ def follow(  # noqa: PLR0915  one loop, as a kernel must be
             for a in range(3):
                 displacement[k, a] = state[a] * unit[a]
                 p[a] += state[a]
+                way[a] += state[a]
             if not turns:
                 displacement[k, 2] = np.nan
                 displacement_covariance[k, 2, :] = np.nan
@@ -177,7 +182,7 @@ def follow(  # noqa: PLR0915  one loop, as a kernel must be
         for a in range(3):
             pose[k, a] = p[a] * unit[a]
             for b in range(3):
-                covariance[k, a, b] = P[a, b] * unit[a] * unit[b]
+                covariance[k, a, b] = (P[a, b] + _SCALE_ERROR**2 * way[a] * way[b]) * unit[a] * unit[b]
         if m[TURN] != _SEEN and not (fresh and turns):
             pose[k, 2] = np.nan
             covariance[k, 2, :] = np.nan
