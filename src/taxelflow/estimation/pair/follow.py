@@ -237,9 +237,7 @@ def fill_in(
 
 
 @kernel
-def refresh(
-    now: Floats, first: NDArray[np.int64], weight: Floats, factor: Floats, trust: Floats, c: Floats
-) -> None:
+def refresh(now: Floats, first: NDArray[np.int64], weight: Floats, factor: Floats, trust: Floats, c: Floats) -> None:
     """Make c (ny, nx) the spline through readings (taxels,)."""
     right = np.zeros((1, c.size))
     gather(first, weight, (now * trust).reshape((1, -1)), c.shape[1], right)
@@ -249,7 +247,13 @@ def refresh(
 
 @kernel
 def hidden(
-    before: Floats, variance_before: Floats, ceiling: Floats, blind: Bools, lattice: Floats, places: Floats, noise: Floats
+    before: Floats,
+    variance_before: Floats,
+    ceiling: Floats,
+    blind: Bools,
+    lattice: Floats,
+    places: Floats,
+    noise: Floats,
 ) -> Bools:
     """(ny, nx): knots at which the earlier scan knows nothing, because no taxel is there, or not then, or saturated."""
     unknown = blind.copy()

@@ -201,9 +201,7 @@ def sight(normal: Floats, pretended: Floats) -> float:
 
 
 @kernel
-def gains(
-    normal: Floats, pretended: Floats, jacobian: Floats, weight: Floats, turns: bool, out: Floats
-) -> None:
+def gains(normal: Floats, pretended: Floats, jacobian: Floats, weight: Floats, turns: bool, out: Floats) -> None:
     """Fill out (3, taxels) with G: pose error per reading's error. Zero for a turn that is not seen."""
     h = normal.copy()
     shrink = np.empty(DOF)

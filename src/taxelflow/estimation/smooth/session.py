@@ -61,15 +61,17 @@ class Track:
         run_smoother(self._tau, density, self.x, self._P, self._begins, self._moved_P)
 
     def write(self, out: Slips, pad: int, first: int, count: int, before: Floats) -> None:
-        """Put the first `count` rows into `out` from row `first` on, where it knows a pose, a turn, a displacement.
+        """Put the first `count` rows, and the way to the next, into `out` from row `first` on, where that has numbers.
 
-        before: (scans, 6), the state of the pose before each.
+        before: (scans, 6), the state of the pose before each, NaN where there is none.
         """
         rows, part = slice(first, first + count), slice(0, count)
         known = np.isfinite(self.x[part, 0])
         _put(out.pose[rows, pad], known, self.x[part, :3])
         _put(out.covariance[rows, pad], known, self._P[part, :3, :3])
-        known &= np.isfinite(self._span[part])
+        part = slice(0, min(count + 1, len(before)))
+        rows = slice(first, first + part.stop)
+        known = np.isfinite(before[part, 0]) & np.isfinite(self._span[part])
         _put(out.displacement[rows, pad], known, (self.x - before)[part, :3])
         _put(out.displacement_covariance[rows, pad], known, self._moved_P[part])
         known &= np.isfinite(out.displacement[rows, pad, 0])
@@ -176,7 +178,7 @@ class SmootherSession(FilterSession):
         track.filter(self._density[pad], memory, 0, count)
         track.filter(self._density[pad], memory.copy(), count, stop - first)
         track.smooth(self._density[pad])
-        before = np.concatenate([track.back[:1], track.x[:-1]])
+        before = np.concatenate([np.full((1, STATES), np.nan), track.x[:-1]])
         for row in np.flatnonzero(np.isnan(track.x[:, 0])):  # a pose that is missing is passed over
             if row + 1 < len(before):
                 before[row + 1] = before[row]
