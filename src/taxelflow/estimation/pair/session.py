@@ -76,7 +76,7 @@ class PairSession:
             scans.ceiling[own],
             scans.contact[:, number],
             scans.complete[:, number],
-            slips.border[:, number].any(axis=1),
+            slips.border[:, number, 0] | slips.border[:, number, 1],
             self._pitch_m[number],
             self._places[:, own],
             spline.lattice,
