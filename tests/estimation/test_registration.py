@@ -65,7 +65,7 @@ def pairs(count: int, *, shift: float = 1.0, turn_deg: float = 3.0) -> Floats:
 
 
 def bound(seed: int, pose: Floats, about: Floats) -> Floats:
-    """(3,) Cramér-Rao bound of the motion between two scans: twice one scan's variance, gain and pattern's place free."""
+    """(3,) Cramér-Rao bound of the motion between two scans: twice one scan's variance, gain unknown."""
     steps = np.array([1e-5, 1e-5, 3e-3])
     arm = pose[:2] - about
     by = []

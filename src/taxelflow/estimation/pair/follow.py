@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Bools, Floats
 
-# Memory of a pad: whether there is a scan to register on, its time, the pose (pitches, rad), whether its turn is not seen
-# yet, seen, or lost sight of, the pose's covariance, and the way since the contact began.
+# Memory of a pad: whether there is a scan to register on, its time, the pose (pitches, rad), whether its turn is not
+# yet seen, seen, or lost sight of, the pose's covariance, and the way since the contact began.
 RUN, LAST, POSE, TURN, COVARIANCE, WAY, MEMORY = 0, 1, 2, 5, 6, 15, 18
 _NOT_YET, _SEEN, _GONE = 0.0, 1.0, 2.0
 _SIGHT, _STILL_SIGHT = 4.0, 2.0
@@ -35,7 +35,7 @@ _BLURRED = 0.25
 
 
 @kernel
-def follow(  # noqa: PLR0915  one loop, as a kernel must be
+def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     t: Floats,
     readings: Floats,
     noise: Floats,

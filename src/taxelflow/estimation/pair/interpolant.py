@@ -29,8 +29,7 @@ _FARTHEST = 0.75
 _MOST_KNOTS = 40_000
 VALUE_NOISE = 0.764
 SLOPE_NOISE = 2.163
-"""Variance of the spline and of its slope per pitch over that of a reading, through which a cubic spline on a grid goes;
-means over a taxel."""
+"""Variance of a cubic spline through readings on a grid, and of its slope per pitch, over theirs (means)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

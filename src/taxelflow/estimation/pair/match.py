@@ -1,7 +1,7 @@
 """One scan registered on the one before, and what the noise of both makes of the answer.
 
-The later scan is y1_i = g q(R(-theta) (r_i - x)) + n1_i with q the spline through the earlier one, q = q_true + A n0. To
-first order an error of the state is  e = G n1 - G' n0,  G = H^-1 J^T W,  G' = g G A,  so its covariance is the sum of
+The later scan is y1_i = g q(R(-theta) (r_i - x)) + n1_i with q the spline through the earlier one, q = q_true + A n0.
+To first order an error of the state is  e = G n1 - G' n0,  G = H^-1 J^T W,  G' = g G A,  so its covariance is the sum of
 both scans' parts. H is J^T W J less what noise in the slopes of q adds to it (errors in variables).
 
 In a sum of steps a scan's noise comes in once with each sign: e_k = G_k n_k + (G_k-1 - G'_k) n_k-1 + ..., so that the
@@ -18,7 +18,7 @@ import numpy as np
 from taxelflow.compiling import kernel
 from taxelflow.estimation.pair.interpolant import SLOPE_NOISE, VALUE_NOISE, gather, solve_band
 from taxelflow.estimation.pattern.register import register, solve_small
-from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y, evaluate, spread
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, X, Y, evaluate, spread
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,7 +79,7 @@ def find(
     turns: bool,
     state: Floats,
 ) -> None:
-    """Fill state (5,) with the motion since the spline's scan, from no motion and from that of the centroid, shift (2,)."""
+    """Fill state (5,) with the motion since the spline's scan; tried from none, and from the centroid's, shift (2,)."""
     one_point, no_bend = np.zeros((1, 2)), np.zeros((3, 0))
     prior = np.array([0.0, 0.0, 0.0, gain, 0.0])
     stiffness = np.array([_FAR, _FAR, _LOOSE_TURN if turns else _HELD, _LOOSE_GAIN / gain**2, _HELD])

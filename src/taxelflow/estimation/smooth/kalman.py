@@ -1,8 +1,8 @@
 """Kalman filter and Rauch-Tung-Striebel smoother of a constant velocity with white acceleration.
 
-State (x, y, theta and their velocities), transition over dt:  F = [[1, dt], [0, 1]],  Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]]
-per axis, q the spectral density of the acceleration (Bar-Shalom, Li & Kirubarajan 2001, 6.2.2; smoother 8.6).
-A pose without theta measures x and y alone.
+State (x, y, theta and their velocities); over dt, per axis, with q the spectral density of the acceleration,
+F = [[1, dt], [0, 1]],  Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]]
+(Bar-Shalom, Li & Kirubarajan 2001, 6.2.2; smoother 8.6).
 """
 
 from __future__ import annotations
