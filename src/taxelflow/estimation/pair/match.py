@@ -1,8 +1,8 @@
 """One scan registered on the one before, and what the noise of both makes of the answer.
 
 The later scan is y1_i = g q(R(-theta) (r_i - x)) + n1_i with q the spline through the earlier one, q = q_true + A n0.
-To first order an error of the state is  e = G n1 - G' n0,  G = H^-1 J^T W,  G' = g G A,  so its covariance is the sum of
-both scans' parts. H is J^T W J less what noise in the slopes of q adds to it (errors in variables).
+To first order an error of the state is  e = G n1 - G' n0,  G = H^-1 J^T W,  G' = g G A,  so its covariance is the sum
+of both scans' parts. H is J^T W J less what noise in the slopes of q adds to it (errors in variables).
 
 In a sum of steps a scan's noise comes in once with each sign: e_k = G_k n_k + (G_k-1 - G'_k) n_k-1 + ..., so that the
 error of a pose hardly grows while the pattern stays where it is. It is summed up that way, counted from an ideal first

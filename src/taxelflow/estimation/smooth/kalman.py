@@ -3,6 +3,7 @@
 State (x, y, theta and their velocities); over dt, per axis, with q the spectral density of the acceleration,
 F = [[1, dt], [0, 1]],  Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]]
 (Bar-Shalom, Li & Kirubarajan 2001, 6.2.2; smoother 8.6).
+A pose without theta measures x and y alone.
 """
 
 from __future__ import annotations
