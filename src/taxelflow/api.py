@@ -18,6 +18,7 @@ from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
+from taxelflow.estimation.smoothing import NOTE, Smoothing
 from taxelflow.messages import Bools, Contacts, Event, LearnedPattern, Motions, RawScans, Scans, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pipeline import Pipeline, Run
@@ -136,6 +137,7 @@ def estimate(
     condition: Conditioner | None = None,
     monitor: SlipMonitor | None = None,
     calibration: Calibration | str | Path | None = None,
+    smooth: Smoothing | None = None,
     **parameters: Any,
 ) -> Result:
     """Run a recording through the pipeline and keep all results in memory.
@@ -152,7 +154,14 @@ def estimate(
         chosen, name = method, type(method).__name__
     if calibration is not None and not isinstance(calibration, Calibration):
         calibration = load_calibration(calibration)
-    pipeline = Pipeline(chosen, mode, condition or Conditioner(), monitor or SlipMonitor(), calibration=calibration)
+    pipeline = Pipeline(
+        chosen,
+        mode,
+        condition or Conditioner(),
+        monitor or SlipMonitor(),
+        calibration=calibration,
+        smooth=smooth or Smoothing(),
+    )
     run = pipeline.start(recording)
     totals = Totals(recording.layout.pads)
     outputs = []
@@ -212,6 +221,8 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
     if run.lag_s:
         notes.append(f"filtered over time: every lag_s is {1e3 * run.lag_s:.3g} ms longer for it")
     notes += run.notes
+    if pipeline.smooth.acceleration_m_s2:
+        notes.append(NOTE)
     return Summary(
         taxelflow=__version__,
         input=str(recording.source),
@@ -225,6 +236,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
             "condition": asdict(pipeline.condition),
             "monitor": asdict(pipeline.monitor),
             "features": asdict(pipeline.features),
+            "smooth": asdict(pipeline.smooth),
         }
         | ({} if pipeline.calibration is None else {"calibration": msgspec.to_builtins(pipeline.calibration)}),
         scans=totals.scans,

@@ -18,6 +18,7 @@ from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario, Solver
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import ParameterInvalid, TaxelflowError
+from taxelflow.estimation.smoothing import Smoothing
 from taxelflow.fuse.rigid import RigidField
 from taxelflow.monitor.features import ContactFeatures
 from taxelflow.monitor.slip import SlipMonitor
@@ -65,7 +66,8 @@ class Estimate(_Recorded):
     out: Path
     """Directory for the results; made if it does not exist."""
     method: str = "convolution"
-    """lnorm or convolution (the paper's methods I and II), the baselines sum (no direction) or principal_axis (with
+    """lnorm or convolution (the paper's methods I and II), template (learns the object's pressure pattern, with
+    rotation), registration (of two scans, with rotation), the baselines sum (no direction) or principal_axis (with
     rotation), or one from another package."""
     mode: Literal["batch", "stream"] = "batch"
     """batch: learn tare and noise from the whole recording first. stream: scan by scan, as from a live device."""
@@ -75,6 +77,7 @@ class Estimate(_Recorded):
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
     fusion: RigidField = field(default_factory=RigidField)
     features: ContactFeatures = field(default_factory=ContactFeatures)
+    smooth: Smoothing = field(default_factory=Smoothing)
 
     def run(self, rest: list[str]) -> int:
         """Read, estimate, write."""
@@ -89,7 +92,16 @@ class Estimate(_Recorded):
         estimator = tyro.cli(kind, args=rest, prog=f"taxelflow estimate --method {self.method}")
         recording = self.opened()
         calibration = None if self.calibration is None else load_calibration(self.calibration)
-        pipeline = Pipeline(estimator, self.mode, self.condition, self.monitor, self.fusion, calibration, self.features)
+        pipeline = Pipeline(
+            estimator,
+            self.mode,
+            self.condition,
+            self.monitor,
+            self.fusion,
+            calibration,
+            self.features,
+            self.smooth,
+        )
         totals = Totals(recording.layout.pads)
         with Tables(self.out, recording.layout.pads) as tables:
             run = pipeline.start(recording)
