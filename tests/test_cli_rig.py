@@ -244,7 +244,8 @@ def test_two_strokes_are_enough(capsys: Capture) -> None:
 
 
 def test_score_slip_prints_slips_and_alarms_beside_the_rate(capsys: Capture) -> None:
-    assert main(["score", "slip", "--seeds", "0", "--hours", "0.002", "--alarms-per-hour", "7"]) == 0
+    arguments = ["--seeds", "0", "--hours", "0.002", "--alarms-per-hour", "7", "--methods", "convolution"]
+    assert main(["score", "slip", *arguments]) == 0
     said = capsys.readouterr().out
     for word in ("seeds from 1000", "7 false alarms an hour asked for", "hold-pressed", "hold-at-edge", "white noise"):
         assert word in said

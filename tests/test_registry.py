@@ -11,6 +11,7 @@ from taxelflow.cli import main
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.estimation.convolution import Convolution
 from taxelflow.estimation.lnorm import LNorm
+from taxelflow.estimation.registration import Registration
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 PLUGIN = """
 from dataclasses import dataclass
 from taxelflow.estimation.lnorm import LNorm
+from taxelflow.estimation.registration import Registration
 
 @dataclass(frozen=True)
 class Other(LNorm):
@@ -53,8 +55,10 @@ def test_the_papers_methods_have_their_names() -> None:
     assert registry.find("estimator", "convolution") is Convolution
 
 
-def test_the_baselines_have_their_names() -> None:
-    assert registry.names("estimator")[:5] == ["lnorm", "convolution", "template", "sum", "principal_axis"]
+def test_ours_and_the_baselines_have_their_names() -> None:
+    names = ["lnorm", "convolution", "template", "registration", "sum", "principal_axis"]
+    assert registry.names("estimator")[: len(names)] == names
+    assert registry.find("estimator", "registration") is Registration
 
 
 def test_an_unknown_name_comes_with_the_list() -> None:

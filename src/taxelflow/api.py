@@ -18,7 +18,8 @@ from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
-from taxelflow.messages import Bools, Contacts, Event, Motions, RawScans, Scans, Slips, joined
+from taxelflow.estimation.smoothing import NOTE, Smoothing
+from taxelflow.messages import Bools, Contacts, Event, LearnedPattern, Motions, RawScans, Scans, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pipeline import Pipeline, Run
 from taxelflow.publish.summary import Summary, Totals
@@ -42,7 +43,8 @@ class Result:
     """Everything that a recording gave, in memory.
 
     pads: names along the second axis of the arrays of `slips` and of slipping (scans, pads). `motions` is the
-    object's motion per scan, `contacts` what each pad's contact is like, `summary` what `summary.json` holds.
+    object's motion per scan, `contacts` what each pad's contact is like, `patterns` what a method that learns has
+    learned, `summary` what `summary.json` holds.
     """
 
     pads: tuple[str, ...]
@@ -50,6 +52,7 @@ class Result:
     slipping: Bools
     motions: Motions
     events: list[Event]
+    patterns: list[LearnedPattern]
     summary: Summary
     contacts: Contacts
 
@@ -134,6 +137,7 @@ def estimate(
     condition: Conditioner | None = None,
     monitor: SlipMonitor | None = None,
     calibration: Calibration | str | Path | None = None,
+    smooth: Smoothing | None = None,
     **parameters: Any,
 ) -> Result:
     """Run a recording through the pipeline and keep all results in memory.
@@ -150,7 +154,14 @@ def estimate(
         chosen, name = method, type(method).__name__
     if calibration is not None and not isinstance(calibration, Calibration):
         calibration = load_calibration(calibration)
-    pipeline = Pipeline(chosen, mode, condition or Conditioner(), monitor or SlipMonitor(), calibration=calibration)
+    pipeline = Pipeline(
+        chosen,
+        mode,
+        condition or Conditioner(),
+        monitor or SlipMonitor(),
+        calibration=calibration,
+        smooth=smooth or Smoothing(),
+    )
     run = pipeline.start(recording)
     totals = Totals(recording.layout.pads)
     outputs = []
@@ -163,6 +174,7 @@ def estimate(
         slipping=np.concatenate([output.slipping for output in outputs]),
         motions=joined([output.motions for output in outputs]),
         events=[event for output in outputs for event in output.events],
+        patterns=run.patterns,
         summary=summarise(name, pipeline, run, totals),
         contacts=joined([output.contacts for output in outputs]),
     )
@@ -208,6 +220,9 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
         notes.append(f"{gaps} of {counts.longest_gap_s:.3g} s: no motion is followed across it")
     if run.lag_s:
         notes.append(f"filtered over time: every lag_s is {1e3 * run.lag_s:.3g} ms longer for it")
+    notes += run.notes
+    if pipeline.smooth.acceleration_m_s2:
+        notes.append(NOTE)
     return Summary(
         taxelflow=__version__,
         input=str(recording.source),
@@ -221,6 +236,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
             "condition": asdict(pipeline.condition),
             "monitor": asdict(pipeline.monitor),
             "features": asdict(pipeline.features),
+            "smooth": asdict(pipeline.smooth),
         }
         | ({} if pipeline.calibration is None else {"calibration": msgspec.to_builtins(pipeline.calibration)}),
         scans=totals.scans,

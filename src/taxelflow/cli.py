@@ -18,6 +18,7 @@ from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario, Solver
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import ParameterInvalid, TaxelflowError
+from taxelflow.estimation.smoothing import Smoothing
 from taxelflow.fuse.rigid import RigidField
 from taxelflow.monitor.features import ContactFeatures
 from taxelflow.monitor.slip import SlipMonitor
@@ -57,6 +58,7 @@ class _Recorded:
 class Estimate(_Recorded):
     """Estimate motion and slip from a recording: slips.csv, object.csv, events.csv, contacts.csv, summary.json.
 
+    A method that learns the object's pressure pattern (template) writes patterns.npz, too.
     A method's own parameters follow as options, e.g. --gain 1.04 for lnorm and convolution.
     Exit code: 0; 1 if the recording is truncated and only a part could be read; 2 on bad input.
     """
@@ -64,7 +66,8 @@ class Estimate(_Recorded):
     out: Path
     """Directory for the results; made if it does not exist."""
     method: str = "convolution"
-    """lnorm or convolution (the paper's methods I and II), the baselines sum (no direction) or principal_axis (with
+    """lnorm or convolution (the paper's methods I and II), template (learns the object's pressure pattern, with
+    rotation), registration (of two scans, with rotation), the baselines sum (no direction) or principal_axis (with
     rotation), or one from another package."""
     mode: Literal["batch", "stream"] = "batch"
     """batch: learn tare and noise from the whole recording first. stream: scan by scan, as from a live device."""
@@ -74,6 +77,7 @@ class Estimate(_Recorded):
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
     fusion: RigidField = field(default_factory=RigidField)
     features: ContactFeatures = field(default_factory=ContactFeatures)
+    smooth: Smoothing = field(default_factory=Smoothing)
 
     def run(self, rest: list[str]) -> int:
         """Read, estimate, write."""
@@ -88,7 +92,16 @@ class Estimate(_Recorded):
         estimator = tyro.cli(kind, args=rest, prog=f"taxelflow estimate --method {self.method}")
         recording = self.opened()
         calibration = None if self.calibration is None else load_calibration(self.calibration)
-        pipeline = Pipeline(estimator, self.mode, self.condition, self.monitor, self.fusion, calibration, self.features)
+        pipeline = Pipeline(
+            estimator,
+            self.mode,
+            self.condition,
+            self.monitor,
+            self.fusion,
+            calibration,
+            self.features,
+            self.smooth,
+        )
         totals = Totals(recording.layout.pads)
         with Tables(self.out, recording.layout.pads) as tables:
             run = pipeline.start(recording)
@@ -96,6 +109,7 @@ class Estimate(_Recorded):
                 tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
                 totals.add(output.slips, output.slipping, output.events)
             summary = api.summarise(self.method, pipeline, run, totals)
+            tables.write_patterns(run.patterns)
             tables.write_summary(summary)
         say(summary, self.out)
         return PARTLY_READ if summary.loss else 0
@@ -269,15 +283,20 @@ class Simulate:
 
 @dataclass(frozen=True)
 class Score:
-    """Measure accuracy and slip events against truth on the simulated rig."""
+    """Measure accuracy and slip events: against truth on the simulated rig, or on real recordings without it."""
 
-    what: Positional[Literal["table1", "field", "slip", "limits", "peers"]]
+    what: Positional[Literal["table1", "field", "slip", "limits", "peers", "real"]]
     """table1: the paper's Table I beside ours. field: translation and rotation of an object over the whole hand, by
     number of slip vectors. slip: slips found and missed, and false alarms an hour. limits: estimators against the
     Cramér-Rao bound, and whether their covariances hold. peers: Table I's strokes through OpenCV, scikit-image and
-    OpenPIV beside ours (extra `bench`)."""
-    scenario: Positional[str | None] = None
-    """limits: one of `taxelflow simulate`; stroke if left out."""
+    OpenPIV beside ours (extra `bench`). real: on recordings without truth, how well the template predicts the next
+    scan, and its turn beside the principal axis."""
+    of: Positional[tuple[str, ...]] = ()
+    """limits: one of the scenarios of `taxelflow simulate`; stroke if left out. real: the recordings."""
+    sensor: str | None = None
+    """real: as for `taxelflow estimate`."""
+    topic: str | None = None
+    """real: as for `taxelflow estimate`."""
     strokes: int = 1000
     """table1, peers: strokes at each speed, half of them backward."""
     seeds: int = 10
@@ -308,18 +327,41 @@ class Score:
         _at_least("strokes", self.strokes, 2)
         _at_least("seeds", self.seeds, 0 if self.what == "slip" else 1)
         _at_least("seed", self.seed, 0)
-        if self.scenario is not None and self.what != "limits":
-            raise ParameterInvalid("scenario", self.scenario, f"score {self.what} has none: leave it out")
+        self._check_of()
         kinds = {
             "table1": self._table1,
             "field": self._field,
             "slip": self._slip,
             "limits": self._limits,
             "peers": self._peers,
+            "real": self._real,
         }
         scored, show = kinds[self.what]()
         show(scored) if not self.json else sys.stdout.buffer.write(to_json(scored))
         return 0
+
+    def _check_of(self) -> None:
+        """What is scored is named for `limits` and `real` only."""
+        if self.what == "real":
+            if not self.of:
+                raise ParameterInvalid("recordings", "nothing", "give at least one recording")
+            return
+        for name, value in (("sensor", self.sensor), ("topic", self.topic)):
+            if value is not None:
+                raise ParameterInvalid(name, value, f"leave it out: score {self.what} reads no recording")
+        if self.of and self.what != "limits":
+            raise ParameterInvalid("of", " ".join(self.of), f"leave it out: score {self.what} simulates its own")
+        if len(self.of) > 1:
+            raise ParameterInvalid("scenario", " ".join(self.of), "score limits takes one at a time")
+
+    def _real(self) -> tuple[Struct, Callable[[Any], None]]:
+        from taxelflow import api
+        from taxelflow.publish.real import show_real
+        from taxelflow.publish.terminal import counted
+        from taxelflow.score.real import score_real
+
+        opened = [api.read(path, self.sensor, topic=self.topic) for path in self.of]
+        return score_real(opened, partial(counted, what="recordings")), show_real
 
     def _table1(self) -> tuple[Struct, Callable[[Any], None]]:
         from taxelflow.publish.scores import show_table1
@@ -361,7 +403,7 @@ class Score:
         from taxelflow.score.limits import limits
 
         scored = limits(
-            self.scenario or "stroke",
+            self.of[0] if self.of else "stroke",
             self.seeds,
             seed=self.seed,
             mode=self.mode,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,8 +15,10 @@ from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import ParameterInvalid, RecordingError, ResultMissing
 from taxelflow.estimation.literal import convolution_matrix
 from taxelflow.geometry import place
+from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.plots.hand import Moment, field_figure
 from taxelflow.publish.plots.path import path_figure
+from taxelflow.publish.plots.pattern import Contact, pattern_figure
 from taxelflow.publish.plots.position import position_figure
 from taxelflow.publish.plots.sensor import sensor_figure
 from taxelflow.publish.plots.style import save, styled
@@ -24,10 +26,10 @@ from taxelflow.publish.plots.views import views_figure
 from taxelflow.publish.results import Track, read_result
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from taxelflow.acquire.base import Recording, Truth
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Floats, LearnedPattern
     from taxelflow.publish.summary import Summary
     from taxelflow.sensor import Sensor
 
@@ -40,9 +42,9 @@ _FIELD_SEEN = "Slip vectors on the hand laid flat, at moments when most pads kno
 def draw_results(directories: Sequence[Path], out: Path, form: str) -> list[Path]:
     """Draw results, several of which may be of the same recording by different methods.
 
-    Per loaded pad a `position-PAD`, one `path-METHOD` per result, one `field-METHOD` where several pads moved at once,
-    and, where the recording is still there, `views`: the paper's Fig. 5 at the moment of largest slip. Raises
-    ResultMissing, ExtraMissing.
+    Per loaded pad a `position-PAD` and, where a method has learned one, a `pattern-PAD`; one `path-METHOD` per result,
+    one `field-METHOD` where several pads moved at once, and, where the recording is still there, `views`: the paper's
+    Fig. 5 at the moment of largest slip. Raises ResultMissing, ExtraMissing.
     """
     everything = [read_result(directory) for directory in directories]
     results = [(ran, _placed(tracks)) for ran, tracks in everything]
@@ -66,6 +68,10 @@ def draw_results(directories: Sequence[Path], out: Path, form: str) -> list[Path
             shown = (truth.t_s, truth.pose[:, :2]) if truth else None
             figure = position_figure(tracks, shown, strokes_of(truth) if truth else ())
             made.append(save(figure, _free(out, f"position-{pad}", form, made)))
+        for directory, (ran, tracks) in zip(directories, everything, strict=True):
+            for contact in _contacts(directory, ran, tracks, results, recording):
+                figure = pattern_figure(ran.layout.layout, contact)
+                made.append(save(figure, _free(out, f"pattern-{contact.pattern.pad}", form, made)))
         for ran, tracks in results:
             figure = path_figure([track for track in tracks if track.pad in pads], ran.layout.layout)
             made.append(save(figure, _free(out, f"path-{ran.method}", form, made)))
@@ -95,6 +101,74 @@ def draw_sensors(sensors: Sequence[Sensor], out: Path) -> list[Path]:
             path = out if form else _free(out, sensor.name, "svg", made)
             made.append(save(sensor_figure(sensor), path))
     return made
+
+
+def _contacts(
+    directory: Path,
+    ran: Summary,
+    tracks: list[Track],
+    results: Sequence[tuple[Summary, list[Track]]],
+    recording: Recording | None,
+) -> list[Contact]:
+    """Of each pad the contact whose pattern was learned from most scans."""
+    patterns = sorted(read_patterns(directory), key=lambda one: one.scans)
+    longest = {one.pad: one for one in patterns}
+    return [
+        _contact(ran, track, longest[track.pad], _axis_track(track.pad, ran, results, recording), recording)
+        for track in _placed(tracks)
+        if track.pad in longest
+    ]
+
+
+def _contact(
+    ran: Summary, track: Track, pattern: LearnedPattern, axis: Track | None, recording: Recording | None
+) -> Contact:
+    t_s, touching = track.numbers["t_s"], track.flags["contact"]
+    last = int(np.searchsorted(t_s, pattern.t_last_s - 1e-6))
+    end = last + int(np.argmin(np.append(touching[last:], False)))
+    own = slice(int(np.searchsorted(t_s, pattern.t_first_s - 1e-6)), max(end, last + 1))
+    pose = np.stack([track.numbers[name][own] for name in ("x_m", "y_m", "theta_rad")], axis=1)
+    std = np.stack([track.numbers[f"std_{name}"][own] for name in ("x_m", "y_m", "theta_rad")], axis=1)
+    scans = _all_images(ran, recording, pattern.pad, t_s[own]) if recording else None
+    load = np.zeros(len(pose)) if scans is None else np.nansum(scans, axis=(1, 2))
+    shown = int(np.argmax(np.where(np.isfinite(pose[:, 0]), load, -np.inf)))
+    turn = None if axis is None else _levelled(axis.numbers["theta_rad"][own], pose[:, 2])
+    truth = recording.truth if recording and recording.truth and recording.truth.pad == pattern.pad else None
+    true = None
+    if truth is not None:
+        true = np.stack([np.interp(t_s[own], truth.t_s, column) for column in truth.pose.T], axis=1)
+        true[:, 2] = _levelled(true[:, 2], pose[:, 2])
+    scan = None if scans is None else scans[shown]
+    return Contact(pattern, ran.unit, t_s[own], pose, std, track.flags["ok"][own], shown, scan, turn, true)
+
+
+def _levelled(turn: Floats, like: Floats) -> Floats:
+    """A turn (n,) counted from where it agrees best with another: each has a zero of its own."""
+    gap = like - turn
+    return turn + (float(np.median(gap[np.isfinite(gap)])) if np.isfinite(gap).any() else 0.0)
+
+
+def _axis_track(
+    pad: str, ran: Summary, results: Sequence[tuple[Summary, list[Track]]], recording: Recording | None
+) -> Track | None:
+    """The contact's principal axis, from a result if one was given, else estimated here if the recording is there."""
+    for other, tracks in results:
+        for track in tracks:
+            if other.method == "principal_axis" and track.pad == pad:
+                return track
+    if recording is None:
+        return None
+    found = api.estimate(recording, "principal_axis", condition=Conditioner(**ran.parameters["condition"]))
+    number = found.pads.index(pad)
+    return Track("principal_axis", pad, {"theta_rad": found.slips.pose[:, number, 2]}, {})
+
+
+def _all_images(ran: Summary, recording: Recording, pad: str, t_s: Floats) -> Floats:
+    """(n, rows, cols), the pad in the scans at t_s (n,), conditioned as in the run."""
+    number = recording.layout.pads.index(pad)
+    return np.stack(
+        [image for when, image in _images(ran, recording, number) if t_s[0] - 1e-6 <= when <= t_s[-1] + 1e-6]
+    )
 
 
 def _field(ran: Summary, tracks: list[Track], directory: Path) -> list[Moment]:
@@ -211,14 +285,18 @@ def _finite(slip_mm: tuple[float, float]) -> tuple[float, float]:
 
 def _two_scans(ran: Summary, recording: Recording, pad: int, t_s: float) -> tuple[Floats, Floats]:
     """The scan at t_s and the one before it, conditioned as in the run, as images of one pad; 0 where no taxel is."""
+    before: Floats | None = None
+    for when, image in _images(ran, recording, pad):
+        if when >= t_s - 1e-6:
+            return (image if before is None else before), image
+        before = image
+    raise ResultMissing(Path(ran.input), f"scan at {t_s} s")
+
+
+def _images(ran: Summary, recording: Recording, pad: int) -> Iterator[tuple[float, Floats]]:
+    """Time and image (rows, cols) of one pad in every scan, conditioned as in the run; NaN where no taxel is."""
     conditioner = Conditioner(**ran.parameters["condition"])
     session = conditioner.start(recording.sensor, recording.masked, recording.blocks())
-    before: Floats | None = None
-    for raw in recording.blocks():
-        for scans in session.step(raw):
-            for when, pressure in zip(scans.t_s, scans.pressure, strict=True):
-                image = recording.layout.grid(pad, pressure)
-                if when >= t_s - 1e-6:
-                    return (image if before is None else before), image
-                before = image
-    raise ResultMissing(Path(ran.input), f"scan at {t_s} s")
+    for scans in chain(*map(session.step, recording.blocks()), session.finish()):
+        for when, pressure in zip(scans.t_s, scans.pressure, strict=True):
+            yield float(when), recording.layout.grid(pad, pressure)

@@ -1,6 +1,6 @@
-"""What the stages pass on: raw scans, scans, slips, motions, events.
+"""What the stages pass on: raw scans, scans, slips, motions, events, and the patterns that an estimator has learned.
 
-Every message is a block of one or more scans in time order, so that one kernel serves a live stream
+Every message that flows is a block of one or more scans in time order, so that one kernel serves a live stream
 (blocks of one) and a recording (blocks of thousands), and no result depends on how a stream is cut.
 Unknown numbers are NaN. Axis order of three components is always (x, y, theta), in m, m, rad.
 """
@@ -205,6 +205,30 @@ class Event:
     direction_rad: float = nan
     speed_m_s: float = nan
     turn_rad_s: float = nan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LearnedPattern:
+    """Pressure of an object on a pad as it was learned over many scans, finer than the taxels.
+
+    In the object's frame: a place u of it lies on the pad at pose_xy + R(theta) u, with the pose that `Slips` gives
+    (theta 0 where it is unknown); in a stream, with the last poses.
+    pad: name. t_first_s, t_last_s: first and last of the scans that it was learned from, `scans` of them.
+    x_m: (nx,), y_m: (ny,) places. pressure: (ny, nx), Pa (counts for a sensor without a scale), what a taxel there
+    would read; NaN where none ever looked. std: (ny, nx) of the pressure, if the poses are right.
+    turns: whether its turn can be seen. dead: taxels of the scan that did not answer to it and were masked.
+    """
+
+    pad: str
+    t_first_s: float
+    t_last_s: float
+    scans: int
+    x_m: Floats
+    y_m: Floats
+    pressure: Floats
+    std: Floats
+    turns: bool
+    dead: NDArray[np.int64]
 
 
 _SHARED = ("noise", "ceiling")

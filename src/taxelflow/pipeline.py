@@ -10,9 +10,22 @@ from taxelflow.calibration import Calibration
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
 from taxelflow.errors import CalibrationUnfit, NameUnknown
-from taxelflow.estimation.base import Mode
+from taxelflow.estimation.base import Learning, Mode
+from taxelflow.estimation.smoothing import Smoothing
 from taxelflow.fuse.rigid import RigidField
-from taxelflow.messages import Bools, Contacts, Event, Floats, Motions, RawScans, Scans, Slips, cut, joined
+from taxelflow.messages import (
+    Bools,
+    Contacts,
+    Event,
+    Floats,
+    LearnedPattern,
+    Motions,
+    RawScans,
+    Scans,
+    Slips,
+    cut,
+    joined,
+)
 from taxelflow.monitor.features import ContactFeatures
 from taxelflow.monitor.slip import SlipMonitor
 
@@ -52,6 +65,7 @@ class Pipeline:
     fusion: RigidField = field(default_factory=RigidField)
     calibration: Calibration | None = None
     features: ContactFeatures = field(default_factory=ContactFeatures)
+    smooth: Smoothing = field(default_factory=Smoothing)
 
     def __post_init__(self) -> None:
         if self.mode not in get_args(Mode):
@@ -72,7 +86,8 @@ class Run:
         self._stream = pipeline.mode == "stream"
         lookahead = None if self._stream else recording.blocks()
         with announced():
-            self._estimate = _started(pipeline, recording)
+            self._estimator = _started(pipeline, recording)
+            self._estimate = pipeline.smooth.around(self._estimator, layout, pipeline.mode)
             self._condition = pipeline.condition.start(recording.sensor, recording.masked, lookahead)
             self._fuse = pipeline.fusion.start(layout)
             self._describe = pipeline.features.begin(recording.sensor)
@@ -93,6 +108,16 @@ class Run:
     def learned(self) -> Learned | None:
         """Tare, noise and masks, as far as they are known."""
         return self._condition.learned
+
+    @property
+    def patterns(self) -> list[LearnedPattern]:
+        """What the estimator has learned of the object; none unless it learns."""
+        return list(self._estimator.patterns) if isinstance(self._estimator, Learning) else []
+
+    @property
+    def notes(self) -> list[str]:
+        """What the estimator has found out about the sensor."""
+        return list(self._estimator.notes) if isinstance(self._estimator, Learning) else []
 
     @property
     def scatter(self) -> Floats:

@@ -35,6 +35,7 @@ PARTS: dict[str, dict[str, str]] = {
         "lnorm": "taxelflow.estimation.lnorm:LNorm",
         "convolution": "taxelflow.estimation.convolution:Convolution",
         "template": "taxelflow.estimation.template:Template",
+        "registration": "taxelflow.estimation.registration:Registration",
         "sum": "taxelflow.estimation.sum:Sum",
         "principal_axis": "taxelflow.estimation.principal_axis:PrincipalAxis",
     },

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from taxelflow.layout import Layout
-    from taxelflow.messages import Floats, Scans, Slips
+    from taxelflow.messages import Floats, LearnedPattern, Scans, Slips
 
 Mode = Literal["batch", "stream"]
 
@@ -24,6 +26,21 @@ class EstimatorSession(Protocol):
 
     def finish(self) -> Slips:
         """Slips still held back at the end of the stream; none for a causal estimator."""
+        ...
+
+
+@runtime_checkable
+class Learning(Protocol):
+    """A session that learns about object and sensor while it works."""
+
+    @property
+    def patterns(self) -> Sequence[LearnedPattern]:
+        """Patterns of the object, one per contact that has ended, oldest first; all after `finish`."""
+        ...
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What a user should know of the sensor, a sentence each."""
         ...
 
 

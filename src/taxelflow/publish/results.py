@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.errors import ResultMissing
+from taxelflow.messages import OK, QUALITY
 from taxelflow.publish.summary import Summary
 
 if TYPE_CHECKING:
@@ -17,13 +18,21 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Bools, Floats
 
-_COLUMNS = ("t_s", "x_m", "y_m", "dx_m", "dy_m", "vx_m_s", "vy_m_s", "std_x_m", "std_y_m", "lag_s")
+# fmt: off
+_COLUMNS = (
+    "t_s", "x_m", "y_m", "theta_rad", "dx_m", "dy_m", "vx_m_s", "vy_m_s", "std_x_m", "std_y_m", "std_theta_rad",
+    "lag_s",
+)
+# fmt: on
 _FLAGS = ("contact", "slipping")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """What one method saw on one pad: arrays over scans, columns of slips.csv by name, NaN where unknown."""
+    """What one method saw on one pad: arrays over scans, columns of slips.csv by name, NaN where unknown.
+
+    flags: contact, slipping, and ok, where the method vouches for the pose.
+    """
 
     method: str
     pad: str
@@ -65,15 +74,16 @@ def _tracks(slips: Path, ran: Summary) -> list[Track]:
     columns: dict[str, dict[str, list[float]]] = {}
     with slips.open(newline="", encoding="utf-8") as file:
         for row in csv.DictReader(file):
-            own = columns.setdefault(row["pad"], {name: [] for name in (*_COLUMNS, *_FLAGS)})
+            own = columns.setdefault(row["pad"], {name: [] for name in (*_COLUMNS, *_FLAGS, "ok")})
             for name in (*_COLUMNS, *_FLAGS):
                 own[name].append(float(row[name] or "nan"))
+            own["ok"].append(row["quality"] == QUALITY[OK])
     return [
         Track(
             ran.method,
             pad,
             {name: np.array(own[name]) for name in _COLUMNS},
-            {name: np.array(own[name]) > 0 for name in _FLAGS},
+            {name: np.array(own[name]) > 0 for name in (*_FLAGS, "ok")},
         )
         for pad, own in columns.items()
     ]

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from taxelflow.messages import QUALITY
+from taxelflow.publish.patterns import NAME as PATTERNS
+from taxelflow.publish.patterns import write_patterns
 from taxelflow.publish.summary import to_json
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
-    from taxelflow.messages import Bools, Contacts, Event, Floats, Motions, Slips
+    from taxelflow.messages import Bools, Contacts, Event, Floats, LearnedPattern, Motions, Slips
     from taxelflow.publish.summary import Summary
 
 # fmt: off
@@ -52,7 +54,7 @@ class Tables:
 
     def __enter__(self) -> Self:
         self.directory.mkdir(parents=True, exist_ok=True)
-        for older in (*(f"{name}.csv" for name in _TABLES), "summary.json"):
+        for older in (*(f"{name}.csv" for name in _TABLES), PATTERNS, "summary.json"):
             (self.directory / older).unlink(missing_ok=True)  # what stands here after a failure is of this run
         for name, columns in _TABLES.items():
             file = self._stack.enter_context(
@@ -83,6 +85,11 @@ class Tables:
         part = self.directory / "summary.json.part"
         part.write_bytes(to_json(summary))
         part.replace(part.with_suffix(""))
+
+    def write_patterns(self, patterns: Sequence[LearnedPattern]) -> None:
+        """Write `patterns.npz`, if there are any, whole or not at all."""
+        if patterns:
+            write_patterns(patterns, self.directory / PATTERNS)
 
     def _append(self, name: str, rows: Iterable[Iterable[str]]) -> None:
         csv.writer(self._files[name], lineterminator="\n").writerows(rows)

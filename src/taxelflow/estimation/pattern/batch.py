@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from taxelflow.estimation.pattern.chain import MEMORY, follow_changing
 from taxelflow.estimation.pattern.contact import solve_contact
+from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.poses import TOO_ROUGH, Poses, aligned, poses_of
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.translation import mark_border
@@ -61,12 +62,13 @@ class BatchSession:
         bare = np.zeros(layout.entries)
         self._nothing = Scans(np.zeros(0), np.zeros((0, layout.entries)), bare, bare, none, none)
         self._held: list[Scans] = []
-        self._first = self._seen = self._told = 0
+        self._first = self._out = self._seen = 0  # of the scans: first held, first not given out, first not seen
         self._open: list[_Open | None] = [None] * len(layout.pads)
         self._done: list[_Done] = []
         edge = np.flatnonzero(layout.border.any(axis=1))
         self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
         self._dead: dict[str, set[int]] = {}
+        self.patterns = Maps()
 
     @property
     def notes(self) -> list[str]:
@@ -129,6 +131,18 @@ class BatchSession:
         if contact.before is not None:
             known = len(contact.before)
             poses = aligned(poses, contact.before)
+        self.patterns.add(
+            layout.pads[pad],
+            solved.pattern,
+            scanned,
+            solved.states,
+            poses.pose[-1],
+            rough=solved.rough,
+            pitch_m=pitch_m,
+            size=layout.pitch_m[pad] / pitch_m,
+            turns=solved.turns,
+            dead=layout.source[own][solved.dead],
+        )
         self._done.append(_Done(pad, contact.start, known, poses, scans.t_s))
         return poses
 
@@ -138,11 +152,9 @@ class BatchSession:
 
     def _given(self) -> Slips:
         """Slips of all scans that are known on every pad."""
-        going_on = [contact for contact in self._open if contact is not None]
-        stop = min([contact.first_unknown for contact in going_on] + [self._seen])
-        keep = min([contact.start for contact in going_on] + [stop])  # a window needs scans that were told before
+        stop = min([going_on.first_unknown for going_on in self._open if going_on is not None] + [self._seen])
         scans = self._all()
-        out = cut(scans, self._told - self._first, stop - self._first)
+        out = cut(scans, self._out - self._first, stop - self._first)
         slips = Slips.unknown(out, self._layout.starts)
         mark_border(out.pressure, out.noise, out.contact, *self._edge, slips.border)
         waiting = []
@@ -151,17 +163,18 @@ class BatchSession:
             if done.start + len(done.poses) > stop:
                 waiting.append(done)
         self._done = waiting
-        self._held = [cut(scans, keep - self._first, len(scans))]
-        self._first, self._told = keep, stop
+        first = min([going_on.start for going_on in self._open if going_on is not None] + [stop])
+        self._held = [cut(scans, first - self._first, len(scans))]  # what windows share is needed again
+        self._first, self._out = first, stop
         return slips
 
     def _fill(self, slips: Slips, done: _Done) -> None:
         """Put the part of a solved contact that is new, and in the block given out, into it."""
-        low = max(done.start + done.known, self._told)
-        high = min(done.start + len(done.poses), self._told + len(slips))
+        low = max(done.start + done.known, self._out)
+        high = min(done.start + len(done.poses), self._out + len(slips))
         if high <= low:
             return
-        rows, part = slice(low - self._told, high - self._told), slice(low - done.start, high - done.start)
+        rows, part = slice(low - self._out, high - self._out), slice(low - done.start, high - done.start)
         poses, pad = done.poses, done.pad
         slips.pose[rows, pad] = poses.pose[part]
         slips.covariance[rows, pad] = poses.covariance[part]

@@ -14,7 +14,9 @@ import numpy as np
 
 from taxelflow.estimation.pattern import online
 from taxelflow.estimation.pattern.learn import MOST_KEYFRAMES, Learned, first_pattern, learn, recognised
+from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.online import follow, report
+from taxelflow.estimation.pattern.predict import expected
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
 from taxelflow.estimation.translation import mark_border
 from taxelflow.messages import Scans, Slips
@@ -78,6 +80,7 @@ class StreamSession:
         self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
         self.notes: list[str] = []
+        self.patterns = Maps()
         self._compile()
 
     def step(self, scans: Scans) -> Slips:
@@ -95,7 +98,35 @@ class StreamSession:
     def finish(self) -> Slips:
         """Nothing is held back."""
         self._worker.shutdown(wait=True, cancel_futures=True)
+        for pad in range(len(self._pads)):
+            self._keep(pad)
         return Slips.unknown(self._nothing(), self._layout.starts)
+
+    def expected(self, t_s: float | None = None) -> Floats:
+        """(entries,), what the taxels should read, by all that is known: in the last scan, or at t_s if the motion goes
+        on as it was; NaN on pads without a pattern.
+        """
+        return expected(self._patterns, self._memory, self._states, self._places, self._layout.starts, t_s)
+
+    def _keep(self, pad: int) -> None:
+        """Remember the pattern of a contact that ends, as a map."""
+        known = self._pads[pad].learned
+        if known is None:
+            return
+        own, m = self._layout.of_pad(pad), self._memory[pad]
+        states, pitch_m = known.keyframes.states, self._pitch_m[pad]
+        self.patterns.add(
+            self._layout.pads[pad],
+            known.pattern,
+            known.keyframes.scanned,
+            states,
+            states[-1, : THETA + 1] * [pitch_m, pitch_m, 1.0] - [0.0, 0.0, m[online.THETA_0] if known.turns else 0.0],
+            rough=known.rough,
+            pitch_m=float(pitch_m),
+            size=self._layout.pitch_m[pad] / pitch_m,
+            turns=known.turns,
+            dead=self._layout.source[own][:0],
+        )
 
     def _nothing(self) -> Scans:
         layout = self._layout
@@ -191,6 +222,7 @@ class StreamSession:
             if contact[pad]:
                 self._begin(int(pad), t, reading, variance)
             else:
+                self._keep(int(pad))
                 self._settle(own)
                 if own.learned is not None and own.learned.mature:
                     own.library = [*own.library, own.learned][-_LIBRARY:]

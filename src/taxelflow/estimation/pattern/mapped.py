@@ -1,0 +1,152 @@
+"""A learned pattern as a map: its pressure on a fine grid, in the frame that the poses given out are in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, overload
+
+import numpy as np
+from scipy.linalg.lapack import dtbtrs
+from scipy.ndimage import convolve, distance_transform_edt
+
+from taxelflow.estimation.pattern.pattern import Pattern, Sums
+from taxelflow.estimation.pattern.spline import STATE, THETA, X, Y, evaluate
+from taxelflow.messages import LearnedPattern
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.estimation.pattern.normal import Factor
+    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.messages import Bools, Floats
+
+_FINER, _MOST_POINTS = 8, 250_000
+"""Points per pitch, and how many a map has at most."""
+_DRAWS = 64
+_AT_KNOT = np.outer([1.0, 4.0, 1.0], [1.0, 4.0, 1.0])[np.newaxis] / 36.0
+"""A cubic B-spline's value at a knot, from the coefficients around it."""
+_FEWEST, _MOST, _MOST_BYTES = 5, 100, 1e8
+
+
+class Maps(Sequence[LearnedPattern]):
+    """The maps that a session keeps, oldest first: those of most scans, so that memory stays bounded."""
+
+    def __init__(self) -> None:
+        self._kept: list[LearnedPattern] = []
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    @overload
+    def __getitem__(self, index: int) -> LearnedPattern: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[LearnedPattern]: ...
+    def __getitem__(self, index: int | slice) -> LearnedPattern | list[LearnedPattern]:
+        return self._kept[index]
+
+    def add(
+        self,
+        pad: str,
+        pattern: Pattern,
+        scanned: Scanned,
+        states: Floats,
+        pose: Floats,
+        *,
+        rough: float,
+        pitch_m: float,
+        size: Floats,
+        turns: bool,
+        dead: NDArray[np.int64],
+    ) -> None:
+        """Map a pattern learned from scans at states (scans, 5), unless they are too few to tell more than a scan.
+
+        pose: (3,) that was given out for the last of the states, in m and rad. size: (2,) of a taxel, in pitches.
+        """
+        if len(states) < _FEWEST:
+            return
+        x, y, pressure, std = mapped(pattern, scanned, states, pose / [pitch_m, pitch_m, 1.0], rough, size)
+        times = float(scanned.t_s[0]), float(scanned.t_s[-1])
+        found = LearnedPattern(pad, *times, len(states), pitch_m * x, pitch_m * y, pressure, std, turns, dead)
+        self.keep(found)
+
+    def keep(self, found: LearnedPattern) -> None:
+        """One more map."""
+        self._kept.append(found)
+        while len(self._kept) > _MOST or sum(one.pressure.nbytes for one in self._kept) > _MOST_BYTES:
+            self._kept.remove(min(self._kept, key=lambda one: one.scans))
+
+
+def mapped(
+    pattern: Pattern, scanned: Scanned, states: Floats, pose: Floats, rough: float, size: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """x (nx,), y (ny,), pressure (ny, nx) and its std, NaN where no taxel looked; lengths in pitches.
+
+    pose: (3,) of the last state, in the frame asked for. std: with the poses held.
+    """
+    last, theta = states[-1], float(np.nan_to_num(pose[THETA]))
+    turn, back = _rotation(last[THETA] - theta), _rotation(-theta)
+    shift = back @ (last[:THETA] - pose[:THETA])
+    looked = _looked(scanned, states) @ turn.T + shift
+    low, high = pattern.box
+    corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]) @ turn.T + shift
+    low = np.maximum(corners.min(axis=0), looked.min(axis=0) - 1.0)
+    high = np.minimum(corners.max(axis=0), looked.max(axis=0) + 1.0)
+    step = max(1.0 / _FINER, float(np.sqrt(np.prod(high - low) / _MOST_POINTS)))
+    x, y = (np.arange(a, b, step) for a, b in zip(low, high, strict=True))
+    places = (np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) - shift) @ turn
+    pressure = _values(pattern, pattern.coefficients, places).reshape(len(y), len(x))
+    variance = _values(pattern, _variance_at_knots(pattern, scanned, states, rough), places).reshape(pressure.shape)
+    unseen = ~_near(looked, x, y, 0.5 * float(np.hypot(*size)))
+    pressure[unseen] = np.nan
+    known = np.isfinite(pressure)
+    rows, cols = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
+    inside = slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)
+    std = np.where(known, np.sqrt(np.maximum(variance, 0.0)), np.nan)
+    return x[inside[1]], y[inside[0]], pressure[inside], std[inside]
+
+
+def _rotation(angle: float) -> Floats:
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([[cos, -sin], [sin, cos]])
+
+
+def _looked(scanned: Scanned, states: Floats) -> Floats:
+    """(n, 2) places in the pattern's own frame at which taxels were read."""
+    cos, sin = np.cos(states[:, THETA, np.newaxis]), np.sin(states[:, THETA, np.newaxis])
+    dx = scanned.places[0] - states[:, X, np.newaxis]
+    dy = scanned.places[1] - states[:, Y, np.newaxis]
+    read = scanned.variance > 0
+    return np.stack([(cos * dx + sin * dy)[read], (cos * dy - sin * dx)[read]], axis=1)
+
+
+def _near(looked: Floats, x: Floats, y: Floats, reach: float) -> Bools:
+    """(ny, nx), whether a taxel looked within `reach`."""
+    step = x[1] - x[0]
+    at = np.round((looked - [x[0], y[0]]) / step).astype(np.int64)
+    at = at[(at >= 0).all(axis=1) & (at < [len(x), len(y)]).all(axis=1)]
+    away = np.ones((len(y), len(x)), dtype=np.bool_)
+    away[at[:, 1], at[:, 0]] = False
+    near: Bools = distance_transform_edt(away) * step <= reach
+    return near
+
+
+def _values(pattern: Pattern, coefficients: Floats, places: Floats) -> Floats:
+    """(n,), the spline at places (n, 2) of its own frame; NaN off the lattice."""
+    values = np.empty((len(places), 5))
+    here = np.ascontiguousarray(places.T)
+    evaluate(coefficients, pattern.lattice, here, np.zeros(STATE), pattern.points, np.zeros((3, 0)), values)
+    return values[:, 0]
+
+
+def _variance_at_knots(pattern: Pattern, scanned: Scanned, states: Floats, rough: float) -> Floats:
+    """(ny, nx) variance of the pattern at its knots, from draws of what the readings leave open."""
+    own = replace(pattern)
+    sums = Sums(own)
+    sums.add(own, scanned.places, states, scanned.bends, scanned.readings, scanned.variance, scanned.ceiling, rough)
+    factor: Factor = sums.solve(own)
+    white = np.random.default_rng(0).standard_normal((own.coefficients.size, _DRAWS))
+    drawn, _ = dtbtrs(factor.lower, white, uplo="L", trans="T")
+    values = convolve(drawn.T.reshape(_DRAWS, *own.shape), _AT_KNOT, mode="nearest")
+    variance: Floats = np.mean(values**2, axis=0)
+    return variance

@@ -1,0 +1,36 @@
+"""What a scan should be, by the patterns and the motion known before it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.pattern import online
+from taxelflow.estimation.pattern.spline import GAIN, THETA, evaluate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.messages import Floats
+
+
+def expected(
+    patterns: Floats, memory: Floats, states: Floats, places: Floats, starts: NDArray[np.int64], t_s: float | None
+) -> Floats:
+    """(entries,) readings by the patterns (pads, rows, cols) at the states (pads, 5), moved on to t_s if given.
+
+    See `online.follow` for the arrays. Off its lattice a pattern has no pressure; a pad without one is NaN.
+    """
+    readings = np.full(places.shape[1], np.nan)
+    for pad in np.flatnonzero(memory[:, online.ACTIVE]):
+        m, own = memory[pad], slice(int(starts[pad]), int(starts[pad + 1]))
+        state = states[pad].copy()
+        if t_s is not None:
+            state[: THETA + 1] += (t_s - m[online.LAST_T]) * m[online.SPEED_X : online.SPEED_T + 1]
+        values = np.empty((own.stop - own.start, 5))
+        pattern = np.ascontiguousarray(patterns[pad, : int(m[online.ROWS]), : int(m[online.COLS])])
+        where, lattice = np.ascontiguousarray(places[:, own]), m[online.SPACING : online.LOW + 1]
+        evaluate(pattern, lattice, where, state, np.zeros((1, 2)), np.zeros((3, 0)), values)
+        readings[own] = state[GAIN] * np.maximum(np.nan_to_num(values[:, 0]), 0.0)
+    return readings

@@ -1,0 +1,1 @@
+"""Poses under a constant-velocity prior: filter and smoother."""

@@ -1,0 +1,195 @@
+"""Sessions that smooth what another session gives: causal, or a contact at a time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.smooth.kalman import MEMORY, RUN, STATES, run_filter, run_smoother
+from taxelflow.messages import LOST, cut, joined
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.base import EstimatorSession
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Bools, Floats, Scans, Slips
+
+_WINDOW = 2000
+"""A contact that goes on for twice so many scans is smoothed, and the first so many are given out."""
+
+
+class Track:
+    """Poses of one pad, and what the filter and the smoother make of them; arrays as in `kalman`."""
+
+    def __init__(self, tau: Floats, pose: Floats, noise: Floats, touched: Bools) -> None:
+        scans = len(tau)
+        self._tau, self._pose, self._noise, self._touched = tau, pose, noise, touched
+        self.x, self.back = np.full((2, scans, STATES), np.nan)
+        self._P, self._back_P = np.full((2, scans, STATES, STATES), np.nan)
+        self._moved_P, self._span = np.full((scans, 3, 3), np.nan), np.full(scans, np.nan)
+        self._begins = np.zeros(scans, dtype=np.bool_)
+
+    @classmethod
+    def of(cls, slips: Slips, pad: int) -> Track:
+        """The track of a pad. A pose counts for the time it is of; one that is lost ends the track."""
+        touched = slips.contact[:, pad] & (slips.quality[:, pad] != LOST)
+        pose, noise = (np.ascontiguousarray(part[:, pad]) for part in (slips.pose, slips.covariance))
+        return cls(slips.t_s - np.nan_to_num(slips.lag_s[:, pad]), pose, noise, touched)
+
+    def filter(self, density: Floats, memory: Floats, start: int, stop: int) -> None:
+        """Filter rows start to stop; memory: (MEMORY,) is changed."""
+        rows = slice(start, stop)
+        run_filter(
+            self._tau[rows],
+            self._pose[rows],
+            self._noise[rows],
+            self._touched[rows],
+            density,
+            memory,
+            self.x[rows],
+            self._P[rows],
+            self._begins[rows],
+            self.back[rows],
+            self._back_P[rows],
+            self._moved_P[rows],
+            self._span[rows],
+        )
+
+    def smooth(self, density: Floats) -> None:
+        """Smooth all rows, which were filtered."""
+        run_smoother(self._tau, density, self.x, self._P, self._begins, self._moved_P)
+
+    def write(self, out: Slips, pad: int, first: int, count: int, before: Floats) -> None:
+        """Put the first `count` rows, and the way to the next, into `out` from row `first` on, where that has numbers.
+
+        before: (scans, 6), the state of the pose before each, NaN where there is none.
+        """
+        rows, part = slice(first, first + count), slice(0, count)
+        known = np.isfinite(self.x[part, 0])
+        _put(out.pose[rows, pad], known, self.x[part, :3])
+        _put(out.covariance[rows, pad], known, self._P[part, :3, :3])
+        part = slice(0, min(count + 1, len(before)))
+        rows = slice(first, first + part.stop)
+        known = np.isfinite(before[part, 0]) & np.isfinite(self._span[part])
+        _put(out.displacement[rows, pad], known, (self.x - before)[part, :3])
+        _put(out.displacement_covariance[rows, pad], known, self._moved_P[part])
+        known &= np.isfinite(out.displacement[rows, pad, 0])
+        out.span_s[rows, pad][known] = self._span[part][known]
+
+
+def _put(out: Floats, rows: Bools, values: Floats) -> None:
+    """Replace the numbers that are there by values, in these rows."""
+    where = np.isfinite(out) & rows.reshape(-1, *[1] * (out.ndim - 1))
+    out[where] = values[where]
+
+
+def _copied(slips: Slips) -> Slips:
+    """Slips whose poses may be changed."""
+    changed = ("pose", "covariance", "displacement", "displacement_covariance", "span_s")
+    return replace(slips, **{name: getattr(slips, name).copy() for name in changed})
+
+
+def _densities(layout: Layout, pad: int, acceleration_m_s2: float) -> Floats:
+    """(3,) spectral densities of acceleration, see `Smoothing`."""
+    own = layout.of_pad(pad)
+    size = layout.pitch_m[pad] ** 2 / 12.0
+    gyration = float(layout.x_m[own].var() + layout.y_m[own].var() + size.sum())
+    return acceleration_m_s2**2 * np.array([1.0, 1.0, 1.0 / gyration])
+
+
+class FilterSession:
+    """Poses and displacements as all scans so far tell them."""
+
+    def __init__(self, session: EstimatorSession, layout: Layout, acceleration_m_s2: float) -> None:
+        self._session = session
+        self._density = [_densities(layout, pad, acceleration_m_s2) for pad in range(len(layout.pads))]
+        self._memory = np.zeros((len(layout.pads), MEMORY))
+        track = Track(np.arange(2.0), np.zeros((2, 3)), np.stack([np.eye(3)] * 2), np.ones(2, dtype=np.bool_))
+        track.filter(self._density[0], np.zeros(MEMORY), 0, 2)
+        track.smooth(self._density[0])  # compiled by now
+
+    def step(self, scans: Scans) -> Slips:
+        """Slips of all pads; see `EstimatorSession.step`."""
+        return self._smoothed(self._session.step(scans))
+
+    def finish(self) -> Slips:
+        """What the other session held back."""
+        return self._smoothed(self._session.finish())
+
+    def _smoothed(self, slips: Slips) -> Slips:
+        out = _copied(slips)
+        for pad, density in enumerate(self._density):
+            track = Track.of(slips, pad)
+            track.filter(density, self._memory[pad], 0, len(slips))
+            track.write(out, pad, 0, len(slips), track.back)
+        return out
+
+
+class SmootherSession(FilterSession):
+    """Poses and displacements as all scans of a contact tell them, held back until it ends."""
+
+    def __init__(self, session: EstimatorSession, layout: Layout, acceleration_m_s2: float) -> None:
+        super().__init__(session, layout, acceleration_m_s2)
+        pads = len(layout.pads)
+        self._held: Slips | None = None
+        self._out: Slips | None = None
+        self._seen = [0] * pads  # rows of each pad, counted in what is held, that were looked at
+        self._first: list[int | None] = [None] * pads  # the first row of a contact that is not smoothed yet
+
+    def finish(self) -> Slips:
+        """Contacts that last to the end of the stream."""
+        self._take(self._session.finish())
+        for pad, first in enumerate(self._first):
+            if first is not None:
+                self._settle(pad, first, self._seen[pad], self._seen[pad])
+                self._first[pad] = None
+        return self._given()
+
+    def _smoothed(self, slips: Slips) -> Slips:
+        self._take(slips)
+        return self._given()
+
+    def _take(self, slips: Slips) -> None:
+        parts = [slips] if self._held is None else [self._held, slips]
+        self._held = joined(parts)
+        self._out = joined([_copied(slips)] if self._out is None else [self._out, _copied(slips)])
+        for pad in range(len(self._density)):
+            contact = self._held.contact[:, pad]
+            for row in range(self._seen[pad], len(contact)):
+                first = self._first[pad]
+                if not contact[row]:
+                    if first is not None:
+                        self._settle(pad, first, row, row)
+                    self._first[pad], self._memory[pad, RUN] = None, 0.0
+                elif first is None:
+                    self._first[pad] = row
+                elif row + 1 - first == 2 * _WINDOW:
+                    self._settle(pad, first, row + 1, first + _WINDOW)
+                    self._first[pad] = first + _WINDOW
+            self._seen[pad] = len(contact)
+
+    def _settle(self, pad: int, first: int, stop: int, known: int) -> None:
+        """Smooth rows first to stop of a pad, and keep those up to `known`."""
+        if self._held is None or self._out is None:
+            return
+        track = Track.of(cut(self._held, first, stop), pad)
+        count, memory = known - first, self._memory[pad]
+        track.filter(self._density[pad], memory, 0, count)
+        track.filter(self._density[pad], memory.copy(), count, stop - first)
+        track.smooth(self._density[pad])
+        before = np.concatenate([np.full((1, STATES), np.nan), track.x[:-1]])
+        for row in np.flatnonzero(np.isnan(track.x[:, 0])):  # a pose that is missing is passed over
+            if row + 1 < len(before):
+                before[row + 1] = before[row]
+        track.write(self._out, pad, first, count, before)
+
+    def _given(self) -> Slips:
+        if self._held is None or self._out is None:
+            raise RuntimeError("nothing was taken in before something was given out")
+        stop = min([first for first in self._first if first is not None] + [len(self._held)])
+        out = cut(self._out, 0, stop)
+        self._held, self._out = cut(self._held, stop, len(self._held)), cut(self._out, stop, len(self._out))
+        self._seen = [seen - stop for seen in self._seen]
+        self._first = [None if first is None else first - stop for first in self._first]
+        return out

@@ -1,0 +1,40 @@
+"""Smoothing of poses by a constant-velocity prior: what an object's inertia says, not what the scan does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taxelflow.errors import ParameterInvalid
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.base import EstimatorSession, Mode
+    from taxelflow.layout import Layout
+
+NOTE = "smoothed: poses and displacements hold what a constant velocity adds, information that is not in the scans"
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """Constant velocity with white acceleration, over the poses of any method that gives them with a covariance.
+
+    stream: a Kalman filter. batch: a Rauch-Tung-Striebel smoother over each contact, which is held back until it ends.
+    """
+
+    acceleration_m_s2: float = 0.0
+    """How much the velocity may change within one second, standard deviation, m/s; over T seconds it is sqrt(T) times
+    that. A turn's may change as that of a point at the pad's radius of gyration. 0: no smoothing."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.acceleration_m_s2 < float("inf"):
+            allowed = "it is a number, 0 (no smoothing) or more"
+            raise ParameterInvalid("smooth acceleration_m_s2", self.acceleration_m_s2, allowed)
+
+    def around(self, session: EstimatorSession, layout: Layout, mode: Mode) -> EstimatorSession:
+        """The session with its poses smoothed; itself if there is no smoothing."""
+        if not self.acceleration_m_s2:
+            return session
+        from taxelflow.estimation.smooth.session import FilterSession, SmootherSession
+
+        kind = SmootherSession if mode == "batch" else FilterSession
+        return kind(session, layout, self.acceleration_m_s2)

@@ -1,0 +1,207 @@
+"""Recordings without truth: how well the next scan is predicted, and the template's turn beside the principal axis.
+
+Everything is causal. Forecasts know scans up to k: `forecast` moves the learned pattern on at its last velocity,
+`no motion` repeats scan k. Registrations know where scan k + 1 is, too: `registered` fits pose and gain of the pattern,
+which was learned up to scan k, `centroid` moves scan k by the step of the centroid. Where the template gives up a
+pattern at scan k + 1, its registration counts as bad as its forecast.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+from scipy.ndimage import shift
+
+from taxelflow import api
+from taxelflow.condition.conditioner import Conditioner
+from taxelflow.estimation.template import Template
+from taxelflow.messages import LOST, OK, cut
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from taxelflow.acquire.base import Recording
+    from taxelflow.layout import Layout
+    from taxelflow.messages import Floats, Scans
+
+_PREDICTIONS = ("forecast", "no motion", "registered", "centroid")
+_FEWEST = 10
+"""Scans of a contact below which its turn is not compared."""
+
+
+class Prediction(msgspec.Struct, frozen=True):
+    """Errors on one pad of a recording: RMS over taxels and scans, in percent of the RMS of the readings."""
+
+    recording: str
+    pad: str
+    scans: int
+    """Scans predicted: in contact, and so were the two before."""
+    forecast_percent: float
+    no_motion_percent: float
+    registered_percent: float
+    centroid_percent: float
+    noise_percent: float
+    """What the sensor's own noise makes of the best prediction."""
+    lost: int
+    """Scans at which the template gave up its pattern."""
+
+
+class Turn(msgspec.Struct, frozen=True):
+    """Turn of a contact by the template (batch) and by the principal axis, over scans in which both are known."""
+
+    recording: str
+    pad: str
+    from_s: float
+    """Since the recording's first scan."""
+    scans: int
+    template_deg: float
+    axis_deg: float
+    """From the first to the last of these scans."""
+    apart_deg: float
+    """RMS of their difference, less its median."""
+    ok_percent: float
+    """Scans for whose pose the template vouches."""
+
+
+class RealScore(msgspec.Struct, frozen=True):
+    """All recordings."""
+
+    predictions: list[Prediction]
+    turns: list[Turn]
+
+
+@dataclass(slots=True)
+class _Sums:
+    """Squares on one pad."""
+
+    scans: int = 0
+    lost: int = 0
+    readings: float = 0.0
+    noise: float = 0.0
+    errors: dict[str, float] = field(default_factory=lambda: dict.fromkeys(_PREDICTIONS, 0.0))
+
+
+def score_real(
+    recordings: Sequence[Recording], watched: Callable[[Iterable[Recording]], Iterable[Recording]] = iter
+) -> RealScore:
+    """Score recordings, simulated ones too; their truth is not looked at."""
+    predictions, turns = [], []
+    for recording in watched(recordings):
+        predictions += _predictions(recording)
+        turns += _turns(recording)
+    return RealScore(predictions, turns)
+
+
+def _predictions(recording: Recording) -> list[Prediction]:
+    layout = recording.layout
+    sums = [_Sums() for _ in range(layout.pad_count)]
+    session: Any = Template().start(layout, "stream")
+    before: Scans | None = None
+    touched = np.zeros(layout.pad_count, dtype=np.int64)
+    for scan in _single_scans(recording):
+        contact = scan.contact[0, : layout.pad_count]
+        forecast = session.expected(float(scan.t_s[0]))
+        slips = session.step(scan)
+        registered = session.expected()
+        for pad in np.flatnonzero(contact & (touched >= 2) & scan.complete[0, : layout.pad_count]):
+            own, images = layout.of_pad(int(pad)), (before, scan)
+            lost = slips.quality[0, pad] == LOST
+            seen, last = scan.pressure[0, own], before.pressure[0, own] if before else scan.pressure[0, own]
+            guesses = {
+                "forecast": forecast[own],
+                "no motion": last,
+                "registered": forecast[own] if lost else registered[own],
+                "centroid": _moved(layout, int(pad), images[0] or scan, scan),
+            }
+            _count(sums[pad], seen, scan.noise[own], guesses, lost=bool(lost))
+        touched = np.where(contact, touched + 1, 0)
+        before = scan
+    session.finish()
+    name = Path(recording.source).name
+    return [_row(name, layout.pads[pad], own) for pad, own in enumerate(sums) if own.scans]
+
+
+def _single_scans(recording: Recording) -> Iterator[Scans]:
+    """Scan by scan, conditioned as a recording is: tare and noise are no part of the comparison."""
+    session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
+    for blocks in (*map(session.step, recording.blocks()), session.finish()):
+        for scans in blocks:
+            yield from (cut(scans, k, k + 1) for k in range(len(scans)))
+
+
+def _count(sums: _Sums, seen: Floats, noise: Floats, guesses: dict[str, Floats], *, lost: bool) -> None:
+    live = noise > 0
+    sums.scans += 1
+    sums.lost += lost
+    sums.readings += float((seen[live] ** 2).sum())
+    sums.noise += float((noise[live & (seen != 0)] ** 2).sum())
+    for name, guess in guesses.items():
+        sums.errors[name] += float(((guess - seen)[live] ** 2).sum())
+
+
+def _moved(layout: Layout, pad: int, before: Scans, now: Scans) -> Floats:
+    """(taxels,), the pad in the scan before, moved by the step of the centroid; at the border it goes on as it ends."""
+    own = layout.of_pad(pad)
+    table = bool(layout.tables[pad])
+    places = np.stack([layout.x_m[own], layout.y_m[own]] if table else [layout.row[own], layout.col[own]], axis=1)
+    centres = [_centroid(scan.pressure[0, own], scan.noise[own], places) for scan in (before, now)]
+    step = centres[1] - centres[0]
+    if table:
+        last = before.pressure[0, own]
+        between = LinearNDInterpolator(places, last)(places - step)
+        return np.where(np.isfinite(between), between, NearestNDInterpolator(places, last)(places - step))
+    image = layout.grid(pad, before.pressure[0], fill=0.0)
+    moved: Floats = shift(image, step, order=1, mode="nearest")[layout.row[own], layout.col[own]]
+    return moved
+
+
+def _centroid(pressure: Floats, noise: Floats, places: Floats) -> Floats:
+    weight = np.where(pressure > 3.0 * noise, pressure, 0.0)
+    centre: Floats = weight @ places / (weight.sum() or 1.0)
+    return centre
+
+
+def _row(name: str, pad: str, sums: _Sums) -> Prediction:
+    percent = {key: 100.0 * float(np.sqrt(error / sums.readings)) for key, error in sums.errors.items()}
+    return Prediction(
+        recording=name,
+        pad=pad,
+        scans=sums.scans,
+        forecast_percent=percent["forecast"],
+        no_motion_percent=percent["no motion"],
+        registered_percent=percent["registered"],
+        centroid_percent=percent["centroid"],
+        noise_percent=100.0 * float(np.sqrt(sums.noise / sums.readings)),
+        lost=sums.lost,
+    )
+
+
+def _turns(recording: Recording) -> list[Turn]:
+    template, axis = (api.estimate(recording, method).slips for method in ("template", "principal_axis"))
+    layout, found = recording.layout, []
+    for pad in range(layout.pad_count):
+        edges = np.flatnonzero(np.diff(template.contact[:, pad], prepend=False, append=False))
+        best = None
+        for first, last in edges.reshape(-1, 2).tolist():
+            theta, other = template.pose[first:last, pad, 2], axis.pose[first:last, pad, 2]
+            both = np.flatnonzero(np.isfinite(theta) & np.isfinite(other))
+            if len(both) >= max(_FEWEST, best.scans if best else 0):
+                theta, other = np.degrees(theta[both]), np.degrees(other[both])
+                gap = theta - other
+                best = Turn(
+                    recording=Path(recording.source).name,
+                    pad=layout.pads[pad],
+                    from_s=float(template.t_s[first + both[0]] - template.t_s[0]),
+                    scans=len(both),
+                    template_deg=float(theta[-1] - theta[0]),
+                    axis_deg=float(other[-1] - other[0]),
+                    apart_deg=float(np.sqrt(np.mean((gap - np.median(gap)) ** 2))),
+                    ok_percent=100.0 * float(np.mean(template.quality[first:last, pad][both] == OK)),
+                )
+        found += [best] if best else []
+    return found

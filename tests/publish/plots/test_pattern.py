@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from rigged import svg_words
+from synthetic import dome, grid_sensor
+from taxelflow.messages import LearnedPattern
+from taxelflow.publish.plots.pattern import Contact, pattern_figure
+from taxelflow.publish.plots.style import save, styled
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SENSOR = grid_sensor(6, 8)
+
+
+@pytest.fixture
+def contact() -> Contact:
+    x, y = np.linspace(-0.03, 0.03, 40), np.linspace(-0.02, 0.02, 30)
+    u, v = np.meshgrid(x, y)
+    pressure = 50e3 * np.exp(-(u**2 / 2e-4 + v**2 / 5e-5))
+    pressure[:, :3] = np.nan
+    pattern = LearnedPattern("pad0", 0.0, 2.0, 20, x, y, pressure, 0.01 * pressure, True, np.zeros(0, np.int64))
+    t_s = np.linspace(0.0, 2.0, 20)
+    pose = np.stack([0.01 * t_s - 0.01, 0.0 * t_s, 0.4 * t_s], axis=1)
+    scan = SENSOR.layout.grid(0, dome(SENSOR))
+    return Contact(pattern, "Pa", t_s, pose, np.full((20, 3), 1e-3), t_s < 1.0, 4, scan, 0.4 * t_s, pose)
+
+
+def words(contact: Contact, path: Path) -> list[str]:
+    with styled():
+        return svg_words(save(pattern_figure(SENSOR.layout, contact), path / "pattern.svg"))
+
+
+def test_a_pattern_stands_beside_a_scan_its_way_and_its_turn(contact: Contact, tmp_path: Path) -> None:
+    seen = words(contact, tmp_path)
+    for word in ("one scan", "pattern from 20 scans", "way over the pad", "pressure in kPa", "20 mm", "turn in deg"):
+        assert word in seen
+    assert {"template", "principal axis", "truth", "not vouched for"} <= set(seen)
+
+
+def test_what_is_not_known_is_not_drawn(contact: Contact, tmp_path: Path) -> None:
+    pose = contact.pose.copy()
+    pose[:, 2] = np.nan
+    bare = replace(contact, pose=pose, axis_rad=None, true=None, scan=None)
+    seen = words(bare, tmp_path)
+    assert "turn in deg" not in seen
+    assert "pattern from 20 scans" in seen
+    assert "one scan" not in seen
+    unknown = replace(contact, axis_rad=np.full(20, np.nan), true=None, ok=np.ones(20, dtype=np.bool_))
+    assert not {"principal axis", "truth", "not vouched for"} & set(words(unknown, tmp_path))
+
+
+def test_counts_stay_counts_and_small_pressures_pascals(contact: Contact, tmp_path: Path) -> None:
+    weak = replace(contact.pattern, pressure=1e-2 * contact.pattern.pressure)
+    assert "pressure in Pa" in words(replace(contact, pattern=weak), tmp_path)
+    assert "pressure in count" in words(replace(contact, unit="count"), tmp_path)
+
+
+def test_the_same_contact_gives_the_same_file(contact: Contact, tmp_path: Path) -> None:
+    words(contact, tmp_path)
+    first = (tmp_path / "pattern.svg").read_bytes()
+    words(contact, tmp_path)
+    assert (tmp_path / "pattern.svg").read_bytes() == first

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from rigged import rigged, svg_words
+from synthetic import dome, grid_sensor, recorded
+from taxelflow import api
+from taxelflow.acquire.rig.simulate import save
+from taxelflow.cli import main
+from taxelflow.score.real import RealScore, score_real
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from taxelflow.acquire.base import Recording
+    from taxelflow.messages import Floats
+
+SENSOR = grid_sensor(8, 8, pitch_m=(0.005, 0.005))
+
+
+def slide(x_m: Floats, noise: float = 200.0) -> Recording:
+    """A dome at these places, after 20 idle scans."""
+    scans = [dome(SENSOR, x, radius_m=0.006) for x in x_m]
+    values = np.concatenate([np.zeros((20, 64)), scans])
+    return recorded(values + np.random.default_rng(0).normal(0, noise, values.shape), SENSOR)
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("real") / "turn.npz"
+    save(rigged("turn", motion={"strokes": 1}), path)
+    return path
+
+
+def test_a_moving_object_is_predicted_better_than_no_motion() -> None:
+    (row,) = score_real([slide(np.linspace(-0.008, 0.008, 100))]).predictions
+    assert row.scans == 98
+    assert row.registered_percent < 0.7 * row.no_motion_percent
+    assert row.registered_percent < row.centroid_percent
+    assert row.forecast_percent < row.no_motion_percent
+
+
+def test_a_still_object_is_predicted_to_the_noise() -> None:
+    (row,) = score_real([slide(np.zeros(60))]).predictions
+    assert row.no_motion_percent == pytest.approx(np.sqrt(2) * row.noise_percent, rel=0.1)
+    assert row.registered_percent < 1.1 * row.no_motion_percent  # a still object shows its pattern a few times only
+    assert row.noise_percent == pytest.approx(
+        100 * 200.0 / np.sqrt(np.mean(dome(SENSOR, radius_m=0.006) ** 2)), rel=0.1
+    )
+    assert row.lost == 0
+
+
+def test_a_jump_is_charged_to_the_template() -> None:
+    way = np.repeat([-0.012, 0.012], 30)
+    still, jumped = (score_real([slide(x)]).predictions[0] for x in (np.full(60, -0.012), way))
+    assert jumped.forecast_percent > 3 * still.forecast_percent
+
+
+def test_turns_stand_beside_the_axis(turned: Path) -> None:
+    scored = score_real([api.read(turned)])
+    (turn,) = scored.turns
+    assert turn.recording == "turn.npz"
+    assert abs(turn.template_deg - turn.axis_deg) < 10
+    assert turn.apart_deg < 10
+
+
+def test_a_contact_too_short_to_predict_is_left_out() -> None:
+    assert score_real([slide(np.zeros(2))]) == RealScore([], [])
+
+
+def test_the_command_prints_tables_or_json(turned: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["score", "real", str(turned)]) == 0
+    shown = capsys.readouterr().out
+    for word in ("turn.npz", "forecast", "registered", "template deg"):
+        assert word in shown
+    assert max(map(len, shown.splitlines())) <= 80
+    assert main(["score", "real", str(turned), "--json"]) == 0
+    scored = json.loads(capsys.readouterr().out)
+    assert scored["predictions"][0]["scans"] > 100
+
+
+def test_the_command_says_what_it_needs(turned: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["score", "real"]) == 2
+    assert "give at least one recording" in capsys.readouterr().err
+    assert main(["score", "field", str(turned)]) == 2
+    assert "leave it out: score field simulates its own" in capsys.readouterr().err
+    assert main(["score", "limits", "stroke", "turn"]) == 2
+    assert "score limits takes one at a time" in capsys.readouterr().err
+    assert main(["score", "limits", "--topic", "touch"]) == 2
+    assert "leave it out: score limits reads no recording" in capsys.readouterr().err
+    assert main(["score", "real", str(turned), "--topic", "touch"]) == 2
+    assert "it means nothing for .npz recordings" in capsys.readouterr().err
+
+
+def test_a_learned_pattern_is_written_and_drawn(turned: Path, tmp_path: Path) -> None:
+    out = tmp_path / "result"
+    assert main(["estimate", str(turned), "--out", str(out), "--method", "template"]) == 0
+    assert (out / "patterns.npz").is_file()
+    assert main(["plot", str(out)]) == 0
+    (drawn,) = out.glob("pattern-*.svg")
+    assert {"truth", "principal axis", "template"} <= set(svg_words(drawn))
+    assert main(["estimate", str(turned), "--out", str(out), "--method", "convolution"]) == 0
+    assert not (out / "patterns.npz").exists()
+
+
+def test_real_contacts_are_scored(recordings: Path) -> None:
+    scored = score_real([api.read(recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa")])
+    assert {row.pad for row in scored.predictions} == {"finger2_distal", "finger1_distal"}
+    assert all(row.scans > 50 and row.no_motion_percent > row.noise_percent for row in scored.predictions)
