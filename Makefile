@@ -26,8 +26,9 @@ demo: $(READY)
 	$(TAXELFLOW) info demo/stroke.npz
 	$(TAXELFLOW) estimate demo/stroke.npz --method lnorm --out demo/lnorm
 	$(TAXELFLOW) estimate demo/stroke.npz --method convolution --out demo/convolution
-	$(TAXELFLOW) plot demo/lnorm demo/convolution --out demo/pictures --format png
-	$(TAXELFLOW) score table1
+	$(TAXELFLOW) estimate demo/stroke.npz --method template --out demo/template
+	$(TAXELFLOW) plot demo/lnorm demo/convolution demo/template --out demo/pictures --format png
+	$(TAXELFLOW) score table1 --strokes 100
 
 test: $(READY)
 	$(BIN)/pytest
@@ -48,7 +49,8 @@ pictures: $(READY)
 	$(TAXELFLOW) simulate stroke --out demo/stroke.npz
 	$(TAXELFLOW) estimate demo/stroke.npz --method lnorm --out demo/lnorm
 	$(TAXELFLOW) estimate demo/stroke.npz --method convolution --out demo/convolution
-	$(TAXELFLOW) plot demo/lnorm demo/convolution --out docs/pictures
+	$(TAXELFLOW) estimate demo/stroke.npz --method template --out demo/template
+	$(TAXELFLOW) plot demo/lnorm demo/convolution demo/template --out docs/pictures
 	$(TAXELFLOW) figures --out demo/figures
 	cp demo/figures/fig7-rotation.svg demo/figures/error-over-position.svg docs/pictures/
 	rm docs/pictures/path-*.svg

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxelflow.estimation.pattern.chain import MEMORY, follow_changing
+from taxelflow.estimation.pattern.chain import MEMORY, Moment, follow_changing
 from taxelflow.estimation.pattern.contact import solve_contact
 from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.poses import TOO_ROUGH, Poses, aligned, poses_of
@@ -123,8 +123,10 @@ class BatchSession:
         scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], layout.delay_s[own])
         with threadpool_limits(1, user_api="blas"):  # the matrices are too small to share among cores
             solved = solve_contact(scanned, layout.pitch_m[pad] / pitch_m)
+            moment = None
             if solved.rough > TOO_ROUGH and len(scanned) > MEMORY:
-                poses = follow_changing(scanned, layout.pitch_m[pad] / pitch_m, pitch_m, turns=solved.turns)
+                size = layout.pitch_m[pad] / pitch_m
+                poses, moment = follow_changing(scanned, size, pitch_m, turns=solved.turns)
             else:
                 poses = poses_of(solved, pitch_m)
         if len(solved.dead):
@@ -133,16 +135,17 @@ class BatchSession:
         if contact.before is not None:
             known = len(contact.before)
             poses = aligned(poses, contact.before)
+        seen = moment or Moment(solved.pattern, scanned, solved.states, np.arange(len(scanned)), solved.turns)
         self.patterns.add(
             layout.pads[pad],
-            solved.pattern,
-            scanned,
-            solved.states,
-            poses.pose[-1],
-            rough=solved.rough,
+            seen.pattern,
+            seen.scanned,
+            seen.states,
+            poses.pose[seen.which[-1]],
+            rough=min(solved.rough, TOO_ROUGH),
             pitch_m=pitch_m,
             size=layout.pitch_m[pad] / pitch_m,
-            turns=solved.turns,
+            turns=seen.turns,
             dead=layout.source[own][solved.dead],
         )
         self._done.append(_Done(pad, contact.start, known, poses, scans.t_s))

@@ -5,6 +5,7 @@ Nothing is remembered beyond them, so errors add up from scan to scan, and roll 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,9 @@ from taxelflow.estimation.pattern.track import Tracker
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.estimation.pattern.pattern import Pattern
     from taxelflow.estimation.pattern.scanned import Scanned
     from taxelflow.messages import Floats
 
@@ -28,8 +32,19 @@ _LOADED = 0.25
 _MISFIT = 3.0
 
 
-def follow_changing(scanned: Scanned, size: Floats, pitch_m: float, *, turns: bool) -> Poses:
-    """Poses of all scans of a contact whose pattern is not one.
+@dataclass(slots=True, eq=False)
+class Moment:
+    """The pattern of a few scans, numbers `which` of a contact, and their states (n, 5)."""
+
+    pattern: Pattern
+    scanned: Scanned
+    states: Floats
+    which: NDArray[np.int64]
+    turns: bool
+
+
+def follow_changing(scanned: Scanned, size: Floats, pitch_m: float, *, turns: bool) -> tuple[Poses, Moment]:
+    """Poses of all scans of a contact whose pattern is not one, and the pattern where it is loaded most.
 
     size: (2,) of a taxel, in pitches. turns: a turn is known to be seen; else the first scans decide.
     """
@@ -45,21 +60,24 @@ def follow_changing(scanned: Scanned, size: Floats, pitch_m: float, *, turns: bo
     pose, noise = to_pad(states, steps, np.zeros(2), np.inf, pitch_m, turns=turns)
     noise *= np.maximum(misfit, 1.0)[:, np.newaxis, np.newaxis] * (1.0 + 1.0 / MEMORY)
     quality = np.where(misfit > _MISFIT, UNRESOLVED, AMBIGUOUS).astype(np.uint8)
-    return Poses(pose, np.cumsum(noise, axis=0) / MEMORY + noise, quality)
+    noise[:start] += np.cumsum(noise[start - 1 :: -1], axis=0)[::-1] / MEMORY if start else 0.0  # both ways from there
+    noise[start + 1 :] += np.cumsum(noise[start + 1 :], axis=0) / MEMORY
+    return Poses(pose, noise, quality), _moment(scanned, states, size, int(np.argmax(load)), turns=turns)
+
+
+def _moment(scanned: Scanned, states: Floats, size: Floats, scan: int, *, turns: bool) -> Moment:
+    """The pattern that a scan and those before it make."""
+    which = np.arange(max(scan - MEMORY, 0), scan + 1)
+    few = scanned.taken(which)
+    tracker = _tracker(few, size)
+    tracker.states[:] = states[which]
+    tracker.forget(len(few), len(few))
+    return Moment(tracker.pattern, few, states[which], which, turns)
 
 
 def _chain(scanned: Scanned, size: Floats) -> tuple[Floats, Floats, Floats, float]:
     """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), how well a turn is seen."""
-    tracker = Tracker(
-        scanned,
-        0,
-        spacing=0.5,
-        quadrature=1,
-        size=size,
-        rough=ROUGH,
-        stiffness=np.array([0.0, 0.0, 1e-3, 0.3**-2, np.inf]),
-        step=np.array([0.3, 0.1]),
-    )
+    tracker = _tracker(scanned, size)
     steps, misfit, sight = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), 0.0
     for k in range(1, len(scanned)):
         tracker.forget(k, MEMORY)
@@ -69,3 +87,16 @@ def _chain(scanned: Scanned, size: Floats) -> tuple[Floats, Floats, Floats, floa
             sight = sight_of_turn(tracker.pattern, scanned, tracker.states, factor, k, ROUGH)
     steps[0] = steps[1] if len(scanned) > 1 else 1e12 * np.eye(STATE)
     return tracker.states, steps, misfit, sight
+
+
+def _tracker(scanned: Scanned, size: Floats) -> Tracker:
+    return Tracker(
+        scanned,
+        0,
+        spacing=0.5,
+        quadrature=1,
+        size=size,
+        rough=ROUGH,
+        stiffness=np.array([0.0, 0.0, 1e-3, 0.3**-2, np.inf]),
+        step=np.array([0.3, 0.1]),
+    )

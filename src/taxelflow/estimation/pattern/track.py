@@ -127,7 +127,8 @@ class Tracker:
         """Keep only the `most` scans before scan k, and cover what scan k loads if it lies where the last one lies."""
         self.done = list(range(max(self.start, k - most), k))
         reached = [_in_object(self.scanned.places[:, self.loaded[j]].T, self.states[j]) for j in self.done]
-        reached.append(_in_object(self.scanned.places[:, self.loaded[k]].T, self.states[k - 1]))
+        if k < len(self.scanned):
+            reached.append(_in_object(self.scanned.places[:, self.loaded[k]].T, self.states[k - 1]))
         places = np.concatenate(reached)
         if len(places):
             self.pattern = self._empty(places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN)
