@@ -10,6 +10,7 @@ import numpy as np
 from taxelflow.condition.health import Finding, examine
 from taxelflow.condition.noise import RANGE_FLOOR, learn_noise
 from taxelflow.condition.tare import learn_offset
+from taxelflow.condition.units import SATURATED, full_scale
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Bools, Floats
 
@@ -91,7 +92,7 @@ def _noise(sensor: Sensor, sample: Sample, masked: Bools) -> Floats:
     largest = max(sensor.gain, default=1.0)
     step = sensor.to_si * largest if sensor.unit == "count" else 0.0  # a count is a whole number
     unknown = RANGE_FLOOR * (sensor.full_scale or 0.0) * sensor.to_si
-    return learn_noise(sample.windows, masked, step, unknown)
+    return learn_noise(sample.windows, masked, step, unknown, SATURATED * full_scale(sensor))
 
 
 def _mean(start: Floats) -> Floats:

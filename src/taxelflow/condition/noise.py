@@ -30,10 +30,13 @@ RANGE_FLOOR = 1e-4
 """No sensor is taken to be finer than this share of its largest reading."""
 
 
-def learn_noise(windows: Floats, masked: Bools, step: float = 0.0, unknown: float = 0.0) -> Floats:
+def learn_noise(
+    windows: Floats, masked: Bools, step: float = 0.0, unknown: float = 0.0, ceiling: Floats | float = np.inf
+) -> Floats:
     """(windows, scans, taxels) of raw pressure, NaN where missing -> (taxels,) standard deviation; 0 where masked.
 
     step: quantisation step of the sensor, if declared. unknown: the noise to assume while all readings are alike.
+    ceiling: (taxels,), where readings saturate: there they are as quiet as where they clip.
     """
     live = windows[:, :, ~masked]
     noise = np.zeros(len(masked))
@@ -46,7 +49,8 @@ def learn_noise(windows: Floats, masked: Bools, step: float = 0.0, unknown: floa
     enough = min(_ENOUGH_CHANGES, int(count.max(initial=1)))
     figure = np.sqrt(np.sum(change, axis=1, where=known) / np.maximum(count, 1) / _SECOND_DIFFERENCE)
     bottom = np.min(live, axis=(0, 1), initial=np.inf, where=np.isfinite(live))
-    usable = (count >= max(enough, 1)) & ((live <= bottom).mean(axis=1) < _CLIPPED)
+    top = np.broadcast_to(ceiling, masked.shape)[~masked]
+    usable = (count >= max(enough, 1)) & (((live <= bottom) | (live >= top)).mean(axis=1) < _CLIPPED)
     floor = max(noise_floor(live), step / 12**0.5)
     floor = floor if floor > _TINY else max(unknown, _TINY)
     pooled = _quietest(figure[usable]) if usable.sum() >= _ENOUGH_WINDOWS else floor

@@ -12,7 +12,7 @@ from taxelflow.compiling import kernel
 from taxelflow.condition.learn import Learned, learn, masked_too, relearn
 from taxelflow.condition.sample import Sample
 from taxelflow.condition.sift import Counts, Sifted, Sifter
-from taxelflow.condition.units import full_scale, in_si
+from taxelflow.condition.units import SATURATED, full_scale, in_si
 from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, Floats, RawScans, Scans
 
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from taxelflow.sensor import Sensor
 
 
-_SATURATED = 0.9995
-
-
 class Session:
     """Conditions scan after scan.
 
@@ -42,7 +39,7 @@ class Session:
     ) -> None:
         self._parameters, self._sensor, self._layout = parameters, sensor, sensor.layout
         self._masked = masked_too(masked, parameters.off)
-        self._top = _SATURATED * full_scale(sensor)
+        self._top = SATURATED * full_scale(sensor)
         self._sifter = Sifter(self._layout.taxels, self._top, drop=parameters.repeats == "drop")
         self.sample = Sample(self._layout.taxels)
         self._causal = lookahead is None

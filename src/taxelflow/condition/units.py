@@ -12,6 +12,9 @@ from taxelflow.messages import Floats
 if TYPE_CHECKING:
     from taxelflow.sensor import Sensor
 
+SATURATED = 0.9995
+"""A reading above this share of full scale is saturated: converters stop a step short of it."""
+
 
 def in_si(values: Floats, sensor: Sensor) -> Floats:
     """Readings (scans, taxels) in Pa (counts for a sensor without a scale); what is not finite is missing: NaN."""

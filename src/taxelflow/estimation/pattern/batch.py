@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from taxelflow.estimation.pattern.chain import MEMORY, follow_changing
 from taxelflow.estimation.pattern.contact import solve_contact
 from taxelflow.estimation.pattern.mapped import Maps
-from taxelflow.estimation.pattern.poses import Poses, aligned, poses_of
+from taxelflow.estimation.pattern.poses import TOO_ROUGH, Poses, aligned, poses_of
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.translation import mark_border
 from taxelflow.messages import Scans, Slips, cut, joined
@@ -120,9 +121,12 @@ class BatchSession:
         scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], layout.delay_s[own])
         with threadpool_limits(1, user_api="blas"):  # the matrices are too small to share among cores
             solved = solve_contact(scanned, layout.pitch_m[pad] / pitch_m)
+            if solved.rough > TOO_ROUGH and len(scanned) > MEMORY:
+                poses = follow_changing(scanned, layout.pitch_m[pad] / pitch_m, pitch_m, turns=solved.turns)
+            else:
+                poses = poses_of(solved, pitch_m)
         if len(solved.dead):
             self._dead.setdefault(layout.pads[pad], set()).update((solved.dead + own.start).tolist())
-        poses = poses_of(solved, pitch_m)
         known = 0
         if contact.before is not None:
             known = len(contact.before)

@@ -64,7 +64,7 @@ class Solved:
 
 def unexplained(fit: Fit, scanned: Scanned, rough: float) -> float:
     """Chi-square per degree of freedom if the pattern's relative error were `rough`."""
-    used = fit.weight > 0
+    used = (fit.weight > 0) & (scanned.variance > 0)
     variance = scanned.variance[used] + (rough * np.maximum(fit.model[used], 0.0)) ** 2
     return float(np.minimum(fit.residual[used] ** 2 / variance, 25.0).mean() / fit.freedom) if used.any() else 0.0
 

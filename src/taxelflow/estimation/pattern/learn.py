@@ -39,6 +39,11 @@ _CUT_SLACK = 0.5
 """What is added, times the share of the load that lies at the border."""
 _FORGET = 0.35
 _MATURE, _SETTLED = 10, 0.05
+_MOST_USUAL = 2.0
+_CHANGES, _CHANGING_ROUGH, _LAST = 0.1, 0.05, 4
+"""A pattern with a relative error above the first changes; then so many keyframes make it, with an error of the second."""
+_SEEN_ENOUGH = 24
+_MOST_SLACK = (1.0, 0.3)
 
 
 @dataclass(slots=True, eq=False)
@@ -86,7 +91,7 @@ class Learned:
     fresh: how many of the last keyframes were registered on the pattern before.
     turned: by how much its theta differs from that of the pattern before.
     gain_std: from scan to scan. turns: whether it may turn; seen: whether
-    the pattern shows a turn. refined: jointly.
+    the pattern shows a turn. changing: it does not stay the same, and only the last keyframes count. refined: jointly.
     """
 
     pattern: Pattern
@@ -97,6 +102,7 @@ class Learned:
     gain_std: float = _FIRST_GAIN_STD
     turns: bool = False
     seen: bool = False
+    changing: bool = False
     sight: float = 2.0
     turned: float = 0.0
     slack: Floats = field(default_factory=lambda: np.array(FIRST_SLACK))
@@ -105,15 +111,21 @@ class Learned:
     @property
     def mature(self) -> bool:
         """Whether the pattern is known well enough to look for it elsewhere."""
-        return len(self.keyframes) >= _MATURE and self.slack[0] < _SETTLED
+        return not self.changing and len(self.keyframes) >= _MATURE and self.slack[0] < _SETTLED
 
 
 def first_pattern(
-    t_s: float, places: Floats, reading: Floats, variance: Floats, ceiling: Floats, delay_s: Floats
+    t_s: float,
+    places: Floats,
+    reading: Floats,
+    variance: Floats,
+    ceiling: Floats,
+    delay_s: Floats,
+    at: Floats | None = None,
 ) -> Learned:
-    """A pattern from a single scan, its origin at the contact's centroid."""
+    """A pattern from a single scan, its origin at the contact's centroid, or at the place `at` (2,)."""
     scanned = Scanned.of(np.array([t_s]), places, reading[np.newaxis], variance[np.newaxis], ceiling, delay_s)
-    state = np.array([*scanned.centroids()[0], 0.0, 1.0, 0.0])
+    state = np.array([*(scanned.centroids()[0] if at is None else at), 0.0, 1.0, 0.0])
     learned = learn(Learned(_covering(scanned, state[np.newaxis], None), Keyframes(scanned, state[np.newaxis]), 1.0))
     learned.slack[0] += _CUT_SLACK * _most_whole(learned.keyframes)[1]
     return learned
@@ -176,7 +188,34 @@ def learn(known: Learned) -> Learned:
         return _learn(known)
 
 
+def _forgetting(known: Learned) -> Learned:
+    """A pattern of the last few keyframes, where they are: it does not stay for long enough to be refined."""
+    old, most = known.keyframes, slice(-_LAST, None)
+    keyframes = Keyframes(old.scanned.taken(most), old.states[most])
+    scanned, states = keyframes.scanned, keyframes.states
+    pattern = _covering(scanned, states, None)
+    sums = Sums(pattern)
+    parts = (scanned.bends, scanned.readings, scanned.variance, scanned.ceiling)
+    sums.add(pattern, scanned.places, states, *parts, _CHANGING_ROUGH)
+    sums.solve(pattern)
+    slack = np.minimum(known.slack + FIRST_SLACK, _MOST_SLACK)
+    return replace(
+        known,
+        pattern=pattern,
+        keyframes=keyframes,
+        radius=_radius(pattern),
+        rough=_CHANGING_ROUGH,
+        usual=_MOST_USUAL,
+        gain_std=_FIRST_GAIN_STD,
+        slack=slack,
+        turned=0.0,
+        changing=True,
+    )
+
+
 def _learn(known: Learned) -> Learned:
+    if known.changing:
+        return _forgetting(known)
     keyframes = known.keyframes
     scanned, states = keyframes.scanned, keyframes.states.copy()
     pattern = _covering(scanned, states, known.pattern)
@@ -209,7 +248,9 @@ def _learn(known: Learned) -> Learned:
             if unexplained(fit, scanned, _FIRST_ROUGH) > _TURN_NEEDED * unexplained(better, scanned, _FIRST_ROUGH):
                 new, pattern, states, fit = replace(free, pattern=turned), turned, angled, better
         factor, spare = fit.factor, fit.freedom
-        new.usual = max(fit.reduced / fit.freedom, 0.3)
+        new.usual = float(np.clip(fit.reduced / fit.freedom, 0.3, _MOST_USUAL))
+        if new.rough > _CHANGES and count >= _SEEN_ENOUGH:
+            return _forgetting(new)
         new.turned = float(np.mean(states[:, THETA] - keyframes.states[:, THETA]))
         states = reframed(states, keyframes.states, fit.information, pattern)
         off = (states - keyframes.states)[count - known.fresh :]

@@ -46,9 +46,13 @@ if TYPE_CHECKING:
     SLACK_T,  # and of theta
     CUT,  # whether this contact has ever been cut by the border
     PROBATION,  # scans for which a recognised pattern is looked for all over the pad
+    LOAD,  # sum of the loaded readings, of the last scan
+    GROWS,  # whether the contact has been seen to grow with the load
+    AWAY,  # how far the object has been from its first keyframe, in pitches
+    CHANGING,  # whether the pattern does not stay: every scan is learned from, and the old forgotten
     FLAG,  # what the last scan calls for, one of the below
     SLOTS,
-) = range(31)
+) = range(35)
 """Places in a pad's memory."""
 
 NOTHING, NOVEL, STRANGE, GONE = range(4)
@@ -60,6 +64,10 @@ _POOR = 2.0
 """A scan that fits so many times worse than usual is tried from other starts."""
 _LOOSE_GAIN_STD = 0.5
 _TURNS_GAIN = 0.3
+_STAYS = 0.5
+"""What turning or growing must explain of the misfit to be believed."""
+_GROWTH, _LEAST_GROWTH, _FIRST_GROWTH = 0.5, 0.002, 0.1
+"""Change of the size's logarithm from scan to scan, per change of the load's; and where it first shows."""
 _CUT, _FIRST_TURN_STD = 0.1, 0.1
 """A contact is cut if so much of its load lies at the border; an object that is whole may begin to turn."""
 _GATE, _FAR_OFF = 2.0, 10.0
@@ -77,8 +85,8 @@ _BLURRED = 0.25
 
 @kernel
 def centroid(reading: Floats, variance: Floats, places: Floats, edge: Bools, out: Floats) -> None:
-    """Fill out (3,) with the centroid of what is loaded above 4 standard deviations and 5 % of the peak, and the share of
-    it that lies at the border; edge: (taxels,).
+    """Fill out (4,) with the centroid of what is loaded above 4 standard deviations and 5 % of the peak, the share of it
+    that lies at the border, and its sum; edge: (taxels,).
     """
     peak = 0.0
     for i in range(len(reading)):
@@ -93,7 +101,7 @@ def centroid(reading: Floats, variance: Floats, places: Floats, edge: Bools, out
             border += p if edge[i] else 0.0
     out[:] = 0.0
     if total > 0.0:
-        out[0], out[1], out[2] = x / total, y / total, border / total
+        out[0], out[1], out[2], out[3] = x / total, y / total, border / total, total
 
 
 @kernel
@@ -131,7 +139,7 @@ def follow(
         ny, nx = int(m[ROWS]), int(m[COLS])
         span = t - m[LAST_T]
         last = states[pad].copy()
-        middle = np.empty(3)
+        middle = np.empty(4)
         centroid(reading[own], variance[own], where, edge[own], middle)
         m[CUT] = max(m[CUT], 1.0 if middle[2] > _CUT else 0.0)
         bend = no_bend
@@ -143,10 +151,12 @@ def follow(
         stiffness = np.zeros(STATE)
         stiffness[0] = stiffness[1] = 1e-6
         stiffness[THETA] = 1.0 / m[TURN_STD] ** 2 if m[TURN_STD] > 0.0 else 1e12
-        stiffness[SIZE] = 1e12
+        pressed = abs(np.log(middle[3] / m[LOAD])) if middle[3] > 0.0 and m[LOAD] > 0.0 else 1.0
+        grown_std = _GROWTH * pressed + _LEAST_GROWTH
+        stiffness[SIZE] = 1.0 / grown_std**2 if m[GROWS] > 0.0 else 1e12
         best = np.inf
         trial, found = np.empty(STATE), np.zeros((STATE, STATE))
-        for attempt in range(5):
+        for attempt in range(6):
             trial[:] = last
             if attempt == 0:
                 trial[0] += m[SPEED_X] * span
@@ -161,10 +171,17 @@ def follow(
             if attempt >= 3:
                 trial[:] = states[pad]
                 stiffness[GAIN] = 1.0 / (_LOOSE_GAIN_STD * last[GAIN]) ** 2
+            if attempt >= 4 and m[CHI] <= gate(m[USUAL], m[COUNT]):
+                break
             if attempt == 4:  # it may have begun to turn
-                if m[TURN_STD] > 0.0 or m[CUT] > 0.0 or m[CHI] <= gate(m[USUAL], m[COUNT]):
-                    break
+                if m[TURN_STD] > 0.0 or m[CUT] > 0.0:
+                    continue
                 stiffness[THETA] = 1.0 / _FIRST_TURN_STD**2
+            if attempt == 5:  # or it grows with the load
+                if m[GROWS] > 0.0 or m[AWAY] > _STAYS or m[KEYFRAMES] < _SAME:
+                    continue
+                stiffness[SIZE] = 1.0 / _FIRST_GROWTH**2
+                stiffness[THETA] = 1e12 if m[TURN_STD] == 0.0 else stiffness[THETA]
             prior[THETA] = trial[THETA] if m[TURN_STD] > 0.0 else last[THETA]
             cost, chi, count = register(
                 patterns[pad, :ny, :nx],
@@ -188,6 +205,7 @@ def follow(
             needed = 1e-3 if attempt < 4 else _TURNS_GAIN * best
             if cost < best - needed:
                 best = cost
+                m[GROWS] = 1.0 if attempt == 5 else m[GROWS]
                 states[pad] = trial
                 information[pad] = found
                 m[CHI], m[COUNT] = chi / max(count, 1), count
@@ -198,7 +216,7 @@ def follow(
             m[SPEED_Y] = (states[pad, 1] - last[1]) / span
             m[SPEED_T] = (states[pad, 2] - last[2]) / span
         m[LAST_T] = t
-        m[CENTROID_X], m[CENTROID_Y] = middle[0], middle[1]
+        m[CENTROID_X], m[CENTROID_Y], m[LOAD] = middle[0], middle[1], middle[3]
         fits = fits and m[CHI] <= gate(m[USUAL], m[COUNT]) and m[PROBATION] == 0.0
     return fits
 
@@ -264,6 +282,9 @@ def report(
         cov[0, 0] += m[SLACK] * scale * scale
         cov[1, 1] += m[SLACK] * scale * scale
         cov[2, 2] += m[SLACK_T]
+        if m[KEYFRAMES] > 0.0:
+            away = np.hypot(state[0] - keyframes[pad, 0, 0], state[1] - keyframes[pad, 0, 1])
+            m[AWAY] = max(m[AWAY], away)
         misfit = m[CHI] / m[USUAL]
         moved = 0.0
         if m[CONTINUES] > 0.0:
@@ -279,7 +300,8 @@ def report(
         m[CONTINUES] = 1.0
         xx, yy, xy = noise[0, 0], noise[1, 1], noise[0, 1]
         largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
-        quality[pad] = AMBIGUOUS if largest + m[SLACK] * scale**2 > (_BLURRED * scale) ** 2 else OK
+        blurred = largest + m[SLACK] * scale * scale > (_BLURRED * scale) ** 2
+        quality[pad] = AMBIGUOUS if blurred or m[CHANGING] > 0.0 else OK
         if m[CHI] <= gate(m[USUAL], m[COUNT]):
             m[POOR] = 0.0
             if largest < (_BLURRED * scale) ** 2:
@@ -289,7 +311,7 @@ def report(
                     apart += m[RADIUS] * abs(state[THETA] - keyframes[pad, k, 2])
                     if apart + abs(np.log(state[GAIN] / keyframes[pad, k, 3])) * _NEAR / _LOUDER < _NEAR:
                         close += 1
-                if close < _SAME:
+                if close < _SAME or m[CHANGING] > 0.0:
                     m[FLAG] = NOVEL
         else:
             quality[pad] = UNRESOLVED

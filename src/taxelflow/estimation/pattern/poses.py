@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from taxelflow.estimation.pattern.contact import Solved
     from taxelflow.messages import Bytes, Floats
 
-_TOO_ROUGH = 0.1
+TOO_ROUGH = 0.1
+"""Error of a pattern relative to itself above which it is not one."""
 _UNRESOLVED = 2.0
 """Chi-square per degree of freedom above which a scan does not fit."""
 _BLURRED = 0.25
@@ -96,7 +97,7 @@ def judge(covariance: Floats, misfit: Floats, rough: float, pitch_m: float) -> B
     xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
     largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
     quality = np.where(np.sqrt(largest) > _BLURRED * pitch_m, AMBIGUOUS, OK)
-    quality = np.where((misfit > _UNRESOLVED) | (rough > _TOO_ROUGH), UNRESOLVED, quality)
+    quality = np.where((misfit > _UNRESOLVED) | (rough > TOO_ROUGH), UNRESOLVED, quality)
     return quality.astype(np.uint8)
 
 

@@ -31,7 +31,11 @@ _TURN_STD = 0.1
 _LEAST_GAIN_STD = 0.05
 _DOUBT = 0.25
 _STILL = 1e-3
-_PROBATION, _SURELY = 8, 9.0
+_MUCH_MORE = 3.0
+"""A pattern from scans so many times fainter is not worth keeping."""
+_PROBATION, _SURELY, _LEAP = 8, 9.0, 2.0
+"""A pattern that was recognised is looked for all over the pad in so many scans, and found elsewhere if chi-square is
+less by so much; later it is looked for within so many pitches."""
 _YOUNG, _YOUNG_LATENCY = 12, 0.2
 """A pattern of few keyframes is learned faster, and adopted after this share of the usual time."""
 
@@ -191,12 +195,15 @@ class StreamSession:
             fits = m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT])
             if fits and m[online.PROBATION] == 0.0:
                 continue
+            near = m[online.PROBATION] == 0.0
             m[online.PROBATION] = max(m[online.PROBATION] - 1.0, 0.0)
             own = self._layout.of_pad(int(pad))
             middle = m[online.CENTROID_X : online.CENTROID_Y + 1]
             scan = (self._places[:, own], reading[own], variance[own], self._ceiling[own])
             found = recognised(known, middle, *scan)
-            if found is not None and (not fits or _better(found, m)):
+            if found is None or (near and np.hypot(*(found[0] - self._states[pad])[:2]) > _LEAP):
+                continue
+            if not fits or _better(found, m):
                 self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
                 m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
 
@@ -231,7 +238,7 @@ class StreamSession:
     def _begin(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
         own = self._layout.of_pad(pad)
-        places, middle = self._places[:, own], np.empty(3)
+        places, middle = self._places[:, own], np.empty(4)
         online.centroid(reading[own], variance[own], places, self._border[own], middle)
         m = self._memory[pad]
         m[:] = 0.0
@@ -249,7 +256,20 @@ class StreamSession:
             self._put(pad, learned)
             self._states[pad] = learned.keyframes.states[0]
         m[online.LAST_T] = t
-        m[online.CENTROID_X], m[online.CENTROID_Y] = middle[:2]
+        m[online.CENTROID_X], m[online.CENTROID_Y], m[online.LOAD] = middle[0], middle[1], middle[3]
+
+    def _learn_anew(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
+        """A new pattern from this scan, which stays where it is."""
+        own, state = self._pads[pad], self._states[pad]
+        taxels, m = self._layout.of_pad(pad), self._memory[pad]
+        self._settle(own)
+        own.waiting = []
+        delay = self._delay[taxels] if len(self._delay) else np.zeros(taxels.stop - taxels.start)
+        scan = (self._places[:, taxels], reading[taxels], variance[taxels], self._ceiling[taxels])
+        learned = first_pattern(t, *scan, delay, state[:2])
+        m[online.THETA_0] -= state[THETA]
+        self._put(pad, learned)
+        self._states[pad] = learned.keyframes.states[0]
 
     def _put(self, pad: int, learned: Learned) -> None:
         """Make what was learned the pattern that scans are registered on."""
@@ -270,6 +290,7 @@ class StreamSession:
         m[online.TURN_STD] = _TURN_STD if learned.turns else 0.0
         m[online.GAIN_STD] = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
         m[online.SHARE] = 1.0 - 1.0 / max(learned.sight, 2.0)
+        m[online.CHANGING] = 1.0 if learned.changing else 0.0
         m[online.SLACK], m[online.SLACK_T] = learned.slack
         m[online.SEEN] = 1.0 if learned.seen else 0.0
         states = learned.keyframes.states
@@ -326,6 +347,9 @@ class StreamSession:
             return
         taxels = self._layout.of_pad(pad)
         m = self._memory[pad]
+        if self._states[pad, GAIN] > _MUCH_MORE and not own.learned.mature:  # what was learned from is too faint
+            self._learn_anew(pad, t, reading, variance)
+            return
         late = self._delay[taxels] if len(self._delay) else np.zeros(0)
         bend = m[online.SPEED_X : online.SPEED_T + 1, np.newaxis] * late
         own.waiting.append((t, reading[taxels].copy(), variance[taxels].copy(), bend, self._states[pad].copy()))

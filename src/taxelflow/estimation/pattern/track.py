@@ -91,7 +91,7 @@ class Tracker:
         scans = len(self.scanned)
         order = [*range(self.start + 1, scans), *range(self.start - 1, -1, -1)][len(self.done) - 1 :]
         for k in order[:most]:
-            self._one(k)
+            self.one(k)
             self.done.append(k)
             self._cover(k)
             self._add(np.array([k]))
@@ -123,8 +123,18 @@ class Tracker:
         part.bend(self.states[which])
         self.scanned.bends[which] = part.bends
 
-    def _one(self, k: int) -> None:
-        """Register scan k from several starts; the cheapest wins."""
+    def forget(self, k: int, most: int) -> None:
+        """Keep only the `most` scans before scan k, and cover what scan k loads if it lies where the last one lies."""
+        self.done = list(range(max(self.start, k - most), k))
+        reached = [_in_object(self.scanned.places[:, self.loaded[j]].T, self.states[j]) for j in self.done]
+        reached.append(_in_object(self.scanned.places[:, self.loaded[k]].T, self.states[k - 1]))
+        places = np.concatenate(reached)
+        if len(places):
+            self.pattern = self._empty(places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN)
+        self._sum_up()
+
+    def one(self, k: int) -> tuple[Floats, float]:
+        """Register scan k from several starts; the cheapest wins. Its information (5, 5), chi-square per reading."""
         forward = 1 if k > self.start else -1
         before, further = k - forward, k - 2 * forward
         last = self.states[before]
@@ -146,14 +156,14 @@ class Tracker:
         stiffness[GAIN] = self._step[0] ** -2
         if not fixed[SIZE]:
             stiffness[SIZE] = self._step[1] ** -2
-        best = np.inf
+        best, misfit, kept = np.inf, np.inf, np.zeros((STATE, STATE))
         scanned, pattern = self.scanned, self.pattern
         information, scratch = np.zeros((STATE, STATE)), np.zeros((scanned.places.shape[1], 6))
         for state in starts:
             prior = last.copy()
             if fixed[THETA]:
                 state[THETA] = 0.0
-            cost, _, _ = register(
+            cost, chi, count = register(
                 pattern.coefficients,
                 pattern.doubt,
                 pattern.lattice,
@@ -175,6 +185,8 @@ class Tracker:
             if cost < best - 1e-3:
                 best = cost
                 self.states[k] = state
+                kept, misfit = information.copy(), chi / max(count, 1)
+        return kept, misfit
 
     def _cover(self, k: int) -> None:
         """Let the pattern grow to where scan k is loaded."""
