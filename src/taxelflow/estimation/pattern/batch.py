@@ -13,6 +13,7 @@ from taxelflow.estimation.pattern.contact import solve_contact
 from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.poses import TOO_ROUGH, Poses, aligned, poses_of
 from taxelflow.estimation.pattern.scanned import Scanned
+from taxelflow.estimation.pattern.warm import compile_kernels
 from taxelflow.estimation.translation import mark_border
 from taxelflow.messages import Scans, Slips, cut, joined
 
@@ -58,6 +59,7 @@ class BatchSession:
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         largest = int(np.diff(layout.starts).max())
         self._window = int(min(window_scans, max(_FEWEST, _MOST_BYTES / (_BYTES_PER_READING * largest))))
+        compile_kernels()
         none = np.zeros((0, len(layout.pads)), dtype=np.bool_)
         bare = np.zeros(layout.entries)
         self._nothing = Scans(np.zeros(0), np.zeros((0, layout.entries)), bare, bare, none, none)

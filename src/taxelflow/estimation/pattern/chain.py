@@ -49,7 +49,7 @@ def follow_changing(scanned: Scanned, size: Floats, pitch_m: float, *, turns: bo
 
 
 def _chain(scanned: Scanned, size: Floats) -> tuple[Floats, Floats, Floats, float]:
-    """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), and how well a turn is seen."""
+    """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), how well a turn is seen."""
     tracker = Tracker(
         scanned,
         0,

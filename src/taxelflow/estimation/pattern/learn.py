@@ -41,7 +41,7 @@ _FORGET = 0.35
 _MATURE, _SETTLED = 10, 0.05
 _MOST_USUAL = 2.0
 _CHANGES, _CHANGING_ROUGH, _LAST = 0.1, 0.05, 4
-"""A pattern with a relative error above the first changes; then so many keyframes make it, with an error of the second."""
+"""A pattern with a relative error above the first changes; then the last few make it, with an error of the second."""
 _SEEN_ENOUGH = 24
 _MOST_SLACK = (1.0, 0.3)
 

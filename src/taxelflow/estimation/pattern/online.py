@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     ACTIVE,  # whether the pad has a pattern
     ROWS,  # knots of its lattice
     COLS,
-    SPACING,  # lattice
-    LEFT,
+    SPACING,  # lattice, three numbers
+    _,
     LOW,
     ROUGH,  # error of the pattern relative to it
     USUAL,  # chi-square per reading that its scans usually leave
@@ -85,8 +85,8 @@ _BLURRED = 0.25
 
 @kernel
 def centroid(reading: Floats, variance: Floats, places: Floats, edge: Bools, out: Floats) -> None:
-    """Fill out (4,) with the centroid of what is loaded above 4 standard deviations and 5 % of the peak, the share of it
-    that lies at the border, and its sum; edge: (taxels,).
+    """Fill out (4,) with the centroid of what is loaded above 4 standard deviations and 5 % of the peak, the share of
+    it that lies at the border, and its sum; edge: (taxels,).
     """
     peak = 0.0
     for i in range(len(reading)):
@@ -105,7 +105,7 @@ def centroid(reading: Floats, variance: Floats, places: Floats, edge: Bools, out
 
 
 @kernel
-def follow(
+def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     t: float,
     reading: Floats,
     variance: Floats,
@@ -228,7 +228,7 @@ def gate(usual: float, count: float) -> float:
 
 
 @kernel
-def report(
+def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     t: float,
     contact: Bools,
     pitch_m: Floats,

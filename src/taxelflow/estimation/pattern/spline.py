@@ -1,8 +1,8 @@
 """A pressure pattern as a cubic B-spline on a square lattice of knots, seen by taxels through a pose.
 
 Model of one reading:  y_i = g q(u_i) + n_i,  u_i = exp(-s) R(theta)^T (r_i - x),  q(u) = sum_j c_j B3((u - u_j) / h).
-The pattern is what a taxel reads, already averaged over its area. If the object turns, that holds for small taxels only;
-then q can be the mean over m x m points of the taxel, whose square does not turn with the object.
+The pattern is what a taxel reads, already averaged over its area. If the object turns, that holds for small taxels
+only; then q can be the mean over m x m points of the taxel, whose square does not turn with the object.
 
 Lengths are in pitches of the pad, angles in rad. A state is (x, y, theta, g, s): pose, gain, and logarithm of size.
 """

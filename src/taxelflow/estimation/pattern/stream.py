@@ -18,8 +18,9 @@ from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.online import follow, report
 from taxelflow.estimation.pattern.predict import expected
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
+from taxelflow.estimation.pattern.warm import compile_kernels
 from taxelflow.estimation.translation import mark_border
-from taxelflow.messages import Scans, Slips
+from taxelflow.messages import Bools, Scans, Slips
 
 if TYPE_CHECKING:
     from taxelflow.layout import Layout
@@ -76,7 +77,7 @@ class StreamSession:
         self._squared = np.zeros(layout.entries)
         self._ceiling = np.full(layout.entries, np.inf)
         edge = np.flatnonzero(layout.border.any(axis=1))
-        self._border = layout.border.any(axis=1)
+        self._border: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
         self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
         self.notes: list[str] = []
@@ -128,10 +129,10 @@ class StreamSession:
             dead=self._layout.source[own][:0],
         )
 
-    def _nothing(self) -> Scans:
+    def _nothing(self, scans: int = 0) -> Scans:
         layout = self._layout
-        none, bare = np.zeros((0, len(layout.pads)), dtype=np.bool_), np.zeros(layout.entries)
-        return Scans(np.zeros(0), np.zeros((0, layout.entries)), bare, bare, none, none)
+        none, bare = np.zeros((scans, len(layout.pads)), dtype=np.bool_), np.zeros(layout.entries)
+        return Scans(np.zeros(scans), np.zeros((scans, layout.entries)), bare, bare, none, none)
 
     def _scan(self, k: int, scans: Scans, slips: Slips) -> None:
         t, reading, contact = float(scans.t_s[k]), scans.pressure[k], scans.contact[k]
@@ -143,7 +144,19 @@ class StreamSession:
         for pad, own in enumerate(self._pads):
             if own.due_s <= t:
                 self._adopt(pad, own)
-        fits = follow(
+        fits = self._follow(t, reading, variance, contact)
+        if not fits:
+            self._find_again(t, contact, reading, variance)
+        self._report(k, t, contact, slips)
+        if self._memory[:, online.FLAG].any():
+            for pad in np.flatnonzero(self._memory[:, online.FLAG]).tolist():
+                self._answer(pad, t, reading, variance)
+        self._last_reading[:], self._last_variance[:] = reading, variance
+        self._touched[:] = contact
+
+    def _follow(self, t: float, reading: Floats, variance: Floats, contact: Bools) -> bool:
+        """Register a scan on the patterns of the pads in contact; whether all fit."""
+        return follow(
             t,
             reading,
             variance,
@@ -160,8 +173,9 @@ class StreamSession:
             self._information,
             self._scratch,
         )
-        if not fits:
-            self._find_again(t, contact, reading, variance)
+
+    def _report(self, k: int, t: float, contact: Bools, slips: Slips) -> None:
+        """Fill row k of slips."""
         report(
             t,
             contact,
@@ -180,13 +194,8 @@ class StreamSession:
             slips.span_s[k],
             slips.quality[k],
         )
-        if self._memory[:, online.FLAG].any():
-            for pad in np.flatnonzero(self._memory[:, online.FLAG]):
-                self._answer(int(pad), t, reading, variance)
-        self._last_reading[:], self._last_variance[:] = reading, variance
-        self._touched[:] = contact
 
-    def _find_again(self, t: float, contact: np.ndarray, reading: Floats, variance: Floats) -> None:
+    def _find_again(self, t: float, contact: Bools, reading: Floats, variance: Floats) -> None:
         """Look for the object all over the pad where a scan does not fit where it was looked for."""
         for pad in np.flatnonzero(contact):
             m, known = self._memory[pad], self._pads[pad].learned
@@ -199,7 +208,7 @@ class StreamSession:
             m[online.PROBATION] = max(m[online.PROBATION] - 1.0, 0.0)
             own = self._layout.of_pad(int(pad))
             middle = m[online.CENTROID_X : online.CENTROID_Y + 1]
-            scan = (self._places[:, own], reading[own], variance[own], self._ceiling[own])
+            scan = (np.ascontiguousarray(self._places[:, own]), reading[own], variance[own], self._ceiling[own])
             found = recognised(known, middle, *scan)
             if found is None or (near and np.hypot(*(found[0] - self._states[pad])[:2]) > _LEAP):
                 continue
@@ -207,7 +216,7 @@ class StreamSession:
                 self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
                 m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
 
-    def _variance(self, reading: Floats, complete: np.ndarray) -> Floats:
+    def _variance(self, reading: Floats, complete: Bools) -> Floats:
         """Noise squared, 0 where a reading is missing."""
         variance = self._squared.copy()
         for pad in np.flatnonzero(~complete):
@@ -215,7 +224,7 @@ class StreamSession:
             variance[own][reading[own] == 0] = 0.0
         return variance
 
-    def _change(self, t: float, contact: np.ndarray, reading: Floats, variance: Floats) -> None:
+    def _change(self, t: float, contact: Bools, reading: Floats, variance: Floats) -> None:
         """Contacts that begin or end."""
         for pad in np.flatnonzero(contact != self._touched):
             own = self._pads[pad]
@@ -238,7 +247,7 @@ class StreamSession:
     def _begin(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
         own = self._layout.of_pad(pad)
-        places, middle = self._places[:, own], np.empty(4)
+        places, middle = np.ascontiguousarray(self._places[:, own]), np.empty(4)
         online.centroid(reading[own], variance[own], places, self._border[own], middle)
         m = self._memory[pad]
         m[:] = 0.0
@@ -265,7 +274,7 @@ class StreamSession:
         self._settle(own)
         own.waiting = []
         delay = self._delay[taxels] if len(self._delay) else np.zeros(taxels.stop - taxels.start)
-        scan = (self._places[:, taxels], reading[taxels], variance[taxels], self._ceiling[taxels])
+        scan = (np.ascontiguousarray(self._places[:, taxels]), reading[taxels], variance[taxels], self._ceiling[taxels])
         learned = first_pattern(t, *scan, delay, state[:2])
         m[online.THETA_0] -= state[THETA]
         self._put(pad, learned)
@@ -311,23 +320,7 @@ class StreamSession:
         alone[pad] = True
         kept = m[online.SPEED_X : online.LAST_T + 1].copy()
         m[online.SPEED_X : online.SPEED_T + 1] = 0.0
-        follow(
-            float(m[online.LAST_T]),
-            self._last_reading,
-            self._last_variance,
-            self._ceiling,
-            self._places,
-            self._delay,
-            self._border,
-            self._layout.starts,
-            alone,
-            self._patterns,
-            self._doubts,
-            self._memory,
-            self._states,
-            self._information,
-            self._scratch,
-        )
+        self._follow(float(m[online.LAST_T]), self._last_reading, self._last_variance, alone)
         m[online.SPEED_X : online.LAST_T + 1] = kept
         state, scale = self._states[pad], self._pitch_m[pad]
         turn = state[THETA] - m[online.THETA_0] if m[online.SEEN] else np.nan
@@ -378,22 +371,14 @@ class StreamSession:
 
     def _compile(self) -> None:
         """Run the kernels on nothing, so that none is compiled within the stream."""
-        pads = len(self._pads)
-        slips = Slips.unknown(
-            Scans(
-                np.zeros(1),
-                np.zeros((1, self._layout.entries)),
-                self._squared,
-                self._ceiling,
-                np.zeros((1, pads), dtype=np.bool_),
-                np.ones((1, pads), dtype=np.bool_),
-            ),
-            self._layout.starts,
-        )
-        del slips
+        compile_kernels()
+        none = np.zeros(len(self._pads), dtype=np.bool_)
+        self._follow(0.0, np.zeros(self._layout.entries), self._squared, none)
+        slips = Slips.unknown(self._nothing(1), self._layout.starts)
+        self._report(0, 0.0, none, slips)
 
 
 def _better(found: tuple[Floats, Floats, float, int], m: Floats) -> bool:
     """Whether a state found elsewhere explains the scan surely better than the one that was followed."""
     _, _, chi, count = found
-    return chi * count < m[online.CHI] * m[online.COUNT] - _SURELY * m[online.USUAL]
+    return bool(chi * count < m[online.CHI] * m[online.COUNT] - _SURELY * m[online.USUAL])

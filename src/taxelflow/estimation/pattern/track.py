@@ -44,8 +44,8 @@ class Tracker:
         stiffness: Floats,
         step: Floats,
     ) -> None:
-        """stiffness: (5,) how firmly the state is held, inf to fix. step: (2,) standard deviations, from scan to scan, of
-        gain and of the logarithm of size.
+        """stiffness: (5,) how firmly the state is held, inf to fix. step: (2,) standard deviations, from scan to scan,
+        of gain and of the logarithm of size.
         """
         self.scanned, self.start, self.rough, self.stiffness = scanned, start, rough, stiffness
         self._spacing, self._quadrature, self._size = spacing, quadrature, size
