@@ -86,7 +86,7 @@ def test_peers_without_the_extra_says_how_to_get_it(monkeypatch: pytest.MonkeyPa
         (["limits", "--methods", "magic"], ["unknown estimator 'magic'", "convolution"]),
         (["limits", "--seeds", "0"], ["seeds is 0"]),
         (["limits", "--seeds", "1", "--methods", "sum"], ["'sum'", "no position"]),
-        (["table1", "stroke"], ["scenario is 'stroke'", "leave it out"]),
+        (["table1", "stroke"], ["of is 'stroke'", "leave it out"]),
         (["table1", "--strokes", "2", "--methods", "sum"], ["'sum'", "no position"]),
         (["table1", "--strokes", "2", "--methods", "magic"], ["unknown estimator 'magic'"]),
     ],

@@ -190,6 +190,13 @@ def test_a_smoothed_result_says_so(stroke: Recording) -> None:
     assert np.nanmean(result.slips.covariance[..., 0, 0]) < np.nanmean(bare.slips.covariance[..., 0, 0])
 
 
+def test_a_method_that_learns_is_smoothed_and_keeps_what_it_learned(stroke: Recording) -> None:
+    bare, result = (estimate(stroke, "template", smooth=smooth) for smooth in (None, Smoothing(0.1)))
+    assert len(result.patterns) == len(bare.patterns) == 1
+    np.testing.assert_array_equal(result.patterns[0].pressure, bare.patterns[0].pressure)
+    assert not np.array_equal(result.slips.pose, bare.slips.pose, equal_nan=True)
+
+
 def test_the_command_line_smooths(tmp_path: Path) -> None:
     recording = tmp_path / "stroke.npz"
     assert main(["simulate", "stroke", "--out", str(recording)]) == 0

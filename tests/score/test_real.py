@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from rigged import rigged, svg_words
-from synthetic import dome, grid_sensor, recorded
+from synthetic import dome, grid_sensor, recorded, scans_of
+from tabled import hexagonal, table_sensor
 from taxelflow import api
 from taxelflow.acquire.rig.simulate import save
 from taxelflow.cli import main
-from taxelflow.score.real import RealScore, score_real
+from taxelflow.score.real import RealScore, _moved, score_real
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -58,6 +59,14 @@ def test_a_jump_is_charged_to_the_template() -> None:
     way = np.repeat([-0.012, 0.012], 30)
     still, jumped = (score_real([slide(x)]).predictions[0] for x in (np.full(60, -0.012), way))
     assert jumped.forecast_percent > 3 * still.forecast_percent
+
+
+def test_taxels_in_no_grid_are_moved_where_they_lie() -> None:
+    table = table_sensor(hexagonal(5, 0.003))
+    before, now = (scans_of(table, [dome(table, x, radius_m=0.005)], noise=1.0) for x in (0.0, 0.001))
+    moved = _moved(table.layout, 0, before, now)
+    still, off = (np.abs(image - now.pressure[0]).mean() for image in (before.pressure[0], moved))
+    assert off < 0.5 * still
 
 
 def test_turns_stand_beside_the_axis(turned: Path) -> None:

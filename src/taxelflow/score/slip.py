@@ -156,7 +156,9 @@ def score_slip(
     first = FRESH_SEED + seed
     blocks = ceil(hours * 3600 / _BLOCK_S)
     jobs = [_Job(name, first + k, methods, alarms_per_hour) for name in OBJECTS for k in range(seeds)]
-    jobs += [_Job(name, first + k, methods, alarms_per_hour) for name in (*HOLDS, *APART) for k in range(blocks)]
+    jobs += [
+        _Job(name, first + k, methods, alarms_per_hour) for name in (*HOLDS, *APART) for k in range(blocks) if methods
+    ]
     jobs += [_Job(NOISE, first, (NOISE,), alarms_per_hour)] * (hours > 0)
     totals: dict[tuple[str, str], _Seen] = defaultdict(_Seen)
     for job, found in zip(watched(jobs), _found(jobs, hours, processes), strict=True):

@@ -11,7 +11,7 @@ from taxelflow.estimation.pair.interpolant import gather, solve_band
 from taxelflow.estimation.pair.match import DOF, carried, find, gains, sight, surroundings, weigh
 from taxelflow.estimation.pattern.online import centroid, gate
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, evaluate
-from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
+from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -88,9 +88,14 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         now = readings[k].copy()
         variance = noise * noise
         if not complete[k]:
+            missing = False
             for i in range(taxels):
                 if now[i] == 0.0:
+                    missing = missing or noise[i] > 0.0
                     variance[i] = 0.0
+            if not missing and m[RUN] != 0.0:  # a gap in time: nobody knows what the object did
+                m[RUN], quality[k] = 0.0, LOST
+                continue
         fresh = m[RUN] == 0.0
         if fresh:
             if not complete[k]:

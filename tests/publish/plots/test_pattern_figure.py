@@ -8,6 +8,7 @@ import pytest
 
 from rigged import svg_words
 from synthetic import dome, grid_sensor
+from tabled import hexagonal, table_sensor
 from taxelflow.messages import LearnedPattern
 from taxelflow.publish.plots.pattern import Contact, pattern_figure
 from taxelflow.publish.plots.style import save, styled
@@ -66,3 +67,12 @@ def test_the_same_contact_gives_the_same_file(contact: Contact, tmp_path: Path) 
     first = (tmp_path / "pattern.svg").read_bytes()
     words(contact, tmp_path)
     assert (tmp_path / "pattern.svg").read_bytes() == first
+
+
+def test_taxels_of_a_table_are_drawn_where_they_lie(contact: Contact) -> None:
+    table = table_sensor(hexagonal(2, 0.004))
+    image = table.layout.grid(0, np.arange(19.0))
+    with styled():
+        drawn = pattern_figure(table.layout, replace(contact, scan=image)).axes[0].collections[0]
+    middles = 1e-3 * np.array([path.vertices[:-1].mean(axis=0) for path in drawn.get_paths()])
+    np.testing.assert_allclose(middles, np.stack([table.layout.x_m, table.layout.y_m], axis=1), atol=1e-9)
