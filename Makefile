@@ -28,7 +28,7 @@ demo: $(READY)
 	$(TAXELFLOW) estimate demo/stroke.npz --method convolution --out demo/convolution
 	$(TAXELFLOW) estimate demo/stroke.npz --method template --out demo/template
 	$(TAXELFLOW) plot demo/lnorm demo/convolution demo/template --out demo/pictures --format png
-	$(TAXELFLOW) score table1 --strokes 100
+	$(TAXELFLOW) score table1 --strokes 40
 
 test: $(READY)
 	$(BIN)/pytest
@@ -51,9 +51,9 @@ pictures: $(READY)
 	$(TAXELFLOW) estimate demo/stroke.npz --method convolution --out demo/convolution
 	$(TAXELFLOW) estimate demo/stroke.npz --method template --out demo/template
 	$(TAXELFLOW) plot demo/lnorm demo/convolution demo/template --out docs/pictures
-	$(TAXELFLOW) figures --out demo/figures
+	$(TAXELFLOW) figures --out demo/figures --strokes 100
 	cp demo/figures/fig7-rotation.svg demo/figures/error-over-position.svg docs/pictures/
-	rm docs/pictures/path-*.svg
+	rm docs/pictures/path-*.svg docs/pictures/pattern-palm*.svg
 
 # Resolve anew, then pin what was resolved. Lines are name==version and nothing else.
 constraints:

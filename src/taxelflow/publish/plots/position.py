@@ -92,7 +92,7 @@ def _draw_lines(
         axis.annotate(
             f"{slope:+.1f} mm/s",
             (float(ends.mean()), float(slope * ends.mean() + offset)),
-            xytext=(34 if (slope < 0) == up else -34, 14 if up else -14),
+            xytext=(34 if (slope < 0) == up else -34, {"o": 14, "^": -14}.get(style["marker"], -30)),
             textcoords="offset points",
             ha="center",
             va="center",
