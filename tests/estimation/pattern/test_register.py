@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxelflow.estimation.pattern.register import register, solve_small
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, evaluate
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+
+LATTICE = np.array([0.5, -8.0, -8.0])
+PLACES = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(-4.0, 5.0), np.arange(-4.0, 5.0))])
+TAXELS = PLACES.shape[1]
+POINT, WHOLE = np.zeros((1, 2)), np.zeros((3, 0))
+NOISE = 0.5
+LEVEL = 100.0
+CLEAR = np.array([0.3, -0.4, 0.2, 1.1, 0.0])
+
+
+def bumps() -> Floats:
+    """Coefficients of two unequal bumps."""
+    knots = LATTICE[1] + LATTICE[0] * np.arange(33)
+    x, y = np.meshgrid(knots, knots)
+    one = np.exp(-((x - 1.5) ** 2 + y**2) / 2)
+    other = np.exp(-((x + 1.5) ** 2 + (y - 0.7) ** 2) / 2)
+    pattern: Floats = LEVEL * (one + 0.6 * other)
+    return pattern
+
+
+def scan(state: Floats, seed: int | None = None) -> Floats:
+    out = np.empty((TAXELS, 5))
+    evaluate(bumps(), LATTICE, PLACES, state, POINT, WHOLE, out)
+    noise = 0.0 if seed is None else np.random.default_rng(seed).normal(0, NOISE, TAXELS)
+    reading: Floats = state[GAIN] * out[:, 0] + noise
+    return reading
+
+
+def fit(reading: Floats, *, variance: Any = NOISE**2, ceiling: float = np.inf, turns: bool = True) -> tuple[Any, ...]:
+    """State, information, chi-square and readings used, from a start at rest."""
+    state, information = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.zeros((STATE, STATE))
+    stiffness = np.array([0.0, 0.0, 0.0 if turns else 1e12, 0.0, 1e12])
+    prior, scratch = state.copy(), np.zeros((TAXELS, 6))
+    _, chi, count = register(
+        bumps(), np.zeros((0, 0)), LATTICE, PLACES, POINT, WHOLE, reading, np.broadcast_to(variance, TAXELS).copy(),
+        np.full(TAXELS, ceiling), 0.0, 3.0, prior, stiffness, 30, state, information, scratch,
+    )  # fmt: skip
+    return state, information, chi, count
+
+
+@given(x=st.floats(-0.8, 0.8), y=st.floats(-0.8, 0.8), theta=st.floats(-0.4, 0.4), gain=st.floats(0.6, 1.6))
+def test_a_pose_on_a_known_pattern_is_recovered(x: float, y: float, theta: float, gain: float) -> None:
+    truth = np.array([x, y, theta, gain, 0.0])
+    state, _, chi, count = fit(scan(truth))
+    np.testing.assert_allclose(state, truth, atol=2e-3)
+    assert chi < 0.1 * count
+
+
+def test_the_error_is_what_the_information_says() -> None:
+    squared, chi = [], []
+    for seed in range(200):
+        state, information, misfit, count = fit(scan(CLEAR, seed))
+        off = (state - CLEAR)[: GAIN + 1]
+        squared.append(off @ information[: GAIN + 1, : GAIN + 1] @ off / (GAIN + 1))
+        chi.append(misfit / (count - GAIN - 1))
+    assert np.mean(squared) == pytest.approx(1.0, abs=0.2)
+    assert np.mean(chi) == pytest.approx(1.0, abs=0.1)
+
+
+def test_masked_taxels_count_for_nothing() -> None:
+    reading, variance = scan(CLEAR), np.full(TAXELS, NOISE**2)
+    reading[40], variance[40] = 1e6, 0.0
+    state, _, chi, count = fit(reading, variance=variance)
+    np.testing.assert_allclose(state, CLEAR, atol=2e-3)
+    assert (chi < 1.0, count) == (True, TAXELS - 1)
+
+
+def test_an_outlier_is_held_down() -> None:
+    reading = scan(CLEAR)
+    reading[22] += LEVEL
+    state, *_ = fit(reading)
+    np.testing.assert_allclose(state[:THETA], CLEAR[:THETA], atol=0.03)
+
+
+def test_a_saturated_reading_pulls_only_upwards() -> None:
+    reading = scan(CLEAR)
+    ceiling = 0.7 * reading.max()
+    clipped = np.minimum(reading, ceiling)
+    known, *_ = fit(clipped, ceiling=ceiling)
+    unknown, *_ = fit(clipped)
+    np.testing.assert_allclose(known, CLEAR, atol=5e-3)
+    assert np.abs(unknown - CLEAR).max() > 10 * np.abs(known - CLEAR).max()
+
+
+def test_a_stiff_part_of_the_state_stays() -> None:
+    state, *_ = fit(scan(CLEAR), turns=False)
+    assert state[THETA] == pytest.approx(0.0, abs=1e-6)
+
+
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 5))
+def test_small_systems_are_solved(seed: int, n: int) -> None:
+    random = np.random.default_rng(seed)
+    root, right = random.normal(size=(n, n)), random.normal(size=n)
+    matrix = root @ root.T + 0.1 * np.eye(n)
+    solution = right.copy()
+    assert solve_small(matrix.copy(), solution, n)
+    np.testing.assert_allclose(matrix @ solution, right, atol=1e-9)
+
+
+def test_a_matrix_that_is_not_positive_is_refused() -> None:
+    assert not solve_small(np.array([[1.0, 2.0], [2.0, 1.0]]), np.ones(2), 2)

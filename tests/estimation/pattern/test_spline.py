@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y, evaluate, spread
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+
+LATTICE = np.array([0.5, -6.0, -6.0])
+PLACES = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(-2.0, 3.0), np.arange(-2.0, 3.0))])
+POINTS = {1: np.zeros((1, 2)), 4: np.array([[-0.2, -0.2], [0.2, -0.2], [-0.2, 0.2], [0.2, 0.2]])}
+
+seeds = st.integers(0, 2**32 - 1)
+points_of_quadrature = st.sampled_from(sorted(POINTS))
+
+
+def drawn(seed: int, *, delayed: bool = False) -> tuple[Floats, Floats, Floats]:
+    """Coefficients, a state, and bends of a pattern that covers every taxel."""
+    random = np.random.default_rng(seed)
+    state = np.zeros(STATE)
+    state[[X, Y]] = random.uniform(-1, 1, 2)
+    state[THETA], state[GAIN], state[SIZE] = random.uniform(-3, 3), 1.0, random.uniform(-0.1, 0.1)
+    bend = random.uniform(-0.2, 0.2, (3, PLACES.shape[1] if delayed else 0))
+    return random.normal(size=(24, 25)), state, bend
+
+
+def seen(c: Floats, state: Floats, points: Floats, bend: Floats, places: Floats = PLACES) -> Floats:
+    out = np.empty((places.shape[1], 5))
+    evaluate(c, LATTICE, places, state, points, bend, out)
+    return out
+
+
+@given(seed=seeds, points=points_of_quadrature, delayed=st.booleans())
+def test_derivatives_are_those_of_finite_differences(seed: int, points: int, delayed: bool) -> None:
+    c, state, bend = drawn(seed, delayed=delayed)
+    out = seen(c, state, POINTS[points], bend)
+    assert np.isfinite(out).all()
+    for column, part in ((1, X), (2, Y), (3, THETA), (4, SIZE)):
+        step = np.zeros(STATE)
+        step[part] = 1e-5
+        there, back = (seen(c, state + sign * step, POINTS[points], bend)[:, 0] for sign in (1, -1))
+        np.testing.assert_allclose(out[:, column], (there - back) / 2e-5, atol=1e-4)
+
+
+@given(seed=seeds, points=points_of_quadrature, delayed=st.booleans())
+def test_the_weights_of_the_coefficients_give_the_same_reading(seed: int, points: int, delayed: bool) -> None:
+    c, state, bend = drawn(seed, delayed=delayed)
+    width = 4 if points == 1 else 6
+    first, weight = np.empty(PLACES.shape[1], np.int64), np.empty((PLACES.shape[1], width**2))
+    spread(c.shape, LATTICE, PLACES, state, POINTS[points], bend, width, first, weight)
+    assert (first >= 0).all()
+    knots = first[:, np.newaxis] + (np.arange(width)[:, np.newaxis] * c.shape[1] + np.arange(width)).ravel()
+    np.testing.assert_allclose((c.ravel()[knots] * weight).sum(axis=1), seen(c, state, POINTS[points], bend)[:, 0])
+    np.testing.assert_allclose(weight.sum(axis=1), 1.0)
+
+
+@given(seed=seeds)
+def test_an_object_turned_and_moved_along_with_the_taxels_reads_the_same(seed: int) -> None:
+    c, state, bend = drawn(seed)
+    home = state.copy()
+    home[: THETA + 1] = 0.0
+    cos, sin = np.cos(state[THETA]), np.sin(state[THETA])
+    moved = np.array([[cos, -sin], [sin, cos]]) @ PLACES + state[[X, Y], np.newaxis]
+    np.testing.assert_allclose(
+        seen(c, state, POINTS[1], bend, moved)[:, 0], seen(c, home, POINTS[1], bend)[:, 0], atol=1e-9
+    )
+
+
+def test_a_taxel_off_the_lattice_reads_nothing() -> None:
+    c, state, bend = drawn(0)
+    state[[X, Y, THETA, SIZE]] = 0.0
+    far = np.array([[0.0, 20.0, -6.0], [0.0, 0.0, 0.0]])
+    out = seen(c, state, POINTS[1], bend, far)
+    assert np.isnan(out[:, 0]).tolist() == [False, True, True]
+    first, weight = np.empty(3, np.int64), np.empty((3, 16))
+    spread(c.shape, LATTICE, far, state, POINTS[1], bend, 4, first, weight)
+    assert (first < 0).tolist() == [False, True, True]
+    assert weight[1:].sum() == pytest.approx(0.0)

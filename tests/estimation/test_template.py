@@ -1,0 +1,269 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from rigged import rigged
+from synthetic import assert_same, grid_sensor, pieces, scans_of, slips_by
+from taxelflow import api
+from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.errors import ParameterInvalid
+from taxelflow.score.nees import consistency
+from taxelflow.score.strokes import cut
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording
+    from taxelflow.api import Result
+    from taxelflow.messages import Bools, Floats, Slips
+
+MODES = ("batch", "stream")
+both_modes = pytest.mark.parametrize("mode", MODES)
+
+SIDE, PITCH = 10, 0.004
+PAD = grid_sensor(SIDE, SIDE, pitch_m=(PITCH, PITCH))
+NOISE = 500.0
+BESIDE_THE_MIDDLE, ON_THE_LINE = 139, 146
+"""Taxels of the palm: of its outer row, and of the row over which the airbag goes."""
+
+
+@cache
+def airbag(dead: tuple[int, ...] = ()) -> tuple[Recording, Result]:
+    recording = simulate(rigged("stroke", sensing={"dead": dead}))
+    return recording, api.estimate(recording, "template")
+
+
+@cache
+def three_feet() -> Recording:
+    """Three unequal feet that turn by 41 degrees, to and fro, as they slide over a grid; 85 scans in contact."""
+    motion = {"kind": "strokes", "speed_m_s": 0.01, "travel_m": 0.012, "turn_rad_s": 0.6, "direction_rad": 0.5}
+    contact = {"shape": "feet", "radius_m": 0.007}
+    return simulate(rigged("stick-slip", contact=contact, motion=motion, sensing={"rate_hz": 25.0}))
+
+
+def path(recording: Recording, result: Result) -> tuple[Bools, Floats, Floats]:
+    """Scans with a pose (scans,), their poses and truths (n, 3), on the pad that is touched."""
+    truth = recording.known_truth
+    pose = result.slips.pose[:, result.pads.index(truth.pad)]
+    known = np.isfinite(pose[:, 0])
+    return known, pose[known], truth.pose[known]
+
+
+def off_body(pose: Floats, truth: Floats) -> Floats:
+    """(n, 3) errors in m and rad; which point of the body the pose follows, and its angle, are fitted."""
+    off = pose[:, :2] - truth[:, :2]
+    cos, sin = np.cos(truth[:, 2]), np.sin(truth[:, 2])
+    arm = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
+    point, *_ = np.linalg.lstsq(arm.reshape(-1, 2), off.ravel(), rcond=None)
+    turn = pose[:, 2] - truth[:, 2]
+    return np.column_stack([off - arm @ point, turn - turn.mean()])
+
+
+def speeds(recording: Recording, result: Result) -> tuple[float, float]:
+    """Of both strokes, mm/s, each position weighed by 1 / variance."""
+    truth = recording.known_truth
+    pad = result.pads.index(truth.pad)
+    x_m, variance = result.slips.pose[:, pad, 0], result.slips.covariance[:, pad, 0, 0]
+    weight = 1 / np.where(np.isfinite(x_m), variance, np.inf)
+    backward, forward = cut(truth, x_m, weight)
+    return backward.all, forward.all
+
+
+def feet_at(poses: Any, seed: int = 0) -> Floats:
+    """Scans (poses, taxels) of two unequal bumps at poses (n, 3), with noise."""
+    x_m, y_m, theta = np.asarray(poses, dtype=np.float64).T[:, :, np.newaxis]
+    dx, dy = PAD.layout.x_m - x_m, PAD.layout.y_m - y_m
+    u, v = np.cos(theta) * dx + np.sin(theta) * dy, np.cos(theta) * dy - np.sin(theta) * dx
+    one = 60e3 * np.exp(-((u - 0.006) ** 2 + v**2) / (2 * 0.004**2))
+    other = 40e3 * np.exp(-((u + 0.006) ** 2 + (v - 0.002) ** 2) / (2 * 0.0035**2))
+    scans: Floats = one + other + np.random.default_rng(seed).normal(0, NOISE, (len(poses), PAD.layout.taxels))
+    return scans
+
+
+def way(scans: int) -> Floats:
+    share = np.linspace(0.0, 1.0, scans)
+    return np.stack([0.004 * np.sin(5 * share), 0.012 * share - 0.006, 0.4 * share], axis=1)
+
+
+# A batch
+
+
+def test_a_stroke_over_the_palm_has_its_speed() -> None:
+    assert speeds(*airbag()) == pytest.approx((-25.0, 25.0), rel=0.006)
+
+
+def test_a_round_object_has_no_angle() -> None:
+    _, pose, _ = path(*airbag())
+    assert np.isnan(pose[:, 2]).all()
+
+
+def test_an_object_that_turns_as_it_slides_is_followed() -> None:
+    recording = three_feet()
+    known, pose, truth = path(recording, api.estimate(recording, "template"))
+    assert known.sum() == 85
+    assert np.ptp(truth[:, 2]) > np.radians(35)
+    rms = np.sqrt(np.mean(off_body(pose, truth) ** 2, axis=0))
+    assert (rms[:2] < 0.05e-3).all()
+    assert rms[2] < np.radians(0.3)
+
+
+def test_covariances_of_poses_say_how_far_off_they_are() -> None:
+    recording = three_feet()
+    result = api.estimate(recording, "template")
+    known, pose, truth = path(recording, result)
+    covariance = result.slips.covariance[known, result.pads.index("grid")]
+    # the pose follows a point of the body that only it knows: its error is what the fit leaves
+    contact = [(off_body(pose, truth), covariance)]
+    for over in (1, 20):
+        nees = consistency(contact, over).nees
+        assert nees is not None
+        assert 0.5 < nees < 2.0
+
+
+@pytest.mark.parametrize("dead", [BESIDE_THE_MIDDLE, ON_THE_LINE])
+def test_a_dead_taxel_is_named_and_costs_no_accuracy(dead: int) -> None:
+    recording, result = airbag((dead,))
+    assert f"masked, because they do not answer to the pattern: taxels {dead} of palm" in result.summary.notes
+    assert speeds(recording, result) == pytest.approx((-25.0, 25.0), rel=0.01)
+    assert not any("do not answer" in note for note in airbag()[1].summary.notes)
+
+
+def test_a_contact_longer_than_the_window_goes_on_without_a_jump() -> None:
+    recording = three_feet()
+    whole, windows = (api.estimate(recording, "template", window_scans=scans) for scans in (1000, 40))
+    assert (len(whole.patterns), len(windows.patterns)) == (1, 3)
+    known, pose, truth = path(recording, windows)
+    assert known.sum() == 85
+    error = off_body(pose, truth)
+    assert np.hypot(*np.diff(error[:, :2], axis=0).T).max() < 0.2e-3
+    assert np.hypot(*error[:, :2].T).max() < 0.3e-3
+
+
+def test_taxels_read_one_after_the_other_are_put_where_they_were_read() -> None:
+    recording = simulate(rigged("fast-stroke", sensing={"scan_share": 24 / 162}))
+    unaware = replace(recording, sensor=msgspec.structs.replace(recording.sensor, delay_s=()))
+    spread = []
+    for seen in (recording, unaware):
+        result = api.estimate(seen, "template")
+        assert speeds(seen, result) == pytest.approx((-50.0, 50.0), rel=0.01)
+        known, pose, truth = path(seen, result)
+        weight = 1 / result.slips.covariance[known, result.pads.index("palm"), 0, 0]
+        off = pose[:, 0] - truth[:, 0]
+        spread.append(np.sqrt(np.average((off - np.average(off, weights=weight)) ** 2, weights=weight)))
+    # the palm is read 20 ms after the scan's start: 1 mm behind on the way there, 1 mm ahead on the way back
+    assert spread[0] < 0.4e-3
+    assert spread[1] > 1.8 * spread[0]
+
+
+# A stream
+
+
+def test_stick_and_slip_do_not_drift() -> None:
+    recording = simulate(rigged("stick-slip", motion={"stick_slip_s": 4.0}))
+    result = api.estimate(recording, "template", mode="stream")
+    known, _, truth = path(recording, result)
+    moved = result.slips.displacement[known, 0, :2][1:].sum(axis=0)
+    assert np.hypot(*np.diff(truth[:, :2], axis=0).T).sum() > 10e-3
+    assert np.hypot(*(moved - (truth[-1] - truth[0])[:2])) < 0.1e-3
+
+
+def test_an_object_that_comes_back_is_recognised() -> None:
+    motion = {"kind": "strokes", "travel_m": 0.14, "speed_m_s": 0.04}
+    recording = simulate(rigged("stick-slip", motion=motion, load={"lift_s": 0.0}, sensing={"rate_hz": 50.0}))
+    result = api.estimate(recording, "template", mode="stream")
+    known, pose, truth = path(recording, result)
+    first = np.flatnonzero(np.diff(known.astype(int), prepend=0) == 1)
+    assert len(first) == 2
+    std = np.sqrt(result.slips.covariance[:, 0, [0, 1], [0, 1]])
+    before, after = (std[start : start + 5].max(axis=1) for start in first)
+    assert (after < 0.3 * before).all()
+    again = np.cumsum(known)[first[1]] - 1
+    error = (pose - truth)[:, :2]
+    assert (np.abs(error[again : again + 5] - np.median(error[again - 60 : again - 20], axis=0)) < 0.3e-3).all()
+
+
+# Laws
+
+
+@both_modes
+def test_results_do_not_depend_on_how_the_stream_is_cut(mode: str) -> None:
+    contact = np.ones(50, dtype=np.bool_)
+    contact[32:36] = False
+    scans = scans_of(PAD, np.where(contact[:, np.newaxis], feet_at(way(50)), 0.0), noise=NOISE, contact=contact)
+    parameters = {"window_scans": 20} if mode == "batch" else {}  # the first contact is longer
+    whole = slips_by("template", PAD, scans, mode=mode, **parameters)
+    np.testing.assert_array_equal(np.isfinite(whole.pose[:, 0, 0]), contact)
+    for length in (1, 7):
+        blocks = pieces(scans, range(length, 50, length))
+        assert_same(slips_by("template", PAD, *blocks, mode=mode, **parameters), whole)
+
+
+@both_modes
+def test_the_scale_of_pressure_changes_no_pose(mode: str) -> None:
+    values = feet_at(way(40))
+    one = slips_by("template", PAD, scans_of(PAD, values, noise=NOISE), mode=mode)
+    other = slips_by("template", PAD, scans_of(PAD, 1e-3 * values, noise=1e-3 * NOISE), mode=mode)
+    np.testing.assert_allclose(other.pose, one.pose, atol=2e-6)
+    np.testing.assert_array_equal(other.quality, one.quality)
+
+
+# Bad input
+
+
+@pytest.mark.parametrize("scans", [19, 100_001])
+def test_a_window_out_of_range_is_refused(scans: int) -> None:
+    with pytest.raises(ParameterInvalid, match=rf"window_scans.*{scans}.*it lies between 20 and 100000"):
+        api.estimator("template", window_scans=scans)
+
+
+def shaped(slips: Slips, scans: int) -> Slips:
+    assert slips.pose.shape == slips.displacement.shape == (scans, 1, 3)
+    assert slips.covariance.shape == slips.displacement_covariance.shape == (scans, 1, 3, 3)
+    assert slips.span_s.shape == slips.lag_s.shape == slips.quality.shape == (scans, 1)
+    return slips
+
+
+@both_modes
+@pytest.mark.parametrize("scans", [1, 2])
+def test_a_contact_of_one_or_two_scans_has_poses(mode: str, scans: int) -> None:
+    contact = np.arange(7) < scans
+    values = np.where(contact[:, np.newaxis], feet_at(way(7)), 0.0)
+    slips = shaped(slips_by("template", PAD, scans_of(PAD, values, noise=NOISE, contact=contact), mode=mode), 7)
+    np.testing.assert_array_equal(np.isfinite(slips.pose[:, 0, :2]).all(axis=1), contact)
+    assert np.isfinite(slips.displacement[:, 0, 0]).tolist() == [0 < scan < scans for scan in range(7)]
+
+
+@both_modes
+def test_a_pad_that_is_saturated_everywhere_says_nothing_surely(mode: str) -> None:
+    scans = scans_of(PAD, np.full((30, PAD.layout.taxels), 100e3), noise=NOISE, ceiling=100e3)
+    slips = shaped(slips_by("template", PAD, scans, mode=mode), 30)
+    assert np.nanmax(np.abs(np.nan_to_num(slips.displacement[:, 0, :2]))) < PITCH
+
+
+@both_modes
+@pytest.mark.parametrize("contact", [True, False])
+def test_scans_of_zeros_do_no_harm(mode: str, contact: bool) -> None:
+    scans = scans_of(PAD, np.zeros((30, PAD.layout.taxels)), noise=NOISE, contact=contact)
+    slips = shaped(slips_by("template", PAD, scans, mode=mode), 30)
+    assert not np.nan_to_num(slips.displacement).any()
+    assert contact or np.isnan(slips.pose).all()
+
+
+@both_modes
+def test_a_pad_of_one_column_is_followed_along_it(mode: str) -> None:
+    column = grid_sensor(12, 1, pitch_m=(PITCH, PITCH))
+    y_m = np.linspace(-0.008, 0.008, 40)
+    values = 60e3 * np.exp(-((column.layout.y_m - y_m[:, np.newaxis]) ** 2) / (2 * 0.006**2))
+    values += np.random.default_rng(0).normal(0, NOISE, values.shape)
+    slips = shaped(slips_by("template", column, scans_of(column, values, noise=NOISE), mode=mode), 40)
+    moved = slips.pose[:, 0, 1] - slips.pose[0, 0, 1]
+    assert np.sqrt(np.mean((moved - (y_m - y_m[0])) ** 2)) < 0.3e-3
+
+
+@both_modes
+def test_no_scans_give_no_slips(mode: str) -> None:
+    assert len(slips_by("template", PAD, scans_of(PAD, np.zeros((0, PAD.layout.taxels))), mode=mode)) == 0
