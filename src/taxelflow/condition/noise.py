@@ -22,6 +22,8 @@ _TINY = 1e-150
 """Above 0, and so is its square."""
 _CLIPPED = 0.1
 """A window in which a taxel reads its lowest value more often than this tells of clipping, not of noise."""
+_UNSATURATED = 0.25
+"""A taxel whose other windows are fewer than this share tells nothing of its noise."""
 _READINGS = 200_000
 _LEVELS = 16
 _NO_GLITCH = 0.995
@@ -50,7 +52,9 @@ def learn_noise(
     figure = np.sqrt(np.sum(change, axis=1, where=known) / np.maximum(count, 1) / _SECOND_DIFFERENCE)
     bottom = np.min(live, axis=(0, 1), initial=np.inf, where=np.isfinite(live))
     top = np.broadcast_to(ceiling, masked.shape)[~masked]
-    usable = (count >= max(enough, 1)) & (((live <= bottom) | (live >= top)).mean(axis=1) < _CLIPPED)
+    lively = (count >= max(enough, 1)) & ((live <= bottom).mean(axis=1) < _CLIPPED)
+    usable = lively & ((live >= top).mean(axis=1) < _CLIPPED)
+    usable &= usable.sum(axis=0) > _UNSATURATED * lively.sum(axis=0)  # else only what leads up to saturation is left
     floor = max(noise_floor(live), step / 12**0.5)
     floor = floor if floor > _TINY else max(unknown, _TINY)
     pooled = _quietest(figure[usable]) if usable.sum() >= _ENOUGH_WINDOWS else floor
