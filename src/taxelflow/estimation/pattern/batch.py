@@ -130,7 +130,7 @@ class BatchSession:
             else:
                 poses = poses_of(solved, pitch_m)
         if len(solved.dead):
-            self._dead.setdefault(layout.pads[pad], set()).update((solved.dead + own.start).tolist())
+            self._dead.setdefault(layout.pads[pad], set()).update(layout.source[own][solved.dead].tolist())
         known = 0
         if contact.before is not None:
             known = len(contact.before)

@@ -190,11 +190,12 @@ def _silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
     beside = (apart > 0) & (apart < _BESIDE)
     strong = (scanned.readings > _STRONG * np.sqrt(scanned.variance)) & (scanned.variance > 0)
     count = beside.sum(axis=0)
-    surrounded = (strong @ beside.astype(np.float64) > np.maximum(count - 1.5, 2.5)) & (count > 2)
+    surrounded = (strong @ beside.astype(np.float64) > np.where(count > 3, count - 1.5, count - 0.5)) & (count > 1)
     around = (scanned.readings @ beside.astype(np.float64)) / np.maximum(count, 1)
     own = np.where(surrounded, scanned.readings, 0.0).sum(axis=0)
     expected = np.where(surrounded, around, 0.0).sum(axis=0)
-    return np.flatnonzero((expected > 0) & (own < _SILENT * expected))
+    share = np.where(count > 3, _SILENT, 0.5 * _SILENT)  # at a corner pressure may end
+    return np.flatnonzero((expected > 0) & (own < share * expected))
 
 
 def _dead_taxel(scanned: Scanned, fit: Fit) -> int | None:
