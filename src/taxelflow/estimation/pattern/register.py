@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 _ENOUGH = 1e-3
 """A step that lowers chi-square by less is the last."""
+_LEAST_GAIN = 0.1
+"""A gain falls at most to this share in one step."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
 
 
@@ -144,6 +146,7 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         if not solve_small(matrix, step, STATE):
             break
         state[:] = kept + step
+        state[GAIN] = max(state[GAIN], _LEAST_GAIN * kept[GAIN])  # pressure does not pull
     state[:] = kept
     for a in range(STATE):
         for b in range(a):
