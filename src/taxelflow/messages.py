@@ -235,6 +235,13 @@ _SHARED = ("noise", "ceiling")
 """Fields without an axis of scans."""
 
 
+def no_scans(entries: int, pads: int, scans: int = 0) -> Scans:
+    """A block of no scans, or of some in which nothing is touched: what a session starts and ends with."""
+    noise, never = np.zeros(entries), np.full(entries, np.inf)
+    untouched = np.zeros((scans, pads), dtype=np.bool_)
+    return Scans(np.zeros(scans), np.zeros((scans, entries)), noise, never, untouched, ~untouched)
+
+
 def joined(blocks: Sequence[Block]) -> Block:
     """Blocks of one kind, at least one, as a single block. Scans must share one noise model."""
     first = blocks[0]

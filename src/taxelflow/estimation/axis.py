@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.translation import mark_border
-from taxelflow.messages import Bools, Floats, Scans, Slips, judged
+from taxelflow.estimation.translation import border_of, mark_border
+from taxelflow.messages import Bools, Floats, Scans, Slips, judged, no_scans
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,8 +37,7 @@ class AxisSession:
         self._layout = layout
         self._places = np.stack([layout.x_m, layout.y_m])
         self._bounds = np.array([most_std_rad, sigmas, least_anisotropy])
-        edge = np.flatnonzero(layout.border.any(axis=1))
-        self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
+        self._edge = border_of(layout)
         self._memory = np.zeros((len(layout.pads), MEMORY))
         self.finish()  # compiles the kernels, or loads them from the cache, before the loop begins
 
@@ -70,10 +69,7 @@ class AxisSession:
 
     def finish(self) -> Slips:
         """Nothing is held back."""
-        none = np.zeros((0, len(self._layout.pads)), dtype=np.bool_)
-        entries = self._layout.entries
-        never = np.full(entries, np.inf)
-        return self.step(Scans(np.zeros(0), np.zeros((0, entries)), np.zeros(entries), never, none, none.copy()))
+        return self.step(no_scans(self._layout.entries, len(self._layout.pads)))
 
 
 @kernel

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.messages import Bools, Floats, Scans, Slips, judged
+from taxelflow.messages import Bools, Floats, Scans, Slips, judged, no_scans
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,16 +46,9 @@ class TranslationSession:
         self._pitch = layout.pitch_m
         self._prepared: tuple[Any, ...] = ()
         self._noise: Floats | None = None
-        edge = np.flatnonzero(layout.border.any(axis=1))
-        self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
+        self._edge = border_of(layout)
         self._memory = np.zeros((self._pads, memory))
-        self._nothing = Scans(
-            np.zeros(0),
-            np.zeros((0, layout.entries)),
-            np.zeros(layout.entries),
-            np.full(layout.entries, np.inf),
-            *(np.zeros((0, self._pads), dtype=np.bool_) for _ in range(2)),
-        )
+        self._nothing = no_scans(layout.entries, self._pads)
         self.step(self._nothing)  # compiles the kernel, or loads it from the cache, before the loop begins
 
     def room(self, scans: int) -> tuple[Floats, Bools]:
@@ -130,6 +123,12 @@ def _sum(p: Floats) -> float:
     for k in range(len(p)):
         total += p[k]
     return total
+
+
+def border_of(layout: Layout) -> tuple[NDArray[np.int64], NDArray[np.int64], Bools]:
+    """What `mark_border` needs of a layout: edge, edge_starts and faces."""
+    edge = np.flatnonzero(layout.border.any(axis=1))
+    return edge, np.searchsorted(edge, layout.starts), layout.border
 
 
 @kernel

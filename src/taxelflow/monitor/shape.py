@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.messages import Bools, Contacts, Floats, Scans
+from taxelflow.messages import Bools, Contacts, Floats, Scans, no_scans
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,9 +37,7 @@ class ShapeSession:
         self._places = np.stack([layout.x_m, layout.y_m])
         self._area = layout.area_m2
         self._newton = 1.0 if sensor.si_unit == "Pa" else np.nan  # counts are no force
-        none = np.zeros((0, len(layout.pads)), dtype=np.bool_)
-        room = np.zeros(layout.entries)
-        self.step(Scans(np.zeros(0), np.zeros((0, layout.entries)), room, room, none, none))  # compiles
+        self.step(no_scans(layout.entries, len(layout.pads)))  # compiles
 
     def step(self, scans: Scans) -> Contacts:
         """Features of all pads."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.estimation.pair.follow import MEMORY, follow
 from taxelflow.estimation.pair.interpolant import Interpolant
-from taxelflow.estimation.translation import mark_border
+from taxelflow.estimation.translation import border_of, mark_border
 from taxelflow.messages import Scans, Slips
 
 if TYPE_CHECKING:
@@ -45,8 +45,7 @@ class PairSession:
         self._places = np.stack([layout.x_m, layout.y_m]) / np.repeat(self._pitch_m, np.diff(layout.starts))
         self._noise: Floats | None = None
         self._pads: list[_Pad] = []
-        edge = np.flatnonzero(layout.border.any(axis=1))
-        self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
+        self._edge = border_of(layout)
         self._compile()
 
     def step(self, scans: Scans) -> Slips:

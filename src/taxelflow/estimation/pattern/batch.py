@@ -14,8 +14,8 @@ from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.poses import TOO_ROUGH, Poses, aligned, poses_of
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.warm import compile_kernels
-from taxelflow.estimation.translation import mark_border
-from taxelflow.messages import Scans, Slips, cut, joined
+from taxelflow.estimation.translation import border_of, mark_border
+from taxelflow.messages import Bools, Scans, Slips, cut, joined, no_scans
 
 if TYPE_CHECKING:
     from taxelflow.layout import Layout
@@ -60,15 +60,11 @@ class BatchSession:
         largest = int(np.diff(layout.starts).max())
         self._window = int(min(window_scans, max(_FEWEST, _MOST_BYTES / (_BYTES_PER_READING * largest))))
         compile_kernels()
-        none = np.zeros((0, len(layout.pads)), dtype=np.bool_)
-        bare = np.zeros(layout.entries)
-        self._nothing = Scans(np.zeros(0), np.zeros((0, layout.entries)), bare, bare, none, none)
         self._held: list[Scans] = []
         self._first = self._out = self._seen = 0  # of the scans: first held, first not given out, first not seen
         self._open: list[_Open | None] = [None] * len(layout.pads)
         self._done: list[_Done] = []
-        edge = np.flatnonzero(layout.border.any(axis=1))
-        self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
+        self._edge = border_of(layout)
         self._dead: dict[str, set[int]] = {}
         self.patterns = Maps()
 
@@ -96,7 +92,7 @@ class BatchSession:
                 self._open[pad] = None
         return self._given()
 
-    def _follow(self, pad: int, contact: np.ndarray, start: int) -> None:
+    def _follow(self, pad: int, contact: Bools, start: int) -> None:
         """Open, cut and close contacts of a pad; contact: (scans,) from scan `start` on."""
         for number, touched in enumerate(contact.tolist(), start):
             going_on = self._open[pad]
@@ -152,7 +148,7 @@ class BatchSession:
         return poses
 
     def _all(self) -> Scans:
-        self._held = [joined(self._held or [self._nothing])]
+        self._held = [joined(self._held or [no_scans(self._layout.entries, len(self._layout.pads))])]
         return self._held[0]
 
     def _given(self) -> Slips:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import sight_of_turn
+from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD, LOOSE_TURN, sight_of_turn
 from taxelflow.estimation.pattern.poses import Poses, to_pad
 from taxelflow.estimation.pattern.spline import STATE
 from taxelflow.estimation.pattern.track import Tracker
@@ -51,7 +51,7 @@ def follow_changing(scanned: Scanned, size: Floats, pitch_m: float, *, turns: bo
     load = np.maximum(scanned.readings, 0.0).sum(axis=1)
     start = int(np.argmax(load >= _LOADED * load.max()))
     ahead = _chain(scanned.taken(slice(start, None)), size)
-    back = _chain(scanned.taken(slice(start, None, -1)), size)
+    back = _chain(scanned.taken(np.arange(start, -1, -1)), size)
     states, steps, misfit = (
         np.concatenate([one[:0:-1], other]) for one, other in zip(back[:3], ahead[:3], strict=True)
     )
@@ -90,13 +90,5 @@ def _chain(scanned: Scanned, size: Floats) -> tuple[Floats, Floats, Floats, floa
 
 
 def _tracker(scanned: Scanned, size: Floats) -> Tracker:
-    return Tracker(
-        scanned,
-        0,
-        spacing=0.5,
-        quadrature=1,
-        size=size,
-        rough=ROUGH,
-        stiffness=np.array([0.0, 0.0, 1e-3, 0.3**-2, np.inf]),
-        step=np.array([0.3, 0.1]),
-    )
+    stiffness = np.array([0.0, 0.0, LOOSE_TURN, FIRST_GAIN_STD**-2, np.inf])
+    return Tracker(scanned, 0, size=size, rough=ROUGH, stiffness=stiffness)

@@ -20,10 +20,9 @@ if TYPE_CHECKING:
     from taxelflow.estimation.pattern.scanned import Scanned
     from taxelflow.messages import Floats
 
-_SPACING, _QUADRATURE = 0.5, 1
-_FIRST_ROUGH, _LEAST_ROUGH, _MOST_ROUGH = 0.02, 0.002, 0.2
-_FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
-_LOOSE_TURN = 1e-3
+FIRST_ROUGH, _LEAST_ROUGH, _MOST_ROUGH = 0.02, 0.002, 0.2
+FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
+LOOSE_TURN = 1e-3
 """Keeps a turn that nothing determines from wandering: 1 / rad^2."""
 _SEEN = 4.0
 """A turn is observable if the pattern tells it so many times better than its own noise would."""
@@ -97,14 +96,14 @@ def _solve_either(scanned: Scanned, size: Floats) -> Solved:
     tracker = _tracker(scanned, size, turns=True)
     tracker.run(_GLIMPSE)
     factor = tracker.sums.solve(tracker.pattern)
-    if sight_of_turn(tracker.pattern, scanned, tracker.states, factor, tracker.start, _FIRST_ROUGH) > _LIKELY:
+    if sight_of_turn(tracker.pattern, scanned, tracker.states, factor, tracker.start, FIRST_ROUGH) > _LIKELY:
         free = _solve(scanned, tracker, turns=True)
         if free.sight > _SEEN:
             return free
         fixed = _solve(scanned, _tracker(scanned, size, turns=False), turns=False)
     else:
         fixed = _solve(scanned, _tracker(scanned, size, turns=False), turns=False)
-        if fixed.sight < _ROUND and unexplained(fixed.fit, scanned, _FIRST_ROUGH) < _EXPLAINED:
+        if fixed.sight < _ROUND and unexplained(fixed.fit, scanned, FIRST_ROUGH) < _EXPLAINED:
             return fixed
         free = _solve(scanned, tracker, turns=True)
         if free.sight > _SEEN:
@@ -123,32 +122,20 @@ def start_scan(scanned: Scanned) -> int:
 
 
 def _tracker(scanned: Scanned, size: Floats, *, turns: bool) -> Tracker:
-    stiffness = np.array([0.0, 0.0, _LOOSE_TURN if turns else np.inf, _FIRST_GAIN_STD**-2, np.inf])
-    return Tracker(
-        scanned,
-        start_scan(scanned),
-        spacing=_SPACING,
-        quadrature=_QUADRATURE,
-        size=size,
-        rough=_FIRST_ROUGH,
-        stiffness=stiffness,
-        step=np.array([_FIRST_GAIN_STD, 0.1]),
-    )
+    stiffness = np.array([0.0, 0.0, LOOSE_TURN if turns else np.inf, FIRST_GAIN_STD**-2, np.inf])
+    return Tracker(scanned, start_scan(scanned), size=size, rough=FIRST_ROUGH, stiffness=stiffness)
 
 
 def _solve(scanned: Scanned, tracker: Tracker, *, turns: bool) -> Solved:
     """Track all scans, then refine jointly, learning gain and roughness in between."""
     tracker.run()
-    pattern, states, rough = tracker.pattern, tracker.states, _FIRST_ROUGH
+    pattern, states, rough = tracker.pattern, tracker.states, FIRST_ROUGH
     start, stiffness = tracker.start, tracker.stiffness.copy()
     scanned.bend(states)
     fit = refine(pattern, scanned, states, rounds=4, rough=rough, stiffness=stiffness)
-    gain_std = _FIRST_GAIN_STD
+    gain_std = FIRST_GAIN_STD
     for rounds in (6, 10):
-        mean, gain_std = gains(fit, states)
-        states[:, GAIN] /= mean
-        pattern.coefficients = pattern.coefficients * mean
-        pattern.smoothing /= mean**2
+        gain_std = level(pattern, states, fit)
         stiffness[GAIN] = gain_std**-2
         rough = roughness(fit, scanned)
         scanned.bend(states)
@@ -157,13 +144,19 @@ def _solve(scanned: Scanned, tracker: Tracker, *, turns: bool) -> Solved:
     return Solved(pattern, states, fit, rough, gain_std, turns, np.zeros(0, np.int64), sight)
 
 
-def gains(fit: Fit, states: Floats) -> tuple[float, float]:
-    """Mean and standard deviation of the gains, from the scans that determine theirs best."""
+def level(pattern: Pattern, states: Floats, fit: Fit) -> float:
+    """Make the mean gain of states (scans, 5) 1, in place, the pattern taking the rest; the gains' standard deviation.
+
+    Both from the scans that determine theirs best.
+    """
     variance = np.linalg.inv(fit.information + 1e-9 * np.eye(STATE))[:, GAIN, GAIN]
     well = variance <= np.quantile(variance, 0.6)
     mean = max(float(np.median(states[well, GAIN])), 0.05)
     spread = 1.4826 * float(np.median(np.abs(states[well, GAIN] - mean)))
-    return mean, float(np.sqrt(max(spread**2 - float(np.median(variance[well])), _LEAST_GAIN_STD**2)))
+    states[:, GAIN] /= mean
+    pattern.coefficients = pattern.coefficients * mean
+    pattern.smoothing /= mean**2
+    return float(np.sqrt(max(spread**2 - float(np.median(variance[well])), _LEAST_GAIN_STD**2)))
 
 
 def roughness(fit: Fit, scanned: Scanned) -> float:

@@ -8,28 +8,35 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxelflow.estimation.pattern.contact import gains, roughness, sight_of_turn, unexplained
+from taxelflow.estimation.pattern.contact import (
+    FIRST_GAIN_STD,
+    FIRST_ROUGH,
+    LOOSE_TURN,
+    level,
+    roughness,
+    sight_of_turn,
+    unexplained,
+)
 from taxelflow.estimation.pattern.joint import Fit, refine
-from taxelflow.estimation.pattern.online import gate
+from taxelflow.estimation.pattern.online import HUBER, gate
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
 from taxelflow.estimation.pattern.register import register
 from taxelflow.estimation.pattern.scanned import Scanned
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, in_object
+from taxelflow.estimation.pattern.track import MARGIN, SPACING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.messages import Floats
 
-_SPACING = 0.5
-_MARGIN = 1.5
 _NEAR = 0.25
 """Keyframes closer than this, in pitches, show the same."""
 MOST_KEYFRAMES = 60
 _YOUNG = 8
-_RAW_ROUGH, _FIRST_ROUGH = 0.1, 0.02
-_FIRST_GAIN_STD = 0.3
-_LOOSE_TURN = 1e-3
+_RAW_ROUGH = 0.1
+DOUBT = 0.25
+"""How much of a pattern's rough doubt counts when scans are registered."""
 _SEEN, _DOUBTFUL, _DECIDE = 3.0, 1.0, 4
 _EXPLAINED, _TURN_NEEDED, _WHOLE = 1.3, 1.5, 0.1
 _CUT_LOOKS_TURNED = 10.0
@@ -91,7 +98,7 @@ class Learned:
     fresh: how many of the last keyframes were registered on the pattern before.
     turned: by how much its theta differs from that of the pattern before.
     gain_std: from scan to scan. turns: whether it may turn; seen: whether
-    the pattern shows a turn. changing: it does not stay the same, and only the last keyframes count. refined: jointly.
+    the pattern shows a turn. changing: it does not stay the same, and only the last keyframes count.
     """
 
     pattern: Pattern
@@ -99,7 +106,7 @@ class Learned:
     radius: float
     rough: float = _RAW_ROUGH
     usual: float = 1.0
-    gain_std: float = _FIRST_GAIN_STD
+    gain_std: float = FIRST_GAIN_STD
     turns: bool = False
     seen: bool = False
     changing: bool = False
@@ -155,7 +162,7 @@ def recognised(
                 state = np.array([*(middle + reach * known.radius * outward - arm), angle, 1.0, 0.0])
                 cost, chi, count = register(
                     pattern.coefficients,
-                    0.25 * pattern.doubt,
+                    DOUBT * pattern.doubt,
                     pattern.lattice,
                     places,
                     np.zeros((1, 2)),
@@ -164,7 +171,7 @@ def recognised(
                     variance,
                     ceiling,
                     known.rough,
-                    5.0,
+                    HUBER,
                     state.copy(),
                     stiffness,
                     20,
@@ -206,7 +213,7 @@ def _forgetting(known: Learned) -> Learned:
         radius=_radius(pattern),
         rough=_CHANGING_ROUGH,
         usual=_MOST_USUAL,
-        gain_std=_FIRST_GAIN_STD,
+        gain_std=FIRST_GAIN_STD,
         slack=slack,
         turned=0.0,
         changing=True,
@@ -220,8 +227,7 @@ def _learn(known: Learned) -> Learned:
     scanned, states = keyframes.scanned, keyframes.states.copy()
     pattern = _covering(scanned, states, known.pattern)
     count = len(keyframes)
-    rough = _RAW_ROUGH if count < _YOUNG else known.rough
-    rough = min(rough, _FIRST_ROUGH) if count >= _YOUNG else rough
+    rough = _RAW_ROUGH if count < _YOUNG else min(known.rough, FIRST_ROUGH)
     sums = Sums(pattern)
     sums.add(
         pattern,
@@ -231,7 +237,7 @@ def _learn(known: Learned) -> Learned:
         scanned.readings,
         scanned.variance,
         scanned.ceiling,
-        _FIRST_ROUGH,
+        FIRST_ROUGH,
     )
     factor = sums.solve(pattern)
     doubt, spare = pattern.doubt, 1.0
@@ -241,11 +247,11 @@ def _learn(known: Learned) -> Learned:
     if count > 2 and keyframes.spread(radius) > _NEAR:
         fit = _refined(new, pattern, scanned, states)
         whole = cut_off < _WHOLE
-        if not known.turns and whole and count >= _DECIDE and unexplained(fit, scanned, _FIRST_ROUGH) > _EXPLAINED:
+        if not known.turns and whole and count >= _DECIDE and unexplained(fit, scanned, FIRST_ROUGH) > _EXPLAINED:
             free = replace(new, turns=True)
             turned, angled = replace(pattern), keyframes.states.copy()
             better = _refined(free, turned, scanned, angled)
-            if unexplained(fit, scanned, _FIRST_ROUGH) > _TURN_NEEDED * unexplained(better, scanned, _FIRST_ROUGH):
+            if unexplained(fit, scanned, FIRST_ROUGH) > _TURN_NEEDED * unexplained(better, scanned, FIRST_ROUGH):
                 new, pattern, states, fit = replace(free, pattern=turned), turned, angled, better
         factor, spare = fit.factor, fit.freedom
         new.usual = float(np.clip(fit.reduced / fit.freedom, 0.3, _MOST_USUAL))
@@ -258,7 +264,7 @@ def _learn(known: Learned) -> Learned:
             wrong = np.array([np.mean(off[:, :2] ** 2), np.mean((off[:, THETA] - new.turned) ** 2)])
             new.slack = np.maximum(wrong, _FORGET * known.slack)
     if count >= _DECIDE:
-        sight = sight_of_turn(pattern, scanned, states, factor, scan, max(new.rough, _FIRST_ROUGH)) * spare**2
+        sight = sight_of_turn(pattern, scanned, states, factor, scan, max(new.rough, FIRST_ROUGH)) * spare**2
         new.sight = sight
         likely = sight > _SEEN * (1.0 + _CUT_LOOKS_TURNED * cut_off)
         new.seen = likely or (known.seen and sight > _DOUBTFUL)
@@ -273,16 +279,13 @@ def _learn(known: Learned) -> Learned:
 def _refined(new: Learned, pattern: Pattern, scanned: Scanned, states: Floats) -> Fit:
     """Refine pattern and states (n, 5) jointly, in place; what that says of gains and roughness goes into `new`."""
     young = len(states) < _YOUNG
-    turn = _LOOSE_TURN if new.turns else np.inf
-    gain_std = _FIRST_GAIN_STD if young else new.gain_std
+    turn = LOOSE_TURN if new.turns else np.inf
+    gain_std = FIRST_GAIN_STD if young else new.gain_std
     stiffness = np.array([0.0, 0.0, turn, gain_std**-2, np.inf])
-    rounds, rough = (6, _FIRST_ROUGH) if young else (3, min(new.rough, _FIRST_ROUGH))
+    rounds, rough = (6, FIRST_ROUGH) if young else (3, min(new.rough, FIRST_ROUGH))
     fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
     if not young:
-        mean, new.gain_std = gains(fit, states)
-        states[:, GAIN] /= mean
-        pattern.coefficients = pattern.coefficients * mean
-        pattern.smoothing /= mean**2
+        new.gain_std = level(pattern, states, fit)
         new.rough = roughness(fit, scanned)
     return fit
 
@@ -342,15 +345,10 @@ def _radius(pattern: Pattern) -> float:
 def _covering(scanned: Scanned, states: Floats, known: Pattern | None) -> Pattern:
     """A pattern of zeros over all that the scans load, on the lattice of the known one."""
     loaded = scanned.loaded()
-    corners = []
-    for k in range(len(states)):
-        d = scanned.places[:, loaded[k]].T - states[k, :2]
-        cos, sin = np.cos(states[k, THETA]), np.sin(states[k, THETA])
-        if len(d):
-            corners.append(np.stack([cos * d[:, 0] + sin * d[:, 1], cos * d[:, 1] - sin * d[:, 0]], axis=1))
-    reached = np.concatenate(corners) if corners else np.zeros((1, 2))
-    low, high = reached.min(axis=0) - _MARGIN, reached.max(axis=0) + _MARGIN
-    pattern = Pattern.empty(low, high, _SPACING, 1, np.ones(2), scanned.amplitude)
+    reached = np.concatenate([in_object(scanned.places[:, own].T, at) for own, at in zip(loaded, states, strict=True)])
+    reached = reached if len(reached) else np.zeros((1, 2))
+    low, high = reached.min(axis=0) - MARGIN, reached.max(axis=0) + MARGIN
+    pattern = Pattern.empty(low, high, SPACING, 1, np.ones(2), scanned.amplitude)
     if known is not None:
         pattern.smoothing = known.smoothing * (known.amplitude / pattern.amplitude) ** 2
     return pattern

@@ -55,17 +55,18 @@ if TYPE_CHECKING:
 ) = range(35)
 """Places in a pad's memory."""
 
-NOTHING, NOVEL, STRANGE, GONE = range(4)
-"""What a scan calls for: nothing, to be learned from, to be learned from while the old is forgotten, a new start."""
+NOTHING, NOVEL, GONE = range(3)
+"""What a scan calls for: nothing, to be learned from, a new start."""
 
 _ITERATIONS = 12
-_HUBER = 5.0
+HUBER = 5.0
 _POOR = 2.0
 """A scan that fits so many times worse than usual is tried from other starts."""
 _LOOSE_GAIN_STD = 0.5
 _TURNS_GAIN = 0.3
-_STAYS = 0.5
 """What turning or growing must explain of the misfit to be believed."""
+_STAYS = 0.5
+"""Only an object that has stayed within so many pitches may be seen to grow."""
 _GROWTH, _LEAST_GROWTH, _FIRST_GROWTH = 0.5, 0.002, 0.1
 """Change of the size's logarithm from scan to scan, per change of the load's; and where it first shows."""
 _CUT, _FIRST_TURN_STD = 0.1, 0.1
@@ -194,7 +195,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 variance[own],
                 ceiling[own],
                 m[ROUGH],
-                _HUBER,
+                HUBER,
                 prior,
                 stiffness,
                 _ITERATIONS,
@@ -317,9 +318,7 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             quality[pad] = UNRESOLVED
             m[POOR] += 1.0 if misfit <= _FAR_OFF else 2.0
             if m[POOR] >= _PATIENCE or m[KEYFRAMES] < _YOUNG:  # a young pattern is not yet to be trusted more
-                m[FLAG] = STRANGE
-        if largest > scale * scale:  # nowhere in particular
-            m[POOR] += 1.0
+                m[FLAG] = NOVEL
         if moved > _LEAP * (1.0 + m[RADIUS]) or m[POOR] >= _MOST_POOR:
             m[FLAG] = GONE
             quality[pad] = LOST

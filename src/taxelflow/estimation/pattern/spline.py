@@ -150,3 +150,11 @@ def spread(
             for a in range(4):
                 for b in range(4):
                     weight[i, (iy - 1 + a - corner_y) * width + ix - 1 + b - corner_x] += share * by[a] * bx[b]
+
+
+def in_object(places: Floats, state: Floats) -> Floats:
+    """Places (n, 2) on the pad, in the object's frame at a state (5,)."""
+    cos, sin = np.cos(state[THETA]), np.sin(state[THETA])
+    d = places - state[:2]
+    inside: Floats = np.exp(-state[SIZE]) * np.stack([cos * d[:, 0] + sin * d[:, 1], cos * d[:, 1] - sin * d[:, 0]], 1)
+    return inside

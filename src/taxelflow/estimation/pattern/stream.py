@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.pattern import online
-from taxelflow.estimation.pattern.learn import MOST_KEYFRAMES, Learned, first_pattern, learn, recognised
+from taxelflow.estimation.pattern.learn import DOUBT, MOST_KEYFRAMES, Learned, first_pattern, learn, recognised
 from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.online import follow, report
 from taxelflow.estimation.pattern.predict import expected
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
 from taxelflow.estimation.pattern.warm import compile_kernels
-from taxelflow.estimation.translation import mark_border
-from taxelflow.messages import Bools, Scans, Slips
+from taxelflow.estimation.translation import border_of, mark_border
+from taxelflow.messages import Bools, Scans, Slips, no_scans
 
 if TYPE_CHECKING:
     from taxelflow.layout import Layout
@@ -30,7 +30,6 @@ _LIBRARY = 4
 """Patterns of former contacts that a pad remembers."""
 _TURN_STD = 0.1
 _LEAST_GAIN_STD = 0.05
-_DOUBT = 0.25
 _STILL = 1e-3
 _MUCH_MORE = 3.0
 """A pattern from scans so many times fainter is not worth keeping."""
@@ -76,9 +75,8 @@ class StreamSession:
         self._noise: Floats | None = None
         self._squared = np.zeros(layout.entries)
         self._ceiling = np.full(layout.entries, np.inf)
-        edge = np.flatnonzero(layout.border.any(axis=1))
         self._border: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
-        self._edge = (edge, np.searchsorted(edge, layout.starts), layout.border)
+        self._edge = border_of(layout)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
         self.notes: list[str] = []
         self.patterns = Maps()
@@ -98,10 +96,11 @@ class StreamSession:
 
     def finish(self) -> Slips:
         """Nothing is held back."""
-        self._worker.shutdown(wait=True, cancel_futures=True)
         for pad in range(len(self._pads)):
+            self._settle(pad)
             self._keep(pad)
-        return Slips.unknown(self._nothing(), self._layout.starts)
+        self._worker.shutdown()
+        return Slips.unknown(no_scans(self._layout.entries, len(self._pads)), self._layout.starts)
 
     def expected(self, t_s: float | None = None) -> Floats:
         """(entries,), what the taxels should read, by all that is known: in the last scan, or at t_s if the motion goes
@@ -128,11 +127,6 @@ class StreamSession:
             turns=known.turns,
             dead=self._layout.source[own][:0],
         )
-
-    def _nothing(self, scans: int = 0) -> Scans:
-        layout = self._layout
-        none, bare = np.zeros((scans, len(layout.pads)), dtype=np.bool_), np.zeros(layout.entries)
-        return Scans(np.zeros(scans), np.zeros((scans, layout.entries)), bare, bare, none, none)
 
     def _scan(self, k: int, scans: Scans, slips: Slips) -> None:
         t, reading, contact = float(scans.t_s[k]), scans.pressure[k], scans.contact[k]
@@ -231,18 +225,20 @@ class StreamSession:
             if contact[pad]:
                 self._begin(int(pad), t, reading, variance)
             else:
+                self._settle(int(pad))
                 self._keep(int(pad))
-                self._settle(own)
                 if own.learned is not None and own.learned.mature:
                     own.library = [*own.library, own.learned][-_LIBRARY:]
-                own.learned, own.waiting = None, []
+                own.learned = None
                 self._memory[pad, online.ACTIVE] = 0.0
 
-    def _settle(self, own: _Pad) -> None:
-        """Take what is still being learned when a contact ends."""
+    def _settle(self, pad: int) -> None:
+        """Take what is still being learned when a contact, or its pattern, ends."""
+        own = self._pads[pad]
         if own.job is not None:
             own.learned = own.job.result()
-        own.job, own.due_s = None, np.inf
+            self._memory[pad, online.THETA_0] += own.learned.turned
+        own.job, own.due_s, own.waiting = None, np.inf, []
 
     def _begin(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
@@ -257,7 +253,7 @@ class StreamSession:
             if found is not None:
                 self._put(pad, known)
                 self._states[pad] = found[0]
-                m[online.PROBATION] = _PROBATION
+                m[online.PROBATION], m[online.THETA_0] = _PROBATION, found[0][THETA]
                 break
         else:
             delay = self._delay[own] if len(self._delay) else np.zeros(own.stop - own.start)
@@ -269,14 +265,13 @@ class StreamSession:
 
     def _learn_anew(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """A new pattern from this scan, which stays where it is."""
-        own, state = self._pads[pad], self._states[pad]
+        state = self._states[pad]
         taxels, m = self._layout.of_pad(pad), self._memory[pad]
-        self._settle(own)
-        own.waiting = []
+        m[online.THETA_0] -= state[THETA]
+        self._settle(pad)
         delay = self._delay[taxels] if len(self._delay) else np.zeros(taxels.stop - taxels.start)
         scan = (np.ascontiguousarray(self._places[:, taxels]), reading[taxels], variance[taxels], self._ceiling[taxels])
         learned = first_pattern(t, *scan, delay, state[:2])
-        m[online.THETA_0] -= state[THETA]
         self._put(pad, learned)
         self._states[pad] = learned.keyframes.states[0]
 
@@ -292,7 +287,7 @@ class StreamSession:
                 new[:, : old.shape[1], : old.shape[2]] = old
                 setattr(self, name, new)
         self._patterns[pad, :rows, :cols] = pattern.coefficients
-        self._doubts[pad, :rows, :cols] = _DOUBT * pattern.doubt
+        self._doubts[pad, :rows, :cols] = DOUBT * pattern.doubt
         m[online.ACTIVE], m[online.ROWS], m[online.COLS] = 1.0, rows, cols
         m[online.SPACING : online.LOW + 1] = pattern.lattice
         m[online.ROUGH], m[online.USUAL], m[online.RADIUS] = learned.rough, learned.usual, learned.radius
@@ -334,8 +329,7 @@ class StreamSession:
         if own.learned is None:
             return
         if flag == online.GONE:
-            self._settle(own)
-            own.waiting = []
+            self._settle(pad)
             self._begin(pad, t, reading, variance)
             return
         taxels = self._layout.of_pad(pad)
@@ -374,7 +368,7 @@ class StreamSession:
         compile_kernels()
         none = np.zeros(len(self._pads), dtype=np.bool_)
         self._follow(0.0, np.zeros(self._layout.entries), self._squared, none)
-        slips = Slips.unknown(self._nothing(1), self._layout.starts)
+        slips = Slips.unknown(no_scans(self._layout.entries, len(self._pads), 1), self._layout.starts)
         self._report(0, 0.0, none, slips)
 
 

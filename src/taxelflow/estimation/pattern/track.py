@@ -9,7 +9,7 @@ import numpy as np
 from taxelflow.estimation.pattern.joint import refine
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
 from taxelflow.estimation.pattern.register import register
-from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, in_object
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,7 +24,9 @@ _RAW_ROUGH = 0.1
 _HUBER = 6.0
 _ITERATIONS = 30
 _SOLVE_EVERY = 3
-_MARGIN = 1.5
+SPACING = 0.5
+"""Of the knots, in pitches."""
+MARGIN = 1.5
 """Pitches around the loaded taxels that a pattern covers."""
 _MOST_KNOTS = 40_000
 
@@ -32,24 +34,10 @@ _MOST_KNOTS = 40_000
 class Tracker:
     """Scans of a contact on their way to poses."""
 
-    def __init__(
-        self,
-        scanned: Scanned,
-        start: int,
-        *,
-        spacing: float,
-        quadrature: int,
-        size: Floats,
-        rough: float,
-        stiffness: Floats,
-        step: Floats,
-    ) -> None:
-        """stiffness: (5,) how firmly the state is held, inf to fix. step: (2,) standard deviations, from scan to scan,
-        of gain and of the logarithm of size.
-        """
+    def __init__(self, scanned: Scanned, start: int, *, size: Floats, rough: float, stiffness: Floats) -> None:
+        """stiffness: (5,) 1 / variance of each state, of the gain from scan to scan; infinite where it is fixed."""
         self.scanned, self.start, self.rough, self.stiffness = scanned, start, rough, stiffness
-        self._spacing, self._quadrature, self._size = spacing, quadrature, size
-        self._step = step
+        self._size = size
         self.loaded, self.centroid, self.amplitude = scanned.loaded(), scanned.centroids(), scanned.amplitude
         self.states = np.zeros((len(scanned), STATE))
         self.states[:, GAIN] = 1.0
@@ -58,11 +46,11 @@ class Tracker:
         places = scanned.places[:, self.loaded[start]].T - self.centroid[start]
         if not len(places):
             places = np.zeros((1, 2))
-        self.pattern = self._empty(places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN)
+        self.pattern = self._empty(places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN)
         self._sum_up()
 
     def _empty(self, low: Floats, high: Floats) -> Pattern:
-        return Pattern.empty(low, high, self._spacing, self._quadrature, self._size, self.amplitude)
+        return Pattern.empty(low, high, SPACING, 1, self._size, self.amplitude)
 
     def _rough_now(self) -> float:
         return max(self.rough, _RAW_ROUGH) if len(self.done) < _YOUNG else self.rough
@@ -126,12 +114,12 @@ class Tracker:
     def forget(self, k: int, most: int) -> None:
         """Keep only the `most` scans before scan k, and cover what scan k loads if it lies where the last one lies."""
         self.done = list(range(max(self.start, k - most), k))
-        reached = [_in_object(self.scanned.places[:, self.loaded[j]].T, self.states[j]) for j in self.done]
+        reached = [in_object(self.scanned.places[:, self.loaded[j]].T, self.states[j]) for j in self.done]
         if k < len(self.scanned):
-            reached.append(_in_object(self.scanned.places[:, self.loaded[k]].T, self.states[k - 1]))
+            reached.append(in_object(self.scanned.places[:, self.loaded[k]].T, self.states[k - 1]))
         places = np.concatenate(reached)
         if len(places):
-            self.pattern = self._empty(places.min(axis=0) - _MARGIN, places.max(axis=0) + _MARGIN)
+            self.pattern = self._empty(places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN)
         self._sum_up()
 
     def one(self, k: int) -> tuple[Floats, float]:
@@ -154,9 +142,7 @@ class Tracker:
         starts.append(shifted)
         fixed = np.isinf(self.stiffness)
         stiffness = np.where(fixed, 1e12, 1e-6)
-        stiffness[GAIN] = self._step[0] ** -2
-        if not fixed[SIZE]:
-            stiffness[SIZE] = self._step[1] ** -2
+        stiffness[GAIN] = self.stiffness[GAIN]
         best, misfit, kept = np.inf, np.inf, np.zeros((STATE, STATE))
         scanned, pattern = self.scanned, self.pattern
         information, scratch = np.zeros((STATE, STATE)), np.zeros((scanned.places.shape[1], 6))
@@ -191,16 +177,16 @@ class Tracker:
 
     def _cover(self, k: int) -> None:
         """Let the pattern grow to where scan k is loaded."""
-        places = _in_object(self.scanned.places[:, self.loaded[k]].T, self.states[k])
+        places = in_object(self.scanned.places[:, self.loaded[k]].T, self.states[k])
         if not len(places):
             return
         low, high = self.pattern.box
         margin = 0.5
         if (places.min(axis=0) - margin >= low).all() and (places.max(axis=0) + margin <= high).all():
             return
-        new_low = np.minimum(low, places.min(axis=0) - _MARGIN)
-        new_high = np.maximum(high, places.max(axis=0) + _MARGIN)
-        if np.prod((new_high - new_low) / self._spacing + 7) > _MOST_KNOTS:
+        new_low = np.minimum(low, places.min(axis=0) - MARGIN)
+        new_high = np.maximum(high, places.max(axis=0) + MARGIN)
+        if np.prod((new_high - new_low) / SPACING + 7) > _MOST_KNOTS:
             return
         smoothing = self.pattern.smoothing
         self.pattern = self._empty(new_low, new_high)
@@ -208,11 +194,3 @@ class Tracker:
         self.done.remove(k)
         self._sum_up()
         self.done.append(k)
-
-
-def _in_object(places: Floats, state: Floats) -> Floats:
-    """Places (n, 2) on the pad, in the object's frame."""
-    cos, sin = np.cos(state[THETA]), np.sin(state[THETA])
-    d = places - state[:2]
-    inside: Floats = np.exp(-state[SIZE]) * np.stack([cos * d[:, 0] + sin * d[:, 1], cos * d[:, 1] - sin * d[:, 0]], 1)
-    return inside
