@@ -19,7 +19,7 @@ from taxelflow.estimation.pattern.contact import (
 )
 from taxelflow.estimation.pattern.joint import Fit, refine
 from taxelflow.estimation.pattern.online import HUBER, gate
-from taxelflow.estimation.pattern.pattern import Pattern, Sums
+from taxelflow.estimation.pattern.pattern import Factor, Pattern, Sums
 from taxelflow.estimation.pattern.register import register
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, in_object
@@ -55,10 +55,14 @@ _MOST_SLACK = (1.0, 0.3)
 
 @dataclass(slots=True, eq=False)
 class Keyframes:
-    """Scans that the pattern is learned from, oldest first, with their states (n, 5)."""
+    """Scans that the pattern is learned from, oldest first, with their states (n, 5).
+
+    angled: (n, 5), where they would be if the object turned, as long as nobody knows whether it does.
+    """
 
     scanned: Scanned
     states: Floats
+    angled: Floats
 
     def __len__(self) -> int:
         return len(self.states)
@@ -72,6 +76,9 @@ class Keyframes:
         """One more; if there are too many, the one in the most crowded place goes, never the first."""
         old = self.scanned
         states = np.concatenate([self.states, state[np.newaxis]])
+        ahead = state.copy()
+        ahead[THETA] = self.angled[-1, THETA]
+        angled = np.concatenate([self.angled, ahead[np.newaxis]])
         readings = np.concatenate([old.readings, reading[np.newaxis]])
         variances = np.concatenate([old.variance, variance[np.newaxis]])
         bends = np.concatenate([old.bends, bend[np.newaxis]])
@@ -86,7 +93,7 @@ class Keyframes:
         scanned = Scanned(
             times[keep], old.places, readings[keep], variances[keep], old.ceiling, old.delay_s, bends[keep]
         )
-        return Keyframes(scanned, states[keep])
+        return Keyframes(scanned, states[keep], angled[keep])
 
 
 @dataclass(slots=True, eq=False)
@@ -97,8 +104,8 @@ class Learned:
     slack: (2,) how wrong poses on the pattern before have been, variance of x and y (pitches^2) and of theta (rad^2).
     fresh: how many of the last keyframes were registered on the pattern before.
     turned: by how much its theta differs from that of the pattern before.
-    gain_std: from scan to scan. turns: whether it may turn; seen: whether
-    the pattern shows a turn. changing: it does not stay the same, and only the last keyframes count.
+    gain_std: from scan to scan. turns: whether it may turn; proved: whether its scans are explained
+    by turning, and not without; seen: whether the pattern shows a turn. changing: it does not stay the same, and only the last keyframes count.
     """
 
     pattern: Pattern
@@ -108,6 +115,7 @@ class Learned:
     usual: float = 1.0
     gain_std: float = FIRST_GAIN_STD
     turns: bool = False
+    proved: bool = False
     seen: bool = False
     changing: bool = False
     sight: float = 2.0
@@ -133,29 +141,41 @@ def first_pattern(
     """A pattern from a single scan, its origin at the contact's centroid, or at the place `at` (2,)."""
     scanned = Scanned.of(np.array([t_s]), places, reading[np.newaxis], variance[np.newaxis], ceiling, delay_s)
     state = np.array([*(scanned.centroids()[0] if at is None else at), 0.0, 1.0, 0.0])
-    learned = learn(Learned(_covering(scanned, state[np.newaxis], None), Keyframes(scanned, state[np.newaxis]), 1.0))
+    learned = learn(
+        Learned(
+            _covering(scanned, state[np.newaxis], None), Keyframes(scanned, state[np.newaxis], state[np.newaxis]), 1.0
+        )
+    )
     learned.slack[0] += _CUT_SLACK * _most_whole(learned.keyframes)[1]
     return learned
 
 
 def recognised(
-    known: Learned, middle: Floats, places: Floats, reading: Floats, variance: Floats, ceiling: Floats
+    known: Learned,
+    middle: Floats,
+    places: Floats,
+    reading: Floats,
+    variance: Floats,
+    ceiling: Floats,
+    theta: float | None = None,
 ) -> tuple[Floats, Floats, float, int] | None:
     """Where a known pattern explains a scan, or None: state (5,), its information (5, 5), chi-square per reading and
     how many readings. middle: (2,) centroid of the scan.
 
     The object may lie partly beyond the pad's border, so it is looked for further out, too; where a turn can be seen,
-    at all angles.
+    at all angles, or at those around theta.
     """
     pattern = known.pattern
     outward = middle / max(float(np.hypot(*middle)), 1e-9)
-    angles = np.arange(12) * (np.pi / 6) if known.turns else np.zeros(1)
+    steps = np.arange(12) if theta is None else np.arange(-1, 2)
+    angles = steps * (np.pi / 6) if known.turns else np.zeros(1)
+    angles = angles + (known.keyframes.states[-1, THETA] if theta is None else theta)
     centre, best, found = pattern.centre(), np.inf, None
     information, scratch = np.zeros((STATE, STATE)), np.empty((len(reading), 6))
     stiffness = np.array([1e-6, 1e-6, 1e-6 if known.turns else 1e12, 0.0, 1e12])
     for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
         stiffness[GAIN] = gain_std**-2
-        for angle in angles + known.keyframes.states[-1, THETA]:
+        for angle in angles:
             for reach in (0.0, 0.5, 1.0, 1.5, 2.0):
                 cos, sin = np.cos(angle), np.sin(angle)
                 arm = np.array([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]])
@@ -198,7 +218,7 @@ def learn(known: Learned) -> Learned:
 def _forgetting(known: Learned) -> Learned:
     """A pattern of the last few keyframes, where they are: it does not stay for long enough to be refined."""
     old, most = known.keyframes, slice(-_LAST, None)
-    keyframes = Keyframes(old.scanned.taken(most), old.states[most])
+    keyframes = Keyframes(old.scanned.taken(most), old.states[most], old.angled[most])
     scanned, states = keyframes.scanned, keyframes.states
     pattern = _covering(scanned, states, None)
     sums = Sums(pattern)
@@ -224,42 +244,37 @@ def _learn(known: Learned) -> Learned:
     if known.changing:
         return _forgetting(known)
     keyframes = known.keyframes
-    scanned, states = keyframes.scanned, keyframes.states.copy()
+    scanned, states, angled = keyframes.scanned, keyframes.states.copy(), keyframes.angled.copy()
+    before = keyframes.states
     pattern = _covering(scanned, states, known.pattern)
     count = len(keyframes)
     rough = _RAW_ROUGH if count < _YOUNG else min(known.rough, FIRST_ROUGH)
-    sums = Sums(pattern)
-    sums.add(
-        pattern,
-        scanned.places,
-        states,
-        scanned.bends,
-        scanned.readings,
-        scanned.variance,
-        scanned.ceiling,
-        FIRST_ROUGH,
-    )
-    factor = sums.solve(pattern)
+    factor = _solve(pattern, scanned, states)
     doubt, spare = pattern.doubt, 1.0
     radius = _radius(pattern)
     new = replace(known, pattern=pattern, radius=radius, rough=rough, turned=0.0)
     scan, cut_off = _most_whole(keyframes)
     if count > 2 and keyframes.spread(radius) > _NEAR:
         fit = _refined(new, pattern, scanned, states)
-        whole = cut_off < _WHOLE
-        if not known.turns and whole and count >= _DECIDE and unexplained(fit, scanned, FIRST_ROUGH) > _EXPLAINED:
+        if not known.turns and count >= _DECIDE and cut_off < _WHOLE:
             free = replace(new, turns=True)
-            turned, angled = replace(pattern), keyframes.states.copy()
+            turned = _covering(scanned, angled, known.pattern)
+            _solve(turned, scanned, angled)
+            doubtful = turned.doubt
             better = _refined(free, turned, scanned, angled)
-            if unexplained(fit, scanned, FIRST_ROUGH) > _TURN_NEEDED * unexplained(better, scanned, FIRST_ROUGH):
-                new, pattern, states, fit = replace(free, pattern=turned), turned, angled, better
+            least = min(FIRST_ROUGH, roughness(better, scanned), roughness(fit, scanned))
+            bad, worse = (unexplained(one, scanned, least) for one in (better, fit))
+            sight = sight_of_turn(turned, scanned, angled, better.factor, scan, max(free.rough, FIRST_ROUGH))
+            if worse > max(_EXPLAINED, _TURN_NEEDED * bad) or sight * better.freedom**2 > _SEEN:
+                before, states, doubt = angled.copy(), angled, doubtful
+                new, pattern, fit = replace(free, pattern=turned, proved=bad < _MOST_USUAL), turned, better
         factor, spare = fit.factor, fit.freedom
-        new.usual = float(np.clip(fit.reduced / fit.freedom, 0.3, _MOST_USUAL))
+        new.usual = float(np.clip(fit.reduced / fit.freedom, 1.0, _MOST_USUAL))
         if new.rough > _CHANGES and count >= _SEEN_ENOUGH:
             return _forgetting(new)
-        new.turned = float(np.mean(states[:, THETA] - keyframes.states[:, THETA]))
+        new.turned = float(np.mean(states[:, THETA] - before[:, THETA]))
         states = reframed(states, keyframes.states, fit.information, pattern)
-        off = (states - keyframes.states)[count - known.fresh :]
+        off = (states - before)[count - known.fresh :]
         if len(off):
             wrong = np.array([np.mean(off[:, :2] ** 2), np.mean((off[:, THETA] - new.turned) ** 2)])
             new.slack = np.maximum(wrong, _FORGET * known.slack)
@@ -267,13 +282,21 @@ def _learn(known: Learned) -> Learned:
         sight = sight_of_turn(pattern, scanned, states, factor, scan, max(new.rough, FIRST_ROUGH)) * spare**2
         new.sight = sight
         likely = sight > _SEEN * (1.0 + _CUT_LOOKS_TURNED * cut_off)
-        new.seen = likely or (known.seen and sight > _DOUBTFUL)
+        new.seen = likely or new.proved or (known.seen and sight > _DOUBTFUL)
         new.turns = new.seen or (new.turns and sight > _DOUBTFUL)
         if not new.turns:
             states[:, THETA] = states[0, THETA]
     pattern.doubt = doubt
-    new.keyframes = Keyframes(scanned, states)
+    new.keyframes = Keyframes(scanned, states, states if new.turns else angled)
     return new
+
+
+def _solve(pattern: Pattern, scanned: Scanned, states: Floats) -> Factor:
+    """Make pattern what explains the scans at these states (n, 5) best."""
+    sums = Sums(pattern)
+    parts = (scanned.bends, scanned.readings, scanned.variance, scanned.ceiling)
+    sums.add(pattern, scanned.places, states, *parts, FIRST_ROUGH)
+    return sums.solve(pattern)
 
 
 def _refined(new: Learned, pattern: Pattern, scanned: Scanned, states: Floats) -> Fit:
@@ -286,7 +309,7 @@ def _refined(new: Learned, pattern: Pattern, scanned: Scanned, states: Floats) -
     fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
     if not young:
         new.gain_std = level(pattern, states, fit)
-        new.rough = roughness(fit, scanned)
+        new.rough = max(roughness(fit, scanned), FIRST_ROUGH * np.sqrt(_YOUNG / len(states)))
     return fit
 
 

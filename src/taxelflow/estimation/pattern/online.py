@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
+from taxelflow.estimation.pattern.carry import bring, keep
 from taxelflow.estimation.pattern.register import register, solve_small
-from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA
+from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, evaluate
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
 
 if TYPE_CHECKING:
@@ -49,10 +50,15 @@ if TYPE_CHECKING:
     LOAD,  # sum of the loaded readings, of the last scan
     GROWS,  # whether the contact has been seen to grow with the load
     AWAY,  # how far the object has been from its first keyframe, in pitches
+    TURNED,  # whether a scan was explained by a turn although theta was fixed
+    PLACE_X,  # where the object has been lately
+    PLACE_Y,
+    PLACE_T,
+    CARRIES,  # whether a rest is carried from scan to scan, see `carry`
     CHANGING,  # whether the pattern does not stay: every scan is learned from, and the old forgotten
     FLAG,  # what the last scan calls for, one of the below
     SLOTS,
-) = range(35)
+) = range(40)
 """Places in a pad's memory."""
 
 NOTHING, NOVEL, GONE = range(3)
@@ -62,6 +68,10 @@ _ITERATIONS = 12
 HUBER = 5.0
 _POOR = 2.0
 """A scan that fits so many times worse than usual is tried from other starts."""
+_REST = 2.0
+"""And what it leaves is carried over to the next."""
+_MOVES, _SETTLES_S = 0.15, 0.2
+"""An object that is closer, in pitches, than this to where it was in so many seconds is still."""
 _LOOSE_GAIN_STD = 0.5
 _TURNS_GAIN = 0.3
 """What turning or growing must explain of the misfit to be believed."""
@@ -82,6 +92,8 @@ _NEAR, _SAME = 0.25, 5
 _LOUDER = 0.5
 """A change of the gain's logarithm by this much counts as a pitch."""
 _BLURRED = 0.25
+FAINT = 3.0
+"""A pattern from scans so many times fainter is not worth keeping."""
 
 
 @kernel
@@ -121,16 +133,19 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     memory: Floats,
     states: Floats,
     information: Floats,
+    steps: Floats,
+    rests: Floats,
     scratch: Floats,
 ) -> bool:
     """Register one scan (entries,) on the patterns (pads, rows, cols) of all pads in contact; whether all of them fit.
 
-    memory: (pads, SLOTS), states: (pads, 5) and information: (pads, 5, 5) are kept from scan to scan. places: (2,
+    memory: (pads, SLOTS), states: (pads, 5) and rests: (4, entries), see `carry`, are kept from scan to scan.
+    information: (pads, 5, 5) of the states, steps: (pads, 5, 5) of how far they are from those before. places: (2,
     entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a border of its pad.
     """
     fits = True
     one_point = np.zeros((1, 2))
-    no_bend = np.zeros((3, 0))
+    no_bend, no_doubt = np.zeros((3, 0)), np.zeros((0, 0))
     for pad in range(len(starts) - 1):
         m = memory[pad]
         if not contact[pad] or m[ACTIVE] == 0.0:
@@ -155,63 +170,122 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         pressed = abs(np.log(middle[3] / m[LOAD])) if middle[3] > 0.0 and m[LOAD] > 0.0 else 1.0
         grown_std = _GROWTH * pressed + _LEAST_GROWTH
         stiffness[SIZE] = 1.0 / grown_std**2 if m[GROWS] > 0.0 else 1e12
-        best = np.inf
+        pattern, doubt = patterns[pad, :ny, :nx], doubts[pad, :ny, :nx]
+        seen, against, limit = reading[own], variance[own], ceiling[own]
+        rough, usual = m[ROUGH], m[USUAL]
+        brought = np.empty((3, 0))
+        best, best_chi, count = np.inf, np.inf, 0
         trial, found = np.empty(STATE), np.zeros((STATE, STATE))
-        for attempt in range(6):
-            trial[:] = last
-            if attempt == 0:
-                trial[0] += m[SPEED_X] * span
-                trial[1] += m[SPEED_Y] * span
-                if m[TURN_STD] > 0.0:
-                    trial[THETA] += m[SPEED_T] * span
-            elif attempt == 2:
-                trial[0] += middle[0] - m[CENTROID_X]
-                trial[1] += middle[1] - m[CENTROID_Y]
-            prior = last.copy()
-            stiffness[GAIN] = 1.0 / (m[GAIN_STD] * last[GAIN]) ** 2
-            if attempt >= 3:
-                trial[:] = states[pad]
-                stiffness[GAIN] = 1.0 / (_LOOSE_GAIN_STD * last[GAIN]) ** 2
-            if attempt >= 4 and m[CHI] <= gate(m[USUAL], m[COUNT]):
-                break
-            if attempt == 4:  # it may have begun to turn
-                if m[TURN_STD] > 0.0 or m[CUT] > 0.0:
-                    continue
-                stiffness[THETA] = 1.0 / _FIRST_TURN_STD**2
-            if attempt == 5:  # or it grows with the load
-                if m[GROWS] > 0.0 or m[AWAY] > _STAYS or m[KEYFRAMES] < _SAME:
-                    continue
-                stiffness[SIZE] = 1.0 / _FIRST_GROWTH**2
-                stiffness[THETA] = 1e12 if m[TURN_STD] == 0.0 else stiffness[THETA]
-            prior[THETA] = trial[THETA] if m[TURN_STD] > 0.0 else last[THETA]
-            cost, chi, count = register(
-                patterns[pad, :ny, :nx],
+        may_turn = m[TURN_STD] == 0.0 and m[CUT] == 0.0
+        may_grow = m[GROWS] == 0.0 and m[AWAY] <= _STAYS and m[KEYFRAMES] >= _SAME
+        poor = m[CHI] > gate(m[USUAL], m[COUNT])
+        for carried in range(2):
+            if carried == 0 and m[CARRIES] > 0.0 and not (poor and (may_turn or may_grow)):
+                continue
+            if carried == 1:
+                if m[CARRIES] == 0.0:
+                    break
+                moved = span * np.hypot(m[SPEED_X], m[SPEED_Y])
+                moved = np.sqrt(max(moved * moved - 4.0 / steps[pad, 0, 0] - 4.0 / steps[pad, 1, 1], 0.0))
+                brought = np.empty((3, len(seen)))
+                bring(span, moved, rests[:, own], seen, against, limit, brought)
+                seen, against, limit = brought
+                doubt, rough, usual = no_doubt, 0.0, 1.0
+                best, best_chi = np.inf, np.inf
+            for attempt in range(6 if carried == 0 else 4):
+                trial[:] = last
+                if attempt == 0:
+                    trial[0] += m[SPEED_X] * span
+                    trial[1] += m[SPEED_Y] * span
+                    if m[TURN_STD] > 0.0:
+                        trial[THETA] += m[SPEED_T] * span
+                elif attempt == 2:
+                    trial[0] += middle[0] - m[CENTROID_X]
+                    trial[1] += middle[1] - m[CENTROID_Y]
+                prior = last.copy()
+                stiffness[GAIN] = 1.0 / (m[GAIN_STD] * last[GAIN]) ** 2
+                if attempt >= 3:
+                    trial[:] = states[pad]
+                    stiffness[GAIN] = 1.0 / (_LOOSE_GAIN_STD * last[GAIN]) ** 2
+                if attempt >= 4 and best_chi <= gate(usual, m[COUNT]):
+                    break
+                if attempt == 4:  # it may have begun to turn
+                    if not may_turn:
+                        continue
+                    stiffness[THETA] = 1.0 / _FIRST_TURN_STD**2
+                if attempt == 5:  # or it grows with the load
+                    if not may_grow:
+                        continue
+                    stiffness[SIZE] = 1.0 / _FIRST_GROWTH**2
+                    stiffness[THETA] = 1e12 if m[TURN_STD] == 0.0 else stiffness[THETA]
+                prior[THETA] = trial[THETA] if m[TURN_STD] > 0.0 else last[THETA]
+                cost, chi, count = register(
+                    pattern,
+                    doubt,
+                    m[SPACING : LOW + 1],
+                    where,
+                    one_point,
+                    bend,
+                    seen,
+                    against,
+                    limit,
+                    rough,
+                    HUBER,
+                    prior,
+                    stiffness,
+                    _ITERATIONS,
+                    trial,
+                    found,
+                    scratch[own],
+                )
+                needed = 1e-3 if attempt < 4 else _TURNS_GAIN * best
+                if cost < best - needed:
+                    best = cost
+                    states[pad] = trial
+                    information[pad] = found
+                    best_chi, m[COUNT] = chi / max(count, 1), count
+                    if attempt >= 4:
+                        m[CARRIES] = 0.0
+                        m[TURNED] = 1.0 if attempt == 4 else m[TURNED]
+                        m[GROWS] = 1.0 if attempt == 5 else m[GROWS]
+                if best_chi <= _POOR * usual:
+                    break
+            if carried == 0:
+                stiffness[THETA] = 1.0 / m[TURN_STD] ** 2 if m[TURN_STD] > 0.0 else 1e12
+                stiffness[SIZE] = 1.0 / grown_std**2 if m[GROWS] > 0.0 else 1e12
+        steps[pad] = information[pad]
+        m[CHI] = best_chi
+        rests[3, own] = 0.0
+        away = np.hypot(states[pad, 0] - m[PLACE_X], states[pad, 1] - m[PLACE_Y])
+        away += m[RADIUS] * abs(states[pad, 2] - m[PLACE_T])
+        still = m[CONTINUES] > 0.0 and away < _MOVES + 3.0 * np.sqrt(1.0 / steps[pad, 0, 0] + 1.0 / steps[pad, 1, 1])
+        follows = 1.0 - np.exp(-span / _SETTLES_S) if m[CONTINUES] > 0.0 else 1.0
+        for a in range(3):
+            m[PLACE_X + a] += follows * (states[pad, a] - m[PLACE_X + a])
+        if m[CARRIES] > 0.0 or still or best_chi > _REST * usual:
+            if m[CARRIES] > 0.0:
+                rests[3, own] = reading[own] - brought[0]
+            evaluate(pattern, m[SPACING : LOW + 1], where, states[pad], one_point, bend, scratch[own])
+            m[CHI] = keep(
+                scratch[own],
                 doubts[pad, :ny, :nx],
                 m[SPACING : LOW + 1],
                 where,
-                one_point,
                 bend,
+                states[pad],
                 reading[own],
                 variance[own],
                 ceiling[own],
                 m[ROUGH],
-                HUBER,
-                prior,
+                m[USUAL],
                 stiffness,
-                _ITERATIONS,
-                trial,
-                found,
-                scratch[own],
+                best_chi / usual,
+                still,
+                brought,
+                rests[:, own],
+                information[pad],
             )
-            needed = 1e-3 if attempt < 4 else _TURNS_GAIN * best
-            if cost < best - needed:
-                best = cost
-                m[GROWS] = 1.0 if attempt == 5 else m[GROWS]
-                states[pad] = trial
-                information[pad] = found
-                m[CHI], m[COUNT] = chi / max(count, 1), count
-            if m[CHI] <= _POOR * m[USUAL]:
-                break
+            m[CARRIES] = 1.0
         if span > 0.0:
             m[SPEED_X] = (states[pad, 0] - last[0]) / span
             m[SPEED_Y] = (states[pad, 1] - last[1]) / span
@@ -236,6 +310,7 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     memory: Floats,
     states: Floats,
     information: Floats,
+    steps: Floats,
     before: Floats,
     before_cov: Floats,
     before_t: Floats,
@@ -252,7 +327,6 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     before, before_cov: (pads, 3), (pads, 3, 3), the pose before on the same pattern, before_t (pads,) its time.
     keyframes: (pads, n, 4), pose in pitches and rad, and gain, of the scans that the pattern is learned from.
     """
-    matrix, unit = np.empty((STATE, STATE)), np.empty(STATE)
     for pad in range(len(contact)):
         m = memory[pad]
         m[FLAG] = NOTHING
@@ -262,24 +336,17 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         state = states[pad]
         scale = pitch_m[pad]
         cov = covariance[pad]
-        for column in range(3):
-            matrix[:] = information[pad]
-            for a in range(STATE):
-                matrix[a, THETA] *= m[SHARE]
-                matrix[THETA, a] *= m[SHARE]
-                matrix[a, a] += 1e-12
-            unit[:] = 0.0
-            unit[column] = 1.0
-            solve_small(matrix, unit, STATE)
-            for a in range(3):
-                cov[a, column] = unit[a] * (scale if a < 2 else 1.0) * (scale if column < 2 else 1.0)
+        _invert(information[pad], m[SHARE], scale, cov)
+        noise = cov.copy()
+        if m[CARRIES] > 0.0:
+            _invert(steps[pad], m[SHARE], scale, noise)
         pose[pad, 0], pose[pad, 1] = scale * state[0], scale * state[1]
         pose[pad, 2] = state[2] - m[THETA_0]
         if m[SEEN] == 0.0:
             pose[pad, 2] = np.nan
             for a in range(3):
-                cov[a, 2] = cov[2, a] = np.nan
-        noise = cov.copy()
+                cov[a, 2] = cov[2, a] = noise[a, 2] = noise[2, a] = np.nan
+        xx, yy, xy = cov[0, 0], cov[1, 1], cov[0, 1]
         cov[0, 0] += m[SLACK] * scale * scale
         cov[1, 1] += m[SLACK] * scale * scale
         cov[2, 2] += m[SLACK_T]
@@ -299,7 +366,6 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         before_cov[pad] = noise
         before_t[pad] = t
         m[CONTINUES] = 1.0
-        xx, yy, xy = noise[0, 0], noise[1, 1], noise[0, 1]
         largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
         blurred = largest + m[SLACK] * scale * scale > (_BLURRED * scale) ** 2
         quality[pad] = AMBIGUOUS if blurred or m[CHANGING] > 0.0 else OK
@@ -319,6 +385,25 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             m[POOR] += 1.0 if misfit <= _FAR_OFF else 2.0
             if m[POOR] >= _PATIENCE or m[KEYFRAMES] < _YOUNG:  # a young pattern is not yet to be trusted more
                 m[FLAG] = NOVEL
+        if state[GAIN] > FAINT and m[KEYFRAMES] < _YOUNG:
+            m[FLAG] = NOVEL
         if moved > _LEAP * (1.0 + m[RADIUS]) or m[POOR] >= _MOST_POOR:
             m[FLAG] = GONE
             quality[pad] = LOST
+
+
+@kernel
+def _invert(information: Floats, share: float, scale: float, cov: Floats) -> None:
+    """Fill cov (3, 3), m and rad, with the covariance of x, y and theta, given that of (5, 5) in pitches and rad."""
+    matrix, unit = np.empty((STATE, STATE)), np.empty(STATE)
+    for column in range(3):
+        matrix[:] = information
+        for a in range(STATE):
+            matrix[a, THETA] *= share
+            matrix[THETA, a] *= share
+            matrix[a, a] += 1e-12
+        unit[:] = 0.0
+        unit[column] = 1.0
+        solve_small(matrix, unit, STATE)
+        for a in range(3):
+            cov[a, column] = unit[a] * (scale if a < 2 else 1.0) * (scale if column < 2 else 1.0)

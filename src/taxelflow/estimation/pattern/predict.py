@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.pattern import online
+from taxelflow.estimation.pattern.carry import fades
 from taxelflow.estimation.pattern.spline import GAIN, THETA, evaluate
 
 if TYPE_CHECKING:
@@ -16,7 +17,13 @@ if TYPE_CHECKING:
 
 
 def expected(
-    patterns: Floats, memory: Floats, states: Floats, places: Floats, starts: NDArray[np.int64], t_s: float | None
+    patterns: Floats,
+    memory: Floats,
+    states: Floats,
+    rests: Floats,
+    places: Floats,
+    starts: NDArray[np.int64],
+    t_s: float | None,
 ) -> Floats:
     """(entries,) readings by the patterns (pads, rows, cols) at the states (pads, 5), moved on to t_s if given.
 
@@ -32,5 +39,9 @@ def expected(
         pattern = np.ascontiguousarray(patterns[pad, : int(m[online.ROWS]), : int(m[online.COLS])])
         where, lattice = np.ascontiguousarray(places[:, own]), m[online.SPACING : online.LOW + 1]
         evaluate(pattern, lattice, where, state, np.zeros((1, 2)), np.zeros((3, 0)), values)
-        readings[own] = state[GAIN] * np.maximum(np.nan_to_num(values[:, 0]), 0.0)
+        rest = rests[3, own]
+        if t_s is not None and m[online.CARRIES]:
+            span = t_s - m[online.LAST_T]
+            rest = fades(span, span * np.hypot(m[online.SPEED_X], m[online.SPEED_Y])) * rests[0, own]
+        readings[own] = np.maximum(state[GAIN] * np.maximum(np.nan_to_num(values[:, 0]), 0.0) + rest, 0.0)
     return readings

@@ -102,7 +102,7 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             if reading[i] >= ceiling[i] and residual < 0.0:
                 continue
             own = rough * max(model, 0.0)
-            w = 1.0 / (variance[i] + own * own + gain * gain * _nearest(doubt, lattice, places, state, bend, i))
+            w = 1.0 / (variance[i] + own * own + gain * gain * nearest(doubt, lattice, places, state, bend, i))
             z = abs(residual) * np.sqrt(w)
             chi += z * z
             seen += 1
@@ -155,7 +155,7 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
 
 
 @kernel
-def _nearest(grid: Floats, lattice: Floats, places: Floats, state: Floats, bend: Floats, i: int) -> float:
+def nearest(grid: Floats, lattice: Floats, places: Floats, state: Floats, bend: Floats, i: int) -> float:
     """Value of grid (ny, nx) at the knot nearest to taxel i; 0 for an empty grid."""
     if grid.shape[0] == 0:
         return 0.0

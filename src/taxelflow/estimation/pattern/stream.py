@@ -30,12 +30,9 @@ _LIBRARY = 4
 """Patterns of former contacts that a pad remembers."""
 _TURN_STD = 0.1
 _LEAST_GAIN_STD = 0.05
-_STILL = 1e-3
-_MUCH_MORE = 3.0
-"""A pattern from scans so many times fainter is not worth keeping."""
-_PROBATION, _SURELY, _LEAP = 8, 9.0, 2.0
+_PROBATION, _SURELY, _LEAP = 8, 9.0, (2.0, 0.5)
 """A pattern that was recognised is looked for all over the pad in so many scans, and found elsewhere if chi-square is
-less by so much; later it is looked for within so many pitches."""
+less by so much; later it is looked for within so many pitches and rad."""
 _YOUNG, _YOUNG_LATENCY = 12, 0.2
 """A pattern of few keyframes is learned faster, and adopted after this share of the usual time."""
 
@@ -64,7 +61,8 @@ class StreamSession:
         self._pads = [_Pad() for _ in range(pads)]
         self._memory = np.zeros((pads, online.SLOTS))
         self._states = np.zeros((pads, STATE))
-        self._information = np.zeros((pads, STATE, STATE))
+        self._information, self._steps = np.zeros((pads, STATE, STATE)), np.zeros((pads, STATE, STATE))
+        self._rests = np.zeros((4, layout.entries))
         self._patterns, self._doubts = np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8))
         self._keyframes = np.zeros((pads, MOST_KEYFRAMES, 4))
         self._before, self._before_cov = np.zeros((pads, 3)), np.zeros((pads, 3, 3))
@@ -106,7 +104,8 @@ class StreamSession:
         """(entries,), what the taxels should read, by all that is known: in the last scan, or at t_s if the motion goes
         on as it was; NaN on pads without a pattern.
         """
-        return expected(self._patterns, self._memory, self._states, self._places, self._layout.starts, t_s)
+        known = (self._patterns, self._memory, self._states, self._rests)
+        return expected(*known, self._places, self._layout.starts, t_s)
 
     def _keep(self, pad: int) -> None:
         """Remember the pattern of a contact that ends, as a map."""
@@ -165,6 +164,8 @@ class StreamSession:
             self._memory,
             self._states,
             self._information,
+            self._steps,
+            self._rests,
             self._scratch,
         )
 
@@ -177,6 +178,7 @@ class StreamSession:
             self._memory,
             self._states,
             self._information,
+            self._steps,
             self._before,
             self._before_cov,
             self._before_t,
@@ -203,11 +205,12 @@ class StreamSession:
             own = self._layout.of_pad(int(pad))
             middle = m[online.CENTROID_X : online.CENTROID_Y + 1]
             scan = (np.ascontiguousarray(self._places[:, own]), reading[own], variance[own], self._ceiling[own])
-            found = recognised(known, middle, *scan)
-            if found is None or (near and np.hypot(*(found[0] - self._states[pad])[:2]) > _LEAP):
+            found = recognised(known, middle, *scan, self._states[pad, THETA] if near else None)
+            if found is None or (near and not _close(found[0], self._states[pad])):
                 continue
             if not fits or _better(found, m):
                 self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
+                self._steps[pad], m[online.CARRIES] = found[1], 0.0
                 m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
 
     def _variance(self, reading: Floats, complete: Bools) -> Floats:
@@ -289,6 +292,7 @@ class StreamSession:
         self._patterns[pad, :rows, :cols] = pattern.coefficients
         self._doubts[pad, :rows, :cols] = DOUBT * pattern.doubt
         m[online.ACTIVE], m[online.ROWS], m[online.COLS] = 1.0, rows, cols
+        m[online.CARRIES] = m[online.TURNED] = 0.0
         m[online.SPACING : online.LOW + 1] = pattern.lattice
         m[online.ROUGH], m[online.USUAL], m[online.RADIUS] = learned.rough, learned.usual, learned.radius
         m[online.TURN_STD] = _TURN_STD if learned.turns else 0.0
@@ -310,6 +314,8 @@ class StreamSession:
         own.job, own.due_s = None, np.inf
         m = self._memory[pad]
         m[online.THETA_0] += new.turned
+        if new.turns and not own.learned.turns:  # it has turned all the while
+            self._states[pad, THETA] = new.keyframes.states[-1, THETA]
         self._put(pad, new)
         alone = np.zeros(len(self._pads), dtype=np.bool_)
         alone[pad] = True
@@ -334,7 +340,7 @@ class StreamSession:
             return
         taxels = self._layout.of_pad(pad)
         m = self._memory[pad]
-        if self._states[pad, GAIN] > _MUCH_MORE and not own.learned.mature:  # what was learned from is too faint
+        if self._states[pad, GAIN] > online.FAINT and not own.learned.mature:  # what was learned from is too faint
             self._learn_anew(pad, t, reading, variance)
             return
         late = self._delay[taxels] if len(self._delay) else np.zeros(0)
@@ -357,7 +363,7 @@ class StreamSession:
             keyframes = keyframes.with_scan(*scan)
         start, fresh = own.waiting[-1][0], len(own.waiting)
         own.waiting = []
-        may_turn = known.turns or bool(np.ptp(keyframes.states[:, THETA]) > _STILL)
+        may_turn = known.turns or bool(self._memory[pad, online.TURNED])
         work = replace(known, keyframes=keyframes, fresh=fresh, turns=may_turn)
         own.job = self._worker.submit(learn, work)
         latency_s = self._latency_s * (_YOUNG_LATENCY if len(keyframes) < _YOUNG else 1.0)
@@ -370,6 +376,11 @@ class StreamSession:
         self._follow(0.0, np.zeros(self._layout.entries), self._squared, none)
         slips = Slips.unknown(no_scans(self._layout.entries, len(self._pads), 1), self._layout.starts)
         self._report(0, 0.0, none, slips)
+
+
+def _close(found: Floats, known: Floats) -> bool:
+    """Whether one state (5,) can have become the other at once."""
+    return bool(np.hypot(*(found - known)[:2]) < _LEAP[0] and abs(found[THETA] - known[THETA]) < _LEAP[1])
 
 
 def _better(found: tuple[Floats, Floats, float, int], m: Floats) -> bool:
