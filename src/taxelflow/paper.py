@@ -24,7 +24,7 @@ from taxelflow.publish.results import Track
 from taxelflow.score.field import score_field, true_twist
 from taxelflow.score.limits import limits
 from taxelflow.score.strokes import Row
-from taxelflow.score.table1 import PaperRow, table1
+from taxelflow.score.table1 import METHODS, PaperRow, table1
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -128,7 +128,7 @@ def _position() -> Figure:
 
 
 def _table1(strokes: int) -> Figure:
-    scored = table1(strokes, seed=0)
+    scored = table1(strokes, seed=0, methods=METHODS)
     names = {"lnorm": "L norm", "convolution": "optical flow"}
     scored_rows: list[tuple[Row | PaperRow, str, str, int]] = [
         (row, "paper, one trial", "10.5 mm", 1) for row in scored.paper

@@ -23,6 +23,7 @@ from taxelflow.geometry import rotation
 from taxelflow.messages import LOST, OK
 from taxelflow.score.bound import Bound, bound_of
 from taxelflow.score.nees import SPANS, Consistency, consistency
+from taxelflow.score.strokes import ungrouped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -132,7 +133,7 @@ def limits(
     contact = 0
     for number in watched(range(seeds)):
         drawn = replace(SCENARIOS[scenario], seed=seed + number, solver=solver)
-        recording = simulate(drawn)
+        recording = ungrouped(simulate(drawn))
         bound = bound_of(drawn, recording.known_truth.t_s)
         pad = recording.layout.pads.index(drawn.pad)
         pitch_mm = 1e3 * float(recording.layout.pitch_m[pad].min())

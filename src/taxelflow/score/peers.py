@@ -17,7 +17,7 @@ from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
 from taxelflow.score.bound import bound_of
 from taxelflow.score.pairs import peers
-from taxelflow.score.strokes import SETS, SPEEDS_MM_S, Row, Stroke, cut, interior, rows_of, run_trials
+from taxelflow.score.strokes import SETS, SPEEDS_MM_S, Row, Stroke, cut, interior, rows_of, run_trials, ungrouped
 from taxelflow.score.table1 import scored_methods, strokes_by
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def score_peers(
     deviations: dict[tuple[int, str], list[float]] = {}
 
     def measure(scenario: Scenario) -> dict[str, list[Stroke]]:
-        recording = simulate(scenario)
+        recording = ungrouped(simulate(scenario))
         scans = api.conditioned(recording)
         for scans_of, deviation in _deviations(scenario, recording.known_truth):
             deviations.setdefault((round(1e3 * scenario.motion.speed_m_s), scans_of), []).append(deviation)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from taxelflow.acquire.base import Truth
+    from taxelflow.acquire.base import Recording, Truth
     from taxelflow.acquire.rig.scenario import Solver
     from taxelflow.messages import Bools, Floats
 
@@ -97,6 +97,11 @@ def trial(seed: int, speed_mm_s: int, solver: Solver = "analytic") -> Scenario:
         contact=replace(paper.contact, radius_m=random.uniform(0.013, 0.017)),
         motion=replace(paper.motion, speed_m_s=speed_mm_s / 1e3, middle_m=(0.0, 0.005 + random.uniform(-0.002, 0.002))),
     )
+
+
+def ungrouped(recording: Recording) -> Recording:
+    """The recording on its sensor's pads alone: groups that lie on them would be estimated beside them, for nothing."""
+    return replace(recording, sensor=msgspec.structs.replace(recording.sensor, groups=()))
 
 
 def cut(

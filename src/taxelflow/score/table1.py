@@ -17,7 +17,7 @@ from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.compiling import announced
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import LOST, joined
-from taxelflow.score.strokes import Row, Stroke, cut, rows_of, run_trials
+from taxelflow.score.strokes import Row, Stroke, cut, rows_of, run_trials, ungrouped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -86,6 +86,7 @@ def scored_methods() -> tuple[str, ...]:
 
 
 def _measured(recording: Recording, methods: Sequence[str]) -> dict[str, list[Stroke]]:
+    recording = ungrouped(recording)
     scans = api.conditioned(recording)
     return {method: strokes_by(method, recording, scans) for method in methods}
 
