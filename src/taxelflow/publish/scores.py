@@ -40,7 +40,7 @@ def show_table1(table: Any) -> None:
             str(row.nominal_mm_s),
             _NAMES.get(row.method, row.method),
             row.scans,
-            "none" if row.factor == 1.0 else f"{row.factor:.4f}({1e4 * row.factor_standard_error:.0f})",
+            "none" if row.factor == 1.0 else _factor(row),
             f"{row.backward_mm_s:.2f}",
             f"{row.forward_mm_s:.2f}",
             f"{row.rmse_mm_s:.{digits}f}",
@@ -55,6 +55,39 @@ def show_table1(table: Any) -> None:
         "from the palm's. factor: one per method and set of scans, fitted at 25 mm/s\n"
         "on strokes that are not in the table, in brackets the standard error of its\n"
         "last digits. RMSE in mm/s and %, ± the standard error of the latter; bias in %.",
+        style="dim",
+        highlight=False,
+    )
+
+
+def show_hard(scored: Any) -> None:
+    """Errors of the velocities of strokes, by what makes them hard, and the strokes that are far off."""
+    console = Console(markup=False)
+    for method in dict.fromkeys(row.method for row in scored.rows):
+        title = f"{_NAMES.get(method, method)}, {scored.seeds} recordings a case, seed {scored.seed}{_solved(scored)}"
+        table = quiet_table("mm/s", "strokes:", "n", "RMSE %", "±", "median", "bias", "bound", title=title)
+        own = sorted((row for row in scored.rows if row.method == method), key=lambda row: row.nominal_mm_s)
+        last = {row.nominal_mm_s: row for row in own}
+        for row in own:
+            errors = (row.rmse_percent, row.standard_error_percent, row.median_percent)
+            table.add_row(
+                str(row.nominal_mm_s),
+                row.case,
+                str(row.strokes),
+                *(f"{error:.3f}" for error in errors),
+                f"{row.bias_percent:+.3f}",
+                f"{row.bound_percent:.3f}",
+                end_section=row is last[row.nominal_mm_s],
+            )
+        console.print(table)
+    for one in scored.far:
+        off = "no velocity" if one.error_percent is None else f"{one.error_percent:+.2f} %"
+        where = f"{one.nominal_mm_s} mm/s, {one.case}, seed {one.seed}, stroke {one.stroke}"
+        console.print(f"{_NAMES.get(one.method, one.method)}, {where}: {off}", highlight=False)
+    console.print(
+        "All scans in contact, no factor. ±: standard error of the RMSE. median: of the\n"
+        "error's absolute value. bound: Cramér-Rao, each scan by itself, pattern known\n"
+        "(saturated and dead taxels tell it nothing). Strokes more than 1 % off are named.",
         style="dim",
         highlight=False,
     )
@@ -213,6 +246,11 @@ def _solved(scored: Any) -> str:
 
 def _digits(row: Any) -> int:
     return 3 if row.rmse_percent < 1 else 2
+
+
+def _factor(row: Any) -> str:
+    digits = 4 if row.factor_standard_error < 99.5e-4 else 3
+    return f"{row.factor:.{digits}f}({10**digits * row.factor_standard_error:.0f})"
 
 
 def _number(value: float | None, digits: int) -> str:
