@@ -154,7 +154,7 @@ def show_limits(scored: Any) -> None:
     console = Console(markup=False)
     ran = f"{scored.scenario}, {scored.mode}, {scored.seeds} seeds from {scored.seed}{_solved(scored)}"
     title = f"{ran}: error over the bound"
-    table = quiet_table("method:", "scans:", "n", "axis:", "RMS", "bound", "x known", "x unknown", title=title)
+    table = quiet_table("method:", "scans:", "n", "axis:", "RMS", "±%", "bound", "x known", "x unknown", title=title)
     for row in scored.rows:
         unit, digits = ("deg", 3) if row.axis == "theta" else ("mm", 4)
         table.add_row(
@@ -163,6 +163,7 @@ def show_limits(scored: Any) -> None:
             str(row.count),
             f"{row.axis} {unit}",
             f"{row.rms:.{digits}f}",
+            _share(row),
             _number(row.bound, digits),
             _number(row.over_known, 2),
             _number(row.over_unknown, 2),
@@ -173,7 +174,24 @@ def show_limits(scored: Any) -> None:
         "quarter of a pitch. ok: scans whose quality is ok. bound: Cramér-Rao, gain\n"
         "and baseline unknown, RMS over the same scans. x known, x unknown: RMS of each\n"
         "scan's error over its own bound, the object's pattern known and unknown; 1 is\n"
-        "the best without further knowledge. One constant offset a contact is taken off.",
+        "the best without further knowledge. One constant offset a contact is taken off.\n"
+        "±%: standard error of the RMS, from the scatter among contacts.",
+        style="dim",
+        highlight=False,
+    )
+    console.print()
+    title = "motion since the first scan of a contact, and its bound"
+    table = quiet_table("method:", "n", "axis:", "RMS", "±%", "last", "bound", "unknown", title=title)
+    for row in scored.since:
+        unit, digits = ("deg", 3) if row.axis == "theta" else ("mm", 4)
+        numbers = [_number(value, digits) for value in (row.last, row.known, row.unknown)]
+        name = f"{row.axis} {unit}"
+        table.add_row(row.method, str(row.count), name, f"{row.rms:.{digits}f}", _share(row), *numbers)
+    console.print(table)
+    console.print(
+        "Nothing is fitted or taken off. last: RMS over contacts of the error in their\n"
+        "last scan. bound, unknown: of the same motion, the pattern known and unknown.\n"
+        "s a recording: " + ", ".join(f"{one.method} {one.median:.2f}" for one in scored.seconds),
         style="dim",
         highlight=False,
     )
@@ -246,6 +264,11 @@ def _solved(scored: Any) -> str:
 
 def _digits(row: Any) -> int:
     return 3 if row.rmse_percent < 1 else 2
+
+
+def _share(row: Any) -> str:
+    """Standard error in percent of the RMS."""
+    return f"{100 * row.standard_error / row.rms:.0f}" if row.rms else "-"
 
 
 def _factor(row: Any) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from taxelflow import api
 from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
-from taxelflow.score.strokes import SPEEDS_MM_S, bounds, trial, ungrouped
+from taxelflow.score.strokes import SPEEDS_MM_S, bounds, rms_of, trial, ungrouped
 from taxelflow.score.table1 import strokes_by
 
 if TYPE_CHECKING:
@@ -153,20 +153,18 @@ def _told(stroke: int, error_percent: float) -> tuple[int, float | None]:
 
 def _row(speed: int, method: str, name: str, error: Floats, limit: Floats) -> HardRow:
     """error, limit: (recordings, strokes)."""
-    known = np.isfinite(error)
-    square = np.where(known, error, 0.0) ** 2
-    rmse = float(np.sqrt(square.sum() / known.sum()))
-    # strokes of one recording share their object: recordings are what scatters independently
-    excess = square.sum(axis=1) - rmse**2 * known.sum(axis=1)
+    errors = [one[np.isfinite(one)] for one in error]
+    known = np.concatenate(errors)
+    rmse, standard_error = rms_of(errors)
     return HardRow(
         nominal_mm_s=speed,
         method=method,
         case=name,
-        strokes=int(known.sum()),
+        strokes=len(known),
         rmse_percent=rmse,
-        standard_error_percent=float(np.sqrt(np.sum(excess**2)) / known.sum() / (2 * rmse)),
-        median_percent=float(np.median(np.abs(error[known]))),
-        bias_percent=float(error[known].mean()),
+        standard_error_percent=standard_error,
+        median_percent=float(np.median(np.abs(known))),
+        bias_percent=float(known.mean()),
         bound_percent=float(np.sqrt(np.mean(limit**2))),
     )
 

@@ -169,6 +169,16 @@ def slope(
     return float(np.sum(w * t * x)) / spread if spread > 0 else float("nan")
 
 
+def rms_of(errors: Sequence[Floats]) -> tuple[float, float]:
+    """RMS over all errors, and its standard error; errors of one array are of one object, and scatter together."""
+    square = np.array([np.sum(own**2) for own in errors])
+    count = np.array([len(own) for own in errors])
+    rms = float(np.sqrt(square.sum() / count.sum()))
+    if rms == 0.0:
+        return 0.0, 0.0
+    return rms, float(np.sqrt(np.sum((square - rms**2 * count) ** 2)) / count.sum() / (2 * rms))
+
+
 def rows_of(seen: Seen, methods: Sequence[str]) -> list[Row]:
     """Every method's rows: by speed, set of scans, and uncalibrated or with the factor fitted at 25 mm/s."""
     rows = []
