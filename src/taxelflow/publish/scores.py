@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from typing import Any
 
 _NAMES = {"lnorm": "L norm", "convolution": "flow", "principal_axis": "axis"}
+_MOST_FAR = 40
+"""Strokes that are named."""
 
 
 def show_table1(table: Any) -> None:
@@ -69,25 +71,30 @@ def show_hard(scored: Any) -> None:
         own = sorted((row for row in scored.rows if row.method == method), key=lambda row: row.nominal_mm_s)
         last = {row.nominal_mm_s: row for row in own}
         for row in own:
-            errors = (row.rmse_percent, row.standard_error_percent, row.median_percent)
             table.add_row(
                 str(row.nominal_mm_s),
                 row.case,
                 str(row.strokes),
-                *(f"{error:.3f}" for error in errors),
+                f"{row.rmse_percent:.3f}",
+                _number(row.standard_error_percent, 3),
+                f"{row.median_percent:.3f}",
                 f"{row.bias_percent:+.3f}",
                 f"{row.bound_percent:.3f}",
                 end_section=row is last[row.nominal_mm_s],
             )
         console.print(table)
-    for one in scored.far:
+    for one in scored.far[:_MOST_FAR]:
         off = "no velocity" if one.error_percent is None else f"{one.error_percent:+.2f} %"
         where = f"{one.nominal_mm_s} mm/s, {one.case}, seed {one.seed}, stroke {one.stroke}"
         console.print(f"{_NAMES.get(one.method, one.method)}, {where}: {off}", highlight=False)
+    if len(scored.far) > _MOST_FAR:
+        console.print(f"and {len(scored.far) - _MOST_FAR} more strokes: --json names them", highlight=False)
+    for speed, method, case in scored.silent:
+        console.print(f"{_NAMES.get(method, method)}, {speed} mm/s, {case}: no stroke has a velocity", highlight=False)
     console.print(
         "All scans in contact, no factor. ±: standard error of the RMSE. median: of the\n"
         "error's absolute value. bound: Cramér-Rao, each scan by itself, pattern known\n"
-        "(saturated and dead taxels tell it nothing). Strokes more than 1 % off are named.",
+        "(saturated and dead taxels tell it nothing). Strokes over 1 % off are named.",
         style="dim",
         highlight=False,
     )
@@ -268,7 +275,7 @@ def _digits(row: Any) -> int:
 
 def _share(row: Any) -> str:
     """Standard error in percent of the RMS."""
-    return f"{100 * row.standard_error / row.rms:.0f}" if row.rms else "-"
+    return "-" if row.standard_error is None else f"{100 * row.standard_error / row.rms:.0f}"
 
 
 def _factor(row: Any) -> str:

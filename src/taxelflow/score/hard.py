@@ -47,8 +47,8 @@ class HardRow(msgspec.Struct, frozen=True):
     strokes: int
     """Those with a velocity."""
     rmse_percent: float
-    standard_error_percent: float
-    """Of rmse_percent, from the scatter among the recordings."""
+    standard_error_percent: float | None
+    """Of rmse_percent, from the scatter among the recordings; None for a single one."""
     median_percent: float
     """Of the error's absolute value."""
     bias_percent: float
@@ -76,6 +76,8 @@ class Hard(msgspec.Struct, frozen=True):
     solver: str
     rows: list[HardRow]
     far: list[Far]
+    silent: list[tuple[int, str, str]]
+    """Speed, method and case of which no stroke has a velocity; they have no row."""
 
 
 def _as_it_is(scans: Scans) -> Scans:
@@ -112,29 +114,29 @@ def hard(
         for speed in SPEEDS_MM_S:
             for case in CASES:
                 scenario = case.change(trial(seed + number, speed, solver))
-                recording = ungrouped(simulate(scenario))
-                scans = case.prepared(api.conditioned(recording))
-                limit = 100 / speed * np.array([stroke.all for stroke in bounds(scenario, recording.known_truth)])
+                limit, found = _measured(scenario, case, chosen, speed)
                 for name, own in case.rows:
                     limits.setdefault((speed, name), []).append(limit[own])
-                for method in chosen:
-                    error = _errors(method, recording, scans, case.mode, speed)
-                    for name, own in case.rows:
+                    for method, error in found.items():
                         errors.setdefault((speed, method, name), []).append(error[own])
-                        found = enumerate(error.tolist(), 1)
-                        far += [
-                            Far(speed, method, name, scenario.seed, *_told(*one))
-                            for one in list(found)[own]
-                            if _off(one[1])
-                        ]
+                        far += [Far(speed, method, name, scenario.seed, *one) for one in _far(error, own)]
+    silent = [key for key, own in errors.items() if not np.isfinite(own).any()]
+    rows = [_row(*key, own, limits[key[0], key[2]]) for key, own in errors.items() if key not in silent]
     for method in chosen:
-        if not any(np.isfinite(error).any() for key, own in errors.items() if key[1] == method for error in own):
+        if method not in {row.method for row in rows}:
             raise ParameterInvalid("methods", method, "it gives no position: leave it out")
-    rows = [
-        _row(speed, method, name, np.array(own), np.array(limits[speed, name]))
-        for (speed, method, name), own in errors.items()
-    ]
-    return Hard(seeds, seed, solver, rows, far)
+    far = [one for one in far if (one.nominal_mm_s, one.method, one.case) not in silent]
+    return Hard(seeds, seed, solver, rows, far, silent)
+
+
+def _measured(
+    scenario: Scenario, case: _Case, methods: Sequence[str], speed_mm_s: int
+) -> tuple[Floats, dict[str, Floats]]:
+    """(strokes,) of one recording: the bound of its velocities, and by method their errors, percent of the speed."""
+    recording = ungrouped(simulate(scenario))
+    scans = case.prepared(api.conditioned(recording))
+    limit = np.array([100 * stroke.all / speed_mm_s for stroke in bounds(scenario, recording.known_truth)])
+    return limit, {method: _errors(method, recording, scans, case.mode, speed_mm_s) for method in methods}
 
 
 def _errors(method: str, recording: Recording, scans: Scans, mode: Mode, speed_mm_s: int) -> Floats:
@@ -143,16 +145,14 @@ def _errors(method: str, recording: Recording, scans: Scans, mode: Mode, speed_m
     return np.array([100 * ((-1 if one.backward else 1) * one.all / speed_mm_s - 1) for one in found])
 
 
-def _off(error_percent: float) -> bool:
-    return not abs(error_percent) <= _FAR_PERCENT
+def _far(error: Floats, own: slice) -> list[tuple[int, float | None]]:
+    """Number, from 1, and error of some strokes: those that are far off, or have no velocity."""
+    strokes = list(enumerate(error.tolist(), 1))[own]
+    return [(stroke, off if np.isfinite(off) else None) for stroke, off in strokes if not abs(off) <= _FAR_PERCENT]
 
 
-def _told(stroke: int, error_percent: float) -> tuple[int, float | None]:
-    return stroke, error_percent if np.isfinite(error_percent) else None
-
-
-def _row(speed: int, method: str, name: str, error: Floats, limit: Floats) -> HardRow:
-    """error, limit: (recordings, strokes)."""
+def _row(speed: int, method: str, name: str, error: list[Floats], limit: list[Floats]) -> HardRow:
+    """error, limit: (strokes,) of each recording."""
     errors = [one[np.isfinite(one)] for one in error]
     known = np.concatenate(errors)
     rmse, standard_error = rms_of(errors)
@@ -165,7 +165,7 @@ def _row(speed: int, method: str, name: str, error: Floats, limit: Floats) -> Ha
         standard_error_percent=standard_error,
         median_percent=float(np.median(np.abs(known))),
         bias_percent=float(known.mean()),
-        bound_percent=float(np.sqrt(np.mean(limit**2))),
+        bound_percent=float(np.sqrt(np.mean(np.square(limit)))),
     )
 
 

@@ -51,8 +51,8 @@ class LimitsRow(msgspec.Struct, frozen=True):
     axis: str
     count: int
     rms: float
-    standard_error: float
-    """Of rms, from the scatter among contacts."""
+    standard_error: float | None
+    """Of rms, from the scatter among contacts; None for a single one."""
     bound: float | None
     """RMS over the same scans of the bound with the pattern known; None for a turn that cannot be observed."""
     over_known: float | None
@@ -68,8 +68,8 @@ class SinceRow(msgspec.Struct, frozen=True):
     axis: str
     count: int
     rms: float
-    standard_error: float
-    """Of rms, from the scatter among contacts."""
+    standard_error: float | None
+    """Of rms, from the scatter among contacts; None for a single one."""
     last: float
     """RMS over contacts of the error in their last scan: the drift."""
     known: float | None
@@ -278,14 +278,15 @@ def _rows(method: str, own: list[Errors]) -> list[LimitsRow]:
             )
             there = np.isfinite(error)
             if there.any():
+                rms, standard_error = rms_of(_by_contact(own, chosen, axis, unit))
                 rows.append(
                     LimitsRow(
                         method=method,
                         scans=scans,
                         axis=AXES[axis],
                         count=int(there.sum()),
-                        rms=unit * _rms(error[there]),
-                        standard_error=unit * rms_of(_by_contact(own, chosen, axis))[1],
+                        rms=rms,
+                        standard_error=standard_error,
                         bound=_known(unit * _rms(known[there])),
                         over_known=_over(error[there], known[there]),
                         over_unknown=_over(error[there], unknown[there]),
@@ -294,11 +295,11 @@ def _rows(method: str, own: list[Errors]) -> list[LimitsRow]:
     return rows
 
 
-def _by_contact(own: list[Errors], chosen: list[Bools], axis: int) -> list[Floats]:
-    """Errors of the chosen scans along one axis, contact by contact."""
+def _by_contact(own: list[Errors], chosen: list[Bools], axis: int, unit: float) -> list[Floats]:
+    """Errors of the chosen scans along one axis, in mm or degrees, contact by contact."""
     known = [use & np.isfinite(one.error[:, axis]) for one, use in zip(own, chosen, strict=True)]
     return [
-        one.error[there & (one.piece == number), axis]
+        unit * one.error[there & (one.piece == number), axis]
         for one, there in zip(own, known, strict=True)
         for number in np.unique(one.piece[there])
     ]

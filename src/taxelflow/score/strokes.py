@@ -169,13 +169,16 @@ def slope(
     return float(np.sum(w * t * x)) / spread if spread > 0 else float("nan")
 
 
-def rms_of(errors: Sequence[Floats]) -> tuple[float, float]:
-    """RMS over all errors, and its standard error; errors of one array are of one object, and scatter together."""
+def rms_of(errors: Sequence[Floats]) -> tuple[float, float | None]:
+    """RMS over all errors, and its standard error; errors of one array are of one object, and scatter together.
+
+    A single object shows no scatter: None.
+    """
     square = np.array([np.sum(own**2) for own in errors])
     count = np.array([len(own) for own in errors])
     rms = float(np.sqrt(square.sum() / count.sum()))
-    if rms == 0.0:
-        return 0.0, 0.0
+    if len(errors) == 1 or rms == 0.0:
+        return rms, None
     return rms, float(np.sqrt(np.sum((square - rms**2 * count) ** 2)) / count.sum() / (2 * rms))
 
 
