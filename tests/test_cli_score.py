@@ -33,7 +33,7 @@ def test_limits_shows_errors_over_the_bound_and_the_consistency(capsys: Capture)
 def test_limits_shows_motion_since_the_first_scan_in_80_columns(capsys: Capture) -> None:
     assert main(["score", "limits", "turn", "--seeds", "2", "--methods", "principal_axis"]) == 0
     said = capsys.readouterr().out
-    for word in ("motion since the first scan", "±%", "last", "unknown", "s a recording: principal_axis"):
+    for word in ("motion since the first scan", "±%", "last", "unknown", "recording, s: principal_axis"):
         assert word in said
     assert max(map(len, said.splitlines())) <= 80
 

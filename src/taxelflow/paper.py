@@ -178,7 +178,7 @@ def _limits(seeds: int) -> Figure:
     caption = (
         f"Error of an airbag's position along its stroke over the palm, by where it is, {seeds} seeds (taxelflow score "
         "limits), against the Cramér-Rao bound; dotted: the palm's edge. Centroids are biased as soon as the edge cuts "
-        "the contact; the scans would tell more."
+        "the contact. The template is at the bound; far out it is below, for it knows that the gain hardly changes."
     )
     bounds = {"bound, pattern known": known, "bound, pattern unknown": unknown}
     return limits_figure(errors, {name: sorted(own.items()) for name, own in bounds.items() if own}, edge_mm, caption)

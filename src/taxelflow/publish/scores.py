@@ -198,7 +198,7 @@ def show_limits(scored: Any) -> None:
     console.print(
         "Nothing is fitted or taken off. last: RMS over contacts of the error in their\n"
         "last scan. bound, unknown: of the same motion, the pattern known and unknown.\n"
-        "s a recording: " + ", ".join(f"{one.method} {one.median:.2f}" for one in scored.seconds),
+        "Processor time of a recording, s: " + ", ".join(f"{one.method} {one.median:.2f}" for one in scored.seconds),
         style="dim",
         highlight=False,
     )
