@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from typing import Any
 
 _NAMES = {"lnorm": "L norm", "convolution": "flow", "principal_axis": "axis"}
-_MOST_FAR = 40
-"""Strokes that are named."""
+_MOST_FAR = 6
+"""Strokes that are named, of each case."""
 
 
 def show_table1(table: Any) -> None:
@@ -63,11 +63,14 @@ def show_table1(table: Any) -> None:
 
 
 def show_hard(scored: Any) -> None:
-    """Errors of the velocities of strokes, by what makes them hard, and the strokes that are far off."""
+    """Errors of the velocities of strokes, by what makes them hard, and the strokes that are furthest off."""
     console = Console(markup=False)
+    far: dict[tuple[int, str, str], list[Any]] = {}
+    for one in scored.far:
+        far.setdefault((one.nominal_mm_s, one.method, one.case), []).append(one)
     for method in dict.fromkeys(row.method for row in scored.rows):
         title = f"{_NAMES.get(method, method)}, {scored.seeds} recordings a case, seed {scored.seed}{_solved(scored)}"
-        table = quiet_table("mm/s", "strokes:", "n", "RMSE %", "±", "median", "bias", "bound", title=title)
+        table = quiet_table("mm/s", "strokes:", "n", "RMSE %", "±", "median", "bias", "bound", "far", title=title)
         own = sorted((row for row in scored.rows if row.method == method), key=lambda row: row.nominal_mm_s)
         last = {row.nominal_mm_s: row for row in own}
         for row in own:
@@ -80,24 +83,32 @@ def show_hard(scored: Any) -> None:
                 f"{row.median_percent:.3f}",
                 f"{row.bias_percent:+.3f}",
                 f"{row.bound_percent:.3f}",
+                str(len(far.get((row.nominal_mm_s, method, row.case), ()))),
                 end_section=row is last[row.nominal_mm_s],
             )
         console.print(table)
-    for one in scored.far[:_MOST_FAR]:
-        off = "no velocity" if one.error_percent is None else f"{one.error_percent:+.2f} %"
-        where = f"{one.nominal_mm_s} mm/s, {one.case}, seed {one.seed}, stroke {one.stroke}"
-        console.print(f"{_NAMES.get(one.method, one.method)}, {where}: {off}", highlight=False)
-    if len(scored.far) > _MOST_FAR:
-        console.print(f"and {len(scored.far) - _MOST_FAR} more strokes: --json names them", highlight=False)
+    for (speed, method, case), strokes in sorted(far.items()):
+        console.print(f"{_NAMES.get(method, method)}, {speed} mm/s, {case}: {_furthest(strokes)}", highlight=False)
     for speed, method, case in scored.silent:
         console.print(f"{_NAMES.get(method, method)}, {speed} mm/s, {case}: no stroke has a velocity", highlight=False)
     console.print(
         "All scans in contact, no factor. ±: standard error of the RMSE. median: of the\n"
         "error's absolute value. bound: Cramér-Rao, each scan by itself, pattern known\n"
-        "(saturated and dead taxels tell it nothing). Strokes over 1 % off are named.",
+        "(saturated and dead taxels tell it nothing). far: strokes over 1 % off; below,\n"
+        "the furthest as seed/stroke and error in %.",
         style="dim",
         highlight=False,
     )
+
+
+def _furthest(strokes: Any) -> str:
+    """The strokes that are furthest off, those without a velocity first."""
+    worst = sorted(strokes, key=lambda one: -abs(one.error_percent or float("inf")))
+    told = [
+        f"{one.seed}/{one.stroke} " + ("none" if one.error_percent is None else f"{one.error_percent:+.2f}")
+        for one in worst[:_MOST_FAR]
+    ]
+    return ", ".join(told) + (", ..." if len(worst) > _MOST_FAR else "")
 
 
 def show_field(scored: Any) -> None:
