@@ -60,7 +60,7 @@ def test_each_scenario_may_be_simulated_by_its_name(tmp_path: Path, capsys: Capt
     assert main(["simulate", name, "--out", str(path)]) == 0
     made = simulate(SCENARIOS[name])
     assert_same(read(path).load(), made.load())
-    assert capsys.readouterr().out == f"{made.scans} scans of {SCENARIOS[name].sensor} in {path}\n"
+    assert capsys.readouterr().out == f"{made.scans} scans of {made.sensor.name} in {path}\n"
     assert list(tmp_path.iterdir()) == [path]
 
 

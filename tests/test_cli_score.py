@@ -30,6 +30,23 @@ def test_limits_shows_errors_over_the_bound_and_the_consistency(capsys: Capture)
     assert "lnorm" not in said
 
 
+def test_limits_shows_motion_since_the_first_scan_in_80_columns(capsys: Capture) -> None:
+    assert main(["score", "limits", "turn", "--seeds", "2", "--methods", "principal_axis"]) == 0
+    said = capsys.readouterr().out
+    for word in ("motion since the first scan", "±%", "last", "unknown", "recording, s: principal_axis"):
+        assert word in said
+    assert max(map(len, said.splitlines())) <= 80
+
+
+def test_hard_shows_every_case_and_names_strokes_that_are_far_off(capsys: Capture) -> None:
+    assert main(["score", "hard", "--seeds", "1", "--seed", "3", "--methods", "convolution"]) == 0
+    said = capsys.readouterr().out
+    for word in ("flow, 1 recordings a case, seed 3", "2 unknown dead taxels", "saturated, dropped", "bound", "median"):
+        assert word in said
+    assert "flow, 25 mm/s, as in Table I: 3/" in said
+    assert max(map(len, said.splitlines())) <= 80
+
+
 def test_limits_names_methods_that_have_no_position(capsys: Capture) -> None:
     assert main(["score", "limits", "--seeds", "1", "--mode", "stream"]) == 0
     said = capsys.readouterr().out
@@ -87,6 +104,8 @@ def test_peers_without_the_extra_says_how_to_get_it(monkeypatch: pytest.MonkeyPa
         (["limits", "--seeds", "0"], ["seeds is 0"]),
         (["limits", "--seeds", "1", "--methods", "sum"], ["'sum'", "no position"]),
         (["table1", "stroke"], ["of is 'stroke'", "leave it out"]),
+        (["hard", "--seeds", "0"], ["seeds is 0"]),
+        (["hard", "--seeds", "1", "--methods", "sum"], ["'sum'", "no position"]),
         (["table1", "--strokes", "2", "--methods", "sum"], ["'sum'", "no position"]),
         (["table1", "--strokes", "2", "--methods", "magic"], ["unknown estimator 'magic'"]),
     ],

@@ -285,12 +285,13 @@ class Simulate:
 class Score:
     """Measure accuracy and slip events: against truth on the simulated rig, or on real recordings without it."""
 
-    what: Positional[Literal["table1", "field", "slip", "limits", "peers", "real"]]
-    """table1: the paper's Table I beside ours. field: translation and rotation of an object over the whole hand, by
-    number of slip vectors. slip: slips found and missed, and false alarms an hour. limits: estimators against the
-    Cramér-Rao bound, and whether their covariances hold. peers: Table I's strokes through OpenCV, scikit-image and
-    OpenPIV beside ours (extra `bench`). real: on recordings without truth, how well the template predicts the next
-    scan, and its turn beside the principal axis."""
+    what: Positional[Literal["table1", "hard", "field", "slip", "limits", "peers", "real"]]
+    """table1: the paper's Table I beside ours. hard: its strokes streamed, with dead or saturated taxels, read taxel by
+    taxel, of a small object. field: translation and rotation of an object over the whole hand, by number of slip
+    vectors. slip: slips found and missed, and false alarms an hour. limits: estimators against the Cramér-Rao bound,
+    and whether their covariances hold. peers: Table I's strokes through OpenCV, scikit-image and OpenPIV beside ours
+    (extra `bench`). real: on recordings without truth, how well the template predicts the next scan, and its turn
+    beside the principal axis."""
     of: Positional[tuple[str, ...]] = ()
     """limits: one of the scenarios of `taxelflow simulate`; stroke if left out. real: the recordings."""
     sensor: str | None = None
@@ -300,17 +301,18 @@ class Score:
     strokes: int = 1000
     """table1, peers: strokes at each speed, half of them backward."""
     seeds: int = 10
-    """field, limits: seeds of each scenario. slip: recordings of each object that sticks and slips."""
+    """field, limits: seeds of each scenario. hard: recordings of each case and speed. slip: recordings of each object
+    that sticks and slips."""
     seed: int = 0
-    """table1, peers, limits: the first seed; the others follow from it. slip: added to the seeds, which begin at
+    """table1, hard, peers, limits: the first seed; the others follow from it. slip: added to the seeds, which begin at
     1000."""
     methods: tuple[str, ...] = ()
-    """table1, peers: our methods to score; the paper's, and the template, if left out. limits: all if left out. slip:
-    template, principal_axis and convolution if left out."""
+    """table1, peers: our methods to score; the paper's, and the template, if left out. hard: the template if left
+    out. limits: all if left out. slip: template, principal_axis and convolution if left out."""
     mode: Literal["batch", "stream"] = "batch"
     """limits: as for `taxelflow estimate`."""
     solver: Solver = "analytic"
-    """table1, peers, limits: as for `taxelflow simulate`; elastic takes seconds a contact (extra `sim`)."""
+    """table1, hard, peers, limits: as for `taxelflow simulate`; elastic takes seconds a contact (extra `sim`)."""
     hours: float = 0.1
     """slip: hours of each scenario that holds an object still."""
     alarms_per_hour: float = 1.0
@@ -330,6 +332,7 @@ class Score:
         self._check_of()
         kinds = {
             "table1": self._table1,
+            "hard": self._hard,
             "field": self._field,
             "slip": self._slip,
             "limits": self._limits,
@@ -370,6 +373,15 @@ class Score:
 
         watched = partial(counted, what="trials")
         return table1(self.strokes, self.seed, watched, self.methods, self.solver), show_table1
+
+    def _hard(self) -> tuple[Struct, Callable[[Any], None]]:
+        from taxelflow.publish.scores import show_hard
+        from taxelflow.publish.terminal import counted
+        from taxelflow.score.hard import hard
+
+        watched = partial(counted, what="seeds")
+        scored = hard(self.seeds, seed=self.seed, methods=self.methods, solver=self.solver, watched=watched)
+        return scored, show_hard
 
     def _field(self) -> tuple[Struct, Callable[[Any], None]]:
         from taxelflow.publish.scores import show_field

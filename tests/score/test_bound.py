@@ -106,8 +106,10 @@ def test_dead_and_saturated_taxels_tell_nothing() -> None:
     assert (bounded(still(sensing={"full_scale_pa": 60e3})).known[0, :2] > 1.01 * whole[:2]).any()
 
 
-def dense(scenario: Scenario, t_s: Floats, contact: Floats) -> Floats:
-    """The joint bound by one dense matrix over poses, gains, baselines and coefficients."""
+def dense(scenario: Scenario, t_s: Floats, contact: Floats) -> tuple[Floats, Floats]:
+    """The joint bounds, of poses and of motions since the first, by one dense matrix over poses, gains, baselines and
+    coefficients.
+    """
     layout = load_sensor(scenario.sensor).layout
     pad = layout.pads.index(scenario.pad)
     own = layout.of_pad(pad)
@@ -141,16 +143,40 @@ def dense(scenario: Scenario, t_s: Floats, contact: Floats) -> Floats:
     left = np.eye(3 * scans) - gauge @ np.linalg.solve(gauge.T @ (weight * gauge), (weight * gauge).T)
     scale = known.reshape(-1, 1)
     covariance = np.linalg.pinv(schur * scale * scale.T, rcond=1e-12, hermitian=True) * scale * scale.T
-    return np.sqrt(np.diag(left @ covariance @ left.T)).reshape(-1, 3)
+    since = np.eye(3 * scans)
+    turned = np.zeros((scans, 3, 3))
+    turned[:, :2, :2], turned[:, 2, 2] = rotation(pose[:, 2] - pose[0, 2]), 1.0
+    since[:, :3] -= turned.reshape(-1, 3)
+    two = [np.sqrt(np.diag(way @ covariance @ way.T)).reshape(-1, 3) for way in (left, since)]
+    return two[0], two[1]
 
 
-def test_the_joint_bound_is_that_of_one_dense_matrix() -> None:
+def test_the_joint_bounds_are_those_of_one_dense_matrix() -> None:
     scenario = rigged("slide-and-turn", sensing={"rate_hz": 8.0})
     t_s = times(scenario)
     bound = bound_of(scenario, t_s)
     contact = np.flatnonzero(bound.scored)
     assert len(contact) == len(t_s)
-    np.testing.assert_allclose(bound.unknown[contact], dense(scenario, t_s, contact), rtol=0.01)
+    unknown, since = dense(scenario, t_s, contact)
+    np.testing.assert_allclose(bound.unknown[contact], unknown, rtol=0.01)
+    np.testing.assert_allclose(bound.since_unknown[contact[1:]], since[1:], rtol=0.01)
+    assert np.isnan(bound.since_unknown[contact[0]]).all()
+
+
+def test_with_a_known_pattern_a_motion_errs_by_its_two_ends() -> None:
+    bound = bounded(still())
+    np.testing.assert_allclose(bound.since_known[1:], np.sqrt(2) * bound.known[1:], rtol=1e-9)
+    turning = bounded(rigged("turn", motion={"turn_rad_s": np.pi / 4}))
+    known, since = (array[turning.scored] for array in (turning.known, turning.since_known))
+    quarter = np.argmin(np.abs(turning.pose[turning.scored, 2] - turning.pose[turning.scored, 2][0] - np.pi / 2))
+    both = np.hypot(known[quarter], known[0, [1, 0, 2]])  # turned by a right angle, x of the first scan is y
+    np.testing.assert_allclose(since[quarter], both, rtol=0.02)
+
+
+def test_each_contact_has_a_first_scan_of_its_own() -> None:
+    bound = bounded(rigged("stroke"))
+    without = bound.scored & np.isnan(bound.since_known[:, 0])
+    assert without.sum() == 2  # two strokes
 
 
 def test_the_price_of_an_unknown_pattern_falls_with_the_scans_that_share_it() -> None:

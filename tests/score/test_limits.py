@@ -58,6 +58,8 @@ def test_which_point_of_a_turning_body_is_followed_at_which_angle_makes_no_error
     made = perfect(scenario, (0.004, -0.003, 3.0))
     found = scored(scenario, made[1], made)
     np.testing.assert_allclose(found.error, 0, atol=1e-12)
+    np.testing.assert_allclose(found.since[1:], 0, atol=1e-12)
+    assert np.isnan(found.since[0]).all()
 
 
 def test_a_wandering_point_is_an_error() -> None:
@@ -67,6 +69,20 @@ def test_a_wandering_point_is_an_error() -> None:
     made[1].pose[:, made[2], 0] += drift
     error = scored(scenario, made[1], made).error
     assert np.std(error[:, 0]) == pytest.approx(np.std(drift), rel=0.2)
+    turned = made[3].pose[:, 2] - made[3].pose[0, 2]  # the first scan's error is a body point's, and turns along
+    since = scored(scenario, made[1], made).since[1:, 0]
+    np.testing.assert_allclose(since, (drift - np.cos(turned) * drift[0])[1:], atol=1e-12)
+
+
+def test_motion_since_the_first_scan_is_that_of_the_centre_as_the_first_scan_had_it() -> None:
+    scenario = rigged("slide-and-turn")
+    made = perfect(scenario, (0.01, 0.0, 0.0))
+    slips, pad = made[1], made[2]
+    slips.pose[0, pad, 2] += 0.1  # an angle wrong in the first scan only is wrong in all motions since
+    since = scored(scenario, slips, made).since[1:]
+    np.testing.assert_allclose(since[:, 2], -0.1, atol=1e-12)
+    turned = np.abs(np.hypot(since[:, 0], since[:, 1]))
+    np.testing.assert_allclose(turned, 2 * 0.01 * np.sin(0.05), atol=1e-9)
 
 
 def test_a_turn_that_is_never_told_leaves_positions_scored() -> None:
@@ -76,6 +92,19 @@ def test_a_turn_that_is_never_told_leaves_positions_scored() -> None:
     error = scored(scenario, made[1], made).error
     np.testing.assert_allclose(error[:, :2], 0, atol=1e-12)
     assert np.isnan(error[:, 2]).all()
+    since = scored(scenario, made[1], made).since
+    np.testing.assert_allclose(since[1:, :2], 0, atol=1e-12)
+    assert np.isnan(since[:, 2]).all()
+
+
+def test_a_turn_that_is_told_late_counts_from_then() -> None:
+    scenario = rigged("slide-and-turn")
+    made = perfect(scenario, (0.002, 0.001, 2.0))
+    made[1].pose[:20, made[2], 2] = np.nan
+    since = scored(scenario, made[1], made).since
+    assert np.isnan(since[:21, 2]).all()
+    np.testing.assert_allclose(since[21:, 2], 0, atol=1e-12)
+    np.testing.assert_allclose(since[1:, :2], 0, atol=1e-12)
 
 
 def test_a_pose_is_held_to_the_truth_of_its_own_time() -> None:
@@ -146,6 +175,15 @@ def test_an_estimator_at_the_bound_has_ratio_1_and_nees_1(monkeypatch: pytest.Mo
         assert row.over_known == pytest.approx(1, abs=0.15)
         assert row.over_unknown is not None
         assert 0.8 < row.over_unknown < (row.over_known or 0)
+        assert row.standard_error is None  # one contact does not scatter
+    for line in found.since:
+        assert line.known is not None
+        assert line.unknown is not None
+        assert line.rms == pytest.approx(line.known, rel=0.5)  # all share the error of one first scan
+        assert line.known == pytest.approx(line.unknown, rel=0.1)
+    assert [line.axis for line in found.since] == ["x", "y", "theta"]
+    assert [one.method for one in found.seconds] == ["oracle"]
+    assert found.seconds[0].median > 0
     for line in found.consistency:
         assert line.found.nees == pytest.approx(1, abs=0.25)
         assert line.found.low is not None
@@ -202,7 +240,7 @@ def test_streaming_is_scored_too() -> None:
 def test_json_makes_the_round_trip(stroke: Limits) -> None:
     assert msgspec.json.decode(to_json(stroke), type=Limits) == stroke
     assert set(json.loads(to_json(stroke))["rows"][0]) == {
-        "method", "scans", "axis", "count", "rms", "bound", "over_known", "over_unknown",
+        "method", "scans", "axis", "count", "rms", "standard_error", "bound", "over_known", "over_unknown",
     }  # fmt: skip
 
 

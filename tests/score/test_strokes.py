@@ -5,7 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.score.strokes import slope
+from rigged import rigged
+from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.api import conditioned
+from taxelflow.score.strokes import bounds, cut, passes, rms_of, slope, trial, ungrouped
+from taxelflow.score.table1 import strokes_by
 
 
 @given(speed=st.floats(-50, 50), start=st.floats(-100, 100), seed=st.integers(0, 100))
@@ -33,3 +37,51 @@ def test_fewer_than_three_positions_or_pieces_of_one_have_no_slope() -> None:
     assert np.isnan(slope(t_s, x, none))
     assert np.isnan(slope(t_s, x, np.array([1, 1, 0, 0, 0], dtype=np.bool_)))
     assert np.isnan(slope(t_s, x, ~none, piece=np.arange(5)))
+
+
+def test_every_stroke_is_cut_in_its_order() -> None:
+    truth = simulate(rigged("stroke", motion={"strokes": 5})).known_truth
+    assert [backward for backward, _ in passes(truth)] == [True, False, True, False, True]
+    found = list(cut(truth, truth.pose[:, 0]))
+    assert [stroke.all for stroke in found] == pytest.approx([-25.0, 25.0, -25.0, 25.0, -25.0], rel=0.01)
+    assert not np.any(np.sum([own for _, own in passes(truth)], axis=0) > 1)
+
+
+def test_an_object_at_rest_makes_no_stroke() -> None:
+    assert passes(simulate(rigged("roll")).known_truth) == []
+
+
+def test_the_bound_of_a_slope_is_what_positions_at_their_bound_scatter_by() -> None:
+    scenario = trial(0, 25)
+    truth = simulate(scenario).known_truth
+    random = np.random.default_rng(0)
+    found = bounds(scenario, truth)
+    assert [stroke.backward for stroke in found] == [True, False]
+    inside = np.flatnonzero(passes(truth)[0][1] & (np.abs(truth.pose[:, 0]) < 0.03))
+    weight = np.zeros(len(truth.t_s))
+    weight[inside] = 1 / 0.06**2
+    drawn = [slope(truth.t_s, 0.06 * random.standard_normal(len(weight)), weight > 0, weight) for _ in range(1000)]
+    assert found[0].all == pytest.approx(np.std(drawn), rel=0.6)  # edges tell some more, the middle is not even
+    assert found[0].all < found[0].interior
+
+
+def test_errors_of_one_object_count_as_one() -> None:
+    random = np.random.default_rng(0)
+    single = [np.array([error]) for error in random.standard_normal(400)]
+    rms, own = rms_of(single)
+    assert own is not None
+    assert (rms, own) == pytest.approx((1.0, 1 / np.sqrt(2 * 400)), rel=0.15)
+    again = rms_of([np.repeat(error, 5) for error in single])
+    assert again == pytest.approx((rms, own))
+    assert rms_of([np.ones(3)]) == (1.0, None)
+    assert rms_of([np.zeros(3)] * 2) == (0.0, None)
+
+
+def test_without_groups_the_pads_are_estimated_as_with_them() -> None:
+    recording = simulate(trial(0, 25))
+    bare = ungrouped(recording)
+    assert len(bare.layout.pads) == bare.layout.pad_count < len(recording.layout.pads)
+    for method in ("convolution", "principal_axis"):
+        both = [strokes_by(method, each, conditioned(each)) for each in (recording, bare)]
+        for one, two in zip(*both, strict=True):
+            assert (one.all, one.interior) == pytest.approx((two.all, two.interior), rel=1e-12)

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from typing import Any
 
 _NAMES = {"lnorm": "L norm", "convolution": "flow", "principal_axis": "axis"}
+_MOST_FAR = 6
+"""Strokes that are named, of each case."""
 
 
 def show_table1(table: Any) -> None:
@@ -40,7 +42,7 @@ def show_table1(table: Any) -> None:
             str(row.nominal_mm_s),
             _NAMES.get(row.method, row.method),
             row.scans,
-            "none" if row.factor == 1.0 else f"{row.factor:.4f}({1e4 * row.factor_standard_error:.0f})",
+            "none" if row.factor == 1.0 else _factor(row),
             f"{row.backward_mm_s:.2f}",
             f"{row.forward_mm_s:.2f}",
             f"{row.rmse_mm_s:.{digits}f}",
@@ -58,6 +60,55 @@ def show_table1(table: Any) -> None:
         style="dim",
         highlight=False,
     )
+
+
+def show_hard(scored: Any) -> None:
+    """Errors of the velocities of strokes, by what makes them hard, and the strokes that are furthest off."""
+    console = Console(markup=False)
+    far: dict[tuple[int, str, str], list[Any]] = {}
+    for one in scored.far:
+        far.setdefault((one.nominal_mm_s, one.method, one.case), []).append(one)
+    for method in dict.fromkeys(row.method for row in scored.rows):
+        title = f"{_NAMES.get(method, method)}, {scored.seeds} recordings a case, seed {scored.seed}{_solved(scored)}"
+        table = quiet_table("mm/s", "strokes:", "n", "RMSE %", "±", "median", "bias", "bound", "far", title=title)
+        own = sorted((row for row in scored.rows if row.method == method), key=lambda row: row.nominal_mm_s)
+        last = {row.nominal_mm_s: row for row in own}
+        for row in own:
+            table.add_row(
+                str(row.nominal_mm_s),
+                row.case,
+                str(row.strokes),
+                f"{row.rmse_percent:.3f}",
+                _number(row.standard_error_percent, 3),
+                f"{row.median_percent:.3f}",
+                f"{row.bias_percent:+.3f}",
+                f"{row.bound_percent:.3f}",
+                str(len(far.get((row.nominal_mm_s, method, row.case), ()))),
+                end_section=row is last[row.nominal_mm_s],
+            )
+        console.print(table)
+    for (speed, method, case), strokes in sorted(far.items()):
+        console.print(f"{_NAMES.get(method, method)}, {speed} mm/s, {case}: {_furthest(strokes)}", highlight=False)
+    for speed, method, case in scored.silent:
+        console.print(f"{_NAMES.get(method, method)}, {speed} mm/s, {case}: no stroke has a velocity", highlight=False)
+    console.print(
+        "All scans in contact, no factor. ±: standard error of the RMSE. median: of the\n"
+        "error's absolute value. bound: Cramér-Rao, each scan by itself, pattern known\n"
+        "(saturated and dead taxels tell it nothing). far: strokes over 1 % off; below,\n"
+        "the furthest as seed/stroke and error in %.",
+        style="dim",
+        highlight=False,
+    )
+
+
+def _furthest(strokes: Any) -> str:
+    """The strokes that are furthest off, those without a velocity first."""
+    worst = sorted(strokes, key=lambda one: -abs(one.error_percent or float("inf")))
+    told = [
+        f"{one.seed}/{one.stroke} " + ("none" if one.error_percent is None else f"{one.error_percent:+.2f}")
+        for one in worst[:_MOST_FAR]
+    ]
+    return ", ".join(told) + (", ..." if len(worst) > _MOST_FAR else "")
 
 
 def show_field(scored: Any) -> None:
@@ -121,7 +172,7 @@ def show_limits(scored: Any) -> None:
     console = Console(markup=False)
     ran = f"{scored.scenario}, {scored.mode}, {scored.seeds} seeds from {scored.seed}{_solved(scored)}"
     title = f"{ran}: error over the bound"
-    table = quiet_table("method:", "scans:", "n", "axis:", "RMS", "bound", "x known", "x unknown", title=title)
+    table = quiet_table("method:", "scans:", "n", "axis:", "RMS", "±%", "bound", "x known", "x unknown", title=title)
     for row in scored.rows:
         unit, digits = ("deg", 3) if row.axis == "theta" else ("mm", 4)
         table.add_row(
@@ -130,6 +181,7 @@ def show_limits(scored: Any) -> None:
             str(row.count),
             f"{row.axis} {unit}",
             f"{row.rms:.{digits}f}",
+            _share(row),
             _number(row.bound, digits),
             _number(row.over_known, 2),
             _number(row.over_unknown, 2),
@@ -140,7 +192,24 @@ def show_limits(scored: Any) -> None:
         "quarter of a pitch. ok: scans whose quality is ok. bound: Cramér-Rao, gain\n"
         "and baseline unknown, RMS over the same scans. x known, x unknown: RMS of each\n"
         "scan's error over its own bound, the object's pattern known and unknown; 1 is\n"
-        "the best without further knowledge. One constant offset a contact is taken off.",
+        "the best without further knowledge. One constant offset a contact is taken off.\n"
+        "±%: standard error of the RMS, from the scatter among contacts.",
+        style="dim",
+        highlight=False,
+    )
+    console.print()
+    title = "motion since the first scan of a contact, and its bound"
+    table = quiet_table("method:", "n", "axis:", "RMS", "±%", "last", "bound", "unknown", title=title)
+    for row in scored.since:
+        unit, digits = ("deg", 3) if row.axis == "theta" else ("mm", 4)
+        numbers = [_number(value, digits) for value in (row.last, row.known, row.unknown)]
+        name = f"{row.axis} {unit}"
+        table.add_row(row.method, str(row.count), name, f"{row.rms:.{digits}f}", _share(row), *numbers)
+    console.print(table)
+    console.print(
+        "Nothing is fitted or taken off. last: RMS over contacts of the error in their\n"
+        "last scan. bound, unknown: of the same motion, the pattern known and unknown.\n"
+        "Processor time of a recording, s: " + ", ".join(f"{one.method} {one.median:.2f}" for one in scored.seconds),
         style="dim",
         highlight=False,
     )
@@ -213,6 +282,16 @@ def _solved(scored: Any) -> str:
 
 def _digits(row: Any) -> int:
     return 3 if row.rmse_percent < 1 else 2
+
+
+def _share(row: Any) -> str:
+    """Standard error in percent of the RMS."""
+    return "-" if row.standard_error is None else f"{100 * row.standard_error / row.rms:.0f}"
+
+
+def _factor(row: Any) -> str:
+    digits = 4 if row.factor_standard_error < 99.5e-4 else 3
+    return f"{row.factor:.{digits}f}({10**digits * row.factor_standard_error:.0f})"
 
 
 def _number(value: float | None, digits: int) -> str:

@@ -59,13 +59,16 @@ class Bound:
 
     pose: (scans, 3), the true one. known, unknown: (scans, 3) standard deviations in m, m, rad with the pattern known
     and unknown; NaN for a turn that cannot be observed, and (unknown) for scans that are not scored. scored: (scans,),
-    the known bound is below a quarter of a pitch along both axes: other scans hardly tell a position.
+    the known bound is below a quarter of a pitch along both axes: other scans hardly tell a position. since_known,
+    since_unknown: (scans, 3), of the object's motion since the first scored scan of its contact; NaN in that one.
     """
 
     pose: Floats
     known: Floats
     unknown: Floats
     scored: Bools
+    since_known: Floats
+    since_unknown: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,17 +110,41 @@ def bound_of(scenario: Scenario, t_s: Floats, *, jointly: bool = True) -> Bound:
     if not placed.any() or np.median(known[placed, 2]) > _SPINS_RAD:
         known, axes = np.concatenate([fixed, np.full((len(t_s), 1), np.nan)], axis=1), slice(2)
     scored = (known[:, :2] < pitch / 4).all(axis=1)
-    unknown = np.full_like(known, np.nan)
-    if jointly and _stays_the_same(scenario):
-        for contact in _runs(scored):
-            if len(contact) >= _FEWEST:
-                unknown[contact, axes] = _jointly(model, pose, known[:, axes], contact, float(pitch.min()) / 2)
-    return Bound(pose, known, unknown, scored)
+    unknown, since_known, since_unknown = (np.full_like(known, np.nan) for _ in range(3))
+    alone = _covariances(information, axes.stop)
+    for contact in _runs(scored):
+        if len(contact) < _FEWEST:
+            continue
+        own, later = alone[contact], contact[1:]
+        since_known[later, axes] = _since(pose[contact, 2], own, np.zeros_like(own))
+        if jointly and _stays_the_same(scenario):
+            knot_m = float(pitch.min()) / 2
+            found = _jointly(model, pose, known[:, axes], contact, knot_m)
+            unknown[contact, axes], since_unknown[later, axes] = found
+    return Bound(pose, known, unknown, scored, since_known, since_unknown)
+
+
+def _covariances(information: Floats, axes: int) -> Floats:
+    return np.asarray(np.linalg.inv((information + _LOOSE)[:, :axes, :axes]), dtype=np.float64)
 
 
 def _deviations(information: Floats, axes: int = 3) -> Floats:
-    covariance = np.linalg.inv((information + _LOOSE)[:, :axes, :axes])
-    return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    return np.sqrt(np.diagonal(_covariances(information, axes), axis1=1, axis2=2))
+
+
+def _since(theta: Floats, own: Floats, with_first: Floats) -> Floats:
+    """Standard deviations (scans - 1, axes) of motions since the first scan, in which a body point is what it is.
+
+    A pose that errs by e0 in the first scan errs by the turned e0 in all that are counted from it. own: (scans, axes,
+    axes), covariances. with_first: (scans, axes, axes), of each scan's error with that of the first.
+    """
+    turned = np.zeros_like(own)
+    turned[:, :2, :2] = rotation(theta - theta[0])
+    turned[:, 2:, 2:] = 1.0
+    crossed = with_first @ np.swapaxes(turned, 1, 2)
+    whole = own + turned @ own[0] @ np.swapaxes(turned, 1, 2) - crossed - np.swapaxes(crossed, 1, 2)
+    deviation: Floats = np.sqrt(np.diagonal(whole, axis1=1, axis2=2)[1:])
+    return deviation
 
 
 def _stays_the_same(scenario: Scenario) -> bool:
@@ -158,8 +185,10 @@ def _modelled(scenario: Scenario, layout: Layout, pad: int, t_s: Floats) -> _Mod
     return _Model(pressure, by_pose, nuisance, points, weight, np.broadcast_to(gain, pressure.shape))
 
 
-def _jointly(model: _Model, pose: Floats, known: Floats, contact: Any, knot_m: float) -> Floats:
-    """Standard deviations (scans, axes) of one contact with the pattern unknown. known: those with it known."""
+def _jointly(model: _Model, pose: Floats, known: Floats, contact: Any, knot_m: float) -> tuple[Floats, Floats]:
+    """Standard deviations of one contact with the pattern unknown: (scans, axes) of its poses, and (scans - 1, axes) of
+    its motions since the first scan. known: those with the pattern known.
+    """
     scans, axes = len(contact), known.shape[1]
     scale = known[contact]
     by_pose = model.by_pose[contact][..., :axes] * scale[:, np.newaxis]  # poses in units of their known bound
@@ -171,9 +200,13 @@ def _jointly(model: _Model, pose: Floats, known: Floats, contact: Any, knot_m: f
     information = _blocks(np.swapaxes(by_pose, 1, 2) @ by_pose).toarray() - crossed.T @ crossed
     gauge = _gauge(pose[contact, 2], scale)
     whole = cho_factor(information + _RIDGE * np.eye(scans * axes), lower=True)
-    variance = _without(gauge, (scale / _spread(scale)).reshape(-1, 1) ** 2, cho_solve(whole, np.eye(scans * axes)))
+    covariance = cho_solve(whole, np.eye(scans * axes))
+    variance = _without(gauge, (scale / _spread(scale)).reshape(-1, 1) ** 2, covariance)
     deviation: Floats = np.sqrt(variance).reshape(scans, axes) * scale
-    return deviation
+    blocks = covariance.reshape(scans, axes, scans, axes).swapaxes(1, 2)
+    own = blocks[np.arange(scans), np.arange(scans)] * scale[:, :, np.newaxis] * scale[:, np.newaxis]
+    with_first = blocks[:, 0] * scale[:, :, np.newaxis] * scale[0]
+    return deviation, _since(pose[contact, 2], own, with_first)
 
 
 def _without(gauge: Floats, weight: Floats, covariance: Floats) -> Floats:

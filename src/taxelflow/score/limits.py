@@ -9,6 +9,7 @@ estimator was lost. Scans whose bound with a known pattern is a quarter of a pit
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from time import process_time
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -23,6 +24,7 @@ from taxelflow.geometry import rotation
 from taxelflow.messages import LOST, OK
 from taxelflow.score.bound import Bound, bound_of
 from taxelflow.score.nees import SPANS, Consistency, consistency
+from taxelflow.score.strokes import rms_of, ungrouped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -49,12 +51,37 @@ class LimitsRow(msgspec.Struct, frozen=True):
     axis: str
     count: int
     rms: float
+    standard_error: float | None
+    """Of rms, from the scatter among contacts; None for a single one."""
     bound: float | None
     """RMS over the same scans of the bound with the pattern known; None for a turn that cannot be observed."""
     over_known: float | None
     """RMS of each scan's error over its own bound with the pattern known: 1 is the best there is."""
     over_unknown: float | None
     """The same with the pattern unknown; None where the scenario's pattern changes as the object moves."""
+
+
+class SinceRow(msgspec.Struct, frozen=True):
+    """Error of the object's motion since the first scored scan of each contact, in mm or degrees, over all seeds."""
+
+    method: str
+    axis: str
+    count: int
+    rms: float
+    standard_error: float | None
+    """Of rms, from the scatter among contacts; None for a single one."""
+    last: float
+    """RMS over contacts of the error in their last scan: the drift."""
+    known: float | None
+    unknown: float | None
+    """RMS of the bound of the same motions, pattern known and unknown."""
+
+
+class Seconds(msgspec.Struct, frozen=True):
+    """Processor time that a method took for one recording through the whole pipeline, s: median over the seeds."""
+
+    method: str
+    median: float
 
 
 class ConsistencyRow(msgspec.Struct, frozen=True):
@@ -92,6 +119,8 @@ class Limits(msgspec.Struct, frozen=True):
     contact: int
     """Scans, over all seeds, in which the pad was in contact."""
     rows: list[LimitsRow]
+    since: list[SinceRow]
+    seconds: list[Seconds]
     consistency: list[ConsistencyRow]
     places: list[Place]
     without: list[str]
@@ -100,11 +129,13 @@ class Limits(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """One method on one seed. error: (scans, 3) in m, m, rad, NaN where unknown. covariance: (scans, 3, 3) as the
-    estimator gave it. ok: (scans,). piece: (scans,), number of the contact.
+    """One method on one seed. error: (scans, 3) in m, m, rad, NaN where unknown; since: (scans, 3), the same of the
+    motion since the contact's first scan. covariance: (scans, 3, 3) as the estimator gave it. ok: (scans,). piece:
+    (scans,), number of the contact.
     """
 
     error: Floats
+    since: Floats
     covariance: Floats
     ok: Bools
     piece: NDArray[np.int64]
@@ -129,15 +160,18 @@ def limits(
         raise NameUnknown("scenario", scenario, SCENARIOS)
     kinds = {method: api.estimator(method) for method in methods or registry.names("estimator")}
     found: dict[str, list[Errors]] = {method: [] for method in kinds}
+    took: dict[str, list[float]] = {method: [] for method in kinds}
     contact = 0
     for number in watched(range(seeds)):
         drawn = replace(SCENARIOS[scenario], seed=seed + number, solver=solver)
-        recording = simulate(drawn)
+        recording = ungrouped(simulate(drawn))
         bound = bound_of(drawn, recording.known_truth.t_s)
         pad = recording.layout.pads.index(drawn.pad)
         pitch_mm = 1e3 * float(recording.layout.pitch_m[pad].min())
         for method, kind in kinds.items():
+            begun = process_time()
             slips = api.estimate(recording, kind, mode=mode).slips
+            took[method].append(process_time() - begun)
             found[method].append(errors_of(drawn, recording.known_truth.t_s, slips, pad, bound))
         contact += int(slips.contact[:, pad].sum())
     without = [method for method, own in found.items() if not any(np.isfinite(one.error).any() for one in own)]
@@ -153,6 +187,8 @@ def limits(
         scored=sum(int(one.bound.scored.sum()) for one in next(iter(found.values()))),
         contact=contact,
         rows=[row for method, own in kept.items() for row in _rows(method, own)],
+        since=[row for method, own in kept.items() for row in _sinces(method, own)],
+        seconds=[Seconds(method, float(np.median(took[method]))) for method in kept],
         consistency=[row for method, own in kept.items() for row in _consistencies(method, own)],
         places=[place for method, own in kept.items() for place in _places(method, own, pitch_mm / _BINS_A_PITCH)],
         without=without,
@@ -166,12 +202,13 @@ def errors_of(scenario: Scenario, t_s: Floats, slips: Slips, pad: int, bound: Bo
     known = bound.scored & np.isfinite(pose[:, :2]).all(axis=1) & (quality != LOST)
     broken = ~slips.contact[:, pad] | (quality == LOST)
     piece = np.cumsum(broken)
-    error = np.full(pose.shape, np.nan)
+    error, since = np.full(pose.shape, np.nan), np.full(pose.shape, np.nan)
     for number in np.unique(piece[known]):
         own = np.flatnonzero(known & (piece == number))
         if len(own) >= _FEWEST:
             error[own] = _off(pose[own], true[own], bound.known[own])
-    return Errors(error, slips.covariance[:, pad], quality == OK, piece, bound)
+            since[own[1:]] = _moved(pose[own], true[own])
+    return Errors(error, since, slips.covariance[:, pad], quality == OK, piece, bound)
 
 
 def _off(pose: Floats, true: Floats, deviation: Floats) -> Floats:
@@ -188,6 +225,20 @@ def _off(pose: Floats, true: Floats, deviation: Floats) -> Floats:
     off = turned - np.angle(np.sum(sure * np.exp(1j * turned)))
     error[:, 2] = np.where(np.isfinite(pose[:, 2]), (off + np.pi) % (2 * np.pi) - np.pi, np.nan)
     return error
+
+
+def _moved(pose: Floats, true: Floats) -> Floats:
+    """Errors (scans - 1, 3) of the motion since the first scan, of the object's centre.
+
+    Turns count from the first one that is known; where none is, the true turn carries the point that is followed.
+    """
+    gap = pose[:, 2] - true[:, 2]
+    told = np.flatnonzero(np.isfinite(gap))
+    turned = (gap - (gap[told[0]] if len(told) else 0.0) + np.pi) % (2 * np.pi) - np.pi
+    way = rotation(true[:, 2] - true[0, 2] + np.nan_to_num(turned))
+    centre = pose[:, :2] + way @ (true[0, :2] - pose[0, :2])
+    turned[told[:1]] = np.nan
+    return np.column_stack([centre - true[:, :2], turned])[1:]
 
 
 def _chosen(one: Errors, scans: str) -> Bools:
@@ -227,18 +278,52 @@ def _rows(method: str, own: list[Errors]) -> list[LimitsRow]:
             )
             there = np.isfinite(error)
             if there.any():
+                rms, standard_error = rms_of(_by_contact(own, chosen, axis, unit))
                 rows.append(
                     LimitsRow(
                         method=method,
                         scans=scans,
                         axis=AXES[axis],
                         count=int(there.sum()),
-                        rms=unit * _rms(error[there]),
+                        rms=rms,
+                        standard_error=standard_error,
                         bound=_known(unit * _rms(known[there])),
                         over_known=_over(error[there], known[there]),
                         over_unknown=_over(error[there], unknown[there]),
                     )
                 )
+    return rows
+
+
+def _by_contact(own: list[Errors], chosen: list[Bools], axis: int, unit: float) -> list[Floats]:
+    """Errors of the chosen scans along one axis, in mm or degrees, contact by contact."""
+    known = [use & np.isfinite(one.error[:, axis]) for one, use in zip(own, chosen, strict=True)]
+    return [
+        unit * one.error[there & (one.piece == number), axis]
+        for one, there in zip(own, known, strict=True)
+        for number in np.unique(one.piece[there])
+    ]
+
+
+def _sinces(method: str, own: list[Errors]) -> list[SinceRow]:
+    rows = []
+    for axis, unit in enumerate(_UNITS):
+        known = [np.isfinite(one.since[:, axis]) for one in own]
+        contacts = [
+            unit * one.since[there & (one.piece == number), axis]
+            for one, there in zip(own, known, strict=True)
+            for number in np.unique(one.piece[there])
+        ]
+        if contacts:
+            bounds = [
+                _known(
+                    unit * _rms(np.concatenate([bound[there, axis] for bound, there in zip(each, known, strict=True)]))
+                )
+                for each in ([one.bound.since_known for one in own], [one.bound.since_unknown for one in own])
+            ]
+            count = sum(map(len, contacts))
+            last = _rms(np.array([errors[-1] for errors in contacts]))
+            rows.append(SinceRow(method, AXES[axis], count, *rms_of(contacts), last, *bounds))
     return rows
 
 

@@ -15,9 +15,8 @@ import numpy as np
 from taxelflow import api
 from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
-from taxelflow.score.bound import bound_of
 from taxelflow.score.pairs import peers
-from taxelflow.score.strokes import SETS, SPEEDS_MM_S, Row, Stroke, cut, interior, rows_of, run_trials
+from taxelflow.score.strokes import SETS, SPEEDS_MM_S, Row, Stroke, bounds, cut, rows_of, run_trials, ungrouped
 from taxelflow.score.table1 import scored_methods, strokes_by
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from taxelflow.acquire.base import Recording, Truth
+    from taxelflow.acquire.base import Recording
     from taxelflow.acquire.rig.scenario import Scenario, Solver
     from taxelflow.messages import Floats, Scans
     from taxelflow.score.pairs import Pair
@@ -90,10 +89,12 @@ def score_peers(
     deviations: dict[tuple[int, str], list[float]] = {}
 
     def measure(scenario: Scenario) -> dict[str, list[Stroke]]:
-        recording = simulate(scenario)
+        recording = ungrouped(simulate(scenario))
         scans = api.conditioned(recording)
-        for scans_of, deviation in _deviations(scenario, recording.known_truth):
-            deviations.setdefault((round(1e3 * scenario.motion.speed_m_s), scans_of), []).append(deviation)
+        for stroke in bounds(scenario, recording.known_truth):
+            for scans_of in SETS:
+                own = deviations.setdefault((round(1e3 * scenario.motion.speed_m_s), scans_of), [])
+                own.append(getattr(stroke, scans_of))
         found = {method: strokes_by(method, recording, scans) for method in ours}
         return found | {name: _followed(pair, recording, scans, tally[name]) for name, pair in pairs.items()}
 
@@ -165,21 +166,6 @@ def _displacement(pair: Pair, before: Floats, after: Floats) -> float:
             return pair(before, after)[0]
     except Exception:  # whatever a library raises on a pair of scans is its answer to it
         return float("nan")
-
-
-def _deviations(scenario: Scenario, truth: Truth) -> list[tuple[str, float]]:
-    """Smallest standard deviation of an unbiased slope, mm/s, by set of scans and stroke."""
-    bound = bound_of(scenario, truth.t_s, jointly=False)
-    weight = np.where(bound.scored, 1 / np.square(1e3 * bound.known[:, 0]), 0.0)
-    inner = np.where(interior(truth), weight, 0.0)
-    found = []
-    for forward in (False, True):
-        moving = (np.gradient(truth.pose[:, 0], truth.t_s) > 0) == forward
-        for scans, chosen in zip(SETS, (weight, inner), strict=True):
-            w = np.where(moving, chosen, 0.0)
-            middle = np.sum(w * truth.t_s) / np.sum(w)
-            found.append((scans, float(1 / np.sqrt(np.sum(w * (truth.t_s - middle) ** 2)))))
-    return found
 
 
 def _best(rows: list[Row], ours: tuple[str, ...]) -> list[Best]:

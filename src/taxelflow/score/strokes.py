@@ -13,13 +13,14 @@ import msgspec
 import numpy as np
 
 from taxelflow.acquire.rig.scenario import SCENARIOS, Scenario
+from taxelflow.score.bound import bound_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from taxelflow.acquire.base import Truth
+    from taxelflow.acquire.base import Recording, Truth
     from taxelflow.acquire.rig.scenario import Solver
     from taxelflow.messages import Bools, Floats
 
@@ -99,19 +100,47 @@ def trial(seed: int, speed_mm_s: int, solver: Solver = "analytic") -> Scenario:
     )
 
 
+def ungrouped(recording: Recording) -> Recording:
+    """The recording on its sensor's pads alone: groups that lie on them would be estimated beside them, for nothing."""
+    return replace(recording, sensor=msgspec.structs.replace(recording.sensor, groups=()))
+
+
+def passes(truth: Truth) -> list[tuple[bool, Bools]]:
+    """Each stroke along x, in order: whether it goes backward, and its scans (scans,)."""
+    direction = np.sign(np.round(np.gradient(truth.pose[:, 0], truth.t_s), 6))
+    moving = np.flatnonzero(direction)
+    number = np.zeros(len(direction), dtype=np.int64)  # 0: at rest
+    number[moving] = 1 + np.cumsum(np.diff(direction[moving], prepend=direction[moving[:1]]) != 0)
+    return [(bool(direction[number == one][0] < 0), number == one) for one in range(1, number.max(initial=0) + 1)]
+
+
 def cut(
     truth: Truth, x_m: Floats, weight: Floats | None = None, piece: NDArray[np.int64] | None = None
 ) -> Iterator[Stroke]:
-    """Velocities of the backward and the forward stroke from positions x_m (scans,), NaN where unknown.
+    """Velocities of all strokes, in order, from positions x_m (scans,), NaN where unknown.
 
     weight, piece: as in `slope`, (scans,).
     """
-    direction = np.sign(np.round(np.gradient(truth.pose[:, 0], truth.t_s), 6))
     known = np.isfinite(x_m)
-    for sign in (-1.0, 1.0):
-        used = known & (direction == sign)
+    for backward, own in passes(truth):
+        used = known & own
         whole, inner = (slope(truth.t_s, 1e3 * x_m, chosen, weight, piece) for chosen in (used, used & interior(truth)))
-        yield Stroke(sign < 0, whole, inner)
+        yield Stroke(backward, whole, inner)
+
+
+def bounds(scenario: Scenario, truth: Truth) -> list[Stroke]:
+    """The smallest standard deviation of an unbiased slope, mm/s, of all strokes, the pattern known."""
+    weight = 1 / np.square(1e3 * bound_of(scenario, truth.t_s, jointly=False).known[:, 0])
+    return [
+        Stroke(backward, *(_deviation(truth.t_s, weight * chosen) for chosen in (own, own & interior(truth))))
+        for backward, own in passes(truth)
+    ]
+
+
+def _deviation(t_s: Floats, weight: Floats) -> float:
+    """Standard deviation of a slope through positions whose information is weight (scans,)."""
+    middle = np.sum(weight * t_s) / np.sum(weight)
+    return float(1 / np.sqrt(np.sum(weight * (t_s - middle) ** 2)))
 
 
 def interior(truth: Truth) -> Bools:
@@ -138,6 +167,19 @@ def slope(
     x = x - (np.bincount(own, w * x) / total)[own]
     spread = float(np.sum(w * t**2))
     return float(np.sum(w * t * x)) / spread if spread > 0 else float("nan")
+
+
+def rms_of(errors: Sequence[Floats]) -> tuple[float, float | None]:
+    """RMS over all errors, and its standard error; errors of one array are of one object, and scatter together.
+
+    A single object shows no scatter: None.
+    """
+    square = np.array([np.sum(own**2) for own in errors])
+    count = np.array([len(own) for own in errors])
+    rms = float(np.sqrt(square.sum() / count.sum()))
+    if len(errors) == 1 or rms == 0.0:
+        return rms, None
+    return rms, float(np.sqrt(np.sum((square - rms**2 * count) ** 2)) / count.sum() / (2 * rms))
 
 
 def rows_of(seen: Seen, methods: Sequence[str]) -> list[Row]:

@@ -17,13 +17,14 @@ from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.compiling import announced
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import LOST, joined
-from taxelflow.score.strokes import Row, Stroke, cut, rows_of, run_trials
+from taxelflow.score.strokes import Row, Stroke, cut, rows_of, run_trials, ungrouped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from taxelflow.acquire.base import Recording
     from taxelflow.acquire.rig.scenario import Solver
+    from taxelflow.estimation.base import Mode
     from taxelflow.messages import Floats, Scans, Slips
 
 METHODS = ("lnorm", "convolution")
@@ -86,16 +87,17 @@ def scored_methods() -> tuple[str, ...]:
 
 
 def _measured(recording: Recording, methods: Sequence[str]) -> dict[str, list[Stroke]]:
+    recording = ungrouped(recording)
     scans = api.conditioned(recording)
     return {method: strokes_by(method, recording, scans) for method in methods}
 
 
-def strokes_by(method: str, recording: Recording, scans: Scans) -> list[Stroke]:
+def strokes_by(method: str, recording: Recording, scans: Scans, mode: Mode = "batch") -> list[Stroke]:
     """The strokes of one recording's conditioned scans as an estimator sees them."""
     truth = recording.known_truth
     pad = recording.layout.pads.index(truth.pad)
     with announced():
-        session = api.estimator(method).start(recording.layout, "batch")
+        session = api.estimator(method).start(recording.layout, mode)
         slips = joined([session.step(scans), session.finish()])
     weight = None if method in METHODS else _weight(slips, pad)
     return list(cut(truth, slips.pose[:, pad, 0], weight, np.cumsum(slips.quality[:, pad] == LOST)))

@@ -107,6 +107,18 @@ _STICK_SLIP = Scenario(
     sensing=Sensing(rate_hz=100.0),
 )
 _HOLD = replace(_STICK_SLIP, motion=replace(_STILL.motion, turn_s=60.0))
+_BAR = Scenario(
+    sensor="grid-16x16",
+    pad="grid",
+    contact=Contact("elongated", radius_m=0.008),
+    motion=Motion(
+        speed_m_s=0.02 / 1.5, travel_m=0.02, strokes=1, turn_rad_s=1.4, angle_rad=0.3, middle_m=(0.0, 0.0), rest_s=1.0
+    ),
+    load=Load(lift_s=1.0),
+    sensing=Sensing(rate_hz=100.0),
+)
+_FEET = Contact("feet", radius_m=0.006)
+_TURNING = replace(_STICK_SLIP.motion, turn_rad_s=0.5)
 
 SCENARIOS = {
     "stroke": _PAPER,
@@ -114,10 +126,20 @@ SCENARIOS = {
     "hertz-stroke": replace(_PAPER, contact=Contact("hertz", radius_m=0.017)),
     "turn": replace(_SDH, motion=replace(_SDH.motion, travel_m=0.0, turn_rad_s=1.0)),
     "slide-and-turn": replace(_SDH, motion=replace(_SDH.motion, turn_rad_s=0.8)),
+    "bar-on-grid": _BAR,
+    "feet-on-grid": replace(_BAR, contact=_FEET),
+    "texture-on-grid": replace(
+        _BAR,
+        sensor="grid:32x32@2mm,kPa",
+        contact=Contact("textured", radius_m=0.016),
+        motion=replace(_BAR.motion, speed_m_s=0.01, turn_rad_s=0.2),
+    ),
     "bulb-pull": _BULB,
     "turn-over-hand": _OVER_HAND,
     "slide-and-turn-over-hand": replace(_OVER_HAND, motion=replace(_OVER_HAND.motion, travel_m=0.004, speed_m_s=0.02)),
     "stick-slip": _STICK_SLIP,
+    "stick-slip-bar": replace(_STICK_SLIP, contact=_BAR.contact, motion=_TURNING),
+    "stick-slip-feet": replace(_STICK_SLIP, contact=_FEET, motion=_TURNING),
     "press": replace(
         _STILL,
         contact=Contact("hertz", radius_m=0.010, peak_pa=50e3),
@@ -142,10 +164,15 @@ DESCRIPTIONS = {
     "hertz-stroke": "The same with an elastic sphere, whose pressure is a Hertz dome.",
     "turn": "An elongated object turned in place on a Schunk finger.",
     "slide-and-turn": "The same, turned while it slides.",
+    "bar-on-grid": "An elongated object turned by 120 degrees while it slides over a 16x16 grid: 150 scans.",
+    "feet-on-grid": "The same of an object on three feet.",
+    "texture-on-grid": "A textured object slid 20 mm and turned by 23 degrees over a 32x32 grid: 200 scans.",
     "bulb-pull": "The paper's Fig. 4: a compliant bulb pulled from left to right over all pads of the hand.",
     "turn-over-hand": "The paper's Fig. 7: an object on ten feet turned to and fro over two fingers and palm.",
     "slide-and-turn-over-hand": "The same, turned while it slides.",
     "stick-slip": "A textured object that sticks and slips by turns on a 16x16 grid, at 100 Hz.",
+    "stick-slip-bar": "The same of an elongated object, which turns as it slips.",
+    "stick-slip-feet": "The same of an object on three feet, which turns as it slips.",
     "press": "An elastic sphere pressed up to five times as hard, without slip.",
     "roll": "An airbag that rolls 5 mm on the palm, without slip.",
     "tilt": "An airbag that tilts on the palm, without slip.",

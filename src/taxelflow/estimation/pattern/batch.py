@@ -12,7 +12,7 @@ from taxelflow.estimation.pattern.chain import MEMORY, Moment, follow_changing
 from taxelflow.estimation.pattern.contact import solve_contact
 from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.poses import TOO_ROUGH, Poses, aligned, poses_of
-from taxelflow.estimation.pattern.scanned import Scanned
+from taxelflow.estimation.pattern.scanned import Scanned, delays_of
 from taxelflow.estimation.pattern.warm import compile_kernels
 from taxelflow.estimation.translation import border_of, mark_border
 from taxelflow.messages import Bools, Scans, Slips, cut, joined, no_scans
@@ -58,6 +58,7 @@ class BatchSession:
         self._layout = layout
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         largest = int(np.diff(layout.starts).max())
+        self._delay, self._lead = delays_of(layout)
         self._window = int(min(window_scans, max(_FEWEST, _MOST_BYTES / (_BYTES_PER_READING * largest))))
         compile_kernels()
         self._held: list[Scans] = []
@@ -116,7 +117,7 @@ class BatchSession:
         variance = np.repeat((scans.noise[own] ** 2)[np.newaxis], len(scans), axis=0)
         variance[~scans.complete[:, pad, np.newaxis] & (readings == 0)] = 0.0  # missing, not unloaded
         places = np.stack([layout.x_m[own], layout.y_m[own]]) / pitch_m
-        scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], layout.delay_s[own])
+        scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], self._delay[own])
         with threadpool_limits(1, user_api="blas"):  # the matrices are too small to share among cores
             solved = solve_contact(scanned, layout.pitch_m[pad] / pitch_m)
             moment = None
@@ -180,7 +181,7 @@ class BatchSession:
         slips.pose[rows, pad] = poses.pose[part]
         slips.covariance[rows, pad] = poses.covariance[part]
         slips.quality[rows, pad] = poses.quality[part]
-        slips.lag_s[rows, pad] = 0.0
+        slips.lag_s[rows, pad] = -self._lead[pad]
         moved, noise, span = poses.steps(done.t_s)
         slips.displacement[rows, pad] = moved[part]
         slips.displacement_covariance[rows, pad] = noise[part]

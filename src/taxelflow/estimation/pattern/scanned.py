@@ -12,10 +12,25 @@ from taxelflow.estimation.pattern.spline import THETA
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from taxelflow.layout import Layout
     from taxelflow.messages import Floats
 
 _LOADED_SIGMAS = 4.0
 _LOADED_SHARE = 0.03
+_AT_ONCE_S = 1e-9
+"""Below this a delay is rounding."""
+
+
+def delays_of(layout: Layout) -> tuple[Floats, Floats]:
+    """When after its pad's mean each taxel is read (entries,), and when after a scan's time that mean is (pads,), s.
+
+    Poses are those at the mean: at the scan's own time they would have to be extrapolated by up to a whole scan, from
+    velocities that come of the poses.
+    """
+    taxels = np.diff(layout.starts)
+    mean = np.add.reduceat(layout.delay_s, layout.starts[:-1]) / taxels
+    late: Floats = layout.delay_s - np.repeat(mean, taxels)
+    return np.where(np.abs(late) > _AT_ONCE_S, late, 0.0), mean
 
 
 @dataclass(slots=True, eq=False)
@@ -23,7 +38,7 @@ class Scanned:
     """Scans of one contact on one pad.
 
     t_s: (scans,). places: (2, taxels) in pitches. readings, variance: (scans, taxels), the latter 0 where a reading
-    says nothing. ceiling: (taxels,). delay_s: (taxels,), when after t_s each is read. bends: (scans, 3, taxels or 0),
+    says nothing. ceiling: (taxels,). delay_s: (taxels,), see `delays_of`. bends: (scans, 3, taxels or 0),
     see `spline.evaluate`.
     """
 

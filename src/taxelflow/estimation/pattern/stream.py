@@ -17,6 +17,7 @@ from taxelflow.estimation.pattern.learn import DOUBT, MOST_KEYFRAMES, Learned, f
 from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.online import follow, report
 from taxelflow.estimation.pattern.predict import expected
+from taxelflow.estimation.pattern.scanned import delays_of
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
 from taxelflow.estimation.pattern.warm import compile_kernels
 from taxelflow.estimation.translation import border_of, mark_border
@@ -57,7 +58,8 @@ class StreamSession:
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         scale = np.repeat(self._pitch_m, np.diff(layout.starts))
         self._places = np.stack([layout.x_m, layout.y_m]) / scale
-        self._delay = layout.delay_s if layout.delay_s.any() else np.zeros(0)
+        late, self._lead = delays_of(layout)
+        self._delay = late if late.any() else np.zeros(0)
         self._pads = [_Pad() for _ in range(pads)]
         self._memory = np.zeros((pads, online.SLOTS))
         self._states = np.zeros((pads, STATE))
@@ -89,7 +91,7 @@ class StreamSession:
         self._ceiling = scans.ceiling
         for k in range(len(scans)):
             self._scan(k, scans, slips)
-        slips.lag_s[np.isfinite(slips.pose[..., 0])] = 0.0
+        slips.lag_s[:] = np.where(np.isfinite(slips.pose[..., 0]), -self._lead, np.nan)
         return slips
 
     def finish(self) -> Slips:

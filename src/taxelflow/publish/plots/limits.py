@@ -35,6 +35,6 @@ def limits_figure(errors: Mapping[str, Curve], bounds: Mapping[str, Curve], edge
         axis.axvline(side, color=GREY, linewidth=0.9, linestyle=":")
     axis.set_xlabel("object's centre on the pad in mm")
     axis.set_ylabel("RMS error in mm")
-    axis.legend(loc="upper center", bbox_to_anchor=(0.5, 1.16), ncols=3)
+    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     caption(figure, seen, 105)
     return figure

@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.api import conditioned
+from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.publish.summary import to_json
+from taxelflow.score import hard as hards
+from taxelflow.score.hard import CASES, Hard, hard
+from taxelflow.score.strokes import trial, ungrouped
+
+NAMES = [name for case in CASES for name, _ in case.rows]
+
+
+@pytest.fixture(scope="module")
+def flow() -> Hard:
+    return hard(2, seed=7, methods=("convolution",))
+
+
+def test_every_case_has_a_row_at_each_speed(flow: Hard) -> None:
+    silent = (50, "convolution", "saturated, dropped")  # it follows from whole scan to whole scan
+    assert flow.silent == [silent]
+    there = [(speed, name) for speed in (25, 50) for name in NAMES if (speed, "convolution", name) != silent]
+    assert [(row.nominal_mm_s, row.case) for row in flow.rows] == there
+    assert silent not in {(one.nominal_mm_s, one.method, one.case) for one in flow.far}
+    counts = {row.case: row.strokes for row in flow.rows if row.nominal_mm_s == 25}
+    counts.pop("saturated, dropped")
+    assert counts.pop("stream, 1st stroke") == 2
+    assert counts.pop("stream, 2nd to 4th") == 6
+    assert set(counts.values()) == {4}
+
+
+def test_every_row_has_its_errors_and_its_bound(flow: Hard) -> None:
+    for row in flow.rows:
+        assert 0 < row.bound_percent < row.rmse_percent
+        assert row.standard_error_percent is not None
+        assert 0 <= row.standard_error_percent < row.rmse_percent
+        assert max(abs(row.bias_percent), row.median_percent) <= 1.5 * row.rmse_percent
+    bound = {row.case: row.bound_percent for row in flow.rows if row.nominal_mm_s == 25}
+    assert bound["2 unknown dead taxels"] > bound["as in Table I"] > bound["saturated, censored"]
+    assert bound["smaller than a taxel"] > 1.5 * bound["as in Table I"]
+
+
+def test_strokes_that_are_far_off_are_named_by_the_seed_that_makes_them_again(flow: Hard) -> None:
+    assert {one.seed for one in flow.far} == {7, 8}
+    one = flow.far[0]
+    assert (one.nominal_mm_s, one.method, one.case, one.stroke) == (25, "convolution", "as in Table I", 1)
+    recording = ungrouped(simulate(trial(one.seed, 25)))
+    (again, _) = hards._errors("convolution", recording, conditioned(recording), "batch", 25)
+    assert one.error_percent == pytest.approx(again)
+    assert abs(again) > 1
+
+
+def test_later_strokes_keep_their_number(flow: Hard) -> None:
+    numbers = {one.stroke for one in flow.far if one.case == "stream, 2nd to 4th"}
+    assert numbers == {2, 3, 4}
+
+
+def test_the_template_is_far_below_the_flow_where_taxels_are_dead_or_streamed() -> None:
+    found = {(row.nominal_mm_s, row.case): row for row in hard(1, seed=7).rows}
+    for speed in (25, 50):
+        assert found[speed, "as in Table I"].rmse_percent < 0.6
+        assert found[speed, "2 unknown dead taxels"].rmse_percent < 1.0
+        assert found[speed, "stream, 2nd to 4th"].rmse_percent < 2.0
+        assert found[speed, "saturated, censored"].rmse_percent < found[speed, "saturated, dropped"].rmse_percent
+
+
+def test_dropped_readings_are_those_that_saturate_and_no_others() -> None:
+    scenario = trial(0, 25)
+    scans = conditioned(ungrouped(simulate(replace(scenario, contact=replace(scenario.contact, peak_pa=200e3)))))
+    saturated = scans.pressure >= scans.ceiling
+    assert saturated.any()
+    dropped = hards._dropped(scans)
+    assert (dropped.pressure[saturated] == 0).all()
+    np.testing.assert_array_equal(dropped.pressure[~saturated], scans.pressure[~saturated])
+    np.testing.assert_array_equal(dropped.complete, scans.complete & ~saturated.any(axis=1)[:, np.newaxis])
+
+
+def test_dead_taxels_are_two_of_those_under_the_object() -> None:
+    drawn = {hards._with_dead(trial(seed, 25)).sensing.dead for seed in range(20)}
+    assert len(drawn) > 10
+    assert all(len(set(dead)) == 2 and set(dead) <= set(hards._INNER_TAXELS) for dead in drawn)
+
+
+def test_json_makes_the_round_trip(flow: Hard) -> None:
+    assert msgspec.json.decode(to_json(flow), type=Hard) == flow
+
+
+def test_what_cannot_be_scored_is_refused() -> None:
+    with pytest.raises(NameUnknown, match="unknown estimator 'magic'"):
+        hard(1, methods=("magic",))
+    with pytest.raises(ParameterInvalid, match="'sum'; it gives no position"):
+        hard(1, methods=("sum",))
