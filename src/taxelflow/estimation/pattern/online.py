@@ -206,7 +206,8 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             needed = 1e-3 if attempt < 4 else _TURNS_GAIN * best
             if cost < best - needed:
                 best = cost
-                m[GROWS] = 1.0 if attempt == 5 else m[GROWS]
+                if attempt == 5:  # the pose steps, for what was taken for motion was growth
+                    m[GROWS], m[CONTINUES] = 1.0, 0.0
                 states[pad] = trial
                 information[pad] = found
                 m[CHI], m[COUNT] = chi / max(count, 1), count
