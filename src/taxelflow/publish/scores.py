@@ -90,7 +90,7 @@ def show_field(scored: Any) -> None:
 def show_slip(scored: Any) -> None:
     """Slips found, then alarms of still objects beside the rate that was asked for."""
     console = Console(markup=False)
-    for mode, how in (("stream", "called scan by scan"), ("batch", "dated when all scans are known")):
+    for mode, how in (("stream", "called live"), ("batch", "dated afterwards")):
         title = f"slips, {how}: {scored.seeds} recordings of each object, seeds from {scored.first_seed}"
         console.print(_slips_found([row for row in scored.slips if row.mode == mode], title))
         console.print()
@@ -104,9 +104,9 @@ def show_slip(scored: Any) -> None:
     console.print(
         "n: slips. ms, p90, max: from the first slipping scan to the first called so.\n"
         "false: begun while still. split: begun anew within a slip. deg, %: median error\n"
-        "of a slip's direction and speed. Still objects are streams. 95 %: interval of the\n"
-        "rate. scatter: learned, over the covariance's. roll and tilt are no slips;\n"
-        "pressure alone cannot tell.",
+        "of a slip's direction and speed. 95 %: interval of the rate, called live.\n"
+        "scatter: learned, over the covariance's. roll and tilt are no slips; pressure\n"
+        "alone cannot tell.",
         style="dim",
         highlight=False,
     )
