@@ -175,3 +175,18 @@ def test_a_replay_is_bit_equal(mode: str, stroke: Recording) -> None:
     assert_same(one.slips, other.slips)
     assert_same(one.motions, other.motions)
     assert one.summary == other.summary
+
+
+def test_slips_of_a_recording_are_dated_with_hindsight_and_every_scan_is_given_once() -> None:
+    recording = recorded(grasp_and_pull(5e-3), WIDE, np.arange(100) / 10)
+    live, back = (list(pipeline(mode=mode).start(recording)) for mode in ("stream", "batch"))
+    for outputs in (live, back):
+        assert sum(len(output) for output in outputs) == 100
+        for output in outputs:
+            assert len(output.contacts) == len(output.motions) == len(output.slipping) == len(output)
+            np.testing.assert_array_equal(output.contacts.t_s, output.slips.t_s)
+    slipping = np.concatenate([output.slipping[:, 0] for output in back])
+    found = slipping.nonzero()[0]  # it moves from scan 40, to the instant of scan 80
+    assert set(range(41, 80)) <= set(found.tolist()) <= set(range(39, 82))
+    first = next(event for output in live for event in output.events if event.event == "slip_start")
+    assert first.t_s > 4.05

@@ -193,7 +193,8 @@ class Contacts:
 class Event:
     """Something that happened on a pad: `contact`, `release`, `slip_start` or `slip_stop`.
 
-    t_s: time of the scan that told of it. onset_s: when it is thought to have happened, for a slip mostly earlier.
+    t_s: time of the scan that told of it; in a recording, where slips are dated with hindsight, of the first scan after
+    it. onset_s: when it is thought to have happened.
     direction_rad, speed_m_s, turn_rad_s: the slip's motion in the pad's frame, as far as known at its start, over all
     of it at its end. NaN where unknown, and for contact and release.
     """

@@ -9,7 +9,7 @@ from taxelflow import registry
 from taxelflow.calibration import Calibration
 from taxelflow.compiling import announced
 from taxelflow.condition.conditioner import Conditioner
-from taxelflow.errors import CalibrationUnfit, NameUnknown
+from taxelflow.errors import CalibrationUnfit, NameUnknown, TaxelflowError
 from taxelflow.estimation.base import Learning, Mode
 from taxelflow.estimation.smoothing import Smoothing
 from taxelflow.fuse.rigid import RigidField
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from taxelflow.condition.learn import Learned
     from taxelflow.condition.sift import Counts
     from taxelflow.estimation.base import Calibratable, Estimator, EstimatorSession
+    from taxelflow.messages import Block
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +93,9 @@ class Run:
             self._fuse = pipeline.fusion.start(layout)
             self._describe = pipeline.features.begin(recording.sensor)
         self._described: list[Contacts] = []
-        self._monitor = pipeline.monitor.begin(layout.pads)
+        self._estimated: list[Slips] = []
+        watch = pipeline.monitor.begin if self._stream else pipeline.monitor.look_back
+        self._monitor = watch(layout.pads)
 
     @property
     def counts(self) -> Counts:
@@ -125,13 +128,18 @@ class Run:
         return self._monitor.scatter
 
     def __iter__(self) -> Iterator[Output]:
-        for block in self.reading:
-            for raw in _single(block) if self._stream else (block,):
-                for scans in self._condition.step(raw):
-                    yield from self._step(scans)
+        try:
+            for block in self.reading:
+                for raw in _single(block) if self._stream else (block,):
+                    for scans in self._condition.step(raw):
+                        yield from self._step(scans)
+        except (TaxelflowError, KeyboardInterrupt):  # what came before is given all the same
+            yield from self._give(*self._monitor.finish())
+            raise
         for scans in self._condition.finish():
             yield from self._step(scans)
         yield from self._finish(self._estimate.finish())
+        yield from self._give(*self._monitor.finish())
 
     def _step(self, scans: Scans) -> Iterator[Output]:
         self._described.append(self._describe.step(scans))
@@ -142,12 +150,22 @@ class Run:
             return
         if self._condition.lag_s:
             slips = replace(slips, lag_s=slips.lag_s + self._condition.lag_s)
-        contacts, self._described = joined(self._described), []
-        if len(contacts) > len(slips):  # the estimator holds some back
-            self._described = [cut(contacts, len(slips), len(contacts))]
-            contacts = cut(contacts, 0, len(slips))
-        slipping, events = self._monitor.step(slips)
+        self._estimated.append(slips)
+        yield from self._give(*self._monitor.step(slips))
+
+    def _give(self, slipping: Bools, events: list[Event]) -> Iterator[Output]:
+        """The oldest scans, as many as are judged."""
+        if not len(slipping):
+            return
+        slips, self._estimated = _split(self._estimated, len(slipping))
+        contacts, self._described = _split(self._described, len(slipping))
         yield Output(slips, slipping, self._fuse.step(slips), events, contacts)
+
+
+def _split(held: list[Block], count: int) -> tuple[Block, list[Block]]:
+    """The first `count` scans of blocks, and what is left; estimator and monitor may hold some back."""
+    block = joined(held)
+    return cut(block, 0, count), [cut(block, count, len(block))] if len(block) > count else []
 
 
 def _started(pipeline: Pipeline, recording: Recording) -> EstimatorSession:

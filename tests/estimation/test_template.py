@@ -192,6 +192,16 @@ def test_stick_and_slip_do_not_drift() -> None:
     assert np.hypot(*(moved - (truth[-1] - truth[0])[:2])) < 0.1e-3
 
 
+def test_the_step_of_a_pose_that_growth_explains_from_then_on_is_no_motion() -> None:
+    recording = simulate(rigged("hold-at-edge", motion={"turn_s": 4.0}, load={"cycles": 2}))
+    slips = api.estimate(recording, "template", mode="stream").slips
+    known = np.isfinite(slips.displacement[:, 0, 0])
+    assert np.count_nonzero(slips.contact[:, 0] & ~known) == 2  # touched, and seen to grow
+    moved = slips.displacement[known, 0, 0] / np.sqrt(slips.displacement_covariance[known, 0, 0, 0])
+    assert np.abs(moved).max() < 4.0
+    assert np.ptp(slips.pose[known, 0, 0]) > 2e-4
+
+
 def test_an_object_that_comes_back_is_recognised() -> None:
     motion = {"kind": "strokes", "travel_m": 0.14, "speed_m_s": 0.04}
     recording = simulate(rigged("stick-slip", motion=motion, load={"lift_s": 0.0}, sensing={"rate_hz": 50.0}))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from synthetic import pieces
 from taxelflow.errors import ParameterInvalid
-from taxelflow.messages import LOST, UNRESOLVED, Bools, Event, Floats, Slips
+from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Event, Floats, Slips
 from taxelflow.monitor.session import SlipSession
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.score.slip import still_slips
@@ -162,6 +162,36 @@ def test_motion_that_follows_the_load_is_no_slip() -> None:
     moved = 3e-4 * np.log(load)[:, np.newaxis] * [1.0, -0.5, 10.0]
     assert kinds(watched(slips_of(noise(3000) + moved, load=load))[1]) == ["contact"]
     assert "slip_start" in kinds(watched(slips_of(noise(3000) + moved))[1])  # unless the load is not seen to change
+
+
+def test_a_covariance_too_large_under_load_does_not_make_the_unloaded_pose_look_surer() -> None:
+    t_s = np.arange(6000) / RATE_HZ
+    load = np.exp(np.sin(2 * np.pi * t_s / 2))
+    pose = noise(6000)
+    pose[load > 1] *= 0.3
+    alone = np.flatnonzero(load < 0.5)[::50]
+    pose[alone, 0] = 5.1 * STD[0]
+    changing, steady = (watched(slips_of(pose, load=each, theta=False)) for each in (load, None))
+    assert changing[2].scatter[0] == pytest.approx(steady[2].scatter[0], abs=0.05)
+    assert steady[2].scatter[0] < 0.9
+    assert kinds(changing[1]) == ["contact"]
+    assert "slip_start" in kinds(steady[1])
+
+
+def test_what_is_left_of_a_contact_is_judged_only_where_its_pose_is_ok() -> None:
+    load = np.where(np.arange(300) < 50, 1e6, 2e5)
+    moved = slid((0.01, 0.0, 0.0))
+    for quality, found in ((OK, True), (AMBIGUOUS, False)):
+        slips = slips_of(moved, load=load)
+        slips.quality[60:] = quality
+        assert ("slip_start" in kinds(watched(slips)[1])) == found
+    slips = slips_of(moved, load=np.where(np.arange(300) < 70, load, 1e6))  # held again
+    slips.quality[60:] = AMBIGUOUS
+    assert "slip_start" in kinds(watched(slips)[1])
+    slips = slips_of(moved, load=load)
+    slips.quality[60:] = AMBIGUOUS
+    slips.contact[60:62] = False  # let go and touched anew
+    assert "slip_start" in kinds(watched(slips)[1])
 
 
 def test_creep_is_no_slip() -> None:

@@ -39,7 +39,9 @@ def score(scenes: dict[str, Scenario]) -> SlipScore:
 
 
 def test_there_is_a_row_for_each_object_scenario_and_method(score: SlipScore) -> None:
-    assert [(row.object, row.method) for row in score.slips] == [("airbag", method) for method in METHODS]
+    assert [(row.object, row.method, row.mode) for row in score.slips] == [
+        ("airbag", method, mode) for method in METHODS for mode in ("stream", "batch")
+    ]
     wanted = [(name, method) for name in (*HOLDS, *APART) for method in METHODS]
     assert [(row.scenario, row.method) for row in score.holds] == [*wanted, (NOISE, NOISE)]
     assert (score.first_seed, score.alarms_per_hour) == (FRESH_SEED, 1.0)
@@ -54,6 +56,16 @@ def test_slips_of_an_airbag_are_found(score: SlipScore) -> None:
         assert row.dated_ms < 40
         assert row.direction_deg < 10
         assert row.speed_percent < 20
+
+
+def test_in_a_recording_slips_are_dated_to_the_scan() -> None:
+    by_mode = {"stream": [], "batch": []}
+    for row in score_slip(("template", "convolution"), 1, hours=0).slips:
+        by_mode[row.mode].append(row)
+    for live, recorded in zip(by_mode["stream"], by_mode["batch"], strict=True):
+        assert recorded.f1 > max(live.f1, 0.96)
+        assert recorded.onset_ms == 0
+        assert recorded.false == recorded.missed == 0
 
 
 def test_what_holds_still_raises_no_alarm_and_the_interval_says_how_sure_that_is(score: SlipScore) -> None:
@@ -106,7 +118,7 @@ def test_calls_are_held_against_the_truth() -> None:
         Event(0.42, "pad", "slip_stop", 0.40, 0.1, 0.011),
         Event(0.90, "pad", "slip_start", 0.89, 0.0, 0.01),
     ]
-    seen = slip._compared(said, events, Truth("pad", t_s, pose, true), 0.15)
+    seen = slip._compared(said, events, Truth("pad", t_s, pose, true), 0.15, 0)
     assert (seen.true, seen.told, seen.both) == (40, 22, 15)
     assert (seen.alarms, seen.false, seen.split, seen.missed) == (3, 1, 1, 1)
     assert seen.latency_ms == pytest.approx([20.0])

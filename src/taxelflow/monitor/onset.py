@@ -19,7 +19,6 @@ import numpy as np
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
 from taxelflow.monitor.still import (
-    ENERGY,
     FREEDOM,
     GAIN,
     KEEP,
@@ -31,6 +30,7 @@ from taxelflow.monitor.still import (
     WHITE,
     A,
     drawn_out,
+    scale,
 )
 
 # A ramp: begin, weight, the filter's answer to it (a, b, c), F for place and turn, h (3), g.
@@ -62,7 +62,7 @@ def weigh(t: float, before_s: float, step: Floats, m: Floats, count: int, ramps:
     before_s: time of the pose before. count: ramps so far; one more begins. slip: (SLIP,), filled from the likeliest.
     """
     dt, keep, narrow = t - before_s, step[KEEP], step[NARROW]
-    energy = m[ENERGY] * drawn_out(m)
+    energy = m[FREEDOM] * scale(m) * drawn_out(m)
     ramps[count, :] = 0.0
     ramps[count, T_0], ramps[count, WEIGHT], ramps[count, G] = before_s, dt, (dt / REACH) ** 2
     whole = most = 0.0

@@ -77,6 +77,10 @@ class SlipSession:
                 events.append(Event(t_s, name, "release"))
         return slipping, events
 
+    def finish(self) -> tuple[Bools, list[Event]]:
+        """Nothing is held back."""
+        return np.zeros((0, len(self._pads)), dtype=np.bool_), []
+
 
 def _slip(t_s: float, pad: str, kind: str, note: Floats) -> Event:
     when, vx, vy, turn = (float(value) for value in note)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
+    from taxelflow.monitor.hindsight import HindsightSession
     from taxelflow.monitor.session import SlipSession
 
 
@@ -42,7 +43,13 @@ class SlipMonitor:
         )
 
     def begin(self, pads: tuple[str, ...]) -> SlipSession:
-        """Begin a session over pads of these names."""
+        """Begin a session over pads of these names: what it says of a scan, it says at once."""
         from taxelflow.monitor.session import SlipSession
 
         return SlipSession(self, pads)
+
+    def look_back(self, pads: tuple[str, ...]) -> HindsightSession:
+        """Begin a session for a recording: slips are dated from the scans after them, too."""
+        from taxelflow.monitor.hindsight import HindsightSession
+
+        return HindsightSession(self, pads)

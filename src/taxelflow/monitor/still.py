@@ -18,16 +18,20 @@ from taxelflow.messages import Floats
 # Memory per pad. A, B, C: (3,) each along x, y, theta. P: covariance aa, ab, ac, bb, bc, cc of a translation, m^2, ...
 # ENERGY, FREEDOM: sum of |u|^2 and of its components. TURNS: poses in a row whose turn is known, up to _TURNS.
 # SERIAL: sum of u' times the u before; WAITING, FRESH: what is not yet in it; POSES: in FRESH; U: the last u (3,).
-A, B, C, P, LOG_LOAD, ENERGY, FREEDOM, TURNS, SERIAL, WAITING, FRESH, POSES, U, STILL = (
-    *(0, 3, 6, 9, 15, 16, 17, 18, 19, 20, 21, 22, 23),
-    26,
+# MEAN_LOAD, UNSTEADY: mean of the load's logarithm, and its variance.
+A, B, C, P, LOG_LOAD, ENERGY, FREEDOM, TURNS, SERIAL, WAITING, FRESH, POSES, U, MEAN_LOAD, UNSTEADY, STILL = (
+    *(0, 3, 6, 9, 15, 16, 17, 18, 19, 20, 21, 22, 23, 26, 27),
+    28,
 )
 # What a pose amounts to: rise of the load's logarithm, what is left of b and c, gains of a, b, c, deviation of the
 # noise over the innovation's, its variance (mean of x and y), whether the turn counts, u (3), the noise's factor (6).
 RISE, KEEP, GAIN, NARROW, SPREAD, TURN_COUNTS, WHITE, ROOT, STEP = 0, 1, 2, 5, 6, 7, 8, 11, 17
 
-LEAST_SCALE, MOST_SCALE = 0.25, 25.0
-"""The scatter may be between so many times the variance that comes with a pose."""
+_LEAST_SEEN, _LEAST_SCALE, MOST_SCALE = 0.01, 0.9, 25.0
+"""The scatter is learned between the first and the last times the variance that comes with a pose; below the second it
+does not count."""
+_STEADY = 0.05
+"""Variance of the load's logarithm up to which a scatter smaller than the covariance says counts."""
 _PRIOR = 20.0
 """Components for which the covariance that comes with a pose counts."""
 _BLOCK, _MEMORY = 16, 3000.0
@@ -41,10 +45,14 @@ _TURNS = 20.0
 
 @kernel
 def scale(m: Floats) -> float:
-    """Variance of the scatter seen over that which the covariance says."""
+    """Variance of the scatter seen over that which the covariance says.
+
+    Below 1 only while the load is steady: a covariance that is too large under high load may be right under low load.
+    """
     if m[FREEDOM] == 0.0:
         return 1.0
-    return float(min(max(m[ENERGY] / m[FREEDOM], LEAST_SCALE), MOST_SCALE))
+    least = _LEAST_SCALE if m[UNSTEADY] < _STEADY else 1.0
+    return float(min(max(m[ENERGY] / m[FREEDOM], least), MOST_SCALE))
 
 
 @kernel
@@ -78,7 +86,7 @@ def forget(m: Floats) -> None:
     """Another contact, or a pattern begun anew: the scatter counts for little, unless it was larger than said."""
     m[ENERGY] = _PRIOR * max(scale(m), 1.0)
     m[FREEDOM] = _PRIOR
-    m[SERIAL] = 0.0
+    m[SERIAL] = m[MEAN_LOAD] = m[UNSTEADY] = 0.0
 
 
 @kernel
@@ -137,6 +145,7 @@ def innovate(dt: float, y: Floats, noise: Floats, load: float, prior: Floats, m:
     for k in range(3):
         step[GAIN + k] = m[P + k] / total
     step[NARROW] = np.sqrt(step[SPREAD] / total)
+    _watch_load(load, m)
     root, u, e = step[ROOT : ROOT + 6], step[WHITE : WHITE + 3], np.zeros(3)
     turns = turn_counts(y[2], noise, m)
     step[TURN_COUNTS] = 1.0 if turns else 0.0
@@ -179,12 +188,22 @@ def _predict(dt: float, rise: float, prior: Floats, m: Floats) -> float:
 
 
 @kernel
+def _watch_load(load: float, m: Floats) -> None:
+    """Mean and variance of the load's logarithm, over as long as the scale's memory."""
+    if m[FREEDOM] == _PRIOR:
+        m[MEAN_LOAD] = load
+    fresh, off = 2.0 / _MEMORY, load - m[MEAN_LOAD]
+    m[MEAN_LOAD] += fresh * off
+    m[UNSTEADY] = (1.0 - fresh) * (m[UNSTEADY] + fresh * off * off)
+
+
+@kernel
 def _learn(square: float, u: Floats, components: float, m: Floats) -> None:
     """Scale and correlation of the noise, from one more u (3,) and its square."""
     fade = 1.0 - components / _MEMORY
     m[FREEDOM] = fade * m[FREEDOM] + components
     energy = fade * m[ENERGY] + square
-    m[ENERGY] = min(max(energy, LEAST_SCALE * m[FREEDOM]), MOST_SCALE * m[FREEDOM])
+    m[ENERGY] = min(max(energy, _LEAST_SEEN * m[FREEDOM]), MOST_SCALE * m[FREEDOM])
     m[SERIAL] *= fade
     for axis in range(3):
         m[FRESH] += u[axis] * m[U + axis]

@@ -7,7 +7,7 @@ from math import erfc
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.messages import LOST, UNRESOLVED, Bools, Bytes, Floats
+from taxelflow.messages import LOST, OK, UNRESOLVED, Bools, Bytes, Floats
 from taxelflow.monitor.halt import AT, AT_VAR, BEGAN, DOUBT, FROM, LOST_TURN, RESTS, SINCE, SLIDE, SPEED, set_off, slide
 from taxelflow.monitor.onset import BEGIN, ENERGY_OF, SLIP, VELOCITY, thinned, threshold, weigh
 from taxelflow.monitor.still import ENERGY, STEP, STILL, TURN_COUNTS, TURNS, P, forget, innovate, scale, settle
@@ -15,10 +15,11 @@ from taxelflow.monitor.still import ENERGY, STEP, STILL, TURN_COUNTS, TURNS, P, 
 NEW, RESTING, SLIPPING = range(3)
 """Modes: in contact for too short a time to judge; still; slipping."""
 
-# Memory per pad: mode, time of the last scan and of the last pose used, logarithm of the load, poses since the contact
-# began or began anew, when that was, how many ramps are followed, accumulated displacement (3); `still`'s and `halt`'s.
-MODE, LAST, USED, LOAD, KNOWN, FIRST, RAMPS, Y = range(8)
-CALM = 10
+# Memory per pad: mode, time of the last scan and of the last pose used, logarithm of the load or 0, poses since the
+# contact began or began anew, when that was, how many ramps are followed, whether it is what is left of one that was
+# let go, accumulated displacement (3); `still`'s and `halt`'s.
+MODE, LAST, USED, LOAD, KNOWN, FIRST, RAMPS, LEFT, Y = range(9)
+CALM = 11
 MOVED = CALM + STILL
 MEMORY = MOVED + SLIDE
 # What changed: when a slip began or ended, s, and its velocity along x, y, theta.
@@ -68,17 +69,15 @@ def follow(
         for scan in range(len(t)):
             d, now = displacement[scan, pad], t[scan]
             senses = not np.isnan(disturbance[scan, pad])
-            if not contact[scan, pad] or (not senses and (np.isnan(d[0]) or quality[scan, pad] == LOST)):
+            _take_load(load[scan, pad], contact[scan, pad], m)
+            # What is left may be no contact at all but what has drifted: it must be worth something.
+            blind = np.isnan(d[0]) or quality[scan, pad] == LOST or (m[LEFT] > 0.0 and quality[scan, pad] != OK)
+            if not contact[scan, pad] or (not senses and blind):
                 m[MODE], m[KNOWN] = NEW, 0.0
             else:
-                loads = load[scan, pad] > 0.0
-                if loads and abs(np.log(load[scan, pad]) - m[LOAD]) > _JUMP:
-                    m[MODE], m[KNOWN] = NEW, 0.0  # touched or let go, all or a part of it
                 if m[KNOWN] == 0.0:
                     m[FIRST], m[USED] = now, -np.inf
                     forget(m[CALM : CALM + STILL])
-                if loads:
-                    m[LOAD] = np.log(load[scan, pad])
                 m[KNOWN] += 1.0
                 # A pose that is the mean of two scans shares one with the next: only every second one is new.
                 shared = lag[scan, pad] > 0.0
@@ -95,6 +94,19 @@ def follow(
                         m[USED] = now
             m[LAST] = now
             slipping[scan, pad] = m[MODE] == SLIPPING and m[MOVED + DOUBT] == 0.0
+
+
+@kernel
+def _take_load(load: float, touched: bool, m: Floats) -> None:
+    """Remember the load; one that leaps is another contact: touched or let go, all or a part of it."""
+    if not touched:
+        m[LOAD] = m[LEFT] = 0.0
+    elif load > 0.0:
+        rise = np.log(load) - m[LOAD] if m[LOAD] != 0.0 else 0.0
+        m[LOAD] = np.log(load)
+        if abs(rise) > _JUMP:
+            m[MODE], m[KNOWN] = NEW, 0.0
+            m[LEFT] = 1.0 if rise < 0.0 else 0.0
 
 
 @kernel

@@ -11,6 +11,8 @@ from taxelflow.publish.quiet import quiet_table
 if TYPE_CHECKING:
     from typing import Any
 
+    from rich.table import Table
+
 _NAMES = {"lnorm": "L norm", "convolution": "flow", "principal_axis": "axis"}
 _MOST_FAR = 6
 """Strokes that are named, of each case."""
@@ -139,17 +141,10 @@ def show_field(scored: Any) -> None:
 def show_slip(scored: Any) -> None:
     """Slips found, then alarms of still objects beside the rate that was asked for."""
     console = Console(markup=False)
-    title = f"slips: {scored.seeds} recordings of each object, seeds from {scored.first_seed}"
-    found = quiet_table(
-        "object:", "method:", "n", "F1", "ms", "p90", "max", "miss", "false", "split", "deg", "%", title=title
-    )
-    for row in scored.slips:
-        onsets = [f"{ms:.0f}" for ms in (row.onset_ms, row.onset_p90_ms, row.onset_max_ms)]
-        counts = [str(count) for count in (row.missed, row.false, row.split)]
-        motion = (f"{row.direction_deg:.0f}", f"{row.speed_percent:.0f}")
-        found.add_row(row.object, row.method, str(row.slips), f"{row.f1:.3f}", *onsets, *counts, *motion)
-    console.print(found)
-    console.print()
+    for mode, how in (("stream", "called live"), ("batch", "dated afterwards")):
+        title = f"slips, {how}: {scored.seeds} recordings of each object, seeds from {scored.first_seed}"
+        console.print(_slips_found([row for row in scored.slips if row.mode == mode], title))
+        console.print()
     title = f"still objects, {scored.alarms_per_hour:g} false alarms an hour asked for"
     still = quiet_table("scenario:", "method:", "hours", "alarms", "an hour", "95 %:", "scatter", title=title)
     for row in scored.holds:
@@ -160,11 +155,24 @@ def show_slip(scored: Any) -> None:
     console.print(
         "n: slips. ms, p90, max: from the first slipping scan to the first called so.\n"
         "false: begun while still. split: begun anew within a slip. deg, %: median error\n"
-        "of a slip's direction and speed. 95 %: interval of the rate. scatter: learned,\n"
-        "over the covariance's. roll and tilt are no slips; pressure alone cannot tell.",
+        "of a slip's direction and speed. 95 %: interval of the rate, called live.\n"
+        "scatter: learned, over the covariance's. roll and tilt are no slips; pressure\n"
+        "alone cannot tell.",
         style="dim",
         highlight=False,
     )
+
+
+def _slips_found(rows: list[Any], title: str) -> Table:
+    found = quiet_table(
+        "object:", "method:", "n", "F1", "ms", "p90", "max", "miss", "false", "split", "deg", "%", title=title
+    )
+    for row in rows:
+        onsets = [f"{ms:.0f}" for ms in (row.onset_ms, row.onset_p90_ms, row.onset_max_ms)]
+        counts = [str(count) for count in (row.missed, row.false, row.split)]
+        motion = (f"{row.direction_deg:.0f}", f"{row.speed_percent:.0f}")
+        found.add_row(row.object, row.method, str(row.slips), f"{row.f1:.3f}", *onsets, *counts, *motion)
+    return found
 
 
 def show_limits(scored: Any) -> None:

@@ -247,7 +247,8 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                     if attempt >= 4:
                         m[CARRIES] = 0.0
                         m[TURNED] = 1.0 if attempt == 4 else m[TURNED]
-                        m[GROWS] = 1.0 if attempt == 5 else m[GROWS]
+                        if attempt == 5:  # the pose steps, for what was taken for motion was growth
+                            m[GROWS], m[CONTINUES] = 1.0, 0.0
                 if best_chi <= _POOR * usual:
                     break
             if carried == 0:
