@@ -116,8 +116,8 @@ class Run:
 
     @property
     def notes(self) -> list[str]:
-        """What the estimator has found out about the sensor."""
-        return list(self._estimator.notes) if isinstance(self._estimator, Learning) else []
+        """What was found out about contacts, and by the estimator about the sensor."""
+        return [*self._condition.notes, *(self._estimator.notes if isinstance(self._estimator, Learning) else [])]
 
     @property
     def scatter(self) -> Floats:

@@ -13,6 +13,7 @@ from taxelflow.condition.learn import Learned, learn, masked_too, relearn
 from taxelflow.condition.sample import Sample
 from taxelflow.condition.sift import Counts, Sifted, Sifter
 from taxelflow.condition.units import SATURATED, full_scale, in_si
+from taxelflow.condition.watch import Watch
 from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, Floats, RawScans, Scans
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from taxelflow.condition.conditioner import Conditioner
     from taxelflow.condition.drift import Drift
     from taxelflow.condition.filters import Filters
+    from taxelflow.condition.separate import Separator
     from taxelflow.sensor import Sensor
 
 
@@ -55,6 +57,13 @@ class Session:
             from taxelflow.condition.drift import Drift
 
             self._drift = Drift(self._layout)
+        levels = parameters.contact_on, parameters.contact_off
+        self._watch = Watch(self._layout, *levels)
+        self._separate: Separator | None = None
+        if (self._layout.contact_of >= 0).any():
+            from taxelflow.condition.separate import Separator
+
+            self._separate = Separator(self._layout, *levels)
         self.learned: Learned | None = None
         self.foreseen: Counts | None = None
         if lookahead is not None:
@@ -71,6 +80,11 @@ class Session:
     def counts(self) -> Counts:
         """Repeats and gaps so far, lookahead left out."""
         return self._sifter.counts
+
+    @property
+    def notes(self) -> list[str]:
+        """What a user should know of the contacts."""
+        return self._watch.notes
 
     @property
     def lag_s(self) -> float:
@@ -153,15 +167,22 @@ class Session:
             values = self._filters.step(fresh.values, fresh.gap, self.learned.noise)
             fresh = replace(fresh, values=values)
         if self._drift is None:
-            yield self._tared(fresh)
+            yield self._told_apart(self._tared(fresh))
             return
         while len(fresh):
             count = min(len(fresh), self._drift.wanted)
             piece, fresh = fresh.part(0, count), fresh.part(count, len(fresh))
-            scans = self._tared(piece)
+            scans = self._told_apart(self._tared(piece))
             yield scans
             if self.learned is not None:
                 self.learned = self._drift.take(scans, piece.gap, self.learned)
+
+    def _told_apart(self, scans: Scans) -> Scans:
+        """The same scans, each contact that is told apart with its own taxels."""
+        if self._separate is not None:
+            self._separate.step(scans)
+        self._watch.step(scans)
+        return scans
 
     def _tared(self, fresh: Sifted) -> Scans:
         if self.learned is None:
