@@ -307,8 +307,8 @@ class Score:
     seeds: int = 10
     """field, limits, contacts: seeds of each scenario. slip: recordings of each object that sticks and slips."""
     seed: int = 0
-    """table1, peers, limits, contacts: the first seed; the others follow from it. slip: added to the seeds, which begin at
-    1000."""
+    """table1, peers, limits, contacts: the first seed; the others follow from it. slip: added to the seeds, which begin
+    at 1000."""
     methods: tuple[str, ...] = ()
     """table1, peers: our methods to score; the paper's, and the template, if left out. limits: all if left out. slip:
     template, principal_axis and convolution if left out. contacts: template and lnorm if left out."""

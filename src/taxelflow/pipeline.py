@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast, get_args
 
+import numpy as np
+
 from taxelflow import registry
 from taxelflow.calibration import Calibration
 from taxelflow.compiling import announced
@@ -14,6 +16,8 @@ from taxelflow.estimation.base import Learning, Mode
 from taxelflow.estimation.smoothing import Smoothing
 from taxelflow.fuse.rigid import RigidField
 from taxelflow.messages import (
+    OK,
+    UNRESOLVED,
     Bools,
     Contacts,
     Event,
@@ -91,7 +95,9 @@ class Run:
             self._condition = pipeline.condition.start(recording.sensor, recording.masked, lookahead)
             self._fuse = pipeline.fusion.start(layout)
             self._describe = pipeline.features.begin(recording.sensor)
+            self._watch = pipeline.condition.watch(recording.sensor)
         self._described: list[Contacts] = []
+        self._parted: list[Bools] = []
         self._monitor = pipeline.monitor.begin(layout.pads)
 
     @property
@@ -117,7 +123,7 @@ class Run:
     @property
     def notes(self) -> list[str]:
         """What was found out about contacts, and by the estimator about the sensor."""
-        return [*self._condition.notes, *(self._estimator.notes if isinstance(self._estimator, Learning) else [])]
+        return [*self._watch.notes, *(self._estimator.notes if isinstance(self._estimator, Learning) else [])]
 
     @property
     def scatter(self) -> Floats:
@@ -135,6 +141,7 @@ class Run:
 
     def _step(self, scans: Scans) -> Iterator[Output]:
         self._described.append(self._describe.step(scans))
+        self._parted.append(self._watch.step(scans))
         yield from self._finish(self._estimate.step(scans))
 
     def _finish(self, slips: Slips) -> Iterator[Output]:
@@ -146,6 +153,9 @@ class Run:
         if len(contacts) > len(slips):  # the estimator holds some back
             self._described = [cut(contacts, len(slips), len(contacts))]
             contacts = cut(contacts, 0, len(slips))
+        parted = np.concatenate(self._parted)
+        self._parted = [parted[len(slips) :]]
+        slips.quality[parted[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no one rigid object moves so
         slipping, events = self._monitor.step(slips)
         yield Output(slips, slipping, self._fuse.step(slips), events, contacts)
 

@@ -39,8 +39,8 @@ _REACH = 3.0
 @dataclass(frozen=True, slots=True)
 class Followed:
     """labels: (scans, taxels) of the sensor, n for a loaded taxel of contact n of its pad, from 1; -n for one beside
-    it, which is not loaded; 0 for all others. open: (scans, pads followed, slots), contact n lies free of the others: none
-    of its loaded taxels is beside one of theirs; False where there is no contact n.
+    it, which is not loaded; 0 for all others. open: (scans, pads followed, slots), contact n lies free of the others:
+    none of its loaded taxels is beside one of theirs; False where there is no contact n.
     """
 
     labels: NDArray[np.int8]

@@ -13,7 +13,6 @@ from taxelflow.condition.learn import Learned, learn, masked_too, relearn
 from taxelflow.condition.sample import Sample
 from taxelflow.condition.sift import Counts, Sifted, Sifter
 from taxelflow.condition.units import SATURATED, full_scale, in_si
-from taxelflow.condition.watch import Watch
 from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, Floats, RawScans, Scans
 
@@ -57,13 +56,11 @@ class Session:
             from taxelflow.condition.drift import Drift
 
             self._drift = Drift(self._layout)
-        levels = parameters.contact_on, parameters.contact_off
-        self._watch = Watch(self._layout, *levels)
         self._separate: Separator | None = None
         if (self._layout.contact_of >= 0).any():
             from taxelflow.condition.separate import Separator
 
-            self._separate = Separator(self._layout, *levels)
+            self._separate = Separator(self._layout, parameters.contact_on, parameters.contact_off)
         self.learned: Learned | None = None
         self.foreseen: Counts | None = None
         if lookahead is not None:
@@ -80,11 +77,6 @@ class Session:
     def counts(self) -> Counts:
         """Repeats and gaps so far, lookahead left out."""
         return self._sifter.counts
-
-    @property
-    def notes(self) -> list[str]:
-        """What a user should know of the contacts."""
-        return self._watch.notes
 
     @property
     def lag_s(self) -> float:
@@ -181,7 +173,6 @@ class Session:
         """The same scans, each contact that is told apart with its own taxels."""
         if self._separate is not None:
             self._separate.step(scans)
-        self._watch.step(scans)
         return scans
 
     def _tared(self, fresh: Sifted) -> Scans:

@@ -3,7 +3,7 @@
 However a rigid object moves, its feet keep their distances. So the blobs of a pad (`blobs.py`) are followed, and the
 distance between the centroids of any two, while both lie free of each other and of the pad's border, is held against
 what it was at first. If it has changed for some scans by more than noise, sampling and the pad's map explain, they
-are no parts of one rigid object.
+are no parts of one rigid object, for as long as the pad is touched.
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ class Watch:
         self._border: Bools = np.asarray(layout.border[: layout.taxels].any(axis=1))
         self._memory = np.zeros((len(self._pads), _SLOTS, _SLOTS, _PAIR))
         self._apart_m = np.zeros(len(self._pads))
+        self._parted = np.zeros(len(self._pads), dtype=np.bool_)
 
     @property
     def notes(self) -> list[str]:
@@ -55,14 +56,18 @@ class Watch:
             if apart_m > 0
         ]
 
-    def step(self, scans: Scans) -> None:
-        """Watch these scans, which follow those of the last call."""
+    def step(self, scans: Scans) -> Bools:
+        """(scans, pads, groups and contacts), where contacts have moved apart since the pad was touched; these scans
+        follow those of the last call.
+        """
+        parted = np.zeros(scans.contact.shape, dtype=np.bool_)
         if self._follower is None:
-            return
+            return parted
         followed = self._follower.step(scans)
         watch(
             scans.pressure,
             scans.noise,
+            scans.contact,
             scans.complete,
             followed.labels,
             followed.open,
@@ -74,13 +79,17 @@ class Watch:
             self._layout.stretch,
             self._memory,
             self._apart_m,
+            self._parted,
+            parted,
         )
+        return parted
 
 
 @kernel
 def watch(
     pressure: Floats,
     noise: Floats,
+    contact: Bools,
     complete: Bools,
     labels: NDArray[np.int8],
     alone: Bools,
@@ -92,19 +101,25 @@ def watch(
     stretch: Floats,
     memory: Floats,
     apart_m: Floats,
+    moved: Bools,
+    parted: Bools,
 ) -> None:
-    """Raise apart_m (pads watched,) where the distance of two contacts has changed. memory: (pads watched, slots,
-    slots, 3), of each pair how many scans its first distance is from, that distance, and how long another one lasts.
+    """Raise apart_m (pads watched,) where the distance of two contacts has changed, and set parted (scans, pads) from
+    there on. Memory: moved (pads watched,), whether it has; memory (pads watched, slots, slots, 3), of each pair how
+    many scans its first distance is from, that distance, and how long another one lasts.
     """
     slots = memory.shape[1]
     place, free = np.zeros((slots, 3)), np.zeros(slots, dtype=np.bool_)
     for scan in range(len(pressure)):
         for number in range(len(pads)):
             pad = pads[number]
+            if not contact[scan, pad]:
+                moved[number] = False
+                memory[number, :, :, :] = 0.0
+                continue
+            parted[scan, pad] = moved[number]
             if alone[scan, number].sum() < 2:
                 memory[number, :, :, _LONG] = 0.0
-                if not alone[scan, number].any():
-                    memory[number, :, :, _COUNT] = 0.0
                 continue
             low, high = starts[pad], starts[pad + 1]
             for s in range(slots):
@@ -120,6 +135,8 @@ def watch(
                     if free[s] and free[r]:
                         far = _compare(place[s], place[r], pitch_m[pad], stretch[pad], memory[number, s, r])
                         apart_m[number] = max(apart_m[number], far)
+                        moved[number] |= far > 0.0
+            parted[scan, pad] = moved[number]
 
 
 @kernel

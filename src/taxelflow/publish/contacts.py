@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 def show_contacts(scored: Any) -> None:
     """Errors and consistency of each object, by how its contact was seen."""
     console = Console(markup=False)
-    for scenario in dict.fromkeys(row.scenario for row in scored.rows):
-        title = f"{scenario}, {scored.seeds} seeds from {scored.seed}"
+    for scenario, mode in dict.fromkeys((row.scenario, row.mode) for row in scored.rows):
+        title = f"{scenario}, {mode}, {scored.seeds} seeds from {scored.seed}"
         spans = ("1", "20", "100")
         table = quiet_table("method:", "object:", "seen:", "known", "ok", "mm", "deg", *spans, title=title)
-        own = [row for row in scored.rows if row.scenario == scenario]
+        own = [row for row in scored.rows if (row.scenario, row.mode) == (scenario, mode)]
         for row in own:
             table.add_row(
-                row.method + (", stream" if row.mode == "stream" else ""),
+                row.method,
                 row.object,
                 row.seen,
                 f"{row.known:.0%}",
@@ -32,13 +32,14 @@ def show_contacts(scored: Any) -> None:
                 *(_number(found.nees, 1) for found in row.consistency),
             )
         console.print(table)
-        console.print(f"noted that contacts move apart: {scored.noted[scenario]:.0%} of recordings", highlight=False)
         console.print()
+    for scenario, share in scored.noted.items():
+        console.print(f"{scenario}, as one: {share:.0%} of runs note that contacts move apart", highlight=False)
     console.print(
         "alone: the other object is not there. told apart: --contacts 2. as one: without.\n"
-        "known: share of the contact's scans with a pose that is not lost; ok: with quality\n"
-        "ok. mm, deg: RMS of place and turn, each contact's best constant offset taken off.\n"
-        "1, 20, 100: NEES a degree of freedom over so many scans, 1 is honest.",
+        "known: share of the contact's scans with a pose that is not lost; ok: with\n"
+        "quality ok. mm, deg: RMS of place and turn, each contact's best constant offset\n"
+        "taken off. 1, 20, 100: NEES a degree of freedom over so many scans; 1: honest.",
         style="dim",
         highlight=False,
     )

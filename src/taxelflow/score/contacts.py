@@ -79,14 +79,15 @@ def score_contacts(
     for number in watched(range(seed, seed + seeds)):
         for case, recording, pads, truths in _cases(number):
             scenario, seen = case
+            noted_here = False
             for method, kind in kinds.items():
                 for mode in _modes(method):
                     result = api.estimate(recording, kind, mode=mode)
+                    noted_here = any("moved apart" in note for note in result.summary.notes)
                     for pad, (name, true) in zip(pads, truths, strict=True):
                         own = _seen(result, result.pads.index(pad), true)
                         found.setdefault((scenario, method, mode, name, seen), []).append(own)
-            if seen == "as one":
-                noted[scenario] += any("moved apart" in note for note in result.summary.notes)
+            noted[scenario] += noted_here and seen == "as one"
     rows = [_row(key, own) for key, own in sorted(found.items(), key=lambda item: _place(item[0], kinds))]
     return ContactScore(seeds, seed, rows, {scenario: count / seeds for scenario, count in noted.items()})
 

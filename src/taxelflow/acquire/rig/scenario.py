@@ -123,7 +123,7 @@ _FEET_LIFT = replace(
 )
 _TWO = replace(
     _FEET_LIFT,
-    contact=Contact("textured", radius_m=0.008),
+    contact=Contact("bulb", radius_m=0.0065, aspect=1.5),
     motion=Motion(
         speed_m_s=0.012, direction_rad=pi / 2, travel_m=0.024, turn_rad_s=0.2, middle_m=(-0.016, 0.0), rest_s=1.5
     ),
