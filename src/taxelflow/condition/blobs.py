@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.messages import Bools, Floats
+from taxelflow.messages import Bools, Floats, no_scans
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     Indices = NDArray[np.int64]
 
+ABSENT, TOUCHING, NEAR, FREE = range(4)
 _SHARE = 0.25
 """Of what a contact loaded before, that a blob must hold to be its continuation."""
 _CORE = 0.5
@@ -39,12 +40,12 @@ _REACH = 3.0
 @dataclass(frozen=True, slots=True)
 class Followed:
     """labels: (scans, taxels) of the sensor, n for a loaded taxel of contact n of its pad, from 1; -n for one beside
-    it, which is not loaded; 0 for all others. open: (scans, pads followed, slots), contact n lies free of the others:
-    none of its loaded taxels is beside one of theirs; False where there is no contact n.
+    it, which is not loaded; 0 for all others. room: (scans, pads followed, slots), how far contact n lies from the
+    others: ABSENT, TOUCHING (loaded taxels lie side by side), NEAR (one taxel between), FREE.
     """
 
     labels: NDArray[np.int8]
-    open: Bools
+    room: NDArray[np.int8]
 
 
 class Follower:
@@ -62,11 +63,12 @@ class Follower:
         self._reading = np.zeros(layout.taxels)
         self._age = np.zeros((len(pads), self._most), dtype=np.int64)
         self._apart, self._flank = np.zeros_like(self._age), np.zeros_like(self._age)
+        self.step(no_scans(layout.entries, len(layout.pads)))  # compiles
 
     def step(self, scans: Scans) -> Followed:
         """The contacts of these scans, which follow those of the last call."""
         labels = np.zeros((len(scans), self._layout.taxels), dtype=np.int8)
-        alone = np.zeros((len(scans), len(self._pads), self._most), dtype=np.bool_)
+        room = np.zeros((len(scans), len(self._pads), self._most), dtype=np.int8)
         follow(
             scans.pressure,
             scans.noise,
@@ -85,9 +87,9 @@ class Follower:
             self._apart,
             self._flank,
             labels,
-            alone,
+            room,
         )
-        return Followed(labels, alone)
+        return Followed(labels, room)
 
 
 def beside(layout: Layout, pads: Indices) -> tuple[Indices, Indices]:
@@ -131,9 +133,9 @@ def follow(
     apart: NDArray[np.int64],
     flank: NDArray[np.int64],
     labels: NDArray[np.int8],
-    alone: Bools,
+    room: NDArray[np.int8],
 ) -> None:
-    """Fill labels and alone (`Followed.open`). label, before: (taxels,) of the scan before, and age, apart and flank:
+    """Fill labels and room (see `Followed`). label, before: (taxels,) of the scan before, and age, apart and flank:
     (pads, slots), in scans, are memory; contacts of age 0 are none.
     """
     blob = np.zeros(len(label), dtype=np.int64)
@@ -159,7 +161,7 @@ def follow(
                     _join_flanks(reading, low, high, first, beside, label, own_age, flank[number])
             before[low:high] = reading[low:high]
             labels[scan, low:high] = label[low:high]
-            _surround(reading, low, high, first, beside, labels[scan], age[number], alone[scan, number])
+            _surround(reading, low, high, first, beside, labels[scan], age[number], room[scan, number])
 
 
 @kernel
@@ -406,11 +408,11 @@ def _surround(
     beside: Indices,
     labels: NDArray[np.int8],
     age: NDArray[np.int64],
-    alone: Bools,
+    room: NDArray[np.int8],
 ) -> None:
-    """Give taxels beside a contact to it, the more loaded one first, and set alone (slots,)."""
+    """Give taxels beside a contact to it, the more loaded one first, and set room (slots,)."""
     for s in range(len(age)):
-        alone[s] = age[s] > 0
+        room[s] = FREE if age[s] > 0 else ABSENT
     for k in range(low, high):
         if labels[k] == 0:
             most = 0.0
@@ -421,4 +423,5 @@ def _surround(
         if labels[k] > 0:
             for j in beside[first[k] : first[k + 1]]:
                 if labels[j] != 0 and abs(labels[j]) != labels[k]:
-                    alone[labels[k] - 1] = False
+                    near = TOUCHING if labels[j] > 0 else NEAR
+                    room[labels[k] - 1] = min(room[labels[k] - 1], near)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.condition.blobs import Follower
+from taxelflow.condition.blobs import FREE, Follower
 
 if TYPE_CHECKING:
     from taxelflow.layout import Layout
@@ -40,5 +40,5 @@ class Separator:
                 pressure = scans.pressure[:, self._layout.of_pad(contact)]
                 pressure[:] = np.where(others, 0.0, scans.pressure[:, own])
                 scans.contact[:, contact] = (followed.labels[:, own] == slot + 1).any(axis=1)
-                hidden = scans.contact[:, contact] & ~followed.open[:, number, slot]
+                hidden = scans.contact[:, contact] & (followed.room[:, number, slot] < FREE)
                 scans.complete[:, contact] = scans.complete[:, pad] & ~hidden

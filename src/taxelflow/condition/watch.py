@@ -1,7 +1,7 @@
 """Whether contacts on one pad move apart, where nobody has asked to tell them apart.
 
 However a rigid object moves, its feet keep their distances. So the blobs of a pad (`blobs.py`) are followed, and the
-distance between the centroids of any two, while both lie free of each other and of the pad's border, is held against
+distance between the centroids of any two, while they do not touch each other or the pad's border, is held against
 what it was at first. If it has changed for some scans by more than noise, sampling and the pad's map explain, they
 are no parts of one rigid object, for as long as the pad is touched.
 """
@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.condition.blobs import Follower
-from taxelflow.messages import Bools, Floats
+from taxelflow.condition.blobs import ABSENT, NEAR, Follower
+from taxelflow.messages import Bools, Floats, no_scans
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Scans
 
 _SLOTS = 4
-_FIRST, _LASTING = 8, 5
+_FIRST, _LASTING = 5, 5
 """Scans whose mean is a pair's distance at first, and for which another one must last."""
 _SIGMAS, _PITCHES = 6.0, 0.5
 """A distance has changed if it differs by so many standard deviations, and by so many pitches."""
@@ -44,6 +44,7 @@ class Watch:
         self._memory = np.zeros((len(self._pads), _SLOTS, _SLOTS, _PAIR))
         self._apart_m = np.zeros(len(self._pads))
         self._parted = np.zeros(len(self._pads), dtype=np.bool_)
+        self.step(no_scans(layout.entries, len(layout.pads)))  # compiles
 
     @property
     def notes(self) -> list[str]:
@@ -70,7 +71,7 @@ class Watch:
             scans.contact,
             scans.complete,
             followed.labels,
-            followed.open,
+            followed.room,
             self._pads,
             self._layout.starts,
             self._places,
@@ -92,7 +93,7 @@ def watch(
     contact: Bools,
     complete: Bools,
     labels: NDArray[np.int8],
-    alone: Bools,
+    room: NDArray[np.int8],
     pads: NDArray[np.int64],
     starts: NDArray[np.int64],
     places: Floats,
@@ -118,17 +119,17 @@ def watch(
                 memory[number, :, :, :] = 0.0
                 continue
             parted[scan, pad] = moved[number]
-            if alone[scan, number].sum() < 2:
+            if (room[scan, number] >= NEAR).sum() < 2:
                 memory[number, :, :, _LONG] = 0.0
                 continue
             low, high = starts[pad], starts[pad + 1]
             for s in range(slots):
-                free[s] = alone[scan, number, s] and complete[scan, pad]
+                free[s] = room[scan, number, s] >= NEAR and complete[scan, pad]
                 if free[s]:
                     free[s] = _centroid(pressure[scan], noise, labels[scan], s + 1, low, high, places, border, place[s])
                 else:
                     memory[number, s, :, _LONG] = memory[number, :, s, _LONG] = 0.0
-                    if not _there(labels[scan], s + 1, low, high):
+                    if room[scan, number, s] == ABSENT:
                         memory[number, s, :, _COUNT] = memory[number, :, s, _COUNT] = 0.0
             for s in range(slots):
                 for r in range(s):
@@ -167,11 +168,6 @@ def _centroid(
             variance += 0.5 * arm2 * (noise[k] / total) ** 2
     out[2] = variance
     return True
-
-
-@kernel
-def _there(labels: NDArray[np.int8], label: int, low: int, high: int) -> bool:
-    return bool((labels[low:high] == label).any())
 
 
 @kernel
