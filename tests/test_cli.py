@@ -194,7 +194,7 @@ def test_contacts_have_rows_of_their_own_that_are_read_back_and_drawn(tmp_path: 
         way = 0.0005 * (scan - 40)
         values[scan] += dome(wide, -0.05 + way, radius_m=0.006) + dome(wide, 0.05, way, radius_m=0.006, peak=30e3)
     recording, out = save_npz(tmp_path / "a.npz", values, sensor=wide), tmp_path / "out"
-    asked = ("--out", str(out), "--method", "lnorm", "--mode", mode, "--contacts", "pad0=2")
+    asked = ("--out", str(out), "--mode", mode, "--contacts", "pad0=2")
     assert main(["estimate", str(recording), *asked]) == 0
     rows = rows_of(out / "slips.csv")
     assert [row["pad"] for row in rows[:3]] == ["pad0", "pad0#1", "pad0#2"]

@@ -92,6 +92,13 @@ def test_a_contact_that_ends_frees_its_number_and_a_new_one_takes_the_lowest() -
     np.testing.assert_allclose(centres(scans, 3)[35], [-6, 0, 6], atol=0.51)
 
 
+def test_a_number_that_changes_hands_is_without_contact_for_a_scan() -> None:
+    scans = apart(pressed(*[[(-0.06, 0.0), (0.02, 0.0)]] * 6, *[[(0.02, 0.0), (0.08, 0.0, 0.8)]] * 6))
+    assert np.flatnonzero(~scans.contact.all(axis=1)).tolist() == [6]
+    assert np.flatnonzero(~scans.contact[6]).tolist() == [int(np.nanargmin(centres(scans)[5])) + 1]
+    assert np.sort(centres(scans)[7]) == pytest.approx([2, 8], abs=0.51)
+
+
 def test_a_blob_too_many_belongs_to_the_nearest_contact() -> None:
     scans = apart(pressed(*[[(-0.06, 0.0), (0.07, 0.0, 0.8), (0.02, 0.0, 0.5)]] * 6))
     layout = with_contacts(GRID, 2).layout

@@ -2,10 +2,12 @@
 
 A blob is a connected set of loaded taxels. A contact keeps its number from scan to scan: it goes on in the blobs that
 hold at least a quarter of what it loaded before, else in the nearest new one. Two contacts that meet in one blob are
-cut: the cores that they had, all above half of their peaks, grow over the blob from its highest taxel to its lowest, a
-watershed. A contact without a blob frees its number, a new blob takes the lowest free one. Parts of a contact that have
-been apart for some scans become two, if a number is free; contacts that meet while one is still young are one, and so
-are those of which one has for some scans had no peak, but lain on the other's flank: it has lifted there.
+cut: the cores that they had, all above half of their peaks in it, grow over the blob from its highest taxel to its
+lowest, a watershed. A contact without a blob frees its number, a new blob takes the lowest free one; if that was in
+use in the scan before, this scan counts as without contact, so that no two contacts look like one that leaps. Parts of
+a contact that have been apart for some scans become two, if a number is free; contacts that meet while one is still
+young are one, and so are those of which one has for some scans had no peak, but lain on the other's flank: it has
+lifted there.
 """
 
 from __future__ import annotations
@@ -239,14 +241,14 @@ def _own(
         if not owner[b].any() and votes[b].max() > 0.0:
             owner[b, np.argmax(votes[b])] = True
     for s in range(1, slots + 1):  # one that is nowhere may have moved far
-        if age[s - 1] > 0 and not owner[:, s].any():
+        if was[s, 0] > 0.0 and not owner[:, s].any():
             nearest = _nearest(is_now, was[s], owner, False, _REACH if owner.any() else np.inf)
             owner[nearest, s] = nearest > 0
     _unite(owner, age)
     for s in range(1, slots + 1):
         age[s - 1] = age[s - 1] + 1 if owner[:, s].any() else 0
-    _number(owner, is_now[:, 0], peak, on, age)
-    _part(owner, is_now[:, 0], peak, on, age, apart)
+    _number(owner, is_now[:, 0], peak, on, was[:, 0], age)
+    _part(owner, is_now[:, 0], peak, on, was[:, 0], age, apart)
     owned = owner.copy()
     for b in range(1, blobs + 1):  # what is too faint, or one too many, goes to the nearest
         if not owned[b].any():
@@ -293,20 +295,22 @@ def _unite(owner: Bools, age: NDArray[np.int64]) -> None:
 
 
 @kernel
-def _number(owner: Bools, load: Floats, peak: Floats, on: float, age: NDArray[np.int64]) -> None:
-    """New blobs become contacts: the most loaded one takes the lowest free number."""
+def _number(owner: Bools, load: Floats, peak: Floats, on: float, was: Floats, age: NDArray[np.int64]) -> None:
+    """New blobs become contacts: the most loaded one takes the lowest free number. was: (slots + 1,), loads of the scan
+    before; a number that was in use then is of age 0 in this one.
+    """
     for s in range(1, len(age) + 1):
         new = 0
         for b in range(1, len(owner)):
             if not owner[b].any() and peak[b] > on and (new == 0 or load[b] > load[new]):
                 new = b
-        if age[s - 1] == 0 and new > 0:
-            owner[new, s], age[s - 1] = True, 1
+        if new > 0 and not owner[:, s].any():
+            owner[new, s], age[s - 1] = True, 0 if was[s] > 0.0 else 1
 
 
 @kernel
 def _part(
-    owner: Bools, load: Floats, peak: Floats, on: float, age: NDArray[np.int64], apart: NDArray[np.int64]
+    owner: Bools, load: Floats, peak: Floats, on: float, was: Floats, age: NDArray[np.int64], apart: NDArray[np.int64]
 ) -> None:
     """Contacts whose blobs have been apart for long become two, if a number is free: the larger part keeps its own."""
     blobs, slots = owner.shape[0] - 1, owner.shape[1] - 1
@@ -321,10 +325,10 @@ def _part(
         apart[s - 1] = apart[s - 1] + 1 if second > 0 else 0
         free = 0
         for r in range(slots, 0, -1):
-            free = r if age[r - 1] == 0 else free
+            free = r if not owner[:, r].any() else free
         if apart[s - 1] >= _APART and free > 0:
             owner[second, s], owner[second, free] = False, True
-            age[free - 1], apart[s - 1] = 1, 0
+            age[free - 1], apart[s - 1] = 0 if was[free] > 0.0 else 1, 0
 
 
 @kernel
@@ -343,15 +347,15 @@ def _cut(
     was such a blob.
     """
     slots = owner.shape[1] - 1
-    top = np.zeros(slots + 1)
+    top = np.zeros((len(owner), slots + 1))
     for k in range(low, high):
         if label[k] > 0:
-            top[label[k]] = max(top[label[k]], before[k])
+            top[blob[k], label[k]] = max(top[blob[k], label[k]], before[k])
     shared = False
     for k in range(low, high):
         b, s = blob[k], label[k]
         owners = owner[b].sum()
-        core = s > 0 and owner[b, s] and before[k] >= _CORE * top[s]
+        core = s > 0 and owner[b, s] and before[k] >= _CORE * top[b, s]
         shared |= owners > 1
         label[k] = (s if core else 0) if owners > 1 else np.argmax(owner[b])
     while shared:

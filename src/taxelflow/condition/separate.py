@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.condition.blobs import FREE, Follower
+from taxelflow.condition.blobs import ABSENT, FREE, Follower
 
 if TYPE_CHECKING:
     from taxelflow.layout import Layout
@@ -39,6 +39,6 @@ class Separator:
                 others = (label != 0) & (label != slot + 1)
                 pressure = scans.pressure[:, self._layout.of_pad(contact)]
                 pressure[:] = np.where(others, 0.0, scans.pressure[:, own])
-                scans.contact[:, contact] = (followed.labels[:, own] == slot + 1).any(axis=1)
+                scans.contact[:, contact] = followed.room[:, number, slot] > ABSENT
                 hidden = scans.contact[:, contact] & (followed.room[:, number, slot] < FREE)
                 scans.complete[:, contact] = scans.complete[:, pad] & ~hidden
