@@ -208,7 +208,7 @@ def test_contacts_have_rows_of_their_own_that_are_read_back_and_drawn(tmp_path: 
     assert {row["pad"] for row in rows_of(out / "contacts.csv")} == {"pad0", "pad0#1", "pad0#2"}
     assert {row["pad"] for row in rows_of(out / "events.csv")} >= {"pad0#1", "pad0#2"}
     assert main(["plot", str(out), "--out", str(tmp_path / "pictures")]) == 0
-    assert (tmp_path / "pictures" / "position-pad0-1.svg").is_file()
+    assert (tmp_path / "pictures" / "position-pad0_1.svg").is_file()
 
 
 def test_contacts_of_a_pad_that_the_sensor_lacks(tmp_path: Path, capsys: Capture) -> None:
