@@ -59,7 +59,7 @@ class Follower:
         self._levels = on, off
         self._first, self._next = beside(layout, pads)
         pitch = np.repeat(np.sqrt(layout.pitch_m.prod(axis=1)), np.diff(layout.starts))[: layout.taxels]
-        self._places = np.stack([layout.x_m, layout.y_m])[:, : layout.taxels] / pitch
+        self._places = np.stack([layout.x_m[: layout.taxels], layout.y_m[: layout.taxels]]) / pitch
         self._most = int(slots.max())
         self._label = np.zeros(layout.taxels, dtype=np.int8)
         self._reading = np.zeros(layout.taxels)

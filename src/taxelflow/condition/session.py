@@ -182,7 +182,8 @@ class Session:
         values, offset = fresh.values, self.learned.offset
         noise, ceiling = self._entry_noise(self.learned.noise), self._ceiling(offset)
         if layout.entries > layout.taxels:
-            values, offset = values[:, layout.source], offset[layout.source]
+            values = np.take(values, layout.source, axis=1)  # row by row, as all kernels are compiled for
+            offset = offset[layout.source]
         pressure = np.empty_like(values)
         contact = np.empty((len(fresh), len(layout.pads)), dtype=np.bool_)
         complete = np.empty_like(contact)

@@ -39,7 +39,7 @@ class Watch:
         self._pads = np.setdiff1d(np.arange(layout.pad_count), layout.contact_of)
         slots = np.full(len(self._pads), _SLOTS)
         self._follower = Follower(layout, self._pads, slots, on, off) if len(self._pads) else None
-        self._places = np.stack([layout.x_m, layout.y_m])[:, : layout.taxels]
+        self._places = np.stack([layout.x_m[: layout.taxels], layout.y_m[: layout.taxels]])
         self._border: Bools = np.asarray(layout.border[: layout.taxels].any(axis=1))
         self._memory = np.zeros((len(self._pads), _SLOTS, _SLOTS, _PAIR))
         self._apart_m = np.zeros(len(self._pads))
