@@ -41,7 +41,7 @@ class Grasp:
         self.t_s += PERIOD_S
         pose = np.array([[[0.0, 0.01 - self.slid_m, 0.0]]])
         zero = np.zeros((1, 1))
-        state = State(zero + self.grip_n / GRIP_0_N, zero, zero, zero)
+        state = State(zero + self.grip_n / GRIP_0_N, zero, zero, zero, zero)
         pressure = taxel_pressure(self.pattern, pose, state, LAYOUT.x_m, LAYOUT.y_m, (0.0036, 0.0036))
         now = np.array([self.t_s])
         return RawScans(now, sense(SENSING, pressure, now, self.random) / SENSOR.to_si)

@@ -18,6 +18,7 @@ from synthetic import DsaMatrix, dome, dsa_words, dsa_xml, grid_sensor, raw_scan
 from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.cli import main
+from taxelflow.publish.results import read_result
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -183,6 +184,36 @@ def test_a_methods_own_option_may_stand_anywhere_after_the_recording(
     arguments = ["estimate", str(save_npz(tmp_path / "a.npz")), "--out", str(tmp_path)]
     assert main([*arguments[:place], *option, *arguments[place:]]) == 0
     assert json.loads((tmp_path / "summary.json").read_text())["parameters"]["method"] == {"gain": 1.04}
+
+
+@both_modes
+def test_contacts_have_rows_of_their_own_that_are_read_back_and_drawn(tmp_path: Path, mode: str) -> None:
+    wide = grid_sensor(8, 16)
+    values: Floats = np.random.default_rng(0).normal(0, 100, (60, 128))
+    for scan in range(20, 60):
+        way = 0.0005 * (scan - 40)
+        values[scan] += dome(wide, -0.05 + way, radius_m=0.006) + dome(wide, 0.05, way, radius_m=0.006, peak=30e3)
+    recording, out = save_npz(tmp_path / "a.npz", values, sensor=wide), tmp_path / "out"
+    asked = ("--out", str(out), "--mode", mode, "--contacts", "pad0=2")
+    assert main(["estimate", str(recording), *asked]) == 0
+    rows = rows_of(out / "slips.csv")
+    assert [row["pad"] for row in rows[:3]] == ["pad0", "pad0#1", "pad0#2"]
+    assert len(rows) == 3 * 60
+    summary, tracks = read_result(out)
+    assert list(summary.pads) == [track.pad for track in tracks] == ["pad0", "pad0#1", "pad0#2"]
+    assert summary.layout.pads[0].contacts == 2
+    moved = [np.ptp(track.position_m[track.flags["contact"]][2:-2], axis=0) for track in tracks[1:]]
+    assert moved[0][0] > 5 * moved[0][1]
+    assert moved[1][1] > 5 * moved[1][0]
+    assert {row["pad"] for row in rows_of(out / "contacts.csv")} == {"pad0", "pad0#1", "pad0#2"}
+    assert {row["pad"] for row in rows_of(out / "events.csv")} >= {"pad0#1", "pad0#2"}
+    assert main(["plot", str(out), "--out", str(tmp_path / "pictures")]) == 0
+    assert (tmp_path / "pictures" / "position-pad0_1.svg").is_file()
+
+
+def test_contacts_of_a_pad_that_the_sensor_lacks(tmp_path: Path, capsys: Capture) -> None:
+    line = refused_estimate(capsys, tmp_path, save_npz(tmp_path / "a.npz"), "--contacts", "palm=2")
+    assert line == "taxelflow: unknown pad 'palm'; known are pad0\n"
 
 
 @both_modes
@@ -387,6 +418,8 @@ def test_a_time_that_is_no_number(tmp_path: Path, capsys: Capture) -> None:
         ["--condition.median-scans", "2"],
         ["--features.threshold", "nan"],
         ["--monitor.alarms-per-hour", "0"],
+        ["--contacts", "0"],
+        ["--contacts", "palm=many"],
     ],
     ids=" ".join,
 )

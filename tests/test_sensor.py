@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from synthetic import grid_sensor
 from taxelflow.catalogue import load_sensor
-from taxelflow.errors import SensorFileInvalid
+from taxelflow.errors import NameUnknown, ParameterInvalid, SensorFileInvalid
 from taxelflow.pads import Pad
-from taxelflow.sensor import Sensor, parse_sensor, sensor_of
+from taxelflow.sensor import Sensor, parse_sensor, sensor_of, with_contacts
 
 GOOD = """
 name = "hand"
@@ -306,3 +307,66 @@ def test_whatever_a_sensor_file_holds_it_is_a_sensor_or_one_line(
         assert made.wiring.readings(np.zeros((1, made.wiring.columns))).shape == (1, layout.taxels)
         assert np.isfinite(layout.x_m).all()
         assert made.to_si > 0
+
+
+def test_contacts_are_asked_for_on_every_pad_or_by_name() -> None:
+    hand = grid_sensor(4, 4, pads=2)
+    assert with_contacts(hand, 2).layout.pads == ("pad0", "pad1", "pad0#1", "pad0#2", "pad1#1", "pad1#2")
+    assert with_contacts(hand, {"pad1": 3}).layout.pads == ("pad0", "pad1", "pad1#1", "pad1#2", "pad1#3")
+    assert with_contacts(hand, "2") == with_contacts(hand, 2)
+    assert with_contacts(hand, " pad0=1, pad1=3 ") == with_contacts(hand, {"pad1": 3})
+    assert with_contacts(with_contacts(hand, 2), 1) == hand
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (0, r"contacts is 0; it is a whole number from 1 to 8"),
+        ("9", r"contacts is 9; it is a whole number from 1 to 8"),
+        ("pad0=0", r"contacts is 0; it is a whole number from 1 to 8"),
+        ({"pad0": 2.5}, r"contacts is 2\.5; it is a whole number from 1 to 8"),
+        (True, r"contacts is True; it is a whole number from 1 to 8"),
+        ("-1", r"contacts is '-1'; it is a number such as 2, or one for each of some pads: palm=2,thumb=3"),
+        ("pad0", r"contacts is 'pad0'; it is a number such as 2"),
+        ("pad0=2,", r"contacts is 'pad0=2,'; it is a number such as 2"),
+        ("", r"contacts is ''; it is a number such as 2"),
+        ("=2", r"contacts is '=2'; it is a number such as 2"),
+        ("pad0=two", r"contacts is 'pad0=two'; it is a number such as 2"),
+    ],
+)
+def test_contacts_asked_for_in_vain(asked: Any, message: str) -> None:
+    with pytest.raises(ParameterInvalid, match=message):
+        with_contacts(grid_sensor(4, 4), asked)
+
+
+def test_contacts_of_a_pad_that_is_not_there() -> None:
+    with pytest.raises(NameUnknown, match=r"unknown pad 'palm'; known are pad0, pad1"):
+        with_contacts(grid_sensor(4, 4, pads=2), "palm=2")
+
+
+def test_contacts_whose_name_is_taken() -> None:
+    pads = (Pad("a", 2, 2, (0.01, 0.01)), Pad("a#2", 2, 2, (0.01, 0.01)))
+    with pytest.raises(
+        ParameterInvalid, match=r"contacts is \{'a': 2\}; a pad or group is already called a#2: rename it"
+    ):
+        with_contacts(Sensor("hand", "Pa", pads), "a=2")
+
+
+def test_a_sensor_file_may_say_how_many_contacts_are_told_apart() -> None:
+    text = 'name = "s"\nunit = "Pa"\n[[pads]]\nname = "a"\nrows = 2\ncols = 2\npitch_m = [0.01, 0.01]\ncontacts = '
+    assert parse_sensor(f"{text}2".encode(), "s.toml").layout.pads == ("a", "a#1", "a#2")
+    with pytest.raises(SensorFileInvalid, match=r"s\.toml: table \[\[pads\]\] number 1, field contacts: .*<= 8"):
+        parse_sensor(f"{text}9".encode(), "s.toml")
+    group = '\n[[groups]]\nname = "a#2"\npatches = [{pad = "a"}]\n'
+    with pytest.raises(SensorFileInvalid, match=r"'a#2' stands 2 times; .*each group once, and none as a contact"):
+        parse_sensor(f"{text}2{group}".encode(), "s.toml")
+
+
+def test_entries_of_contacts_are_those_of_their_pad() -> None:
+    layout = with_contacts(grid_sensor(3, 4, pads=2), {"pad1": 2}).layout
+    assert layout.contact_of.tolist() == [-1, -1, 1, 1]
+    assert (layout.taxels, layout.entries, layout.pad_count) == (24, 48, 2)
+    pad, first = layout.of_pad(1), layout.of_pad(2)
+    for name in ("source", "row", "col", "x_m", "y_m", "border", "beside", "delay_s", "area_m2"):
+        np.testing.assert_array_equal(getattr(layout, name)[pad], getattr(layout, name)[first], err_msg=name)
+    assert layout.apart.tolist() == [True, True, False, False]  # the rigid object goes by pads

@@ -26,7 +26,7 @@ from taxelflow.publish.summary import Summary, Totals
 from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
     from taxelflow.condition.learn import Learned
     from taxelflow.estimation.base import Estimator, Mode
@@ -42,9 +42,9 @@ _BAG_DIRECTORY = "metadata.yaml"
 class Result:
     """Everything that a recording gave, in memory.
 
-    pads: names along the second axis of the arrays of `slips` and of slipping (scans, pads). `motions` is the
-    object's motion per scan, `contacts` what each pad's contact is like, `patterns` what a method that learns has
-    learned, `summary` what `summary.json` holds.
+    pads: names along the second axis of the arrays of `slips` and of slipping (scans, pads): pads, groups, and contacts
+    that are told apart. `motions` is the object's motion per scan, `contacts` what each pad's contact is like,
+    `patterns` what a method that learns has learned, `summary` what `summary.json` holds.
     """
 
     pads: tuple[str, ...]
@@ -138,16 +138,20 @@ def estimate(
     monitor: SlipMonitor | None = None,
     calibration: Calibration | str | Path | None = None,
     smooth: Smoothing | None = None,
+    contacts: int | str | Mapping[str, int] | None = None,
     **parameters: Any,
 ) -> Result:
     """Run a recording through the pipeline and keep all results in memory.
 
-    method: a name, whose parameters follow (e.g. gain=1.04), or an estimator of your own. Raises what `read` raises,
-    TimesNotIncreasing, and CalibrationError if `calibration` (an object or a file) is broken or of another sensor or
-    method. What is lost of a truncated recording is said in `summary.loss`.
+    method: a name, whose parameters follow (e.g. gain=1.04), or an estimator of your own. contacts: how many contacts,
+    at most, are told apart on every pad, or by pad ({"palm": 2}); as the sensor says if left out. Raises what `read`
+    raises, ParameterInvalid and NameUnknown for contacts, TimesNotIncreasing, and CalibrationError if `calibration` (an
+    object or a file) is broken or of another sensor or method. What is lost of a truncated recording is said in
+    `summary.loss`.
     """
     if not isinstance(recording, Recording):
         recording = read(recording)
+    recording = recording.told_apart(contacts)
     if isinstance(method, str):
         chosen, name = estimator(method, **parameters), method
     else:

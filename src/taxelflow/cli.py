@@ -73,6 +73,10 @@ class Estimate(_Recorded):
     """batch: learn tare and noise from the whole recording first. stream: scan by scan, as from a live device."""
     calibration: Path | None = None
     """Gains per pad and axis: a file by `taxelflow calibrate`, of the same sensor and method."""
+    contacts: str | None = None
+    """Tell contacts that move independently apart, as pads of their own (palm#1, palm#2): at most so many on every pad,
+    or by pad, such as palm=2,thumb=3. What the sensor says, usually 1, if left out: a rigid object with several feet is
+    one contact."""
     condition: Conditioner = field(default_factory=Conditioner)
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
     fusion: RigidField = field(default_factory=RigidField)
@@ -90,7 +94,7 @@ class Estimate(_Recorded):
 
         kind = registry.find("estimator", self.method)
         estimator = tyro.cli(kind, args=rest, prog=f"taxelflow estimate --method {self.method}")
-        recording = self.opened()
+        recording = self.opened().told_apart(self.contacts)
         calibration = None if self.calibration is None else load_calibration(self.calibration)
         pipeline = Pipeline(
             estimator,
@@ -285,13 +289,13 @@ class Simulate:
 class Score:
     """Measure accuracy and slip events: against truth on the simulated rig, or on real recordings without it."""
 
-    what: Positional[Literal["table1", "hard", "field", "slip", "limits", "peers", "real"]]
+    what: Positional[Literal["table1", "hard", "field", "slip", "limits", "peers", "real", "contacts"]]
     """table1: the paper's Table I beside ours. hard: its strokes streamed, with dead or saturated taxels, read taxel by
     taxel, of a small object. field: translation and rotation of an object over the whole hand, by number of slip
     vectors. slip: slips found and missed, and false alarms an hour. limits: estimators against the Cramér-Rao bound,
     and whether their covariances hold. peers: Table I's strokes through OpenCV, scikit-image and OpenPIV beside ours
     (extra `bench`). real: on recordings without truth, how well the template predicts the next scan, and its turn
-    beside the principal axis."""
+    beside the principal axis. contacts: two objects on one pad, told apart and not, and feet that lift."""
     of: Positional[tuple[str, ...]] = ()
     """limits: one of the scenarios of `taxelflow simulate`; stroke if left out. real: the recordings."""
     sensor: str | None = None
@@ -301,14 +305,15 @@ class Score:
     strokes: int = 1000
     """table1, peers: strokes at each speed, half of them backward."""
     seeds: int = 10
-    """field, limits: seeds of each scenario. hard: recordings of each case and speed. slip: recordings of each object
-    that sticks and slips."""
+    """field, limits, contacts: seeds of each scenario. hard: recordings of each case and speed. slip: recordings of
+    each object that sticks and slips."""
     seed: int = 0
-    """table1, hard, peers, limits: the first seed; the others follow from it. slip: added to the seeds, which begin at
-    1000."""
+    """table1, hard, peers, limits, contacts: the first seed; the others follow from it. slip: added to the seeds, which
+    begin at 1000."""
     methods: tuple[str, ...] = ()
     """table1, peers: our methods to score; the paper's, and the template, if left out. hard: the template if left
-    out. limits: all if left out. slip: template, principal_axis and convolution if left out."""
+    out. limits: all if left out. slip: template, principal_axis and convolution if left out. contacts: template and
+    lnorm if left out."""
     mode: Literal["batch", "stream"] = "batch"
     """limits: as for `taxelflow estimate`."""
     solver: Solver = "analytic"
@@ -338,6 +343,7 @@ class Score:
             "limits": self._limits,
             "peers": self._peers,
             "real": self._real,
+            "contacts": self._contacts,
         }
         scored, show = kinds[self.what]()
         show(scored) if not self.json else sys.stdout.buffer.write(to_json(scored))
@@ -365,6 +371,14 @@ class Score:
 
         opened = [api.read(path, self.sensor, topic=self.topic) for path in self.of]
         return score_real(opened, partial(counted, what="recordings")), show_real
+
+    def _contacts(self) -> tuple[Struct, Callable[[Any], None]]:
+        from taxelflow.publish.contacts import show_contacts
+        from taxelflow.publish.terminal import counted
+        from taxelflow.score.contacts import score_contacts
+
+        watched = partial(counted, what="seeds")
+        return score_contacts(self.seeds, seed=self.seed, methods=self.methods, watched=watched), show_contacts
 
     def _table1(self) -> tuple[Struct, Callable[[Any], None]]:
         from taxelflow.publish.scores import show_table1

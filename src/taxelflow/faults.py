@@ -115,10 +115,12 @@ def _of_any(pad: Pad) -> Iterator[tuple[str, str, str]]:
 
 def check_groups(groups: Sequence[Group], pads: Sequence[Pad], source: str) -> None:
     """Raises SensorFileInvalid for names that stand twice and for the first group that can be none."""
-    for name, times in Counter([pad.name for pad in pads] + [group.name for group in groups]).items():
+    contacts = [name for pad in pads for name in pad.contact_names]
+    for name, times in Counter([pad.name for pad in pads] + [group.name for group in groups] + contacts).items():
         if times > 1:
             where, seen = "tables [[pads]] and [[groups]], field name", f"{name!r} stands {times} times"
-            raise SensorFileInvalid(source, where, seen, "name each pad and each group once")
+            remedy = "name each pad and each group once" + (", and none as a contact" if name in contacts else "")
+            raise SensorFileInvalid(source, where, seen, remedy)
     known = {pad.name: pad for pad in pads}
     for number, group in enumerate(groups, 1):
         where = f"table [[groups]] number {number} ({group.name}), field patches"

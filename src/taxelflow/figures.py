@@ -234,9 +234,10 @@ def _placed(tracks: list[Track]) -> list[Track]:
 
 
 def _busiest(results: Sequence[tuple[Summary, list[Track]]]) -> list[str]:
-    """Pads in contact, the one with the longest contact first."""
+    """Pads and contacts that are told apart, those in contact, the longest contact first."""
     summary = results[0][0]
-    pads = summary.layout.layout.pads[: summary.layout.layout.pad_count]  # groups lie on them
+    groups = {group.name for group in summary.layout.groups}  # they lie on pads
+    pads = [name for name in summary.layout.layout.pads if name not in groups]
     loaded = [(summary.pads[name].contact_scans, name) for name in pads if summary.pads[name].contact_scans]
     if not loaded:
         raise ResultMissing(Path(summary.input), "contact at all, so there is nothing to draw")

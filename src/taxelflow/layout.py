@@ -6,7 +6,8 @@ table: if it is flat and has no normals, its own; else the map of `chart`, origi
 
 Hand frame: the hand's skin laid flat, as on a map; a pad's place on it is `origin_m` and `angle_rad`. A group is a
 choice of taxels of one or more pads that gets a slip vector of its own: to all that follows conditioning it is one
-more pad.
+more pad. So is each of the contacts of a pad that are told apart: all of the pad's taxels, of which conditioning
+leaves it those that are its own.
 """
 
 from __future__ import annotations
@@ -35,11 +36,12 @@ _CLOSEST = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layout:
-    """Pads, and after them groups, as flat arrays over their taxels.
+    """Pads, after them groups, and then contacts that are told apart, as flat arrays over their taxels.
 
     taxels: how many a scan has. source: (entries,), the taxel of the scan that an entry reads; a group's entries come
-    after those of all pads, so for pads an entry's number is its taxel's. pads: names of pads and groups, pad_count of
-    which are pads. starts: (pads + 1,), pad p owns entries starts[p] to starts[p + 1]. row, col: (entries,) place in
+    after those of all pads, so for pads an entry's number is its taxel's. pads: names of pads, groups and contacts, the
+    first pad_count of which are pads; contact_of: (pads,), the pad whose contact it is, -1 for pads and groups.
+    starts: (pads + 1,), pad p owns entries starts[p] to starts[p + 1]. row, col: (entries,) place in
     the pad's grid, of a table on its raster. x_m, y_m: (entries,) place in the pad's frame. beside: (entries, 2, 2),
     number within the pad (of a group: within the patch) of the next taxel to the left, right (x), below, above (y), -1
     where none is. border: (entries, 2), one of the two is not there. shapes: (rows, cols) per pad. tables: (pads,),
@@ -54,6 +56,7 @@ class Layout:
     taxels: int
     pad_count: int
     pads: tuple[str, ...]
+    contact_of: Indices
     shapes: tuple[tuple[int, int], ...]
     tables: Bools
     source: Indices
@@ -74,19 +77,24 @@ class Layout:
 
     @property
     def entries(self) -> int:
-        """Taxels of all pads and groups, those of groups counted again."""
+        """Taxels of all pads, groups and contacts, those of the latter two counted again."""
         return len(self.source)
 
     @property
     def apart(self) -> Bools:
-        """(pads,): groups, and pads that no group takes taxels from: no taxel counts as pad and as group."""
+        """(pads,): groups, and pads that no group takes taxels from: no taxel counts as pad and as group. No contact,
+        for those that are told apart belong to no one rigid object.
+        """
+        groups = np.flatnonzero(self.contact_of[self.pad_count :] < 0) + self.pad_count
         grouped = np.zeros(self.taxels, dtype=np.bool_)
-        grouped[self.source[self.starts[self.pad_count] :]] = True
-        free = [not grouped[self.of_pad(pad)].any() for pad in range(self.pad_count)]
-        return np.array(free + [True] * (len(self.pads) - self.pad_count))
+        for group in groups:
+            grouped[self.source[self.of_pad(int(group))]] = True
+        apart = self.contact_of < 0
+        apart[: self.pad_count] = [not grouped[self.of_pad(pad)].any() for pad in range(self.pad_count)]
+        return apart
 
     def of_pad(self, pad: int) -> slice:
-        """Entries of pad or group number `pad`; for a pad these are its taxels in the scan."""
+        """Entries of pad, group or contact number `pad`; for a pad these are its taxels in the scan."""
         return slice(int(self.starts[pad]), int(self.starts[pad + 1]))
 
     def neighbours(self, pad: int) -> Indices:
@@ -184,6 +192,8 @@ def layout_of(pads: Sequence[Pad], groups: Sequence[Group], delay_s: Sequence[fl
     first = np.concatenate([[0], np.cumsum([pad.count for pad in pads])]).astype(np.int64)
     zones = [[(number, np.arange(pad.count))] for number, pad in enumerate(pads)]
     zones += [[(numbers[patch.pad], chosen_of(patch, pads[numbers[patch.pad]])) for patch in g.patches] for g in groups]
+    told = [(name, number) for number, pad in enumerate(pads) for name in pad.contact_names]
+    zones += [[(number, np.arange(pads[number].count))] for _, number in told]
     homes = np.array([_home(pad, alone=len(pads) == 1) for pad in pads])
     wide = [len({number for number, _ in zone}) > 1 for zone in zones]  # across pads: everything in the hand frame
     parts = [(number, chosen, across) for zone, across in zip(zones, wide, strict=True) for number, chosen in zone]
@@ -204,7 +214,8 @@ def layout_of(pads: Sequence[Pad], groups: Sequence[Group], delay_s: Sequence[fl
     return Layout(
         taxels=int(first[-1]),
         pad_count=len(pads),
-        pads=(*numbers, *(group.name for group in groups)),
+        pads=(*numbers, *(group.name for group in groups), *(name for name, _ in told)),
+        contact_of=np.array([-1] * (len(pads) + len(groups)) + [number for _, number in told]),
         shapes=tuple(skins[n].shape for n in leaders),
         tables=np.array([skins[n].table for n in leaders]),
         source=source,

@@ -27,7 +27,8 @@ NO_POSE, OK, AMBIGUOUS, UNRESOLVED, LOST = range(5)
 QUALITY = ("", "ok", "ambiguous", "unresolved", "lost")
 """What a pose is worth. Empty: there is none. ok: as good as its covariance says. ambiguous: something that is not
 motion (a contact cut by a border, tilt, growth) may look like it, or a direction cannot be seen. unresolved: the scan
-does not fit what the method knows, chi-square is too high. lost: the method starts again."""
+does not fit what the method knows, chi-square is too high, or contacts on the pad have moved apart. lost: the method
+starts again."""
 
 
 @dataclass(frozen=True, slots=True)

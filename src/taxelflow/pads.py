@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 MOST_TAXELS = 1 << 20
+MOST_CONTACTS = 8
 
 Name = Annotated[str, Meta(min_length=1, max_length=80, pattern=r"^[^,\"\r\n]+$")]
 Count = Annotated[int, Meta(ge=0, le=1024)]
@@ -15,6 +16,7 @@ Positive = Annotated[float, Meta(gt=0, lt=1e12)]
 Index = Annotated[int, Meta(ge=0, lt=MOST_TAXELS)]
 Channels = Annotated[int, Meta(ge=1, le=MOST_TAXELS)]
 Number = Annotated[float, Meta(gt=-1e6, lt=1e6)]
+Contacts = Annotated[int, Meta(ge=1, le=MOST_CONTACTS)]
 
 Corner = Literal["top-left", "top-right", "bottom-left", "bottom-right"]
 
@@ -54,6 +56,8 @@ class Pad(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=Tr
     """Corner of the grid where the source begins."""
     index: tuple[Index, ...] = ()
     """Which of the pad's numbers each taxel is, where no simple order fits; in a table's CSV the column `index`."""
+    contacts: Contacts = 1
+    """How many contacts on it, at most, are told apart, because they move independently."""
     note: str = ""
     """What a user should know, such as an assumption."""
 
@@ -66,6 +70,11 @@ class Pad(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=Tr
     def count(self) -> int:
         """How many taxels it has."""
         return len(self.taxels) if self.is_table else self.rows * self.cols - len(self.missing)
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """What its contacts are called in results; none where they are not told apart."""
+        return tuple(f"{self.name}#{number}" for number in range(1, self.contacts + 1)) if self.contacts > 1 else ()
 
 
 class Patch(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=True):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast, get_args
 
+import numpy as np
+
 from taxelflow import registry
 from taxelflow.calibration import Calibration
 from taxelflow.compiling import announced
@@ -14,6 +16,8 @@ from taxelflow.estimation.base import Learning, Mode
 from taxelflow.estimation.smoothing import Smoothing
 from taxelflow.fuse.rigid import RigidField
 from taxelflow.messages import (
+    OK,
+    UNRESOLVED,
     Bools,
     Contacts,
     Event,
@@ -92,8 +96,10 @@ class Run:
             self._condition = pipeline.condition.start(recording.sensor, recording.masked, lookahead)
             self._fuse = pipeline.fusion.start(layout)
             self._describe = pipeline.features.begin(recording.sensor)
+            self._watch = pipeline.condition.watch(recording.sensor)
         self._described: list[Contacts] = []
         self._estimated: list[Slips] = []
+        self._parted: list[Bools] = []
         watch = pipeline.monitor.begin if self._stream else pipeline.monitor.look_back
         self._monitor = watch(layout.pads)
 
@@ -119,8 +125,8 @@ class Run:
 
     @property
     def notes(self) -> list[str]:
-        """What the estimator has found out about the sensor."""
-        return list(self._estimator.notes) if isinstance(self._estimator, Learning) else []
+        """What was found out about contacts, and by the estimator about the sensor."""
+        return [*self._watch.notes, *(self._estimator.notes if isinstance(self._estimator, Learning) else [])]
 
     @property
     def scatter(self) -> Floats:
@@ -143,6 +149,7 @@ class Run:
 
     def _step(self, scans: Scans) -> Iterator[Output]:
         self._described.append(self._describe.step(scans))
+        self._parted.append(self._watch.step(scans))
         yield from self._finish(self._estimate.step(scans))
 
     def _finish(self, slips: Slips) -> Iterator[Output]:
@@ -150,6 +157,9 @@ class Run:
             return
         if self._condition.lag_s:
             slips = replace(slips, lag_s=slips.lag_s + self._condition.lag_s)
+        parted = np.concatenate(self._parted)
+        self._parted = [parted[len(slips) :]]
+        slips.quality[parted[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no one rigid object moves so
         self._estimated.append(slips)
         yield from self._give(*self._monitor.step(slips))
 

@@ -11,13 +11,14 @@ import msgspec
 from msgspec import Meta
 
 from taxelflow import faults
-from taxelflow.errors import SensorFileInvalid
+from taxelflow.errors import NameUnknown, ParameterInvalid, SensorFileInvalid
 from taxelflow.layout import Layout, layout_of
-from taxelflow.pads import Channels, Group, Name, Number, Pad, Positive
+from taxelflow.pads import MOST_CONTACTS, Channels, Group, Name, Number, Pad, Positive
 from taxelflow.taxel_table import with_table
 from taxelflow.wiring import Wiring, wire
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from importlib.resources.abc import Traversable
 
 PASCAL_PER = {"Pa": 1.0, "kPa": 1e3, "psi": 6894.757293168, "N/cm2": 1e4}
@@ -92,6 +93,37 @@ def _wiring(sensor: Sensor) -> Wiring:
 
 def _axis(sensor: Sensor) -> int:
     return "xyz".index(sensor.normal) if sensor.axes == 3 else 0
+
+
+def with_contacts(sensor: Sensor, asked: int | str | Mapping[str, int]) -> Sensor:
+    """The sensor with so many contacts to be told apart on every pad, or on some, by name.
+
+    asked: 2, or {"palm": 2}, or as text, 2 or palm=2,thumb=3. Raises ParameterInvalid, NameUnknown.
+    """
+    names = [pad.name for pad in sensor.pads]
+    if isinstance(asked, str):
+        asked = int(asked) if asked.strip().isdecimal() else _counts(asked)
+    counts = dict.fromkeys(names, asked) if isinstance(asked, int) else asked
+    for name, count in counts.items():
+        if name not in names:
+            raise NameUnknown("pad", name, names)
+        if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_CONTACTS:
+            raise ParameterInvalid("contacts", count, f"it is a whole number from 1 to {MOST_CONTACTS}")
+    pads = tuple(msgspec.structs.replace(pad, contacts=counts.get(pad.name, pad.contacts)) for pad in sensor.pads)
+    taken = {*names, *(group.name for group in sensor.groups)} & {name for pad in pads for name in pad.contact_names}
+    if taken:
+        raise ParameterInvalid("contacts", asked, f"a pad or group is already called {min(taken)}: rename it")
+    return msgspec.structs.replace(sensor, pads=pads)
+
+
+def _counts(asked: str) -> dict[str, int]:
+    """Of text such as palm=2,thumb=3. Raises ParameterInvalid."""
+    parts = [part.rpartition("=") for part in asked.split(",")]
+    if not all(name and count.strip().isdecimal() for name, _, count in parts):
+        raise ParameterInvalid(
+            "contacts", asked, "it is a number such as 2, or one for each of some pads: palm=2,thumb=3"
+        )
+    return {name.strip(): int(count) for name, _, count in parts}
 
 
 def read_sensor(path: Path) -> Sensor:

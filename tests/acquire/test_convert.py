@@ -35,7 +35,7 @@ def known(values: Any, t_s: Any = None) -> Recording:
     raw = RawScans(times(len(values)) / 3 if t_s is None else np.asarray(t_s), np.asarray(values, dtype=np.float64))
     pose = np.stack([raw.t_s * 0.01, raw.t_s * 0, np.full(len(raw), np.nan)], axis=1)
     masked = np.array([False, True, False, False, False, True])
-    truth = Truth(SENSOR.layout.pads[0], raw.t_s, pose, np.arange(len(raw)) % 2 > 0)
+    truth = Truth(SENSOR.layout.pads[0], raw.t_s, pose, np.arange(len(raw)) % 2 > 0, pose[:, ::-1].copy())
     return Recording("memory", "memory", SENSOR, lambda: iter([raw]), scans=len(raw), masked=masked, truth=truth)
 
 
@@ -55,7 +55,7 @@ def test_what_is_converted_reads_back_to_the_bit(
     np.testing.assert_array_equal(back.masked, recording.masked)
     truth = back.known_truth
     assert truth.pad == recording.known_truth.pad
-    for name in ("t_s", "pose", "slipping"):
+    for name in ("t_s", "pose", "slipping", "second"):
         np.testing.assert_array_equal(getattr(truth, name), getattr(recording.known_truth, name))
 
 

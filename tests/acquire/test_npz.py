@@ -184,6 +184,8 @@ def test_without_truth_there_is_none(tmp_path: Path) -> None:
         {**STILL, "truth_slipping": np.zeros(3, dtype=bool)},
         {**STILL, "truth_slipping": np.zeros(4)},
         {"truth_slipping": np.zeros(4, dtype=bool)},
+        {**STILL, "truth_second": np.zeros((3, 3))},
+        {**STILL, "truth_second": np.zeros((4, 3), dtype=int)},
     ],
     ids=[
         "mask too short",
@@ -195,6 +197,8 @@ def test_without_truth_there_is_none(tmp_path: Path) -> None:
         "slip too short",
         "slip of fractions",
         "slip without truth",
+        "second pose too short",
+        "second pose of whole numbers",
     ],
 )
 def test_masks_and_truth_that_do_not_fit_are_refused(tmp_path: Path, members: dict[str, Any]) -> None:

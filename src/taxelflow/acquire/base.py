@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTruncated, TaxelCountWrong, TimesNotIncreasing
 from taxelflow.messages import Bools, Floats, RawScans, joined
-from taxelflow.sensor import Sensor
+from taxelflow.sensor import Sensor, with_contacts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from taxelflow.layout import Layout
@@ -37,13 +37,15 @@ class Truth:
     """Where the object really was, in the frame of one pad, or of the hand (pad is then `hand`).
 
     t_s: (times,). pose: (times, 3), x, y in m and theta in rad. slipping: (times,), whether it really slid or turned
-    relative to the skin at that time, if known.
+    relative to the skin at that time, if known. second: (times, 3), pose of a second object on the same pad, if there
+    is one; slipping is of the first.
     """
 
     pad: str
     t_s: Floats
     pose: Floats
     slipping: Bools | None = None
+    second: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +75,10 @@ class Recording:
     def layout(self) -> Layout:
         """Taxel arrays of the sensor."""
         return self.sensor.layout
+
+    def told_apart(self, contacts: int | str | Mapping[str, int] | None) -> Recording:
+        """The same recording with so many contacts to be told apart; see `sensor.with_contacts`. None: as it is."""
+        return self if contacts is None else replace(self, sensor=with_contacts(self.sensor, contacts))
 
     @property
     def known_truth(self) -> Truth:

@@ -29,6 +29,7 @@ class _TruthText(msgspec.Struct):
     t_s: list[float | None]
     pose: list[list[float | None]]
     slipping: list[bool] | None = None
+    second: list[list[float | None]] | None = None
 
 
 def texts_of(recording: Recording) -> dict[str, str]:
@@ -40,7 +41,8 @@ def texts_of(recording: Recording) -> dict[str, str]:
     truth = recording.truth
     if truth is not None:
         slipping = None if truth.slipping is None else truth.slipping.tolist()
-        told = _TruthText(truth.pad, truth.t_s.tolist(), truth.pose.tolist(), slipping)
+        second = None if truth.second is None else truth.second.tolist()
+        told = _TruthText(truth.pad, truth.t_s.tolist(), truth.pose.tolist(), slipping, second)
         texts["truth"] = msgspec.json.encode(told).decode()
     return texts
 
@@ -67,13 +69,14 @@ def truth_in(path: Path, texts: Mapping[str, str], sensor: Sensor) -> Truth | No
     told = _decoded(path, texts, "truth", _TruthText)
     try:
         t_s, pose = np.array(told.t_s, dtype=np.float64), np.array(told.pose, dtype=np.float64)
+        second = None if told.second is None else np.array(told.second, dtype=np.float64)
     except ValueError as error:
         raise RecordingCorrupt(path, f"truth: {error}", _REMEDY) from error
     slipping = None if told.slipping is None else np.array(told.slipping, dtype=np.bool_)
-    return checked_truth(path, sensor, told.pad, t_s, pose, slipping)
+    return checked_truth(path, sensor, told.pad, t_s, pose, slipping, second)
 
 
-def checked_truth(path: Path, sensor: Sensor, pad: str, t_s: Any, pose: Any, slipping: Any) -> Truth:
+def checked_truth(path: Path, sensor: Sensor, pad: str, t_s: Any, pose: Any, slipping: Any, second: Any) -> Truth:
     """A truth of arrays as they stand in a file. Raises RecordingCorrupt."""
     fits = t_s.ndim == 1 and pose.shape == (*t_s.shape, 3) and t_s.dtype.kind + pose.dtype.kind == "ff"
     if not fits or pad not in (*sensor.layout.pads, HAND):
@@ -84,8 +87,11 @@ def checked_truth(path: Path, sensor: Sensor, pad: str, t_s: Any, pose: Any, sli
     if slipping is not None and (slipping.shape != t_s.shape or slipping.dtype.kind not in "biu"):
         seen = f"truth_slipping is {slipping.dtype} {slipping.shape}"
         raise RecordingCorrupt(path, seen, f"it holds a flag for each of the {len(t_s)} times of truth_t_s")
+    if second is not None and (second.shape != pose.shape or second.dtype.kind != "f"):
+        seen = f"truth_second is {second.dtype} {second.shape}"
+        raise RecordingCorrupt(path, seen, f"it holds a pose for each of the {len(t_s)} times of truth_t_s")
     slips = None if slipping is None else slipping.astype(np.bool_)
-    return Truth(pad, t_s.astype(np.float64), pose.astype(np.float64), slips)
+    return Truth(pad, t_s.astype(np.float64), pose.astype(np.float64), slips, second)
 
 
 def _decoded(path: Path, texts: Mapping[str, str], name: str, kind: Any) -> Any:

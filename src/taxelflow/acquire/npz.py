@@ -2,7 +2,7 @@
 sends it (`wiring`).
 
 Optional members: `sensor` (JSON text with the fields of a sensor file), `masked` (taxels,), `truth_pad` (a pad, or
-`hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,). The rig also writes
+`hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,), `truth_second` (times, 3). The rig also writes
 `parameters` (JSON text of how the scans were made), which is not read back.
 Pickled objects are never loaded.
 """
@@ -89,7 +89,7 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
     )
 
 
-_TRUTH = {"truth_pad", "truth_t_s", "truth_pose", "truth_slipping"}
+_TRUTH = {"truth_pad", "truth_t_s", "truth_pose", "truth_slipping", "truth_second"}
 _EXTRAS = {"sensor", "masked", *_TRUTH}
 
 
@@ -130,7 +130,8 @@ def _truth(path: Path, extras: dict[str, np.ndarray[Any, Any]], sensor: Sensor) 
     if not _TRUTH & extras.keys():
         return None
     t_s, pose = extras.get("truth_t_s", np.zeros(0)), extras.get("truth_pose", np.zeros(0))
-    return checked_truth(path, sensor, str(extras.get("truth_pad", "")), t_s, pose, extras.get("truth_slipping"))
+    more = extras.get("truth_slipping"), extras.get("truth_second")
+    return checked_truth(path, sensor, str(extras.get("truth_pad", "")), t_s, pose, *more)
 
 
 def _read(path: Path, times: _Header, pressure: _Header) -> Iterator[RawScans]:
@@ -188,6 +189,8 @@ def write_npz(recording: Recording, path: Path, blocks: Iterable[RawScans], **me
         arrays |= {"truth_pad": truth.pad, "truth_t_s": truth.t_s, "truth_pose": truth.pose}
         if truth.slipping is not None:
             arrays["truth_slipping"] = truth.slipping
+        if truth.second is not None:
+            arrays["truth_second"] = truth.second
     header = {"descr": "<f8", "fortran_order": False, "shape": (len(t_s), recording.sensor.wiring.columns)}
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from taxelflow.condition.session import Session
+    from taxelflow.condition.watch import Watch
     from taxelflow.messages import Bools, RawScans
     from taxelflow.sensor import Sensor
 
@@ -75,3 +76,9 @@ class Conditioner:
         from taxelflow.condition.session import Session
 
         return Session(self, sensor, masked, lookahead)
+
+    def watch(self, sensor: Sensor) -> Watch:
+        """Begin to watch for contacts that move apart, in scans that such a session gives."""
+        from taxelflow.condition.watch import Watch
+
+        return Watch(sensor.layout, self.contact_on, self.contact_off)

@@ -206,13 +206,16 @@ def errors_of(scenario: Scenario, t_s: Floats, slips: Slips, pad: int, bound: Bo
     for number in np.unique(piece[known]):
         own = np.flatnonzero(known & (piece == number))
         if len(own) >= _FEWEST:
-            error[own] = _off(pose[own], true[own], bound.known[own])
+            error[own] = without_frame(pose[own], true[own], bound.known[own])
             since[own[1:]] = _moved(pose[own], true[own])
     return Errors(error, since, slips.covariance[:, pad], quality == OK, piece, bound)
 
 
-def _off(pose: Floats, true: Floats, deviation: Floats) -> Floats:
-    """What is left of poses (scans, 3) of a body point when it was put where it fits the true poses best."""
+def without_frame(pose: Floats, true: Floats, deviation: Floats) -> Floats:
+    """What is left of poses (scans, 3) of a body point when it was put where it fits the true poses best.
+
+    deviation: (scans, 3), how sure each is, NaN for a turn that nothing tells.
+    """
     turn = rotation(true[:, 2])
     apart = pose[:, :2] - true[:, :2]
     in_body = np.einsum("kji,kj->ki", turn, apart)

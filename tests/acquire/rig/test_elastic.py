@@ -34,7 +34,7 @@ def field(contact: Contact, force: float = 1.0) -> tuple[Floats, float]:
 
 
 def still(force: float = 1.0) -> State:
-    return State(*(np.array([[number]]) for number in (force, 0.0, 0.0, 0.0)))
+    return State(*(np.array([[number]]) for number in (force, 0.0, 0.0, 0.0, 0.0)))
 
 
 @pytest.mark.usefixtures("solver")

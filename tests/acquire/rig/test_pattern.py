@@ -29,7 +29,7 @@ def contact(shape: Any, **fields: Any) -> Contact:
 
 
 def state(force: float = 1.0, tilt: float = 0.0, roll_m: float = 0.0, deformed: float = 0.0) -> State:
-    return State(*(np.array([[number]]) for number in (force, tilt, roll_m, deformed)))
+    return State(*(np.array([[number]]) for number in (force, tilt, roll_m, deformed, 0.0)))
 
 
 def image(

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taxelflow.acquire.rig.parameters import Contact, Load, Motion, Sensing
+from taxelflow.acquire.rig.parameters import Contact, Load, Motion, Second, Sensing
 from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario
 from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
@@ -30,6 +30,10 @@ from taxelflow.errors import ParameterInvalid
         (Scenario, {"load": Load(lift_s=9.0)}, r"load lift_s is 9\.0; it is at most motion rest_s, 3"),
         (Scenario, {"contact": Contact("feet"), "load": Load(roll_m=0.01)}, r"load roll_m is 0\.01; feet do not roll"),
         (Scenario, {"solver": "elastic", "contact": Contact(deform_1_m=1.0)}, r"it is 0 with solver elastic"),
+        (Load, {"steps": -1}, r"load steps is -1; it lies between 0 and 10000"),
+        (Scenario, {"load": Load(steps=3)}, r"load steps is 3; it is 0 but for contact shape feet, solver analytic"),
+        (Scenario, {"pad": "hand", "second": Second(there=True)}, r"two objects lie on a pad, not on the hand"),
+        (Scenario, {"second": Second(load=Load(lift_s=9.0))}, r"load lift_s is 9\.0; it is at most motion rest_s, 3"),
         (
             Scenario,
             {"solver": "elastic", "contact": Contact("bulb"), "load": Load(roll_m=0.01)},

@@ -10,10 +10,11 @@ from taxelflow.acquire.base import HAND
 from taxelflow.acquire.rig.contact import taxel_pressure
 from taxelflow.acquire.rig.load import state_at
 from taxelflow.acquire.rig.motion import move
-from taxelflow.acquire.rig.parameters import Contact, Load, Motion, Sensing
+from taxelflow.acquire.rig.parameters import Contact, Load, Motion, Second, Sensing
 from taxelflow.acquire.rig.pattern import Analytic
 from taxelflow.acquire.rig.scenario import SCENARIOS, Scenario
-from taxelflow.acquire.rig.simulate import save, simulate
+from taxelflow.acquire.rig.simulate import of_second, pressures, save, simulate
+from taxelflow.acquire.rig.texture import feet_of
 from taxelflow.api import read
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.geometry import place
@@ -125,3 +126,44 @@ def test_truth_and_delays_are_saved_and_truth_comes_back(tmp_path: Path, pad: st
     np.testing.assert_array_equal(found.pose, made.pose)
     np.testing.assert_array_equal(found.slipping, made.slipping)
     np.testing.assert_allclose(read(tmp_path / "a.npz").layout.delay_s[:162], 0.5 / 7 * np.arange(162) / 162)
+
+
+def test_two_objects_press_as_much_as_each_alone_and_both_are_told_of(tmp_path: Path) -> None:
+    two = replace(SCENARIOS["two-contacts"], sensing=EXACT)
+    first = simulate(replace(two, second=Second()))
+    both = simulate(two)
+    t_s = both.known_truth.t_s
+    beside = pressures(of_second(two), both.layout, [0], t_s) / both.sensor.to_si
+    np.testing.assert_allclose(both.load().values, first.load().values + beside, atol=ROUND_KPA)
+    truth = both.known_truth
+    np.testing.assert_array_equal(truth.pose, first.known_truth.pose)
+    assert truth.second is not None
+    np.testing.assert_array_equal(truth.second, move(two.second.motion, t_s, two.seed + 1).pose)
+    save(two, tmp_path / "two.npz")
+    np.testing.assert_array_equal(read(tmp_path / "two.npz").known_truth.second, truth.second)
+    assert first.known_truth.second is None
+
+
+@pytest.mark.parametrize("feet", [4, 9])
+def test_feet_lift_one_by_one_and_come_down_again(feet: int) -> None:
+    contact = Contact("feet", radius_m=0.003, feet=feet, ring_m=0.02)
+    motion = Motion(travel_m=0.0, strokes=1, turn_s=10.0, middle_m=(0.0, 0.0), rest_s=1.0)
+    sensing = replace(EXACT, rate_hz=20.0)
+    still = Scenario("grid-16x16", "grid", contact=contact, motion=motion, sensing=sensing)
+    down = values(still)[0]
+    recording = simulate(replace(still, load=Load(steps=feet)))
+    pressed = recording.load().values
+    progress = (recording.known_truth.t_s - 1.0) / 10.0 * feet
+    layout, (at, _) = recording.layout, feet_of(contact)
+    nearest = np.hypot(layout.x_m[:, np.newaxis] - at[:, 0], layout.y_m[:, np.newaxis] - at[:, 1]).argmin(axis=1)
+    for foot in range(feet):
+        under = (nearest == foot) & (down > 1.0)
+        up = np.abs(progress - foot - 0.5) < 0.1
+        assert up.any()
+        assert pressed[up][:, under].max() < 0.01 * down[under].max()
+        np.testing.assert_allclose(
+            pressed[up][:, ~under & (nearest != foot)],
+            np.tile(down[~under & (nearest != foot)], (up.sum(), 1)),
+            atol=1e-3,
+        )
+    np.testing.assert_allclose(pressed[[0, -1]], [down, down], atol=ROUND_KPA)

@@ -73,7 +73,7 @@ def grid_of(contact: Contact, most_force: float, pitch_m: float) -> tuple[float,
 def solved(contact: Contact, seed: int, force: float, box_m: float, points: int) -> Floats:
     """Pressure over the peak (points, points), first axis along the object, under a multiple of the force."""
     along, across = _grid(box_m, points)
-    still = State(*(np.array(number) for number in (1.0, 0.0, 0.0, 0.0)))
+    still = State(*(np.array(number) for number in (1.0, 0.0, 0.0, 0.0, 0.0)))
     mean = float(Analytic(contact, Load(), seed)(along, across, still).mean()) / contact.peak_pa
     return _solve(profile(contact, seed, along, across), force * mean, box_m)
 

@@ -18,12 +18,14 @@ class State:
 
     force: over that which gives the contact's peak; 0 while the object is lifted off. tilt: share of the pressure
     that is skewed. roll_m: how far the pressure has moved on the object. deformed: cycles of deformation so far.
+    stepped: how many feet have lifted and come down so far.
     """
 
     force: Floats
     tilt: Floats
     roll_m: Floats
     deformed: Floats
+    stepped: Floats
 
 
 def state_at(load: Load, motion: Motion, t_s: Floats, deformed: Floats) -> State:
@@ -38,4 +40,4 @@ def state_at(load: Load, motion: Motion, t_s: Floats, deformed: Floats) -> State
         force = first + (second - first) * (0.5 - 0.5 * np.cos(2 * np.pi * load.cycles * phase))
     if load.lift_s:
         force = np.where((t_s < load.lift_s) | (t_s > motion.duration_s - load.lift_s), 0.0, force)
-    return State(force, load.tilt * phase, load.roll_m * phase, deformed)
+    return State(force, load.tilt * phase, load.roll_m * phase, deformed, load.steps * phase)

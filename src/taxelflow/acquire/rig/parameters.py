@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import hypot
 from typing import Literal, get_args
 
@@ -154,6 +154,9 @@ class Load:
     """The object rolls without slip, and its pressure moves this far; a texture stays where it touches, m."""
     towards_rad: float = 0.0
     """Direction of tilt and roll, from the object's long axis, rad."""
+    steps: int = 0
+    """Feet (of a contact of feet) lift one by one and come down again, the first one first, so many in all while the
+    object moves; it stays rigid."""
     lift_s: float = 0.0
     """Time at the start and at the end during which the object is off the skin, s; the sensor is idle then."""
 
@@ -164,11 +167,23 @@ class Load:
         _within("load growth", self.growth, 0.0, 0.5)
         _within("load tilt", self.tilt, -1.0, 1.0)
         _not_negative("load lift_s", self.lift_s)
+        _within("load steps", self.steps, 0, 10_000)
 
     @property
     def extremes(self) -> tuple[float, float]:
         """Smallest and largest multiple of the force while in contact."""
         return (1.0, 1.0) if self.kind == "constant" else (min(self.multiples), max(self.multiples))
+
+
+@dataclass(frozen=True)
+class Second:
+    """A second object on the same pad, which moves as it likes."""
+
+    there: bool = False
+    """Whether there is one."""
+    contact: Contact = field(default_factory=Contact)
+    motion: Motion = field(default_factory=Motion)
+    load: Load = field(default_factory=Load)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -11,6 +11,8 @@ from taxelflow.acquire.rig.parameters import TEXTURED
 from taxelflow.acquire.rig.texture import feet_of, texture_of
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from taxelflow.acquire.rig.load import State
     from taxelflow.acquire.rig.parameters import Contact, Load
     from taxelflow.messages import Floats
@@ -48,32 +50,40 @@ class Analytic:
         if contact.deform_1_m:
             wide = wide * (1.0 + _SWING * np.sin(2 * np.pi * state.deformed))
         rolled = roll(load, along, across, state)
-        pressure: Floats = peak * self._shape(*rolled, wide)
+        pressure: Floats = peak * self._shape(*rolled, wide, state.stepped)
         if self._texture is not None:  # it stays where it touches while the pressure rolls over it
             pressure *= self._texture.factor(contact.texture, along, across, state.deformed)
         return tilted(contact, load, pressure, rolled, state)
 
-    def _shape(self, along: Floats, across: Floats, wide: Floats) -> Floats:
+    def _shape(self, along: Floats, across: Floats, wide: Floats, stepped: Floats) -> Floats:
         """Pressure over its peak. wide: radius over the contact's."""
         contact = self._contact
         if contact.shape == "feet":
-            return self._domes(along, across, contact.radius_m * wide)
+            return self._domes(along, across, contact.radius_m * wide, stepped)
         r2 = (along / (contact.length_m * wide)) ** 2 + (across / (contact.radius_m * wide)) ** 2
         if contact.shape == "hertz":
             dome: Floats = np.sqrt(np.clip(1.0 - r2, 0.0, None))
             return dome
         return _soft(r2)
 
-    def _domes(self, along: Floats, across: Floats, radius_m: Floats) -> Floats:
+    def _domes(self, along: Floats, across: Floats, radius_m: Floats, stepped: Floats) -> Floats:
         if self._tree is None:
             total = np.zeros(np.broadcast_shapes(along.shape, across.shape))
-            for (x, y), height in zip(self._feet, self._heights, strict=True):
-                total += height * _soft(((along - x) ** 2 + (across - y) ** 2) / radius_m**2)
+            for number, ((x, y), height) in enumerate(zip(self._feet, self._heights, strict=True)):
+                share = height * self._pressed(np.array(number), stepped)
+                total += share * _soft(((along - x) ** 2 + (across - y) ** 2) / radius_m**2)
             return total
         points = np.stack(np.broadcast_arrays(along, across), axis=-1)
         distance, foot = self._tree.query(points, k=np.arange(1, _NEAREST + 1))
-        summed: Floats = np.sum(self._heights[foot] * _soft((distance / radius_m[..., np.newaxis]) ** 2), axis=-1)
+        height = self._heights[foot] * self._pressed(np.asarray(foot), stepped[..., np.newaxis])
+        summed: Floats = np.sum(height * _soft((distance / radius_m[..., np.newaxis]) ** 2), axis=-1)
         return summed
+
+    def _pressed(self, foot: NDArray[Any], stepped: Floats) -> Floats:
+        """Share of its height that a foot is pressed in: it lifts, stays up for a quarter of its time, comes down."""
+        up = np.floor(stepped) % len(self._feet) == foot
+        raised: Floats = np.clip(1.5 - 2.0 * np.abs(2.0 * (stepped % 1.0) - 1.0), 0.0, 1.0)
+        return np.where(up & (self._load.steps > 0), 1.0 - raised, 1.0)
 
 
 def _soft(r2: Floats) -> Floats:

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 from math import pi
 from typing import Literal
 
-from taxelflow.acquire.rig.parameters import TEXTURED, Contact, Load, Motion, Sensing
+from taxelflow.acquire.rig.parameters import TEXTURED, Contact, Load, Motion, Second, Sensing
 from taxelflow.errors import ParameterInvalid
 
-__all__ = ["DESCRIPTIONS", "SCENARIOS", "Contact", "Load", "Motion", "Scenario", "Sensing", "Solver"]
+__all__ = ["DESCRIPTIONS", "SCENARIOS", "Contact", "Load", "Motion", "Scenario", "Second", "Sensing", "Solver"]
 
 Solver = Literal["analytic", "elastic"]
 
@@ -29,6 +29,7 @@ class Scenario:
     contact: Contact = field(default_factory=Contact)
     motion: Motion = field(default_factory=Motion)
     load: Load = field(default_factory=Load)
+    second: Second = field(default_factory=Second)
     sensing: Sensing = field(default_factory=Sensing)
 
     def __post_init__(self) -> None:
@@ -37,9 +38,14 @@ class Scenario:
         if self.motion.duration_s * self.sensing.rate_hz < 1:
             allowed = f"a motion of {self.motion.duration_s:.3g} s needs at least {1 / self.motion.duration_s:.3g} Hz"
             raise ParameterInvalid("sensing rate_hz", self.sensing.rate_hz, allowed)
-        if self.load.lift_s > self.motion.rest_s:
-            allowed = f"it is at most motion rest_s, {self.motion.rest_s:g}: a moving object is in contact"
-            raise ParameterInvalid("load lift_s", self.load.lift_s, allowed)
+        for motion, load in ((self.motion, self.load), (self.second.motion, self.second.load)):
+            if load.lift_s > motion.rest_s:
+                allowed = f"it is at most motion rest_s, {motion.rest_s:g}: a moving object is in contact"
+                raise ParameterInvalid("load lift_s", load.lift_s, allowed)
+        if self.load.steps and (self.contact.shape != "feet" or self.solver == "elastic"):
+            raise ParameterInvalid("load steps", self.load.steps, "it is 0 but for contact shape feet, solver analytic")
+        if self.second.there and self.pad == "hand":
+            raise ParameterInvalid("second there", self.second.there, "two objects lie on a pad, not on the hand")
         if self.load.roll_m and self.contact.shape == "feet":
             raise ParameterInvalid("load roll_m", self.load.roll_m, "feet do not roll: it is 0, or use load tilt")
         if self.solver == "elastic" and self.contact.deform_1_m:
@@ -106,6 +112,31 @@ _STICK_SLIP = Scenario(
     load=Load(lift_s=1.0),
     sensing=Sensing(rate_hz=100.0),
 )
+_FEET_LIFT = replace(
+    _STICK_SLIP,
+    contact=Contact("feet", radius_m=0.006, feet=4, ring_m=0.013),
+    motion=Motion(
+        speed_m_s=0.008, direction_rad=0.6, travel_m=0.02, turn_rad_s=0.15, middle_m=(0.001, -0.001), rest_s=1.5
+    ),
+    load=Load(lift_s=1.0, steps=8),
+    sensing=Sensing(rate_hz=50.0),
+)
+_TWO = replace(
+    _FEET_LIFT,
+    contact=Contact("bulb", radius_m=0.0065, aspect=1.5),
+    motion=Motion(
+        speed_m_s=0.012, direction_rad=pi / 2, travel_m=0.024, turn_rad_s=0.2, middle_m=(-0.016, 0.0), rest_s=1.5
+    ),
+    load=Load(lift_s=1.0),
+    second=Second(
+        there=True,
+        contact=Contact("bulb", radius_m=0.007, aspect=1.6, peak_pa=60e3),
+        motion=Motion(
+            speed_m_s=0.012, direction_rad=-pi / 2, travel_m=0.024, turn_rad_s=-0.3, middle_m=(0.014, 0.0), rest_s=1.5
+        ),
+        load=Load(lift_s=1.2),
+    ),
+)
 _HOLD = replace(_STICK_SLIP, motion=replace(_STILL.motion, turn_s=60.0))
 _BAR = Scenario(
     sensor="grid-16x16",
@@ -140,6 +171,22 @@ SCENARIOS = {
     "stick-slip": _STICK_SLIP,
     "stick-slip-bar": replace(_STICK_SLIP, contact=_BAR.contact, motion=_TURNING),
     "stick-slip-feet": replace(_STICK_SLIP, contact=_FEET, motion=_TURNING),
+    "feet-lift": _FEET_LIFT,
+    "two-contacts": _TWO,
+    "two-contacts-meet": replace(
+        _TWO,
+        second=replace(
+            _TWO.second,
+            motion=replace(
+                _TWO.second.motion,
+                direction_rad=pi,
+                travel_m=0.014,
+                speed_m_s=0.007,
+                angle_rad=pi / 2,
+                middle_m=(0.0085, 0.0),
+            ),
+        ),
+    ),
     "press": replace(
         _STILL,
         contact=Contact("hertz", radius_m=0.010, peak_pa=50e3),
@@ -173,6 +220,9 @@ DESCRIPTIONS = {
     "stick-slip": "A textured object that sticks and slips by turns on a 16x16 grid, at 100 Hz.",
     "stick-slip-bar": "The same of an elongated object, which turns as it slips.",
     "stick-slip-feet": "The same of an object on three feet, which turns as it slips.",
+    "feet-lift": "A rigid object on four feet, slid and turned, whose feet lift one by one and come down again.",
+    "two-contacts": "Two objects on one pad, slid past each other.",
+    "two-contacts-meet": "Two objects on one pad, one of which comes until they touch, and goes again.",
     "press": "An elastic sphere pressed up to five times as hard, without slip.",
     "roll": "An airbag that rolls 5 mm on the palm, without slip.",
     "tilt": "An airbag that tilts on the palm, without slip.",

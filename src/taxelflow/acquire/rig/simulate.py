@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -14,6 +14,7 @@ from taxelflow.acquire.npz import write_npz
 from taxelflow.acquire.rig.contact import taxel_pressure
 from taxelflow.acquire.rig.load import State, state_at
 from taxelflow.acquire.rig.motion import move
+from taxelflow.acquire.rig.parameters import Second
 from taxelflow.acquire.rig.pattern import Analytic
 from taxelflow.acquire.rig.sensing import clock, delays, reported, sense
 from taxelflow.catalogue import load_sensor
@@ -47,6 +48,8 @@ def simulate(scenario: Scenario) -> Recording:
     random = np.random.default_rng(scenario.seed)
     t_s = clock(scenario.sensing, scenario.motion.duration_s, random)
     pressure = pressures(scenario, layout, touched, t_s)
+    if scenario.second.there:
+        pressure = pressure + pressures(of_second(scenario), layout, touched, t_s)
     values = sense(scenario.sensing, pressure, t_s, random, scenario.seed) / sensor.to_si
     scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), sensor.wiring.sent(values))
 
@@ -58,8 +61,16 @@ def simulate(scenario: Scenario) -> Recording:
         sensor = msgspec.structs.replace(sensor, delay_s=tuple(delays(scenario.sensing, layout.taxels).tolist()))
     name = f"simulated, seed {scenario.seed}"
     path = move(scenario.motion, t_s, scenario.seed)
-    truth = Truth(scenario.pad, t_s, path.pose, path.slipping)
+    second = move(scenario.second.motion, t_s, scenario.seed + 1).pose if scenario.second.there else None
+    truth = Truth(scenario.pad, t_s, path.pose, path.slipping, second)
     return Recording(name, "rig", sensor, read, scans=len(scans), truth=truth)
+
+
+def of_second(scenario: Scenario) -> Scenario:
+    """The second object alone; its seed is another."""
+    second = scenario.second
+    alone = replace(scenario, contact=second.contact, motion=second.motion, load=second.load, second=Second())
+    return replace(alone, seed=scenario.seed + 1)
 
 
 def save(scenario: Scenario, path: Path) -> Recording:

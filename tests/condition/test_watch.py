@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from rigged import rigged
+from taxelflow import api
+from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.condition.conditioner import Conditioner
+from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording
+    from taxelflow.condition.watch import Watch
+    from taxelflow.messages import Bools
+
+
+def watched(recording: Recording) -> tuple[Bools, Watch]:
+    conditioner = Conditioner()
+    session = conditioner.start(recording.sensor, recording.masked, None)
+    watch = conditioner.watch(recording.sensor)
+    scans = [scans for raw in recording.blocks() for scans in session.step(raw)]
+    return np.concatenate([watch.step(block) for block in scans]), watch
+
+
+def test_objects_that_pass_each_other_are_noted_with_the_option_to_use() -> None:
+    parted, watch = watched(simulate(rigged("two-contacts", sensing={"rate_hz": 25.0})))
+    assert parted[:, 0].any()
+    assert not parted[:40].any()  # not before they move
+    assert not parted[-5:].any()  # nor after both are gone
+    (note,) = watch.notes
+    assert note.startswith("grid: contacts moved apart or together by ")
+    assert note.endswith(
+        "mm, which feet of one rigid object do not; if they move independently, --contacts grid=2 tells them apart"
+    )
+
+
+@pytest.mark.parametrize("name", ["feet-lift", "turn-over-hand", "slide-and-turn-over-hand", "stick-slip", "tilt"])
+def test_feet_of_a_rigid_object_are_not(name: str) -> None:
+    parted, watch = watched(simulate(rigged(name)))
+    assert not parted.any()
+    assert watch.notes == []
+
+
+def test_feet_turned_and_slid_are_not_whatever_the_noise() -> None:
+    contact = {"shape": "feet", "radius_m": 0.005, "ring_m": 0.014, "feet": 3}
+    motion = {"kind": "strokes", "travel_m": 0.02, "speed_m_s": 0.01, "turn_rad_s": 0.4, "middle_m": (0.0, 0.0)}
+    for noise_pa in (100.0, 3000.0):
+        sensing = {"rate_hz": 25.0, "noise_pa": noise_pa}
+        parted, _ = watched(simulate(rigged("stick-slip", contact=contact, motion=motion, sensing=sensing)))
+        assert not parted.any(), noise_pa
+
+
+def test_contacts_that_are_told_apart_are_not_watched() -> None:
+    parted, watch = watched(simulate(rigged("two-contacts", sensing={"rate_hz": 25.0})).told_apart(2))
+    assert parted.shape[1] == 3
+    assert not parted.any()
+    assert watch.notes == []
+
+
+@pytest.mark.parametrize("method", ["lnorm", "template"])
+def test_no_pose_is_ok_after_contacts_have_moved_apart_on_a_pad_that_is_taken_for_one(method: str) -> None:
+    recording = simulate(rigged("two-contacts", sensing={"rate_hz": 25.0}))
+    parted, _ = watched(recording)
+    result = api.estimate(recording, method, mode="stream")
+    quality = result.slips.quality[:, 0]
+    assert not (quality[parted[:, 0]] == OK).any()
+    assert set(np.unique(quality[parted[:, 0]])) & {UNRESOLVED, AMBIGUOUS}
+    assert any("--contacts grid=2" in note for note in result.summary.notes)
+    told = api.estimate(recording, method, mode="stream", contacts={"grid": 2})
+    assert (told.slips.quality[parted[:, 0], 1:] == OK).mean() > 0.3
+    assert not any("--contacts" in note for note in told.summary.notes)
