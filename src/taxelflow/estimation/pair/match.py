@@ -83,7 +83,7 @@ def find(
     one_point, no_bend = np.zeros((1, 2)), np.zeros((3, 0))
     prior = np.array([0.0, 0.0, 0.0, gain, 0.0])
     stiffness = np.array([_FAR, _FAR, _LOOSE_TURN if turns else _HELD, _LOOSE_GAIN / gain**2, _HELD])
-    information, scratch = np.zeros((STATE, STATE)), np.zeros((len(reading), 6))
+    information = np.zeros((STATE, STATE))
     trial, best = np.empty(STATE), np.inf
     for start in range(2):
         trial[:] = prior
@@ -105,7 +105,6 @@ def find(
             _ITERATIONS,
             trial,
             information,
-            scratch,
         )
         if cost < best - 1e-3:
             best = cost

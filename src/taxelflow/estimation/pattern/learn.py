@@ -151,7 +151,7 @@ def recognised(
     outward = middle / max(float(np.hypot(*middle)), 1e-9)
     angles = np.arange(12) * (np.pi / 6) if known.turns else np.zeros(1)
     centre, best, found = pattern.centre(), np.inf, None
-    information, scratch = np.zeros((STATE, STATE)), np.empty((len(reading), 6))
+    information = np.zeros((STATE, STATE))
     stiffness = np.array([1e-6, 1e-6, 1e-6 if known.turns else 1e12, 0.0, 1e12])
     for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
         stiffness[GAIN] = gain_std**-2
@@ -177,7 +177,6 @@ def recognised(
                     20,
                     state,
                     information,
-                    scratch,
                 )
                 if cost < best and count and chi / count < gate(known.usual, count):
                     best, found = cost, (state.copy(), information.copy(), chi / count, count)

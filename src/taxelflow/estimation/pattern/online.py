@@ -121,11 +121,10 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     memory: Floats,
     states: Floats,
     information: Floats,
-    scratch: Floats,
 ) -> bool:
     """Register one scan (entries,) on the patterns (pads, rows, cols) of all pads in contact; whether all of them fit.
 
-    memory: (pads, SLOTS), states: (pads, 5) and information: (pads, 5, 5) are kept from scan to scan. places: (2,
+    A pattern is NaN beyond its own rows and columns. memory: (pads, SLOTS), states: (pads, 5) and information: (pads, 5, 5) are kept from scan to scan. places: (2,
     entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a border of its pad.
     """
     fits = True
@@ -137,7 +136,6 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             continue
         own = slice(starts[pad], starts[pad + 1])
         where = places[:, own]
-        ny, nx = int(m[ROWS]), int(m[COLS])
         span = t - m[LAST_T]
         last = states[pad].copy()
         middle = np.empty(4)
@@ -185,8 +183,8 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 stiffness[THETA] = 1e12 if m[TURN_STD] == 0.0 else stiffness[THETA]
             prior[THETA] = trial[THETA] if m[TURN_STD] > 0.0 else last[THETA]
             cost, chi, count = register(
-                patterns[pad, :ny, :nx],
-                doubts[pad, :ny, :nx],
+                patterns[pad],
+                doubts[pad],
                 m[SPACING : LOW + 1],
                 where,
                 one_point,
@@ -201,7 +199,6 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 _ITERATIONS,
                 trial,
                 found,
-                scratch[own],
             )
             needed = 1e-3 if attempt < 4 else _TURNS_GAIN * best
             if cost < best - needed:

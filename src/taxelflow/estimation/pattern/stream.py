@@ -69,7 +69,6 @@ class StreamSession:
         self._keyframes = np.zeros((pads, MOST_KEYFRAMES, 4))
         self._before, self._before_cov = np.zeros((pads, 3)), np.zeros((pads, 3, 3))
         self._before_t = np.zeros(pads)
-        self._scratch = np.zeros((layout.entries, 6))
         self._touched = np.zeros(pads, dtype=np.bool_)
         self._last_reading, self._last_variance = np.zeros(layout.entries), np.zeros(layout.entries)
         self._noise: Floats | None = None
@@ -165,7 +164,6 @@ class StreamSession:
             self._memory,
             self._states,
             self._information,
-            self._scratch,
         )
 
     def _report(self, k: int, t: float, contact: Bools, slips: Slips) -> None:
@@ -283,9 +281,10 @@ class StreamSession:
             shape = (max(rows, self._patterns.shape[1]) + 8, max(cols, self._patterns.shape[2]) + 8)
             for name in ("_patterns", "_doubts"):
                 old = getattr(self, name)
-                new = np.zeros((len(old), *shape))
+                new = np.full((len(old), *shape), np.nan)
                 new[:, : old.shape[1], : old.shape[2]] = old
                 setattr(self, name, new)
+        self._patterns[pad], self._doubts[pad] = np.nan, np.nan
         self._patterns[pad, :rows, :cols] = pattern.coefficients
         self._doubts[pad, :rows, :cols] = DOUBT * pattern.doubt
         m[online.ACTIVE], m[online.ROWS], m[online.COLS] = 1.0, rows, cols

@@ -145,7 +145,7 @@ class Tracker:
         stiffness[GAIN] = self.stiffness[GAIN]
         best, misfit, kept = np.inf, np.inf, np.zeros((STATE, STATE))
         scanned, pattern = self.scanned, self.pattern
-        information, scratch = np.zeros((STATE, STATE)), np.zeros((scanned.places.shape[1], 6))
+        information = np.zeros((STATE, STATE))
         for state in starts:
             prior = last.copy()
             if fixed[THETA]:
@@ -167,7 +167,6 @@ class Tracker:
                 _ITERATIONS,
                 state,
                 information,
-                scratch,
             )
             if cost < best - 1e-3:
                 best = cost
