@@ -46,7 +46,7 @@ def fit(reading: Floats, *, variance: Any = NOISE**2, ceiling: float = np.inf, t
     stiffness = np.array([0.0, 0.0, 0.0 if turns else 1e12, 0.0, 1e12])
     prior = state.copy()
     _, chi, count = register(
-        bumps(), np.zeros((0, 0)), LATTICE, PLACES, POINT, WHOLE, reading, np.broadcast_to(variance, TAXELS).copy(),
+        bumps(), np.zeros((0, 0)), LATTICE, PLACES, WHOLE, reading, np.broadcast_to(variance, TAXELS).copy(),
         np.full(TAXELS, ceiling), 0.0, 3.0, prior, stiffness, 30, state, information,
     )  # fmt: skip
     return state, information, chi, count

@@ -20,7 +20,7 @@ from taxelflow.estimation.pattern.contact import (
 from taxelflow.estimation.pattern.joint import Fit, refine
 from taxelflow.estimation.pattern.online import HUBER, gate
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
-from taxelflow.estimation.pattern.register import register
+from taxelflow.estimation.pattern.register import HELD, register
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, in_object
 from taxelflow.estimation.pattern.track import MARGIN, SPACING
@@ -152,7 +152,7 @@ def recognised(
     angles = np.arange(12) * (np.pi / 6) if known.turns else np.zeros(1)
     centre, best, found = pattern.centre(), np.inf, None
     information = np.zeros((STATE, STATE))
-    stiffness = np.array([1e-6, 1e-6, 1e-6 if known.turns else 1e12, 0.0, 1e12])
+    stiffness = np.array([1e-6, 1e-6, 1e-6 if known.turns else HELD, 0.0, HELD])
     for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
         stiffness[GAIN] = gain_std**-2
         for angle in angles + known.keyframes.states[-1, THETA]:
@@ -165,7 +165,6 @@ def recognised(
                     DOUBT * pattern.doubt,
                     pattern.lattice,
                     places,
-                    np.zeros((1, 2)),
                     np.zeros((3, 0)),
                     reading,
                     variance,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.pattern.register import register, solve_small
+from taxelflow.estimation.pattern.register import HELD, register, solve_small
 from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
 
@@ -128,8 +128,9 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a border of its pad.
     """
     fits = True
-    one_point = np.zeros((1, 2))
-    no_bend = np.zeros((3, 0))
+    no_bend, middle = np.zeros((3, 0)), np.empty(4)
+    last, prior, trial, stiffness = np.empty(STATE), np.empty(STATE), np.empty(STATE), np.empty(STATE)
+    found = np.zeros((STATE, STATE))
     for pad in range(len(starts) - 1):
         m = memory[pad]
         if not contact[pad] or m[ACTIVE] == 0.0:
@@ -137,8 +138,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         own = slice(starts[pad], starts[pad + 1])
         where = places[:, own]
         span = t - m[LAST_T]
-        last = states[pad].copy()
-        middle = np.empty(4)
+        last[:] = states[pad]
         centroid(reading[own], variance[own], where, edge[own], middle)
         m[CUT] = max(m[CUT], 1.0 if middle[2] > _CUT else 0.0)
         bend = no_bend
@@ -147,14 +147,12 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             for i in range(where.shape[1]):
                 late = delay[starts[pad] + i]
                 bend[0, i], bend[1, i], bend[2, i] = m[SPEED_X] * late, m[SPEED_Y] * late, m[SPEED_T] * late
-        stiffness = np.zeros(STATE)
         stiffness[0] = stiffness[1] = 1e-6
-        stiffness[THETA] = 1.0 / m[TURN_STD] ** 2 if m[TURN_STD] > 0.0 else 1e12
+        stiffness[THETA] = 1.0 / m[TURN_STD] ** 2 if m[TURN_STD] > 0.0 else HELD
         pressed = abs(np.log(middle[3] / m[LOAD])) if middle[3] > 0.0 and m[LOAD] > 0.0 else 1.0
         grown_std = _GROWTH * pressed + _LEAST_GROWTH
-        stiffness[SIZE] = 1.0 / grown_std**2 if m[GROWS] > 0.0 else 1e12
+        stiffness[SIZE] = 1.0 / grown_std**2 if m[GROWS] > 0.0 else HELD
         best = np.inf
-        trial, found = np.empty(STATE), np.zeros((STATE, STATE))
         for attempt in range(6):
             trial[:] = last
             if attempt == 0:
@@ -165,7 +163,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             elif attempt == 2:
                 trial[0] += middle[0] - m[CENTROID_X]
                 trial[1] += middle[1] - m[CENTROID_Y]
-            prior = last.copy()
+            prior[:] = last
             stiffness[GAIN] = 1.0 / (m[GAIN_STD] * last[GAIN]) ** 2
             if attempt >= 3:
                 trial[:] = states[pad]
@@ -180,14 +178,13 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 if m[GROWS] > 0.0 or m[AWAY] > _STAYS or m[KEYFRAMES] < _SAME:
                     continue
                 stiffness[SIZE] = 1.0 / _FIRST_GROWTH**2
-                stiffness[THETA] = 1e12 if m[TURN_STD] == 0.0 else stiffness[THETA]
+                stiffness[THETA] = HELD if m[TURN_STD] == 0.0 else stiffness[THETA]
             prior[THETA] = trial[THETA] if m[TURN_STD] > 0.0 else last[THETA]
             cost, chi, count = register(
                 patterns[pad],
                 doubts[pad],
                 m[SPACING : LOW + 1],
                 where,
-                one_point,
                 bend,
                 reading[own],
                 variance[own],

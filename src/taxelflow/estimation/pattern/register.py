@@ -12,8 +12,9 @@ from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y, 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
-_ENOUGH = 1e-3
-"""A step that lowers chi-square by less is the last, and not looked at: it is 3 % of a standard deviation."""
+_ENOUGH = 1e-2
+"""A step that lowers chi-square by less is the last, and not looked at: it is a tenth of a standard deviation, and what
+it leaves a hundredth of that or so."""
 HELD = 1e12
 """Stiffness of a part of the state that stays where its prior is."""
 _LEAST_GAIN = 0.1
@@ -53,7 +54,6 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     doubt: Floats,
     lattice: Floats,
     places: Floats,
-    points: Floats,
     bend: Floats,
     reading: Floats,
     variance: Floats,
@@ -71,7 +71,7 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     reading, variance, ceiling: (taxels,), noise squared, 0 where a taxel is masked or silent; a saturated reading
     counts only as far as the model lies below it. doubt: (ny, nx) variance of the pattern, or (0, 0). rough: error of
     the pattern relative to it. prior, stiffness: (5,) where the state is thought to be, and how firmly, 1 / variance;
-    from `HELD` on it stays there. Returns the cost (robust chi-square with prior), chi-square, and how many taxels it
+    from `HELD` on it stays there. The pattern is taken at each taxel's middle. Returns the cost (robust chi-square with prior), chi-square, and how many taxels it
     is over.
     """
     h, left, low = lattice
@@ -82,10 +82,10 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     if not grows:
         state[SIZE] = prior[SIZE]
     damping, best, best_chi, count = _FIRST_DAMPING, np.inf, 0.0, 0
-    room = np.zeros((2, STATE + 1, STATE))
-    normal, right = room[0, :STATE], room[0, STATE]
-    matrix, step = room[1, :STATE], room[1, STATE]
-    best_right, kept = np.zeros(STATE), state.copy()
+    room = np.zeros((14, STATE))  # at once, because memory takes time
+    normal, matrix = room[:STATE], room[STATE : 2 * STATE]
+    right, best_right, step, kept = room[10], room[11], room[12], room[13]
+    kept[:] = state
     for _ in range(iterations):
         gain = state[GAIN]
         scale = np.exp(-state[SIZE]) / h
@@ -102,7 +102,7 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 dx -= bend[0, i]
                 dy -= bend[1, i]
                 cos, sin = scale * np.cos(state[THETA] + bend[2, i]), scale * np.sin(state[THETA] + bend[2, i])
-            q, jx, jy, jt, js = seen(c, left, low, cos, sin, dx, dy, points)
+            q, jx, jy, jt, js = seen(c, left, low, cos, sin, dx, dy)
             if np.isnan(q):
                 z2 = reading[i] * reading[i] / variance[i]
                 if z2 > 9.0:  # a load off the lattice: not explained

@@ -75,24 +75,15 @@ def value_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
 
 @kernel
 def seen(
-    c: Floats, left: float, low: float, cos: float, sin: float, dx: float, dy: float, points: Floats
+    c: Floats, left: float, low: float, cos: float, sin: float, dx: float, dy: float
 ) -> tuple[float, float, float, float, float]:
-    """q and its derivatives by x, y, theta, s of a taxel at (dx, dy) from the object; NaN off the lattice.
+    """q at (dx, dy) from the object, and its derivatives by x, y, theta, s; NaN off the lattice.
 
-    cos, sin: of theta, times exp(-s) / h. left, low: knot (0, 0), in knots.
+    cos, sin: of theta, times exp(-s) / h. left, low: place of knot (0, 0), in knots.
     """
-    q = slope_x = slope_y = slope_t = slope_s = 0.0
-    for point in range(len(points)):
-        px, py = dx + points[point, 0], dy + points[point, 1]
-        u, w = cos * px + sin * py, cos * py - sin * px
-        value, qu, qw = value_at(c, u - left, w - low)
-        q += value
-        slope_x += qw * sin - qu * cos
-        slope_y -= qw * cos + qu * sin
-        slope_t += qu * w - qw * u
-        slope_s -= qu * u + qw * w
-    share = 1.0 / len(points)
-    return share * q, share * slope_x, share * slope_y, share * slope_t, share * slope_s
+    u, w = cos * dx + sin * dy, cos * dy - sin * dx
+    q, qu, qw = value_at(c, u - left, w - low)
+    return q, qw * sin - qu * cos, -qw * cos - qu * sin, qu * w - qw * u, -qu * u - qw * w
 
 
 @kernel
@@ -112,6 +103,8 @@ def evaluate(
     (it is read later), or (3, 0).
     """
     h, left, low = lattice
+    left, low = left / h, low / h
+    share = 1.0 / len(points)
     scale = np.exp(-state[SIZE]) / h
     cos, sin = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
     for i in range(places.shape[1]):
@@ -120,9 +113,19 @@ def evaluate(
             dx -= bend[0, i]
             dy -= bend[1, i]
             cos, sin = scale * np.cos(state[THETA] + bend[2, i]), scale * np.sin(state[THETA] + bend[2, i])
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = seen(
-            c, left / h, low / h, cos, sin, dx, dy, points
-        )
+        value = slope_x = slope_y = slope_t = slope_s = 0.0
+        for point in range(len(points)):
+            q, qx, qy, qt, qs = seen(c, left, low, cos, sin, dx + points[point, 0], dy + points[point, 1])
+            value += q
+            slope_x += qx
+            slope_y += qy
+            slope_t += qt
+            slope_s += qs
+        out[i, 0] = share * value
+        out[i, 1] = share * slope_x
+        out[i, 2] = share * slope_y
+        out[i, 3] = share * slope_t
+        out[i, 4] = share * slope_s
 
 
 @kernel
