@@ -124,8 +124,9 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
 ) -> bool:
     """Register one scan (entries,) on the patterns (pads, rows, cols) of all pads in contact; whether all of them fit.
 
-    A pattern is NaN beyond its own rows and columns. memory: (pads, SLOTS), states: (pads, 5) and information: (pads, 5, 5) are kept from scan to scan. places: (2,
-    entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a border of its pad.
+    A pattern is NaN beyond its own rows and columns. memory: (pads, SLOTS), states: (pads, 5) and information: (pads,
+    5, 5) are kept from scan to scan. places: (2, entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a
+    border of its pad.
     """
     fits = True
     no_bend, middle = np.zeros((3, 0)), np.empty(4)

@@ -71,8 +71,8 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     reading, variance, ceiling: (taxels,), noise squared, 0 where a taxel is masked or silent; a saturated reading
     counts only as far as the model lies below it. doubt: (ny, nx) variance of the pattern, or (0, 0). rough: error of
     the pattern relative to it. prior, stiffness: (5,) where the state is thought to be, and how firmly, 1 / variance;
-    from `HELD` on it stays there. The pattern is taken at each taxel's middle. Returns the cost (robust chi-square with prior), chi-square, and how many taxels it
-    is over.
+    from `HELD` on it stays there. The pattern is taken at each taxel's middle. Returns the cost (robust chi-square with
+    prior), chi-square, and how many taxels it is over.
     """
     h, left, low = lattice
     left, low = left / h, low / h
@@ -163,7 +163,13 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         normal[X, X], normal[Y, X], normal[Y, Y] = xx, xy, yy
         normal[THETA, X], normal[THETA, Y], normal[THETA, THETA] = tx, ty, tt
         normal[GAIN, X], normal[GAIN, Y], normal[GAIN, THETA], normal[GAIN, GAIN] = xg, yg, tg, gg
-        normal[SIZE, X], normal[SIZE, Y], normal[SIZE, THETA], normal[SIZE, GAIN], normal[SIZE, SIZE] = sx, sy, st, sg, ss
+        normal[SIZE, X], normal[SIZE, Y], normal[SIZE, THETA], normal[SIZE, GAIN], normal[SIZE, SIZE] = (
+            sx,
+            sy,
+            st,
+            sg,
+            ss,
+        )
         right[X], right[Y], right[THETA], right[GAIN], right[SIZE] = xr, yr, tr, gr, sr
         for a in range(STATE):
             off = state[a] - prior[a]
