@@ -63,9 +63,11 @@ def follow_hand(
     span: Floats,
     lag: Floats,
     load: Floats,
+    disturbance: Floats,
     quality: NDArray[np.uint8],
 ) -> int:
-    """Do FOLLOW, REPORT or BOTH with one scan (entries,), into row k of border ... quality (scans, pads, ...).
+    """Do FOLLOW, REPORT or BOTH with one scan (entries,), into row k of border ... quality (scans, pads, ...), whatever
+    stood there.
 
     See `online.follow`, `online.report` and `translation.mark_border` for the arrays. If not all pads fit, BOTH stops
     before the report.
@@ -89,6 +91,14 @@ def follow_hand(
         )
         if job == FOLLOW or not fits:
             return DONE if fits else ELSEWHERE
+    for row in (pose[k], displacement[k]):
+        row[:] = np.nan
+    for block in (covariance[k], displacement_covariance[k]):
+        block[:] = np.nan
+    for column in (span[k], lag[k], disturbance[k]):
+        column[:] = np.nan
+    border[k] = False
+    quality[k] = 0
     report(
         t,
         contact,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.pattern.register import HELD, register, solve_small
+from taxelflow.estimation.pattern.register import HELD, factor_small, register, solve_factored
 from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
 
@@ -257,15 +257,17 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         state = states[pad]
         scale = pitch_m[pad]
         cov = covariance[pad]
+        matrix[:] = information[pad]
+        for a in range(STATE):
+            matrix[a, THETA] *= m[SHARE]
+            matrix[THETA, a] *= m[SHARE]
+            matrix[a, a] += 1e-12
+        positive = factor_small(matrix, STATE)
         for column in range(3):
-            matrix[:] = information[pad]
-            for a in range(STATE):
-                matrix[a, THETA] *= m[SHARE]
-                matrix[THETA, a] *= m[SHARE]
-                matrix[a, a] += 1e-12
             unit[:] = 0.0
             unit[column] = 1.0
-            solve_small(matrix, unit, STATE)
+            if positive:
+                solve_factored(matrix, unit, STATE)
             for a in range(3):
                 cov[a, column] = unit[a] * (scale if a < 2 else 1.0) * (scale if column < 2 else 1.0)
         pose[pad, 0], pose[pad, 1] = scale * state[0], scale * state[1]
@@ -305,8 +307,13 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 for k in range(int(m[KEYFRAMES])):
                     apart = np.hypot(state[0] - keyframes[pad, k, 0], state[1] - keyframes[pad, k, 1])
                     apart += m[RADIUS] * abs(state[THETA] - keyframes[pad, k, 2])
-                    if apart + abs(np.log(state[GAIN] / keyframes[pad, k, 3])) * _NEAR / _LOUDER < _NEAR:
+                    if (
+                        apart < _NEAR
+                        and apart + abs(np.log(state[GAIN] / keyframes[pad, k, 3])) * _NEAR / _LOUDER < _NEAR
+                    ):
                         close += 1
+                        if close == _SAME:
+                            break
                 if close < _SAME or m[CHANGING] > 0.0:
                     m[FLAG] = NOVEL
         else:

@@ -25,6 +25,15 @@ _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
 @kernel
 def solve_small(a: Floats, b: Floats, n: int) -> bool:
     """Solve a x = b for symmetric positive a (n, n) in place: a becomes its factor, b the solution."""
+    if not factor_small(a, n):
+        return False
+    solve_factored(a, b, n)
+    return True
+
+
+@kernel
+def factor_small(a: Floats, n: int) -> bool:
+    """Make symmetric a (n, n) its factor L D L^T, from its lower half; False if it is not positive."""
     for j in range(n):
         d = a[j, j]
         for k in range(j):
@@ -37,6 +46,12 @@ def solve_small(a: Floats, b: Floats, n: int) -> bool:
             for k in range(j):
                 v -= a[i, k] * a[j, k] * a[k, k]
             a[i, j] = v / d
+    return True
+
+
+@kernel
+def solve_factored(a: Floats, b: Floats, n: int) -> None:
+    """Make b (n,) the solution of a x = b, with a from `factor_small`."""
     for i in range(n):
         for k in range(i):
             b[i] -= a[i, k] * b[k]
@@ -45,7 +60,6 @@ def solve_small(a: Floats, b: Floats, n: int) -> bool:
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
             b[i] -= a[k, i] * b[k]
-    return True
 
 
 @kernel

@@ -75,7 +75,7 @@ class StreamSession:
         self._squared = np.zeros(layout.entries)
         self._ceiling = np.full(layout.entries, np.inf)
         self._border: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
-        self._no_slips = Slips.unknown(no_scans(layout.entries, pads, 1))
+        self._no_slips = _room(no_scans(layout.entries, pads, 1))
         self._arrays = (
             self._places,
             self._delay,
@@ -100,7 +100,7 @@ class StreamSession:
 
     def step(self, scans: Scans) -> Slips:
         """Slips of all pads; see `EstimatorSession.step`."""
-        slips = Slips.unknown(scans)
+        slips = _room(scans)
         if scans.noise is not self._noise:
             self._noise, self._squared = scans.noise, scans.noise**2
         self._ceiling = scans.ceiling
@@ -115,6 +115,11 @@ class StreamSession:
             self._keep(pad)
         self._worker.shutdown()
         return Slips.unknown(no_scans(self._layout.entries, len(self._pads)), self._layout.starts)
+
+    @property
+    def learning(self) -> bool:
+        """Whether a pattern is being learned, or waits to be adopted."""
+        return any(own.job is not None for own in self._pads)
 
     def expected(self, t_s: float | None = None) -> Floats:
         """(entries,), what the taxels should read, by all that is known: in the last scan, or at t_s if the motion goes
@@ -186,6 +191,7 @@ class StreamSession:
             slips.span_s,
             slips.lag_s,
             slips.load,
+            slips.disturbance,
             slips.quality,
         )
 
@@ -369,6 +375,25 @@ class StreamSession:
         compile_kernels()
         none = np.zeros(len(self._pads), dtype=np.bool_)
         self._run(BOTH, 0.0, self._last_reading, self._last_variance, none, self._no_slips)
+
+
+def _room(scans: Scans) -> Slips:
+    """Slips to be filled in, row by row."""
+    shape = scans.contact.shape
+    return Slips(
+        t_s=scans.t_s,
+        contact=scans.contact,
+        border=np.empty((*shape, 2), np.bool_),
+        displacement=np.empty((*shape, 3)),
+        pose=np.empty((*shape, 3)),
+        covariance=np.empty((*shape, 3, 3)),
+        displacement_covariance=np.empty((*shape, 3, 3)),
+        span_s=np.empty(shape),
+        lag_s=np.empty(shape),
+        load=np.empty(shape),
+        disturbance=np.empty(shape),
+        quality=np.empty(shape, np.uint8),
+    )
 
 
 def _better(found: tuple[Floats, Floats, float, int], m: Floats) -> bool:
