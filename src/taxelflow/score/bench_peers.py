@@ -2,14 +2,15 @@
 
 Every pad of the paper's hand is in contact with an airbag of its own, which slides to and fro. The estimator is given
 each scan once, in time order, as a live session would be. Of an estimator that learns, rounds in which a pattern was
-being learned or adopted are a row of their own.
+being learned or adopted are a row of their own; after those the scans' own clock is waited for, because a stream that
+runs ahead of it would wait for what is learned.
 """
 
 from __future__ import annotations
 
 import gc
 from dataclasses import replace
-from time import perf_counter
+from time import perf_counter, sleep
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -153,6 +154,7 @@ def _in_turn(
     gc.disable()
     try:
         for round_ in range(warm + rounds):
+            learned = False
             for what, step in steps.items():
                 busy = what in learning and learning[what]()
                 for k in range(_INNER * round_, _INNER * (round_ + 1)):
@@ -160,9 +162,12 @@ def _in_turn(
                     step(k)
                     end = perf_counter()
                 if what in learning and (busy or learning[what]()):
+                    learned = True
                     taken[f"{what}, while it learns"].append(end - start)
                 elif round_ >= warm:
                     taken[what].append(end - start)
+            if learned:
+                sleep(_INNER / _RATE_HZ)
     finally:
         gc.enable()
     return {what: np.array(times) for what, times in taken.items() if times}
