@@ -20,7 +20,16 @@ _log = logging.getLogger("taxelflow")
 
 def kernel(function: Kernel) -> Kernel:
     """`numba.njit(cache=True)` that keeps the function's type for mypy. Sums may be reordered; NaN stays NaN."""
-    compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})(function)
+    return _compiled(function, nogil=True)
+
+
+def brief_kernel(function: Kernel) -> Kernel:
+    """A `kernel` that keeps Python's lock while it runs: for calls of microseconds beside a thread that works."""
+    return _compiled(function, nogil=False)
+
+
+def _compiled(function: Kernel, *, nogil: bool) -> Kernel:
+    compiled = numba.njit(cache=True, nogil=nogil, error_model="numpy", fastmath={"reassoc", "contract"})(function)
     return cast("Kernel", compiled)
 
 

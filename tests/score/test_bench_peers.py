@@ -45,9 +45,25 @@ def test_estimators_are_timed_against_phase_correlation() -> None:
 def test_each_step_sees_every_scan_once_and_in_order() -> None:
     seen: dict[str, list[int]] = {"a": [], "b": []}
     steps = {name: own.append for name, own in seen.items()}
-    taken = timing._in_turn(steps, 2, 3)
+    taken = timing._in_turn(steps, {}, 2, 3)
     assert seen["a"] == seen["b"] == list(range(20))
     assert [len(times) for times in taken.values()] == [3, 3]
+
+
+def test_rounds_in_which_something_was_learned_are_a_row_of_their_own() -> None:
+    last = [0]
+
+    def step(k: int) -> None:
+        last[0] = k
+
+    taken = timing._in_turn({"a": step}, {"a": lambda: last[0] < 12}, 2, 6)
+    assert {what: len(times) for what, times in taken.items()} == {"a": 4, "a, while it learns": 4}
+
+
+def test_a_pattern_is_learned_at_first() -> None:
+    pytest.importorskip("cv2")
+    found = bench_peers(("template",))
+    assert "template step, while it learns" in [row.what for row in found.rows]
 
 
 def test_without_opencv_a_line_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -146,15 +146,29 @@ def mark_border(
     edge: taxels at a border, pad by pad; edge_starts: (pads + 1,) into edge. faces: (taxels, 2).
     """
     for scan in range(pressure.shape[0]):
-        for pad in range(len(edge_starts) - 1):
-            if contact[scan, pad]:
-                for place in range(edge_starts[pad], edge_starts[pad + 1]):
-                    taxel = edge[place]
-                    if 0.0 < _BORDER_SIGMAS * noise[taxel] < pressure[scan, taxel]:
-                        at_border[scan, pad, 0] |= faces[taxel, 0]
-                        at_border[scan, pad, 1] |= faces[taxel, 1]
-                        if at_border[scan, pad, 0] and at_border[scan, pad, 1]:
-                            break
+        mark_border_of_scan(pressure[scan], noise, contact[scan], edge, edge_starts, faces, at_border[scan])
+
+
+@kernel
+def mark_border_of_scan(
+    reading: Floats,
+    noise: Floats,
+    contact: Bools,
+    edge: NDArray[np.int64],
+    edge_starts: NDArray[np.int64],
+    faces: Bools,
+    at_border: Bools,
+) -> None:
+    """`mark_border` for one scan: reading (taxels,), contact (pads,), at_border (pads, 2)."""
+    for pad in range(len(edge_starts) - 1):
+        if contact[pad]:
+            for place in range(edge_starts[pad], edge_starts[pad + 1]):
+                taxel = edge[place]
+                if 0.0 < _BORDER_SIGMAS * noise[taxel] < reading[taxel]:
+                    at_border[pad, 0] |= faces[taxel, 0]
+                    at_border[pad, 1] |= faces[taxel, 1]
+                    if at_border[pad, 0] and at_border[pad, 1]:
+                        break
 
 
 def _planar(two: Floats) -> Floats:

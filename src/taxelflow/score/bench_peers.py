@@ -1,14 +1,16 @@
 """One streaming step of an estimator for the whole hand against OpenCV's phaseCorrelate over its pads, in one run.
 
 Every pad of the paper's hand is in contact with an airbag of its own, which slides to and fro. The estimator is given
-each scan once, in time order, as a live session would be.
+each scan once, in time order, as a live session would be. Of an estimator that learns, rounds in which a pattern was
+being learned or adopted are a row of their own; after those the scans' own clock is waited for, because a stream that
+runs ahead of it would wait for what is learned.
 """
 
 from __future__ import annotations
 
 import gc
 from dataclasses import replace
-from time import perf_counter
+from time import perf_counter, sleep
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -20,12 +22,14 @@ from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced
 from taxelflow.errors import ExtraMissing
+from taxelflow.estimation.pattern.stream import StreamSession
 from taxelflow.messages import Scans, cut
 from taxelflow.score.pairs import needed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from taxelflow.estimation.base import EstimatorSession
     from taxelflow.layout import Layout
     from taxelflow.messages import Floats
 
@@ -70,9 +74,14 @@ def bench_peers(methods: Sequence[str] = ()) -> PeerBench:
     layout, scans = hand_in_contact(_WARM + _ROUNDS)
     peer = f"cv2.phaseCorrelate, {layout.pad_count} pads"
     steps = {peer: _correlations(cv2, layout, scans)}
+    learning: dict[str, Callable[[], bool]] = {}
     with announced():
-        steps |= {f"{method} step": _session(method, layout, scans) for method in chosen}
-    taken = _in_turn(steps, _WARM, _ROUNDS)
+        for method in chosen:
+            session, what = api.estimator(method).start(layout, "stream"), f"{method} step"
+            steps[what] = _steps(session, scans)
+            if isinstance(session, StreamSession):
+                learning[what] = _learns(session)
+    taken = _in_turn(steps, learning, _WARM, _ROUNDS)
     quantiles = {what: np.quantile(1e6 * times, (0.5, 0.99)) for what, times in taken.items()}
     rows = [PeerLatency(what, *map(float, (*own, *(own / quantiles[peer])))) for what, own in quantiles.items()]
     return PeerBench(rows)
@@ -112,9 +121,12 @@ def hand_in_contact(rounds: int) -> tuple[Layout, list[Scans]]:
     return layout, [cut(block, k, k + 1) for k in range(count)]
 
 
-def _session(method: str, layout: Layout, scans: list[Scans]) -> Callable[[int], object]:
-    session = api.estimator(method).start(layout, "stream")
+def _steps(session: EstimatorSession, scans: list[Scans]) -> Callable[[int], object]:
     return lambda k: session.step(scans[k])
+
+
+def _learns(session: StreamSession) -> Callable[[], bool]:
+    return lambda: session.learning
 
 
 def _correlations(cv2: Any, layout: Layout, scans: list[Scans]) -> Callable[[int], object]:
@@ -126,20 +138,36 @@ def _correlations(cv2: Any, layout: Layout, scans: list[Scans]) -> Callable[[int
     return lambda k: [cv2.phaseCorrelate(*pair) for pair in zip(images[k - 1], images[k], strict=True)]
 
 
-def _in_turn(steps: dict[str, Callable[[int], object]], warm: int, rounds: int) -> dict[str, Floats]:
-    """Seconds (rounds,) of each step, in turn; every step sees each scan once, in order."""
-    taken: dict[str, list[float]] = {what: [] for what in steps}
+def _in_turn(
+    steps: dict[str, Callable[[int], object]], learning: dict[str, Callable[[], bool]], warm: int, rounds: int
+) -> dict[str, Floats]:
+    """Seconds (rounds,) of each step, in turn; every step sees each scan once, in order.
+
+    Of a step that learns, those rounds after the warm ones in which it did not, and apart all rounds in which it did.
+    """
+    taken: dict[str, list[float]] = {}
+    for what in steps:
+        taken[what] = []
+        if what in learning:
+            taken[f"{what}, while it learns"] = []
     gc.collect()
     gc.disable()
     try:
         for round_ in range(warm + rounds):
+            learned = False
             for what, step in steps.items():
+                busy = what in learning and learning[what]()
                 for k in range(_INNER * round_, _INNER * (round_ + 1)):
                     start = perf_counter()
                     step(k)
                     end = perf_counter()
-                if round_ >= warm:
+                if what in learning and (busy or learning[what]()):
+                    learned = True
+                    taken[f"{what}, while it learns"].append(end - start)
+                elif round_ >= warm:
                     taken[what].append(end - start)
+            if learned:
+                sleep(_INNER / _RATE_HZ)
     finally:
         gc.enable()
-    return {what: np.array(times) for what, times in taken.items()}
+    return {what: np.array(times) for what, times in taken.items() if times}

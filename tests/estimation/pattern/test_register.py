@@ -44,10 +44,10 @@ def fit(reading: Floats, *, variance: Any = NOISE**2, ceiling: float = np.inf, t
     """State, information, chi-square and readings used, from a start at rest."""
     state, information = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.zeros((STATE, STATE))
     stiffness = np.array([0.0, 0.0, 0.0 if turns else 1e12, 0.0, 1e12])
-    prior, scratch = state.copy(), np.zeros((TAXELS, 6))
+    prior = state.copy()
     _, chi, count = register(
-        bumps(), np.zeros((0, 0)), LATTICE, PLACES, POINT, WHOLE, reading, np.broadcast_to(variance, TAXELS).copy(),
-        np.full(TAXELS, ceiling), 0.0, 3.0, prior, stiffness, 30, state, information, scratch,
+        bumps(), np.zeros((0, 0)), LATTICE, PLACES, WHOLE, reading, np.broadcast_to(variance, TAXELS).copy(),
+        np.full(TAXELS, ceiling), 0.0, 3.0, prior, stiffness, 30, state, information,
     )  # fmt: skip
     return state, information, chi, count
 

@@ -80,10 +80,10 @@ def find(
     state: Floats,
 ) -> None:
     """Fill state (5,) with the motion since the spline's scan; tried from none, and from the centroid's, shift (2,)."""
-    one_point, no_bend = np.zeros((1, 2)), np.zeros((3, 0))
+    no_bend = np.zeros((3, 0))
     prior = np.array([0.0, 0.0, 0.0, gain, 0.0])
     stiffness = np.array([_FAR, _FAR, _LOOSE_TURN if turns else _HELD, _LOOSE_GAIN / gain**2, _HELD])
-    information, scratch = np.zeros((STATE, STATE)), np.zeros((len(reading), 6))
+    information = np.zeros((STATE, STATE))
     trial, best = np.empty(STATE), np.inf
     for start in range(2):
         trial[:] = prior
@@ -93,7 +93,6 @@ def find(
             doubt,
             lattice,
             places,
-            one_point,
             no_bend,
             reading,
             variance,
@@ -105,7 +104,6 @@ def find(
             _ITERATIONS,
             trial,
             information,
-            scratch,
         )
         if cost < best - 1e-3:
             best = cost

@@ -1,8 +1,8 @@
 """What a pattern leaves unexplained in a scan, carried over to the next.
 
 Skin and object give way, so the pattern of a real contact changes more slowly than scans follow one another: what is
-left of one scan is left of the next, too. It is kept as one number a taxel, r, that dies away with time and motion, with
-a variance v; R^2 is what v is at rest::
+left of one scan is left of the next, too. It is kept as one number a taxel, r, that dies away with time and motion,
+with a variance v; R^2 is what v is at rest::
 
     before the next scan   r <- a r           v <- a^2 v + (1 - a^2) R^2
     the scan is registered by  y - g q = r,   weights 1 / (noise^2 + v)
@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.pattern.register import nearest
-from taxelflow.estimation.pattern.spline import GAIN, STATE
+from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -45,8 +44,8 @@ def bring(
     ceiling: Floats,
     out: Floats,
 ) -> None:
-    """Fill out (3, taxels) with reading, variance and ceiling less what is left of rest (3, taxels: r, v, R^2) after a
-    span (s) and a motion (pitches): a pattern registered on them, with no error of its own, is registered with its rest.
+    """Fill out (3, taxels) with reading, variance and ceiling, less what is left of rest (3, taxels: r, v, R^2) after a
+    span (s) and a motion (pitches). A pattern registered on them as if it had no error is registered with its rest.
     """
     a = fades(span, moved)
     for i in range(rest.shape[1]):
@@ -64,7 +63,7 @@ def fades(span: float, moved: float) -> float:
 
 
 @kernel
-def keep(
+def keep(  # noqa: PLR0912  one loop, as a kernel must be
     values: Floats,
     doubt: Floats,
     lattice: Floats,
@@ -86,8 +85,9 @@ def keep(
     """Update rest (3, taxels) by a scan registered at a state (5,); chi-square per reading on the pattern alone.
 
     values: (taxels, 5), of the pattern and its slopes at the state, see `spline.evaluate`. registered: chi-square per
-    reading that registration left. still: whether the pattern's own error stays, too. brought: (3, taxels), from `bring`, or (3, 0) if there was no rest before.
-    information: (5, 5) becomes that of the pose on the pattern alone. Others as for `register`.
+    reading that registration left. still: whether the pattern's own error stays, too. brought: (3, taxels), from
+    `bring`, or (3, 0) if there was no rest before. information: (5, 5) becomes that of the pose on the pattern alone.
+    Others as for `register`.
     """
     gain, chi, seen, count = state[GAIN], 0.0, 0, len(reading)
     peak = 0.0
@@ -102,7 +102,7 @@ def keep(
             rest[2, i] = max(reading[i] * reading[i], (_BEYOND * peak) ** 2)
             continue
         rest[2, i] = (rough * max(gain * q, 0.0)) ** 2
-        rest[2, i] += gain * gain * nearest(doubt, lattice, places, state, bend, i)
+        rest[2, i] += gain * gain * _nearest(doubt, lattice, places, state, bend, i)
         left = reading[i] - gain * q
         if variance[i] == 0.0 or (left < 0.0 and reading[i] >= ceiling[i]) or (reading[i] == 0.0 and gain * q <= 0.0):
             continue
@@ -141,3 +141,17 @@ def keep(
     for a in range(STATE):
         information[a, a] += stiffness[a]
     return chi
+
+
+@kernel
+def _nearest(grid: Floats, lattice: Floats, places: Floats, state: Floats, bend: Floats, i: int) -> float:
+    """Value of grid (ny, nx) at the knot nearest to taxel i."""
+    dx, dy, theta = places[0, i] - state[X], places[1, i] - state[Y], state[THETA]
+    if bend.shape[1]:
+        dx, dy, theta = dx - bend[0, i], dy - bend[1, i], theta + bend[2, i]
+    shrink = np.exp(-state[SIZE])
+    cos, sin = shrink * np.cos(theta), shrink * np.sin(theta)
+    ix = int(np.round((cos * dx + sin * dy - lattice[1]) / lattice[0]))
+    iy = int(np.round((cos * dy - sin * dx - lattice[2]) / lattice[0]))
+    value: float = grid[min(max(iy, 0), grid.shape[0] - 1), min(max(ix, 0), grid.shape[1] - 1)]
+    return value

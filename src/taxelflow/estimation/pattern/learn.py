@@ -19,8 +19,8 @@ from taxelflow.estimation.pattern.contact import (
 )
 from taxelflow.estimation.pattern.joint import Fit, refine
 from taxelflow.estimation.pattern.online import HUBER, gate
-from taxelflow.estimation.pattern.pattern import Factor, Pattern, Sums
-from taxelflow.estimation.pattern.register import register
+from taxelflow.estimation.pattern.pattern import Pattern, Sums
+from taxelflow.estimation.pattern.register import HELD, register
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, in_object
 from taxelflow.estimation.pattern.track import MARGIN, SPACING
@@ -28,6 +28,7 @@ from taxelflow.estimation.pattern.track import MARGIN, SPACING
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from taxelflow.estimation.pattern.normal import Factor
     from taxelflow.messages import Floats
 
 _NEAR = 0.25
@@ -104,8 +105,9 @@ class Learned:
     slack: (2,) how wrong poses on the pattern before have been, variance of x and y (pitches^2) and of theta (rad^2).
     fresh: how many of the last keyframes were registered on the pattern before.
     turned: by how much its theta differs from that of the pattern before.
-    gain_std: from scan to scan. turns: whether it may turn; proved: whether its scans are explained
-    by turning, and not without; seen: whether the pattern shows a turn. changing: it does not stay the same, and only the last keyframes count.
+    gain_std: from scan to scan. turns: whether it may turn; proved: whether its scans are explained by turning, and not
+    without; seen: whether the pattern shows a turn. changing: it does not stay the same, and only the last keyframes
+    count.
     """
 
     pattern: Pattern
@@ -171,8 +173,8 @@ def recognised(
     angles = steps * (np.pi / 6) if known.turns else np.zeros(1)
     angles = angles + (known.keyframes.states[-1, THETA] if theta is None else theta)
     centre, best, found = pattern.centre(), np.inf, None
-    information, scratch = np.zeros((STATE, STATE)), np.empty((len(reading), 6))
-    stiffness = np.array([1e-6, 1e-6, 1e-6 if known.turns else 1e12, 0.0, 1e12])
+    information = np.zeros((STATE, STATE))
+    stiffness = np.array([1e-6, 1e-6, 1e-6 if known.turns else HELD, 0.0, HELD])
     for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
         stiffness[GAIN] = gain_std**-2
         for angle in angles:
@@ -185,7 +187,6 @@ def recognised(
                     DOUBT * pattern.doubt,
                     pattern.lattice,
                     places,
-                    np.zeros((1, 2)),
                     np.zeros((3, 0)),
                     reading,
                     variance,
@@ -197,7 +198,6 @@ def recognised(
                     20,
                     state,
                     information,
-                    scratch,
                 )
                 if cost < best and count and chi / count < gate(known.usual, count):
                     best, found = cost, (state.copy(), information.copy(), chi / count, count)

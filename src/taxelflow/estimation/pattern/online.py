@@ -8,7 +8,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.estimation.pattern.carry import bring, keep
-from taxelflow.estimation.pattern.register import register, solve_small
+from taxelflow.estimation.pattern.register import HELD, factor_small, register, solve_factored
 from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, evaluate
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
 
@@ -135,27 +135,27 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     information: Floats,
     steps: Floats,
     rests: Floats,
-    scratch: Floats,
 ) -> bool:
     """Register one scan (entries,) on the patterns (pads, rows, cols) of all pads in contact; whether all of them fit.
 
-    memory: (pads, SLOTS), states: (pads, 5) and rests: (4, entries), see `carry`, are kept from scan to scan.
-    information: (pads, 5, 5) of the states, steps: (pads, 5, 5) of how far they are from those before. places: (2,
-    entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a border of its pad.
+    A pattern is NaN beyond its own rows and columns. memory: (pads, SLOTS), states: (pads, 5) and rests: (4, entries),
+    see `carry`, are kept from scan to scan. information: (pads, 5, 5) of the states, steps: (pads, 5, 5) of how far
+    they are from those before. places: (2, entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a
+    border of its pad.
     """
     fits = True
-    one_point = np.zeros((1, 2))
-    no_bend, no_doubt = np.zeros((3, 0)), np.zeros((0, 0))
+    one_point, no_doubt = np.zeros((1, 2)), np.zeros((0, 0))
+    no_bend, middle = np.zeros((3, 0)), np.empty(4)
+    last, prior, trial, stiffness = np.empty(STATE), np.empty(STATE), np.empty(STATE), np.empty(STATE)
+    found = np.zeros((STATE, STATE))
     for pad in range(len(starts) - 1):
         m = memory[pad]
         if not contact[pad] or m[ACTIVE] == 0.0:
             continue
         own = slice(starts[pad], starts[pad + 1])
         where = places[:, own]
-        ny, nx = int(m[ROWS]), int(m[COLS])
         span = t - m[LAST_T]
-        last = states[pad].copy()
-        middle = np.empty(4)
+        last[:] = states[pad]
         centroid(reading[own], variance[own], where, edge[own], middle)
         m[CUT] = max(m[CUT], 1.0 if middle[2] > _CUT else 0.0)
         bend = no_bend
@@ -164,18 +164,16 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             for i in range(where.shape[1]):
                 late = delay[starts[pad] + i]
                 bend[0, i], bend[1, i], bend[2, i] = m[SPEED_X] * late, m[SPEED_Y] * late, m[SPEED_T] * late
-        stiffness = np.zeros(STATE)
         stiffness[0] = stiffness[1] = 1e-6
-        stiffness[THETA] = 1.0 / m[TURN_STD] ** 2 if m[TURN_STD] > 0.0 else 1e12
+        stiffness[THETA] = 1.0 / m[TURN_STD] ** 2 if m[TURN_STD] > 0.0 else HELD
         pressed = abs(np.log(middle[3] / m[LOAD])) if middle[3] > 0.0 and m[LOAD] > 0.0 else 1.0
         grown_std = _GROWTH * pressed + _LEAST_GROWTH
-        stiffness[SIZE] = 1.0 / grown_std**2 if m[GROWS] > 0.0 else 1e12
-        pattern, doubt = patterns[pad, :ny, :nx], doubts[pad, :ny, :nx]
+        stiffness[SIZE] = 1.0 / grown_std**2 if m[GROWS] > 0.0 else HELD
+        pattern, doubt = patterns[pad], doubts[pad]
         seen, against, limit = reading[own], variance[own], ceiling[own]
         rough, usual = m[ROUGH], m[USUAL]
         brought = np.empty((3, 0))
         best, best_chi, count = np.inf, np.inf, 0
-        trial, found = np.empty(STATE), np.zeros((STATE, STATE))
         may_turn = m[TURN_STD] == 0.0 and m[CUT] == 0.0
         may_grow = m[GROWS] == 0.0 and m[AWAY] <= _STAYS and m[KEYFRAMES] >= _SAME
         poor = m[CHI] > gate(m[USUAL], m[COUNT])
@@ -202,7 +200,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 elif attempt == 2:
                     trial[0] += middle[0] - m[CENTROID_X]
                     trial[1] += middle[1] - m[CENTROID_Y]
-                prior = last.copy()
+                prior[:] = last
                 stiffness[GAIN] = 1.0 / (m[GAIN_STD] * last[GAIN]) ** 2
                 if attempt >= 3:
                     trial[:] = states[pad]
@@ -217,14 +215,13 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                     if not may_grow:
                         continue
                     stiffness[SIZE] = 1.0 / _FIRST_GROWTH**2
-                    stiffness[THETA] = 1e12 if m[TURN_STD] == 0.0 else stiffness[THETA]
+                    stiffness[THETA] = HELD if m[TURN_STD] == 0.0 else stiffness[THETA]
                 prior[THETA] = trial[THETA] if m[TURN_STD] > 0.0 else last[THETA]
                 cost, chi, count = register(
                     pattern,
                     doubt,
                     m[SPACING : LOW + 1],
                     where,
-                    one_point,
                     bend,
                     seen,
                     against,
@@ -236,7 +233,6 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                     _ITERATIONS,
                     trial,
                     found,
-                    scratch[own],
                 )
                 needed = 1e-3 if attempt < 4 else _TURNS_GAIN * best
                 if cost < best - needed:
@@ -252,8 +248,8 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 if best_chi <= _POOR * usual:
                     break
             if carried == 0:
-                stiffness[THETA] = 1.0 / m[TURN_STD] ** 2 if m[TURN_STD] > 0.0 else 1e12
-                stiffness[SIZE] = 1.0 / grown_std**2 if m[GROWS] > 0.0 else 1e12
+                stiffness[THETA] = 1.0 / m[TURN_STD] ** 2 if m[TURN_STD] > 0.0 else HELD
+                stiffness[SIZE] = 1.0 / grown_std**2 if m[GROWS] > 0.0 else HELD
         steps[pad] = information[pad]
         m[CHI] = best_chi
         rests[3, own] = 0.0
@@ -266,10 +262,11 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         if m[CARRIES] > 0.0 or still or best_chi > _REST * usual:
             if m[CARRIES] > 0.0:
                 rests[3, own] = reading[own] - brought[0]
-            evaluate(pattern, m[SPACING : LOW + 1], where, states[pad], one_point, bend, scratch[own])
+            values = np.empty((len(seen), STATE))
+            evaluate(pattern, m[SPACING : LOW + 1], where, states[pad], one_point, bend, values)
             m[CHI] = keep(
-                scratch[own],
-                doubts[pad, :ny, :nx],
+                values,
+                doubts[pad],
                 m[SPACING : LOW + 1],
                 where,
                 bend,
@@ -377,8 +374,13 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 for k in range(int(m[KEYFRAMES])):
                     apart = np.hypot(state[0] - keyframes[pad, k, 0], state[1] - keyframes[pad, k, 1])
                     apart += m[RADIUS] * abs(state[THETA] - keyframes[pad, k, 2])
-                    if apart + abs(np.log(state[GAIN] / keyframes[pad, k, 3])) * _NEAR / _LOUDER < _NEAR:
+                    if (
+                        apart < _NEAR
+                        and apart + abs(np.log(state[GAIN] / keyframes[pad, k, 3])) * _NEAR / _LOUDER < _NEAR
+                    ):
                         close += 1
+                        if close == _SAME:
+                            break
                 if close < _SAME or m[CHANGING] > 0.0:
                     m[FLAG] = NOVEL
         else:
@@ -396,15 +398,16 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
 @kernel
 def _invert(information: Floats, share: float, scale: float, cov: Floats) -> None:
     """Fill cov (3, 3), m and rad, with the covariance of x, y and theta, given that of (5, 5) in pitches and rad."""
-    matrix, unit = np.empty((STATE, STATE)), np.empty(STATE)
+    matrix, unit = information.copy(), np.empty(STATE)
+    for a in range(STATE):
+        matrix[a, THETA] *= share
+        matrix[THETA, a] *= share
+        matrix[a, a] += 1e-12
+    positive = factor_small(matrix, STATE)
     for column in range(3):
-        matrix[:] = information
-        for a in range(STATE):
-            matrix[a, THETA] *= share
-            matrix[THETA, a] *= share
-            matrix[a, a] += 1e-12
         unit[:] = 0.0
         unit[column] = 1.0
-        solve_small(matrix, unit, STATE)
+        if positive:
+            solve_factored(matrix, unit, STATE)
         for a in range(3):
             cov[a, column] = unit[a] * (scale if a < 2 else 1.0) * (scale if column < 2 else 1.0)

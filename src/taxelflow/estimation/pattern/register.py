@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.pattern.spline import GAIN, STATE, evaluate
+from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y, seen
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
-_ENOUGH = 1e-3
-"""A step that lowers chi-square by less is the last."""
+_ENOUGH = 1e-2
+"""A step that lowers chi-square by less is the last, and not looked at: it is a tenth of a standard deviation, and what
+it leaves a hundredth of that or so."""
+HELD = 1e12
+"""Stiffness of a part of the state that stays where its prior is."""
 _LEAST_GAIN = 0.1
 """A gain falls at most to this share in one step."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
@@ -22,6 +25,15 @@ _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
 @kernel
 def solve_small(a: Floats, b: Floats, n: int) -> bool:
     """Solve a x = b for symmetric positive a (n, n) in place: a becomes its factor, b the solution."""
+    if not factor_small(a, n):
+        return False
+    solve_factored(a, b, n)
+    return True
+
+
+@kernel
+def factor_small(a: Floats, n: int) -> bool:
+    """Make symmetric a (n, n) its factor L D L^T, from its lower half; False if it is not positive."""
     for j in range(n):
         d = a[j, j]
         for k in range(j):
@@ -34,6 +46,12 @@ def solve_small(a: Floats, b: Floats, n: int) -> bool:
             for k in range(j):
                 v -= a[i, k] * a[j, k] * a[k, k]
             a[i, j] = v / d
+    return True
+
+
+@kernel
+def solve_factored(a: Floats, b: Floats, n: int) -> None:
+    """Make b (n,) the solution of a x = b, with a from `factor_small`."""
     for i in range(n):
         for k in range(i):
             b[i] -= a[i, k] * b[k]
@@ -42,7 +60,6 @@ def solve_small(a: Floats, b: Floats, n: int) -> bool:
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
             b[i] -= a[k, i] * b[k]
-    return True
 
 
 @kernel
@@ -51,7 +68,6 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     doubt: Floats,
     lattice: Floats,
     places: Floats,
-    points: Floats,
     bend: Floats,
     reading: Floats,
     variance: Floats,
@@ -63,37 +79,50 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     iterations: int,
     state: Floats,
     information: Floats,
-    scratch: Floats,
 ) -> tuple[float, float, int]:
     """Refine state (5,) so that the pattern explains one scan; information (5, 5) becomes J^T W J with the prior.
 
     reading, variance, ceiling: (taxels,), noise squared, 0 where a taxel is masked or silent; a saturated reading
-    counts only as far as the model lies below it. doubt: (ny, nx) variance of the pattern. rough: error of the pattern
-    relative to it. prior, stiffness: (5,) where the state is thought to be, and how firmly, 1 / variance. scratch:
-    (taxels, 6). Returns the cost (robust chi-square with prior), chi-square, and how many taxels it is over.
+    counts only as far as the model lies below it. doubt: (ny, nx) variance of the pattern, or (0, 0). rough: error of
+    the pattern relative to it. prior, stiffness: (5,) where the state is thought to be, and how firmly, 1 / variance;
+    from `HELD` on it stays there. The pattern is taken at each taxel's middle. Returns the cost (robust chi-square with
+    prior), chi-square, and how many taxels it is over.
     """
+    h, left, low = lattice
+    left, low = left / h, low / h
+    turns, grows = stiffness[THETA] < HELD, stiffness[SIZE] < HELD
+    if not turns:
+        state[THETA] = prior[THETA]
+    if not grows:
+        state[SIZE] = prior[SIZE]
     damping, best, best_chi, count = _FIRST_DAMPING, np.inf, 0.0, 0
-    kept = state.copy()
-    normal, right, best_right = np.zeros((STATE, STATE)), np.zeros(STATE), np.zeros(STATE)
-    jacobian = np.zeros(STATE)
-    matrix, step = np.zeros((STATE, STATE)), np.zeros(STATE)
+    room = np.zeros((14, STATE))  # at once, because memory takes time
+    normal, matrix = room[:STATE], room[STATE : 2 * STATE]
+    right, best_right, step, kept = room[10], room[11], room[12], room[13]
+    kept[:] = state
     for _ in range(iterations):
-        evaluate(c, lattice, places, state, points, bend, scratch)
-        normal[:] = 0.0
-        right[:] = 0.0
-        cost = chi = 0.0
-        seen = 0
         gain = state[GAIN]
+        scale = np.exp(-state[SIZE]) / h
+        cos, sin = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
+        cost = chi = 0.0
+        used = 0
+        xx = xy = yy = xg = yg = gg = xr = yr = gr = 0.0
+        tx = ty = tg = tt = tr = sx = sy = sg = st = ss = sr = 0.0
         for i in range(len(reading)):
             if variance[i] == 0.0:
                 continue
-            q = scratch[i, 0]
+            dx, dy = places[0, i] - state[X], places[1, i] - state[Y]
+            if bend.shape[1]:
+                dx -= bend[0, i]
+                dy -= bend[1, i]
+                cos, sin = scale * np.cos(state[THETA] + bend[2, i]), scale * np.sin(state[THETA] + bend[2, i])
+            q, jx, jy, jt, js = seen(c, left, low, cos, sin, dx, dy)
             if np.isnan(q):
-                if reading[i] * reading[i] > 9.0 * variance[i]:  # a load off the lattice: not explained
-                    z = abs(reading[i]) / np.sqrt(variance[i])
-                    chi += min(z * z, 25.0)
-                    seen += 1
-                    cost += 2.0 * huber * z - huber * huber if z > huber else z * z
+                z2 = reading[i] * reading[i] / variance[i]
+                if z2 > 9.0:  # a load off the lattice: not explained
+                    chi += min(z2, 25.0)
+                    used += 1
+                    cost += 2.0 * huber * np.sqrt(z2) - huber * huber if z2 > huber * huber else z2
                 continue
             model = gain * q
             if reading[i] == 0.0 and model <= 0.0:  # the sensor clips there
@@ -102,25 +131,60 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             if reading[i] >= ceiling[i] and residual < 0.0:
                 continue
             own = rough * max(model, 0.0)
-            w = 1.0 / (variance[i] + own * own + gain * gain * nearest(doubt, lattice, places, state, bend, i))
-            z = abs(residual) * np.sqrt(w)
-            chi += z * z
-            seen += 1
-            if z > huber:
+            v = variance[i] + own * own
+            if len(doubt):
+                ix, iy = int(cos * dx + sin * dy - left + 0.5), int(cos * dy - sin * dx - low + 0.5)
+                v += gain * gain * doubt[iy, ix]
+            w = 1.0 / v
+            z2 = residual * residual * w
+            chi += z2
+            used += 1
+            if z2 > huber * huber:
+                z = np.sqrt(z2)
                 cost += 2.0 * huber * z - huber * huber
                 w *= huber / z
             else:
-                cost += z * z
-            jacobian[0] = gain * scratch[i, 1]
-            jacobian[1] = gain * scratch[i, 2]
-            jacobian[2] = gain * scratch[i, 3]
-            jacobian[3] = q
-            jacobian[4] = gain * scratch[i, 4]
-            for a in range(STATE):
-                wa = w * jacobian[a]
-                right[a] += wa * residual
-                for b in range(a + 1):
-                    normal[a, b] += wa * jacobian[b]
+                cost += z2
+            jx *= gain
+            jy *= gain
+            wx, wy, wg = w * jx, w * jy, w * q
+            xx += wx * jx
+            xy += wx * jy
+            yy += wy * jy
+            xg += wx * q
+            yg += wy * q
+            gg += wg * q
+            xr += wx * residual
+            yr += wy * residual
+            gr += wg * residual
+            if turns:
+                jt *= gain
+                wt = w * jt
+                tx += wx * jt
+                ty += wy * jt
+                tg += wg * jt
+                tt += wt * jt
+                tr += wt * residual
+                if grows:
+                    st += wt * gain * js
+            if grows:
+                js *= gain
+                sx += wx * js
+                sy += wy * js
+                sg += wg * js
+                ss += w * js * js
+                sr += w * js * residual
+        normal[X, X], normal[Y, X], normal[Y, Y] = xx, xy, yy
+        normal[THETA, X], normal[THETA, Y], normal[THETA, THETA] = tx, ty, tt
+        normal[GAIN, X], normal[GAIN, Y], normal[GAIN, THETA], normal[GAIN, GAIN] = xg, yg, tg, gg
+        normal[SIZE, X], normal[SIZE, Y], normal[SIZE, THETA], normal[SIZE, GAIN], normal[SIZE, SIZE] = (
+            sx,
+            sy,
+            st,
+            sg,
+            ss,
+        )
+        right[X], right[Y], right[THETA], right[GAIN], right[SIZE] = xr, yr, tr, gr, sr
         for a in range(STATE):
             off = state[a] - prior[a]
             cost += stiffness[a] * off * off
@@ -128,7 +192,7 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             normal[a, a] += stiffness[a]
         if cost <= best:
             gained = best - cost
-            best, best_chi, count = cost, chi, seen
+            best, best_chi, count = cost, chi, used
             kept[:] = state
             information[:] = normal
             best_right[:] = right
@@ -145,26 +209,17 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             matrix[a, a] += damping * information[a, a] + 1e-12
         if not solve_small(matrix, step, STATE):
             break
-        state[:] = kept + step
+        lowered = 0.0
+        for a in range(STATE):
+            lowered += step[a] * best_right[a]
+            state[a] = kept[a] + step[a]
         state[GAIN] = max(state[GAIN], _LEAST_GAIN * kept[GAIN])  # pressure does not pull
+        if lowered < _ENOUGH:
+            best -= lowered
+            kept[:] = state
+            break
     state[:] = kept
     for a in range(STATE):
         for b in range(a):
             information[b, a] = information[a, b]
     return best, best_chi, count
-
-
-@kernel
-def nearest(grid: Floats, lattice: Floats, places: Floats, state: Floats, bend: Floats, i: int) -> float:
-    """Value of grid (ny, nx) at the knot nearest to taxel i; 0 for an empty grid."""
-    if grid.shape[0] == 0:
-        return 0.0
-    dx, dy = places[0, i] - state[0], places[1, i] - state[1]
-    if bend.shape[1]:
-        dx -= bend[0, i]
-        dy -= bend[1, i]
-    cos, sin = np.cos(state[2]), np.sin(state[2])
-    ix = int(np.round((cos * dx + sin * dy - lattice[1]) / lattice[0]))
-    iy = int(np.round((cos * dy - sin * dx - lattice[2]) / lattice[0]))
-    value: float = grid[min(max(iy, 0), grid.shape[0] - 1), min(max(ix, 0), grid.shape[1] - 1)]
-    return value

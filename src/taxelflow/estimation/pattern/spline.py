@@ -27,17 +27,63 @@ _BASIS = 4
 
 
 @kernel
-def basis(u: float, value: Floats, slope: Floats) -> None:
-    """The four cubic B-splines that are not 0 at u in [0, 1) after a knot, and their derivatives."""
+def basis(u: float) -> tuple[float, float, float, float]:
+    """The four cubic B-splines that are not 0 at u in [0, 1) after a knot."""
     v = 1.0 - u
-    value[0] = v * v * v / 6.0
-    value[1] = (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0
-    value[2] = (4.0 - 6.0 * v * v + 3.0 * v * v * v) / 6.0
-    value[3] = u * u * u / 6.0
-    slope[0] = -0.5 * v * v
-    slope[1] = -2.0 * u + 1.5 * u * u
-    slope[2] = 2.0 * v - 1.5 * v * v
-    slope[3] = 0.5 * u * u
+    first, last = v * v * v / 6.0, u * u * u / 6.0
+    second = 2.0 / 3.0 - u * u + 3.0 * last
+    return first, second, 1.0 - first - second - last, last
+
+
+@kernel
+def basis_slopes(u: float) -> tuple[float, float, float, float]:
+    """Derivatives of `basis`."""
+    v = 1.0 - u
+    return -0.5 * v * v, (1.5 * u - 2.0) * u, (2.0 - 1.5 * v) * v, 0.5 * u * u
+
+
+@kernel
+def value_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
+    """The spline with coefficients c (ny, nx), and its slopes, at a place counted in knots; NaN off the lattice.
+
+    Written out, because a scan's time goes here.
+    """
+    ny, nx = c.shape
+    if not (1.0 <= x < nx - 2.0 and 1.0 <= y < ny - 2.0):
+        return np.nan, np.nan, np.nan
+    k, j = int(x) - 1, int(y) - 1
+    u, w = x - (k + 1), y - (j + 1)
+    x0, x1, x2, x3 = basis(u)
+    y0, y1, y2, y3 = basis(w)
+    r0, r1, r2, r3 = basis_slopes(u)
+    s0, s1, s2, s3 = basis_slopes(w)
+    one, two, three, four = c[j], c[j + 1], c[j + 2], c[j + 3]
+    a0 = y0 * one[k] + y1 * two[k] + y2 * three[k] + y3 * four[k]
+    a1 = y0 * one[k + 1] + y1 * two[k + 1] + y2 * three[k + 1] + y3 * four[k + 1]
+    a2 = y0 * one[k + 2] + y1 * two[k + 2] + y2 * three[k + 2] + y3 * four[k + 2]
+    a3 = y0 * one[k + 3] + y1 * two[k + 3] + y2 * three[k + 3] + y3 * four[k + 3]
+    b0 = s0 * one[k] + s1 * two[k] + s2 * three[k] + s3 * four[k]
+    b1 = s0 * one[k + 1] + s1 * two[k + 1] + s2 * three[k + 1] + s3 * four[k + 1]
+    b2 = s0 * one[k + 2] + s1 * two[k + 2] + s2 * three[k + 2] + s3 * four[k + 2]
+    b3 = s0 * one[k + 3] + s1 * two[k + 3] + s2 * three[k + 3] + s3 * four[k + 3]
+    return (
+        x0 * a0 + x1 * a1 + x2 * a2 + x3 * a3,
+        r0 * a0 + r1 * a1 + r2 * a2 + r3 * a3,
+        x0 * b0 + x1 * b1 + x2 * b2 + x3 * b3,
+    )
+
+
+@kernel
+def seen(
+    c: Floats, left: float, low: float, cos: float, sin: float, dx: float, dy: float
+) -> tuple[float, float, float, float, float]:
+    """q at (dx, dy) from the object, and its derivatives by x, y, theta, s; NaN off the lattice.
+
+    cos, sin: of theta, times exp(-s) / h. left, low: place of knot (0, 0), in knots.
+    """
+    u, w = cos * dx + sin * dy, cos * dy - sin * dx
+    q, qu, qw = value_at(c, u - left, w - low)
+    return q, qw * sin - qu * cos, -qw * cos - qu * sin, qu * w - qw * u, -qu * u - qw * w
 
 
 @kernel
@@ -56,47 +102,25 @@ def evaluate(
     offsets of the taxel's points of quadrature. bend: (3, taxels), how far each taxel's own pose is from the scan's
     (it is read later), or (3, 0).
     """
-    ny, nx = c.shape
     h, left, low = lattice
-    shrink = np.exp(-state[SIZE])
-    cos, sin = shrink * np.cos(state[THETA]), shrink * np.sin(state[THETA])
+    left, low = left / h, low / h
     share = 1.0 / len(points)
-    bx, by, sx, sy = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    scale = np.exp(-state[SIZE]) / h
+    cos, sin = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
     for i in range(places.shape[1]):
-        px, py = places[0, i] - state[X], places[1, i] - state[Y]
+        dx, dy = places[0, i] - state[X], places[1, i] - state[Y]
         if bend.shape[1]:
-            px -= bend[0, i]
-            py -= bend[1, i]
-            cos = shrink * np.cos(state[THETA] + bend[2, i])
-            sin = shrink * np.sin(state[THETA] + bend[2, i])
+            dx -= bend[0, i]
+            dy -= bend[1, i]
+            cos, sin = scale * np.cos(state[THETA] + bend[2, i]), scale * np.sin(state[THETA] + bend[2, i])
         value = slope_x = slope_y = slope_t = slope_s = 0.0
         for point in range(len(points)):
-            dx, dy = px + points[point, 0], py + points[point, 1]
-            u, w = cos * dx + sin * dy, cos * dy - sin * dx
-            fx, fy = (u - left) / h, (w - low) / h
-            ix, iy = int(np.floor(fx)), int(np.floor(fy))
-            if ix < 1 or iy < 1 or ix + 2 >= nx or iy + 2 >= ny:
-                value = np.nan
-                continue
-            basis(fx - ix, bx, sx)
-            basis(fy - iy, by, sy)
-            q = qu = qw = 0.0
-            for a in range(4):
-                along = across = 0.0
-                for b in range(4):
-                    coefficient = c[iy - 1 + a, ix - 1 + b]
-                    along += bx[b] * coefficient
-                    across += sx[b] * coefficient
-                q += by[a] * along
-                qu += by[a] * across
-                qw += sy[a] * along
-            qu /= h
-            qw /= h
+            q, qx, qy, qt, qs = seen(c, left, low, cos, sin, dx + points[point, 0], dy + points[point, 1])
             value += q
-            slope_x += qw * sin - qu * cos
-            slope_y -= qw * cos + qu * sin
-            slope_t += qu * w - qw * u
-            slope_s -= qu * u + qw * w
+            slope_x += qx
+            slope_y += qy
+            slope_t += qt
+            slope_s += qs
         out[i, 0] = share * value
         out[i, 1] = share * slope_x
         out[i, 2] = share * slope_y
@@ -126,7 +150,6 @@ def spread(
     cos, sin = shrink * np.cos(state[THETA]), shrink * np.sin(state[THETA])
     share = 1.0 / len(points)
     margin = (width - _BASIS) // 2 + 1
-    bx, by, slope = np.empty(4), np.empty(4), np.empty(4)
     for i in range(places.shape[1]):
         px, py = places[0, i] - state[X], places[1, i] - state[Y]
         if bend.shape[1]:
@@ -145,8 +168,7 @@ def spread(
             dx, dy = px + points[point, 0], py + points[point, 1]
             fx, fy = (cos * dx + sin * dy - left) / h, (cos * dy - sin * dx - low) / h
             ix, iy = int(np.floor(fx)), int(np.floor(fy))
-            basis(fx - ix, bx, slope)
-            basis(fy - iy, by, slope)
+            bx, by = basis(fx - ix), basis(fy - iy)
             for a in range(4):
                 for b in range(4):
                     weight[i, (iy - 1 + a - corner_y) * width + ix - 1 + b - corner_x] += share * by[a] * bx[b]

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.pattern import online
+from taxelflow.estimation.pattern.hand import ASKS, BOTH, ELSEWHERE, FOLLOW, REPORT, follow_hand
 from taxelflow.estimation.pattern.learn import DOUBT, MOST_KEYFRAMES, Learned, first_pattern, learn, recognised
 from taxelflow.estimation.pattern.mapped import Maps
-from taxelflow.estimation.pattern.online import follow, report
 from taxelflow.estimation.pattern.predict import expected
 from taxelflow.estimation.pattern.scanned import delays_of
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
 from taxelflow.estimation.pattern.warm import compile_kernels
-from taxelflow.estimation.translation import border_of, mark_border
+from taxelflow.estimation.translation import border_of
 from taxelflow.messages import Bools, Scans, Slips, no_scans
 
 if TYPE_CHECKING:
@@ -69,14 +69,33 @@ class StreamSession:
         self._keyframes = np.zeros((pads, MOST_KEYFRAMES, 4))
         self._before, self._before_cov = np.zeros((pads, 3)), np.zeros((pads, 3, 3))
         self._before_t = np.zeros(pads)
-        self._scratch = np.zeros((layout.entries, 6))
-        self._touched = np.zeros(pads, dtype=np.bool_)
+        self._touched = bytes(pads)
         self._last_reading, self._last_variance = np.zeros(layout.entries), np.zeros(layout.entries)
-        self._noise: Floats | None = None
+        self._noise = np.zeros(layout.entries)
         self._squared = np.zeros(layout.entries)
         self._ceiling = np.full(layout.entries, np.inf)
         self._border: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
-        self._edge = border_of(layout)
+        self._no_slips = _room(no_scans(layout.entries, pads, 1))
+        self._arrays = (
+            self._places,
+            self._delay,
+            self._border,
+            layout.starts,
+            *border_of(layout),
+            self._pitch_m,
+            self._lead,
+            self._memory,
+            self._states,
+            self._information,
+            self._steps,
+            self._rests,
+            self._before,
+            self._before_cov,
+            self._before_t,
+            self._keyframes,
+            self._last_reading,
+            self._last_variance,
+        )
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
         self.notes: list[str] = []
         self.patterns = Maps()
@@ -84,14 +103,12 @@ class StreamSession:
 
     def step(self, scans: Scans) -> Slips:
         """Slips of all pads; see `EstimatorSession.step`."""
-        slips = Slips.unknown(scans, self._layout.starts)
-        mark_border(scans.pressure, scans.noise, scans.contact, *self._edge, slips.border)
+        slips = _room(scans)
         if scans.noise is not self._noise:
             self._noise, self._squared = scans.noise, scans.noise**2
         self._ceiling = scans.ceiling
         for k in range(len(scans)):
             self._scan(k, scans, slips)
-        slips.lag_s[:] = np.where(np.isfinite(slips.pose[..., 0]), -self._lead, np.nan)
         return slips
 
     def finish(self) -> Slips:
@@ -101,6 +118,11 @@ class StreamSession:
             self._keep(pad)
         self._worker.shutdown()
         return Slips.unknown(no_scans(self._layout.entries, len(self._pads)), self._layout.starts)
+
+    @property
+    def learning(self) -> bool:
+        """Whether a pattern is being learned, or waits to be adopted."""
+        return any(own.job is not None for own in self._pads)
 
     def expected(self, t_s: float | None = None) -> Floats:
         """(entries,), what the taxels should read, by all that is known: in the last scan, or at t_s if the motion goes
@@ -132,65 +154,49 @@ class StreamSession:
     def _scan(self, k: int, scans: Scans, slips: Slips) -> None:
         t, reading, contact = float(scans.t_s[k]), scans.pressure[k], scans.contact[k]
         variance = self._squared
-        if not scans.complete[k].all():
+        if np.count_nonzero(scans.complete[k]) < len(contact):
             variance = self._variance(reading, scans.complete[k])
-        if (contact != self._touched).any():
+        touched = contact.tobytes()
+        if touched != self._touched:
             self._change(t, contact, reading, variance)
+            self._touched = touched
         for pad, own in enumerate(self._pads):
             if own.due_s <= t:
                 self._adopt(pad, own)
-        fits = self._follow(t, reading, variance, contact)
-        if not fits:
+        came = self._run(BOTH, t, reading, variance, contact, slips, k)
+        if came == ELSEWHERE:
             self._find_again(t, contact, reading, variance)
-        self._report(k, t, contact, slips)
-        if self._memory[:, online.FLAG].any():
+            came = self._run(REPORT, t, reading, variance, contact, slips, k)
+        if came == ASKS:
             for pad in np.flatnonzero(self._memory[:, online.FLAG]).tolist():
                 self._answer(pad, t, reading, variance)
-        self._last_reading[:], self._last_variance[:] = reading, variance
-        self._touched[:] = contact
 
-    def _follow(self, t: float, reading: Floats, variance: Floats, contact: Bools) -> bool:
-        """Register a scan on the patterns of the pads in contact; whether all fit."""
-        return follow(
+    def _run(
+        self, job: int, t: float, reading: Floats, variance: Floats, contact: Bools, slips: Slips, k: int = 0
+    ) -> int:
+        """Follow a scan on the patterns of the pads in contact, fill row k of slips, or both."""
+        return follow_hand(
+            job,
+            k,
             t,
             reading,
             variance,
             self._ceiling,
-            self._places,
-            self._delay,
-            self._border,
-            self._layout.starts,
             contact,
+            self._noise,
+            *self._arrays,
             self._patterns,
             self._doubts,
-            self._memory,
-            self._states,
-            self._information,
-            self._steps,
-            self._rests,
-            self._scratch,
-        )
-
-    def _report(self, k: int, t: float, contact: Bools, slips: Slips) -> None:
-        """Fill row k of slips."""
-        report(
-            t,
-            contact,
-            self._pitch_m,
-            self._memory,
-            self._states,
-            self._information,
-            self._steps,
-            self._before,
-            self._before_cov,
-            self._before_t,
-            self._keyframes,
-            slips.pose[k],
-            slips.covariance[k],
-            slips.displacement[k],
-            slips.displacement_covariance[k],
-            slips.span_s[k],
-            slips.quality[k],
+            slips.border,
+            slips.pose,
+            slips.covariance,
+            slips.displacement,
+            slips.displacement_covariance,
+            slips.span_s,
+            slips.lag_s,
+            slips.load,
+            slips.disturbance,
+            slips.quality,
         )
 
     def _find_again(self, t: float, contact: Bools, reading: Floats, variance: Floats) -> None:
@@ -225,7 +231,7 @@ class StreamSession:
 
     def _change(self, t: float, contact: Bools, reading: Floats, variance: Floats) -> None:
         """Contacts that begin or end."""
-        for pad in np.flatnonzero(contact != self._touched):
+        for pad in np.flatnonzero(contact != np.frombuffer(self._touched, np.bool_)):
             own = self._pads[pad]
             if contact[pad]:
                 self._begin(int(pad), t, reading, variance)
@@ -288,9 +294,10 @@ class StreamSession:
             shape = (max(rows, self._patterns.shape[1]) + 8, max(cols, self._patterns.shape[2]) + 8)
             for name in ("_patterns", "_doubts"):
                 old = getattr(self, name)
-                new = np.zeros((len(old), *shape))
+                new = np.full((len(old), *shape), np.nan)
                 new[:, : old.shape[1], : old.shape[2]] = old
                 setattr(self, name, new)
+        self._patterns[pad], self._doubts[pad] = np.nan, np.nan
         self._patterns[pad, :rows, :cols] = pattern.coefficients
         self._doubts[pad, :rows, :cols] = DOUBT * pattern.doubt
         m[online.ACTIVE], m[online.ROWS], m[online.COLS] = 1.0, rows, cols
@@ -323,7 +330,7 @@ class StreamSession:
         alone[pad] = True
         kept = m[online.SPEED_X : online.LAST_T + 1].copy()
         m[online.SPEED_X : online.SPEED_T + 1] = 0.0
-        self._follow(float(m[online.LAST_T]), self._last_reading, self._last_variance, alone)
+        self._run(FOLLOW, float(m[online.LAST_T]), self._last_reading, self._last_variance, alone, self._no_slips)
         m[online.SPEED_X : online.LAST_T + 1] = kept
         state, scale = self._states[pad], self._pitch_m[pad]
         turn = state[THETA] - m[online.THETA_0] if m[online.SEEN] else np.nan
@@ -375,9 +382,26 @@ class StreamSession:
         """Run the kernels on nothing, so that none is compiled within the stream."""
         compile_kernels()
         none = np.zeros(len(self._pads), dtype=np.bool_)
-        self._follow(0.0, np.zeros(self._layout.entries), self._squared, none)
-        slips = Slips.unknown(no_scans(self._layout.entries, len(self._pads), 1), self._layout.starts)
-        self._report(0, 0.0, none, slips)
+        self._run(BOTH, 0.0, self._last_reading, self._last_variance, none, self._no_slips)
+
+
+def _room(scans: Scans) -> Slips:
+    """Slips to be filled in, row by row."""
+    shape = scans.contact.shape
+    return Slips(
+        t_s=scans.t_s,
+        contact=scans.contact,
+        border=np.empty((*shape, 2), np.bool_),
+        displacement=np.empty((*shape, 3)),
+        pose=np.empty((*shape, 3)),
+        covariance=np.empty((*shape, 3, 3)),
+        displacement_covariance=np.empty((*shape, 3, 3)),
+        span_s=np.empty(shape),
+        lag_s=np.empty(shape),
+        load=np.empty(shape),
+        disturbance=np.empty(shape),
+        quality=np.empty(shape, np.uint8),
+    )
 
 
 def _close(found: Floats, known: Floats) -> bool:

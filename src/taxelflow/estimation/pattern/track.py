@@ -8,7 +8,7 @@ import numpy as np
 
 from taxelflow.estimation.pattern.joint import refine
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
-from taxelflow.estimation.pattern.register import register
+from taxelflow.estimation.pattern.register import HELD, register
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, in_object
 
 if TYPE_CHECKING:
@@ -141,11 +141,11 @@ class Tracker:
         shifted[:2] += self.centroid[k] - self.centroid[before]
         starts.append(shifted)
         fixed = np.isinf(self.stiffness)
-        stiffness = np.where(fixed, 1e12, 1e-6)
+        stiffness = np.where(fixed, HELD, 1e-6)
         stiffness[GAIN] = self.stiffness[GAIN]
         best, misfit, kept = np.inf, np.inf, np.zeros((STATE, STATE))
         scanned, pattern = self.scanned, self.pattern
-        information, scratch = np.zeros((STATE, STATE)), np.zeros((scanned.places.shape[1], 6))
+        information = np.zeros((STATE, STATE))
         for state in starts:
             prior = last.copy()
             if fixed[THETA]:
@@ -155,7 +155,6 @@ class Tracker:
                 pattern.doubt,
                 pattern.lattice,
                 scanned.places,
-                pattern.points,
                 scanned.bends[k],
                 scanned.readings[k],
                 scanned.variance[k],
@@ -167,7 +166,6 @@ class Tracker:
                 _ITERATIONS,
                 state,
                 information,
-                scratch,
             )
             if cost < best - 1e-3:
                 best = cost
