@@ -50,6 +50,8 @@ _MATURE, _SETTLED = 10, 0.05
 _MOST_USUAL = 2.0
 _CHANGES, _CHANGING_ROUGH, _LAST = 0.1, 0.05, 4
 """A pattern with a relative error above the first changes; then the last few make it, with an error of the second."""
+_ABOUT = 1.0
+"""How far, in pitches, a recognised object may lie from where it is looked for."""
 _SEEN_ENOUGH = 24
 _MOST_SLACK = (1.0, 0.3)
 
@@ -165,7 +167,8 @@ def recognised(
     how many readings. middle: (2,) centroid of the scan.
 
     The object may lie partly beyond the pad's border, so it is looked for further out, too; where a turn can be seen,
-    at all angles, or at those around theta.
+    at all angles, or at those around theta. A few taxels at the border may be explained by many a place along it: it is
+    looked for where its middle lies on the line from the pad's through the scan's.
     """
     pattern = known.pattern
     outward = middle / max(float(np.hypot(*middle)), 1e-9)
@@ -174,7 +177,7 @@ def recognised(
     angles = angles + (known.keyframes.states[-1, THETA] if theta is None else theta)
     centre, best, found = pattern.centre(), np.inf, None
     information = np.zeros((STATE, STATE))
-    stiffness = np.array([1e-6, 1e-6, 1e-6 if known.turns else HELD, 0.0, HELD])
+    stiffness = np.array([_ABOUT**-2, _ABOUT**-2, 1e-6 if known.turns else HELD, 0.0, HELD])
     for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
         stiffness[GAIN] = gain_std**-2
         for angle in angles:

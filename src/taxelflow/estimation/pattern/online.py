@@ -91,7 +91,7 @@ _NEAR, _SAME = 0.25, 5
 """Keyframes closer than this, in pitches, show the same, and so many are enough."""
 _LOUDER = 0.5
 """A change of the gain's logarithm by this much counts as a pitch."""
-_BLURRED = 0.25
+BLURRED = 0.25
 FAINT = 3.0
 """A pattern from scans so many times fainter is not worth keeping."""
 
@@ -365,11 +365,12 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         before_t[pad] = t
         m[CONTINUES] = 1.0
         largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
-        blurred = largest + m[SLACK] * scale * scale > (_BLURRED * scale) ** 2
-        quality[pad] = AMBIGUOUS if blurred or m[CHANGING] > 0.0 else OK
+        blurred = largest + m[SLACK] * scale * scale > (BLURRED * scale) ** 2
+        unsure = m[PROBATION] > 0.0
+        quality[pad] = AMBIGUOUS if blurred or unsure or m[CHANGING] > 0.0 else OK
         if m[CHI] <= gate(m[USUAL], m[COUNT]):
             m[POOR] = 0.0
-            if largest < (_BLURRED * scale) ** 2:
+            if largest < (BLURRED * scale) ** 2:
                 close = 0
                 for k in range(int(m[KEYFRAMES])):
                     apart = np.hypot(state[0] - keyframes[pad, k, 0], state[1] - keyframes[pad, k, 1])
@@ -388,6 +389,8 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             m[POOR] += 1.0 if misfit <= _FAR_OFF else 2.0
             if m[POOR] >= _PATIENCE or m[KEYFRAMES] < _YOUNG:  # a young pattern is not yet to be trusted more
                 m[FLAG] = NOVEL
+        if unsure:
+            m[FLAG] = NOTHING  # a pattern must not learn from where it is not
         if state[GAIN] > FAINT and m[KEYFRAMES] < _YOUNG:
             m[FLAG] = NOVEL
         if moved > _LEAP * (1.0 + m[RADIUS]) or m[POOR] >= _MOST_POOR:

@@ -32,8 +32,10 @@ _LIBRARY = 4
 _TURN_STD = 0.1
 _LEAST_GAIN_STD = 0.05
 _PROBATION, _SURELY, _LEAP = 8, 9.0, (2.0, 0.5)
-"""A pattern that was recognised is looked for all over the pad in so many scans, and found elsewhere if chi-square is
-less by so much; later it is looked for within so many pitches and rad."""
+"""A pattern that was recognised is looked for all over the pad until so many scans have told where it is, and followed
+only if chi-square is less by so much; later it is looked for within so many pitches and rad."""
+_SAME = 0.5
+"""States closer than this, in pitches, are the same."""
 _YOUNG, _YOUNG_LATENCY = 12, 0.2
 """A pattern of few keyframes is learned faster, and adopted after this share of the usual time."""
 
@@ -209,14 +211,15 @@ class StreamSession:
             if fits and m[online.PROBATION] == 0.0:
                 continue
             near = m[online.PROBATION] == 0.0
-            m[online.PROBATION] = max(m[online.PROBATION] - 1.0, 0.0)
+            if fits and np.diagonal(self._information[pad])[:THETA].min() > online.BLURRED**-2:
+                m[online.PROBATION] = max(m[online.PROBATION] - 1.0, 0.0)
             own = self._layout.of_pad(int(pad))
             middle = m[online.CENTROID_X : online.CENTROID_Y + 1]
             scan = (np.ascontiguousarray(self._places[:, own]), reading[own], variance[own], self._ceiling[own])
             found = recognised(known, middle, *scan, self._states[pad, THETA] if near else None)
             if found is None or (near and not _close(found[0], self._states[pad])):
                 continue
-            if not fits or _better(found, m):
+            if not fits or _surely_elsewhere(found, self._states[pad], m):
                 self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
                 self._steps[pad], m[online.CARRIES] = found[1], 0.0
                 m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
@@ -409,7 +412,8 @@ def _close(found: Floats, known: Floats) -> bool:
     return bool(np.hypot(*(found - known)[:2]) < _LEAP[0] and abs(found[THETA] - known[THETA]) < _LEAP[1])
 
 
-def _better(found: tuple[Floats, Floats, float, int], m: Floats) -> bool:
-    """Whether a state found elsewhere explains the scan surely better than the one that was followed."""
-    _, _, chi, count = found
-    return bool(chi * count < m[online.CHI] * m[online.COUNT] - _SURELY * m[online.USUAL])
+def _surely_elsewhere(found: tuple[Floats, Floats, float, int], state: Floats, m: Floats) -> bool:
+    """Whether a state found from nothing but a scan is to be believed, and not the one that was followed."""
+    place, _, chi, count = found
+    better = m[online.CHI] * m[online.COUNT] < chi * count - _SURELY * m[online.USUAL]
+    return bool(not better and np.hypot(*(place - state)[:2]) > _SAME)
