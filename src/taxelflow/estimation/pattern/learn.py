@@ -130,7 +130,8 @@ class Learned:
     @property
     def mature(self) -> bool:
         """Whether the pattern is known well enough to look for it elsewhere."""
-        return not self.changing and len(self.keyframes) >= _MATURE and self.slack[0] < _SETTLED
+        known = len(self.keyframes) >= _MATURE and self.slack[0] < _SETTLED
+        return not self.changing and known and self.rough <= _CHANGING_ROUGH
 
 
 def first_pattern(

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     SPEED_X,  # of the last scan, per s
     SPEED_Y,
     SPEED_T,
+    SPAN,  # time from the scan before it
     LAST_T,  # time of the last registered scan
     CENTROID_X,
     CENTROID_Y,
@@ -58,7 +59,7 @@ if TYPE_CHECKING:
     CHANGING,  # whether the pattern does not stay: every scan is learned from, and the old forgotten
     FLAG,  # what the last scan calls for, one of the below
     SLOTS,
-) = range(40)
+) = range(41)
 """Places in a pad's memory."""
 
 NOTHING, NOVEL, GONE = range(3)
@@ -288,6 +289,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             m[SPEED_X] = (states[pad, 0] - last[0]) / span
             m[SPEED_Y] = (states[pad, 1] - last[1]) / span
             m[SPEED_T] = (states[pad, 2] - last[2]) / span
+            m[SPAN] = span
         m[LAST_T] = t
         m[CENTROID_X], m[CENTROID_Y], m[LOAD] = middle[0], middle[1], middle[3]
         fits = fits and m[CHI] <= gate(m[USUAL], m[COUNT]) and m[PROBATION] == 0.0

@@ -15,11 +15,15 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats
 
+_NOISES = 4.0
+"""A step is more than its noise if its square is more than so many variances."""
+
 
 def expected(
     patterns: Floats,
     memory: Floats,
     states: Floats,
+    steps: Floats,
     rests: Floats,
     places: Floats,
     starts: NDArray[np.int64],
@@ -34,7 +38,7 @@ def expected(
         m, own = memory[pad], slice(int(starts[pad]), int(starts[pad + 1]))
         state = states[pad].copy()
         if t_s is not None:
-            state[: THETA + 1] += (t_s - m[online.LAST_T]) * m[online.SPEED_X : online.SPEED_T + 1]
+            state[: THETA + 1] += (t_s - m[online.LAST_T]) * _surely(m, steps[pad])
         values = np.empty((own.stop - own.start, 5))
         pattern = np.ascontiguousarray(patterns[pad, : int(m[online.ROWS]), : int(m[online.COLS])])
         where, lattice = np.ascontiguousarray(places[:, own]), m[online.SPACING : online.LOW + 1]
@@ -45,3 +49,11 @@ def expected(
             rest = fades(span, span * np.hypot(m[online.SPEED_X], m[online.SPEED_Y])) * rests[0, own]
         readings[own] = np.maximum(state[GAIN] * np.maximum(np.nan_to_num(values[:, 0]), 0.0) + rest, 0.0)
     return readings
+
+
+def _surely(m: Floats, information: Floats) -> Floats:
+    """(3,), speeds of the last step as far as it was more than its noise; information (5, 5) of the step."""
+    speed: Floats = m[online.SPEED_X : online.SPEED_T + 1].copy()
+    noise = 2.0 / np.maximum(np.diagonal(information)[: THETA + 1], 1e-9)
+    squared = np.maximum((speed * m[online.SPAN]) ** 2, 1e-12)
+    return speed * np.maximum(1.0 - _NOISES * noise / squared, 0.0)

@@ -34,6 +34,8 @@ _LEAST_GAIN_STD = 0.05
 _PROBATION, _SURELY, _LEAP = 8, 9.0, (2.0, 0.5)
 """A pattern that was recognised is looked for all over the pad until so many scans have told where it is, and followed
 only if chi-square is less by so much; later it is looked for within so many pitches and rad."""
+_MISTAKEN = 2
+"""After so many scans that do not fit, it was another object."""
 _SAME = 0.5
 """States closer than this, in pitches, are the same."""
 _YOUNG, _YOUNG_LATENCY = 12, 0.2
@@ -130,7 +132,7 @@ class StreamSession:
         """(entries,), what the taxels should read, by all that is known: in the last scan, or at t_s if the motion goes
         on as it was; NaN on pads without a pattern.
         """
-        known = (self._patterns, self._memory, self._states, self._rests)
+        known = (self._patterns, self._memory, self._states, self._steps, self._rests)
         return expected(*known, self._places, self._layout.starts, t_s)
 
     def _keep(self, pad: int) -> None:
@@ -217,6 +219,8 @@ class StreamSession:
             middle = m[online.CENTROID_X : online.CENTROID_Y + 1]
             scan = (np.ascontiguousarray(self._places[:, own]), reading[own], variance[own], self._ceiling[own])
             found = recognised(known, middle, *scan, self._states[pad, THETA] if near else None)
+            if found is None and not near and not fits and m[online.POOR] >= _MISTAKEN:
+                self._learn_anew(int(pad), t, reading, variance)
             if found is None or (near and not _close(found[0], self._states[pad])):
                 continue
             if not fits or _surely_elsewhere(found, self._states[pad], m):
@@ -282,6 +286,7 @@ class StreamSession:
         state = self._states[pad]
         taxels, m = self._layout.of_pad(pad), self._memory[pad]
         m[online.THETA_0] -= state[THETA]
+        m[online.PROBATION] = m[online.POOR] = 0.0
         self._settle(pad)
         delay = self._delay[taxels] if len(self._delay) else np.zeros(taxels.stop - taxels.start)
         scan = (np.ascontiguousarray(self._places[:, taxels]), reading[taxels], variance[taxels], self._ceiling[taxels])
