@@ -52,7 +52,7 @@ _CHANGES, _CHANGING_ROUGH, _LAST = 0.1, 0.05, 4
 """A pattern with a relative error above the first changes; then the last few make it, with an error of the second."""
 _ABOUT = 1.0
 """How far, in pitches, a recognised object may lie from where it is looked for."""
-_SEEN_ENOUGH = 24
+_SEEN_ENOUGH = 12
 _MOST_SLACK = (1.0, 0.3)
 
 
