@@ -14,7 +14,6 @@ from taxelflow.estimation.pattern.contact import (
     LOOSE_TURN,
     level,
     roughness,
-    sight_of_turn,
     unexplained,
 )
 from taxelflow.estimation.pattern.joint import Fit, refine
@@ -22,6 +21,7 @@ from taxelflow.estimation.pattern.online import HUBER, gate
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
 from taxelflow.estimation.pattern.register import HELD, register
 from taxelflow.estimation.pattern.scanned import Scanned
+from taxelflow.estimation.pattern.sight import sights
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, in_object
 from taxelflow.estimation.pattern.track import MARGIN, SPACING
 
@@ -50,6 +50,8 @@ _MATURE, _SETTLED = 10, 0.05
 _MOST_USUAL = 2.0
 _CHANGES, _CHANGING_ROUGH, _LAST = 0.1, 0.05, 4
 """A pattern with a relative error above the first changes; then the last few make it, with an error of the second."""
+_FREE = 0.2
+"""A fit that leaves less freedom explains anything."""
 _ABOUT = 1.0
 """How far, in pitches, a recognised object may lie from where it is looked for."""
 _SEEN_ENOUGH = 12
@@ -108,8 +110,8 @@ class Learned:
     fresh: how many of the last keyframes were registered on the pattern before.
     turned: by how much its theta differs from that of the pattern before.
     gain_std: from scan to scan. turns: whether it may turn; proved: whether its scans are explained by turning, and not
-    without; seen: whether the pattern shows a turn. changing: it does not stay the same, and only the last keyframes
-    count.
+    without; seen: whether the pattern shows a turn. sight: how well, and sight_of_place how well where it is, see
+    `sights`. changing: it does not stay the same, and only the last keyframes count.
     """
 
     pattern: Pattern
@@ -123,6 +125,7 @@ class Learned:
     seen: bool = False
     changing: bool = False
     sight: float = 2.0
+    sight_of_place: float = np.inf
     turned: float = 0.0
     slack: Floats = field(default_factory=lambda: np.array(FIRST_SLACK))
     fresh: int = 0
@@ -268,10 +271,12 @@ def _learn(known: Learned) -> Learned:
             better = _refined(free, turned, scanned, angled)
             least = min(FIRST_ROUGH, roughness(better, scanned), roughness(fit, scanned))
             bad, worse = (unexplained(one, scanned, least) for one in (better, fit))
-            sight = sight_of_turn(turned, scanned, angled, better.factor, scan, max(free.rough, FIRST_ROUGH))
-            if worse > max(_EXPLAINED, _TURN_NEEDED * bad) or sight * better.freedom**2 > _SEEN:
+            rough = max(free.rough, FIRST_ROUGH)
+            sight = sights(turned, scanned, angled, better.factor, scan, rough)[THETA]
+            explains = better.freedom > _FREE and worse > max(_EXPLAINED, _TURN_NEEDED * bad)
+            if explains or sight * better.freedom**2 > _SEEN:
                 before, states, doubt = angled.copy(), angled, doubtful
-                new, pattern, fit = replace(free, pattern=turned, proved=bad < _MOST_USUAL), turned, better
+                new, pattern, fit = replace(free, pattern=turned, proved=explains and bad < _MOST_USUAL), turned, better
         factor, spare = fit.factor, fit.freedom
         new.usual = float(np.clip(fit.reduced / fit.freedom, 1.0, _MOST_USUAL))
         if new.rough > _CHANGES and count >= _SEEN_ENOUGH:
@@ -283,8 +288,9 @@ def _learn(known: Learned) -> Learned:
             wrong = np.array([np.mean(off[:, :2] ** 2), np.mean((off[:, THETA] - new.turned) ** 2)])
             new.slack = np.maximum(wrong, _FORGET * known.slack)
     if count >= _DECIDE:
-        sight = sight_of_turn(pattern, scanned, states, factor, scan, max(new.rough, FIRST_ROUGH)) * spare**2
-        new.sight = sight
+        told = sights(pattern, scanned, states, factor, scan, max(new.rough, FIRST_ROUGH)) * spare**2
+        sight = new.sight = float(told[THETA])
+        new.sight_of_place = float(told[:THETA].min()) if spare < 1.0 else np.inf
         likely = sight > _SEEN * (1.0 + _CUT_LOOKS_TURNED * cut_off)
         new.seen = likely or new.proved or (known.seen and sight > _DOUBTFUL)
         new.turns = new.seen or (new.turns and sight > _DOUBTFUL)

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     CENTROID_Y,
     RADIUS,  # of the pattern
     SHARE,  # of the information on theta that is real, see `poses.to_pad`
+    SHARE_OF_PLACE,  # and of that on x and y
     SEEN,  # whether theta is reported
     THETA_0,  # where it counts from
     POOR,  # scans in a row that do not fit
@@ -59,7 +60,7 @@ if TYPE_CHECKING:
     CHANGING,  # whether the pattern does not stay: every scan is learned from, and the old forgotten
     FLAG,  # what the last scan calls for, one of the below
     SLOTS,
-) = range(41)
+) = range(42)
 """Places in a pad's memory."""
 
 NOTHING, NOVEL, GONE = range(3)
@@ -93,6 +94,8 @@ _NEAR, _SAME = 0.25, 5
 _LOUDER = 0.5
 """A change of the gain's logarithm by this much counts as a pitch."""
 BLURRED = 0.25
+_TELLS = 0.51
+"""A pattern that tells no more of a place than its noise pretends to."""
 FAINT = 3.0
 """A pattern from scans so many times fainter is not worth keeping."""
 
@@ -340,6 +343,7 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         noise = cov.copy()
         if m[CARRIES] > 0.0:
             _invert(steps[pad], m[SHARE], scale, noise)
+        cov /= m[SHARE_OF_PLACE]
         pose[pad, 0], pose[pad, 1] = scale * state[0], scale * state[1]
         pose[pad, 2] = state[2] - m[THETA_0]
         if m[SEEN] == 0.0:
@@ -369,6 +373,7 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
         blurred = largest + m[SLACK] * scale * scale > (BLURRED * scale) ** 2
         unsure = m[PROBATION] > 0.0
+        blurred = blurred or m[SHARE_OF_PLACE] < _TELLS
         quality[pad] = AMBIGUOUS if blurred or unsure or m[CHANGING] > 0.0 else OK
         if m[CHI] <= gate(m[USUAL], m[COUNT]):
             m[POOR] = 0.0

@@ -56,4 +56,5 @@ def _surely(m: Floats, information: Floats) -> Floats:
     speed: Floats = m[online.SPEED_X : online.SPEED_T + 1].copy()
     noise = 2.0 / np.maximum(np.diagonal(information)[: THETA + 1], 1e-9)
     squared = np.maximum((speed * m[online.SPAN]) ** 2, 1e-12)
-    return speed * np.maximum(1.0 - _NOISES * noise / squared, 0.0)
+    surely: Floats = speed * np.maximum(1.0 - _NOISES * noise / squared, 0.0)
+    return surely

@@ -315,6 +315,7 @@ class StreamSession:
         m[online.TURN_STD] = _TURN_STD if learned.turns else 0.0
         m[online.GAIN_STD] = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
         m[online.SHARE] = 1.0 - 1.0 / max(learned.sight, 2.0)
+        m[online.SHARE_OF_PLACE] = 1.0 - 1.0 / max(learned.sight_of_place, 2.0)
         m[online.CHANGING] = 1.0 if learned.changing else 0.0
         m[online.SLACK], m[online.SLACK_T] = learned.slack
         m[online.SEEN] = 1.0 if learned.seen else 0.0
