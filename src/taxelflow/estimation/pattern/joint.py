@@ -35,6 +35,8 @@ _MOST_CG = 60
 _GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
 _WORSE = 1.1
 """A round that makes the fit so many times worse is taken back."""
+_RIDGE = 1e-12
+"""Of what a scan tells most of, for a scan of one taxel tells nothing of the rest."""
 
 
 @dataclass(slots=True, eq=False)
@@ -178,7 +180,8 @@ def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, r
         free = linear.regularised() + len(states) * int(np.sum(~fixed))
         linear.gradient -= pull * (states - np.array([0.0, 0.0, 0.0, 1.0, 0.0]))
         linear.gradient[:, fixed] = 0.0
-        linear.blocks[:, diagonal, diagonal] += np.where(fixed, 1.0, pull) + 1e-9
+        strong = linear.blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)
+        linear.blocks[:, diagonal, diagonal] += np.where(fixed, 1.0, pull) + 1e-9 + _RIDGE * strong
         factor = Factor(linear.stencil, pattern.shape[1])
         if round_ == rounds:
             break

@@ -264,19 +264,10 @@ def _learn(known: Learned) -> Learned:
     if count > 2 and keyframes.spread(radius) > _NEAR:
         fit = _refined(new, pattern, scanned, states)
         if not known.turns and count >= _DECIDE and cut_off < _WHOLE:
-            free = replace(new, turns=True)
-            turned = _covering(scanned, angled, known.pattern)
-            _solve(turned, scanned, angled)
-            doubtful = turned.doubt
-            better = _refined(free, turned, scanned, angled)
-            least = min(FIRST_ROUGH, roughness(better, scanned), roughness(fit, scanned))
-            bad, worse = (unexplained(one, scanned, least) for one in (better, fit))
-            rough = max(free.rough, FIRST_ROUGH)
-            sight = sights(turned, scanned, angled, better.factor, scan, rough)[THETA]
-            explains = better.freedom > _FREE and worse > max(_EXPLAINED, _TURN_NEEDED * bad)
-            if explains or sight * better.freedom**2 > _SEEN:
-                before, states, doubt = angled.copy(), angled, doubtful
-                new, pattern, fit = replace(free, pattern=turned, proved=explains and bad < _MOST_USUAL), turned, better
+            turned = _turned(new, known.pattern, keyframes, angled, fit, scan)
+            if turned is not None:
+                new, fit, doubt = turned
+                pattern, states, before = new.pattern, angled, keyframes.angled
         factor, spare = fit.factor, fit.freedom
         new.usual = float(np.clip(fit.reduced / fit.freedom, 1.0, _MOST_USUAL))
         if new.rough > _CHANGES and count >= _SEEN_ENOUGH:
@@ -299,6 +290,30 @@ def _learn(known: Learned) -> Learned:
     pattern.doubt = doubt
     new.keyframes = Keyframes(scanned, states, states if new.turns else angled)
     return new
+
+
+def _turned(
+    new: Learned, known: Pattern, keyframes: Keyframes, angled: Floats, fixed: Fit, scan: int
+) -> tuple[Learned, Fit, Floats] | None:
+    """What is learned if the object turns, its fit and its doubt; None if the keyframes do not say that it does.
+
+    known: the pattern before. angled: (n, 5), where they would be, becomes where they are. fixed: the fit without a
+    turn. scan: the one to look at.
+    """
+    scanned = keyframes.scanned
+    pattern = _covering(scanned, angled, known)
+    _solve(pattern, scanned, angled)
+    doubt = pattern.doubt
+    free = replace(new, turns=True, pattern=pattern)
+    fit = _refined(free, pattern, scanned, angled)
+    least = min(FIRST_ROUGH, roughness(fit, scanned), roughness(fixed, scanned))
+    left, without = (unexplained(one, scanned, least) for one in (fit, fixed))
+    sight = sights(pattern, scanned, angled, fit.factor, scan, max(free.rough, FIRST_ROUGH))[THETA]
+    explains = fit.freedom > _FREE and without > max(_EXPLAINED, _TURN_NEEDED * left)
+    if not explains and sight * fit.freedom**2 <= _SEEN:
+        return None
+    free.proved = explains and left < _MOST_USUAL
+    return free, fit, doubt
 
 
 def _solve(pattern: Pattern, scanned: Scanned, states: Floats) -> Factor:
