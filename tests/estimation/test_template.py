@@ -14,7 +14,7 @@ from taxelflow import api
 from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
 from taxelflow.score.nees import consistency
-from taxelflow.score.strokes import cut, ungrouped
+from taxelflow.score.strokes import cut, trial, ungrouped
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
@@ -218,6 +218,37 @@ def test_an_object_that_comes_back_is_recognised() -> None:
     again = np.cumsum(known)[first[1]] - 1
     error = (pose - truth)[:, :2]
     assert (np.abs(error[again : again + 5] - np.median(error[again - 60 : again - 20], axis=0)) < 0.3e-3).all()
+
+
+def test_an_object_that_turns_while_it_slides_is_followed_in_a_stream() -> None:
+    """Two taxels wide, it could as well be round until it has turned by some degrees."""
+    recording = simulate(rigged("slide-and-turn", motion={"strokes": 1}))
+    result = api.estimate(recording, "template", mode="stream")
+    pad = recording.layout.pads.index("finger2_proximal")
+    slips, truth = result.slips, recording.truth
+    assert truth is not None
+    told = np.flatnonzero(np.isfinite(slips.pose[:, pad, 2]))
+    assert told[0] < 45  # it begins to move at 31
+    moved = np.diff(np.stack([slips.pose[told, pad], truth.pose[told]])[:, [10, -1]], axis=1)[:, 0]
+    assert np.abs(moved[1, 2]) > np.radians(60)
+    assert np.abs(moved[0] - moved[1])[:2] == pytest.approx(0.0, abs=0.1e-3)
+    assert moved[0, 2] == pytest.approx(moved[1, 2], abs=np.radians(1.5))
+
+
+@pytest.mark.parametrize("seed", [7008, 7010])
+def test_an_object_that_comes_back_over_the_border_is_found_where_it_is(seed: int) -> None:
+    """A few taxels at the border fit many a place along it."""
+    scenario = trial(seed, 50)
+    recording = simulate(replace(scenario, motion=replace(scenario.motion, strokes=3)))
+    slips = api.estimate(recording, "template", mode="stream").slips
+    pad, truth = recording.layout.pads.index(scenario.pad), recording.truth
+    assert truth is not None
+    back = slips.t_s > truth.t_s[70]  # the third stroke
+    off = (slips.pose[:, pad] - truth.pose)[back, :2]
+    std = np.sqrt(slips.covariance[back, pad, [[0], [1]], [[0], [1]]].max(axis=0))
+    known = std < 0.2e-3
+    assert known.sum() > 5
+    assert np.abs(off[known] - np.median(off[known], axis=0)).max() < 1e-3
 
 
 # Laws

@@ -120,3 +120,11 @@ def test_real_contacts_are_scored(recordings: Path) -> None:
     scored = score_real([api.read(recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa")])
     assert {row.pad for row in scored.predictions} == {"finger2_distal", "finger1_distal"}
     assert all(row.scans > 50 and row.no_motion_percent > row.noise_percent for row in scored.predictions)
+
+
+@pytest.mark.parametrize("name", ["slip_and_rotation_teapot_handle.dsa", "reactive_grasping.dsa"])
+def test_real_contacts_are_explained_better_than_by_the_scan_before(recordings: Path, name: str) -> None:
+    scored = score_real([api.read(recordings / "sdh-dsa" / name)])
+    assert scored.predictions
+    for row in scored.predictions:
+        assert row.registered_percent < min(row.no_motion_percent, row.centroid_percent)

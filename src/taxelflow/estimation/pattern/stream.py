@@ -31,7 +31,7 @@ _LIBRARY = 4
 """Patterns of former contacts that a pad remembers."""
 _TURN_STD = 0.1
 _LEAST_GAIN_STD = 0.05
-_PROBATION, _SURELY, _LEAP = 8, 9.0, (2.0, 0.5)
+_PROBATION, _SURELY, _LEAP = 3, 9.0, (2.0, 0.5)
 """A pattern that was recognised is looked for all over the pad until so many scans have told where it is, and followed
 only if chi-square is less by so much; later it is looked for within so many pitches and rad."""
 _MISTAKEN = 2

@@ -1,0 +1,56 @@
+"""What a pattern can tell of motion, and what its own noise would pretend to tell."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg.lapack import dtbtrs
+
+from taxelflow.estimation.pattern.spline import GAIN, evaluate
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.pattern.normal import Factor
+    from taxelflow.estimation.pattern.pattern import Pattern
+    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.messages import Floats
+
+_DRAWS = 8
+
+
+def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, scan: int, rough: float) -> Floats:
+    """(3,), how many times better the pattern tells x, y and theta, in a given scan, than its own noise pretends to.
+
+    Slopes of a pattern that is not known are slopes all the same. What they pretend to tell is what patterns tell that
+    are nothing but this one's noise: drawn from its posterior covariance, whose inverse `factor` factors.
+    """
+    base = _values(pattern, pattern.coefficients, scanned, states, scan)
+    known = np.isfinite(base[:, 0]) & (scanned.variance[scan] > 0)
+    gain = states[scan, GAIN]
+    model = gain * base[known, 0]
+    w = 1.0 / (scanned.variance[scan, known] + (rough * np.maximum(model, 0.0)) ** 2)
+    slopes, load = gain * base[known, 1:4], base[known, :1]
+
+    def told(by: Floats, of: int) -> float:
+        """What slopes (taxels,) tell of one number while gain and the other two are unknown."""
+        others = np.concatenate([np.delete(slopes, of, axis=1), load], axis=1)
+        normal = (others * w[:, np.newaxis]).T @ others + 1e-12 * np.eye(3)
+        mixed = (others * w[:, np.newaxis]).T @ by
+        return float((w * by * by).sum() - mixed @ np.linalg.solve(normal, mixed))
+
+    random = np.random.default_rng(0)
+    pretended = np.zeros(3)
+    for _ in range(_DRAWS):
+        white = random.standard_normal((pattern.coefficients.size, 1))
+        drawn, _ = dtbtrs(factor.lower, white, uplo="L", trans="T")
+        values = gain * _values(pattern, drawn.reshape(pattern.shape), scanned, states, scan)[known, 1:4]
+        pretended += [told(values[:, of], of) / _DRAWS for of in range(3)]
+    real = np.array([told(slopes[:, of], of) for of in range(3)])
+    return np.asarray(real / np.maximum(pretended, 1e-300))
+
+
+def _values(pattern: Pattern, coefficients: Floats, scanned: Scanned, states: Floats, scan: int) -> Floats:
+    """(taxels, 5): see `spline.evaluate`."""
+    values = np.empty((scanned.places.shape[1], 5))
+    evaluate(coefficients, pattern.lattice, scanned.places, states[scan], pattern.points, scanned.bends[scan], values)
+    return values

@@ -1,0 +1,115 @@
+"""What the pattern leaves unexplained, from scan to scan."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxelflow.estimation.pattern.carry import bring, fades, keep
+from taxelflow.estimation.pattern.spline import STATE, evaluate
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+
+LATTICE = np.array([0.5, -6.0, -6.0])
+PLACES = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(-3.0, 4.0), np.arange(-3.0, 4.0))])
+TAXELS = PLACES.shape[1]
+STATE_0 = np.array([0.2, -0.1, 0.0, 1.0, 0.0])
+VARIANCE, NEVER = np.full(TAXELS, 0.25), np.full(TAXELS, np.inf)
+WHOLE = np.zeros((3, 0))
+SPAN_S = 0.01
+
+
+def values() -> Floats:
+    knots = LATTICE[1] + LATTICE[0] * np.arange(25)
+    x, y = np.meshgrid(knots, knots)
+    out = np.empty((TAXELS, STATE))
+    evaluate(100.0 * np.exp(-(x**2 + y**2) / 4), LATTICE, PLACES, STATE_0, np.zeros((1, 2)), WHOLE, out)
+    return out
+
+
+def carried(readings: Floats, *, still: bool = False, ceiling: Floats = NEVER) -> tuple[Floats, Floats, list[float]]:
+    """Rest (3, taxels), what was expected of the last reading, and chi-square on the pattern alone of all (scans,)."""
+    pattern, rest, brought = values(), np.zeros((3, TAXELS)), np.zeros((3, 0))
+    information, doubt = np.zeros((STATE, STATE)), np.zeros((25, 25))
+    expected, chis = pattern[:, 0], []
+    for reading in readings:
+        if chis:
+            brought = np.empty((3, TAXELS))
+            bring(SPAN_S, 0.0, rest, reading, VARIANCE, ceiling, brought)
+            expected = pattern[:, 0] + reading - brought[0]
+        left = reading - expected
+        registered = float(np.mean(left**2 / VARIANCE))
+        chi = keep(
+            pattern, doubt, LATTICE, PLACES, WHOLE, STATE_0, reading, VARIANCE, ceiling,
+            0.02, 1.0, np.zeros(STATE), registered, still, brought, rest, information,
+        )  # fmt: skip
+        chis.append(chi)
+    return rest, expected, chis
+
+
+def noisy(scans: int, deformed: Floats | float = 0.0) -> Floats:
+    noise = np.random.default_rng(0).normal(0.0, 0.5, (scans, TAXELS))
+    readings: Floats = values()[:, 0] + deformed + noise
+    return readings
+
+
+def test_nothing_is_carried_where_the_pattern_explains_the_scans() -> None:
+    rest, _, chis = carried(noisy(10))
+    assert (rest[0] == 0.0).all()
+    assert np.mean(chis) < 1.5
+
+
+def test_a_contact_that_is_deformed_is_expected_to_stay_so() -> None:
+    dent = np.where(np.hypot(*(PLACES - 1.0)) < 1.5, -20.0, 0.0)
+    readings = noisy(20, dent)
+    rest, expected, chis = carried(readings)
+    assert chis[-1] > 5.0  # the pattern is as wrong as ever, and that is not hidden
+    np.testing.assert_allclose(rest[0][dent < 0], -20.0, atol=2.0)
+    assert np.std(expected - readings[-1]) < 0.2 * np.std(values()[:, 0] - readings[-1])
+
+
+def test_of_a_still_object_the_patterns_own_error_stays_too() -> None:
+    moving, still = (carried(noisy(1), still=still)[0] for still in (False, True))
+    assert (moving[2] == 0.0).all()
+    np.testing.assert_allclose(np.sqrt(still[2]), 0.02 * np.maximum(values()[:, 0], 0.0))
+
+
+@given(span=st.floats(0.0, 10.0), more=st.floats(0.01, 10.0), moved=st.floats(0.0, 5.0), further=st.floats(0.01, 5.0))
+def test_a_rest_dies_away_with_time_and_motion(span: float, more: float, moved: float, further: float) -> None:
+    assert fades(0.0, 0.0) == 1.0
+    left = fades(span, moved)
+    assert fades(span + more, moved) < left
+    assert fades(span, moved + further) < left
+
+
+def test_a_reading_of_nothing_leaves_nothing_where_the_pattern_is_below_zero() -> None:
+    """The sensor clips at zero: how far below it the pattern lies is no error of the pattern."""
+    pattern = values()
+    readings = np.maximum(noisy(5, np.where(PLACES[0] > 0, -500.0, 300.0)), 0.0)
+    pattern[:, 0] -= 50.0
+    rest, *_ = carried(readings)
+    assert np.isfinite(rest).all()
+    clipped = (readings[-1] == 0.0) & (values()[:, 0] <= 0.0)
+    assert (rest[0][clipped] == 0.0).all()
+
+
+def test_a_saturated_reading_says_nothing_of_a_pattern_above_it() -> None:
+    ceiling = np.full(TAXELS, 60.0)
+    readings = np.minimum(noisy(5), ceiling)
+    rest, _, chis = carried(readings, ceiling=ceiling)
+    assert max(chis) < 1.5
+    assert (rest[0][readings[-1] >= 60.0] == 0.0).all()
+
+
+def test_a_masked_taxel_has_no_part_in_it() -> None:
+    masked = VARIANCE.copy()
+    masked[7] = 0.0
+    rest, out = np.ones((3, TAXELS)), np.empty((3, TAXELS))
+    bring(SPAN_S, 0.0, rest, noisy(1)[0], masked, NEVER, out)
+    assert out[1, 7] == 0.0
+    assert out[1, 8] == pytest.approx(VARIANCE[8] + 1.0, rel=0.05)
