@@ -73,7 +73,7 @@ def test_objects_that_come_together_are_noted(seed: int) -> None:
 def test_a_foot_that_lifts_and_another_that_comes_down_are_no_one_that_moved() -> None:
     sensor = grid_sensor(12, 20, pitch_m=(0.004, 0.004))
     at_m = {"still": -0.024, "first": 0.002, "next": 0.0125}
-    load = {foot: dome(sensor, x, 0.0, radius_m=0.004, peak=50e3) for foot, x in at_m.items()}
+    load = {foot: dome(sensor, x, 0.0, radius_m=0.002, peak=50e3) for foot, x in at_m.items()}
     rows = [np.zeros(240)] * 12 + [load["still"] + load["first"]] * 20 + [load["still"] + load["next"]] * 20
     values = np.array(rows) + np.random.default_rng(0).normal(0, 100.0, (52, 240))
     scans, _ = conditioned(values, sensor, mode="stream")
