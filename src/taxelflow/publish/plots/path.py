@@ -67,6 +67,8 @@ def _box_mm(layout: Layout, track: Track) -> tuple[float, float, float, float]:
     left, right, low, high = extent_mm(layout, layout.pads.index(track.pad))
     wide, tall = (right - left) / 2, (high - low) / 2
     at_mm = 1e3 * track.position_m[np.isfinite(track.position_m).all(axis=1)]
+    if not len(at_mm):
+        return left, right, low, high
     margin = 0.02 * max(wide, tall)
     x = np.clip([at_mm[:, 0].min() - margin, at_mm[:, 0].max() + margin], left - wide, right + wide)
     y = np.clip([at_mm[:, 1].min() - margin, at_mm[:, 1].max() + margin], low - tall, high + tall)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 _FEWEST = 3
 _CROWDED = 400
+_MOST_NUMBERS = 8
+"""Strokes that still leave room for their slopes as numbers."""
 _BESIDE = {"o": (34, 14), "^": (42, -14)}
 """Where a line's slope stands, in points from its middle, by the method's marker; no leader crosses another's."""
 
@@ -29,7 +31,7 @@ def position_figure(
     """Tracks of one pad by several methods.
 
     truth: times (n,) and positions (n, 2), on the tracks' clock. strokes: (from, to) in s on the same clock; through
-    each a regression line is drawn per method, along the axis of most motion.
+    each a regression line is drawn per method, along the axis of most motion, with its slope if they are few.
     """
     import matplotlib.pyplot as plt
 
@@ -90,6 +92,8 @@ def _draw_lines(
         slope, offset = np.polyfit(t_s[used] - start_s, at_mm[used], 1)
         ends = np.array([t_s[used][0], t_s[used][-1]]) - start_s
         axis.plot(ends, slope * ends + offset, color=style["color"], linewidth=1.2, linestyle=(0, (4, 2)))
+        if len(strokes) > _MOST_NUMBERS:
+            continue
         up = style["marker"] == "o"
         aside, above = _BESIDE.get(style["marker"], (16, -36))
         axis.annotate(
