@@ -1,11 +1,12 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from rigged import rigged
+from synthetic import conditioned, dome, grid_sensor
 from taxelflow import api
 from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.condition.conditioner import Conditioner
@@ -41,6 +42,43 @@ def test_objects_that_pass_each_other_are_noted_with_the_option_to_use() -> None
 def test_feet_of_a_rigid_object_are_not(name: str) -> None:
     parted, watch = watched(simulate(rigged(name)))
     assert not parted.any()
+    assert watch.notes == []
+
+
+@pytest.mark.parametrize(
+    ("name", "seed", "changes"),
+    [
+        ("feet-on-grid", 0, {}),
+        ("feet-on-grid", 1, {"motion": {"middle_m": (0.012, 0.004)}}),  # over the border
+        ("feet-on-grid", 0, {"contact": {"feet": 5, "radius_m": 0.004, "ring_m": 0.014}}),  # more than are followed
+        ("feet-on-grid", 2, {"load": {"kind": "cycles", "multiples": (0.4, 2.0), "growth": 0.3}}),
+        ("feet-on-grid", 0, {"load": {"tilt": 0.6}}),
+        ("stick-slip-feet", 0, {"sensing": {"rate_hz": 25.0}}),
+        ("feet-lift", 0, {"sensing": {"noise_pa": 3000.0}}),
+    ],
+)
+def test_feet_that_merge_part_leave_grow_or_lift_are_not(name: str, seed: int, changes: dict[str, Any]) -> None:
+    parted, watch = watched(simulate(rigged(name, seed=seed, **changes)))
+    assert not parted.any()
+    assert watch.notes == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_objects_that_come_together_are_noted(seed: int) -> None:
+    parted, watch = watched(simulate(rigged("two-contacts-meet", seed=seed, sensing={"rate_hz": 25.0})))
+    assert parted[:, 0].any()
+    assert len(watch.notes) == 1
+
+
+def test_a_foot_that_lifts_and_another_that_comes_down_are_no_one_that_moved() -> None:
+    sensor = grid_sensor(12, 20, pitch_m=(0.004, 0.004))
+    at_m = {"still": -0.024, "first": 0.002, "next": 0.0125}
+    load = {foot: dome(sensor, x, 0.0, radius_m=0.002, peak=50e3) for foot, x in at_m.items()}
+    rows = [np.zeros(240)] * 12 + [load["still"] + load["first"]] * 20 + [load["still"] + load["next"]] * 20
+    values = np.array(rows) + np.random.default_rng(0).normal(0, 100.0, (52, 240))
+    scans, _ = conditioned(values, sensor, mode="stream")
+    watch = Conditioner().watch(sensor)
+    assert not watch.step(scans).any()
     assert watch.notes == []
 
 

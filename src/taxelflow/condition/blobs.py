@@ -43,11 +43,13 @@ _REACH = 3.0
 class Followed:
     """labels: (scans, taxels) of the sensor, n for a loaded taxel of contact n of its pad, from 1; -n for one beside
     it, which is not loaded; 0 for all others. room: (scans, pads followed, slots), how far contact n lies from the
-    others: ABSENT, TOUCHING (loaded taxels lie side by side), NEAR (one taxel between), FREE.
+    others: ABSENT, TOUCHING (loaded taxels lie side by side), NEAR (one taxel between), FREE. whole: (scans, pads
+    followed, slots), whether it is one blob.
     """
 
     labels: NDArray[np.int8]
     room: NDArray[np.int8]
+    whole: Bools
 
 
 class Follower:
@@ -71,6 +73,7 @@ class Follower:
         """The contacts of these scans, which follow those of the last call."""
         labels = np.zeros((len(scans), self._layout.taxels), dtype=np.int8)
         room = np.zeros((len(scans), len(self._pads), self._most), dtype=np.int8)
+        whole = np.zeros(room.shape, dtype=np.bool_)
         follow(
             scans.pressure,
             scans.noise,
@@ -90,8 +93,9 @@ class Follower:
             self._flank,
             labels,
             room,
+            whole,
         )
-        return Followed(labels, room)
+        return Followed(labels, room, whole)
 
 
 def beside(layout: Layout, pads: Indices) -> tuple[Indices, Indices]:
@@ -136,9 +140,10 @@ def follow(
     flank: NDArray[np.int64],
     labels: NDArray[np.int8],
     room: NDArray[np.int8],
+    whole: Bools,
 ) -> None:
-    """Fill labels and room (see `Followed`). label, before: (taxels,) of the scan before, and age, apart and flank:
-    (pads, slots), in scans, are memory; contacts of age 0 are none.
+    """Fill labels, room and whole (see `Followed`). label, before: (taxels,) of the scan before, and age, apart and
+    flank: (pads, slots), in scans, are memory; contacts of age 0 are none.
     """
     blob = np.zeros(len(label), dtype=np.int64)
     for scan in range(len(pressure)):
@@ -164,6 +169,7 @@ def follow(
             before[low:high] = reading[low:high]
             labels[scan, low:high] = label[low:high]
             _surround(reading, low, high, first, beside, labels[scan], age[number], room[scan, number])
+            _count(blob[low:high], label[low:high], age[number], whole[scan, number])
 
 
 @kernel
@@ -429,3 +435,16 @@ def _surround(
                 if labels[j] != 0 and abs(labels[j]) != labels[k]:
                     near = TOUCHING if labels[j] > 0 else NEAR
                     room[labels[k] - 1] = min(room[labels[k] - 1], near)
+
+
+@kernel
+def _count(blob: Indices, label: NDArray[np.int8], age: NDArray[np.int64], whole: Bools) -> None:
+    """Set whole (slots,) for contacts whose taxels all lie in one blob."""
+    only = np.zeros(len(age), dtype=np.int64)
+    for s in range(len(age)):
+        whole[s] = age[s] > 0
+    for k in range(len(blob)):
+        s = label[k] - 1
+        if s >= 0:
+            whole[s] &= only[s] in (0, blob[k])
+            only[s] = blob[k]

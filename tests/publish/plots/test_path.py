@@ -86,3 +86,16 @@ def test_pads_of_any_shape_are_drawn(tmp_path: Path, rows: int, cols: int) -> No
     assert 1 < width < 20
     assert 1 < height < 20
     save(figure, tmp_path / "a.png")
+
+
+def test_a_way_that_leaves_the_pad_is_seen_as_far_as_half_a_pad_beyond_it() -> None:
+    near, far = (path_figure([track(x, 0 * X, pad="pad0")], LAYOUT).axes[0] for x in (3 * X, 30 * X))
+    assert near.get_xlim()[0] < -60 < 60 < near.get_xlim()[1]
+    assert far.get_xlim() == pytest.approx((-71.0, 71.0))
+    assert near.get_ylim() == far.get_ylim() == pytest.approx((-20.5, 20.5))
+
+
+def test_unknown_positions_leave_the_pad_alone() -> None:
+    for known in (X < 0, X > 1):
+        axis = path_figure([track(np.where(known, 0.0, np.nan), 0 * X, pad="pad0")], LAYOUT).axes[0]
+        assert axis.get_xlim() == pytest.approx((-35.5, 35.5))

@@ -52,6 +52,7 @@ def test_what_is_not_known_is_not_drawn(contact: Contact, tmp_path: Path) -> Non
     assert "turn in deg" not in seen
     assert "pattern from 20 scans" in seen
     assert "one scan" not in seen
+    assert "pressure in kPa" in seen
     unknown = replace(contact, axis_rad=np.full(20, np.nan), true=None, ok=np.ones(20, dtype=np.bool_))
     assert not {"principal axis", "truth", "not vouched for"} & set(words(unknown, tmp_path))
 

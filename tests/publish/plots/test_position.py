@@ -142,3 +142,10 @@ def test_a_small_drift_does_not_look_like_a_large_one() -> None:
     figure = position_figure([track(THERE, 1e-6 * np.sin(T))])
     spans: list[Any] = [float(np.ptp(axis.get_ylim())) for axis in figure.axes]
     assert spans[1] >= 0.1 * spans[0]
+
+
+def test_more_strokes_than_leave_room_have_lines_without_numbers() -> None:
+    strokes = [(0.4 * k, 0.4 * k + 0.35) for k in range(9)]
+    figure = position_figure([track(THERE, STILL)], strokes=strokes)
+    assert slopes(figure) == []
+    assert sum(line.get_linestyle() != "None" for line in figure.axes[0].lines) == 9

@@ -44,6 +44,7 @@ class Moment:
 def field_figure(layout: Layout, moments: Sequence[Moment], seen: str) -> Figure:
     """One panel per moment: taxels, pressure, slip vectors, and the twist that they amount to."""
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import MaxNLocator
 
     box = _box_mm(layout)
     fastest = max(float(np.nanmax(np.hypot(*moment.vectors.T), initial=1e-9)) for moment in moments)
@@ -63,9 +64,10 @@ def field_figure(layout: Layout, moments: Sequence[Moment], seen: str) -> Figure
         axis.set_xlim(box[0], box[1])
         axis.set_ylim(box[2], box[3])
         axis.set_title(moment.title)
-        axis.set_xlabel(_numbers(moment))
+        axis.set_xlabel("x in mm\n" + _numbers(moment))
+        axis.xaxis.set_major_locator(MaxNLocator(5, prune="both"))
     axes[0, 0].set_ylabel("y in mm")
-    caption(figure, seen, 150)
+    caption(figure, f"{seen} The longest vector is {1e3 * fastest:.3g} mm/s.", 150)
     return figure
 
 

@@ -23,8 +23,8 @@ def path_figure(tracks: Sequence[Track], layout: Layout) -> Figure:
     """Tracks of one method, each on its own pad; colour is time, larger dots are slip."""
     import matplotlib.pyplot as plt
 
-    spans = [_span_mm(layout, track) for track in tracks]
-    ratios = [width / height for width, height in spans]
+    boxes = [_box_mm(layout, track) for track in tracks]
+    ratios = [(right - left) / (high - low) for left, right, low, high in boxes]
     height = min(4.4, 8.0 / sum(ratios))
     figure, axes = plt.subplots(
         1,
@@ -37,8 +37,10 @@ def path_figure(tracks: Sequence[Track], layout: Layout) -> Figure:
     start_s = min(float(track.numbers["t_s"][0]) for track in tracks)
     end_s = max(float(track.numbers["t_s"][-1]) for track in tracks) - start_s
     dots = None
-    for axis, track in zip(axes[0], tracks, strict=True):
+    for axis, track, (left, right, low, high) in zip(axes[0], tracks, boxes, strict=True):
         draw_pad(axis, layout, layout.pads.index(track.pad))
+        axis.set_xlim(left, right)
+        axis.set_ylim(low, high)
         at_mm, slipping = 1e3 * track.position_m, track.flags["slipping"]
         axis.plot(at_mm[:, 0], at_mm[:, 1], color=GREY, linewidth=0.5, zorder=2)
         dots = axis.scatter(
@@ -60,9 +62,17 @@ def path_figure(tracks: Sequence[Track], layout: Layout) -> Figure:
     return figure
 
 
-def _span_mm(layout: Layout, track: Track) -> tuple[float, float]:
+def _box_mm(layout: Layout, track: Track) -> tuple[float, float, float, float]:
+    """left, right, low, high of the pad and the way, which may lead half a pad beyond it and is cut there."""
     left, right, low, high = extent_mm(layout, layout.pads.index(track.pad))
-    return right - left, high - low
+    wide, tall = (right - left) / 2, (high - low) / 2
+    at_mm = 1e3 * track.position_m[np.isfinite(track.position_m).all(axis=1)]
+    if not len(at_mm):
+        return left, right, low, high
+    margin = 0.02 * max(wide, tall)
+    x = np.clip([at_mm[:, 0].min() - margin, at_mm[:, 0].max() + margin], left - wide, right + wide)
+    y = np.clip([at_mm[:, 1].min() - margin, at_mm[:, 1].max() + margin], low - tall, high + tall)
+    return min(left, float(x[0])), max(right, float(x[1])), min(low, float(y[0])), max(high, float(y[1]))
 
 
 def draw_pad(axis: Axes, layout: Layout, pad: int) -> None:

@@ -52,7 +52,9 @@ class Contact:
 
 
 def pattern_figure(layout: Layout, contact: Contact) -> Figure:
-    """One scan, the pattern at its pose on the same scale, the way over the pad; below, the turn against time."""
+    """One scan (if the recording is at hand), the pattern at its pose on the same scale, the way over the pad; below,
+    the turn against time.
+    """
     import matplotlib.pyplot as plt
 
     pad = layout.pads.index(contact.pattern.pad)
@@ -62,19 +64,22 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
     height = width / ratio
     turned = bool(np.isfinite(contact.pose[:, 2]).any())
     below = 2.1 if turned else 0.0
-    figure = plt.figure(figsize=(3 * width + 1.9, height + 1.1 + below), layout="constrained")
+    panels = 3 if contact.scan is not None else 2
+    figure = plt.figure(figsize=(panels * width + 1.9, height + 1.1 + below), layout="constrained")
     parts: Any = figure.subfigures(
         2 if turned else 1, 1, height_ratios=(height + 0.9, below)[: 1 + turned], squeeze=False
     )
     upper = parts[0, 0]
-    axes = upper.subplots(1, 3)
+    axes = upper.subplots(1, panels)
     scale, unit = _scale(contact)
     top = float(np.nanmax(contact.pattern.pressure)) / scale
     if contact.scan is not None:
         top = max(top, float(np.nanmax(contact.scan)) / scale)
-    _draw_scan(axes[0], layout, pad, contact, scale, top)
-    shades = _draw_pattern(axes[1], layout, pad, contact, scale, top)
-    dots = _draw_way(axes[2], layout, pad, contact)
+        axes[0].set_facecolor(_DARK)
+        axes[0].set_title("one scan")
+        _draw_taxels(axes[0], layout, pad, contact.scan / scale, top)
+    shades = _draw_pattern(axes[-2], layout, pad, contact, scale, top)
+    dots = _draw_way(axes[-1], layout, pad, contact)
     for axis in axes:
         axis.set_xlim(box[0], box[1])
         axis.set_ylim(box[2], box[3])
@@ -82,10 +87,10 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
         axis.set_xticks([])
         axis.set_yticks([])
         axis.spines[:].set_visible(False)
-    for axis, colour in ((axes[0], "white"), (axes[2], INK)):
+    for axis, colour in ((axes[0], "white"), (axes[-1], INK)):
         _draw_bar(axis, box, colour)
-    upper.colorbar(shades, ax=axes[1], label=f"pressure in {unit}", shrink=0.8, pad=0.03).outline.set_visible(False)
-    upper.colorbar(dots, ax=axes[2], label="time in s", shrink=0.8, pad=0.03).outline.set_visible(False)
+    upper.colorbar(shades, ax=axes[-2], label=f"pressure in {unit}", shrink=0.8, pad=0.03).outline.set_visible(False)
+    upper.colorbar(dots, ax=axes[-1], label="time in s", shrink=0.8, pad=0.03).outline.set_visible(False)
     figure.suptitle(plain(_title(contact)), x=0.01, ha="left", fontweight="bold", fontsize=11)
     marks = "; marks: direction of the pattern's long axis" if turned else ""
     caption(figure, f"Grey: where no taxel has looked{marks}.", int(14 * figure.get_figwidth()))
@@ -106,7 +111,7 @@ def _scale(contact: Contact) -> tuple[float, str]:
 
 
 def _box_mm(layout: Layout, pad: int, contact: Contact) -> tuple[float, float, float, float]:
-    """The pad, the pattern at the pose shown and the way, with a margin."""
+    """The pad, the pattern at the pose shown and the way, with a margin, and room for the bar below."""
     left, right, low, high = extent_mm(layout, pad)
     x, y = _on_pad_mm(contact)
     there = np.nan_to_num(contact.pattern.pressure) > _SHOWN * np.nanmax(contact.pattern.pressure)
@@ -114,7 +119,7 @@ def _box_mm(layout: Layout, pad: int, contact: Contact) -> tuple[float, float, f
     at = np.concatenate([np.stack([x[there], y[there]], axis=1), way, [[left, low], [right, high]]])
     (left, low), (right, high) = at.min(axis=0), at.max(axis=0)
     margin = 0.06 * max(right - left, high - low)
-    return float(left - margin), float(right + margin), float(low - margin), float(high + margin)
+    return float(left - margin), float(right + margin), float(low - 2 * margin), float(high + margin)
 
 
 def _on_pad_mm(contact: Contact) -> tuple[Floats, Floats]:
@@ -123,13 +128,6 @@ def _on_pad_mm(contact: Contact) -> tuple[Floats, Floats]:
     px, py, theta = np.nan_to_num(contact.pose[contact.shown])
     cos, sin = np.cos(theta), np.sin(theta)
     return 1e3 * (px + cos * u - sin * v), 1e3 * (py + sin * u + cos * v)
-
-
-def _draw_scan(axis: Axes, layout: Layout, pad: int, contact: Contact, scale: float, top: float) -> None:
-    """Every taxel in the colour of its pressure; empty if the recording is gone."""
-    axis.set_facecolor(_DARK)
-    axis.set_title("one scan" if contact.scan is not None else "the pad")
-    _draw_taxels(axis, layout, pad, contact.scan if contact.scan is None else contact.scan / scale, top)
 
 
 def _draw_taxels(axis: Axes, layout: Layout, pad: int, image: Floats | None, top: float) -> None:

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 
 _FEWEST = 3
 _CROWDED = 400
+_MOST_NUMBERS = 8
+"""Strokes that still leave room for their slopes as numbers."""
+_BESIDE = {"o": (34, 14), "^": (42, -14)}
+"""Where a line's slope stands, in points from its middle, by the method's marker; no leader crosses another's."""
 
 
 def position_figure(
@@ -27,7 +31,7 @@ def position_figure(
     """Tracks of one pad by several methods.
 
     truth: times (n,) and positions (n, 2), on the tracks' clock. strokes: (from, to) in s on the same clock; through
-    each a regression line is drawn per method, along the axis of most motion.
+    each a regression line is drawn per method, along the axis of most motion, with its slope if they are few.
     """
     import matplotlib.pyplot as plt
 
@@ -46,7 +50,7 @@ def position_figure(
     for track in tracks:
         _draw_lines(axes[0], track, main, start_s, strokes)
     axes[0].set_title(plain(f"Object on {tracks[0].pad}"))
-    axes[0].legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    axes[0].legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=4, columnspacing=1.2, handlelength=1.4)
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.18 * (high - low))
     low, high = axes[1].get_ylim()
@@ -88,11 +92,14 @@ def _draw_lines(
         slope, offset = np.polyfit(t_s[used] - start_s, at_mm[used], 1)
         ends = np.array([t_s[used][0], t_s[used][-1]]) - start_s
         axis.plot(ends, slope * ends + offset, color=style["color"], linewidth=1.2, linestyle=(0, (4, 2)))
+        if len(strokes) > _MOST_NUMBERS:
+            continue
         up = style["marker"] == "o"
+        aside, above = _BESIDE.get(style["marker"], (16, -36))
         axis.annotate(
             f"{slope:+.1f} mm/s",
             (float(ends.mean()), float(slope * ends.mean() + offset)),
-            xytext=(34 if (slope < 0) == up else -34, {"o": 14, "^": -14}.get(style["marker"], -30)),
+            xytext=(aside if (slope < 0) == up else -aside, above),
             textcoords="offset points",
             ha="center",
             va="center",

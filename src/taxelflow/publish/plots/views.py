@@ -47,11 +47,11 @@ def _draw_bars(axis: Axes, pressure: Floats) -> None:
         col - 0.45, row - 0.45, 0.0, 0.9, 0.9, height, color=colours.tolist(), edgecolor="#5f6368", linewidth=0.3
     )
     axis.set_xlabel("column")
-    axis.set_ylabel("row")
+    axis.set_ylabel("row", labelpad=8.0)
     axis.set_xlim(-0.5, cols - 0.5)
     axis.set_ylim(rows - 0.5, -0.5)
-    axis.set_xticks(range(cols))
-    axis.set_yticks(range(0, rows, 1 if rows < 10 else 2))
+    axis.set_xticks(range(0, cols, 1 if cols < 10 else 4))
+    axis.set_yticks(range(0, rows, 1 if rows < 10 else 4))
     axis.set_box_aspect((cols, rows, 0.7 * max(rows, cols)), zoom=0.86)  # type: ignore[call-arg, arg-type]
     axis.view_init(elev=32, azim=-62)  # type: ignore[attr-defined]
 
@@ -74,11 +74,15 @@ def _draw_convolution(axis: Axes, convolution: Floats) -> None:
 def _draw_vector(axis: Axes, slip_mm: tuple[float, float]) -> None:
     size = float(np.hypot(*slip_mm))
     outer = _round_up(size)
+    across = -np.sign(slip_mm[1] or 1.0) * np.sqrt(0.5)  # numbers stand where the arrow does not
     for share in (1 / 3, 2 / 3, 1.0):
         ring = outer * share
         angle = np.linspace(0, 2 * np.pi, 181)
         axis.plot(ring * np.cos(angle), ring * np.sin(angle), color=GREY, linewidth=0.7)
-        axis.annotate(f"{ring:.3g}", (0, ring), ha="center", va="bottom", fontsize=7, color=GREY)
+        axis.annotate(
+            f"{ring:.3g}", (np.sqrt(0.5) * ring, across * ring), ha="left", fontsize=7, color=INK,
+            va="top" if across < 0 else "bottom",
+        )  # fmt: skip
     axis.plot([-outer, outer], [0, 0], color=GREY, linewidth=0.4)
     axis.plot([0, 0], [-outer, outer], color=GREY, linewidth=0.4)
     if size > 0:
