@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
 from taxelflow.estimation.pattern.joint import Fit, refine
+from taxelflow.estimation.pattern.silent import silent_taxels
 from taxelflow.estimation.pattern.spline import GAIN, STATE, evaluate
 from taxelflow.estimation.pattern.track import Tracker
 
@@ -36,9 +37,6 @@ _DRAWS = 8
 _MOST_DEAD = 8
 _DEAD_GAIN = 0.8
 """... and the fit without it is at least so much better."""
-_BESIDE, _STRONG, _SILENT = 1.25, 10.0, 0.1
-"""Neighbours lie within so many pitches, are loaded above so many standard deviations, and a silent taxel reads less
-than this share of theirs."""
 _DEAD, _LOADED_ENOUGH = 0.5, 400.0
 """A taxel is dead if it gives less than this share of what the pattern puts on it, which is so many variances."""
 
@@ -70,7 +68,7 @@ def unexplained(fit: Fit, scanned: Scanned, rough: float) -> float:
 
 def solve_contact(scanned: Scanned, size: Floats) -> Solved:
     """Pattern and poses of all scans of a contact, by maximum likelihood. size: (2,) of a taxel, in pitches."""
-    dead = _silent_taxels(scanned).tolist()
+    dead = silent_taxels(scanned).tolist()
     scanned.variance[:, dead] = 0.0
     solved = _solve_either(scanned, size)
     while len(dead) < _MOST_DEAD:
@@ -175,20 +173,6 @@ def roughness(fit: Fit, scanned: Scanned) -> float:
         middle = float(np.sqrt(low * top))
         low, top = (middle, top) if excess(middle) > 0 else (low, middle)
     return top
-
-
-def _silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
-    """Taxels that read next to nothing in scans in which nearly all of their neighbours are loaded."""
-    apart = np.hypot(*(scanned.places[:, :, np.newaxis] - scanned.places[:, np.newaxis, :]))
-    beside = (apart > 0) & (apart < _BESIDE)
-    strong = (scanned.readings > _STRONG * np.sqrt(scanned.variance)) & (scanned.variance > 0)
-    count = beside.sum(axis=0)
-    surrounded = (strong @ beside.astype(np.float64) > np.where(count > 3, count - 1.5, count - 0.5)) & (count > 1)
-    around = (scanned.readings @ beside.astype(np.float64)) / np.maximum(count, 1)
-    own = np.where(surrounded, scanned.readings, 0.0).sum(axis=0)
-    expected = np.where(surrounded, around, 0.0).sum(axis=0)
-    share = np.where(count > 3, _SILENT, 0.5 * _SILENT)  # at a corner pressure may end
-    return np.flatnonzero((expected > 0) & (own < share * expected))
 
 
 def _dead_taxel(scanned: Scanned, fit: Fit) -> int | None:
