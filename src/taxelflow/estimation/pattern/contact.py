@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
 from taxelflow.estimation.pattern.joint import Fit, refine
+from taxelflow.estimation.pattern.poses import arm_of
 from taxelflow.estimation.pattern.silent import silent_taxels
-from taxelflow.estimation.pattern.spline import GAIN, STATE, evaluate
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, evaluate
 from taxelflow.estimation.pattern.track import Tracker
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ _SEEN = 4.0
 """A turn is observable if the pattern tells it so many times better than its own noise would."""
 _TURN_NEEDED = 1.1
 """... or if the scans fit so many times worse without it."""
+_SMALL_TURN, _PAID, _FEW, _FEW_ROUNDS = 0.5, 1.5, 100, 8
+"""A turn that ranges over more, rad, is real only if the scans fit so many times worse without it. So many scans,
+in so many rounds, show it. A smaller one, if it goes with the way, may be as well a shift of another pattern."""
 _ROUND, _EXPLAINED = 1.0, 1.3
 """A pattern that shows less of a turn than this, and leaves less of the scans unexplained, needs no second look."""
 _GLIMPSE, _LIKELY = 4, 3.0
@@ -96,7 +100,7 @@ def _solve_either(scanned: Scanned, size: Floats) -> Solved:
     factor = tracker.sums.solve(tracker.pattern)
     if sight_of_turn(tracker.pattern, scanned, tracker.states, factor, tracker.start, FIRST_ROUGH) > _LIKELY:
         free = _solve(scanned, tracker, turns=True)
-        if free.sight > _SEEN:
+        if _seen_to_turn(free, scanned, size):
             return free
         fixed = _solve(scanned, _tracker(scanned, size, turns=False), turns=False)
     else:
@@ -104,11 +108,37 @@ def _solve_either(scanned: Scanned, size: Floats) -> Solved:
         if fixed.sight < _ROUND and unexplained(fixed.fit, scanned, FIRST_ROUGH) < _EXPLAINED:
             return fixed
         free = _solve(scanned, tracker, turns=True)
-        if free.sight > _SEEN:
+        if _seen_to_turn(free, scanned, size):
             return free
     rough = min(free.rough, fixed.rough)
-    needed = unexplained(fixed.fit, scanned, rough) > _TURN_NEEDED * unexplained(free.fit, scanned, rough)
+    least = _TURN_NEEDED if _turned(free) < _SMALL_TURN else _PAID
+    needed = unexplained(fixed.fit, scanned, rough) > least * unexplained(free.fit, scanned, rough)
     return free if needed else fixed
+
+
+def _turned(solved: Solved) -> float:
+    """Range of the angles, rad."""
+    return float(np.ptp(np.unwrap(solved.states[:, THETA])))
+
+
+def _seen_to_turn(free: Solved, scanned: Scanned, size: Floats) -> bool:
+    """Whether the pattern of a contact shows how it turns: noise in the pattern of a round one seems to."""
+    if free.sight <= _SEEN or _turned(free) < _SMALL_TURN:
+        return free.sight > _SEEN
+    which = np.unique(np.linspace(0, len(scanned) - 1, _FEW).astype(np.int64))
+    few, states = scanned.taken(which), free.states[which]
+    tracker = _tracker(few, size, turns=False)
+    tracker.start = 0
+    tracker.states[:] = states
+    tracker.states[:, :2] += arm_of(free.pattern.centre(), states)
+    tracker.states[:, THETA] = 0.0
+    tracker.forget(len(few), len(few))
+    pattern, rough = tracker.pattern, free.rough
+    fixed = refine(pattern, few, tracker.states, rounds=_FEW_ROUNDS, rough=rough, stiffness=tracker.stiffness)
+    own = replace(
+        free.fit, residual=free.fit.residual[which], weight=free.fit.weight[which], model=free.fit.model[which]
+    )
+    return unexplained(fixed, few, rough) > _PAID * unexplained(own, few, rough)
 
 
 def start_scan(scanned: Scanned) -> int:
