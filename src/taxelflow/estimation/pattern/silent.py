@@ -27,7 +27,7 @@ def silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
     """Taxels that read next to nothing though the object is on them: single ones, and pairs of neighbours."""
     beside = _beside(scanned.places)
     strong = (scanned.readings > _STRONG * np.sqrt(scanned.variance)) & (scanned.variance > 0)
-    answers = np.any(strong & (scanned.readings > _SILENT * scanned.amplitude), axis=0)
+    answers = np.any(scanned.loaded() & (scanned.readings > _SILENT * scanned.amplitude), axis=0)
     quiet: Bools = ~answers & np.any(scanned.variance > 0, axis=0)
     high: Bools = strong & (scanned.readings > _HIGH * scanned.amplitude)
     found = set(np.flatnonzero(quiet & _surrounded(scanned.readings, high, beside)).tolist())
