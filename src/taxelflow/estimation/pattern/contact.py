@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
 from taxelflow.estimation.pattern.joint import Fit, refine
-from taxelflow.estimation.pattern.spline import GAIN, STATE, evaluate
+from taxelflow.estimation.pattern.poses import arm_of
+from taxelflow.estimation.pattern.silent import silent_taxels
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, evaluate
 from taxelflow.estimation.pattern.track import Tracker
 
 if TYPE_CHECKING:
@@ -28,6 +30,9 @@ _SEEN = 4.0
 """A turn is observable if the pattern tells it so many times better than its own noise would."""
 _TURN_NEEDED = 1.1
 """... or if the scans fit so many times worse without it."""
+_SMALL_TURN, _PAID, _FEW, _FEW_ROUNDS = 0.5, 1.5, 100, 8
+"""A turn that ranges over more, rad, is real only if the scans fit so many times worse without it. So many scans,
+in so many rounds, show it. A smaller one, if it goes with the way, may be as well a shift of another pattern."""
 _ROUND, _EXPLAINED = 1.0, 1.3
 """A pattern that shows less of a turn than this, and leaves less of the scans unexplained, needs no second look."""
 _GLIMPSE, _LIKELY = 4, 3.0
@@ -36,9 +41,6 @@ _DRAWS = 8
 _MOST_DEAD = 8
 _DEAD_GAIN = 0.8
 """... and the fit without it is at least so much better."""
-_BESIDE, _STRONG, _SILENT = 1.25, 10.0, 0.1
-"""Neighbours lie within so many pitches, are loaded above so many standard deviations, and a silent taxel reads less
-than this share of theirs."""
 _DEAD, _LOADED_ENOUGH = 0.5, 400.0
 """A taxel is dead if it gives less than this share of what the pattern puts on it, which is so many variances."""
 
@@ -70,7 +72,7 @@ def unexplained(fit: Fit, scanned: Scanned, rough: float) -> float:
 
 def solve_contact(scanned: Scanned, size: Floats) -> Solved:
     """Pattern and poses of all scans of a contact, by maximum likelihood. size: (2,) of a taxel, in pitches."""
-    dead = _silent_taxels(scanned).tolist()
+    dead = silent_taxels(scanned).tolist()
     scanned.variance[:, dead] = 0.0
     solved = _solve_either(scanned, size)
     while len(dead) < _MOST_DEAD:
@@ -98,7 +100,7 @@ def _solve_either(scanned: Scanned, size: Floats) -> Solved:
     factor = tracker.sums.solve(tracker.pattern)
     if sight_of_turn(tracker.pattern, scanned, tracker.states, factor, tracker.start, FIRST_ROUGH) > _LIKELY:
         free = _solve(scanned, tracker, turns=True)
-        if free.sight > _SEEN:
+        if _seen_to_turn(free, scanned, size):
             return free
         fixed = _solve(scanned, _tracker(scanned, size, turns=False), turns=False)
     else:
@@ -106,11 +108,37 @@ def _solve_either(scanned: Scanned, size: Floats) -> Solved:
         if fixed.sight < _ROUND and unexplained(fixed.fit, scanned, FIRST_ROUGH) < _EXPLAINED:
             return fixed
         free = _solve(scanned, tracker, turns=True)
-        if free.sight > _SEEN:
+        if _seen_to_turn(free, scanned, size):
             return free
     rough = min(free.rough, fixed.rough)
-    needed = unexplained(fixed.fit, scanned, rough) > _TURN_NEEDED * unexplained(free.fit, scanned, rough)
+    least = _TURN_NEEDED if _turned(free) < _SMALL_TURN else _PAID
+    needed = unexplained(fixed.fit, scanned, rough) > least * unexplained(free.fit, scanned, rough)
     return free if needed else fixed
+
+
+def _turned(solved: Solved) -> float:
+    """Range of the angles, rad."""
+    return float(np.ptp(np.unwrap(solved.states[:, THETA])))
+
+
+def _seen_to_turn(free: Solved, scanned: Scanned, size: Floats) -> bool:
+    """Whether the pattern of a contact shows how it turns: noise in the pattern of a round one seems to."""
+    if free.sight <= _SEEN or _turned(free) < _SMALL_TURN:
+        return free.sight > _SEEN
+    which = np.unique(np.linspace(0, len(scanned) - 1, _FEW).astype(np.int64))
+    few, states = scanned.taken(which), free.states[which]
+    tracker = _tracker(few, size, turns=False)
+    tracker.start = 0
+    tracker.states[:] = states
+    tracker.states[:, :2] += arm_of(free.pattern.centre(), states)
+    tracker.states[:, THETA] = 0.0
+    tracker.forget(len(few), len(few))
+    pattern, rough = tracker.pattern, free.rough
+    fixed = refine(pattern, few, tracker.states, rounds=_FEW_ROUNDS, rough=rough, stiffness=tracker.stiffness)
+    own = replace(
+        free.fit, residual=free.fit.residual[which], weight=free.fit.weight[which], model=free.fit.model[which]
+    )
+    return unexplained(fixed, few, rough) > _PAID * unexplained(own, few, rough)
 
 
 def start_scan(scanned: Scanned) -> int:
@@ -175,20 +203,6 @@ def roughness(fit: Fit, scanned: Scanned) -> float:
         middle = float(np.sqrt(low * top))
         low, top = (middle, top) if excess(middle) > 0 else (low, middle)
     return top
-
-
-def _silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
-    """Taxels that read next to nothing in scans in which nearly all of their neighbours are loaded."""
-    apart = np.hypot(*(scanned.places[:, :, np.newaxis] - scanned.places[:, np.newaxis, :]))
-    beside = (apart > 0) & (apart < _BESIDE)
-    strong = (scanned.readings > _STRONG * np.sqrt(scanned.variance)) & (scanned.variance > 0)
-    count = beside.sum(axis=0)
-    surrounded = (strong @ beside.astype(np.float64) > np.where(count > 3, count - 1.5, count - 0.5)) & (count > 1)
-    around = (scanned.readings @ beside.astype(np.float64)) / np.maximum(count, 1)
-    own = np.where(surrounded, scanned.readings, 0.0).sum(axis=0)
-    expected = np.where(surrounded, around, 0.0).sum(axis=0)
-    share = np.where(count > 3, _SILENT, 0.5 * _SILENT)  # at a corner pressure may end
-    return np.flatnonzero((expected > 0) & (own < share * expected))
 
 
 def _dead_taxel(scanned: Scanned, fit: Fit) -> int | None:

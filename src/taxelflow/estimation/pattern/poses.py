@@ -73,9 +73,7 @@ def to_pad(
     real[:, THETA, :] *= share
     real[:, :, THETA] *= share
     own = np.linalg.inv(real + 1e-12 * np.eye(STATE))[:, : THETA + 1, : THETA + 1]
-    cos, sin = np.cos(states[:, THETA]), np.sin(states[:, THETA])
-    grow = np.exp(states[:, SIZE])
-    arm = grow[:, np.newaxis] * np.stack([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]], axis=1)
+    arm = arm_of(centre, states)
     pose = np.empty((len(states), 3))
     pose[:, :2] = pitch_m * (states[:, :2] + arm)
     pose[:, 2] = np.unwrap(states[:, THETA]) - states[0, THETA]
@@ -90,6 +88,14 @@ def to_pad(
         pose[:, 2] = np.nan
         covariance[:, 2, :] = covariance[:, :, 2] = np.nan
     return pose, covariance
+
+
+def arm_of(centre: Floats, states: Floats) -> Floats:
+    """(scans, 2), in pitches: from where the states (scans, 5) are to the body's point `centre` (2,)."""
+    cos, sin = np.cos(states[:, THETA]), np.sin(states[:, THETA])
+    turned = np.stack([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]], axis=1)
+    arm: Floats = np.exp(states[:, SIZE])[:, np.newaxis] * turned
+    return arm
 
 
 def judge(covariance: Floats, misfit: Floats, rough: float, pitch_m: float) -> Bytes:

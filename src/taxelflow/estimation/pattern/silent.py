@@ -1,0 +1,101 @@
+"""Dead taxels that show in the scans themselves, before there is a pattern: they stay silent among loaded ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.messages import Bools, Floats
+
+_BESIDE, _STRONG, _SILENT = 1.25, 10.0, 0.1
+"""Neighbours lie within so many pitches, are loaded above so many standard deviations, and a silent taxel reads less
+than this share of theirs."""
+_HIGH = 0.2
+"""Neighbours count that read more than this share of the largest reading: between feet, all get a little."""
+_FURTHER = 2.0
+"""A contact that has gone over silent taxels went so many pitches further than they reach: it did not just rock."""
+_ACROSS = 0.3
+"""A neighbour is on a side of a group if it lies so many pitches further out than its taxels."""
+
+
+def silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
+    """Taxels that read next to nothing though the object is on them: single ones, and pairs of neighbours."""
+    beside = _beside(scanned.places)
+    strong = (scanned.readings > _STRONG * np.sqrt(scanned.variance)) & (scanned.variance > 0)
+    answers = np.any(scanned.loaded() & (scanned.readings > _SILENT * scanned.amplitude), axis=0)
+    quiet: Bools = ~answers & np.any(scanned.variance > 0, axis=0)
+    high: Bools = strong & (scanned.readings > _HIGH * scanned.amplitude)
+    found = set(np.flatnonzero(quiet & _surrounded(scanned.readings, high, beside)).tolist())
+    on_its_way = quiet & (beside @ high.any(axis=0).astype(np.float64) > 1.5)
+    found.update(*_passed_over(scanned, strong, beside, on_its_way))
+    return np.array(sorted(found), np.int64)
+
+
+def _beside(places: Floats) -> Bools:
+    """(taxels, taxels): which are neighbours. places: (2, taxels)."""
+    apart = np.hypot(*(places[:, :, np.newaxis] - places[:, np.newaxis, :]))
+    near: Bools = (apart > 0) & (apart < _BESIDE)
+    return near
+
+
+def _surrounded(readings: Floats, high: Bools, beside: Bools) -> Bools:
+    """(taxels,): which read next to nothing in scans in which nearly all of their neighbours are loaded."""
+    count = beside.sum(axis=0)
+    surrounded = (high @ beside.astype(np.float64) > np.where(count > 3, count - 1.5, count - 0.5)) & (count > 1)
+    around = (readings @ beside.astype(np.float64)) / np.maximum(count, 1)
+    own = np.where(surrounded, readings, 0.0).sum(axis=0)
+    expected = np.where(surrounded, around, 0.0).sum(axis=0)
+    share = np.where(count > 3, _SILENT, 0.5 * _SILENT)  # at a corner pressure may end
+    silent: Bools = (expected > 0) & (own < share * expected)
+    return silent
+
+
+def _passed_over(scanned: Scanned, strong: Bools, beside: Bools, quiet: Bools) -> list[list[int]]:
+    """Single taxels and pairs that stay silent while a contact goes right over them. quiet: (taxels,), candidates.
+
+    Taxels of a pair hide each other from their neighbours, so that few scans surround them, and a hole of two taxels
+    in an object at rest looks the same. An object that slides over them cannot keep its hole there.
+    """
+    centroid = scanned.centroids()[scanned.loaded().any(axis=1)]
+    found = []
+    for one in np.flatnonzero(quiet).tolist():
+        group = [one, *np.flatnonzero(quiet & beside[one]).tolist()]
+        near = np.flatnonzero(quiet & beside[group].any(axis=0))
+        if (
+            group == sorted(group)
+            and len(group) < 3
+            and set(near) <= set(group)
+            and _goes_over(scanned, strong, beside, centroid, group)
+        ):
+            found.append(group)
+    return found
+
+
+def _goes_over(scanned: Scanned, strong: Bools, beside: Bools, centroid: Floats, group: list[int]) -> bool:
+    """Whether the contact, centred at `centroid` (scans, 2), goes over one or two taxels that read nothing."""
+    places = scanned.places
+    around = np.flatnonzero(beside[group].any(axis=0))
+    around = around[~np.isin(around, group)]
+    touched = strong[:, around].any(axis=1)
+    level = np.where(strong[:, around], scanned.readings[:, around], 0.0).sum(axis=1)
+    level /= np.maximum(strong[:, around].sum(axis=1), 1)
+    if scanned.readings[touched][:, group].sum(axis=0).max() > _SILENT * level.sum():
+        return False
+    middle = places[:, group].mean(axis=1)
+    along = places[:, group[-1]] - middle
+    length = float(np.hypot(*along))
+    along = along / length if length else np.array([1.0, 0.0])
+    for axis, reach in ((along, length), (np.array([-along[1], along[0]]), 0.0)):
+        out = axis @ (places[:, around] - middle[:, np.newaxis])
+        ahead = strong[:, around[out > reach + _ACROSS]].any(axis=1)
+        behind = strong[:, around[out < -reach - _ACROSS]].any(axis=1)
+        between = strong[:, around[np.abs(out) <= reach + _ACROSS]].any()
+        passed = (ahead & ~behind).any() and (behind & ~ahead).any() and between
+        if passed and np.ptp(centroid @ axis) > 2 * reach + _FURTHER:
+            return True
+    return False

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxelflow.estimation.pattern.scanned import Scanned
+from taxelflow.estimation.pattern.silent import silent_taxels
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from taxelflow.messages import Bools, Floats
+
+COLUMNS, ROWS, NOISE = 9, 5, 0.005
+PLACES = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(COLUMNS), np.arange(ROWS))]).astype(np.float64)
+DENSE = np.linspace(-0.4, 0.4, 5)
+
+OBJECTS: dict[str, Callable[[Floats, Floats], Bools]] = {
+    "disc": lambda u, v: np.hypot(u, v) < 1.6,
+    "ring": lambda u, v: np.abs(np.hypot(u, v) - 1.5) < 0.6,
+    "wide ring": lambda u, v: np.abs(np.hypot(u, v) - 2.0) < 0.6,
+    "rails": lambda u, v: (np.abs(u) < 2.0) & (np.abs(np.abs(v) - 1.0) < 0.5),
+    "long rails": lambda u, v: (np.abs(u) < 6.0) & (np.abs(np.abs(v) - 1.0) < 0.5),
+    "feet": lambda u, v: (np.abs(np.abs(u) - 1.5) < 0.5) & (np.abs(np.abs(v) - 1.5) < 0.5),
+    "corner": lambda u, v: (np.maximum(np.abs(u), np.abs(v)) < 2.0) & ((u < -0.5) | (v < -0.5)),
+    "slot": lambda u, v: (np.maximum(np.abs(u), np.abs(v)) < 2.0) & ~((np.abs(v) < 0.5) & (u > -1.0)),
+}
+
+
+def slid(kind: str, way: Floats, angle: float = 0.0, dead: tuple[int, ...] = ()) -> Scanned:
+    """Scans of an object whose middle goes along way (scans, 2), in pitches; a taxel reads the mean over itself."""
+    du, dv = (axis.ravel() for axis in np.meshgrid(DENSE, DENSE))
+    x, y = (PLACES[axis][:, np.newaxis] + part for axis, part in enumerate((du, dv)))
+    cos, sin = np.cos(angle), np.sin(angle)
+    readings = np.empty((len(way), PLACES.shape[1]))
+    for k, (left, low) in enumerate(way):
+        u, v = cos * (x - left) + sin * (y - low), cos * (y - low) - sin * (x - left)
+        readings[k] = OBJECTS[kind](u, v).mean(axis=1)
+    readings[:, list(dead)] = 0.0
+    readings += np.random.default_rng(0).normal(0.0, NOISE, readings.shape)
+    taxels = PLACES.shape[1]
+    variance = np.full(readings.shape, NOISE**2)
+    return Scanned.of(np.arange(len(way)) / 10, PLACES, readings, variance, np.full(taxels, np.inf), np.zeros(taxels))
+
+
+def across(low: float, scans: int = 25) -> Floats:
+    return np.stack([np.linspace(-1.0, COLUMNS, scans), np.full(scans, low)], axis=1)
+
+
+@pytest.mark.parametrize("scans", [12, 25])
+@pytest.mark.parametrize("low", [1.6, 2.0, 2.4])
+@pytest.mark.parametrize("dead", [(21, 22), (22, 23), (13, 22), (22, 31), (22,), (21, 23), (13, 23)])
+def test_what_does_not_answer_under_a_sliding_object_is_found(dead: tuple[int, ...], low: float, scans: int) -> None:
+    assert silent_taxels(slid("disc", across(low, scans), dead=dead)).tolist() == list(dead)
+
+
+@given(
+    st.sampled_from(sorted(OBJECTS)),
+    st.floats(0.0, 2 * np.pi),
+    st.tuples(st.floats(1.0, COLUMNS - 2.0), st.floats(1.0, ROWS - 2.0)),
+    st.tuples(st.floats(-8.0, 8.0), st.floats(-3.0, 3.0)),
+)
+def test_gaps_of_an_object_that_slides_are_no_dead_taxels(
+    kind: str, angle: float, start: tuple[float, float], travel: tuple[float, float]
+) -> None:
+    share = np.linspace(0.0, 1.0, 20)[:, np.newaxis]
+    if np.hypot(*travel) > 1.5:  # at rest a gap looks the same
+        assert silent_taxels(slid(kind, np.array(start) + share * np.array(travel), angle)).tolist() == []
+
+
+@given(st.sampled_from(["feet", "rails", "corner", "slot", "wide ring"]), st.floats(0.0, 2 * np.pi))
+def test_two_silent_neighbours_under_an_object_at_rest_may_be_its_gap(kind: str, angle: float) -> None:
+    still = np.tile([[COLUMNS / 2 - 0.5, ROWS / 2 - 0.5]], (20, 1))
+    found = PLACES[:, silent_taxels(slid(kind, still, angle))]
+    apart = np.hypot(*(found[:, :, np.newaxis] - found[:, np.newaxis, :]))
+    assert not (np.abs(apart - 1.0) < 0.1).any()
+
+
+def test_a_taxel_that_answers_elsewhere_is_not_dead() -> None:
+    """The hole of a ring comes over every taxel of its way, between scans in which it is loaded."""
+    ring = slid("ring", across(2.0, 200))
+    hole = ring.readings[:, 22] < 5 * NOISE
+    assert (hole & (ring.readings[:, [13, 21, 23, 31]] > 0.5).all(axis=1)).any()
+    assert silent_taxels(ring).tolist() == []
