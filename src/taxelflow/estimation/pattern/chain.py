@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 MEMORY = 4
 """Scans that make the pattern."""
 ROUGH = 0.05
-_SIGHT = 1.5
+_SIGHT, _SEEN_IN, _LOOKS = 1.5, 0.9, 40
+"""A turn is seen if the patterns of a few scans tell it so well in the best of many looks: all but this share are worse."""
 _LOADED = 0.25
 """The chain begins at the first scan with this share of the largest load."""
 _MISFIT = 3.0
@@ -46,7 +47,7 @@ class Moment:
 def follow_changing(scanned: Scanned, size: Floats, pitch_m: float, *, turns: bool) -> tuple[Poses, Moment]:
     """Poses of all scans of a contact whose pattern is not one, and the pattern where it is loaded most.
 
-    size: (2,) of a taxel, in pitches. turns: a turn is known to be seen; else the first scans decide.
+    size: (2,) of a taxel, in pitches. turns: a turn is known to be seen; else the patterns of the few decide.
     """
     load = np.maximum(scanned.readings, 0.0).sum(axis=1)
     start = int(np.argmax(load >= _LOADED * load.max()))
@@ -78,15 +79,16 @@ def _moment(scanned: Scanned, states: Floats, size: Floats, scan: int, *, turns:
 def _chain(scanned: Scanned, size: Floats) -> tuple[Floats, Floats, Floats, float]:
     """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), how well a turn is seen."""
     tracker = _tracker(scanned, size)
-    steps, misfit, sight = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), 0.0
+    steps, misfit, sights = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), [0.0]
+    looks = max(MEMORY, len(scanned) // _LOOKS)
     for k in range(1, len(scanned)):
         tracker.forget(k, MEMORY)
         steps[k], misfit[k] = tracker.one(k)
-        if k == MEMORY:
+        if k % looks == 0:
             factor = tracker.sums.solve(tracker.pattern)
-            sight = sight_of_turn(tracker.pattern, scanned, tracker.states, factor, k, ROUGH)
+            sights.append(sight_of_turn(tracker.pattern, scanned, tracker.states, factor, k, ROUGH))
     steps[0] = steps[1] if len(scanned) > 1 else 1e12 * np.eye(STATE)
-    return tracker.states, steps, misfit, sight
+    return tracker.states, steps, misfit, float(np.quantile(sights, _SEEN_IN))
 
 
 def _tracker(scanned: Scanned, size: Floats) -> Tracker:
