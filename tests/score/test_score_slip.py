@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 def scenes() -> Iterator[dict[str, Scenario]]:
     """Scenarios of a few seconds."""
     with pytest.MonkeyPatch.context() as patch:
-        short = {
-            name: rigged(name, motion={"turn_s": 2.0, "stick_slip_s": 3.0}) for name in ("stick-slip", *HOLDS, *APART)
-        }
+        motion = {"turn_s": 2.0, "stick_slip_s": 3.0}
+        # as many cycles a second as in the whole scenarios
+        short = {name: rigged(name, motion=motion, load={"cycles": 1}) for name in ("stick-slip", *HOLDS, *APART)}
         patch.setattr(slip, "SCENARIOS", short)
         patch.setattr(slip, "OBJECTS", {"airbag": OBJECTS["airbag"]})
         yield short

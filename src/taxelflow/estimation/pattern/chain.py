@@ -27,7 +27,7 @@ MEMORY = 4
 """Scans that make the pattern."""
 ROUGH = 0.05
 _SIGHT, _SEEN_IN, _LOOKS = 1.5, 0.9, 40
-"""A turn is seen if the patterns of a few scans tell it so well in the best of many looks: all but this share are worse."""
+"""A turn is seen if the patterns of a few scans tell it so well in the best of many looks; this share is worse."""
 _LOADED = 0.25
 """The chain begins at the first scan with this share of the largest load."""
 _MISFIT = 3.0
