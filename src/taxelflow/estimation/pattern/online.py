@@ -287,7 +287,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 rests[:, own],
                 information[pad],
             )
-            m[CARRIES] = 1.0
+            m[CARRIES] = 1.0 if still or m[CHI] > _REST * m[USUAL] else 0.0
         if span > 0.0:
             m[SPEED_X] = (states[pad, 0] - last[0]) / span
             m[SPEED_Y] = (states[pad, 1] - last[1]) / span
