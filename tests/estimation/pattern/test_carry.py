@@ -106,6 +106,21 @@ def test_a_saturated_reading_says_nothing_of_a_pattern_above_it() -> None:
     assert (rest[0][readings[-1] >= 60.0] == 0.0).all()
 
 
+def test_of_a_taxel_that_says_nothing_what_was_known_dies_away() -> None:
+    masked, pattern, information = VARIANCE.copy(), values(), np.zeros((STATE, STATE))
+    masked[7] = 0.0
+    rest, brought, reading = np.ones((3, TAXELS)), np.empty((3, TAXELS)), noisy(1)[0]
+    arguments = (pattern, np.zeros((25, 25)), LATTICE, PLACES, WHOLE, STATE_0, reading, masked, NEVER, 0.02, 1.0)
+    for _ in range(3):
+        before = rest[0, 7]
+        bring(SPAN_S, 0.0, rest, reading, masked, NEVER, brought)
+        keep(*arguments, np.zeros(STATE), 1.0, False, brought, rest, information)
+        assert rest[0, 7] == pytest.approx(fades(SPAN_S, 0.0) * before)
+    rest[0, 7] = 1.0  # of an earlier contact
+    keep(*arguments, np.zeros(STATE), 1.0, False, np.zeros((3, 0)), rest, information)
+    assert rest[0, 7] == 0.0
+
+
 def test_a_masked_taxel_has_no_part_in_it() -> None:
     masked = VARIANCE.copy()
     masked[7] = 0.0

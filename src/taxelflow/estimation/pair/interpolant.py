@@ -15,6 +15,7 @@ import numpy as np
 from taxelflow.compiling import kernel
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
+from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.spline import STATE, spread
 
 if TYPE_CHECKING:
@@ -67,12 +68,14 @@ class Interpolant:
         pattern.smoothing = _SMOOTHING
         relative = variance / usual
         state = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
-        sums, nothing = Sums(pattern), np.zeros((1, len(variance)))
-        never, bends = np.full(len(variance), np.inf), np.zeros((1, 3, 0))
-        sums.add(pattern, places, state[np.newaxis, :STATE], bends, nothing, relative[np.newaxis], never, 0.0)
+        sums, nothing = Sums(pattern), np.zeros(len(variance))
+        once = Scanned.of(np.zeros(1), places, nothing[np.newaxis], relative[np.newaxis], nothing + np.inf, nothing)
+        sums.add(pattern, once, state[np.newaxis, :STATE], 0.0)
         factor = sums.solve(pattern).lower
         first, weight = np.empty(len(variance), np.int64), np.empty((len(variance), pattern.width**2))
-        spread(pattern.shape, pattern.lattice, places, state, pattern.points, bends[0], pattern.width, first, weight)
+        spread(
+            pattern.shape, pattern.lattice, places, state, pattern.points, once.bends[0], pattern.width, first, weight
+        )
         nearest = _nearest_live(pattern, places, live)
         doubt = np.where(nearest >= 0, VALUE_NOISE * variance[nearest], usual)
         return cls(

@@ -114,6 +114,9 @@ def keep(  # noqa: PLR0912  one loop, as a kernel must be
     jacobian = np.empty(STATE)
     for i in range(count):
         if variance[i] == 0.0:
+            rest[0, i], rest[1, i] = 0.0, 0.0
+            if brought.shape[1]:  # nothing is known, but what there was dies away
+                rest[0, i] = reading[i] - brought[0, i]
             continue
         q = values[i, 0]
         base = variance[i] + rest[2, i]
@@ -145,7 +148,7 @@ def keep(  # noqa: PLR0912  one loop, as a kernel must be
 
 @kernel
 def _nearest(grid: Floats, lattice: Floats, places: Floats, state: Floats, bend: Floats, i: int) -> float:
-    """Value of grid (ny, nx) at the knot nearest to taxel i."""
+    """Value of grid (ny, nx) at the knot nearest to taxel i, which lies on the lattice."""
     dx, dy, theta = places[0, i] - state[X], places[1, i] - state[Y], state[THETA]
     if bend.shape[1]:
         dx, dy, theta = dx - bend[0, i], dy - bend[1, i], theta + bend[2, i]
@@ -153,5 +156,5 @@ def _nearest(grid: Floats, lattice: Floats, places: Floats, state: Floats, bend:
     cos, sin = shrink * np.cos(theta), shrink * np.sin(theta)
     ix = int(np.round((cos * dx + sin * dy - lattice[1]) / lattice[0]))
     iy = int(np.round((cos * dy - sin * dx - lattice[2]) / lattice[0]))
-    value: float = grid[min(max(iy, 0), grid.shape[0] - 1), min(max(ix, 0), grid.shape[1] - 1)]
+    value: float = grid[iy, ix]
     return value

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD, LOOSE_TURN, sight_of_turn
+from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD, LOOSE_TURN
 from taxelflow.estimation.pattern.poses import Poses, to_pad
-from taxelflow.estimation.pattern.spline import STATE
+from taxelflow.estimation.pattern.sight import sights
+from taxelflow.estimation.pattern.spline import STATE, THETA
 from taxelflow.estimation.pattern.track import Tracker
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED
 
@@ -79,16 +80,16 @@ def _moment(scanned: Scanned, states: Floats, size: Floats, scan: int, *, turns:
 def _chain(scanned: Scanned, size: Floats) -> tuple[Floats, Floats, Floats, float]:
     """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), how well a turn is seen."""
     tracker = _tracker(scanned, size)
-    steps, misfit, sights = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), [0.0]
+    steps, misfit, looked = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), [0.0]
     looks = max(MEMORY, len(scanned) // _LOOKS)
     for k in range(1, len(scanned)):
         tracker.forget(k, MEMORY)
         steps[k], misfit[k] = tracker.one(k)
         if k % looks == 0:
             factor = tracker.sums.solve(tracker.pattern)
-            sights.append(sight_of_turn(tracker.pattern, scanned, tracker.states, factor, k, ROUGH))
+            looked.append(sights(tracker.pattern, scanned, tracker.states, factor, k, ROUGH)[THETA])
     steps[0] = steps[1] if len(scanned) > 1 else 1e12 * np.eye(STATE)
-    return tracker.states, steps, misfit, float(np.quantile(sights, _SEEN_IN))
+    return tracker.states, steps, misfit, float(np.quantile(looked, _SEEN_IN))
 
 
 def _tracker(scanned: Scanned, size: Floats) -> Tracker:

@@ -6,18 +6,17 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
 
 from taxelflow.estimation.pattern.joint import Fit, refine
 from taxelflow.estimation.pattern.poses import arm_of
+from taxelflow.estimation.pattern.sight import sights
 from taxelflow.estimation.pattern.silent import silent_taxels
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, evaluate
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
 from taxelflow.estimation.pattern.track import Tracker
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.estimation.pattern.normal import Factor
     from taxelflow.estimation.pattern.pattern import Pattern
     from taxelflow.estimation.pattern.scanned import Scanned
     from taxelflow.messages import Floats
@@ -37,7 +36,6 @@ _ROUND, _EXPLAINED = 1.0, 1.3
 """A pattern that shows less of a turn than this, and leaves less of the scans unexplained, needs no second look."""
 _GLIMPSE, _LIKELY = 4, 3.0
 """After so many scans a pattern shows whether a turn is likely to be seen."""
-_DRAWS = 8
 _MOST_DEAD = 8
 _DEAD_GAIN = 0.8
 """... and the fit without it is at least so much better."""
@@ -50,7 +48,7 @@ class Solved:
     """A contact as the joint fit sees it.
 
     states: (scans, 5), see `spline`. rough: error of the pattern relative to it. gain_std: of the gains around 1.
-    turns: whether its rotation can be seen; sight: how well, see `sight_of_turn`. dead: taxels that do not answer.
+    turns: whether its rotation can be seen; sight: how well, see `sights`. dead: taxels that do not answer.
     """
 
     pattern: Pattern
@@ -98,7 +96,7 @@ def _solve_either(scanned: Scanned, size: Floats) -> Solved:
     tracker = _tracker(scanned, size, turns=True)
     tracker.run(_GLIMPSE)
     factor = tracker.sums.solve(tracker.pattern)
-    if sight_of_turn(tracker.pattern, scanned, tracker.states, factor, tracker.start, FIRST_ROUGH) > _LIKELY:
+    if sights(tracker.pattern, scanned, tracker.states, factor, tracker.start, FIRST_ROUGH)[THETA] > _LIKELY:
         free = _solve(scanned, tracker, turns=True)
         if _seen_to_turn(free, scanned, size):
             return free
@@ -168,7 +166,7 @@ def _solve(scanned: Scanned, tracker: Tracker, *, turns: bool) -> Solved:
         rough = roughness(fit, scanned)
         scanned.bend(states)
         fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
-    sight = sight_of_turn(pattern, scanned, states, fit.factor, start, rough) * fit.freedom**2
+    sight = float(sights(pattern, scanned, states, fit.factor, start, rough)[THETA]) * fit.freedom**2
     return Solved(pattern, states, fit, rough, gain_std, turns, np.zeros(0, np.int64), sight)
 
 
@@ -215,35 +213,3 @@ def _dead_taxel(scanned: Scanned, fit: Fit) -> int | None:
     share = np.where(power**2 > _LOADED_ENOUGH * noise, answer / np.maximum(power, 1e-300), np.inf)
     worst = int(np.argmin(share))
     return worst if share[worst] < _DEAD else None
-
-
-def sight_of_turn(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, scan: int, rough: float) -> float:
-    """How many times better the pattern tells a turn, in a given scan, than its own noise would pretend to."""
-    base = _values(pattern, pattern.coefficients, scanned, states, scan)
-    known = np.isfinite(base[:, 0]) & (scanned.variance[scan] > 0)
-    base = base[known]
-    gain = states[scan, GAIN]
-    model = gain * base[:, 0]
-    w = 1.0 / (scanned.variance[scan, known] + (rough * np.maximum(model, 0.0)) ** 2)
-    others = np.stack([gain * base[:, 1], gain * base[:, 2], base[:, 0]], axis=1)
-    normal = (others * w[:, np.newaxis]).T @ others + 1e-12 * np.eye(3)
-
-    def information(turn: Floats) -> float:
-        mixed = (others * w[:, np.newaxis]).T @ turn
-        return float((w * turn * turn).sum() - mixed @ np.linalg.solve(normal, mixed))
-
-    random = np.random.default_rng(0)
-    pretended = []
-    for _ in range(_DRAWS):
-        white = random.standard_normal((pattern.coefficients.size, 1))
-        drawn, _ = dtbtrs(factor.lower, white, uplo="L", trans="T")
-        values = _values(pattern, drawn.reshape(pattern.shape), scanned, states, scan)
-        pretended.append(information(gain * values[known, 3]))
-    return information(gain * base[:, 3]) / max(float(np.mean(pretended)), 1e-300)
-
-
-def _values(pattern: Pattern, coefficients: Floats, scanned: Scanned, states: Floats, scan: int) -> Floats:
-    """(taxels, 5): see `spline.evaluate`."""
-    values = np.empty((scanned.places.shape[1], 5))
-    evaluate(coefficients, pattern.lattice, scanned.places, states[scan], pattern.points, scanned.bends[scan], values)
-    return values

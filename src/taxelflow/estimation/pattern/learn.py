@@ -228,10 +228,7 @@ def _forgetting(known: Learned) -> Learned:
     keyframes = Keyframes(old.scanned.taken(most), old.states[most], old.angled[most])
     scanned, states = keyframes.scanned, keyframes.states
     pattern = _covering(scanned, states, None)
-    sums = Sums(pattern)
-    parts = (scanned.bends, scanned.readings, scanned.variance, scanned.ceiling)
-    sums.add(pattern, scanned.places, states, *parts, _CHANGING_ROUGH)
-    sums.solve(pattern)
+    _solve(pattern, scanned, states, _CHANGING_ROUGH)
     slack = np.minimum(known.slack + FIRST_SLACK, _MOST_SLACK)
     return replace(
         known,
@@ -316,11 +313,10 @@ def _turned(
     return free, fit, doubt
 
 
-def _solve(pattern: Pattern, scanned: Scanned, states: Floats) -> Factor:
+def _solve(pattern: Pattern, scanned: Scanned, states: Floats, rough: float = FIRST_ROUGH) -> Factor:
     """Make pattern what explains the scans at these states (n, 5) best."""
     sums = Sums(pattern)
-    parts = (scanned.bends, scanned.readings, scanned.variance, scanned.ceiling)
-    sums.add(pattern, scanned.places, states, *parts, FIRST_ROUGH)
+    sums.add(pattern, scanned, states, rough)
     return sums.solve(pattern)
 
 

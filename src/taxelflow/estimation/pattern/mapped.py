@@ -143,7 +143,7 @@ def _variance_at_knots(pattern: Pattern, scanned: Scanned, states: Floats, rough
     """(ny, nx) variance of the pattern at its knots, from draws of what the readings leave open."""
     own = replace(pattern)
     sums = Sums(own)
-    sums.add(own, scanned.places, states, scanned.bends, scanned.readings, scanned.variance, scanned.ceiling, rough)
+    sums.add(own, scanned, states, rough)
     factor: Factor = sums.solve(own)
     white = np.random.default_rng(0).standard_normal((own.coefficients.size, _DRAWS))
     drawn, _ = dtbtrs(factor.lower, white, uplo="L", trans="T")

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 (
     ACTIVE,  # whether the pad has a pattern
-    ROWS,  # knots of its lattice
-    COLS,
     SPACING,  # lattice, three numbers
     _,
     LOW,
@@ -60,7 +58,7 @@ if TYPE_CHECKING:
     CHANGING,  # whether the pattern does not stay: every scan is learned from, and the old forgotten
     FLAG,  # what the last scan calls for, one of the below
     SLOTS,
-) = range(42)
+) = range(40)
 """Places in a pad's memory."""
 
 NOTHING, NOVEL, GONE = range(3)

@@ -12,6 +12,7 @@ from taxelflow.estimation.pattern.normal import Factor, add_square, smoothness
 from taxelflow.estimation.pattern.spline import GAIN, evaluate, spread
 
 if TYPE_CHECKING:
+    from taxelflow.estimation.pattern.scanned import Scanned
     from taxelflow.messages import Floats
 
 _ROUGH_PRIOR = 0.12
@@ -104,28 +105,18 @@ class Sums:
         self.support = np.zeros(knots)
         self._smooth = smoothness(pattern.shape, width)
 
-    def add(
-        self,
-        pattern: Pattern,
-        places: Floats,
-        states: Floats,
-        bends: Floats,
-        readings: Floats,
-        variance: Floats,
-        ceiling: Floats,
-        rough: float,
-    ) -> None:
-        """Add scans (scans, taxels) at states (scans, 5)."""
+    def add(self, pattern: Pattern, scanned: Scanned, states: Floats, rough: float) -> None:
+        """Add scans at states (scans, 5). rough: error of the pattern relative to it."""
         add_scans(
             pattern.coefficients,
             pattern.lattice,
-            places,
+            scanned.places,
             states,
             pattern.points,
-            bends,
-            readings,
-            variance,
-            ceiling,
+            scanned.bends,
+            scanned.readings,
+            scanned.variance,
+            scanned.ceiling,
             rough,
             pattern.width,
             self.stencil,

@@ -40,9 +40,8 @@ def expected(
         if t_s is not None:
             state[: THETA + 1] += (t_s - m[online.LAST_T]) * _surely(m, steps[pad])
         values = np.empty((own.stop - own.start, 5))
-        pattern = np.ascontiguousarray(patterns[pad, : int(m[online.ROWS]), : int(m[online.COLS])])
         where, lattice = np.ascontiguousarray(places[:, own]), m[online.SPACING : online.LOW + 1]
-        evaluate(pattern, lattice, where, state, np.zeros((1, 2)), np.zeros((3, 0)), values)
+        evaluate(patterns[pad], lattice, where, state, np.zeros((1, 2)), np.zeros((3, 0)), values)
         rest = rests[3, own]
         if t_s is not None and m[online.CARRIES]:
             span = t_s - m[online.LAST_T]

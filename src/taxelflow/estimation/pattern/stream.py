@@ -308,8 +308,7 @@ class StreamSession:
         self._patterns[pad], self._doubts[pad] = np.nan, np.nan
         self._patterns[pad, :rows, :cols] = pattern.coefficients
         self._doubts[pad, :rows, :cols] = DOUBT * pattern.doubt
-        m[online.ACTIVE], m[online.ROWS], m[online.COLS] = 1.0, rows, cols
-        m[online.CARRIES] = m[online.TURNED] = 0.0
+        m[online.ACTIVE], m[online.CARRIES], m[online.TURNED] = 1.0, 0.0, 0.0
         m[online.SPACING : online.LOW + 1] = pattern.lattice
         m[online.ROUGH], m[online.USUAL], m[online.RADIUS] = learned.rough, learned.usual, learned.radius
         m[online.TURN_STD] = _TURN_STD if learned.turns else 0.0

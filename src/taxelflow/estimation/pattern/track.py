@@ -62,17 +62,7 @@ class Tracker:
         self.sums.solve(self.pattern)
 
     def _add(self, which: NDArray[np.int64]) -> None:
-        part = self.scanned.taken(which)
-        self.sums.add(
-            self.pattern,
-            part.places,
-            self.states[which],
-            part.bends,
-            part.readings,
-            part.variance,
-            part.ceiling,
-            self.rough,
-        )
+        self.sums.add(self.pattern, self.scanned.taken(which), self.states[which], self.rough)
 
     def run(self, most: int | None = None) -> None:
         """Register every scan, or `most` more, forwards from the start, then backwards."""
