@@ -19,6 +19,7 @@ HELD = 1e12
 """Stiffness of a part of the state that stays where its prior is."""
 _LEAST_GAIN = 0.1
 """A gain falls at most to this share in one step."""
+_MOST_ODDS = 1e100
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
 
 
@@ -85,8 +86,9 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     reading, variance, ceiling: (taxels,), noise squared, 0 where a taxel is masked or silent; a saturated reading
     counts only as far as the model lies below it. doubt: (ny, nx) variance of the pattern, or (0, 0). rough: error of
     the pattern relative to it. prior, stiffness: (5,) where the state is thought to be, and how firmly, 1 / variance;
-    from `HELD` on it stays there. The pattern is taken at each taxel's middle. Returns the cost (robust chi-square with
-    prior), chi-square, and how many taxels it is over.
+    from `HELD` on it stays there. The pattern is taken at each taxel's middle. Returns the cost (robust -2 log
+    likelihood with prior: where a pattern is in doubt, it explains everything, and so little), chi-square, and how many
+    taxels it is over.
     """
     h, left, low = lattice
     left, low = left / h, low / h
@@ -105,7 +107,7 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         scale = np.exp(-state[SIZE]) / h
         cos, sin = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
         cost = chi = 0.0
-        used = 0
+        used, odds = 0, 1.0
         xx = xy = yy = xg = yg = gg = xr = yr = gr = 0.0
         tx = ty = tg = tt = tr = sx = sy = sg = st = ss = sr = 0.0
         for i in range(len(reading)):
@@ -135,6 +137,10 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             if len(doubt):
                 ix, iy = int(cos * dx + sin * dy - left + 0.5), int(cos * dy - sin * dx - low + 0.5)
                 v += gain * gain * doubt[iy, ix]
+            odds *= v / variance[i]
+            if odds > _MOST_ODDS:
+                cost += np.log(odds)
+                odds = 1.0
             w = 1.0 / v
             z2 = residual * residual * w
             chi += z2
@@ -185,6 +191,7 @@ def register(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             ss,
         )
         right[X], right[Y], right[THETA], right[GAIN], right[SIZE] = xr, yr, tr, gr, sr
+        cost += np.log(odds)
         for a in range(STATE):
             off = state[a] - prior[a]
             cost += stiffness[a] * off * off
