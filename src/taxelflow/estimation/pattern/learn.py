@@ -370,7 +370,7 @@ def _most_whole(keyframes: Keyframes) -> tuple[int, float]:
     """
     x, y = keyframes.scanned.places
     border = (x <= x.min()) | (x >= x.max()) | (y <= y.min()) | (y >= y.max())
-    load = np.maximum(keyframes.scanned.readings, 0.0)
+    load = np.where(keyframes.scanned.loaded(), keyframes.scanned.readings, 0.0)
     share = load[:, border].sum(axis=1) / np.maximum(load.sum(axis=1), 1e-300)
     best = len(share) - 1 - int(np.argmin(share[::-1]))
     return best, float(share[best])
