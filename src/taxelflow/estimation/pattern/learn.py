@@ -45,7 +45,7 @@ FIRST_SLACK = (0.0025, 0.0025)
 """Before anything is known of how good a pattern is: pitches^2, rad^2."""
 _CUT_SLACK = 0.5
 """What is added, times the share of the load that lies at the border."""
-_FORGET = 0.35
+_FORGET = 0.2
 _MATURE, _SETTLED = 10, 0.05
 _MOST_USUAL = 2.0
 _CHANGES, _CHANGING_ROUGH, _LAST = 0.1, 0.05, 4
