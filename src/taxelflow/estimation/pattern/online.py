@@ -86,7 +86,7 @@ _GATE, _FAR_OFF = 2.0, 10.0
 _PATIENCE, _MOST_POOR = 5, 20
 _LEAP = 1.5
 """A scan that moves so many radii and pitches at once is not believed."""
-_YOUNG = 8
+_YOUNG = 12
 _NEAR, _SAME = 0.25, 5
 """Keyframes closer than this, in pitches, show the same, and so many are enough."""
 _LOUDER = 0.5
