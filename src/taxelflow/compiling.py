@@ -28,8 +28,15 @@ def brief_kernel(function: Kernel) -> Kernel:
     return _compiled(function, nogil=False)
 
 
-def _compiled(function: Kernel, *, nogil: bool) -> Kernel:
-    compiled = numba.njit(cache=True, nogil=nogil, error_model="numpy", fastmath={"reassoc", "contract"})(function)
+def inlined(function: Kernel) -> Kernel:
+    """A `kernel` that becomes part of the kernels that call it, so that their loops over taxels can be vectorised."""
+    return _compiled(function, nogil=True, forceinline=True)
+
+
+def _compiled(function: Kernel, *, nogil: bool, forceinline: bool = False) -> Kernel:
+    compiled = numba.njit(
+        cache=True, nogil=nogil, forceinline=forceinline, error_model="numpy", fastmath={"reassoc", "contract"}
+    )(function)
     return cast("Kernel", compiled)
 
 
