@@ -44,9 +44,9 @@ def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ce
 
 
 @inlined
-def nearest(flat: Floats, nx: int, x: float, y: float) -> float:
-    """Value of a grid (ny, nx), flat, at the knot nearest to a place counted in knots, which lies on the lattice."""
-    value: float = flat[np.uint64(int(y + 0.5) * nx + int(x + 0.5))]
+def nearest(grid: Floats, x: float, y: float) -> float:
+    """Value of grid (ny, nx) at the knot nearest to a place counted in knots, which lies on the lattice."""
+    value: float = grid[np.uint64(int(y + 0.5)), np.uint64(int(x + 0.5))]
     return value
 
 
@@ -72,28 +72,25 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
     scale = np.exp(-state[SIZE]) / h
     cos_0, sin_0 = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
     certain = len(doubt) == 0
-    ny, nx = c.shape
-    flat = c.reshape(-1)
-    doubts = flat if certain else doubt.reshape(-1)
-    place_x, place_y, cos_b, sin_b = taxels[PLACE_X], taxels[PLACE_Y], taxels[COS], taxels[SIN]
-    readings, variances, ceilings = taxels[READING], taxels[VARIANCE], taxels[CEILING]
     cost = chi = used = 0.0
     xx = xy = yy = xg = yg = gg = xr = yr = gr = 0.0
     tx = ty = tg = tt = tr = sx = sy = sg = st = ss = sr = 0.0
     for i in range(taxels.shape[1]):
-        cos, sin = cos_0 * cos_b[i] - sin_0 * sin_b[i], sin_0 * cos_b[i] + cos_0 * sin_b[i]
-        dx, dy = place_x[i] - x, place_y[i] - y
+        cos = cos_0 * taxels[COS, i] - sin_0 * taxels[SIN, i]
+        sin = sin_0 * taxels[COS, i] + cos_0 * taxels[SIN, i]
+        dx, dy = taxels[PLACE_X, i] - x, taxels[PLACE_Y, i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
-        q, qu, qw = value_at(flat, ny, nx, u - left, w - low)
-        known, live = not np.isnan(q), variances[i] != 0.0
+        q, qu, qw = value_at(c, u - left, w - low)
+        reading, variance = taxels[READING, i], taxels[VARIANCE, i]
+        known, live = not np.isnan(q), variance != 0.0
         model = gain * q if known else 0.0
-        residual = readings[i] - model
+        residual = reading - model
         own = rough * max(model, 0.0)
-        doubtful = gain * gain * nearest(doubts, nx, u - left, w - low) if known and not certain else 0.0
-        weight = 1.0 / (variances[i] + own * own + doubtful if live else 1.0)
+        doubtful = gain * gain * nearest(doubt, u - left, w - low) if known and not certain else 0.0
+        weight = 1.0 / (variance + own * own + doubtful if live else 1.0)
         z2 = residual * residual * weight
-        clipped = readings[i] == 0.0 and model <= 0.0  # the sensor clips there
-        above = readings[i] >= ceilings[i] and residual < 0.0
+        clipped = reading == 0.0 and model <= 0.0  # the sensor clips there
+        above = reading >= taxels[CEILING, i] and residual < 0.0
         fits = live and known and not clipped and not above
         unexplained = live and not known and z2 > _UNEXPLAINED  # a load off the lattice
         z, far = np.sqrt(z2), z2 > huber * huber
@@ -141,12 +138,10 @@ def look_up(c: Floats, doubt: Floats, lattice: Floats, taxels: Floats, state: Fl
     left, low = left / h, low / h
     scale = np.exp(-state[SIZE]) / h
     cos_0, sin_0 = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
-    ny, nx = c.shape
-    flat, doubts = c.reshape(-1), doubt.reshape(-1)
     for i in range(out.shape[1]):
         cos = cos_0 * taxels[COS, i] - sin_0 * taxels[SIN, i]
         sin = sin_0 * taxels[COS, i] + cos_0 * taxels[SIN, i]
         dx, dy = taxels[PLACE_X, i] - state[X], taxels[PLACE_Y, i] - state[Y]
         u, w = cos * dx + sin * dy - left, cos * dy - sin * dx - low
-        out[0, i] = value_at(flat, ny, nx, u, w)[0]
-        out[1, i] = 0.0 if np.isnan(out[0, i]) else nearest(doubts, nx, u, w)
+        out[0, i] = value_at(c, u, w)[0]
+        out[1, i] = 0.0 if np.isnan(out[0, i]) else nearest(doubt, u, w)

@@ -44,13 +44,14 @@ def basis_slopes(u: float) -> tuple[float, float, float, float]:
 
 
 @inlined
-def value_at(flat: Floats, ny: int, nx: int, x: float, y: float) -> tuple[float, float, float]:
-    """The spline with coefficients (ny, nx), flat, and its slopes, at a place counted in knots; the value is NaN off
-    the lattice.
+def value_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
+    """The spline with coefficients c (ny, nx), and its slopes, at a place counted in knots; its value is NaN off the
+    lattice.
 
     Written out and without a branch, because a scan's time goes here, and eight taxels go at once. There are at least
     4 x 4 knots.
     """
+    ny, nx = c.shape
     on = (x >= 1.0) & (x < nx - 2.0) & (y >= 1.0) & (y < ny - 2.0)
     x, y = x if on else 1.0, y if on else 1.0
     k, j = int(x), int(y)
@@ -59,13 +60,13 @@ def value_at(flat: Floats, ny: int, nx: int, x: float, y: float) -> tuple[float,
     y0, y1, y2, y3 = basis(w)
     r0, r1, r2, r3 = basis_slopes(u)
     s0, s1, s2, s3 = basis_slopes(w)
-    row = np.uint64(nx)  # unsigned, for no index counts from the end
-    i0 = np.uint64((j - 1) * nx + k - 1)
-    i1, i2, i3 = i0 + row, i0 + row + row, i0 + row + row + row
-    c00, c01, c02, c03 = flat[i0], flat[i0 + _1], flat[i0 + _2], flat[i0 + _3]
-    c10, c11, c12, c13 = flat[i1], flat[i1 + _1], flat[i1 + _2], flat[i1 + _3]
-    c20, c21, c22, c23 = flat[i2], flat[i2 + _1], flat[i2 + _2], flat[i2 + _3]
-    c30, c31, c32, c33 = flat[i3], flat[i3 + _1], flat[i3 + _2], flat[i3 + _3]
+    k0, j0 = np.uint64(k - 1), np.uint64(j - 1)  # unsigned, for no index counts from the end
+    k1, k2, k3 = k0 + _1, k0 + _2, k0 + _3
+    j1, j2, j3 = j0 + _1, j0 + _2, j0 + _3
+    c00, c01, c02, c03 = c[j0, k0], c[j0, k1], c[j0, k2], c[j0, k3]
+    c10, c11, c12, c13 = c[j1, k0], c[j1, k1], c[j1, k2], c[j1, k3]
+    c20, c21, c22, c23 = c[j2, k0], c[j2, k1], c[j2, k2], c[j2, k3]
+    c30, c31, c32, c33 = c[j3, k0], c[j3, k1], c[j3, k2], c[j3, k3]
     a0 = y0 * c00 + y1 * c10 + y2 * c20 + y3 * c30
     a1 = y0 * c01 + y1 * c11 + y2 * c21 + y3 * c31
     a2 = y0 * c02 + y1 * c12 + y2 * c22 + y3 * c32
@@ -83,14 +84,14 @@ def value_at(flat: Floats, ny: int, nx: int, x: float, y: float) -> tuple[float,
 
 @inlined
 def seen(
-    flat: Floats, ny: int, nx: int, left: float, low: float, cos: float, sin: float, dx: float, dy: float
+    c: Floats, left: float, low: float, cos: float, sin: float, dx: float, dy: float
 ) -> tuple[float, float, float, float, float]:
     """q at (dx, dy) from the object, and its derivatives by x, y, theta, s; q is NaN off the lattice.
 
     cos, sin: of theta, times exp(-s) / h. left, low: place of knot (0, 0), in knots.
     """
     u, w = cos * dx + sin * dy, cos * dy - sin * dx
-    q, qu, qw = value_at(flat, ny, nx, u - left, w - low)
+    q, qu, qw = value_at(c, u - left, w - low)
     return q, qw * sin - qu * cos, -qw * cos - qu * sin, qu * w - qw * u, -qu * u - qw * w
 
 
@@ -112,8 +113,7 @@ def evaluate(
     """
     h, left, low = lattice
     left, low = left / h, low / h
-    ny, nx = c.shape
-    share, flat = 1.0 / len(points), c.reshape(-1)
+    share = 1.0 / len(points)
     scale = np.exp(-state[SIZE]) / h
     cos, sin = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
     for i in range(places.shape[1]):
@@ -124,7 +124,7 @@ def evaluate(
             cos, sin = scale * np.cos(state[THETA] + bend[2, i]), scale * np.sin(state[THETA] + bend[2, i])
         value = slope_x = slope_y = slope_t = slope_s = 0.0
         for point in range(len(points)):
-            q, qx, qy, qt, qs = seen(flat, ny, nx, left, low, cos, sin, dx + points[point, 0], dy + points[point, 1])
+            q, qx, qy, qt, qs = seen(c, left, low, cos, sin, dx + points[point, 0], dy + points[point, 1])
             value += q
             slope_x += qx
             slope_y += qy
