@@ -33,10 +33,16 @@ def inlined(function: Kernel) -> Kernel:
     return _compiled(function, nogil=True, forceinline=True)
 
 
-def _compiled(function: Kernel, *, nogil: bool, forceinline: bool = False) -> Kernel:
-    compiled = numba.njit(
-        cache=True, nogil=nogil, forceinline=forceinline, error_model="numpy", fastmath={"reassoc", "contract"}
-    )(function)
+def lean_kernel(function: Kernel) -> Kernel:
+    """A `kernel` that makes no array, and so counts no references: for work of less than the microsecond they take."""
+    return _compiled(function, nogil=True, _nrt=False)
+
+
+def _compiled(function: Kernel, *, nogil: bool, **options: bool) -> Kernel:
+    compile_: Any = numba.njit
+    compiled = compile_(cache=True, nogil=nogil, error_model="numpy", fastmath={"reassoc", "contract"}, **options)(
+        function
+    )
     return cast("Kernel", compiled)
 
 

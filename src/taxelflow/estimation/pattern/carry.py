@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.pattern.linear import CEILING, READING, VARIANCE, linearise, look_up
 from taxelflow.estimation.pattern.register import mirror
 from taxelflow.estimation.pattern.spline import GAIN, STATE
@@ -34,7 +34,7 @@ _BEYOND = 0.1
 """Of the peak, what a pattern may be wrong by just beyond its lattice."""
 
 
-@kernel
+@lean_kernel
 def bring(
     span: float,
     moved: float,
@@ -56,7 +56,7 @@ def bring(
         out[2, i] = ceiling[i] - a * rest[0, i]
 
 
-@kernel
+@lean_kernel
 def fades(span: float, moved: float) -> float:
     """What is left of a rest after a span (s) and a motion (pitches)."""
     return float(np.exp(-span / _TIME_S - moved / _LENGTH))

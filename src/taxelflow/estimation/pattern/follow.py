@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.pattern import online
 from taxelflow.estimation.pattern.carry import bring, keep
 from taxelflow.estimation.pattern.linear import laid_out
@@ -163,7 +163,7 @@ def _follow_pad(
     _remember(t, span, last, middle, state, m)
 
 
-@kernel
+@lean_kernel
 def _growth(before: float, load: float) -> float:
     """How far the size's logarithm may go with a change of the load."""
     pressed = abs(np.log(load / before)) if load > 0.0 and before > 0.0 else 1.0
@@ -180,7 +180,7 @@ def _bend(m: Floats, delay: Floats) -> Floats:
     return bend
 
 
-@kernel
+@lean_kernel
 def _surely_moved(m: Floats, span: float, step: Floats) -> float:
     """Pitches from scan to scan at the last speed, beyond what noise makes of them; step: (5, 5), its information."""
     moved = span * np.hypot(m[online.SPEED_X], m[online.SPEED_Y])
@@ -242,7 +242,7 @@ def _search(
     return best_chi
 
 
-@kernel
+@lean_kernel
 def _start(attempt: int, m: Floats, span: float, middle: Floats, last: Floats, best: Floats, trial: Floats) -> None:
     """Fill trial (5,) with where an attempt starts; last, best: (5,), the scan before's state, and what was found."""
     for a in range(STATE):
@@ -256,7 +256,7 @@ def _start(attempt: int, m: Floats, span: float, middle: Floats, last: Floats, b
         trial[Y] += middle[1] - m[online.CENTROID_Y]
 
 
-@kernel
+@lean_kernel
 def _stiffen(m: Floats, grown_std: float, stiffness: Floats) -> None:
     """Fill stiffness (5,), but for the gain, as a pad's pattern is known to turn and grow."""
     stiffness[X] = stiffness[Y] = _FREE
@@ -264,7 +264,7 @@ def _stiffen(m: Floats, grown_std: float, stiffness: Floats) -> None:
     stiffness[SIZE] = 1.0 / grown_std**2 if m[online.GROWS] > 0.0 else HELD
 
 
-@kernel
+@lean_kernel
 def _learn_freedom(attempt: int, m: Floats) -> None:
     """Note that the object has turned, or grown, if that was what explained a scan; what was carried is explained."""
     if attempt >= _TURNS:
@@ -275,7 +275,7 @@ def _learn_freedom(attempt: int, m: Floats) -> None:
         m[online.GROWS], m[online.CONTINUES] = 1.0, 0.0
 
 
-@kernel
+@lean_kernel
 def _stays(m: Floats, span: float, state: Floats, step: Floats) -> bool:
     """Whether the object is where it has been lately, of which this scan becomes a part."""
     away = np.hypot(state[X] - m[online.PLACE_X], state[Y] - m[online.PLACE_Y])
@@ -288,7 +288,7 @@ def _stays(m: Floats, span: float, state: Floats, step: Floats) -> bool:
     return bool(still)
 
 
-@kernel
+@lean_kernel
 def _remember(t: float, span: float, last: Floats, middle: Floats, state: Floats, m: Floats) -> None:
     """Keep what the next scan is predicted from."""
     if span > 0.0:

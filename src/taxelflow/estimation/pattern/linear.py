@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import inlined, kernel
+from taxelflow.compiling import inlined, kernel, lean_kernel
 from taxelflow.estimation.pattern.spline import GAIN, SIZE, THETA, X, Y, value_at
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def nearest(grid: Floats, x: float, y: float) -> float:
     return value
 
 
-@kernel
+@lean_kernel
 def linearise(  # noqa: PLR0915  one loop, as vector registers need it
     c: Floats,
     doubt: Floats,
@@ -131,7 +131,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
     return cost, chi, int(used)
 
 
-@kernel
+@lean_kernel
 def look_up(c: Floats, doubt: Floats, lattice: Floats, taxels: Floats, state: Floats, out: Floats) -> None:
     """Fill out (2, n) with q at the first n taxels, NaN off the lattice, and its variance."""
     h, left, low = lattice

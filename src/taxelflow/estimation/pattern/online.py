@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import lean_kernel
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
@@ -68,7 +68,7 @@ FAINT = 3.0
 """A pattern from scans so many times fainter is not worth keeping."""
 
 
-@kernel
+@lean_kernel
 def centroid(reading: Floats, variance: Floats, places: Floats, edge: Bools, out: Floats) -> None:
     """Fill out (4,) with the centroid of what is loaded above 4 standard deviations and 5 % of the peak, the share of
     it that lies at the border, and its sum; edge: (taxels,).
@@ -89,7 +89,7 @@ def centroid(reading: Floats, variance: Floats, places: Floats, edge: Bools, out
         out[0], out[1], out[2], out[3] = x / total, y / total, border / total, total
 
 
-@kernel
+@lean_kernel
 def gate(usual: float, count: float) -> float:
     """Chi-square per reading up to which a scan of so many readings fits."""
     return float(usual * _GATE * (1.0 + 2.0 / np.sqrt(max(count, 1.0))))

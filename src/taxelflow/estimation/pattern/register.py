@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.pattern.linear import laid_out, linearise
 from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA
 
@@ -23,7 +23,7 @@ _LEAST_GAIN = 0.1
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
 
 
-@kernel
+@lean_kernel
 def solve_small(a: Floats, b: Floats, n: int) -> bool:
     """Solve a x = b for symmetric positive a (n, n) in place: a becomes its factor, b the solution."""
     if not factor_small(a, n):
@@ -32,7 +32,7 @@ def solve_small(a: Floats, b: Floats, n: int) -> bool:
     return True
 
 
-@kernel
+@lean_kernel
 def factor_small(a: Floats, n: int) -> bool:
     """Make symmetric a (n, n) its factor L D L^T, from its lower half; False if it is not positive."""
     for j in range(n):
@@ -50,7 +50,7 @@ def factor_small(a: Floats, n: int) -> bool:
     return True
 
 
-@kernel
+@lean_kernel
 def solve_factored(a: Floats, b: Floats, n: int) -> None:
     """Make b (n,) the solution of a x = b, with a from `factor_small`."""
     for i in range(n):
@@ -155,7 +155,7 @@ def register_laid_out(  # noqa: PLR0912  loops over a state are written out
     return best, best_chi, count
 
 
-@kernel
+@lean_kernel
 def mirror(matrix: Floats) -> None:
     """Make a matrix (n, n), of which the lower half is known, symmetric."""
     for a in range(len(matrix)):
@@ -163,7 +163,7 @@ def mirror(matrix: Floats) -> None:
             matrix[b, a] = matrix[a, b]
 
 
-@kernel
+@lean_kernel
 def _hold(prior: Floats, stiffness: Floats, state: Floats) -> None:
     """Put what is held where it stays."""
     for part in (THETA, SIZE):
@@ -171,7 +171,7 @@ def _hold(prior: Floats, stiffness: Floats, state: Floats) -> None:
             state[part] = prior[part]
 
 
-@kernel
+@lean_kernel
 def _add_prior(prior: Floats, stiffness: Floats, state: Floats, normal: Floats, right: Floats) -> float:
     """Add the prior to the normal equations, from which what is held drops out; its cost."""
     for part in (THETA, SIZE):
