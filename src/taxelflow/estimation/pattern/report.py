@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.pattern import online
 from taxelflow.estimation.pattern.online import BLURRED, FAINT, gate
 from taxelflow.estimation.pattern.register import factor_small, solve_factored
@@ -57,6 +57,8 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     before, before_cov: (pads, 3), (pads, 3, 3), the pose before on the same pattern, before_t (pads,) its time.
     keyframes: (pads, n, 4), pose in pitches and rad, and gain, of the scans that the pattern is learned from.
     """
+    room = np.empty((STATE + 4, STATE))
+    matrix, unit, noise = room[:STATE], room[STATE], room[STATE + 1 :, :3]
     for pad in range(len(contact)):
         m = memory[pad]
         m[online.FLAG] = online.NOTHING
@@ -66,11 +68,14 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         state = states[pad]
         scale = pitch_m[pad]
         cov = covariance[pad]
-        _invert(information[pad], m[online.SHARE], scale, cov)
-        noise = cov.copy()
+        _invert(information[pad], m[online.SHARE], scale, matrix, unit, cov)
         if m[online.CARRIES] > 0.0:
-            _invert(steps[pad], m[online.SHARE], scale, noise)
-        cov /= m[online.SHARE_OF_PLACE]
+            _invert(steps[pad], m[online.SHARE], scale, matrix, unit, noise)
+        for a in range(3):
+            for b in range(3):
+                if m[online.CARRIES] == 0.0:
+                    noise[a, b] = cov[a, b]
+                cov[a, b] /= m[online.SHARE_OF_PLACE]
         pose[pad, 0], pose[pad, 1] = scale * state[0], scale * state[1]
         pose[pad, 2] = state[2] - m[online.THETA_0]
         if m[online.SEEN] == 0.0:
@@ -93,8 +98,10 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                     displacement_covariance[pad, a, b] = noise[a, b] + before_cov[pad, a, b]
             span[pad] = t - before_t[pad]
             moved = np.hypot(displacement[pad, 0], displacement[pad, 1]) / scale
-        before[pad] = pose[pad]
-        before_cov[pad] = noise
+        for a in range(3):
+            before[pad, a] = pose[pad, a]
+            for b in range(3):
+                before_cov[pad, a, b] = noise[a, b]
         before_t[pad] = t
         m[online.CONTINUES] = 1.0
         largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
@@ -134,18 +141,23 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             quality[pad] = LOST
 
 
-@kernel
-def _invert(information: Floats, share: float, scale: float, cov: Floats) -> None:
-    """Fill cov (3, 3), m and rad, with the covariance of x, y and theta, given that of (5, 5) in pitches and rad."""
-    matrix, unit = information.copy(), np.empty(STATE)
+@lean_kernel
+def _invert(information: Floats, share: float, scale: float, matrix: Floats, unit: Floats, cov: Floats) -> None:
+    """Fill cov (3, 3), m and rad, with the covariance of x, y and theta, given that of (5, 5) in pitches and rad.
+
+    matrix, unit: (5, 5), (5,), to work in.
+    """
+    for a in range(STATE):
+        for b in range(STATE):
+            matrix[a, b] = information[a, b]
     for a in range(STATE):
         matrix[a, THETA] *= share
         matrix[THETA, a] *= share
         matrix[a, a] += 1e-12
     positive = factor_small(matrix, STATE)
     for column in range(3):
-        unit[:] = 0.0
-        unit[column] = 1.0
+        for a in range(STATE):
+            unit[a] = 1.0 if a == column else 0.0
         if positive:
             solve_factored(matrix, unit, STATE)
         for a in range(3):
