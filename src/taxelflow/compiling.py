@@ -28,8 +28,21 @@ def brief_kernel(function: Kernel) -> Kernel:
     return _compiled(function, nogil=False)
 
 
-def _compiled(function: Kernel, *, nogil: bool) -> Kernel:
-    compiled = numba.njit(cache=True, nogil=nogil, error_model="numpy", fastmath={"reassoc", "contract"})(function)
+def inlined(function: Kernel) -> Kernel:
+    """A `kernel` that becomes part of the kernels that call it, so that their loops over taxels can be vectorised."""
+    return _compiled(function, nogil=True, forceinline=True)
+
+
+def lean_kernel(function: Kernel) -> Kernel:
+    """A `kernel` that makes no array, and so counts no references: for work of less than the microsecond they take."""
+    return _compiled(function, nogil=True, _nrt=False)
+
+
+def _compiled(function: Kernel, *, nogil: bool, **options: bool) -> Kernel:
+    compile_: Any = numba.njit
+    compiled = compile_(cache=True, nogil=nogil, error_model="numpy", fastmath={"reassoc", "contract"}, **options)(
+        function
+    )
     return cast("Kernel", compiled)
 
 

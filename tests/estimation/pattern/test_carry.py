@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxelflow.estimation.pattern.carry import bring, fades, keep
+from taxelflow.estimation.pattern.linear import laid_out
 from taxelflow.estimation.pattern.spline import STATE, evaluate
 
 if TYPE_CHECKING:
@@ -24,29 +25,38 @@ WHOLE = np.zeros((3, 0))
 SPAN_S = 0.01
 
 
-def values() -> Floats:
+def pattern() -> Floats:
+    """Coefficients of a bump."""
     knots = LATTICE[1] + LATTICE[0] * np.arange(25)
     x, y = np.meshgrid(knots, knots)
+    bump: Floats = 100.0 * np.exp(-(x**2 + y**2) / 4)
+    return bump
+
+
+def values(coefficients: Floats | None = None) -> Floats:
+    """(taxels,), what it reads."""
     out = np.empty((TAXELS, STATE))
-    evaluate(100.0 * np.exp(-(x**2 + y**2) / 4), LATTICE, PLACES, STATE_0, np.zeros((1, 2)), WHOLE, out)
-    return out
+    evaluate(
+        pattern() if coefficients is None else coefficients, LATTICE, PLACES, STATE_0, np.zeros((1, 2)), WHOLE, out
+    )
+    return out[:, 0]
 
 
 def carried(readings: Floats, *, still: bool = False, ceiling: Floats = NEVER) -> tuple[Floats, Floats, list[float]]:
     """Rest (3, taxels), what was expected of the last reading, and chi-square on the pattern alone of all (scans,)."""
-    pattern, rest, brought = values(), np.zeros((3, TAXELS)), np.zeros((3, 0))
+    rest, brought = np.zeros((3, TAXELS)), np.zeros((3, 0))
     information, doubt = np.zeros((STATE, STATE)), np.zeros((25, 25))
-    expected, chis = pattern[:, 0], []
+    expected, chis = values(), []
     for reading in readings:
         if chis:
             brought = np.empty((3, TAXELS))
             bring(SPAN_S, 0.0, rest, reading, VARIANCE, ceiling, brought)
-            expected = pattern[:, 0] + reading - brought[0]
+            expected = values() + reading - brought[0]
         left = reading - expected
         registered = float(np.mean(left**2 / VARIANCE))
         chi = keep(
-            pattern, doubt, LATTICE, PLACES, WHOLE, STATE_0, reading, VARIANCE, ceiling,
-            0.02, 1.0, np.zeros(STATE), registered, still, brought, rest, information,
+            pattern(), doubt, LATTICE, laid_out(PLACES, WHOLE, reading, VARIANCE, ceiling), 0.02, 1.0, np.zeros(STATE),
+            STATE_0, registered, still, brought, rest, information,
         )  # fmt: skip
         chis.append(chi)
     return rest, expected, chis
@@ -54,7 +64,7 @@ def carried(readings: Floats, *, still: bool = False, ceiling: Floats = NEVER) -
 
 def noisy(scans: int, deformed: Floats | float = 0.0) -> Floats:
     noise = np.random.default_rng(0).normal(0.0, 0.5, (scans, TAXELS))
-    readings: Floats = values()[:, 0] + deformed + noise
+    readings: Floats = values() + deformed + noise
     return readings
 
 
@@ -70,13 +80,13 @@ def test_a_contact_that_is_deformed_is_expected_to_stay_so() -> None:
     rest, expected, chis = carried(readings)
     assert chis[-1] > 5.0  # the pattern is as wrong as ever, and that is not hidden
     np.testing.assert_allclose(rest[0][dent < 0], -20.0, atol=2.0)
-    assert np.std(expected - readings[-1]) < 0.2 * np.std(values()[:, 0] - readings[-1])
+    assert np.std(expected - readings[-1]) < 0.2 * np.std(values() - readings[-1])
 
 
 def test_of_a_still_object_the_patterns_own_error_stays_too() -> None:
     moving, still = (carried(noisy(1), still=still)[0] for still in (False, True))
     assert (moving[2] == 0.0).all()
-    np.testing.assert_allclose(np.sqrt(still[2]), 0.02 * np.maximum(values()[:, 0], 0.0))
+    np.testing.assert_allclose(np.sqrt(still[2]), 0.02 * np.maximum(values(), 0.0))
 
 
 @given(span=st.floats(0.0, 10.0), more=st.floats(0.01, 10.0), moved=st.floats(0.0, 5.0), further=st.floats(0.01, 5.0))
@@ -89,12 +99,10 @@ def test_a_rest_dies_away_with_time_and_motion(span: float, more: float, moved: 
 
 def test_a_reading_of_nothing_leaves_nothing_where_the_pattern_is_below_zero() -> None:
     """The sensor clips at zero: how far below it the pattern lies is no error of the pattern."""
-    pattern = values()
     readings = np.maximum(noisy(5, np.where(PLACES[0] > 0, -500.0, 300.0)), 0.0)
-    pattern[:, 0] -= 50.0
     rest, *_ = carried(readings)
     assert np.isfinite(rest).all()
-    clipped = (readings[-1] == 0.0) & (values()[:, 0] <= 0.0)
+    clipped = (readings[-1] == 0.0) & (values() <= 0.0)
     assert (rest[0][clipped] == 0.0).all()
 
 
@@ -107,17 +115,18 @@ def test_a_saturated_reading_says_nothing_of_a_pattern_above_it() -> None:
 
 
 def test_of_a_taxel_that_says_nothing_what_was_known_dies_away() -> None:
-    masked, pattern, information = VARIANCE.copy(), values(), np.zeros((STATE, STATE))
+    masked, information = VARIANCE.copy(), np.zeros((STATE, STATE))
     masked[7] = 0.0
     rest, brought, reading = np.ones((3, TAXELS)), np.empty((3, TAXELS)), noisy(1)[0]
-    arguments = (pattern, np.zeros((25, 25)), LATTICE, PLACES, WHOLE, STATE_0, reading, masked, NEVER, 0.02, 1.0)
+    scan = laid_out(PLACES, WHOLE, reading, masked, NEVER)
+    arguments = (pattern(), np.zeros((25, 25)), LATTICE, scan, 0.02, 1.0, np.zeros(STATE), STATE_0)
     for _ in range(3):
         before = rest[0, 7]
         bring(SPAN_S, 0.0, rest, reading, masked, NEVER, brought)
-        keep(*arguments, np.zeros(STATE), 1.0, False, brought, rest, information)
+        keep(*arguments, 1.0, False, brought, rest, information)
         assert rest[0, 7] == pytest.approx(fades(SPAN_S, 0.0) * before)
     rest[0, 7] = 1.0  # of an earlier contact
-    keep(*arguments, np.zeros(STATE), 1.0, False, np.zeros((3, 0)), rest, information)
+    keep(*arguments, 1.0, False, np.zeros((3, 0)), rest, information)
     assert rest[0, 7] == 0.0
 
 

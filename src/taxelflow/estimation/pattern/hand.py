@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import brief_kernel
-from taxelflow.estimation.pattern.online import FLAG, NOTHING, follow, report
+from taxelflow.estimation.pattern.follow import follow
+from taxelflow.estimation.pattern.online import FLAG, NOTHING
+from taxelflow.estimation.pattern.report import report
 from taxelflow.estimation.translation import mark_border_of_scan
 
 if TYPE_CHECKING:
@@ -72,7 +74,7 @@ def follow_hand(
     """Do FOLLOW, REPORT or BOTH with one scan (entries,), into row k of border ... quality (scans, pads, ...), whatever
     stood there.
 
-    See `online.follow`, `online.report` and `translation.mark_border` for the arrays. lead: (pads,), how much
+    See `follow.follow`, `report.report` and `translation.mark_border` for the arrays. lead: (pads,), how much
     later than its time a scan is read, see `scanned.delays_of`. If not all pads fit, BOTH stops before the report.
     """
     if job & FOLLOW:

@@ -31,7 +31,7 @@ def expected(
 ) -> Floats:
     """(entries,) readings by the patterns (pads, rows, cols) at the states (pads, 5), moved on to t_s if given.
 
-    See `online.follow` for the arrays. Off its lattice a pattern has no pressure; a pad without one is NaN.
+    See `follow.follow` for the arrays. Off its lattice a pattern has no pressure; a pad without one is NaN.
     """
     readings = np.full(places.shape[1], np.nan)
     for pad in np.flatnonzero(memory[:, online.ACTIVE]):

@@ -1,0 +1,98 @@
+"""A scan against a pattern, to first order."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxelflow.estimation.pattern.linear import ROWS, VARIANCE, laid_out, linearise, look_up
+from taxelflow.estimation.pattern.spline import GAIN, STATE, evaluate
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+
+LATTICE = np.array([0.5, -4.0, -4.0])
+HUBER, ROUGH = 3.0, 0.05
+SHAPE = (18, 17)
+
+
+def drawn(seed: int, taxels: int, *, delayed: bool) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Coefficients, places (some off the lattice), a bend, a state, and readings."""
+    random = np.random.default_rng(seed)
+    c, places = random.normal(2.0, 1.0, SHAPE), random.uniform(-4.0, 4.0, (2, taxels))
+    bend = random.uniform(-0.2, 0.2, (3, taxels if delayed else 0))
+    state = np.array([*random.uniform(-0.5, 0.5, 3), random.uniform(0.5, 2.0), random.uniform(-0.1, 0.1)])
+    return c, places, bend, state, np.maximum(random.normal(2.0, 2.0, taxels), 0.0)
+
+
+def twin(q: Floats, state: Floats, reading: Floats, variance: Floats, ceiling: Floats) -> tuple[Floats, Floats, float]:
+    """Normal equations and chi-square, by q and its derivatives (taxels, 5)."""
+    on = np.isfinite(q[:, 0])
+    unexplained = ~on & (reading**2 > 9.0 * variance) & (variance > 0.0)
+    model = state[GAIN] * np.where(on, q[:, 0], 0.0)
+    left = reading - model
+    fits = on & (variance > 0) & ~((reading == 0) & (model <= 0)) & ~((reading >= ceiling) & (left < 0))
+    v = variance + (ROUGH * np.maximum(model, 0.0)) ** 2
+    v[variance == 0.0] = 1.0
+    z = np.abs(left) / np.sqrt(v)
+    jacobian = state[GAIN] * q[:, [1, 2, 3, 0, 4]]
+    jacobian[:, GAIN] = q[:, 0]
+    jacobian = jacobian[fits]
+    weight = (np.minimum(1.0, HUBER / np.maximum(z, 1e-9)) / v)[fits]
+    chi = (z[fits] ** 2).sum() + np.minimum(z[unexplained] ** 2, 25.0).sum()
+    return jacobian.T @ (weight[:, np.newaxis] * jacobian), jacobian.T @ (weight * left[fits]), float(chi)
+
+
+@given(seed=st.integers(0, 2**32 - 1), taxels=st.integers(1, 40), delayed=st.booleans())
+def test_the_normal_equations_are_those_of_a_plain_sum(seed: int, taxels: int, *, delayed: bool) -> None:
+    c, places, bend, state, reading = drawn(seed, taxels, delayed=delayed)
+    variance = np.where(np.arange(taxels) % 5 == 2, 0.0, 0.25)
+    ceiling = np.full(taxels, 3.0)
+    q = np.empty((taxels, 5))
+    evaluate(c, LATTICE, places, state, np.zeros((1, 2)), bend, q)
+    normal, right = np.zeros((STATE, STATE)), np.zeros(STATE)
+    scan = laid_out(places, bend, reading, variance, ceiling)
+    _, chi, _ = linearise(c, np.zeros((0, 0)), LATTICE, scan, ROUGH, HUBER, state, normal, right)
+    expected, toward, misfit = twin(q, state, reading, variance, ceiling)
+    np.testing.assert_allclose(np.tril(normal), np.tril(expected), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(right, toward, rtol=1e-9, atol=1e-9)
+    assert chi == pytest.approx(misfit)
+
+
+@given(taxels=st.integers(0, 20))
+def test_a_scan_is_filled_up_with_taxels_that_say_nothing(taxels: int) -> None:
+    ones = np.ones(taxels)
+    scan = laid_out(np.ones((2, taxels)), np.zeros((3, 0)), ones, ones, ones)
+    assert scan.shape[0] == ROWS
+    assert scan.shape[1] >= taxels
+    assert (scan[VARIANCE, :taxels] == 1.0).all()
+    assert (scan[VARIANCE, taxels:] == 0.0).all()
+
+
+def test_a_doubtful_pattern_weighs_less() -> None:
+    c, places, bend, state, reading = drawn(0, 24, delayed=False)
+    scan = laid_out(places, bend, reading, np.full(24, 0.25), np.full(24, np.inf))
+    sums = []
+    for doubt in (np.zeros((0, 0)), np.zeros(SHAPE), np.full(SHAPE, 100.0)):
+        normal = np.zeros((STATE, STATE))
+        linearise(c, doubt, LATTICE, scan, 0.0, HUBER, state, normal, np.zeros(STATE))
+        sums.append(np.trace(normal))
+    assert sums[0] == sums[1]
+    assert sums[2] < 0.1 * sums[0]
+
+
+def test_looking_up_gives_the_value_and_the_nearest_doubt() -> None:
+    c, places, bend, state, reading = drawn(1, 24, delayed=True)
+    doubt = np.random.default_rng(1).uniform(1.0, 2.0, SHAPE)
+    q, out = np.empty((24, 5)), np.empty((2, 24))
+    evaluate(c, LATTICE, places, state, np.zeros((1, 2)), bend, q)
+    look_up(c, doubt, LATTICE, laid_out(places, bend, reading, reading, reading), state, out)
+    np.testing.assert_allclose(out[0], q[:, 0])
+    known = np.isfinite(out[0])
+    assert known.any()
+    assert np.isin(out[1][known], doubt).all()
+    assert (out[1][~known] == 0.0).all()
