@@ -31,7 +31,7 @@ _SETTLED = 0.05
 _MOST_SMOOTHING_STEP = 5.0
 _SMOOTHINGS = 1e3
 """Smoothing stays within this factor of the usual."""
-_MOST_CG = 60
+_MOST_CG, _CG_ERROR = 60, 1e-2
 _GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
 _WORSE = 1.1
 """A round that makes the fit so many times worse is taken back."""
@@ -240,7 +240,7 @@ def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Flo
     operator = LinearOperator((size, size), matvec=reduced, dtype=np.float64)
     guide = LinearOperator((size, size), matvec=precondition, dtype=np.float64)
     target = (linear.gradient - linear.to_states(factor.solve(linear.right))).ravel()
-    solution, _ = cg(operator, target, rtol=1e-4, maxiter=_MOST_CG, M=guide)
+    solution, _ = cg(operator, target, rtol=_CG_ERROR, maxiter=_MOST_CG, M=guide)
     most = _MOST_STEP.copy()
     most[:2] *= linear.pattern.lattice[0]
     step = np.clip(solution.reshape(shape), -most, most)
