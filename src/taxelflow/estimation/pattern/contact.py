@@ -51,6 +51,7 @@ class Solved:
 
     states: (scans, 5), see `spline`. rough: error of the pattern relative to it. gain_std: of the gains around 1.
     turns: whether its rotation can be seen; sight: how well, see `sights`. dead: taxels that do not answer.
+    grows: with the load, around the origin of the pattern's frame.
     """
 
     pattern: Pattern
@@ -61,6 +62,11 @@ class Solved:
     turns: bool
     dead: NDArray[np.int64]
     sight: float
+    grows: bool = False
+
+    def middle(self) -> Floats:
+        """(2,) the point of the body whose places are given out: its pattern's centre, or where it does not grow."""
+        return np.zeros(2) if self.grows else self.pattern.centre()
 
 
 def unexplained(fit: Fit, scanned: Scanned, rough: float) -> float:
@@ -185,7 +191,8 @@ def level(pattern: Pattern, states: Floats, fit: Fit) -> float:
     variance = np.linalg.inv(fit.information + 1e-9 * np.eye(STATE))[:, GAIN, GAIN]
     well = variance <= np.quantile(variance, 0.6)
     mean = max(float(np.median(states[well, GAIN])), 0.05)
-    spread = 1.4826 * float(np.median(np.abs(states[well, GAIN] - mean)))
+    low, high = np.quantile(states[well, GAIN], (0.05, 0.95))
+    spread = float(high - low) / 3.29  # of a normal distribution; a load that changes for a short time counts, too
     states[:, GAIN] /= mean
     pattern.coefficients = pattern.coefficients * mean
     pattern.smoothing /= mean**2
