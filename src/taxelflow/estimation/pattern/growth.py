@@ -35,6 +35,8 @@ _LOADS, _DIFFER = (0.05, 0.95), 2.0
 """Quantiles of the load, and how many times the first the other must be for growth to show."""
 _STAYS, _MOVES = 2.0, 0.5
 """Only a contact that seemed to stay within so many pitches may be one that grew, and then it stays within so many."""
+_SUSPECT = 0.3
+"""Growth is looked for where so much of the motion's variance goes with the load's logarithm."""
 _EXPLAINED, _FOLLOWS = 1.03, 0.9
 """Growth must explain the scans so many times better, most of whose readings are not at the border where it shows; and
 the size correlate so well with the load's logarithm."""
@@ -51,14 +53,24 @@ def grown(solved: Solved, scanned: Scanned, size: Floats) -> Solved:
     """
     load = np.maximum(scanned.readings, 0.0).sum(axis=1)
     least, most = np.quantile(load, _LOADS)
-    stays = float(np.ptp(solved.states[:, :2], axis=0).max()) < _STAYS
-    if solved.rough <= FIRST_ROUGH or not stays or most < _DIFFER * max(least, 1e-300):
+    if most < _DIFFER * max(least, 1e-300) or not _moves_with(solved.states, load):
         return solved
     growing = _growing(solved, scanned, size, load)
     if _believed(growing, solved, scanned, load):
         return growing
     scanned.bend(solved.states)
     return solved
+
+
+def _moves_with(states: Floats, load: Floats) -> bool:
+    """Whether states (scans, 5) say that the object stays about its place and moves there as the load (scans,) goes."""
+    if float(np.ptp(states[:, :2], axis=0).max()) > _STAYS:
+        return False
+    known = load > 0
+    places = states[known, :2] - states[known, :2].mean(axis=0)
+    level = np.log(load[known]) - np.log(load[known]).mean()
+    along = np.outer(level, level @ places) / max(float(level @ level), 1e-300)
+    return bool(np.sum(along**2) > _SUSPECT * np.sum(places**2))
 
 
 def _believed(growing: Solved, solved: Solved, scanned: Scanned, load: Floats) -> bool:
@@ -113,9 +125,7 @@ def _centre(pattern: Pattern, states: Floats) -> None:
     pattern.lattice = pattern.lattice - np.array([0.0, *body])
 
 
-def _as_solved(
-    solved: Solved, scanned: Scanned, pattern: Pattern, states: Floats, fit: Fit, start: int
-) -> Solved:
+def _as_solved(solved: Solved, scanned: Scanned, pattern: Pattern, states: Floats, fit: Fit, start: int) -> Solved:
     rough = roughness(fit, scanned)
     sight = float(sights(pattern, scanned, states, fit.factor, start, rough)[THETA]) * fit.freedom**2
     return replace(
