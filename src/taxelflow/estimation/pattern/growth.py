@@ -33,10 +33,12 @@ if TYPE_CHECKING:
 
 _LOADS, _DIFFER = (0.05, 0.95), 2.0
 """Quantiles of the load, and how many times the first the other must be for growth to show."""
-_STAYS, _MOVES = 2.0, 0.5
-"""Only a contact that seemed to stay within so many pitches may be one that grew, and then it stays within so many."""
+_FEWEST = 5
+_STAYS = 2.0
+"""Only a contact that seemed to stay within so many pitches may be one that grew."""
 _SUSPECT = 0.3
-"""Growth is looked for where so much of the motion's variance goes with the load's logarithm."""
+"""Growth is looked for where so much of the motion's variance goes with the load's logarithm, or where the pattern is
+rough."""
 _EXPLAINED, _FOLLOWS = 1.03, 0.9
 """Growth must explain the scans so many times better, most of whose readings are not at the border where it shows; and
 the size correlate so well with the load's logarithm."""
@@ -53,7 +55,10 @@ def grown(solved: Solved, scanned: Scanned, size: Floats) -> Solved:
     """
     load = np.maximum(scanned.readings, 0.0).sum(axis=1)
     least, most = np.quantile(load, _LOADS)
-    if most < _DIFFER * max(least, 1e-300) or not _moves_with(solved.states, load):
+    if len(scanned) < _FEWEST or most < _DIFFER * max(least, 1e-300):
+        return solved
+    stays = float(np.ptp(solved.states[:, :2], axis=0).max()) < _STAYS
+    if not stays or not (solved.rough > FIRST_ROUGH or _moves_with(solved.states, load)):
         return solved
     growing = _growing(solved, scanned, size, load)
     if _believed(growing, solved, scanned, load):
@@ -63,9 +68,7 @@ def grown(solved: Solved, scanned: Scanned, size: Floats) -> Solved:
 
 
 def _moves_with(states: Floats, load: Floats) -> bool:
-    """Whether states (scans, 5) say that the object stays about its place and moves there as the load (scans,) goes."""
-    if float(np.ptp(states[:, :2], axis=0).max()) > _STAYS:
-        return False
+    """Whether places in states (scans, 5) go with the load (scans,)."""
     known = load > 0
     places = states[known, :2] - states[known, :2].mean(axis=0)
     level = np.log(load[known]) - np.log(load[known]).mean()
@@ -74,13 +77,11 @@ def _moves_with(states: Floats, load: Floats) -> bool:
 
 
 def _believed(growing: Solved, solved: Solved, scanned: Scanned, load: Floats) -> bool:
-    """Whether the contact grows with the load, in its place, rather than move as solved."""
+    """Whether the contact grows with the load."""
     rough = min(solved.rough, growing.rough)
     better = unexplained(solved.fit, scanned, rough) > _EXPLAINED * unexplained(growing.fit, scanned, rough)
     loaded = load > 0
-    follows = np.corrcoef(growing.states[loaded, SIZE], np.log(load[loaded]))[0, 1] > _FOLLOWS
-    way = float(np.ptp(growing.states[:, :2], axis=0).max())
-    return bool(better and follows and way < _MOVES)
+    return bool(better and np.corrcoef(growing.states[loaded, SIZE], np.log(load[loaded]))[0, 1] > _FOLLOWS)
 
 
 def _growing(solved: Solved, scanned: Scanned, size: Floats, load: Floats) -> Solved:
