@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from taxelflow.estimation.pattern.chain import MEMORY, Moment, follow_changing
 from taxelflow.estimation.pattern.contact import solve_contact
+from taxelflow.estimation.pattern.growth import grown
 from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.poses import TOO_ROUGH, Poses, aligned, poses_of
 from taxelflow.estimation.pattern.scanned import Scanned, delays_of
@@ -119,10 +120,10 @@ class BatchSession:
         places = np.stack([layout.x_m[own], layout.y_m[own]]) / pitch_m
         scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], self._delay[own])
         with threadpool_limits(1, user_api="blas"):  # the matrices are too small to share among cores
-            solved = solve_contact(scanned, layout.pitch_m[pad] / pitch_m)
+            size = layout.pitch_m[pad] / pitch_m
+            solved = grown(solve_contact(scanned, size), scanned, size)
             moment = None
             if solved.rough > TOO_ROUGH and len(scanned) > MEMORY:
-                size = layout.pitch_m[pad] / pitch_m
                 poses, moment = follow_changing(scanned, size, pitch_m, turns=solved.turns)
             else:
                 poses = poses_of(solved, pitch_m)
@@ -141,7 +142,7 @@ class BatchSession:
             poses.pose[seen.which[-1]],
             rough=min(solved.rough, TOO_ROUGH),
             pitch_m=pitch_m,
-            size=layout.pitch_m[pad] / pitch_m,
+            size=size,
             turns=seen.turns,
             dead=layout.source[own][solved.dead],
         )

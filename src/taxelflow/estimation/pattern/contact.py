@@ -34,6 +34,8 @@ _SMALL_TURN, _PAID, _FEW, _FEW_ROUNDS = 0.5, 1.5, 100, 8
 in so many rounds, show it. A smaller one, if it goes with the way, may be as well a shift of another pattern."""
 _ROUND, _EXPLAINED = 1.0, 1.3
 """A pattern that shows less of a turn than this, and leaves less of the scans unexplained, needs no second look."""
+_HOPELESS = 1.5
+"""A first fit without a turn that leaves so much unexplained is not worth refining before one with a turn was tried."""
 _GLIMPSE, _LIKELY = 4, 3.0
 """After so many scans a pattern shows whether a turn is likely to be seen."""
 _MOST_DEAD = 8
@@ -49,6 +51,7 @@ class Solved:
 
     states: (scans, 5), see `spline`. rough: error of the pattern relative to it. gain_std: of the gains around 1.
     turns: whether its rotation can be seen; sight: how well, see `sights`. dead: taxels that do not answer.
+    grows: with the load, around the origin of the pattern's frame.
     """
 
     pattern: Pattern
@@ -59,6 +62,11 @@ class Solved:
     turns: bool
     dead: NDArray[np.int64]
     sight: float
+    grows: bool = False
+
+    def middle(self) -> Floats:
+        """(2,) the point of the body whose places are given out: its pattern's centre, or where it does not grow."""
+        return np.zeros(2) if self.grows else self.pattern.centre()
 
 
 def unexplained(fit: Fit, scanned: Scanned, rough: float) -> float:
@@ -93,21 +101,22 @@ def solve_contact(scanned: Scanned, size: Floats) -> Solved:
 
 def _solve_either(scanned: Scanned, size: Floats) -> Solved:
     """With rotation if the data show that it can be seen, else without."""
-    tracker = _tracker(scanned, size, turns=True)
-    tracker.run(_GLIMPSE)
-    factor = tracker.sums.solve(tracker.pattern)
-    if sights(tracker.pattern, scanned, tracker.states, factor, tracker.start, FIRST_ROUGH)[THETA] > _LIKELY:
-        free = _solve(scanned, tracker, turns=True)
-        if _seen_to_turn(free, scanned, size):
-            return free
-        fixed = _solve(scanned, _tracker(scanned, size, turns=False), turns=False)
-    else:
-        fixed = _solve(scanned, _tracker(scanned, size, turns=False), turns=False)
-        if fixed.sight < _ROUND and unexplained(fixed.fit, scanned, FIRST_ROUGH) < _EXPLAINED:
-            return fixed
-        free = _solve(scanned, tracker, turns=True)
-        if _seen_to_turn(free, scanned, size):
-            return free
+    turning, held = _tracker(scanned, size, turns=True), _tracker(scanned, size, turns=False)
+    turning.run(_GLIMPSE)
+    factor = turning.sums.solve(turning.pattern)
+    likely = sights(turning.pattern, scanned, turning.states, factor, turning.start, FIRST_ROUGH)[THETA] > _LIKELY
+    fixed = None
+    if not likely:
+        first = _first_fit(scanned, held)
+        if unexplained(first, scanned, FIRST_ROUGH) < _HOPELESS:
+            fixed = _solve(scanned, held, first, turns=False)
+            if fixed.sight < _ROUND and unexplained(fixed.fit, scanned, FIRST_ROUGH) < _EXPLAINED:
+                return fixed
+    free = _solve(scanned, turning, _first_fit(scanned, turning), turns=True)
+    if _seen_to_turn(free, scanned, size):
+        return free
+    if fixed is None:
+        fixed = _solve(scanned, held, _first_fit(scanned, held), turns=False)
     rough = min(free.rough, fixed.rough)
     least = _TURN_NEEDED if _turned(free) < _SMALL_TURN else _PAID
     needed = unexplained(fixed.fit, scanned, rough) > least * unexplained(free.fit, scanned, rough)
@@ -152,13 +161,17 @@ def _tracker(scanned: Scanned, size: Floats, *, turns: bool) -> Tracker:
     return Tracker(scanned, start_scan(scanned), size=size, rough=FIRST_ROUGH, stiffness=stiffness)
 
 
-def _solve(scanned: Scanned, tracker: Tracker, *, turns: bool) -> Solved:
-    """Track all scans, then refine jointly, learning gain and roughness in between."""
+def _first_fit(scanned: Scanned, tracker: Tracker) -> Fit:
+    """Track all scans that are left, and refine them jointly."""
     tracker.run()
+    scanned.bend(tracker.states)
+    return refine(tracker.pattern, scanned, tracker.states, rounds=4, rough=FIRST_ROUGH, stiffness=tracker.stiffness)
+
+
+def _solve(scanned: Scanned, tracker: Tracker, fit: Fit, *, turns: bool) -> Solved:
+    """Refine further from the first fit, learning gain and roughness in between."""
     pattern, states, rough = tracker.pattern, tracker.states, FIRST_ROUGH
     start, stiffness = tracker.start, tracker.stiffness.copy()
-    scanned.bend(states)
-    fit = refine(pattern, scanned, states, rounds=4, rough=rough, stiffness=stiffness)
     gain_std = FIRST_GAIN_STD
     for rounds in (6, 10):
         gain_std = level(pattern, states, fit)
@@ -178,7 +191,8 @@ def level(pattern: Pattern, states: Floats, fit: Fit) -> float:
     variance = np.linalg.inv(fit.information + 1e-9 * np.eye(STATE))[:, GAIN, GAIN]
     well = variance <= np.quantile(variance, 0.6)
     mean = max(float(np.median(states[well, GAIN])), 0.05)
-    spread = 1.4826 * float(np.median(np.abs(states[well, GAIN] - mean)))
+    low, high = np.quantile(states[well, GAIN], (0.05, 0.95))
+    spread = float(high - low) / 3.29  # of a normal distribution; a load that changes for a short time counts, too
     states[:, GAIN] /= mean
     pattern.coefficients = pattern.coefficients * mean
     pattern.smoothing /= mean**2

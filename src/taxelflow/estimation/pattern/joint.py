@@ -31,10 +31,11 @@ _SETTLED = 0.05
 _MOST_SMOOTHING_STEP = 5.0
 _SMOOTHINGS = 1e3
 """Smoothing stays within this factor of the usual."""
-_MOST_CG = 60
+_MOST_CG, _CG_ERROR = 60, 1e-2
 _GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
 _WORSE = 1.1
 """A round that makes the fit so many times worse is taken back."""
+_PROBES = 16
 _RIDGE = 1e-12
 """Of what a scan tells most of, for a scan of one taxel tells nothing of the rest."""
 
@@ -121,14 +122,23 @@ class _Linear:
         """Sum of squared second differences of the pattern."""
         return float(self.pattern.coefficients.ravel() @ self.bent)
 
-    def regularised(self) -> float:
-        """Add the pattern's priors to its equations; how many coefficients the readings determine."""
-        pattern, middle = self.pattern, self.pattern.width - 1
-        own = self.stencil[:, 0, middle].copy()
+    def regularise(self) -> None:
+        """Add the pattern's priors to its equations."""
+        pattern = self.pattern
         self.stencil += pattern.smoothing * self.smooth
-        self.stencil[:, 0, middle] += pattern.prior
+        self.stencil[:, 0, pattern.width - 1] += pattern.prior
         self.right -= pattern.smoothing * self.bent + pattern.prior * pattern.coefficients.ravel()
-        return float(np.sum(own / self.stencil[:, 0, middle]))
+
+    def determined(self, factor: Factor) -> float:
+        """How many coefficients the readings determine: those whose priors do not, a trace, from random vectors."""
+        pattern, knots = self.pattern, len(self.right)
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], (_PROBES, knots))
+        held = np.empty(knots)
+        total = 0.0
+        for sign, back in zip(signs, factor.solve(signs.T).T, strict=True):
+            multiply(self.smooth, pattern.shape[1], sign, held)
+            total += knots - float(back @ (pattern.smoothing * held + pattern.prior * sign))
+        return total / _PROBES
 
     def to_knots(self, step: Floats) -> Floats:
         """(knots,), what steps of the states (scans, 5) do to the coefficients' equations."""
@@ -177,7 +187,7 @@ def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, r
             best = _Best(merit, states.copy(), pattern.coefficients, pattern.smoothing)
         if round_:
             _learn_smoothing(pattern, linear.bending())
-        free = linear.regularised() + len(states) * int(np.sum(~fixed))
+        linear.regularise()
         linear.gradient -= pull * (states - np.array([0.0, 0.0, 0.0, 1.0, 0.0]))
         linear.gradient[:, fixed] = 0.0
         strong = linear.blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)
@@ -194,6 +204,7 @@ def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, r
         moves = relative**2 * linear.blocks[:, moved, moved]
         if np.sqrt(moves.mean(axis=0).max()) < _SETTLED:
             break
+    free = linear.determined(factor) + len(states) * int(np.sum(~fixed))
     return Fit(linear.chi, linear.counts, linear.residual, linear.w, linear.model, linear.blocks, factor, free)
 
 
@@ -229,7 +240,7 @@ def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Flo
     operator = LinearOperator((size, size), matvec=reduced, dtype=np.float64)
     guide = LinearOperator((size, size), matvec=precondition, dtype=np.float64)
     target = (linear.gradient - linear.to_states(factor.solve(linear.right))).ravel()
-    solution, _ = cg(operator, target, rtol=1e-4, maxiter=_MOST_CG, M=guide)
+    solution, _ = cg(operator, target, rtol=_CG_ERROR, maxiter=_MOST_CG, M=guide)
     most = _MOST_STEP.copy()
     most[:2] *= linear.pattern.lattice[0]
     step = np.clip(solution.reshape(shape), -most, most)

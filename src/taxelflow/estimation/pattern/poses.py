@@ -53,9 +53,7 @@ class Poses:
 def poses_of(solved: Solved, pitch_m: float) -> Poses:
     """Poses of all scans of a solved contact."""
     states, fit = solved.states, solved.fit
-    pose, covariance = to_pad(
-        states, fit.information, solved.pattern.centre(), solved.sight, pitch_m, turns=solved.turns
-    )
+    pose, covariance = to_pad(states, fit.information, solved.middle(), solved.sight, pitch_m, turns=solved.turns)
     misfit = fit.chi / np.maximum(fit.counts, 1) / fit.freedom
     return Poses(pose, covariance, judge(covariance, misfit, solved.rough, pitch_m))
 

@@ -1,0 +1,141 @@
+"""Contacts that grow with their load: at a border, growth looks like motion.
+
+An object that stays in its place, its contact's size going with the load, is held against what was found without a
+size. Which of its points stays is found, too: the one whose place goes least with the size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.pattern.contact import (
+    FIRST_ROUGH,
+    LOOSE_TURN,
+    Solved,
+    level,
+    roughness,
+    start_scan,
+    unexplained,
+)
+from taxelflow.estimation.pattern.joint import refine
+from taxelflow.estimation.pattern.sight import sights
+from taxelflow.estimation.pattern.spline import GAIN, SIZE, THETA
+from taxelflow.estimation.pattern.track import Tracker
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.pattern.joint import Fit
+    from taxelflow.estimation.pattern.pattern import Pattern
+    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.messages import Floats
+
+_LOADS, _DIFFER = (0.05, 0.95), 2.0
+"""Quantiles of the load, and how many times the first the other must be for growth to show."""
+_FEWEST = 5
+_STAYS = 2.0
+"""Only a contact that seemed to stay within so many pitches may be one that grew."""
+_SUSPECT = 0.3
+"""Growth is looked for where so much of the motion's variance goes with the load's logarithm, or where the pattern is
+rough."""
+_EXPLAINED, _FOLLOWS = 1.03, 0.9
+"""Growth must explain the scans so many times better, most of whose readings are not at the border where it shows; and
+the size correlate so well with the load's logarithm."""
+_POWER, _SIZE_STD, _FIRST_GAIN_STD = 1 / 3, 0.3, 1.0
+"""Hertz: size and pressure go with the cube root of the force. How far they are from that."""
+_SHARES = (0.05, 20.0)
+_HELD_ROUNDS, _ROUNDS = 15, (8, 8, 4)
+
+
+def grown(solved: Solved, scanned: Scanned, size: Floats) -> Solved:
+    """The contact with a size that goes with the load if that explains its scans clearly better, else as it was.
+
+    size: (2,) of a taxel, in pitches.
+    """
+    load = np.maximum(scanned.readings, 0.0).sum(axis=1)
+    least, most = np.quantile(load, _LOADS)
+    if len(scanned) < _FEWEST or most < _DIFFER * max(least, 1e-300):
+        return solved
+    stays = float(np.ptp(solved.states[:, :2], axis=0).max()) < _STAYS
+    if not stays or not (solved.rough > FIRST_ROUGH or _moves_with(solved.states, load)):
+        return solved
+    growing = _growing(solved, scanned, size, load)
+    if _believed(growing, solved, scanned, load):
+        return growing
+    scanned.bend(solved.states)
+    return solved
+
+
+def _moves_with(states: Floats, load: Floats) -> bool:
+    """Whether places in states (scans, 5) go with the load (scans,)."""
+    known = load > 0
+    places = states[known, :2] - states[known, :2].mean(axis=0)
+    level = np.log(load[known]) - np.log(load[known]).mean()
+    along = np.outer(level, level @ places) / max(float(level @ level), 1e-300)
+    return bool(np.sum(along**2) > _SUSPECT * np.sum(places**2))
+
+
+def _believed(growing: Solved, solved: Solved, scanned: Scanned, load: Floats) -> bool:
+    """Whether the contact grows with the load."""
+    rough = min(solved.rough, growing.rough)
+    better = unexplained(solved.fit, scanned, rough) > _EXPLAINED * unexplained(growing.fit, scanned, rough)
+    loaded = load > 0
+    return bool(better and np.corrcoef(growing.states[loaded, SIZE], np.log(load[loaded]))[0, 1] > _FOLLOWS)
+
+
+def _growing(solved: Solved, scanned: Scanned, size: Floats, load: Floats) -> Solved:
+    """The contact as one that grows: first held in its place, then free to move."""
+    pattern, states, start = _in_place(scanned, size, load)
+    rough = solved.rough
+    stiffness = np.array([np.inf, np.inf, np.inf, _FIRST_GAIN_STD**-2, _SIZE_STD**-2])
+    fit = refine(pattern, scanned, states, rounds=_HELD_ROUNDS, rough=rough, stiffness=stiffness)
+    stiffness[: THETA + 1] = 0.0, 0.0, LOOSE_TURN if solved.turns else np.inf
+    gain_std = _FIRST_GAIN_STD
+    for rounds in _ROUNDS:
+        gain_std, rough = level(pattern, states, fit), roughness(fit, scanned)
+        stiffness[GAIN] = gain_std**-2
+        scanned.bend(states)
+        fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
+        if rounds != _ROUNDS[-1]:
+            _centre(pattern, states)
+    return _as_solved(solved, scanned, pattern, states, fit, start)
+
+
+def _in_place(scanned: Scanned, size: Floats, load: Floats) -> tuple[Pattern, Floats, int]:
+    """Pattern and states (scans, 5) of an object that stays where it is in the scan to begin with, and that scan."""
+    start = start_scan(scanned)
+    tracker = Tracker(scanned, 0, size=size, rough=FIRST_ROUGH, stiffness=np.full(5, np.inf))
+    share = np.clip(load / max(float(load[start]), 1e-300), *_SHARES)
+    tracker.states[:, :2] = tracker.centroid[start]
+    tracker.states[:, GAIN] = share**_POWER
+    tracker.states[:, SIZE] = _POWER * np.log(share)
+    tracker.forget(len(scanned), len(scanned))
+    return tracker.pattern, tracker.states, start
+
+
+def _centre(pattern: Pattern, states: Floats) -> None:
+    """Shift the origin of the object's frame, in place, to the point whose places go least with the size."""
+    scale, theta = np.exp(states[:, SIZE]), states[:, THETA]
+    cos, sin = scale * np.cos(theta), scale * np.sin(theta)
+    arms = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)  # (scans, 2, 2)
+    apart = (arms - arms.mean(axis=0)).reshape(-1, 2)
+    away = (states[:, :2] - states[:, :2].mean(axis=0)).ravel()
+    body = -np.linalg.lstsq(apart, away, rcond=None)[0]
+    states[:, :2] += arms @ body
+    pattern.lattice = pattern.lattice - np.array([0.0, *body])
+
+
+def _as_solved(solved: Solved, scanned: Scanned, pattern: Pattern, states: Floats, fit: Fit, start: int) -> Solved:
+    rough = roughness(fit, scanned)
+    sight = float(sights(pattern, scanned, states, fit.factor, start, rough)[THETA]) * fit.freedom**2
+    return replace(
+        solved,
+        pattern=pattern,
+        states=states,
+        fit=fit,
+        rough=rough,
+        gain_std=level(pattern, states, fit),
+        sight=sight,
+        grows=True,
+    )

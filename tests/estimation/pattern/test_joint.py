@@ -1,0 +1,34 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxelflow.estimation.pattern.joint import refine
+from taxelflow.estimation.pattern.normal import multiply, smoothness
+from taxelflow.estimation.pattern.pattern import Pattern
+from taxelflow.estimation.pattern.scanned import Scanned
+from taxelflow.estimation.pattern.spline import GAIN, STATE
+
+
+def test_the_readings_determine_as_many_coefficients_as_a_trace_says() -> None:
+    random = np.random.default_rng(0)
+    axis = np.arange(8.0)
+    places = np.stack([grid.ravel() for grid in np.meshgrid(axis, axis)])
+    states = np.zeros((6, STATE))
+    states[:, GAIN] = 1.0
+    states[:, :2] = random.uniform(3.0, 4.0, (6, 2))
+    away = places[np.newaxis] - states[:, :2, np.newaxis]
+    readings = np.exp(-(away**2).sum(axis=1) / 4.0) + 0.01 * random.standard_normal((6, 64))
+    scanned = Scanned.of(
+        np.arange(6.0), places, readings, np.full(readings.shape, 1e-4), np.full(64, np.inf), np.zeros(64)
+    )
+    pattern = Pattern.empty(np.full(2, -5.0), np.full(2, 5.0), 0.5, 1, np.ones(2), 1.0)
+    stiffness = np.array([0.0, 0.0, np.inf, 1.0, np.inf])
+    fit = refine(pattern, scanned, states, rounds=8, rough=0.02, stiffness=stiffness)
+
+    knots = pattern.coefficients.size
+    bending, stencil = np.empty((knots, knots)), smoothness(pattern.shape, pattern.width)
+    for row, unit in zip(bending, np.eye(knots), strict=True):
+        multiply(stencil, pattern.shape[1], unit, row)
+    held = fit.factor.solve(pattern.smoothing * bending + pattern.prior * np.eye(knots))
+    assert fit.free == pytest.approx(knots - np.trace(held) + 3 * len(states), rel=0.1)
