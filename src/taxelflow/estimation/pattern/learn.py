@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from taxelflow.estimation.pattern.contact import (
     LOOSE_TURN,
     level,
     roughness,
+    start_scan,
     unexplained,
 )
 from taxelflow.estimation.pattern.joint import Fit, refine
@@ -23,7 +25,7 @@ from taxelflow.estimation.pattern.register import HELD, register
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.sight import sights
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, in_object
-from taxelflow.estimation.pattern.track import MARGIN, SPACING
+from taxelflow.estimation.pattern.track import MARGIN, SPACING, Tracker
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,6 +43,8 @@ DOUBT = 0.25
 _SEEN, _DOUBTFUL, _DECIDE = 3.0, 1.0, 4
 _EXPLAINED, _TURN_NEEDED, _WHOLE = 1.3, 1.5, 0.1
 _CUT_LOOKS_TURNED = 10.0
+_RETRACED = 20
+"""Up to so many keyframes a turn is looked for from the first one on."""
 FIRST_SLACK = (0.0025, 0.0025)
 """Before anything is known of how good a pattern is: pitches^2, rad^2."""
 _CUT_SLACK = 0.5
@@ -298,11 +302,17 @@ def _turned(
     turn. scan: the one to look at.
     """
     scanned = keyframes.scanned
-    pattern = _covering(scanned, angled, known)
-    _solve(pattern, scanned, angled)
-    doubt = pattern.doubt
-    free = replace(new, turns=True, pattern=pattern)
-    fit = _refined(free, pattern, scanned, angled)
+    starts = [angled, _retraced(scanned)] if len(keyframes) <= _RETRACED else [angled]
+    tried = []
+    for states in starts:
+        pattern = _covering(scanned, states, known)
+        _solve(pattern, scanned, states)
+        doubt = pattern.doubt
+        free = replace(new, turns=True, pattern=pattern)
+        fit = _refined(free, pattern, scanned, states)
+        tried.append((unexplained(fit, scanned, FIRST_ROUGH), states, free, fit, doubt))
+    _, states, free, fit, doubt = min(tried, key=itemgetter(0))
+    angled[:], pattern = states, free.pattern
     least = min(FIRST_ROUGH, roughness(fit, scanned), roughness(fixed, scanned))
     left, without = (unexplained(one, scanned, least) for one in (fit, fixed))
     sight = sights(pattern, scanned, angled, fit.factor, scan, max(free.rough, FIRST_ROUGH))[THETA]
@@ -311,6 +321,18 @@ def _turned(
         return None
     free.proved = explains and left < _MOST_USUAL
     return free, fit, doubt
+
+
+def _retraced(scanned: Scanned) -> Floats:
+    """States (n, 5) of keyframes of an object that may turn, one registered after the other as in a batch.
+
+    Poses learned without a turn are far from those with one, and refined they may end in between.
+    """
+    stiffness = np.array([0.0, 0.0, LOOSE_TURN, FIRST_GAIN_STD**-2, np.inf])
+    own = scanned.taken(np.arange(len(scanned)))
+    tracker = Tracker(own, start_scan(own), size=np.ones(2), rough=FIRST_ROUGH, stiffness=stiffness)
+    tracker.run()
+    return tracker.states
 
 
 def _solve(pattern: Pattern, scanned: Scanned, states: Floats, rough: float = FIRST_ROUGH) -> Factor:
