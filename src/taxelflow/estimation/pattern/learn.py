@@ -21,6 +21,7 @@ from taxelflow.estimation.pattern.contact import (
 from taxelflow.estimation.pattern.joint import Fit, refine
 from taxelflow.estimation.pattern.online import HUBER, gate
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
+from taxelflow.estimation.pattern.poses import arm_of
 from taxelflow.estimation.pattern.register import HELD, register
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.sight import sights
@@ -258,7 +259,7 @@ def _learn(known: Learned) -> Learned:
     count = len(keyframes)
     rough = _RAW_ROUGH if count < _YOUNG else min(known.rough, FIRST_ROUGH)
     factor = _solve(pattern, scanned, states)
-    doubt, spare = pattern.doubt, 1.0
+    fit, doubt, spare = None, pattern.doubt, 1.0
     radius = _radius(pattern)
     new = replace(known, pattern=pattern, radius=radius, rough=rough, turned=0.0)
     scan, cut_off = _most_whole(keyframes)
@@ -284,6 +285,8 @@ def _learn(known: Learned) -> Learned:
         sight = new.sight = float(told[THETA])
         new.sight_of_place = float(told[:THETA].min()) if spare < 1.0 else np.inf
         likely = sight > _SEEN * (1.0 + _CUT_LOOKS_TURNED * cut_off)
+        if fit is not None and known.turns and not (likely or new.proved) and cut_off < _WHOLE:
+            _, new.proved = _explains(fit, _without_turn(new, scanned, states), scanned)
         new.seen = likely or new.proved or (known.seen and sight > _DOUBTFUL)
         new.turns = new.seen or (new.turns and sight > _DOUBTFUL)
         if not new.turns:
@@ -313,14 +316,29 @@ def _turned(
         tried.append((unexplained(fit, scanned, FIRST_ROUGH), states, free, fit, doubt))
     _, states, free, fit, doubt = min(tried, key=itemgetter(0))
     angled[:], pattern = states, free.pattern
-    least = min(FIRST_ROUGH, roughness(fit, scanned), roughness(fixed, scanned))
-    left, without = (unexplained(one, scanned, least) for one in (fit, fixed))
+    explains, free.proved = _explains(fit, fixed, scanned)
     sight = sights(pattern, scanned, angled, fit.factor, scan, max(free.rough, FIRST_ROUGH))[THETA]
-    explains = fit.freedom > _FREE and without > max(_EXPLAINED, _TURN_NEEDED * left)
     if not explains and sight * fit.freedom**2 <= _SEEN:
         return None
-    free.proved = explains and left < _MOST_USUAL
     return free, fit, doubt
+
+
+def _explains(free: Fit, fixed: Fit, scanned: Scanned) -> tuple[bool, bool]:
+    """Whether a fit with a turn explains the scans clearly better than one without; and so well that it is proved."""
+    least = min(FIRST_ROUGH, roughness(free, scanned), roughness(fixed, scanned))
+    left, without = (unexplained(one, scanned, least) for one in (free, fixed))
+    explains = free.freedom > _FREE and without > max(_EXPLAINED, _TURN_NEEDED * left)
+    return explains, explains and left < _MOST_USUAL
+
+
+def _without_turn(new: Learned, scanned: Scanned, states: Floats) -> Fit:
+    """The fit if the object did not turn, from states (n, 5) with a turn."""
+    fixed = states.copy()
+    fixed[:, :2] += arm_of(new.pattern.centre(), states)
+    fixed[:, THETA] = 0.0
+    pattern = _covering(scanned, fixed, None)
+    _solve(pattern, scanned, fixed)
+    return _refined(replace(new, turns=False), pattern, scanned, fixed)
 
 
 def _retraced(scanned: Scanned) -> Floats:
