@@ -13,6 +13,7 @@ from synthetic import assert_same, grid_sensor, pieces, scans_of, slips_by
 from taxelflow import api
 from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
+from taxelflow.messages import LOST
 from taxelflow.score.nees import consistency
 from taxelflow.score.strokes import cut, trial, ungrouped
 
@@ -237,6 +238,20 @@ def test_an_object_that_turns_while_it_slides_is_followed_in_a_stream() -> None:
     assert np.abs(moved[1, 2]) > np.radians(60)
     assert np.abs(moved[0] - moved[1])[:2] == pytest.approx(0.0, abs=0.1e-3)
     assert moved[0, 2] == pytest.approx(moved[1, 2], abs=np.radians(1.5))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_textured_object_that_turns_is_followed_in_a_stream(seed: int) -> None:
+    """Poses without a turn fit its first scans so well that they must not be where a turn is looked for."""
+    contact = {"shape": "textured", "radius_m": 0.02, "wavelength_m": 0.012}
+    motion = {"turn_rad_s": 1.4, "travel_m": 0.015, "speed_m_s": 0.01, "turn_s": 1.5}
+    recording = simulate(replace(rigged("bar-on-grid", contact=contact, motion=motion), seed=seed))
+    slips, truth = api.estimate(recording, "template", mode="stream").slips, recording.known_truth
+    told = np.flatnonzero(np.isfinite(slips.pose[:, 0, 2]))
+    off = (slips.pose[:, 0, 2] - truth.pose[:, 2])[told]
+    assert len(told) > 100
+    assert np.abs(off - np.median(off)).max() < np.radians(1.5)
+    assert not (slips.quality[:, 0] == LOST).any()
 
 
 @pytest.mark.parametrize("seed", [7008, 7010])

@@ -113,3 +113,20 @@ def test_small_systems_are_solved(seed: int, n: int) -> None:
 
 def test_a_matrix_that_is_not_positive_is_refused() -> None:
     assert not solve_small(np.array([[1.0, 2.0], [2.0, 1.0]]), np.ones(2), 2)
+
+
+def test_a_pattern_in_doubt_is_no_explanation() -> None:
+    """Where little is known of it, chi-square is small at any reading: that alone must not draw a pose there."""
+    known = np.full((33, 33), 1.0)
+    unknown = known + (10.0 * LEVEL) ** 2
+    reading, cost, chi = scan(CLEAR, 0), [], []
+    for doubt in (known, unknown):
+        state, information = CLEAR.copy(), np.zeros((STATE, STATE))
+        found, misfit, _ = register(
+            bumps(), doubt, LATTICE, PLACES, WHOLE, reading, np.full(TAXELS, NOISE**2), np.full(TAXELS, np.inf),
+            0.0, 3.0, state.copy(), np.array([0.0, 0.0, 0.0, 0.0, 1e12]), 30, state, information,
+        )  # fmt: skip
+        cost.append(found)
+        chi.append(misfit)
+    assert chi[1] < 0.1 * chi[0]
+    assert cost[1] > cost[0]
