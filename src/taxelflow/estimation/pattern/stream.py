@@ -14,7 +14,9 @@ import numpy as np
 
 from taxelflow.estimation.pattern import online
 from taxelflow.estimation.pattern.hand import ASKS, BOTH, ELSEWHERE, FOLLOW, REPORT, follow_hand
-from taxelflow.estimation.pattern.learn import DOUBT, MOST_KEYFRAMES, Learned, first_pattern, learn, recognised
+from taxelflow.estimation.pattern.keyframes import MOST_KEYFRAMES
+from taxelflow.estimation.pattern.learn import DOUBT, first_pattern, learn, recognised
+from taxelflow.estimation.pattern.learned import Learned
 from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.predict import expected
 from taxelflow.estimation.pattern.scanned import delays_of

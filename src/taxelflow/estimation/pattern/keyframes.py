@@ -1,0 +1,74 @@
+"""Scans that a pattern in a stream is learned from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.pattern.scanned import Scanned
+from taxelflow.estimation.pattern.spline import THETA
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.messages import Floats
+
+MOST_KEYFRAMES = 60
+
+
+@dataclass(slots=True, eq=False)
+class Keyframes:
+    """Scans that the pattern is learned from, oldest first, with their states (n, 5).
+
+    angled: (n, 5), where they would be if the object turned, as long as nobody knows whether it does.
+    """
+
+    scanned: Scanned
+    states: Floats
+    angled: Floats
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def spread(self, radius: float) -> float:
+        """How far the keyframes lie from one another, in pitches."""
+        extent = np.ptp(self.states[:, :2], axis=0)
+        return float(max(extent.max(), radius * np.ptp(self.states[:, THETA])))
+
+    def with_scan(self, t_s: float, reading: Floats, variance: Floats, bend: Floats, state: Floats) -> Keyframes:
+        """One more; if there are too many, the one in the most crowded place goes, never the first."""
+        old = self.scanned
+        states = np.concatenate([self.states, state[np.newaxis]])
+        ahead = state.copy()
+        ahead[THETA] = self.angled[-1, THETA]
+        angled = np.concatenate([self.angled, ahead[np.newaxis]])
+        readings = np.concatenate([old.readings, reading[np.newaxis]])
+        variances = np.concatenate([old.variance, variance[np.newaxis]])
+        bends = np.concatenate([old.bends, bend[np.newaxis]])
+        times = np.append(old.t_s, t_s)
+        keep: NDArray[np.int64] = np.arange(len(states))
+        if len(states) > MOST_KEYFRAMES:
+            apart = np.abs(states[:, np.newaxis, : THETA + 1] - states[np.newaxis, :, : THETA + 1])
+            apart = apart.sum(axis=2) + 1e6 * np.eye(len(states))
+            crowded = np.sort(apart, axis=1)[:, :3].sum(axis=1)
+            crowded[0] = crowded[-1] = np.inf
+            keep = np.delete(keep, int(np.argmin(crowded)))
+        scanned = Scanned(
+            times[keep], old.places, readings[keep], variances[keep], old.ceiling, old.delay_s, bends[keep]
+        )
+        return Keyframes(scanned, states[keep], angled[keep])
+
+
+def most_whole(keyframes: Keyframes) -> tuple[int, float]:
+    """The keyframe least cut by the pad's border, and which share of its load lies there.
+
+    A round contact that is cut looks as if it had an angle.
+    """
+    x, y = keyframes.scanned.places
+    border = (x <= x.min()) | (x >= x.max()) | (y <= y.min()) | (y >= y.max())
+    load = np.where(keyframes.scanned.loaded(), keyframes.scanned.readings, 0.0)
+    share = load[:, border].sum(axis=1) / np.maximum(load.sum(axis=1), 1e-300)
+    best = len(share) - 1 - int(np.argmin(share[::-1]))
+    return best, float(share[best])
