@@ -27,8 +27,8 @@ LOOSE_TURN = 1e-3
 """Keeps a turn that nothing determines from wandering: 1 / rad^2."""
 _SEEN = 4.0
 """A turn is observable if the pattern tells it so many times better than its own noise would."""
-_TURN_NEEDED = 1.1
-"""... or if the scans fit so many times worse without it."""
+_TURN_NEEDED, _AS_NOISE = 1.1, 1.0
+"""... or if the scans fit so many times worse without it, and worse than noise lets them."""
 _SMALL_TURN, _PAID, _FEW, _FEW_ROUNDS = 0.5, 1.5, 100, 8
 """A turn that ranges over more, rad, is real only if the scans fit so many times worse without it. So many scans,
 in so many rounds, show it. A smaller one, if it goes with the way, may be as well a shift of another pattern."""
@@ -119,7 +119,8 @@ def _solve_either(scanned: Scanned, size: Floats) -> Solved:
         fixed = _solve(scanned, held, _first_fit(scanned, held), turns=False)
     rough = min(free.rough, fixed.rough)
     least = _TURN_NEEDED if _turned(free) < _SMALL_TURN else _PAID
-    needed = unexplained(fixed.fit, scanned, rough) > least * unexplained(free.fit, scanned, rough)
+    without = unexplained(fixed.fit, scanned, rough)
+    needed = without > max(_AS_NOISE, least * unexplained(free.fit, scanned, rough))
     return free if needed else fixed
 
 

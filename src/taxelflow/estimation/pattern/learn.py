@@ -24,15 +24,16 @@ from taxelflow.estimation.pattern.online import HUBER, gate
 from taxelflow.estimation.pattern.register import HELD, register
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.sight import sights
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
+from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA
 from taxelflow.estimation.pattern.turning import MOST_USUAL, SEEN, explains, with_turn, without_turn
 
 if TYPE_CHECKING:
     from taxelflow.estimation.pattern.pattern import Pattern
     from taxelflow.messages import Floats
 
-_NEAR = 0.25
-"""Keyframes closer than this, in pitches, show the same."""
+_NEAR, _FAR, _GROWN = 0.25, 1.0, 0.05
+"""Keyframes closer than this, in pitches, show the same; further for contacts whose size's logarithm varies by so much:
+what the size leaves unexplained seems to move them."""
 DOUBT = 0.25
 """How much of a pattern's rough doubt counts when scans are registered."""
 _DOUBTFUL, _DECIDE, _WHOLE = 1.0, 4, 0.1
@@ -173,7 +174,8 @@ def _learn(known: Learned) -> Learned:
     radius = _radius_of(pattern)
     new = replace(known, pattern=pattern, radius=radius, rough=rough, turned=0.0)
     scan, cut_off = most_whole(keyframes)
-    if count > 2 and keyframes.spread(radius) > _NEAR:
+    grown = np.ptp(states[:, SIZE]) > _GROWN
+    if count > 2 and keyframes.spread(radius) > (_FAR if grown else _NEAR):
         fit = refined(new, pattern, scanned, states)
         if not known.turns and count >= _DECIDE and cut_off < _WHOLE:
             found = with_turn(new, known.pattern, keyframes, angled, fit, scan)

@@ -354,8 +354,10 @@ class StreamSession:
         if own.learned is None:
             return
         if flag == online.GONE:
+            grows = self._memory[pad, online.GROWS]
             self._settle(pad)
             self._begin(pad, t, reading, variance)
+            self._memory[pad, online.GROWS] = grows  # it is the same contact
             return
         taxels = self._layout.of_pad(pad)
         m = self._memory[pad]
