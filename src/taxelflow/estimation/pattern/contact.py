@@ -29,7 +29,7 @@ _SEEN = 4.0
 """A turn is observable if the pattern tells it so many times better than its own noise would."""
 _TURN_NEEDED, _AS_NOISE = 1.1, 1.0
 """... or if the scans fit so many times worse without it, and worse than noise lets them."""
-_SMALL_TURN, _PAID, _FEW, _FEW_ROUNDS = 0.5, 1.5, 100, 8
+_SMALL_TURN, _PAID, _FEW, _FEW_ROUNDS = 0.5, 1.25, 100, 8
 """A turn that ranges over more, rad, is real only if the scans fit so many times worse without it. So many scans,
 in so many rounds, show it. A smaller one, if it goes with the way, may be as well a shift of another pattern."""
 _ROUND, _EXPLAINED = 1.0, 1.3
