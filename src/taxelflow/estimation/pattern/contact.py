@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.pattern.joint import Fit, refine
-from taxelflow.estimation.pattern.poses import arm_of
+from taxelflow.estimation.pattern.poses import unturned
 from taxelflow.estimation.pattern.sight import sights
 from taxelflow.estimation.pattern.silent import silent_taxels
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
@@ -137,9 +137,7 @@ def _seen_to_turn(free: Solved, scanned: Scanned, size: Floats) -> bool:
     few, states = scanned.taken(which), free.states[which]
     tracker = _tracker(few, size, turns=False)
     tracker.start = 0
-    tracker.states[:] = states
-    tracker.states[:, :2] += arm_of(free.pattern.centre(), states)
-    tracker.states[:, THETA] = 0.0
+    tracker.states[:] = unturned(free.pattern.centre(), states)
     tracker.forget(len(few), len(few))
     pattern, rough = tracker.pattern, free.rough
     fixed = refine(pattern, few, tracker.states, rounds=_FEW_ROUNDS, rough=rough, stiffness=tracker.stiffness)

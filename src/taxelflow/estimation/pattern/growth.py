@@ -26,7 +26,6 @@ from taxelflow.estimation.pattern.spline import GAIN, SIZE, THETA
 from taxelflow.estimation.pattern.track import Tracker
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.pattern.joint import Fit
     from taxelflow.estimation.pattern.pattern import Pattern
     from taxelflow.estimation.pattern.scanned import Scanned
     from taxelflow.messages import Floats
@@ -91,7 +90,6 @@ def _growing(solved: Solved, scanned: Scanned, size: Floats, load: Floats) -> So
     stiffness = np.array([np.inf, np.inf, np.inf, _FIRST_GAIN_STD**-2, _SIZE_STD**-2])
     fit = refine(pattern, scanned, states, rounds=_HELD_ROUNDS, rough=rough, stiffness=stiffness)
     stiffness[: THETA + 1] = 0.0, 0.0, LOOSE_TURN if solved.turns else np.inf
-    gain_std = _FIRST_GAIN_STD
     for rounds in _ROUNDS:
         gain_std, rough = level(pattern, states, fit), roughness(fit, scanned)
         stiffness[GAIN] = gain_std**-2
@@ -99,7 +97,11 @@ def _growing(solved: Solved, scanned: Scanned, size: Floats, load: Floats) -> So
         fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
         if rounds != _ROUNDS[-1]:
             _centre(pattern, states)
-    return _as_solved(solved, scanned, pattern, states, fit, start)
+    rough = roughness(fit, scanned)
+    sight = float(sights(pattern, scanned, states, fit.factor, start, rough)[THETA]) * fit.freedom**2
+    return replace(
+        solved, pattern=pattern, states=states, fit=fit, rough=rough, gain_std=gain_std, sight=sight, grows=True
+    )
 
 
 def _in_place(scanned: Scanned, size: Floats, load: Floats) -> tuple[Pattern, Floats, int]:
@@ -124,18 +126,3 @@ def _centre(pattern: Pattern, states: Floats) -> None:
     body = -np.linalg.lstsq(apart, away, rcond=None)[0]
     states[:, :2] += arms @ body
     pattern.lattice = pattern.lattice - np.array([0.0, *body])
-
-
-def _as_solved(solved: Solved, scanned: Scanned, pattern: Pattern, states: Floats, fit: Fit, start: int) -> Solved:
-    rough = roughness(fit, scanned)
-    sight = float(sights(pattern, scanned, states, fit.factor, start, rough)[THETA]) * fit.freedom**2
-    return replace(
-        solved,
-        pattern=pattern,
-        states=states,
-        fit=fit,
-        rough=rough,
-        gain_std=level(pattern, states, fit),
-        sight=sight,
-        grows=True,
-    )

@@ -96,7 +96,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         z, far = np.sqrt(z2), z2 > huber * huber
         robust = 2.0 * huber * z - huber * huber if far else z2
         share = np.sqrt(np.sqrt(variance * weight)) if live else 1.0
-        robust += 2.0 * (1.0 / share - share) if fits else 0.0  # log(1 / share^4), in vector registers
+        robust += 2.0 * (1.0 / share - share) if fits else 0.0  # about log(1 / share^4)
         chi += z2 if fits else (min(z2, _MOST_UNEXPLAINED) if unexplained else 0.0)
         cost += robust if fits or unexplained else 0.0
         used += 1.0 if fits or unexplained else 0.0

@@ -96,6 +96,14 @@ def arm_of(centre: Floats, states: Floats) -> Floats:
     return arm
 
 
+def unturned(centre: Floats, states: Floats) -> Floats:
+    """States (scans, 5) of an object that does not turn, with the body's point `centre` (2,) where it was."""
+    fixed = states.copy()
+    fixed[:, :2] += arm_of(centre, states)
+    fixed[:, THETA] = 0.0
+    return fixed
+
+
 def judge(covariance: Floats, misfit: Floats, rough: float, pitch_m: float) -> Bytes:
     """Quality (scans,). misfit: chi-square per degree of freedom; rough: error of the pattern relative to it."""
     xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]

@@ -21,9 +21,11 @@ if TYPE_CHECKING:
 _FAR_OFF = 10.0
 """Chi-square over the usual above which a scan does not fit at all."""
 _PATIENCE, _MOST_POOR = 5, 20
+"""After so many scans in a row that do not fit, they are learned from, and the pattern is given up."""
 _LEAP = 1.5
 """A scan that moves so many radii and pitches at once is not believed."""
 _YOUNG = 12
+"""A pattern of fewer keyframes learns from every scan that does not fit."""
 _NEAR, _SAME = 0.25, 5
 """Keyframes closer than this, in pitches, show the same, and so many are enough."""
 _LOUDER = 0.5
@@ -128,8 +130,7 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         else:
             quality[pad] = UNRESOLVED
             m[online.POOR] += 1.0 if misfit <= _FAR_OFF else 2.0
-            young = m[online.KEYFRAMES] < _YOUNG  # it is not yet to be trusted more than the scan
-            if m[online.POOR] >= _PATIENCE or young:
+            if m[online.POOR] >= _PATIENCE or m[online.KEYFRAMES] < _YOUNG:
                 m[online.FLAG] = online.NOVEL
         if unsure:
             m[online.FLAG] = online.NOTHING  # a pattern must not learn from where it is not

@@ -17,7 +17,7 @@ from taxelflow.estimation.pattern.contact import (
     unexplained,
 )
 from taxelflow.estimation.pattern.learned import covering, fill, refined
-from taxelflow.estimation.pattern.poses import arm_of
+from taxelflow.estimation.pattern.poses import unturned
 from taxelflow.estimation.pattern.sight import sights
 from taxelflow.estimation.pattern.spline import THETA
 from taxelflow.estimation.pattern.track import Tracker
@@ -79,9 +79,7 @@ def explains(free: Fit, fixed: Fit, scanned: Scanned) -> tuple[bool, bool]:
 
 def without_turn(new: Learned, scanned: Scanned, states: Floats) -> Fit:
     """The fit if the object did not turn, from states (n, 5) with a turn."""
-    fixed = states.copy()
-    fixed[:, :2] += arm_of(new.pattern.centre(), states)
-    fixed[:, THETA] = 0.0
+    fixed = unturned(new.pattern.centre(), states)
     pattern = covering(scanned, fixed, None)
     fill(pattern, scanned, fixed)
     return refined(replace(new, turns=False), pattern, scanned, fixed)
