@@ -13,7 +13,7 @@ from synthetic import assert_same, grid_sensor, pieces, scans_of, slips_by
 from taxelflow import api
 from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
-from taxelflow.messages import LOST
+from taxelflow.messages import LOST, OK
 from taxelflow.score.nees import consistency
 from taxelflow.score.strokes import cut, trial, ungrouped
 
@@ -325,7 +325,9 @@ def test_a_contact_of_one_or_two_scans_has_poses(mode: str, scans: int) -> None:
 def test_a_pad_that_is_saturated_everywhere_says_nothing_surely(mode: str) -> None:
     scans = scans_of(PAD, np.full((30, PAD.layout.taxels), 100e3), noise=NOISE, ceiling=100e3)
     slips = shaped(slips_by("template", PAD, scans, mode=mode), 30)
-    assert np.nanmax(np.abs(np.nan_to_num(slips.displacement[:, 0, :2]))) < PITCH
+    assert (slips.quality != OK).all()
+    moved, noise = slips.displacement[1:, 0, :2], slips.displacement_covariance[1:, 0, :2, :2]
+    assert (np.einsum("ka,kab,kb->k", moved, np.linalg.inv(noise), moved) < 1.0).all()
 
 
 @both_modes
