@@ -149,7 +149,7 @@ def _seen_to_turn(free: Solved, scanned: Scanned, size: Floats) -> bool:
 
 def start_scan(scanned: Scanned) -> int:
     """The scan to begin with: well loaded, its contact nearest to the pad's centre."""
-    load = np.where(scanned.loaded(), scanned.readings, 0.0).sum(axis=1)
+    load = scanned.load().sum(axis=1)
     middle = 0.5 * (scanned.places.min(axis=1) + scanned.places.max(axis=1))
     away = np.hypot(*(scanned.centroids() - middle).T)
     return int(np.argmin(np.where(load >= 0.5 * load.max(), away, np.inf)))

@@ -26,6 +26,7 @@ from taxelflow.estimation.pattern.spline import GAIN, SIZE, THETA
 from taxelflow.estimation.pattern.track import Tracker
 
 if TYPE_CHECKING:
+    from taxelflow.estimation.pattern.joint import Fit
     from taxelflow.estimation.pattern.pattern import Pattern
     from taxelflow.estimation.pattern.scanned import Scanned
     from taxelflow.messages import Floats
@@ -41,7 +42,7 @@ rough."""
 _EXPLAINED, _FOLLOWS = 1.03, 0.9
 """Growth must explain the scans so many times better, most of whose readings are not at the border where it shows; and
 the size correlate so well with the load's logarithm."""
-_POWER, _SIZE_STD, _FIRST_GAIN_STD = 1 / 3, 0.3, 1.0
+_POWER, SIZE_STD, _FIRST_GAIN_STD = 1 / 3, 0.3, 1.0
 """Hertz: size and pressure go with the cube root of the force. How far they are from that."""
 _SHARES = (0.05, 20.0)
 _HELD_ROUNDS, _ROUNDS = 15, (8, 8, 4)
@@ -52,7 +53,7 @@ def grown(solved: Solved, scanned: Scanned, size: Floats) -> Solved:
 
     size: (2,) of a taxel, in pitches.
     """
-    load = np.maximum(scanned.readings, 0.0).sum(axis=1)
+    load = scanned.load().sum(axis=1)
     least, most = np.quantile(load, _LOADS)
     if len(scanned) < _FEWEST or most < _DIFFER * max(least, 1e-300):
         return solved
@@ -84,39 +85,53 @@ def _believed(growing: Solved, solved: Solved, scanned: Scanned, load: Floats) -
 
 
 def _growing(solved: Solved, scanned: Scanned, size: Floats, load: Floats) -> Solved:
-    """The contact as one that grows: first held in its place, then free to move."""
-    pattern, states, start = _in_place(scanned, size, load)
-    rough = solved.rough
-    stiffness = np.array([np.inf, np.inf, np.inf, _FIRST_GAIN_STD**-2, _SIZE_STD**-2])
-    fit = refine(pattern, scanned, states, rounds=_HELD_ROUNDS, rough=rough, stiffness=stiffness)
-    stiffness[: THETA + 1] = 0.0, 0.0, LOOSE_TURN if solved.turns else np.inf
-    for rounds in _ROUNDS:
-        gain_std, rough = level(pattern, states, fit), roughness(fit, scanned)
-        stiffness[GAIN] = gain_std**-2
-        scanned.bend(states)
-        fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
-        if rounds != _ROUNDS[-1]:
-            _centre(pattern, states)
-    rough = roughness(fit, scanned)
+    """The contact as one that grows."""
+    start = start_scan(scanned)
+    states, pattern, fit, rough, gain_std = in_place(
+        scanned, size, load, start, solved.rough, turn=LOOSE_TURN if solved.turns else np.inf
+    )
     sight = float(sights(pattern, scanned, states, fit.factor, start, rough)[THETA]) * fit.freedom**2
     return replace(
         solved, pattern=pattern, states=states, fit=fit, rough=rough, gain_std=gain_std, sight=sight, grows=True
     )
 
 
-def _in_place(scanned: Scanned, size: Floats, load: Floats) -> tuple[Pattern, Floats, int]:
-    """Pattern and states (scans, 5) of an object that stays where it is in the scan to begin with, and that scan."""
-    start = start_scan(scanned)
-    tracker = Tracker(scanned, 0, size=size, rough=FIRST_ROUGH, stiffness=np.full(5, np.inf))
+def in_place(
+    scanned: Scanned, size: Floats, load: Floats, start: int, rough: float, turn: float
+) -> tuple[Floats, Pattern, Fit, float, float]:
+    """States (scans, 5) of an object that stays while its contact grows with the load (scans,), its pattern, their fit,
+    the pattern's relative error, and the gains' deviation: first held where it is in scan `start`, then free to move.
+
+    size: (2,) of a taxel, in pitches. rough: error of the pattern to begin with. turn: stiffness of theta.
+    """
+    pattern, states = _held(scanned, size, load, start)
+    stiffness = np.array([np.inf, np.inf, np.inf, _FIRST_GAIN_STD**-2, SIZE_STD**-2])
+    fit = refine(pattern, scanned, states, rounds=_HELD_ROUNDS, rough=rough, stiffness=stiffness)
+    stiffness[: THETA + 1] = 0.0, 0.0, turn
+    gain_std = _FIRST_GAIN_STD
+    for rounds in _ROUNDS:
+        gain_std, rough = level(pattern, states, fit), roughness(fit, scanned)
+        stiffness[GAIN] = gain_std**-2
+        scanned.bend(states)
+        fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
+        if rounds != _ROUNDS[-1]:
+            centre(pattern, states)
+    return states, pattern, fit, roughness(fit, scanned), gain_std
+
+
+def _held(scanned: Scanned, size: Floats, load: Floats, start: int) -> tuple[Pattern, Floats]:
+    """Pattern and states (scans, 5) of an object that stays where it is in scan `start`."""
+    tracker = Tracker(scanned, start, size=size, rough=FIRST_ROUGH, stiffness=np.full(5, np.inf))
     share = np.clip(load / max(float(load[start]), 1e-300), *_SHARES)
     tracker.states[:, :2] = tracker.centroid[start]
     tracker.states[:, GAIN] = share**_POWER
     tracker.states[:, SIZE] = _POWER * np.log(share)
+    tracker.start = 0
     tracker.forget(len(scanned), len(scanned))
-    return tracker.pattern, tracker.states, start
+    return tracker.pattern, tracker.states
 
 
-def _centre(pattern: Pattern, states: Floats) -> None:
+def centre(pattern: Pattern, states: Floats) -> None:
     """Shift the origin of the object's frame, in place, to the point whose places go least with the size."""
     scale, theta = np.exp(states[:, SIZE]), states[:, THETA]
     cos, sin = scale * np.cos(theta), scale * np.sin(theta)

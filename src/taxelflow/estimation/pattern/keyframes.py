@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.pattern.scanned import Scanned
-from taxelflow.estimation.pattern.spline import THETA
+from taxelflow.estimation.pattern.spline import SIZE, THETA
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 MOST_KEYFRAMES = 60
+_GROWN = 0.05
+"""Range of the sizes' logarithm."""
 
 
 @dataclass(slots=True, eq=False)
@@ -31,6 +33,11 @@ class Keyframes:
 
     def __len__(self) -> int:
         return len(self.states)
+
+    @property
+    def grown(self) -> bool:
+        """Whether their sizes differ."""
+        return bool(np.ptp(self.states[:, SIZE]) > _GROWN)
 
     def spread(self, radius: float) -> float:
         """How far the keyframes lie from one another, in pitches."""
@@ -68,7 +75,7 @@ def most_whole(keyframes: Keyframes) -> tuple[int, float]:
     """
     x, y = keyframes.scanned.places
     border = (x <= x.min()) | (x >= x.max()) | (y <= y.min()) | (y >= y.max())
-    load = np.where(keyframes.scanned.loaded(), keyframes.scanned.readings, 0.0)
+    load = keyframes.scanned.load()
     share = load[:, border].sum(axis=1) / np.maximum(load.sum(axis=1), 1e-300)
     best = len(share) - 1 - int(np.argmin(share[::-1]))
     return best, float(share[best])

@@ -9,31 +9,34 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD, FIRST_ROUGH
+from taxelflow.estimation.pattern.growing import due, placed, regrown, slack_of
 from taxelflow.estimation.pattern.keyframes import Keyframes, most_whole
 from taxelflow.estimation.pattern.learned import (
     CHANGING_ROUGH,
     FIRST_SLACK,
+    MOST_USUAL,
     RAW_ROUGH,
     YOUNG,
     Learned,
     covering,
     fill,
     refined,
+    usual_of,
 )
 from taxelflow.estimation.pattern.online import HUBER, gate
 from taxelflow.estimation.pattern.register import HELD, register
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.sight import sights
-from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA
-from taxelflow.estimation.pattern.turning import MOST_USUAL, SEEN, explains, with_turn, without_turn
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
+from taxelflow.estimation.pattern.turning import SEEN, explains, with_turn, without_turn
 
 if TYPE_CHECKING:
     from taxelflow.estimation.pattern.pattern import Pattern
     from taxelflow.messages import Floats
 
-_NEAR, _FAR, _GROWN = 0.25, 1.0, 0.05
-"""Keyframes closer than this, in pitches, show the same; further for contacts whose size's logarithm varies by so much:
-what the size leaves unexplained seems to move them."""
+_NEAR, _FAR = 0.25, 1.0
+"""Keyframes closer than this, in pitches, show the same; further for contacts whose size varies: what the size leaves
+unexplained seems to move them."""
 DOUBT = 0.25
 """How much of a pattern's rough doubt counts when scans are registered."""
 _DOUBTFUL, _DECIDE, _WHOLE = 1.0, 4, 0.1
@@ -42,8 +45,6 @@ looked for."""
 _CUT_LOOKS_TURNED = 10.0
 _CUT_SLACK = 0.5
 """What is added to the first slack, times the share of the load that lies at the border."""
-_FORGET = 0.2
-"""Of the slack before, what stays when keyframes have hardly moved."""
 _CHANGES, _LAST = 0.1, 4
 """A pattern with a relative error above the first changes; then the last few make it."""
 _ABOUT = 1.0
@@ -150,7 +151,7 @@ def _forgetting(known: Learned) -> Learned:
         known,
         pattern=pattern,
         keyframes=keyframes,
-        radius=_radius_of(pattern),
+        radius=pattern.radius(),
         rough=CHANGING_ROUGH,
         usual=MOST_USUAL,
         gain_std=FIRST_GAIN_STD,
@@ -163,6 +164,14 @@ def _forgetting(known: Learned) -> Learned:
 def _learn(known: Learned) -> Learned:
     if known.changing:
         return _forgetting(known)
+    if due(known):
+        known = replace(known, looked=len(known.keyframes))
+        grows = placed(known)
+        if grows is not None:
+            return grows
+    if known.placed:
+        grows = regrown(known)
+        return grows if grows.rough <= _CHANGES else _forgetting(grows)
     keyframes = known.keyframes
     scanned, states, angled = keyframes.scanned, keyframes.states.copy(), keyframes.angled.copy()
     before = keyframes.states
@@ -171,11 +180,10 @@ def _learn(known: Learned) -> Learned:
     rough = RAW_ROUGH if count < YOUNG else min(known.rough, FIRST_ROUGH)
     factor = fill(pattern, scanned, states)
     fit, doubt, spare = None, pattern.doubt, 1.0
-    radius = _radius_of(pattern)
+    radius = pattern.radius()
     new = replace(known, pattern=pattern, radius=radius, rough=rough, turned=0.0)
     scan, cut_off = most_whole(keyframes)
-    grown = np.ptp(states[:, SIZE]) > _GROWN
-    if count > 2 and keyframes.spread(radius) > (_FAR if grown else _NEAR):
+    if count > 2 and keyframes.spread(radius) > (_FAR if keyframes.grown else _NEAR):
         fit = refined(new, pattern, scanned, states)
         if not known.turns and count >= _DECIDE and cut_off < _WHOLE:
             found = with_turn(new, known.pattern, keyframes, angled, fit, scan)
@@ -183,15 +191,12 @@ def _learn(known: Learned) -> Learned:
                 new, fit, doubt = found
                 pattern, states, before = new.pattern, angled, keyframes.angled
         factor, spare = fit.factor, fit.freedom
-        new.usual = float(np.clip(fit.reduced / fit.freedom, 1.0, MOST_USUAL))
+        new.usual = usual_of(fit)
         if new.rough > _CHANGES and count >= _SEEN_ENOUGH:
             return _forgetting(new)
         new.turned = float(np.mean(states[:, THETA] - before[:, THETA]))
         states = reframed(states, keyframes.states, fit.information, pattern)
-        off = (states - before)[count - known.fresh :]
-        if len(off):
-            wrong = np.array([np.mean(off[:, :2] ** 2), np.mean((off[:, THETA] - new.turned) ** 2)])
-            new.slack = np.maximum(wrong, _FORGET * known.slack)
+        new.slack = slack_of(known, states - before - [0.0, 0.0, new.turned, 0.0, 0.0])
     if count >= _DECIDE:
         told = sights(pattern, scanned, states, factor, scan, max(new.rough, FIRST_ROUGH)) * spare**2
         sight = new.sight = float(told[THETA])
@@ -235,13 +240,3 @@ def _weighted_median(values: Floats, weight: Floats) -> float:
     order = np.argsort(values)
     reached = np.cumsum(weight[order])
     return float(values[order[np.searchsorted(reached, 0.5 * reached[-1])]])
-
-
-def _radius_of(pattern: Pattern) -> float:
-    """Of gyration of the pattern, in pitches."""
-    h, left, low = pattern.lattice
-    c = np.maximum(pattern.coefficients, 0.0)
-    x, y = left + h * np.arange(pattern.shape[1]), low + h * np.arange(pattern.shape[0])
-    centre, total = pattern.centre(), c.sum() or 1.0
-    square = (c.sum(axis=0) @ (x - centre[0]) ** 2 + c.sum(axis=1) @ (y - centre[1]) ** 2) / total
-    return float(np.sqrt(max(square, 0.25)))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD, FIRST_ROUGH, LOOSE_TURN, level, roughness
+from taxelflow.estimation.pattern.growth import SIZE_STD
 from taxelflow.estimation.pattern.joint import Fit, refine
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
 from taxelflow.estimation.pattern.spline import in_object
@@ -25,6 +26,8 @@ RAW_ROUGH, CHANGING_ROUGH = 0.1, 0.05
 """Error of a pattern relative to it, before anything is known of it, and of one that changes."""
 FIRST_SLACK = (0.0025, 0.0025)
 """Before anything is known of how good a pattern is: pitches^2, rad^2."""
+MOST_USUAL = 2.0
+"""Chi-square per reading up to which scans are explained."""
 _MATURE, _SETTLED = 10, 0.05
 """Keyframes, and variance in pitches^2, from and up to which a pattern is known well."""
 
@@ -36,6 +39,7 @@ class Learned:
     keyframes: it was learned from, their states in its frame. usual: chi-square per reading of a scan that fits.
     slack: (2,) how wrong poses on the pattern before have been, variance of x and y (pitches^2) and of theta (rad^2).
     fresh: how many of the last keyframes were registered on the pattern before.
+    placed: whether the contact grows with the load about a point that was found; looked: for it, at so many keyframes.
     turned: by how much its theta differs from that of the pattern before.
     gain_std: from scan to scan. turns: whether it may turn; proved: whether its scans are explained by turning, and not
     without; seen: whether the pattern shows a turn. sight: how well, and sight_of_place how well where it is, see
@@ -57,6 +61,8 @@ class Learned:
     turned: float = 0.0
     slack: Floats = field(default_factory=lambda: np.array(FIRST_SLACK))
     fresh: int = 0
+    placed: bool = False
+    looked: int = 0
 
     @property
     def mature(self) -> bool:
@@ -89,10 +95,15 @@ def refined(new: Learned, pattern: Pattern, scanned: Scanned, states: Floats) ->
     young = len(states) < YOUNG
     turn = LOOSE_TURN if new.turns else np.inf
     gain_std = FIRST_GAIN_STD if young else new.gain_std
-    stiffness = np.array([0.0, 0.0, turn, gain_std**-2, np.inf])
+    stiffness = np.array([0.0, 0.0, turn, gain_std**-2, SIZE_STD**-2 if new.placed else np.inf])
     rounds, rough = (6, FIRST_ROUGH) if young else (3, min(new.rough, FIRST_ROUGH))
     fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
     if not young:
         new.gain_std = level(pattern, states, fit)
         new.rough = max(roughness(fit, scanned), FIRST_ROUGH * np.sqrt(YOUNG / len(states)))
     return fit
+
+
+def usual_of(fit: Fit) -> float:
+    """Chi-square per reading of a scan that fits."""
+    return float(np.clip(fit.reduced / fit.freedom, 1.0, MOST_USUAL))

@@ -94,6 +94,15 @@ class Pattern:
         x, y = left + h * np.arange(self.shape[1]), low + h * np.arange(self.shape[0])
         return np.array([(c.sum(axis=0) @ x) / total, (c.sum(axis=1) @ y) / total])
 
+    def radius(self) -> float:
+        """Of gyration, at least half a pitch."""
+        h, left, low = self.lattice
+        c = np.maximum(self.coefficients, 0.0)
+        x, y = left + h * np.arange(self.shape[1]), low + h * np.arange(self.shape[0])
+        centre, total = self.centre(), c.sum() or 1.0
+        square = (c.sum(axis=0) @ (x - centre[0]) ** 2 + c.sum(axis=1) @ (y - centre[1]) ** 2) / total
+        return float(np.sqrt(max(square, 0.25)))
+
 
 class Sums:
     """Normal equations of a pattern whose scans' states are known."""

@@ -82,9 +82,13 @@ class Scanned:
         sure: NDArray[np.bool_] = (self.readings > floor) & (self.variance > 0)
         return sure
 
+    def load(self) -> Floats:
+        """(scans, taxels), the loaded readings, 0 where there is only noise."""
+        return np.where(self.loaded(), self.readings, 0.0)
+
     def centroids(self) -> Floats:
         """(scans, 2) of the loaded readings; (0, 0) where there are none."""
-        weight = np.where(self.loaded(), self.readings, 0.0)
+        weight = self.load()
         total = np.maximum(weight.sum(axis=1), 1e-300)
         centre: Floats = (weight @ self.places.T) / total[:, np.newaxis]
         return centre

@@ -46,13 +46,14 @@ _YOUNG, _YOUNG_LATENCY = 12, 0.2
 
 @dataclass(slots=True, eq=False)
 class _Pad:
-    """What a pad has learned, and is learning."""
+    """What a pad has learned, and is learning; last: (5,), the newest state that it is learned from."""
 
     learned: Learned | None = None
     job: Future[Learned] | None = None
     due_s: float = np.inf
     waiting: list[tuple[float, Floats, Floats, Floats, Floats]] = field(default_factory=list)
     library: list[Learned] = field(default_factory=list)
+    last: Floats = field(default_factory=lambda: np.zeros(STATE))
 
 
 class StreamSession:
@@ -335,6 +336,8 @@ class StreamSession:
         m[online.THETA_0] += new.turned
         if new.turns and not own.learned.turns:  # it has turned all the while
             self._states[pad, THETA] = new.keyframes.states[-1, THETA]
+        if new.placed:
+            self._take_over(pad, own, new, begins=not own.learned.placed)
         self._put(pad, new)
         alone = np.zeros(len(self._pads), dtype=np.bool_)
         alone[pad] = True
@@ -347,6 +350,17 @@ class StreamSession:
         self._before[pad] = scale * state[0], scale * state[1], turn
         if own.waiting:
             self._submit(pad, own)
+
+    def _take_over(self, pad: int, own: _Pad, new: Learned, *, begins: bool) -> None:
+        """Take what was registered since the last keyframe over to the frame of a pattern that grows, or begins to."""
+        if begins:
+            self._memory[pad, online.LOAD] = 0.0  # any size may be right
+        last = new.keyframes.states[-1]
+        step, louder = last - own.last, last[GAIN] / own.last[GAIN]
+        step[[THETA, GAIN]] = 0.0
+        for state in (self._states[pad], *(scan[4] for scan in own.waiting)):
+            state[:] = state + step
+            state[GAIN] *= louder
 
     def _answer(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """Do what a scan calls for."""
@@ -382,7 +396,7 @@ class StreamSession:
         keyframes = known.keyframes
         for scan in own.waiting:
             keyframes = keyframes.with_scan(*scan)
-        start, fresh = own.waiting[-1][0], len(own.waiting)
+        start, fresh, own.last = own.waiting[-1][0], len(own.waiting), keyframes.states[-1]
         own.waiting = []
         may_turn = known.turns or bool(self._memory[pad, online.TURNED])
         work = replace(known, keyframes=keyframes, fresh=fresh, turns=may_turn)

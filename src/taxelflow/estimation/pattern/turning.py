@@ -16,7 +16,7 @@ from taxelflow.estimation.pattern.contact import (
     start_scan,
     unexplained,
 )
-from taxelflow.estimation.pattern.learned import covering, fill, refined
+from taxelflow.estimation.pattern.learned import MOST_USUAL, covering, fill, refined
 from taxelflow.estimation.pattern.poses import unturned
 from taxelflow.estimation.pattern.sight import sights
 from taxelflow.estimation.pattern.spline import THETA
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 SEEN = 3.0
 """A turn is seen if the pattern tells it so many times better than its noise would."""
-MOST_USUAL = 2.0
-"""Chi-square per reading up to which scans are explained."""
 _EXPLAINED, _TURN_NEEDED = 1.3, 1.5
 """Without a turn they are not, and worse by so much."""
 _RETRACED = 20
