@@ -68,7 +68,7 @@ def regrown(known: Learned) -> Learned:
     doubt = pattern.doubt
     new = replace(known, pattern=pattern, radius=pattern.radius(), turned=0.0)
     fit = refined(new, pattern, scanned, states)
-    centre(pattern, states)
+    centre(pattern, scanned, states)
     new.usual = usual_of(fit)
     off = states - keyframes.states
     new.slack = slack_of(known, off - np.median(off, axis=0))

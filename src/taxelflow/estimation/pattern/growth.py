@@ -45,6 +45,9 @@ the size correlate so well with the load's logarithm."""
 _POWER, SIZE_STD, _FIRST_GAIN_STD = 1 / 3, 0.3, 1.0
 """Hertz: size and pressure go with the cube root of the force. How far they are from that."""
 _SHARES = (0.05, 20.0)
+_PLACE, _ELSEWHERE, _SLIDES = 0.02, 1.0, 0.25
+"""How well places are known, in pitches; how far off the point that stays may be; and how fast an object usually
+slides as it is pressed, in pitches per s."""
 _HELD_ROUNDS, _ROUNDS = 15, (8, 8, 4)
 
 
@@ -115,7 +118,7 @@ def in_place(
         scanned.bend(states)
         fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
         if rounds != _ROUNDS[-1]:
-            centre(pattern, states)
+            centre(pattern, scanned, states)
     return states, pattern, fit, roughness(fit, scanned), gain_std
 
 
@@ -131,13 +134,18 @@ def _held(scanned: Scanned, size: Floats, load: Floats, start: int) -> tuple[Pat
     return tracker.pattern, tracker.states
 
 
-def centre(pattern: Pattern, states: Floats) -> None:
-    """Shift the origin of the object's frame, in place, to the point whose places go least with the size."""
+def centre(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
+    """Shift the origin of the object's frame, in place, to the point whose places go least with the size.
+
+    An object that slides steadily as it is pressed has moved; one that went with the load up and down has grown.
+    """
     scale, theta = np.exp(states[:, SIZE]), states[:, THETA]
     cos, sin = scale * np.cos(theta), scale * np.sin(theta)
     arms = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)  # (scans, 2, 2)
-    apart = (arms - arms.mean(axis=0)).reshape(-1, 2)
+    since = (scanned.t_s - scanned.t_s.mean())[:, np.newaxis, np.newaxis] * np.eye(2)
+    apart = np.concatenate([arms - arms.mean(axis=0), since], axis=2).reshape(-1, 4)
     away = (states[:, :2] - states[:, :2].mean(axis=0)).ravel()
-    body = -np.linalg.lstsq(apart, away, rcond=None)[0]
+    known = np.diag(np.repeat([_PLACE / _ELSEWHERE, _PLACE / _SLIDES], 2))
+    body = -np.linalg.lstsq(np.concatenate([apart, known]), np.append(away, np.zeros(4)), rcond=None)[0][:2]
     states[:, :2] += arms @ body
     pattern.lattice = pattern.lattice - np.array([0.0, *body])
