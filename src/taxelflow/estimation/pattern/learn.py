@@ -42,6 +42,8 @@ DOUBT = 0.25
 _DOUBTFUL, _DECIDE, _WHOLE = 1.0, 4, 0.1
 """Sight below which a turn is dropped; keyframes from which, and share of the load at the border up to which, one is
 looked for."""
+_TOLD = 0.1
+"""Share of the first slack from which on a turn is told: that of a pattern on which two more fits have agreed."""
 _CUT_LOOKS_TURNED = 10.0
 _CUT_SLACK = 0.5
 """What is added to the first slack, times the share of the load that lies at the border."""
@@ -205,6 +207,7 @@ def _learn(known: Learned) -> Learned:
         if fit is not None and known.turns and not (likely or new.proved) and cut_off < _WHOLE:
             _, new.proved = explains(fit, without_turn(new, scanned, states), scanned)
         new.seen = likely or new.proved or (known.seen and sight > _DOUBTFUL)
+        new.told = new.seen and (known.told or bool(new.slack[1] < _TOLD * FIRST_SLACK[1]))
         new.turns = new.seen or (new.turns and sight > _DOUBTFUL)
         if not new.turns:
             states[:, THETA] = states[0, THETA]

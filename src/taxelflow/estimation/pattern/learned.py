@@ -42,7 +42,7 @@ class Learned:
     placed: whether the contact grows with the load about a point that was found; looked: for it, at so many keyframes.
     turned: by how much its theta differs from that of the pattern before.
     gain_std: from scan to scan. turns: whether it may turn; proved: whether its scans are explained by turning, and not
-    without; seen: whether the pattern shows a turn. sight: how well, and sight_of_place how well where it is, see
+    without; seen: whether the pattern shows a turn; told: and poses on it have agreed well enough to tell of it. sight: how well, and sight_of_place how well where it is, see
     `sights`. changing: it does not stay the same, and only the last keyframes count.
     """
 
@@ -55,6 +55,7 @@ class Learned:
     turns: bool = False
     proved: bool = False
     seen: bool = False
+    told: bool = False
     changing: bool = False
     sight: float = 2.0
     sight_of_place: float = np.inf

@@ -320,7 +320,7 @@ class StreamSession:
         m[online.SHARE_OF_PLACE] = 1.0 - 1.0 / max(learned.sight_of_place, 2.0)
         m[online.CHANGING] = 1.0 if learned.changing else 0.0
         m[online.SLACK], m[online.SLACK_T] = learned.slack
-        m[online.SEEN] = 1.0 if learned.seen else 0.0
+        m[online.SEEN] = 1.0 if learned.told else 0.0
         states = learned.keyframes.states
         m[online.KEYFRAMES] = len(states)
         self._keyframes[pad, : len(states)] = states[:, : GAIN + 1]
