@@ -1,4 +1,4 @@
-"""How a pattern in a stream is learned, beside the stream, and known again."""
+"""How a pattern in a stream is learned, beside the stream."""
 
 from __future__ import annotations
 
@@ -23,11 +23,9 @@ from taxelflow.estimation.pattern.learned import (
     refined,
     usual_of,
 )
-from taxelflow.estimation.pattern.online import HUBER, gate
-from taxelflow.estimation.pattern.register import HELD, register
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.sight import sights
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
+from taxelflow.estimation.pattern.spline import STATE, THETA
 from taxelflow.estimation.pattern.turning import SEEN, explains, with_turn, without_turn
 
 if TYPE_CHECKING:
@@ -37,8 +35,6 @@ if TYPE_CHECKING:
 _NEAR, _FAR = 0.25, 1.0
 """Keyframes closer than this, in pitches, show the same; further for contacts whose size varies: what the size leaves
 unexplained seems to move them."""
-DOUBT = 0.25
-"""How much of a pattern's rough doubt counts when scans are registered."""
 _DOUBTFUL, _DECIDE, _WHOLE = 1.0, 4, 0.1
 """Sight below which a turn is dropped; keyframes from which, and share of the load at the border up to which, one is
 looked for."""
@@ -49,8 +45,6 @@ _CUT_SLACK = 0.5
 """What is added to the first slack, times the share of the load that lies at the border."""
 _CHANGES, _LAST = 0.1, 4
 """A pattern with a relative error above the first changes; then the last few make it."""
-_ABOUT = 1.0
-"""How far, in pitches, a recognised object may lie from where it is looked for."""
 _SEEN_ENOUGH = 12
 """Keyframes from which a pattern that does not explain them changes."""
 _MOST_SLACK = (1.0, 0.3)
@@ -75,61 +69,6 @@ def first_pattern(
     )
     learned.slack[0] += _CUT_SLACK * most_whole(learned.keyframes)[1]
     return learned
-
-
-def recognised(
-    known: Learned,
-    middle: Floats,
-    places: Floats,
-    reading: Floats,
-    variance: Floats,
-    ceiling: Floats,
-    theta: float | None = None,
-) -> tuple[Floats, Floats, float, int] | None:
-    """Where a known pattern explains a scan, or None: state (5,), its information (5, 5), chi-square per reading and
-    how many readings. middle: (2,) centroid of the scan.
-
-    The object may lie partly beyond the pad's border, so it is looked for further out, too; where a turn can be seen,
-    at all angles, or at those around theta. A few taxels at the border may be explained by many a place along it: it is
-    looked for where its middle lies on the line from the pad's through the scan's.
-    """
-    pattern = known.pattern
-    outward = middle / max(float(np.hypot(*middle)), 1e-9)
-    steps = np.arange(12) if theta is None else np.arange(-1, 2)
-    angles = steps * (np.pi / 6) if known.turns else np.zeros(1)
-    angles = angles + (known.keyframes.states[-1, THETA] if theta is None else theta)
-    centre, best, found = pattern.centre(), np.inf, None
-    information = np.zeros((STATE, STATE))
-    stiffness = np.array([_ABOUT**-2, _ABOUT**-2, 1e-6 if known.turns else HELD, 0.0, HELD])
-    for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
-        stiffness[GAIN] = gain_std**-2
-        for angle in angles:
-            for reach in (0.0, 0.5, 1.0, 1.5, 2.0):
-                cos, sin = np.cos(angle), np.sin(angle)
-                arm = np.array([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]])
-                state = np.array([*(middle + reach * known.radius * outward - arm), angle, 1.0, 0.0])
-                cost, chi, count = register(
-                    pattern.coefficients,
-                    DOUBT * pattern.doubt,
-                    pattern.lattice,
-                    places,
-                    np.zeros((3, 0)),
-                    reading,
-                    variance,
-                    ceiling,
-                    known.rough,
-                    HUBER,
-                    state.copy(),
-                    stiffness,
-                    20,
-                    state,
-                    information,
-                )
-                if cost < best and count and chi / count < gate(known.usual, count):
-                    best, found = cost, (state.copy(), information.copy(), chi / count, count)
-        if found is not None:
-            break
-    return found
 
 
 def learn(known: Learned) -> Learned:

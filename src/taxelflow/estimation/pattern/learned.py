@@ -42,8 +42,9 @@ class Learned:
     placed: whether the contact grows with the load about a point that was found; looked: for it, at so many keyframes.
     turned: by how much its theta differs from that of the pattern before.
     gain_std: from scan to scan. turns: whether it may turn; proved: whether its scans are explained by turning, and not
-    without; seen: whether the pattern shows a turn; told: and poses on it have agreed well enough to tell of it. sight: how well, and sight_of_place how well where it is, see
-    `sights`. changing: it does not stay the same, and only the last keyframes count.
+    without; seen: whether the pattern shows a turn; told: whether fits have agreed well enough to tell of it. sight:
+    how well, and sight_of_place how well where it is, see `sights`. changing: it does not stay the same, and only the
+    last keyframes count.
     """
 
     pattern: Pattern

@@ -6,8 +6,7 @@ how fast the machine is or how the stream is cut; a machine that is too slow mak
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,10 +14,12 @@ import numpy as np
 from taxelflow.estimation.pattern import online
 from taxelflow.estimation.pattern.hand import ASKS, BOTH, ELSEWHERE, FOLLOW, REPORT, follow_hand
 from taxelflow.estimation.pattern.keyframes import MOST_KEYFRAMES
-from taxelflow.estimation.pattern.learn import DOUBT, first_pattern, learn, recognised
+from taxelflow.estimation.pattern.learn import first_pattern
 from taxelflow.estimation.pattern.learned import Learned
+from taxelflow.estimation.pattern.learner import Learner, Novel
 from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.predict import expected
+from taxelflow.estimation.pattern.recognise import DOUBT, close, recognised, surely_elsewhere
 from taxelflow.estimation.pattern.scanned import delays_of
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
 from taxelflow.estimation.pattern.warm import compile_kernels
@@ -29,45 +30,27 @@ if TYPE_CHECKING:
     from taxelflow.layout import Layout
     from taxelflow.messages import Floats
 
-_LIBRARY = 4
-"""Patterns of former contacts that a pad remembers."""
 _TURN_STD = 0.1
 _LEAST_GAIN_STD = 0.05
-_PROBATION, _SURELY, _LEAP = 3, 9.0, (2.0, 0.5)
-"""A pattern that was recognised is looked for all over the pad until so many scans have told where it is, and followed
-only if chi-square is less by so much; later it is looked for within so many pitches and rad."""
+_PROBATION = 3
+"""A pattern that was recognised is looked for all over the pad until so many scans have told where it is."""
 _MISTAKEN = 2
 """After so many scans that do not fit, it was another object."""
-_SAME = 0.5
-"""States closer than this, in pitches, are the same."""
-_YOUNG, _YOUNG_LATENCY = 12, 0.2
-"""A pattern of few keyframes is learned faster, and adopted after this share of the usual time."""
-
-
-@dataclass(slots=True, eq=False)
-class _Pad:
-    """What a pad has learned, and is learning; last: (5,), the newest state that it is learned from."""
-
-    learned: Learned | None = None
-    job: Future[Learned] | None = None
-    due_s: float = np.inf
-    waiting: list[tuple[float, Floats, Floats, Floats, Floats]] = field(default_factory=list)
-    library: list[Learned] = field(default_factory=list)
-    last: Floats = field(default_factory=lambda: np.zeros(STATE))
 
 
 class StreamSession:
     """A causal estimator of pose on a pattern that it learns."""
 
     def __init__(self, layout: Layout, latency_s: float) -> None:
-        self._layout, self._latency_s = layout, latency_s
+        self._layout = layout
         pads = len(layout.pads)
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         scale = np.repeat(self._pitch_m, np.diff(layout.starts))
         self._places = np.stack([layout.x_m, layout.y_m]) / scale
         late, self._lead = delays_of(layout)
         self._delay = late if late.any() else np.zeros(0)
-        self._pads = [_Pad() for _ in range(pads)]
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
+        self._pads = [Learner(self._worker, latency_s) for _ in range(pads)]
         self._memory = np.zeros((pads, online.SLOTS))
         self._states = np.zeros((pads, STATE))
         self._information, self._steps = np.zeros((pads, STATE, STATE)), np.zeros((pads, STATE, STATE))
@@ -103,7 +86,6 @@ class StreamSession:
             self._last_reading,
             self._last_variance,
         )
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
         self.notes: list[str] = []
         self.patterns = Maps()
         self._compile()
@@ -129,7 +111,7 @@ class StreamSession:
     @property
     def learning(self) -> bool:
         """Whether a pattern is being learned, or waits to be adopted."""
-        return any(own.job is not None for own in self._pads)
+        return any(own.learning for own in self._pads)
 
     def expected(self, t_s: float | None = None) -> Floats:
         """(entries,), what the taxels should read, by all that is known: in the last scan, or at t_s if the motion goes
@@ -169,7 +151,7 @@ class StreamSession:
             self._touched = touched
         for pad, own in enumerate(self._pads):
             if own.due_s <= t:
-                self._adopt(pad, own)
+                self._adopt(pad)
         came = self._run(BOTH, t, reading, variance, contact, slips, k)
         if came == ELSEWHERE:
             self._find_again(t, contact, reading, variance)
@@ -224,9 +206,9 @@ class StreamSession:
             found = recognised(known, middle, *scan, self._states[pad, THETA] if near else None)
             if found is None and not near and not fits and m[online.POOR] >= _MISTAKEN:
                 self._learn_anew(int(pad), t, reading, variance)
-            if found is None or (near and not _close(found[0], self._states[pad])):
+            if found is None or (near and not close(found[0], self._states[pad])):
                 continue
-            if not fits or _surely_elsewhere(found, self._states[pad], m):
+            if not fits or surely_elsewhere(found, self._states[pad], m):
                 self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
                 self._steps[pad], m[online.CARRIES] = found[1], 0.0
                 m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
@@ -248,18 +230,12 @@ class StreamSession:
             else:
                 self._settle(int(pad))
                 self._keep(int(pad))
-                if own.learned is not None and own.learned.mature:
-                    own.library = [*own.library, own.learned][-_LIBRARY:]
-                own.learned = None
+                own.end()
                 self._memory[pad, online.ACTIVE] = 0.0
 
     def _settle(self, pad: int) -> None:
         """Take what is still being learned when a contact, or its pattern, ends."""
-        own = self._pads[pad]
-        if own.job is not None:
-            own.learned = own.job.result()
-            self._memory[pad, online.THETA_0] += own.learned.turned
-        own.job, own.due_s, own.waiting = None, np.inf, []
+        self._memory[pad, online.THETA_0] += self._pads[pad].settle()
 
     def _begin(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
@@ -326,18 +302,19 @@ class StreamSession:
         self._keyframes[pad, : len(states)] = states[:, : GAIN + 1]
         self._pads[pad].learned = learned
 
-    def _adopt(self, pad: int, own: _Pad) -> None:
+    def _adopt(self, pad: int) -> None:
         """Put in what was learned, and register the last scan anew, so that its change is no motion."""
-        if own.job is None or own.learned is None:
+        own, m = self._pads[pad], self._memory[pad]
+        old, new = own.learned, own.taken()
+        if old is None or new is None:
             return
-        new = own.job.result()
-        own.job, own.due_s = None, np.inf
-        m = self._memory[pad]
         m[online.THETA_0] += new.turned
-        if new.turns and not own.learned.turns:  # it has turned all the while
+        if new.turns and not old.turns:  # it has turned all the while
             self._states[pad, THETA] = new.keyframes.states[-1, THETA]
         if new.placed:
-            self._take_over(pad, own, new, begins=not own.learned.placed)
+            own.take_over(new, [self._states[pad]])
+            if not old.placed:  # any size may be right
+                m[online.LOAD] = 0.0
         self._put(pad, new)
         alone = np.zeros(len(self._pads), dtype=np.bool_)
         alone[pad] = True
@@ -348,19 +325,7 @@ class StreamSession:
         state, scale = self._states[pad], self._pitch_m[pad]
         turn = state[THETA] - m[online.THETA_0] if m[online.SEEN] else np.nan
         self._before[pad] = scale * state[0], scale * state[1], turn
-        if own.waiting:
-            self._submit(pad, own)
-
-    def _take_over(self, pad: int, own: _Pad, new: Learned, *, begins: bool) -> None:
-        """Take what was registered since the last keyframe over to the frame of a pattern that grows, or begins to."""
-        if begins:
-            self._memory[pad, online.LOAD] = 0.0  # any size may be right
-        last = new.keyframes.states[-1]
-        step, louder = last - own.last, last[GAIN] / own.last[GAIN]
-        step[[THETA, GAIN]] = 0.0
-        for state in (self._states[pad], *(scan[4] for scan in own.waiting)):
-            state[:] = state + step
-            state[GAIN] *= louder
+        self._go_on(pad)
 
     def _answer(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """Do what a scan calls for."""
@@ -380,29 +345,17 @@ class StreamSession:
             return
         late = self._delay[taxels] if len(self._delay) else np.zeros(0)
         bend = m[online.SPEED_X : online.SPEED_T + 1, np.newaxis] * late
-        own.waiting.append((t, reading[taxels].copy(), variance[taxels].copy(), bend, self._states[pad].copy()))
+        own.learn_from(Novel(t, reading[taxels].copy(), variance[taxels].copy(), bend, self._states[pad].copy()))
         count = int(m[online.KEYFRAMES])
         if count < MOST_KEYFRAMES:
             self._keyframes[pad, count] = self._states[pad, : GAIN + 1]
             m[online.KEYFRAMES] += 1
-        if own.job is None:
-            self._submit(pad, own)
+        self._go_on(pad)
 
-    def _submit(self, pad: int, own: _Pad) -> None:
+    def _go_on(self, pad: int) -> None:
         """Begin to learn from the scans that wait."""
-        if own.learned is None:
-            return
-        known = own.learned
-        keyframes = known.keyframes
-        for scan in own.waiting:
-            keyframes = keyframes.with_scan(*scan)
-        start, fresh, own.last = own.waiting[-1][0], len(own.waiting), keyframes.states[-1]
-        own.waiting = []
-        may_turn = known.turns or bool(self._memory[pad, online.TURNED])
-        work = replace(known, keyframes=keyframes, fresh=fresh, turns=may_turn)
-        own.job = self._worker.submit(learn, work)
-        latency_s = self._latency_s * (_YOUNG_LATENCY if len(keyframes) < _YOUNG else 1.0)
-        own.due_s = max(start, float(self._memory[pad, online.LAST_T])) + latency_s
+        m = self._memory[pad]
+        self._pads[pad].go_on(float(m[online.LAST_T]), may_turn=bool(m[online.TURNED]))
 
     def _compile(self) -> None:
         """Run the kernels on nothing, so that none is compiled within the stream."""
@@ -428,15 +381,3 @@ def _room(scans: Scans) -> Slips:
         disturbance=np.empty(shape),
         quality=np.empty(shape, np.uint8),
     )
-
-
-def _close(found: Floats, known: Floats) -> bool:
-    """Whether one state (5,) can have become the other at once."""
-    return bool(np.hypot(*(found - known)[:2]) < _LEAP[0] and abs(found[THETA] - known[THETA]) < _LEAP[1])
-
-
-def _surely_elsewhere(found: tuple[Floats, Floats, float, int], state: Floats, m: Floats) -> bool:
-    """Whether a state found from nothing but a scan is to be believed, and not the one that was followed."""
-    place, _, chi, count = found
-    better = m[online.CHI] * m[online.COUNT] < chi * count - _SURELY * m[online.USUAL]
-    return bool(not better and np.hypot(*(place - state)[:2]) > _SAME)

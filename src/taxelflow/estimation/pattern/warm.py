@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 
 from taxelflow.estimation.pattern.contact import solve_contact
-from taxelflow.estimation.pattern.learn import first_pattern, learn, recognised
+from taxelflow.estimation.pattern.learn import first_pattern, learn
+from taxelflow.estimation.pattern.recognise import recognised
 from taxelflow.estimation.pattern.scanned import Scanned
 
 

@@ -1,0 +1,93 @@
+"""Known patterns, looked for all over a pad."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.pattern import online
+from taxelflow.estimation.pattern.online import HUBER, gate
+from taxelflow.estimation.pattern.register import HELD, register
+from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.pattern.learned import Learned
+    from taxelflow.messages import Floats
+
+DOUBT = 0.25
+"""How much of a pattern's rough doubt counts when scans are registered."""
+_ABOUT = 1.0
+"""How far, in pitches, a recognised object may lie from where it is looked for."""
+_SURELY, _LEAP = 9.0, (2.0, 0.5)
+"""A place found all over the pad is followed only if chi-square is less by so much; an object that is known lies within
+so many pitches and rad of where it was."""
+_SAME = 0.5
+"""States closer than this, in pitches, are the same."""
+
+
+def recognised(
+    known: Learned,
+    middle: Floats,
+    places: Floats,
+    reading: Floats,
+    variance: Floats,
+    ceiling: Floats,
+    theta: float | None = None,
+) -> tuple[Floats, Floats, float, int] | None:
+    """Where a known pattern explains a scan, or None: state (5,), its information (5, 5), chi-square per reading and
+    how many readings. middle: (2,) centroid of the scan.
+
+    The object may lie partly beyond the pad's border, so it is looked for further out, too; where a turn can be seen,
+    at all angles, or at those around theta. A few taxels at the border may be explained by many a place along it: it is
+    looked for where its middle lies on the line from the pad's through the scan's.
+    """
+    pattern = known.pattern
+    outward = middle / max(float(np.hypot(*middle)), 1e-9)
+    steps = np.arange(12) if theta is None else np.arange(-1, 2)
+    angles = steps * (np.pi / 6) if known.turns else np.zeros(1)
+    angles = angles + (known.keyframes.states[-1, THETA] if theta is None else theta)
+    centre, best, found = pattern.centre(), np.inf, None
+    information = np.zeros((STATE, STATE))
+    stiffness = np.array([_ABOUT**-2, _ABOUT**-2, 1e-6 if known.turns else HELD, 0.0, HELD])
+    for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
+        stiffness[GAIN] = gain_std**-2
+        for angle in angles:
+            for reach in (0.0, 0.5, 1.0, 1.5, 2.0):
+                cos, sin = np.cos(angle), np.sin(angle)
+                arm = np.array([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]])
+                state = np.array([*(middle + reach * known.radius * outward - arm), angle, 1.0, 0.0])
+                cost, chi, count = register(
+                    pattern.coefficients,
+                    DOUBT * pattern.doubt,
+                    pattern.lattice,
+                    places,
+                    np.zeros((3, 0)),
+                    reading,
+                    variance,
+                    ceiling,
+                    known.rough,
+                    HUBER,
+                    state.copy(),
+                    stiffness,
+                    20,
+                    state,
+                    information,
+                )
+                if cost < best and count and chi / count < gate(known.usual, count):
+                    best, found = cost, (state.copy(), information.copy(), chi / count, count)
+        if found is not None:
+            break
+    return found
+
+
+def close(found: Floats, known: Floats) -> bool:
+    """Whether one state (5,) can have become the other at once."""
+    return bool(np.hypot(*(found - known)[:2]) < _LEAP[0] and abs(found[THETA] - known[THETA]) < _LEAP[1])
+
+
+def surely_elsewhere(found: tuple[Floats, Floats, float, int], state: Floats, m: Floats) -> bool:
+    """Whether a state found from nothing but a scan is to be believed, and not the one that was followed."""
+    place, _, chi, count = found
+    better = m[online.CHI] * m[online.COUNT] < chi * count - _SURELY * m[online.USUAL]
+    return bool(not better and np.hypot(*(place - state)[:2]) > _SAME)
