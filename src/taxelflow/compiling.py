@@ -55,7 +55,7 @@ class _Announce(event.Listener):
     def on_start(self, _event: object) -> None:
         if not self.said:
             self.said = True
-            _log.warning("compiling kernels for this machine, once (some seconds; later runs load them from a cache)")
+            _log.warning("compiling kernels for this machine, once (up to a minute; later runs load them from a cache)")
 
     def on_end(self, _event: object) -> None:
         """Nothing to say: the caller goes on."""
