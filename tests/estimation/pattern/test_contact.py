@@ -8,6 +8,8 @@ import pytest
 from rigged import rigged
 from taxelflow import api
 from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.score.strokes import trial, ungrouped
+from taxelflow.score.table1 import strokes_by
 
 
 def turned(scenario: str, seed: int = 0, **parts: dict[str, object]) -> float:
@@ -27,3 +29,15 @@ def test_a_dome_that_sticks_and_slips_does_not_turn() -> None:
 @pytest.mark.parametrize("turn_rad_s", [1.4, 0.07])
 def test_a_bar_turns_by_what_it_turns(turn_rad_s: float) -> None:
     assert turned("bar-on-grid", motion={"turn_rad_s": turn_rad_s}) == pytest.approx(1.5 * turn_rad_s, abs=0.02)
+
+
+def test_an_object_smaller_than_a_taxel_neither_turns_nor_loses_its_speed() -> None:
+    drawn = trial(41, 50)
+    small = replace(drawn, contact=replace(drawn.contact, radius_m=0.004))
+    recording = ungrouped(simulate(small))
+    palm = recording.layout.pads.index("palm")
+    assert np.isnan(
+        api.estimate(recording, "template").slips.pose[:, palm, 2]
+    ).all()  # its gains vary then, and it turns
+    speeds = [stroke.all for stroke in strokes_by("template", recording, api.conditioned(recording))]
+    assert speeds == pytest.approx([-50.0, 50.0], rel=0.01)  # with a loose start alone 2.4 mm/s are lost

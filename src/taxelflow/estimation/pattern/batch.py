@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from taxelflow.estimation.pattern.chain import MEMORY, Moment, follow_changing
 from taxelflow.estimation.pattern.contact import solve_contact
 from taxelflow.estimation.pattern.growth import grown
 from taxelflow.estimation.pattern.mapped import Maps
+from taxelflow.estimation.pattern.parts import in_parts
 from taxelflow.estimation.pattern.poses import TOO_ROUGH, Poses, aligned, poses_of
 from taxelflow.estimation.pattern.scanned import Scanned, delays_of
 from taxelflow.estimation.pattern.warm import compile_kernels
@@ -121,8 +122,11 @@ class BatchSession:
         scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], self._delay[own])
         with threadpool_limits(1, user_api="blas"):  # the matrices are too small to share among cores
             size = layout.pitch_m[pad] / pitch_m
+            whole, moment = scanned.variance.copy(), None
             solved = grown(solve_contact(scanned, size), scanned, size)
-            moment = None
+            if solved.rough > TOO_ROUGH and len(scanned) > MEMORY:
+                parted = in_parts(replace(scanned, variance=whole), size)
+                solved, scanned = parted or (solved, scanned)
             if solved.rough > TOO_ROUGH and len(scanned) > MEMORY:
                 poses, moment = follow_changing(scanned, size, pitch_m, turns=solved.turns)
             else:

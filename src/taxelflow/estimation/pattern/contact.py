@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.pattern.joint import Fit, refine
-from taxelflow.estimation.pattern.poses import unturned
+from taxelflow.estimation.pattern.poses import TOO_ROUGH, unturned
 from taxelflow.estimation.pattern.sight import sights
 from taxelflow.estimation.pattern.silent import silent_taxels
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
@@ -23,9 +23,11 @@ if TYPE_CHECKING:
 
 FIRST_ROUGH, _LEAST_ROUGH, _MOST_ROUGH = 0.02, 0.002, 0.2
 FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
+_STEADY_GAIN_STD, _SCANT = 0.1, 0.8
+"""A load that hardly varies is tried, too, where gains vary but less than this share of the readings checks the fit."""
 LOOSE_TURN = 1e-3
 """Keeps a turn that nothing determines from wandering: 1 / rad^2."""
-_SEEN = 4.0
+SEEN = 4.0
 """A turn is observable if the pattern tells it so many times better than its own noise would."""
 _TURN_NEEDED, _AS_NOISE = 1.1, 1.0
 """... or if the scans fit so many times worse without it, and worse than noise lets them."""
@@ -95,32 +97,56 @@ def solve_contact(scanned: Scanned, size: Floats) -> Solved:
             break
         dead.append(worst)
         solved = without
+    if solved.fit.freedom < _SCANT and solved.gain_std > _LEAST_GAIN_STD:
+        solved = _steadier(solved, scanned, size)
     solved.dead = np.array(dead, np.int64)
     return solved
 
 
+def _steadier(solved: Solved, scanned: Scanned, size: Floats) -> Solved:
+    """The contact from a start with nearly equal gains if that is likelier, else as it was.
+
+    Scans of an object no larger than a taxel say little of place and gain each, and a pattern that is hardly checked
+    fits many of both: which of them is found depends on the start.
+    """
+    tracker = tracker_of(scanned, size, turns=solved.turns, gain_std=_STEADY_GAIN_STD)
+    steady = solved_from(scanned, tracker, first_fit(scanned, tracker), turns=solved.turns)
+    rough, smoothing = min(solved.rough, steady.rough), min(solved.pattern.smoothing, steady.pattern.smoothing)
+    gain_variance = solved.gain_std * steady.gain_std
+
+    def cost(one: Solved) -> float:
+        """-2 log posterior by what both starts have learned; all readings are in it: off a lattice there is no load."""
+        used = (scanned.variance > 0) & ((scanned.readings > 0) | (one.fit.model > 0))
+        model = np.maximum(one.fit.model[used], 0.0)
+        variance = scanned.variance[used] + (rough * model) ** 2
+        chi = np.minimum((scanned.readings[used] - model) ** 2 / variance, 25.0).sum()
+        return float(chi + np.sum((one.states[:, GAIN] - 1.0) ** 2) / gain_variance + smoothing * one.fit.bending)
+
+    return steady if steady.rough <= TOO_ROUGH and cost(steady) < cost(solved) else solved
+
+
 def _solve_either(scanned: Scanned, size: Floats) -> Solved:
     """With rotation if the data show that it can be seen, else without."""
-    turning, held = _tracker(scanned, size, turns=True), _tracker(scanned, size, turns=False)
+    turning, held = tracker_of(scanned, size, turns=True), tracker_of(scanned, size, turns=False)
     turning.run(_GLIMPSE)
     factor = turning.sums.solve(turning.pattern)
     likely = sights(turning.pattern, scanned, turning.states, factor, turning.start, FIRST_ROUGH)[THETA] > _LIKELY
     fixed = None
     if not likely:
-        first = _first_fit(scanned, held)
+        first = first_fit(scanned, held)
         if unexplained(first, scanned, FIRST_ROUGH) < _HOPELESS:
-            fixed = _solve(scanned, held, first, turns=False)
+            fixed = solved_from(scanned, held, first, turns=False)
             if fixed.sight < _ROUND and unexplained(fixed.fit, scanned, FIRST_ROUGH) < _EXPLAINED:
                 return fixed
-    free = _solve(scanned, turning, _first_fit(scanned, turning), turns=True)
+    free = solved_from(scanned, turning, first_fit(scanned, turning), turns=True)
     if _seen_to_turn(free, scanned, size):
         return free
     if fixed is None:
-        fixed = _solve(scanned, held, _first_fit(scanned, held), turns=False)
+        fixed = solved_from(scanned, held, first_fit(scanned, held), turns=False)
     rough = min(free.rough, fixed.rough)
     least = _TURN_NEEDED if _turned(free) < _SMALL_TURN else _PAID
     without = unexplained(fixed.fit, scanned, rough)
-    needed = without > max(_AS_NOISE, least * unexplained(free.fit, scanned, rough))
+    needed = free.sight > _ROUND and without > max(_AS_NOISE, least * unexplained(free.fit, scanned, rough))
     return free if needed else fixed
 
 
@@ -131,11 +157,11 @@ def _turned(solved: Solved) -> float:
 
 def _seen_to_turn(free: Solved, scanned: Scanned, size: Floats) -> bool:
     """Whether the pattern of a contact shows how it turns: noise in the pattern of a round one seems to."""
-    if free.sight <= _SEEN or _turned(free) < _SMALL_TURN:
-        return free.sight > _SEEN
+    if free.sight <= SEEN or _turned(free) < _SMALL_TURN:
+        return free.sight > SEEN
     which = np.unique(np.linspace(0, len(scanned) - 1, _FEW).astype(np.int64))
     few, states = scanned.taken(which), free.states[which]
-    tracker = _tracker(few, size, turns=False)
+    tracker = tracker_of(few, size, turns=False)
     tracker.start = 0
     tracker.states[:] = unturned(free.pattern.centre(), states)
     tracker.forget(len(few), len(few))
@@ -155,19 +181,20 @@ def start_scan(scanned: Scanned) -> int:
     return int(np.argmin(np.where(load >= 0.5 * load.max(), away, np.inf)))
 
 
-def _tracker(scanned: Scanned, size: Floats, *, turns: bool) -> Tracker:
-    stiffness = np.array([0.0, 0.0, LOOSE_TURN if turns else np.inf, FIRST_GAIN_STD**-2, np.inf])
+def tracker_of(scanned: Scanned, size: Floats, *, turns: bool, gain_std: float = FIRST_GAIN_STD) -> Tracker:
+    """The tracker that a contact begins with. gain_std: of the gains around 1."""
+    stiffness = np.array([0.0, 0.0, LOOSE_TURN if turns else np.inf, gain_std**-2, np.inf])
     return Tracker(scanned, start_scan(scanned), size=size, rough=FIRST_ROUGH, stiffness=stiffness)
 
 
-def _first_fit(scanned: Scanned, tracker: Tracker) -> Fit:
+def first_fit(scanned: Scanned, tracker: Tracker) -> Fit:
     """Track all scans that are left, and refine them jointly."""
     tracker.run()
     scanned.bend(tracker.states)
     return refine(tracker.pattern, scanned, tracker.states, rounds=4, rough=FIRST_ROUGH, stiffness=tracker.stiffness)
 
 
-def _solve(scanned: Scanned, tracker: Tracker, fit: Fit, *, turns: bool) -> Solved:
+def solved_from(scanned: Scanned, tracker: Tracker, fit: Fit, *, turns: bool) -> Solved:
     """Refine further from the first fit, learning gain and roughness in between."""
     pattern, states, rough = tracker.pattern, tracker.states, FIRST_ROUGH
     start, stiffness = tracker.start, tracker.stiffness.copy()

@@ -46,7 +46,7 @@ class Fit:
 
     chi, counts: (scans,), robust chi-square and the readings in it. residual, weight, model: (scans, taxels).
     information: (scans, 5, 5) of the states with the pattern held. factor: of the coefficients' block. free: how many
-    parameters the readings determine, states and coefficients.
+    parameters the readings determine, states and coefficients. bending: the pattern's squared second differences.
     """
 
     chi: Floats
@@ -57,6 +57,7 @@ class Fit:
     information: Floats
     factor: Factor
     free: float
+    bending: float
 
     @property
     def reduced(self) -> float:
@@ -205,7 +206,17 @@ def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, r
         if np.sqrt(moves.mean(axis=0).max()) < _SETTLED:
             break
     free = linear.determined(factor) + len(states) * int(np.sum(~fixed))
-    return Fit(linear.chi, linear.counts, linear.residual, linear.w, linear.model, linear.blocks, factor, free)
+    return Fit(
+        chi=linear.chi,
+        counts=linear.counts,
+        residual=linear.residual,
+        weight=linear.w,
+        model=linear.model,
+        information=linear.blocks,
+        factor=factor,
+        free=free,
+        bending=linear.bending(),
+    )
 
 
 def _learn_smoothing(pattern: Pattern, bending: float) -> None:

@@ -52,7 +52,8 @@ class Tracker:
     def _empty(self, low: Floats, high: Floats) -> Pattern:
         return Pattern.empty(low, high, SPACING, 1, self._size, self.amplitude)
 
-    def _rough_now(self) -> float:
+    def rough_now(self) -> float:
+        """Error of the pattern relative to it, as long as it is raw."""
         return max(self.rough, _RAW_ROUGH) if len(self.done) < _YOUNG else self.rough
 
     def _sum_up(self) -> None:
@@ -65,19 +66,25 @@ class Tracker:
         self.sums.add(self.pattern, self.scanned.taken(which), self.states[which], self.rough)
 
     def run(self, most: int | None = None) -> None:
-        """Register every scan, or `most` more, forwards from the start, then backwards."""
-        scans = len(self.scanned)
-        order = [*range(self.start + 1, scans), *range(self.start - 1, -1, -1)][len(self.done) - 1 :]
-        for k in order[:most]:
+        """Register every scan, or `most` more."""
+        for k in self.order()[:most]:
             self.one(k)
-            self.done.append(k)
-            self._cover(k)
-            self._add(np.array([k]))
-            count = len(self.done)
-            if count < _YOUNG or count % max(_SOLVE_EVERY, count // 10) == 0:
-                self.sums.solve(self.pattern)
-            if count in _REFINE_AT and count < scans:
-                self._refine()
+            self.learn(k)
+
+    def order(self) -> list[int]:
+        """Scans that are left: forwards from the start, then backwards."""
+        return [*range(self.start + 1, len(self.scanned)), *range(self.start - 1, -1, -1)][len(self.done) - 1 :]
+
+    def learn(self, k: int) -> None:
+        """Learn from scan k where it was registered."""
+        self.done.append(k)
+        self._cover(k)
+        self._add(np.array([k]))
+        count = len(self.done)
+        if count < _YOUNG or count % max(_SOLVE_EVERY, count // 10) == 0:
+            self.sums.solve(self.pattern)
+        if count in _REFINE_AT and count < len(self.scanned):
+            self._refine()
 
     def _refine(self) -> None:
         which = np.array(sorted(self.done))
@@ -149,7 +156,7 @@ class Tracker:
                 scanned.readings[k],
                 scanned.variance[k],
                 scanned.ceiling,
-                self._rough_now(),
+                self.rough_now(),
                 _HUBER,
                 prior,
                 stiffness,

@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rigged import rigged
+from taxelflow import api
+from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.messages import OK
+from taxelflow.score.limits import without_frame
+from taxelflow.score.nees import consistency
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Bytes, Floats
+
+
+def followed(**changes: object) -> tuple[Floats, Floats, Bytes]:
+    """Errors (scans, 3), m and rad, covariances (scans, 3, 3) and quality (scans,) of a batch's poses."""
+    recording = simulate(rigged("feet-lift", sensing={"rate_hz": 20.0}, **changes))
+    slips = api.estimate(recording, "template").slips
+    own = np.isfinite(slips.pose[:, 0, 0])
+    pose, truth = slips.pose[own, 0], recording.known_truth.pose[own]
+    return without_frame(pose, truth, np.ones(pose.shape)), slips.covariance[own, 0], slips.quality[own, 0]
+
+
+def test_feet_that_lift_are_set_aside_and_the_others_followed() -> None:
+    error, covariance, quality = followed()
+    assert np.sqrt(np.mean(np.sum(error[:, :2] ** 2, axis=1))) < 0.1e-3  # with them, 2 mm
+    nees = consistency([(error, covariance)], 1).nees
+    assert nees is not None
+    assert 0.5 < nees < 2.0
+    assert (quality == OK).all()
