@@ -36,9 +36,8 @@ def test_an_object_that_slides_along_the_border_as_it_is_pressed_has_moved() -> 
 
 
 def test_a_stream_learns_from_the_first_load_how_a_contact_grows() -> None:
-    found, _ = seen("stream", 100.0, after_s=3.0, motion={"turn_s": 6.0}, load={"cycles": 3})
-    assert np.ptp(found, axis=0).max() < 0.5
-    assert found.std(axis=0).max() < 0.1  # taken for motion, it is 0.4 mm
+    found, _ = seen("stream", 100.0, after_s=3.0, motion={"turn_s": 6.0}, load={"cycles": 3}, seed=7)
+    assert found.std(axis=0).max() < 0.1  # learned from where it seemed to be, it is 0.18 mm
 
 
 def test_what_slides_in_a_stream_as_it_is_pressed_has_moved() -> None:
