@@ -164,6 +164,15 @@ def test_motion_that_follows_the_load_is_no_slip() -> None:
     assert "slip_start" in kinds(watched(slips_of(noise(3000) + moved))[1])  # unless the load is not seen to change
 
 
+def test_noise_that_load_and_pose_share_is_no_slip_that_the_load_hides() -> None:
+    t_s = np.arange(6000) / RATE_HZ
+    for seed in range(10):
+        shared, pose = np.random.default_rng(100 + seed).standard_normal(6000), noise(6000, seed)
+        pose[:, 0] = np.sqrt(0.75) * pose[:, 0] + 0.5 * STD[0] * shared
+        load = np.exp(14.0 + 0.8 * np.sin(np.pi * t_s) + 0.012 * shared)
+        assert kinds(watched(slips_of(pose, load=load, theta=False))[1]) == ["contact"]
+
+
 def test_a_covariance_too_large_under_load_does_not_make_the_unloaded_pose_look_surer() -> None:
     t_s = np.arange(6000) / RATE_HZ
     load = np.exp(np.sin(2 * np.pi * t_s / 2))
@@ -192,6 +201,27 @@ def test_what_is_left_of_a_contact_is_judged_only_where_its_pose_is_ok() -> None
     slips.quality[60:] = AMBIGUOUS
     slips.contact[60:62] = False  # let go and touched anew
     assert "slip_start" in kinds(watched(slips)[1])
+
+
+def test_a_pose_that_noise_put_where_it_claims_to_be_sure_is_no_slip() -> None:
+    drawn = np.random.default_rng(4).standard_normal(3000)
+    steep = 0.5  # the pose is no linear function of the noise, and its covariance belongs to where it came to lie
+    pose = noise(3000)
+    pose[:, 0] = 2e-5 * np.expm1(steep * drawn) / steep
+    slips = slips_of(pose)
+    slips.displacement_covariance[:, 0, 0, 0] = 2 * (2e-5 * np.exp(steep * drawn)) ** 2
+    assert kinds(watched(slips)[1]) == ["contact"]
+
+
+def test_what_was_usual_at_another_place_or_once_is_forgotten() -> None:
+    moved = slid((0.01, 0.0, 0.0), begin=100, end=130) + slid((0.01, 0.0, 0.0), begin=190, end=230) - noise(300)
+    plain = [event.t_s for event in watched(slips_of(moved))[1]]
+    slips = slips_of(moved)
+    slips.displacement_covariance[:100] *= 25  # less well known where it rested first
+    assert [event.t_s for event in watched(slips)[1]][3] == plain[3]
+    slips = slips_of(moved)
+    slips.displacement_covariance[165:167] *= 1e4
+    assert [event.t_s for event in watched(slips)[1]][3] <= plain[3] + 1.1 / RATE_HZ
 
 
 def test_creep_is_no_slip() -> None:

@@ -51,6 +51,29 @@ def set_off(t: float, before_s: float, slip: Floats, variance: float, m: Floats)
 
 
 @kernel
+def has_leapt(
+    y: Floats, way: Floats, rested_s: float, arrived_s: float, dt: float, variance: float, m: Floats, stops: Floats
+) -> None:
+    """The object has slipped, as `leap` has found, and rests again: a stop is all that it can have come to.
+
+    y: (3,), where it is, known with this variance. way: (2,) from where it was. rested_s, arrived_s: of the last pose
+    there and the first here; scans are dt apart. It began a quarter of dt after the one and ended as long before the
+    other.
+    """
+    began_s, ended_s = rested_s + 0.25 * dt, arrived_s - 0.25 * dt
+    m[BEGAN], m[STOPS], m[DOUBT], m[LOST_TURN] = began_s, 1.0, 0.0, 1.0
+    m[PLACE + 2] = m[FROM + 2] = y[2]
+    m[SPEED + 2] = 0.0
+    for axis in range(2):
+        m[PLACE + axis], m[FROM + axis] = y[axis], y[axis] - way[axis]
+        m[SPEED + axis] = way[axis] / (ended_s - began_s)
+    m[Q], m[Q + 1], m[Q + 2] = variance, 0.0, 0.0
+    stop = stops[0]
+    stop[T_0], stop[WEIGHT], stop[LOG_L], stop[REST_VAR] = ended_s - 0.5 * dt, _RATE * dt, 0.0, variance
+    stop[REST : REST + 3] = y
+
+
+@kernel
 def slide(
     t: float, y: Floats, noise: Floats, before_s: float, creep_m_s: float, m: Floats, stops: Floats, rests: Floats
 ) -> float:

@@ -34,12 +34,16 @@ _AWAY = 4.0
 
 @dataclass(slots=True, eq=False)
 class _Pad:
-    """What was told of a pad and is not dated yet, each with its scan; what is dated; the last date; does it slip?"""
+    """What was told of a pad and is not dated yet, each with its scan; what is dated; the last date; does it slip?
+
+    leapt: its slip was over before it was told.
+    """
 
     told: list[tuple[int, Event]] = field(default_factory=list)
     dated: list[Event] = field(default_factory=list)
     last_s: float = -np.inf
     slipping: bool = False
+    leapt: bool = False
 
 
 class HindsightSession:
@@ -111,7 +115,10 @@ class HindsightSession:
         self._moved, self._variance = self._moved[old:], self._variance[old:]
 
     def _date(self, number: int, pad: _Pad) -> None:
-        """Date the oldest thing told of a pad; a stop that is soon taken back was none."""
+        """Date the oldest thing told of a pad; a stop that is soon taken back was none.
+
+        A slip that was over before it was told is one of `leap`, faster than the scans: there is no way to be dated by.
+        """
         scan, event = pad.told.pop(0)
         later = [(k, other) for k, other in pad.told if k <= scan + _AHEAD]
         if event.event in ("contact", "release"):
@@ -123,7 +130,11 @@ class HindsightSession:
             pad.told.pop(0)
             return
         until = later[0][1].onset_s if later else np.inf
-        when = event.onset_s if np.isnan(event.speed_m_s) else self._bend(number, scan, event, pad.last_s, until)
+        starts = event.event == "slip_start"
+        leapt = until < event.t_s if starts else pad.leapt
+        pad.leapt = starts and leapt
+        as_told = leapt or np.isnan(event.speed_m_s)
+        when = event.onset_s if as_told else self._bend(number, scan, event, pad.last_s, until)
         earliest = self._t[max(scan - _BACK - self._first, 0)]
         pad.last_s = float(max(when, earliest, pad.last_s))
         pad.dated.append(replace(event, onset_s=pad.last_s))

@@ -33,13 +33,17 @@ from taxelflow.monitor.still import (
     scale,
 )
 
-# A ramp: begin, weight, the filter's answer to it (a, b, c), F for place and turn, h (3), g.
-T_0, WEIGHT, ANSWER, F, H, G, RAMP = 0, 1, 2, 5, 7, 10, 11
+# A ramp: begin, weight, the filter's answer to it (a, b, c), F for place and turn, h (3), g, F if nothing answered.
+T_0, WEIGHT, ANSWER, F, H, G, WHOLE, RAMP = 0, 1, 2, 5, 7, 10, 11, 12
 # A slip: begin, place now (3), velocity (3), the velocity's variance along an axis and covariance with the place, Q.
 BEGIN, PLACE_NOW, VELOCITY, VARIANCE, LATE, ENERGY_OF, SLIP = 0, 1, 4, 7, 8, 9, 10
 
 REACH = 2.0
 """A usual slip moves by so many standard deviations of a pose from scan to scan; others are found too."""
+_SEEN = 0.1
+"""Least share of a slip's F that the filter must leave: a third of its way. What is left of one that it takes for what
+load does follows the scatter of the load, which has something in common with the pose's.
+"""
 MOST_RAMPS, _YOUNG = 20, 8
 """Ramps followed at a time, and how many of the last are never merged."""
 _OLDEST_S, _OLDEST_SCANS = 2.0, 64
@@ -77,11 +81,12 @@ def weigh(t: float, before_s: float, step: Floats, m: Floats, count: int, ramps:
             ramp[ANSWER + k] += step[GAIN + k] * f
         f *= narrow
         ramp[F] += f * f
+        ramp[WHOLE] += ((t - ramp[T_0]) * narrow) ** 2
         ramp[F + 1] += f * f * step[TURN_COUNTS]
         for axis in range(3):
             ramp[H + axis] += f * step[WHITE + axis]
         ratio, q = likelihood(ramp, energy, m[FREEDOM])
-        ratio *= ramp[WEIGHT]
+        ratio *= ramp[WEIGHT] if ramp[F] > _SEEN * ramp[WHOLE] else 0.0
         whole += ratio
         if ratio > most:
             most, likeliest, slip[ENERGY_OF] = ratio, j, q

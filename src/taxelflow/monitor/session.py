@@ -47,6 +47,8 @@ class SlipSession:
             slips.contact,
             slips.displacement,
             slips.displacement_covariance,
+            slips.pose,
+            slips.covariance,
             slips.lag_s,
             slips.load,
             slips.disturbance,

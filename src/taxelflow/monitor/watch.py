@@ -8,7 +8,34 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import LOST, OK, UNRESOLVED, Bools, Bytes, Floats
-from taxelflow.monitor.halt import AT, AT_VAR, BEGAN, DOUBT, FROM, LOST_TURN, RESTS, SINCE, SLIDE, SPEED, set_off, slide
+from taxelflow.monitor.halt import (
+    AT,
+    AT_VAR,
+    BEGAN,
+    DOUBT,
+    FROM,
+    LOST_TURN,
+    RESTS,
+    SINCE,
+    SLIDE,
+    SPEED,
+    has_leapt,
+    set_off,
+    slide,
+)
+from taxelflow.monitor.leap import (
+    ARRIVED_S,
+    BEFORE,
+    BEFORE_S,
+    FALLEN,
+    JUMP,
+    LATEST,
+    LEAP,
+    by_chance,
+    goes_by,
+    load_falls,
+    rests_at,
+)
 from taxelflow.monitor.onset import BEGIN, ENERGY_OF, SLIP, VELOCITY, thinned, threshold, weigh
 from taxelflow.monitor.still import ENERGY, STEP, STILL, TURN_COUNTS, TURNS, P, forget, innovate, scale, settle
 
@@ -17,11 +44,12 @@ NEW, RESTING, SLIPPING = range(3)
 
 # Memory per pad: mode, time of the last scan and of the last pose used, logarithm of the load or 0, poses since the
 # contact began or began anew, when that was, how many ramps are followed, whether it is what is left of one that was
-# let go, accumulated displacement (3); `still`'s and `halt`'s.
-MODE, LAST, USED, LOAD, KNOWN, FIRST, RAMPS, LEFT, Y = range(9)
-CALM = 11
+# let go, accumulated displacement (3), usual variance of its poses (3); `still`'s, `halt`'s and `leap`'s.
+MODE, LAST, USED, LOAD, KNOWN, FIRST, RAMPS, LEFT, Y, USUAL = *range(9), 11
+CALM = 14
 MOVED = CALM + STILL
-MEMORY = MOVED + SLIDE
+AWAY = MOVED + SLIDE
+MEMORY = AWAY + LEAP
 # What changed: when a slip began or ended, s, and its velocity along x, y, theta.
 WHEN, MOTION, NOTE = 0, 1, 4
 # Parameters, see `SlipMonitor.numbers`.
@@ -29,8 +57,8 @@ ALARM_S, LOAD_M, CREEP_M_S, SETTLE_S = range(4)
 
 _UNSURE = 9.0
 """Factor on the variance of a pose that does not fit what the method knows."""
-_JUMP = 0.7
-"""A load that grows or falls by more than e to this power from one scan to the next is another contact."""
+_FRESH, _MOST_FRESH = 0.05, 4.0
+"""What a pose counts for in the usual variance, and how many times as large it counts at most: one may be far off."""
 _FEWEST = 3
 """Poses that a still object must have had."""
 _FLOOR_M, _FLOOR_RAD = 1e-6, 1e-5
@@ -47,6 +75,8 @@ def follow(
     contact: Bools,
     displacement: Floats,
     covariance: Floats,
+    pose: Floats,
+    pose_covariance: Floats,
     lag: Floats,
     load: Floats,
     disturbance: Floats,
@@ -60,10 +90,10 @@ def follow(
 ) -> None:
     """Fill slipping (scans, pads) and, where a slip begins or ends, notes (scans, pads, NOTE).
 
-    The first eight: fields of `Slips`, covariance that of the displacement. numbers: `SlipMonitor.numbers`.
+    The first ten: fields of `Slips`, covariance that of the displacement. numbers: `SlipMonitor.numbers`.
     memory: (pads, MEMORY), ramps: (pads, MOST_RAMPS, RAMP), stops: (pads, MOST_STOPS, STOP), kept from block to block.
     """
-    y, noise = np.empty(3), np.empty(6)
+    y, noise, placed = np.empty(3), np.empty(6), np.empty(6)
     for pad in range(contact.shape[1]):
         m = memory[pad]
         for scan in range(len(t)):
@@ -72,6 +102,7 @@ def follow(
             _take_load(load[scan, pad], contact[scan, pad], m)
             # What is left may be no contact at all but what has drifted: it must be worth something.
             blind = np.isnan(d[0]) or quality[scan, pad] == LOST or (m[LEFT] > 0.0 and quality[scan, pad] != OK)
+            goes_by(now, pose[scan, pad], quality[scan, pad], m[LOAD], m[AWAY:])
             if not contact[scan, pad] or (not senses and blind):
                 m[MODE], m[KNOWN] = NEW, 0.0
             else:
@@ -91,6 +122,8 @@ def follow(
                         doubt = _UNSURE if quality[scan, pad] == UNRESOLVED else 1.0
                         _spread(covariance[scan, pad], doubt * (1.0 if shared else 0.5), noise)
                         _judge(now, y, noise, numbers, m, ramps[pad], stops[pad], notes[scan, pad])
+                        _spread(pose_covariance[scan, pad], doubt * scale(m[CALM:]), placed)
+                        _compare(now, y, noise, pose[scan, pad], placed, numbers, m, stops[pad], notes[scan, pad])
                         m[USED] = now
             m[LAST] = now
             slipping[scan, pad] = m[MODE] == SLIPPING and m[MOVED + DOUBT] == 0.0
@@ -100,18 +133,20 @@ def follow(
 def _take_load(load: float, touched: bool, m: Floats) -> None:
     """Remember the load; one that leaps is another contact: touched or let go, all or a part of it."""
     if not touched:
-        m[LOAD] = m[LEFT] = 0.0
+        m[LOAD] = m[LEFT] = m[AWAY + FALLEN] = 0.0
     elif load > 0.0:
         rise = np.log(load) - m[LOAD] if m[LOAD] != 0.0 else 0.0
         m[LOAD] = np.log(load)
-        if abs(rise) > _JUMP:
+        if abs(rise) > JUMP:
+            if m[MODE] == RESTING and rise < 0.0:
+                load_falls(m[LOAD], m[AWAY:])
             m[MODE], m[KNOWN] = NEW, 0.0
             m[LEFT] = 1.0 if rise < 0.0 else 0.0
 
 
 @kernel
 def _spread(covariance: Floats, share: float, noise: Floats) -> None:
-    """Covariance (6,) of one pose from that of a displacement (3, 3): `share` of it, and no less than the floor."""
+    """Covariance (6,) of one pose: `share` of one (3, 3), a displacement's or its own, and no less than the floor."""
     noise[0] = share * covariance[0, 0] + _FLOOR_M**2
     noise[1] = share * covariance[1, 1] + _FLOOR_M**2
     noise[2] = share * covariance[2, 2] + _FLOOR_RAD**2
@@ -121,10 +156,34 @@ def _spread(covariance: Floats, share: float, noise: Floats) -> None:
 
 
 @kernel
+def _level(noise: Floats, m: Floats) -> None:
+    """Raise a covariance (6,) to the mean over the last poses of an object that does not move, axis by axis.
+
+    A covariance is that of the place where the pose came to lie. Where it differs much from place to place, one that
+    noise has thrown off claims to be known well there; an object that rests has one place, and one covariance.
+    """
+    usual, fresh = m[USUAL : USUAL + 3], max(1.0 / m[KNOWN], _FRESH)
+    if m[KNOWN] == 1.0:
+        usual[:] = 0.0
+    raised = np.ones(3)
+    for axis in range(3):
+        if not np.isnan(noise[axis]):
+            before = usual[axis] if usual[axis] > 0.0 else noise[axis]
+            usual[axis] = before + fresh * (min(noise[axis], _MOST_FRESH * before) - before)
+            raised[axis] = np.sqrt(max(usual[axis] / noise[axis], 1.0))
+            noise[axis] *= raised[axis] * raised[axis]
+    noise[3] *= raised[0] * raised[1]
+    noise[4] *= raised[0] * raised[2]
+    noise[5] *= raised[1] * raised[2]
+
+
+@kernel
 def _judge(
     t: float, y: Floats, noise: Floats, numbers: Floats, m: Floats, ramps: Floats, stops: Floats, note: Floats
 ) -> None:
     """One pose of one pad, independent of the last one."""
+    if m[MODE] != SLIPPING:
+        _level(noise, m)
     if m[MODE] == NEW:
         calm = m[CALM : CALM + STILL]
         variance = 0.5 * (noise[0] + noise[1]) * scale(calm)
@@ -139,6 +198,38 @@ def _judge(
         _rests(t, y, noise, numbers, m, ramps, note)
     else:
         _slips(t, y, noise, numbers, m, stops, note)
+
+
+@kernel
+def _compare(
+    t: float,
+    y: Floats,
+    noise: Floats,
+    pose: Floats,
+    placed: Floats,
+    numbers: Floats,
+    m: Floats,
+    stops: Floats,
+    note: Floats,
+) -> None:
+    """An object that rests at a pose (3,), with covariance placed (6,): has it slipped here from where it rested before
+    its load fell?
+
+    y: (3,), noise: (6,), its accumulated displacement and that one's covariance.
+    """
+    away = m[AWAY:]
+    if m[MODE] == SLIPPING:
+        away[FALLEN] = 0.0  # what it does from here on is no leap
+    if m[MODE] != RESTING:
+        return
+    stayed = by_chance(t, placed, m[LOAD], numbers[LOAD_M], numbers[SETTLE_S], away)
+    if stayed < (t - m[LAST]) / numbers[ALARM_S]:
+        m[MODE] = SLIPPING
+        way, moved = away[LATEST : LATEST + 2] - away[BEFORE : BEFORE + 2], m[MOVED : MOVED + SLIDE]
+        has_leapt(y, way, away[BEFORE_S], away[ARRIVED_S], t - m[LAST], 0.5 * (noise[0] + noise[1]), moved, stops)
+        _tell(moved[BEGAN], moved[SPEED : SPEED + 3], False, note)
+    if away[FALLEN] == 0.0:
+        rests_at(t, pose, placed, m[LOAD], away)
 
 
 @kernel
@@ -176,6 +267,7 @@ def _slips(t: float, y: Floats, noise: Floats, numbers: Floats, m: Floats, stops
         _tell(moved[BEGAN], moved[SPEED : SPEED + 3], turns, note)
     if odds > _SURE:
         m[MODE], m[RAMPS] = RESTING, 0.0
+        m[USUAL : USUAL + 3] = 0.0  # that of another place
         settle(rests[AT : AT + 3], rests[AT_VAR], m[LOAD], numbers[LOAD_M : CREEP_M_S + 1], calm)
         if not turns:
             calm[TURNS] = 0.0
