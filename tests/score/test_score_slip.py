@@ -58,6 +58,23 @@ def test_slips_of_an_airbag_are_found(score: SlipScore) -> None:
         assert row.speed_percent < 20
 
 
+def test_an_oracle_that_keeps_the_rate_does_somewhat_better(score: SlipScore) -> None:
+    rows = {(row.method, row.mode): row for row in score.slips}
+    live = rows["template", "stream"]
+    assert live.f1_oracle is not None
+    assert live.f1 - 0.01 < live.f1_oracle < 1  # it draws errors of its own
+    assert rows["template", "batch"].f1_oracle is None
+    assert rows["convolution", "stream"].f1_oracle is None  # its poses are means of two scans
+
+
+def test_an_oracle_needs_a_covariance(scenes: dict[str, Scenario]) -> None:
+    assert slip.SCENARIOS is scenes
+    none, exact = score_slip(("sum", "lnorm"), 1, hours=0).slips[::2]
+    assert (none.method, none.f1_oracle) == ("sum", None)
+    assert exact.method == "lnorm"  # says 0 where the object rests
+    assert exact.f1_oracle is not None
+
+
 def test_in_a_recording_slips_are_dated_to_the_scan() -> None:
     by_mode = {"stream": [], "batch": []}
     for row in score_slip(("template", "convolution"), 1, hours=0).slips:

@@ -46,6 +46,7 @@ def show_real(scored: Any) -> None:
         "causal, moved on at its last velocity. no motion: the last scan again.\n"
         "registered: the template at the pose of that scan. centroid: the last scan,\n"
         "moved as far as the centroid did. noise: the sensor's own. Turns: the longest\n"
-        "contact that shows one, the template as a batch.",
+        "contact that shows one, while it has a quarter of its load or more; the template\n"
+        "as a batch.",
         style="dim",
     )

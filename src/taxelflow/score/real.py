@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 _PREDICTIONS = ("forecast", "no motion", "registered", "centroid")
 _FEWEST = 10
 """Scans of a contact below which its turn is not compared."""
+_LOADED = 0.25
+"""Share of the contact's largest load."""
 
 
 class Prediction(msgspec.Struct, frozen=True):
@@ -52,7 +54,9 @@ class Prediction(msgspec.Struct, frozen=True):
 
 
 class Turn(msgspec.Struct, frozen=True):
-    """Turn of a contact by the template (batch) and by the principal axis, over scans in which both are known."""
+    """Turn of a contact by the template (batch) and by the principal axis, over scans in which both are known, with at
+    least a quarter of the contact's largest load: one that is hardly touched has no axis to speak of.
+    """
 
     recording: str
     pad: str
@@ -189,7 +193,8 @@ def _turns(recording: Recording) -> list[Turn]:
         best = None
         for first, last in edges.reshape(-1, 2).tolist():
             theta, other = template.pose[first:last, pad, 2], axis.pose[first:last, pad, 2]
-            both = np.flatnonzero(np.isfinite(theta) & np.isfinite(other))
+            load = template.load[first:last, pad]
+            both = np.flatnonzero(np.isfinite(theta) & np.isfinite(other) & (load >= _LOADED * load.max()))
             if len(both) >= max(_FEWEST, best.scans if best else 0):
                 theta, other = np.degrees(theta[both]), np.degrees(other[both])
                 gap = theta - other

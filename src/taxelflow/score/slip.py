@@ -27,6 +27,7 @@ from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.compiling import announced
 from taxelflow.messages import OK, Event, Slips, joined
 from taxelflow.monitor.slip import SlipMonitor
+from taxelflow.score.oracle import called
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -66,6 +67,8 @@ class SlipRow(msgspec.Struct, frozen=True):
     slips: int
     f1: float
     """Over scans: slipping as seen against slipping in truth."""
+    f1_oracle: float | None
+    """That of `oracle.called` with this method's covariance; None for a batch, and where it says none for each scan."""
     onset_ms: float
     onset_p90_ms: float
     onset_max_ms: float
@@ -126,6 +129,10 @@ class _Seen:
     """Scans that slip in truth; told: are said to; both: both."""
     told: int = 0
     both: int = 0
+    oracle_true: int = 0
+    """Scans that slip in truth, of recordings that an oracle has seen."""
+    oracle_told: int = 0
+    oracle_both: int = 0
     hours: float = 0.0
     alarms: int = 0
     false: int = 0
@@ -207,6 +214,8 @@ def _watch(job: _Job, hours: float) -> dict[tuple[str, Mode], _Seen]:
         seen = _compared(flags, own, truth, scenario.motion.interval_s[0], _EARLY[mode])
         seen.hours = float(slips.contact[:, pad].mean() * (truth.t_s[-1] - truth.t_s[0]) / 3600)
         seen.scatter = [float(watch.scatter[pad])]
+        if job.name in OBJECTS and mode == "stream":
+            _ask_oracle(slips, pad, truth, job, seen)
         found[method, mode] = seen
     return found
 
@@ -249,6 +258,19 @@ def _compared(slipping: Bools, events: list[Event], truth: Truth, shortest_s: fl
             seen.dated_ms.append(1e3 * abs(own[0][0].onset_s - float(t_s[begin]) + half_s))
             _judge_motion(own[-1][1], truth.pose[end - 1] - truth.pose[begin], float(t_s[end - 1] - t_s[begin]), seen)
     return seen
+
+
+def _ask_oracle(slips: Slips, pad: int, truth: Truth, job: _Job, seen: _Seen) -> None:
+    """Count what one who knows all but when would have called of a method's slips of a pad."""
+    covariance = slips.displacement_covariance[:, pad, :2, :2] / 2
+    known = np.isfinite(covariance[:, 0, 0])
+    if truth.slipping is None or not known.any() or (slips.lag_s[:, pad] > 0).any():
+        return  # poses that are older than their scan are means of two
+    covariance = np.where(known[:, np.newaxis, np.newaxis], covariance, np.median(covariance[known], axis=0))
+    alarm_s = 3600.0 / job.alarms_per_hour
+    best = called(truth.t_s, truth.pose[:, :2], covariance, _runs(truth.slipping), alarm_s, job.seed)
+    seen.oracle_true, seen.oracle_told = int(truth.slipping.sum()), int(best.sum())
+    seen.oracle_both = int((best & truth.slipping).sum())
 
 
 def _judge_motion(stop: Event, way: Floats, lasts_s: float, seen: _Seen) -> None:
@@ -313,6 +335,7 @@ def _slip_row(name: str, method: str, mode: Mode, seen: _Seen) -> SlipRow:
         mode=mode,
         slips=len(seen.latency_ms) + seen.missed,
         f1=2 * seen.both / max(seen.true + seen.told, 1),
+        f1_oracle=2 * seen.oracle_both / (seen.oracle_true + seen.oracle_told) if seen.oracle_true else None,
         onset_ms=float(np.median(latency)),
         onset_p90_ms=float(np.quantile(latency, 0.9)),
         onset_max_ms=float(latency.max()),
