@@ -126,7 +126,10 @@ def _contact(
     t_s, touching = track.numbers["t_s"], track.flags["contact"]
     last = int(np.searchsorted(t_s, pattern.t_last_s - 1e-6))
     end = last + int(np.argmin(np.append(touching[last:], False)))
-    own = slice(int(np.searchsorted(t_s, pattern.t_first_s - 1e-6)), max(end, last + 1))
+    first = int(np.searchsorted(t_s, pattern.t_first_s - 1e-6))
+    if ran.mode == "batch":  # poses of a contact that was solved as a whole are all in one frame
+        first -= int(np.argmin(np.append(touching[:first][::-1], False)))
+    own = slice(first, max(end, last + 1))
     pose = np.stack([track.numbers[name][own] for name in ("x_m", "y_m", "theta_rad")], axis=1)
     std = np.stack([track.numbers[f"std_{name}"][own] for name in ("x_m", "y_m", "theta_rad")], axis=1)
     scans = _all_images(ran, recording, pattern.pad, t_s[own]) if recording else None

@@ -102,6 +102,13 @@ def test_a_stroke_over_the_palm_has_its_speed() -> None:
     assert speeds(*airbag()) == pytest.approx((-25.0, 25.0), rel=0.006)
 
 
+def test_a_column_of_taxels_shows_no_turn() -> None:
+    _, result = airbag()
+    own = result.pads.index("palm_centre")
+    assert np.isfinite(result.slips.pose[:, own, 0]).any()
+    assert np.isnan(result.slips.pose[:, own, 2]).all()
+
+
 def test_a_round_object_has_no_angle() -> None:
     _, pose, _ = path(*airbag())
     assert np.isnan(pose[:, 2]).all()

@@ -29,6 +29,8 @@ MEMORY = 4
 ROUGH = 0.05
 _SIGHT, _SEEN_IN, _LOOKS = 1.5, 0.9, 40
 """A turn is seen if the patterns of a few scans tell it so well in the best of many looks; this share is worse."""
+_GUESS = 1.0
+"""A turn that is no better known than this, rad, is none: a single column of taxels shows none."""
 _LOADED = 0.25
 """The chain begins at the first scan with this share of the largest load."""
 _MISFIT = 3.0
@@ -48,7 +50,8 @@ class Moment:
 def follow_changing(scanned: Scanned, size: Floats, pitch_m: float, *, turns: bool) -> tuple[Poses, Moment]:
     """Poses of all scans of a contact whose pattern is not one, and the pattern where it is loaded most.
 
-    size: (2,) of a taxel, in pitches. turns: a turn is known to be seen; else the patterns of the few decide.
+    size: (2,) of a taxel, in pitches. turns: a turn is known to be seen; else the patterns of the few decide. One that
+    adds up to a guess is left out all the same.
     """
     load = np.maximum(scanned.readings, 0.0).sum(axis=1)
     start = int(np.argmax(load >= _LOADED * load.max()))
@@ -59,12 +62,23 @@ def follow_changing(scanned: Scanned, size: Floats, pitch_m: float, *, turns: bo
     )
     sight = max(ahead[3], back[3])
     turns = turns or sight > _SIGHT
+    pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=turns)
+    if turns and np.median(noise[:, THETA, THETA]) > _GUESS**2:
+        turns = False
+        pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=False)
+    quality = np.where(misfit > _MISFIT, UNRESOLVED, AMBIGUOUS).astype(np.uint8)
+    return Poses(pose, noise, quality), _moment(scanned, states, size, int(np.argmax(load)), turns=turns)
+
+
+def _added_up(
+    states: Floats, steps: Floats, misfit: Floats, start: int, pitch_m: float, *, turns: bool
+) -> tuple[Floats, Floats]:
+    """Poses and their covariances, which grow from scan `start` on, both ways."""
     pose, noise = to_pad(states, steps, np.zeros(2), np.inf, pitch_m, turns=turns)
     noise *= np.maximum(misfit, 1.0)[:, np.newaxis, np.newaxis] * (1.0 + 1.0 / MEMORY)
-    quality = np.where(misfit > _MISFIT, UNRESOLVED, AMBIGUOUS).astype(np.uint8)
-    noise[:start] += np.cumsum(noise[start - 1 :: -1], axis=0)[::-1] / MEMORY if start else 0.0  # both ways from there
+    noise[:start] += np.cumsum(noise[start - 1 :: -1], axis=0)[::-1] / MEMORY if start else 0.0
     noise[start + 1 :] += np.cumsum(noise[start + 1 :], axis=0) / MEMORY
-    return Poses(pose, noise, quality), _moment(scanned, states, size, int(np.argmax(load)), turns=turns)
+    return pose, noise
 
 
 def _moment(scanned: Scanned, states: Floats, size: Floats, scan: int, *, turns: bool) -> Moment:
