@@ -114,6 +114,9 @@ def keep(
         if reading == 0.0 and model <= 0.0:  # clipped: it says nothing of how far below zero the pattern is
             rest[0, i], rest[1, i] = 0.0, rest[2, i]
             continue
+        if off:  # where it comes to lie next, the pattern may say anything
+            rest[0, i], rest[1, i] = 0.0, own
+            continue
         before, left = rest[2, i], reading - model
         if brought.shape[1]:
             before = max(brought[1, i] - variance, 0.0) + sudden * brought[1, i]

@@ -230,8 +230,9 @@ def _search(
         cost, chi, count = register_laid_out(
             pattern, doubt, lattice, taxels, rough, HUBER, prior, stiffness, _ITERATIONS, trial, found
         )
-        if cost < best - (_CHEAPER if attempt < _TURNS else _TURNS_GAIN * best):
-            best, best_chi, m[online.COUNT] = cost, chi / max(count, 1), count
+        chi /= max(count, 1)
+        if cost < best - _CHEAPER and (attempt < _TURNS or chi < (1.0 - _TURNS_GAIN) * best_chi):
+            best, best_chi, m[online.COUNT] = cost, chi, count
             for a in range(STATE):
                 state[a] = trial[a]
                 for b in range(STATE):

@@ -23,6 +23,7 @@ from taxelflow.estimation.pattern.learned import (
     refined,
     usual_of,
 )
+from taxelflow.estimation.pattern.looked import level_off
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.sight import sights
 from taxelflow.estimation.pattern.spline import STATE, THETA
@@ -77,7 +78,9 @@ def learn(known: Learned) -> Learned:
     The frame stays as well as the keyframes tell.
     """
     with threadpool_limits(1, user_api="blas"):
-        return _learn(known)
+        new = _learn(known)
+    level_off(new.pattern, new.keyframes.scanned, new.keyframes.states)
+    return new
 
 
 def _forgetting(known: Learned) -> Learned:

@@ -45,8 +45,10 @@ def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ce
 
 @inlined
 def nearest(grid: Floats, x: float, y: float) -> float:
-    """Value of grid (ny, nx) at the knot nearest to a place counted in knots, which lies on the lattice."""
-    value: float = grid[np.uint64(int(y + 0.5)), np.uint64(int(x + 0.5))]
+    """Value of grid (ny, nx) at the knot nearest to a place counted in knots."""
+    ny, nx = grid.shape
+    j, k = min(max(y + 0.5, 0.0), ny - 1.0), min(max(x + 0.5, 0.0), nx - 1.0)
+    value: float = grid[np.uint64(int(j)), np.uint64(int(k))]
     return value
 
 
@@ -81,24 +83,27 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         dx, dy = taxels[PLACE_X, i] - x, taxels[PLACE_Y, i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
         q, qu, qw = value_at(c, u - left, w - low)
+        pulls = q < 0.0  # which pressure does not: noise, or beyond what was seen
+        q, qu, qw = 0.0 if pulls else q, 0.0 if pulls else qu, 0.0 if pulls else qw
         reading, variance = taxels[READING, i], taxels[VARIANCE, i]
         known, live = not np.isnan(q), variance != 0.0
         model = gain * q if known else 0.0
         residual = reading - model
         own = rough * max(model, 0.0)
-        doubtful = gain * gain * nearest(doubt, u - left, w - low) if known and not certain else 0.0
+        doubtful = 0.0 if certain else gain * gain * nearest(doubt, u - left, w - low)
         weight = 1.0 / (variance + own * own + doubtful if live else 1.0)
-        z2 = residual * residual * weight
+        share = np.sqrt(np.sqrt(variance * weight)) if live else 1.0
         clipped = reading == 0.0 and model <= 0.0  # the sensor clips there
         above = reading >= taxels[CEILING, i] and residual < 0.0
-        fits = live and known and not clipped and not above
-        unexplained = live and not known and z2 > _UNEXPLAINED  # a load off the lattice
+        speaks = live and not clipped and not above
+        fits = speaks and known
+        unexplained = speaks and not known and reading * reading > _UNEXPLAINED * variance  # a load off the lattice
+        z2 = reading * reading / variance if unexplained else residual * residual * weight
         z, far = np.sqrt(z2), z2 > huber * huber
         robust = 2.0 * huber * z - huber * huber if far else z2
-        share = np.sqrt(np.sqrt(variance * weight)) if live else 1.0
-        robust += 2.0 * (1.0 / share - share) if fits else 0.0  # about log(1 / share^4)
+        robust += 2.0 * (1.0 / share - share)  # about log(1 / share^4)
         chi += z2 if fits else (min(z2, _MOST_UNEXPLAINED) if unexplained else 0.0)
-        cost += robust if fits or unexplained else 0.0
+        cost += robust if speaks else 0.0  # off the lattice, too: the cost must not change when a taxel comes onto it
         used += 1.0 if fits or unexplained else 0.0
         weight = (weight * huber / z if far else weight) if fits else 0.0
         q, qu, qw = q if fits else 0.0, gain * qu if fits else 0.0, gain * qw if fits else 0.0
@@ -145,5 +150,6 @@ def look_up(c: Floats, doubt: Floats, lattice: Floats, taxels: Floats, state: Fl
         sin = sin_0 * taxels[COS, i] + cos_0 * taxels[SIN, i]
         dx, dy = taxels[PLACE_X, i] - state[X], taxels[PLACE_Y, i] - state[Y]
         u, w = cos * dx + sin * dy - left, cos * dy - sin * dx - low
-        out[0, i] = value_at(c, u, w)[0]
-        out[1, i] = 0.0 if np.isnan(out[0, i]) else nearest(doubt, u, w)
+        q = value_at(c, u, w)[0]
+        out[0, i] = 0.0 if q < 0.0 else q
+        out[1, i] = 0.0 if np.isnan(q) else nearest(doubt, u, w)

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
-from scipy.ndimage import convolve, distance_transform_edt
+from scipy.ndimage import convolve
 
+from taxelflow.estimation.pattern.looked import looked_at, near
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
-from taxelflow.estimation.pattern.spline import STATE, THETA, X, Y, evaluate
+from taxelflow.estimation.pattern.spline import STATE, THETA, evaluate
 from taxelflow.messages import LearnedPattern
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
     from taxelflow.estimation.pattern.normal import Factor
     from taxelflow.estimation.pattern.scanned import Scanned
-    from taxelflow.messages import Bools, Floats
+    from taxelflow.messages import Floats
 
 _FINER, _MOST_POINTS = 8, 250_000
 """Points per pitch, and how many a map has at most."""
@@ -87,7 +88,7 @@ def mapped(
     last, theta = states[-1], float(np.nan_to_num(pose[THETA]))
     turn, back = _rotation(last[THETA] - theta), _rotation(-theta)
     shift = back @ (last[:THETA] - pose[:THETA])
-    looked = _looked(scanned, states) @ turn.T + shift
+    looked = looked_at(scanned, states) @ turn.T + shift
     low, high = pattern.box
     corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]) @ turn.T + shift
     low = np.maximum(corners.min(axis=0), looked.min(axis=0) - 1.0)
@@ -97,7 +98,7 @@ def mapped(
     places = (np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) - shift) @ turn
     pressure = _values(pattern, pattern.coefficients, places).reshape(len(y), len(x))
     variance = _values(pattern, _variance_at_knots(pattern, scanned, states, rough), places).reshape(pressure.shape)
-    unseen = ~_near(looked, x, y, 0.5 * float(np.hypot(*size)))
+    unseen = ~near(looked, x, y, 0.5 * float(np.hypot(*size)))
     pressure[unseen] = np.nan
     known = np.isfinite(pressure)
     rows, cols = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
@@ -109,26 +110,6 @@ def mapped(
 def _rotation(angle: float) -> Floats:
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array([[cos, -sin], [sin, cos]])
-
-
-def _looked(scanned: Scanned, states: Floats) -> Floats:
-    """(n, 2) places in the pattern's own frame at which taxels were read."""
-    cos, sin = np.cos(states[:, THETA, np.newaxis]), np.sin(states[:, THETA, np.newaxis])
-    dx = scanned.places[0] - states[:, X, np.newaxis]
-    dy = scanned.places[1] - states[:, Y, np.newaxis]
-    read = scanned.variance > 0
-    return np.stack([(cos * dx + sin * dy)[read], (cos * dy - sin * dx)[read]], axis=1)
-
-
-def _near(looked: Floats, x: Floats, y: Floats, reach: float) -> Bools:
-    """(ny, nx), whether a taxel looked within `reach`."""
-    step = x[1] - x[0]
-    at = np.round((looked - [x[0], y[0]]) / step).astype(np.int64)
-    at = at[(at >= 0).all(axis=1) & (at < [len(x), len(y)]).all(axis=1)]
-    away = np.ones((len(y), len(x)), dtype=np.bool_)
-    away[at[:, 1], at[:, 0]] = False
-    near: Bools = distance_transform_edt(away) * step <= reach
-    return near
 
 
 def _values(pattern: Pattern, coefficients: Floats, places: Floats) -> Floats:

@@ -277,16 +277,15 @@ class StreamSession:
         """Make what was learned the pattern that scans are registered on."""
         pattern, m = learned.pattern, self._memory[pad]
         rows, cols = pattern.shape
-        if rows > self._patterns.shape[1] or cols > self._patterns.shape[2]:
-            shape = (max(rows, self._patterns.shape[1]) + 8, max(cols, self._patterns.shape[2]) + 8)
-            for name in ("_patterns", "_doubts"):
-                old = getattr(self, name)
-                new = np.full((len(old), *shape), np.nan)
-                new[:, : old.shape[1], : old.shape[2]] = old
-                setattr(self, name, new)
-        self._patterns[pad], self._doubts[pad] = np.nan, np.nan
-        self._patterns[pad, :rows, :cols] = pattern.coefficients
-        self._doubts[pad, :rows, :cols] = DOUBT * pattern.doubt
+        room = self._patterns.shape[1:]
+        if rows > room[0] or cols > room[1]:
+            more = ((0, 0), (0, max(rows - room[0], 0) + 8), (0, max(cols - room[1], 0) + 8))
+            self._patterns = np.pad(self._patterns, more, constant_values=np.nan)
+            self._doubts = np.pad(self._doubts, more, mode="edge")
+            room = self._patterns.shape[1:]
+        beyond = ((0, room[0] - rows), (0, room[1] - cols))
+        self._patterns[pad] = np.pad(pattern.coefficients, beyond, constant_values=np.nan)
+        self._doubts[pad] = np.pad(DOUBT * pattern.doubt, beyond, mode="edge")
         m[online.ACTIVE], m[online.CARRIES], m[online.TURNED] = 1.0, 0.0, 0.0
         m[online.SPACING : online.LOW + 1] = pattern.lattice
         m[online.ROUGH], m[online.USUAL], m[online.RADIUS] = learned.rough, learned.usual, learned.radius

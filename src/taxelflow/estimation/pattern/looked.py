@@ -1,0 +1,47 @@
+"""Where taxels have looked at an object, and what its pattern is taken for where none has."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from taxelflow.estimation.pattern.spline import in_object
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.pattern.pattern import Pattern
+    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.messages import Bools, Floats
+
+_REACH = 1.5
+"""Knots farther than this from all readings, in knots, are known from smoothness alone."""
+
+
+def looked_at(scanned: Scanned, states: Floats) -> Floats:
+    """(n, 2) places in the pattern's own frame at which taxels were read."""
+    read = scanned.variance > 0
+    return np.concatenate([in_object(scanned.places[:, own].T, at) for own, at in zip(read, states, strict=True)])
+
+
+def near(looked: Floats, x: Floats, y: Floats, reach: float) -> Bools:
+    """(ny, nx), whether a taxel looked within `reach`."""
+    step = x[1] - x[0]
+    at = np.round((looked - [x[0], y[0]]) / step).astype(np.int64)
+    at = at[(at >= 0).all(axis=1) & (at < [len(x), len(y)]).all(axis=1)]
+    away = np.ones((len(y), len(x)), dtype=np.bool_)
+    away[at[:, 1], at[:, 0]] = False
+    close: Bools = distance_transform_edt(away) * step <= reach
+    return close
+
+
+def level_off(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
+    """Let the pattern go on level where no taxel looked: smoothness alone goes on as steeply as it leaves off.
+
+    states: (scans, 5), of the scans that it was learned from.
+    """
+    h, left, low = pattern.lattice
+    rows, cols = pattern.shape
+    seen = near(looked_at(scanned, states), left + h * np.arange(cols), low + h * np.arange(rows), _REACH * h)
+    row, col = distance_transform_edt(~seen, return_distances=False, return_indices=True)
+    pattern.coefficients = pattern.coefficients[row, col]
