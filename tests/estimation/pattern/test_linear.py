@@ -21,16 +21,17 @@ SHAPE = (18, 17)
 
 
 def drawn(seed: int, taxels: int, *, delayed: bool) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Coefficients, places (some off the lattice), a bend, a state, and readings."""
+    """Coefficients, some of which pull, places (some off the lattice), a bend, a state, and readings."""
     random = np.random.default_rng(seed)
-    c, places = random.normal(2.0, 1.0, SHAPE), random.uniform(-4.0, 4.0, (2, taxels))
+    c, places = random.normal(1.0, 2.0, SHAPE), random.uniform(-4.0, 4.0, (2, taxels))
     bend = random.uniform(-0.2, 0.2, (3, taxels if delayed else 0))
     state = np.array([*random.uniform(-0.5, 0.5, 3), random.uniform(0.5, 2.0), random.uniform(-0.1, 0.1)])
     return c, places, bend, state, np.maximum(random.normal(2.0, 2.0, taxels), 0.0)
 
 
 def twin(q: Floats, state: Floats, reading: Floats, variance: Floats, ceiling: Floats) -> tuple[Floats, Floats, float]:
-    """Normal equations and chi-square, by q and its derivatives (taxels, 5)."""
+    """Normal equations and chi-square, by q and its derivatives (taxels, 5); pressure does not pull."""
+    q = np.where(q[:, :1] < 0.0, 0.0, q)
     on = np.isfinite(q[:, 0])
     unexplained = ~on & (reading**2 > 9.0 * variance) & (variance > 0.0)
     model = state[GAIN] * np.where(on, q[:, 0], 0.0)
@@ -91,8 +92,33 @@ def test_looking_up_gives_the_value_and_the_nearest_doubt() -> None:
     q, out = np.empty((24, 5)), np.empty((2, 24))
     evaluate(c, LATTICE, places, state, np.zeros((1, 2)), bend, q)
     look_up(c, doubt, LATTICE, laid_out(places, bend, reading, reading, reading), state, out)
-    np.testing.assert_allclose(out[0], q[:, 0])
+    np.testing.assert_allclose(out[0], np.maximum(q[:, 0], 0.0))
     known = np.isfinite(out[0])
     assert known.any()
     assert np.isin(out[1][known], doubt).all()
     assert (out[1][~known] == 0.0).all()
+
+
+@given(seed=st.integers(0, 2**32 - 1), side=st.integers(0, 3), beyond=st.booleans())
+def test_the_cost_does_not_change_when_a_taxel_comes_onto_the_lattice(seed: int, side: int, *, beyond: bool) -> None:
+    random = np.random.default_rng(seed)
+    c, doubt = np.zeros(SHAPE), np.full(SHAPE, 9.0)
+    c[6:12, 6:11] = random.uniform(5.0, 10.0, (6, 5))
+    doubt[5:13, 5:12] = 0.01
+    room = np.full((SHAPE[0] + 3, SHAPE[1] + 2), np.nan)  # the lattice of another pad may be larger
+    room[: SHAPE[0], : SHAPE[1]] = c
+    doubts = np.pad(doubt, ((0, 3), (0, 2)), mode="edge")
+    h, left, low = LATTICE
+    border = [left + h, left + h * (SHAPE[1] - 2), low + h, low + h * (SHAPE[0] - 2)][side]
+    places = random.uniform(-4.0, 4.0, (2, 12))
+    places[side // 2, 0] = border
+    noise = np.full(12, 0.25)
+    scan = laid_out(places, np.zeros((3, 0)), random.normal(0.0, 0.5, 12), noise, np.full(12, np.inf))
+    costs = []
+    for off in (-1e-9, 1e-9):
+        state = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
+        state[side // 2] = off
+        normal, right = np.zeros((STATE, STATE)), np.zeros(STATE)
+        known = doubts if beyond else np.zeros((0, 0))
+        costs.append(linearise(room, known, LATTICE, scan, ROUGH, HUBER, state, normal, right)[0])
+    assert costs[0] == pytest.approx(costs[1], abs=1e-6)

@@ -1,0 +1,58 @@
+"""Where taxels have looked at an object, and its pattern where none has."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxelflow.estimation.pattern.learned import covering, fill
+from taxelflow.estimation.pattern.looked import level_off, looked_at, near
+from taxelflow.estimation.pattern.scanned import Scanned
+from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y
+
+
+def scanned(*, slope: float = 0.0) -> Scanned:
+    """A scan of 8 x 8 taxels, loaded along its left border, the more the farther up."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(8) - 3.5, np.arange(8) - 3.5))
+    reading = np.where(x < -2.0, 50.0 + slope * y, 0.0)
+    places, once = np.stack([x, y]), np.zeros(1)
+    return Scanned.of(once, places, reading[None], np.ones((1, 64)), np.full(64, np.inf), np.zeros(64))
+
+
+def at_rest() -> np.ndarray:
+    """(1, 5)."""
+    state = np.zeros((1, STATE))
+    state[0, GAIN] = 1.0
+    return state
+
+
+def test_taxels_look_where_they_are_seen_from_the_object() -> None:
+    scan, state = scanned(), at_rest()
+    scan.variance[0, 5] = 0.0
+    state[0, [X, Y, THETA, SIZE]] = 1.0, -2.0, np.pi / 2, np.log(2.0)
+    looked = looked_at(scan, state)
+    assert len(looked) == 63
+    x, y = scan.places[:, 0]
+    np.testing.assert_allclose(looked[0], [0.5 * (y + 2.0), -0.5 * (x - 1.0)])
+
+
+def test_near_is_within_reach() -> None:
+    x, y = np.arange(0.0, 5.0, 0.5), np.arange(0.0, 4.0, 0.5)
+    close = near(np.array([[2.0, 1.0], [50.0, 1.0]]), x, y, 0.75)
+    away = np.hypot(x - 2.0, y[:, np.newaxis] - 1.0)
+    np.testing.assert_array_equal(close, away <= 0.75)
+
+
+def test_a_pattern_goes_on_level_where_no_taxel_looked() -> None:
+    scan, state = scanned(slope=10.0), at_rest()
+    pattern = covering(scan, state, None)
+    fill(pattern, scan, state)
+    steep = pattern.coefficients
+    level_off(pattern, scan, state)
+    h, left, low = pattern.lattice
+    x, y = left + h * np.arange(pattern.shape[1]), low + h * np.arange(pattern.shape[0])
+    seen = np.ix_((y > -3.6) & (y < 3.6), (x > -3.6) & (x < 3.6))
+    np.testing.assert_array_equal(pattern.coefficients[seen], steep[seen])
+    column = int(np.argmin(np.abs(x + 3.5)))
+    above, beyond = int(np.argmin(np.abs(y - 4.5))), len(y) - 1
+    assert abs(steep[beyond, column] - steep[above, column]) > 10.0
+    assert pattern.coefficients[beyond, column] == pattern.coefficients[above, column]
