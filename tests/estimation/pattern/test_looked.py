@@ -42,7 +42,7 @@ def test_near_is_within_reach() -> None:
     np.testing.assert_array_equal(close, away <= 0.75)
 
 
-def test_a_pattern_goes_on_level_where_no_taxel_looked() -> None:
+def test_a_margin_goes_on_level_where_no_taxel_looked_unless_it_is_loaded() -> None:
     scan, state = scanned(slope=10.0), at_rest()
     pattern = covering(scan, state, None)
     fill(pattern, scan, state)
@@ -52,7 +52,8 @@ def test_a_pattern_goes_on_level_where_no_taxel_looked() -> None:
     x, y = left + h * np.arange(pattern.shape[1]), low + h * np.arange(pattern.shape[0])
     seen = np.ix_((y > -3.6) & (y < 3.6), (x > -3.6) & (x < 3.6))
     np.testing.assert_array_equal(pattern.coefficients[seen], steep[seen])
-    column = int(np.argmin(np.abs(x + 3.5)))
-    above, beyond = int(np.argmin(np.abs(y - 4.5))), len(y) - 1
-    assert abs(steep[beyond, column] - steep[above, column]) > 10.0
-    assert pattern.coefficients[beyond, column] == pattern.coefficients[above, column]
+    loaded, empty = int(np.argmin(np.abs(x + 3.5))), int(np.argmin(np.abs(x + 0.5)))
+    np.testing.assert_array_equal(pattern.coefficients[y > 3.6, loaded], steep[y > 3.6, loaded])
+    beyond = pattern.coefficients[y > 4.1, empty]
+    assert np.ptp(steep[y > 4.1, empty]) > 0.0
+    assert np.ptp(beyond) == 0.0

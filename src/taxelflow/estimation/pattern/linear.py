@@ -45,11 +45,22 @@ def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ce
 
 @inlined
 def nearest(grid: Floats, x: float, y: float) -> float:
-    """Value of grid (ny, nx) at the knot nearest to a place counted in knots."""
-    ny, nx = grid.shape
-    j, k = min(max(y + 0.5, 0.0), ny - 1.0), min(max(x + 0.5, 0.0), nx - 1.0)
-    value: float = grid[np.uint64(int(j)), np.uint64(int(k))]
+    """Value of grid (ny, nx) at the knot nearest to a place counted in knots, which lies on the lattice."""
+    value: float = grid[np.uint64(int(y + 0.5)), np.uint64(int(x + 0.5))]
     return value
+
+
+@inlined
+def _robust(z2: float, huber: float) -> float:
+    """Huber's cost of a squared residual."""
+    return 2.0 * huber * np.sqrt(z2) - huber * huber if z2 > huber * huber else z2
+
+
+@inlined
+def _normalised(share: float) -> float:
+    """About log(1 / share), what a variance that is so many times larger costs."""
+    root = np.sqrt(np.sqrt(share))
+    return 2.0 * (1.0 / root - root)
 
 
 @lean_kernel
@@ -90,20 +101,21 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         model = gain * q if known else 0.0
         residual = reading - model
         own = rough * max(model, 0.0)
-        doubtful = 0.0 if certain else gain * gain * nearest(doubt, u - left, w - low)
-        weight = 1.0 / (variance + own * own + doubtful if live else 1.0)
-        share = np.sqrt(np.sqrt(variance * weight)) if live else 1.0
+        firm = 1.0 / (variance + own * own if live else 1.0)
+        doubtful = gain * gain * nearest(doubt, u - left, w - low) if known and not certain else 0.0
+        weight = firm / (1.0 + firm * doubtful)
         clipped = reading == 0.0 and model <= 0.0  # the sensor clips there
         above = reading >= taxels[CEILING, i] and residual < 0.0
         speaks = live and not clipped and not above
         fits = speaks and known
-        unexplained = speaks and not known and reading * reading > _UNEXPLAINED * variance  # a load off the lattice
-        z2 = reading * reading / variance if unexplained else residual * residual * weight
-        z, far = np.sqrt(z2), z2 > huber * huber
-        robust = 2.0 * huber * z - huber * huber if far else z2
-        robust += 2.0 * (1.0 / share - share)  # about log(1 / share^4)
+        z2, z2_firm = residual * residual * weight, residual * residual * firm
+        unexplained = speaks and not known and z2 > _UNEXPLAINED  # a load off the lattice
         chi += z2 if fits else (min(z2, _MOST_UNEXPLAINED) if unexplained else 0.0)
-        cost += robust if speaks else 0.0  # off the lattice, too: the cost must not change when a taxel comes onto it
+        z, far = np.sqrt(z2), z2 > huber * huber
+        robust = _robust(z2, huber) + _normalised(variance * weight if live else 1.0)
+        certainly = _robust(z2_firm, huber) + _normalised(variance * firm if live else 1.0)
+        # off the lattice, too, for the cost must not change when a taxel comes onto it
+        cost += min(robust, certainly) if speaks else 0.0
         used += 1.0 if fits or unexplained else 0.0
         weight = (weight * huber / z if far else weight) if fits else 0.0
         q, qu, qw = q if fits else 0.0, gain * qu if fits else 0.0, gain * qw if fits else 0.0

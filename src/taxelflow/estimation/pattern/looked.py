@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 _REACH = 1.5
 """Knots farther than this from all readings, in knots, are known from smoothness alone."""
+_UNLOADED = 0.1
+"""Share of the largest pressure below which a margin bears no load."""
 
 
 def looked_at(scanned: Scanned, states: Floats) -> Floats:
@@ -36,12 +38,15 @@ def near(looked: Floats, x: Floats, y: Floats, reach: float) -> Bools:
 
 
 def level_off(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
-    """Let the pattern go on level where no taxel looked: smoothness alone goes on as steeply as it leaves off.
+    """Let an unloaded margin go on level where no taxel looked: smoothness alone goes on as steeply as it leaves off.
 
-    states: (scans, 5), of the scans that it was learned from.
+    What is loaded, and cut by the pad's border, is likely to go on as it leaves off. states: (scans, 5), of the scans
+    that the pattern was learned from.
     """
     h, left, low = pattern.lattice
     rows, cols = pattern.shape
     seen = near(looked_at(scanned, states), left + h * np.arange(cols), low + h * np.arange(rows), _REACH * h)
     row, col = distance_transform_edt(~seen, return_distances=False, return_indices=True)
-    pattern.coefficients = pattern.coefficients[row, col]
+    level = pattern.coefficients[row, col]
+    unloaded = np.abs(level) < _UNLOADED * pattern.amplitude
+    pattern.coefficients = np.where(unloaded, level, pattern.coefficients)

@@ -280,12 +280,12 @@ class StreamSession:
         room = self._patterns.shape[1:]
         if rows > room[0] or cols > room[1]:
             more = ((0, 0), (0, max(rows - room[0], 0) + 8), (0, max(cols - room[1], 0) + 8))
-            self._patterns = np.pad(self._patterns, more, constant_values=np.nan)
-            self._doubts = np.pad(self._doubts, more, mode="edge")
-            room = self._patterns.shape[1:]
-        beyond = ((0, room[0] - rows), (0, room[1] - cols))
-        self._patterns[pad] = np.pad(pattern.coefficients, beyond, constant_values=np.nan)
-        self._doubts[pad] = np.pad(DOUBT * pattern.doubt, beyond, mode="edge")
+            self._patterns, self._doubts = (
+                np.pad(old, more, constant_values=np.nan) for old in (self._patterns, self._doubts)
+            )
+        self._patterns[pad], self._doubts[pad] = np.nan, np.nan
+        self._patterns[pad, :rows, :cols] = pattern.coefficients
+        self._doubts[pad, :rows, :cols] = DOUBT * pattern.doubt
         m[online.ACTIVE], m[online.CARRIES], m[online.TURNED] = 1.0, 0.0, 0.0
         m[online.SPACING : online.LOW + 1] = pattern.lattice
         m[online.ROUGH], m[online.USUAL], m[online.RADIUS] = learned.rough, learned.usual, learned.radius
