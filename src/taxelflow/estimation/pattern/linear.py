@@ -51,16 +51,11 @@ def nearest(grid: Floats, x: float, y: float) -> float:
 
 
 @inlined
-def _robust(z2: float, huber: float) -> float:
-    """Huber's cost of a squared residual."""
-    return 2.0 * huber * np.sqrt(z2) - huber * huber if z2 > huber * huber else z2
-
-
-@inlined
 def _normalised(share: float) -> float:
     """About log(1 / share), what a variance that is so many times larger costs."""
     root = np.sqrt(np.sqrt(share))
-    return 2.0 * (1.0 / root - root)
+    logarithm: float = 2.0 * (1.0 / root - root)
+    return logarithm
 
 
 @lean_kernel
@@ -108,14 +103,14 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         above = reading >= taxels[CEILING, i] and residual < 0.0
         speaks = live and not clipped and not above
         fits = speaks and known
-        z2, z2_firm = residual * residual * weight, residual * residual * firm
+        z2 = residual * residual * weight
         unexplained = speaks and not known and z2 > _UNEXPLAINED  # a load off the lattice
         chi += z2 if fits else (min(z2, _MOST_UNEXPLAINED) if unexplained else 0.0)
         z, far = np.sqrt(z2), z2 > huber * huber
-        robust = _robust(z2, huber) + _normalised(variance * weight if live else 1.0)
-        certainly = _robust(z2_firm, huber) + _normalised(variance * firm if live else 1.0)
+        doubted = (2.0 * huber * z - huber * huber if far else z2) + _normalised(variance * weight if live else 1.0)
+        believed = residual * residual * firm + _normalised(variance * firm if live else 1.0)
         # off the lattice, too, for the cost must not change when a taxel comes onto it
-        cost += min(robust, certainly) if speaks else 0.0
+        cost += min(doubted, believed) if speaks else 0.0
         used += 1.0 if fits or unexplained else 0.0
         weight = (weight * huber / z if far else weight) if fits else 0.0
         q, qu, qw = q if fits else 0.0, gain * qu if fits else 0.0, gain * qw if fits else 0.0
