@@ -99,26 +99,43 @@ def test_looking_up_gives_the_value_and_the_nearest_doubt() -> None:
     assert (out[1][~known] == 0.0).all()
 
 
-@given(seed=st.integers(0, 2**32 - 1), side=st.integers(0, 3), beyond=st.booleans())
-def test_the_cost_does_not_change_when_a_taxel_comes_onto_the_lattice(seed: int, side: int, *, beyond: bool) -> None:
+@given(seed=st.integers(0, 2**32 - 1), side=st.integers(0, 3), doubted=st.booleans())
+def test_the_cost_does_not_change_when_an_unloaded_taxel_comes_onto_the_lattice(
+    seed: int, side: int, *, doubted: bool
+) -> None:
     random = np.random.default_rng(seed)
     c, doubt = np.zeros(SHAPE), np.full(SHAPE, 9.0)
     c[6:12, 6:11] = random.uniform(5.0, 10.0, (6, 5))
     doubt[5:13, 5:12] = 0.01
     room = np.full((SHAPE[0] + 3, SHAPE[1] + 2), np.nan)  # the lattice of another pad may be larger
     room[: SHAPE[0], : SHAPE[1]] = c
-    doubts = np.pad(doubt, ((0, 3), (0, 2)), mode="edge")
+    doubts = np.pad(doubt, ((0, 3), (0, 2)), constant_values=np.nan)
     h, left, low = LATTICE
     border = [left + h, left + h * (SHAPE[1] - 2), low + h, low + h * (SHAPE[0] - 2)][side]
     places = random.uniform(-4.0, 4.0, (2, 12))
     places[side // 2, 0] = border
     noise = np.full(12, 0.25)
-    scan = laid_out(places, np.zeros((3, 0)), random.normal(0.0, 0.5, 12), noise, np.full(12, np.inf))
+    reading = np.clip(random.normal(0.0, 0.5, 12), -1.0, 1.0)  # a load is another matter
+    scan = laid_out(places, np.zeros((3, 0)), reading, noise, np.full(12, np.inf))
     costs = []
     for off in (-1e-9, 1e-9):
         state = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
         state[side // 2] = off
         normal, right = np.zeros((STATE, STATE)), np.zeros(STATE)
-        known = doubts if beyond else np.zeros((0, 0))
+        known = doubts if doubted else np.zeros((0, 0))
         costs.append(linearise(room, known, LATTICE, scan, ROUGH, HUBER, state, normal, right)[0])
     assert costs[0] == pytest.approx(costs[1], abs=1e-6)
+
+
+@pytest.mark.parametrize(("reading", "explained"), [(0.3, False), (8.0, True)])
+def test_doubt_costs_only_where_it_explains_a_reading(reading: float, *, explained: bool) -> None:
+    scan = laid_out(np.zeros((2, 1)), np.zeros((3, 0)), np.array([reading]), np.array([0.25]), np.array([np.inf]))
+    state = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
+
+    def cost(doubt: Floats) -> float:
+        normal, right = np.zeros((STATE, STATE)), np.zeros(STATE)
+        return linearise(np.zeros(SHAPE), doubt, LATTICE, scan, ROUGH, HUBER, state, normal, right)[0]
+
+    certain, doubted = cost(np.zeros((0, 0))), cost(np.full(SHAPE, 9.0))
+    assert (doubted < 0.5 * certain) == explained
+    assert doubted <= certain

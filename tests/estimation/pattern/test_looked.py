@@ -35,6 +35,13 @@ def test_taxels_look_where_they_are_seen_from_the_object() -> None:
     np.testing.assert_allclose(looked[0], [0.5 * (y + 2.0), -0.5 * (x - 1.0)])
 
 
+def test_a_taxel_that_is_read_later_looks_from_where_the_object_was() -> None:
+    scan = scanned()
+    scan.bends = np.zeros((1, 3, 64))
+    scan.bends[0, 0] = 0.25
+    np.testing.assert_allclose(looked_at(scan, at_rest()), scan.places.T - [0.25, 0.0])
+
+
 def test_near_is_within_reach() -> None:
     x, y = np.arange(0.0, 5.0, 0.5), np.arange(0.0, 4.0, 0.5)
     close = near(np.array([[2.0, 1.0], [50.0, 1.0]]), x, y, 0.75)
@@ -57,3 +64,16 @@ def test_a_margin_goes_on_level_where_no_taxel_looked_unless_it_is_loaded() -> N
     beyond = pattern.coefficients[y > 4.1, empty]
     assert np.ptp(steep[y > 4.1, empty]) > 0.0
     assert np.ptp(beyond) == 0.0
+
+
+def test_between_far_taxels_a_pattern_is_as_it_was() -> None:
+    scan, state = scanned(), at_rest()
+    scan.places[0] *= 3.0
+    pattern = covering(scan, state, None)
+    fill(pattern, scan, state)
+    steep = pattern.coefficients
+    level_off(pattern, scan, state)
+    h, left, low = pattern.lattice
+    x, y = left + h * np.arange(pattern.shape[1]), low + h * np.arange(pattern.shape[0])
+    between = np.ix_(np.abs(y) < 3.6, np.abs(x) < 10.6)
+    np.testing.assert_array_equal(pattern.coefficients[between], steep[between])

@@ -8,6 +8,8 @@ with a variance v; R^2 is what v is at rest::
     the scan is registered by  y - g q = r,   weights 1 / (noise^2 + v)
     after it               r <- r + k (y - g q - r)   v <- (1 - k) v,   k = v / (v + noise^2)
 
+A taxel off the lattice has no rest, but the variance of what may be there.
+
 Where the pattern explains scans as well as their noise lets it, R and with it r are nothing, and poses are those on the
 pattern. The worse it does, the more a pose comes from the scan before.
 """
@@ -111,11 +113,11 @@ def keep(
             rest[0, i], rest[1, i], rest[2, i] = r, 0.0, own
             continue
         rest[2, i] = excess * (variance + own) + (own if still or off else 0.0)
-        if reading == 0.0 and model <= 0.0:  # clipped: it says nothing of how far below zero the pattern is
-            rest[0, i], rest[1, i] = 0.0, rest[2, i]
-            continue
         if off:  # where it comes to lie next, the pattern may say anything
             rest[0, i], rest[1, i] = 0.0, own
+            continue
+        if reading == 0.0 and model <= 0.0:  # clipped: it says nothing of how far below zero the pattern is
+            rest[0, i], rest[1, i] = 0.0, rest[2, i]
             continue
         before, left = rest[2, i], reading - model
         if brought.shape[1]:

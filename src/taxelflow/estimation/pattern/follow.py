@@ -9,7 +9,7 @@ import numpy as np
 from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.pattern import online
 from taxelflow.estimation.pattern.carry import bring, keep
-from taxelflow.estimation.pattern.linear import laid_out
+from taxelflow.estimation.pattern.linear import VARIANCE, laid_out
 from taxelflow.estimation.pattern.online import HUBER, centroid, gate
 from taxelflow.estimation.pattern.register import HELD, register_laid_out
 from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y
@@ -32,7 +32,7 @@ _MOVES, _SETTLES_S = 0.15, 0.2
 _FREE = 1e-6
 """Stiffness of a place."""
 _LOOSE_GAIN_STD = 0.5
-_CHEAPER, _TURNS_GAIN = 1e-3, 0.3
+_CHEAPER, _PAID = 1e-3, 0.3
 """What an attempt must lower the cost by; and the share of the misfit that turning or growing must explain."""
 _STAYS, _SAME = 0.5, 5
 """Only an object that has stayed within so many pitches, for so many keyframes, may be seen to grow."""
@@ -230,9 +230,8 @@ def _search(
         cost, chi, count = register_laid_out(
             pattern, doubt, lattice, taxels, rough, HUBER, prior, stiffness, _ITERATIONS, trial, found
         )
-        chi /= max(count, 1)
-        if cost < best - _CHEAPER and (attempt < _TURNS or chi < (1.0 - _TURNS_GAIN) * best_chi):
-            best, best_chi, m[online.COUNT] = cost, chi, count
+        if cost < best - (_CHEAPER if attempt < _TURNS else _PAID * _misfit(best, taxels)):
+            best, best_chi, m[online.COUNT] = cost, chi / max(count, 1), count
             for a in range(STATE):
                 state[a] = trial[a]
                 for b in range(STATE):
@@ -241,6 +240,14 @@ def _search(
         if best_chi <= _POOR * usual:
             break
     return best_chi
+
+
+@lean_kernel
+def _misfit(cost: float, taxels: Floats) -> float:
+    """What a cost is above that of readings which fit."""
+    for i in range(taxels.shape[1]):
+        cost -= 1.0 if taxels[VARIANCE, i] > 0.0 else 0.0
+    return max(cost, _CHEAPER)
 
 
 @lean_kernel

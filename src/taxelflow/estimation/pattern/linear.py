@@ -51,8 +51,8 @@ def nearest(grid: Floats, x: float, y: float) -> float:
 
 
 @inlined
-def _normalised(share: float) -> float:
-    """About log(1 / share), what a variance that is so many times larger costs."""
+def _log_inverse(share: float) -> float:
+    """About log(1 / share): what it costs that noise is only this share of the variance."""
     root = np.sqrt(np.sqrt(share))
     logarithm: float = 2.0 * (1.0 / root - root)
     return logarithm
@@ -72,7 +72,8 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
 ) -> tuple[float, float, int]:
     """Fill normal (5, 5), its lower half, with J^T W J, right (5,) with J^T W (y - model) at a state (5,).
 
-    taxels: from `laid_out`. Others, and what is returned, as for `register`, but without the prior.
+    taxels: from `laid_out`. Others, and what is returned, as for `register`, but without the prior. The cost tells
+    which state is better; W holds the doubt even where it is not what explains a reading.
     """
     h, left, low = lattice
     left, low = left / h, low / h
@@ -95,7 +96,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         known, live = not np.isnan(q), variance != 0.0
         model = gain * q if known else 0.0
         residual = reading - model
-        own = rough * max(model, 0.0)
+        own = rough * model
         firm = 1.0 / (variance + own * own if live else 1.0)
         doubtful = gain * gain * nearest(doubt, u - left, w - low) if known and not certain else 0.0
         weight = firm / (1.0 + firm * doubtful)
@@ -107,8 +108,8 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         unexplained = speaks and not known and z2 > _UNEXPLAINED  # a load off the lattice
         chi += z2 if fits else (min(z2, _MOST_UNEXPLAINED) if unexplained else 0.0)
         z, far = np.sqrt(z2), z2 > huber * huber
-        doubted = (2.0 * huber * z - huber * huber if far else z2) + _normalised(variance * weight if live else 1.0)
-        believed = residual * residual * firm + _normalised(variance * firm if live else 1.0)
+        doubted = (2.0 * huber * z - huber * huber if far else z2) + _log_inverse(variance * weight if live else 1.0)
+        believed = residual * residual * firm + _log_inverse(variance * firm if live else 1.0)
         # off the lattice, too, for the cost must not change when a taxel comes onto it
         cost += min(doubted, believed) if speaks else 0.0
         used += 1.0 if fits or unexplained else 0.0

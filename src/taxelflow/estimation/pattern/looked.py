@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from taxelflow.estimation.pattern.spline import in_object
+from taxelflow.estimation.pattern.spline import THETA, in_object
 
 if TYPE_CHECKING:
     from taxelflow.estimation.pattern.pattern import Pattern
@@ -22,8 +22,12 @@ _UNLOADED = 0.1
 
 def looked_at(scanned: Scanned, states: Floats) -> Floats:
     """(n, 2) places in the pattern's own frame at which taxels were read."""
-    read = scanned.variance > 0
-    return np.concatenate([in_object(scanned.places[:, own].T, at) for own, at in zip(read, states, strict=True)])
+    places = np.broadcast_to(scanned.places, (len(scanned), *scanned.places.shape))
+    if scanned.rolling:
+        places = places - scanned.bends[:, :THETA]
+    return np.concatenate(
+        [in_object(at[:, own > 0].T, state) for at, own, state in zip(places, scanned.variance, states, strict=True)]
+    )
 
 
 def near(looked: Floats, x: Floats, y: Floats, reach: float) -> Bools:
@@ -44,8 +48,11 @@ def level_off(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
     that the pattern was learned from.
     """
     h, left, low = pattern.lattice
-    rows, cols = pattern.shape
-    seen = near(looked_at(scanned, states), left + h * np.arange(cols), low + h * np.arange(rows), _REACH * h)
+    x, y = left + h * np.arange(pattern.shape[1]), low + h * np.arange(pattern.shape[0])
+    looked = looked_at(scanned, states)
+    least, most = looked.min(axis=0), looked.max(axis=0)
+    between = (least[0] <= x) & (x <= most[0]) & ((least[1] <= y) & (y <= most[1]))[:, np.newaxis]
+    seen = between | near(looked, x, y, _REACH * h)
     row, col = distance_transform_edt(~seen, return_distances=False, return_indices=True)
     level = pattern.coefficients[row, col]
     unloaded = np.abs(level) < _UNLOADED * pattern.amplitude

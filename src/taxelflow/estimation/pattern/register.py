@@ -87,8 +87,8 @@ def register(
     counts only as far as the model lies below it. doubt: (ny, nx) variance of the pattern, or (0, 0). rough: error of
     the pattern relative to it. prior, stiffness: (5,) where the state is thought to be, and how firmly, 1 / variance;
     from `HELD` on it stays there. The pattern is taken at each taxel's middle. Returns the cost (robust -2 log
-    likelihood with prior: a pattern in doubt explains everything, and so little), chi-square, and how many taxels it is
-    over.
+    likelihood with prior, of the readings off the lattice, too; doubt counts where it explains a reading), chi-square,
+    and how many readings that is over: those on the lattice, and loads off it.
     """
     taxels = laid_out(places, bend, reading, variance, ceiling)
     return register_laid_out(c, doubt, lattice, taxels, rough, huber, prior, stiffness, iterations, state, information)
