@@ -130,6 +130,18 @@ def test_of_a_taxel_that_says_nothing_what_was_known_dies_away() -> None:
     assert rest[0, 7] == 0.0
 
 
+@pytest.mark.parametrize("reading", [0.0, 0.3, 200.0])
+def test_a_taxel_off_the_lattice_has_no_rest_but_may_read_anything_next(reading: float) -> None:
+    places, readings = PLACES.copy(), noisy(1)[0]
+    places[0, 7], readings[7] = 50.0, reading
+    rest, information = np.ones((3, TAXELS)), np.zeros((STATE, STATE))
+    scan = laid_out(places, WHOLE, readings, VARIANCE, NEVER)
+    arguments = (pattern(), np.zeros((25, 25)), LATTICE, scan, 0.02, 1.0, np.zeros(STATE), STATE_0)
+    keep(*arguments, 1.0, False, np.zeros((3, 0)), rest, information)
+    assert rest[0, 7] == 0.0
+    assert rest[1, 7] == max(reading**2, (0.1 * readings.max()) ** 2)
+
+
 def test_a_masked_taxel_has_no_part_in_it() -> None:
     masked = VARIANCE.copy()
     masked[7] = 0.0
