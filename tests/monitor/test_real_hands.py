@@ -47,4 +47,4 @@ def test_a_real_object_that_slides_over_a_finger_slips_each_time(recordings: Pat
 def test_a_real_hand_that_holds_has_no_slip(mode: Literal["batch", "stream"], recordings: Path) -> None:
     result = api.estimate(recordings / "sdh-bags" / "no_slippage.bag", method="template", mode=mode)
     young_s = result.slips.t_s[0] + (0.5 if mode == "stream" else 0.0)  # a stream learns from a hand that holds already
-    assert [event for event in result.events if event.event == "slip_start" and event.onset_s > young_s] == []
+    assert [event for event in result.events if event.event == "slip_start" and event.t_s > young_s] == []

@@ -30,7 +30,8 @@ def drawn(seed: int, taxels: int, *, delayed: bool) -> tuple[Floats, Floats, Flo
 
 
 def twin(q: Floats, state: Floats, reading: Floats, variance: Floats, ceiling: Floats) -> tuple[Floats, Floats, float]:
-    """Normal equations and chi-square, by q and its derivatives (taxels, 5)."""
+    """Normal equations and chi-square, by q and its derivatives (taxels, 5); pressure does not pull."""
+    q = np.where(q[:, :1] < 0.0, 0.0, q)
     on = np.isfinite(q[:, 0])
     unexplained = ~on & (reading**2 > 9.0 * variance) & (variance > 0.0)
     model = state[GAIN] * np.where(on, q[:, 0], 0.0)
@@ -91,7 +92,7 @@ def test_looking_up_gives_the_value_and_the_nearest_doubt() -> None:
     q, out = np.empty((24, 5)), np.empty((2, 24))
     evaluate(c, LATTICE, places, state, np.zeros((1, 2)), bend, q)
     look_up(c, doubt, LATTICE, laid_out(places, bend, reading, reading, reading), state, out)
-    np.testing.assert_allclose(out[0], q[:, 0])
+    np.testing.assert_allclose(out[0], np.maximum(q[:, 0], 0.0))
     known = np.isfinite(out[0])
     assert known.any()
     assert np.isin(out[1][known], doubt).all()

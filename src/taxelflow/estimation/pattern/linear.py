@@ -90,11 +90,13 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         dx, dy = taxels[PLACE_X, i] - x, taxels[PLACE_Y, i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
         q, qu, qw = value_at(c, u - left, w - low)
+        pulls = q < 0.0  # which pressure does not: noise, or beyond what was seen
+        q, qu, qw = 0.0 if pulls else q, 0.0 if pulls else qu, 0.0 if pulls else qw
         reading, variance = taxels[READING, i], taxels[VARIANCE, i]
         known, live = not np.isnan(q), variance != 0.0
         model = gain * q if known else 0.0
         residual = reading - model
-        own = rough * max(model, 0.0)
+        own = rough * model
         firm = 1.0 / (variance + own * own if live else 1.0)
         doubtful = gain * gain * nearest(doubt, u - left, w - low) if known and not certain else 0.0
         weight = firm / (1.0 + firm * doubtful)
@@ -156,5 +158,6 @@ def look_up(c: Floats, doubt: Floats, lattice: Floats, taxels: Floats, state: Fl
         sin = sin_0 * taxels[COS, i] + cos_0 * taxels[SIN, i]
         dx, dy = taxels[PLACE_X, i] - state[X], taxels[PLACE_Y, i] - state[Y]
         u, w = cos * dx + sin * dy - left, cos * dy - sin * dx - low
-        out[0, i] = value_at(c, u, w)[0]
-        out[1, i] = 0.0 if np.isnan(out[0, i]) else nearest(doubt, u, w)
+        q = value_at(c, u, w)[0]
+        out[0, i] = 0.0 if q < 0.0 else q
+        out[1, i] = 0.0 if np.isnan(q) else nearest(doubt, u, w)
