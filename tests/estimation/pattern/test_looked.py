@@ -8,6 +8,7 @@ from taxelflow.estimation.pattern.learned import covering, fill
 from taxelflow.estimation.pattern.looked import level_off, looked_at, near
 from taxelflow.estimation.pattern.scanned import Scanned
 from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.messages import Floats
 
 
 def scanned(*, slope: float = 0.0) -> Scanned:
@@ -18,11 +19,20 @@ def scanned(*, slope: float = 0.0) -> Scanned:
     return Scanned.of(once, places, reading[None], np.ones((1, 64)), np.full(64, np.inf), np.zeros(64))
 
 
-def at_rest() -> np.ndarray:
+def at_rest() -> Floats:
     """(1, 5)."""
     state = np.zeros((1, STATE))
     state[0, GAIN] = 1.0
     return state
+
+
+def levelled(scan: Scanned) -> tuple[tuple[Floats, Floats], Floats, Floats]:
+    """Knots of the scan's pattern, and its coefficients before and after its margin was made level."""
+    pattern = covering(scan, at_rest(), None)
+    fill(pattern, scan, at_rest())
+    steep = pattern.coefficients
+    level_off(pattern, scan, at_rest())
+    return pattern.knots, steep, pattern.coefficients
 
 
 def test_taxels_look_where_they_are_seen_from_the_object() -> None:
@@ -50,30 +60,20 @@ def test_near_is_within_reach() -> None:
 
 
 def test_a_margin_goes_on_level_where_no_taxel_looked_unless_it_is_loaded() -> None:
-    scan, state = scanned(slope=10.0), at_rest()
-    pattern = covering(scan, state, None)
-    fill(pattern, scan, state)
-    steep = pattern.coefficients
-    level_off(pattern, scan, state)
-    h, left, low = pattern.lattice
-    x, y = left + h * np.arange(pattern.shape[1]), low + h * np.arange(pattern.shape[0])
+    scan = scanned(slope=10.0)
+    (x, y), steep, level = levelled(scan)
     seen = np.ix_((y > -3.6) & (y < 3.6), (x > -3.6) & (x < 3.6))
-    np.testing.assert_array_equal(pattern.coefficients[seen], steep[seen])
+    np.testing.assert_array_equal(level[seen], steep[seen])
     loaded, empty = int(np.argmin(np.abs(x + 3.5))), int(np.argmin(np.abs(x + 0.5)))
-    np.testing.assert_array_equal(pattern.coefficients[y > 3.6, loaded], steep[y > 3.6, loaded])
-    beyond = pattern.coefficients[y > 4.1, empty]
+    np.testing.assert_array_equal(level[y > 3.6, loaded], steep[y > 3.6, loaded])
+    beyond = level[y > 4.1, empty]
     assert np.ptp(steep[y > 4.1, empty]) > 0.0
     assert np.ptp(beyond) == 0.0
 
 
 def test_between_far_taxels_a_pattern_is_as_it_was() -> None:
-    scan, state = scanned(), at_rest()
+    scan = scanned()
     scan.places[0] *= 3.0
-    pattern = covering(scan, state, None)
-    fill(pattern, scan, state)
-    steep = pattern.coefficients
-    level_off(pattern, scan, state)
-    h, left, low = pattern.lattice
-    x, y = left + h * np.arange(pattern.shape[1]), low + h * np.arange(pattern.shape[0])
+    (x, y), steep, level = levelled(scan)
     between = np.ix_(np.abs(y) < 3.6, np.abs(x) < 10.6)
-    np.testing.assert_array_equal(pattern.coefficients[between], steep[between])
+    np.testing.assert_array_equal(level[between], steep[between])

@@ -105,7 +105,7 @@ def keep(
         q, reading, variance = values[0, i], taxels[READING, i], taxels[VARIANCE, i]
         off = np.isnan(q)
         model = 0.0 if off else gain * q
-        own = (rough * max(model, 0.0)) ** 2 + gain * gain * values[1, i]
+        own = (rough * model) ** 2 + gain * gain * values[1, i]
         if off:
             own = max(reading * reading, (_BEYOND * peak) ** 2)
         r = reading - brought[0, i] if brought.shape[1] else 0.0
@@ -116,7 +116,7 @@ def keep(
         if off:  # where it comes to lie next, the pattern may say anything
             rest[0, i], rest[1, i] = 0.0, own
             continue
-        if reading == 0.0 and model <= 0.0:  # clipped: it says nothing of how far below zero the pattern is
+        if reading == 0.0 and model <= 0.0:  # clipped: the noise of what is not loaded is hidden
             rest[0, i], rest[1, i] = 0.0, rest[2, i]
             continue
         before, left = rest[2, i], reading - model

@@ -44,6 +44,14 @@ def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ce
 
 
 @inlined
+def pressure_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
+    """`value_at`, level at 0 where the spline is below: pressure does not pull, but noise may make it seem to."""
+    q, qu, qw = value_at(c, x, y)
+    pulls = q < 0.0
+    return 0.0 if pulls else q, 0.0 if pulls else qu, 0.0 if pulls else qw
+
+
+@inlined
 def nearest(grid: Floats, x: float, y: float) -> float:
     """Value of grid (ny, nx) at the knot nearest to a place counted in knots, which lies on the lattice."""
     value: float = grid[np.uint64(int(y + 0.5)), np.uint64(int(x + 0.5))]
@@ -89,9 +97,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         sin = sin_0 * taxels[COS, i] + cos_0 * taxels[SIN, i]
         dx, dy = taxels[PLACE_X, i] - x, taxels[PLACE_Y, i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
-        q, qu, qw = value_at(c, u - left, w - low)
-        pulls = q < 0.0  # which pressure does not: noise, or beyond what was seen
-        q, qu, qw = 0.0 if pulls else q, 0.0 if pulls else qu, 0.0 if pulls else qw
+        q, qu, qw = pressure_at(c, u - left, w - low)
         reading, variance = taxels[READING, i], taxels[VARIANCE, i]
         known, live = not np.isnan(q), variance != 0.0
         model = gain * q if known else 0.0
@@ -158,6 +164,5 @@ def look_up(c: Floats, doubt: Floats, lattice: Floats, taxels: Floats, state: Fl
         sin = sin_0 * taxels[COS, i] + cos_0 * taxels[SIN, i]
         dx, dy = taxels[PLACE_X, i] - state[X], taxels[PLACE_Y, i] - state[Y]
         u, w = cos * dx + sin * dy - left, cos * dy - sin * dx - low
-        q = value_at(c, u, w)[0]
-        out[0, i] = 0.0 if q < 0.0 else q
-        out[1, i] = 0.0 if np.isnan(q) else nearest(doubt, u, w)
+        out[0, i] = pressure_at(c, u, w)[0]
+        out[1, i] = 0.0 if np.isnan(out[0, i]) else nearest(doubt, u, w)

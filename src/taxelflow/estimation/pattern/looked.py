@@ -47,12 +47,11 @@ def level_off(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
     What is loaded, and cut by the pad's border, is likely to go on as it leaves off. states: (scans, 5), of the scans
     that the pattern was learned from.
     """
-    h, left, low = pattern.lattice
-    x, y = left + h * np.arange(pattern.shape[1]), low + h * np.arange(pattern.shape[0])
+    x, y = pattern.knots
     looked = looked_at(scanned, states)
     least, most = looked.min(axis=0), looked.max(axis=0)
     between = (least[0] <= x) & (x <= most[0]) & ((least[1] <= y) & (y <= most[1]))[:, np.newaxis]
-    seen = between | near(looked, x, y, _REACH * h)
+    seen = between | near(looked, x, y, _REACH * pattern.lattice[0])
     row, col = distance_transform_edt(~seen, return_distances=False, return_indices=True)
     level = pattern.coefficients[row, col]
     unloaded = np.abs(level) < _UNLOADED * pattern.amplitude

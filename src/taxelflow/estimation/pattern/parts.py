@@ -76,7 +76,7 @@ def _left(tracker: Tracker, k: int, variance: Floats) -> Floats:
     taxels = laid_out(scanned.places, scanned.bends[k], readings, variance, ceiling)
     seen = np.empty((2, len(readings)))
     look_up(pattern.coefficients, pattern.doubt, pattern.lattice, taxels, tracker.states[k], seen)
-    model = gain * np.maximum(np.nan_to_num(seen[0]), 0.0)
+    model = gain * np.nan_to_num(seen[0])
     noise = variance + (tracker.rough_now() * model) ** 2 + gain**2 * seen[1]
     denied = ((readings - model) ** 2 > _DENIED**2 * noise) & ~((readings >= ceiling) & (model > readings))
     load = np.where(variance > 0, np.maximum(readings, model), 0.0)

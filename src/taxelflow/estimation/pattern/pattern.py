@@ -67,6 +67,12 @@ class Pattern:
         return self.coefficients.shape[0], self.coefficients.shape[1]
 
     @property
+    def knots(self) -> tuple[Floats, Floats]:
+        """x (nx,) and y (ny,) of the lattice's knots."""
+        h, left, low = self.lattice
+        return left + h * np.arange(self.shape[1]), low + h * np.arange(self.shape[0])
+
+    @property
     def width(self) -> int:
         """How many knots a taxel reaches along each axis."""
         farthest = float(np.hypot(*self.points.T).max())
@@ -88,17 +94,15 @@ class Pattern:
 
     def centre(self) -> Floats:
         """(2,) where the pattern's pressure is centred."""
-        h, left, low = self.lattice
         c = np.maximum(self.coefficients, 0.0)
         total = c.sum() or 1.0
-        x, y = left + h * np.arange(self.shape[1]), low + h * np.arange(self.shape[0])
+        x, y = self.knots
         return np.array([(c.sum(axis=0) @ x) / total, (c.sum(axis=1) @ y) / total])
 
     def radius(self) -> float:
         """Of gyration, at least half a pitch."""
-        h, left, low = self.lattice
         c = np.maximum(self.coefficients, 0.0)
-        x, y = left + h * np.arange(self.shape[1]), low + h * np.arange(self.shape[0])
+        x, y = self.knots
         centre, total = self.centre(), c.sum() or 1.0
         square = (c.sum(axis=0) @ (x - centre[0]) ** 2 + c.sum(axis=1) @ (y - centre[1]) ** 2) / total
         return float(np.sqrt(max(square, 0.25)))
