@@ -167,7 +167,7 @@ def estimate(
         smooth=smooth or Smoothing(),
     )
     run = pipeline.start(recording)
-    totals = Totals(recording.layout.pads)
+    totals = Totals(recording.layout)
     outputs = []
     for output in run:
         totals.add(output.slips, output.slipping, output.events)

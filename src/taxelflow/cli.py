@@ -106,7 +106,7 @@ class Estimate(_Recorded):
             self.features,
             self.smooth,
         )
-        totals = Totals(recording.layout.pads)
+        totals = Totals(recording.layout)
         with Tables(self.out, recording.layout.pads) as tables:
             run = pipeline.start(recording)
             for output in progress(run, recording.scans, "estimating"):

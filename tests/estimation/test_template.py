@@ -347,14 +347,36 @@ def test_scans_of_zeros_do_no_harm(mode: str, contact: bool) -> None:
 
 
 @both_modes
-def test_a_pad_of_one_column_is_followed_along_it(mode: str) -> None:
-    column = grid_sensor(12, 1, pitch_m=(PITCH, PITCH))
-    y_m = np.linspace(-0.008, 0.008, 40)
-    values = 60e3 * np.exp(-((column.layout.y_m - y_m[:, np.newaxis]) ** 2) / (2 * 0.006**2))
+@pytest.mark.parametrize(("rows", "cols", "masked"), [(12, 1, 0), (1, 12, 0), (12, 2, 1)])
+def test_a_line_of_taxels_follows_along_it_and_tells_nothing_of_what_is_across(
+    mode: str, rows: int, cols: int, masked: int
+) -> None:
+    line = grid_sensor(rows, cols, pitch_m=(PITCH, PITCH))
+    along, across = (0, 1) if rows == 1 else (1, 0)
+    way_m = np.linspace(-0.008, 0.008, 40)
+    place_m = np.stack([line.layout.x_m, line.layout.y_m])
+    values = 60e3 * np.exp(-((place_m[along] - way_m[:, np.newaxis]) ** 2) / (2 * 0.006**2))
     values += np.random.default_rng(0).normal(0, NOISE, values.shape)
-    slips = shaped(slips_by("template", column, scans_of(column, values, noise=NOISE), mode=mode), 40)
-    moved = slips.pose[:, 0, 1] - slips.pose[0, 0, 1]
-    assert np.sqrt(np.mean((moved - (y_m - y_m[0])) ** 2)) < 0.3e-3
+    noise = np.full(values.shape[1], NOISE)
+    dead = place_m[across] > 0 if masked else np.zeros(len(noise), dtype=np.bool_)
+    values[:, dead], noise[dead] = 0.0, 0.0
+    slips = shaped(slips_by("template", line, scans_of(line, values, noise=noise), mode=mode), 40)
+    moved = slips.pose[:, 0, along] - slips.pose[0, 0, along]
+    assert np.sqrt(np.mean((moved - (way_m - way_m[0])) ** 2)) < 0.3e-3
+    assert np.ptp(slips.pose[:, 0, across]) == 0.0
+    assert (np.sqrt(slips.covariance[:, 0, across, across]) > 12 * PITCH).all()
+    assert np.median(np.sqrt(slips.covariance[:, 0, along, along])) < 0.5 * PITCH
+    assert np.isnan(slips.pose[:, 0, 2]).all()
+    assert (slips.quality != OK).all()
+
+
+def test_a_pattern_of_noise_is_dropped_when_the_object_comes() -> None:
+    noise = np.random.default_rng(0).normal(0, NOISE, (8, PAD.layout.taxels))
+    values = np.concatenate([noise, feet_at(way(40))])
+    slips = slips_by("template", PAD, scans_of(PAD, values, noise=NOISE), mode="stream")
+    centre = (values[8:] @ np.stack([PAD.layout.x_m, PAD.layout.y_m]).T) / values[8:].sum(axis=1, keepdims=True)
+    assert np.isnan(slips.displacement[8, 0]).all()
+    assert np.hypot(*(slips.pose[8:, 0, :2] - centre).T).max() < 0.5 * PITCH
 
 
 @both_modes

@@ -42,6 +42,16 @@ def test_it_adds_up_what_the_rows_say(stroke: Recording) -> None:
     assert sum(result.summary.events.values()) == len(result.events)
 
 
+def test_a_way_that_the_pad_cannot_see_is_none() -> None:
+    sensor = grid_sensor(6, 1)
+    random = np.random.default_rng(0)
+    scans = np.array([dome(sensor, y_m=y) for y in np.linspace(-0.01, 0.01, 40)])
+    values = np.concatenate([np.zeros((20, 6)), scans]) + random.normal(0.0, 100.0, (60, 6))
+    x, y = estimate(recorded(values, sensor), "template").summary.pads["pad0"].net_m
+    assert x is None
+    assert y == pytest.approx(0.02, abs=0.003)
+
+
 def test_events_that_did_not_happen_are_counted_as_zero(palm: taxelflow.Sensor) -> None:
     summary = estimate(recorded(np.zeros((30, 28)), palm)).summary
     assert summary.events == {"contact": 0, "release": 0, "slip_start": 0, "slip_stop": 0}

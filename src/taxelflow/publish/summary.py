@@ -11,7 +11,11 @@ import numpy as np
 from taxelflow.sensor import Sensor
 
 if TYPE_CHECKING:
+    from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Event, Slips
+
+_KNOWN = 0.5
+"""Standard deviation, in pitches, up to which a displacement says something."""
 
 
 class PadSummary(msgspec.Struct, frozen=True):
@@ -23,8 +27,9 @@ class PadSummary(msgspec.Struct, frozen=True):
     """Median over taxels, in the summary's unit; None if every taxel is masked."""
     slip_path_m: float
     """Length of the way that the object went while slipping."""
-    net_m: tuple[float, float]
-    """Sum of all displacements along x and y."""
+    net_m: tuple[float | None, float | None]
+    """Sum of all displacements along x and y; None along an axis where most of them are not known within half a pitch,
+    as along the row of a pad of one column."""
     border_share: float
     """Share of contact scans that touch a border of the pad, where the paper's methods are biased."""
     slips: int
@@ -68,15 +73,17 @@ class Summary(msgspec.Struct, frozen=True):
 class Totals:
     """Sums over the blocks of a run."""
 
-    def __init__(self, pads: tuple[str, ...]) -> None:
-        count = len(pads)
-        self.pads = pads
+    def __init__(self, layout: Layout) -> None:
+        count = len(layout.pads)
+        self.pads = layout.pads
+        self._surely_m = _KNOWN * layout.pitch_m
         self.scans = 0
         self.t_first_s = self.t_last_s = float("nan")
         self.contact_scans = np.zeros(count, dtype=np.int64)
         self.border_scans = np.zeros(count, dtype=np.int64)
         self.slip_path_m = np.zeros(count)
         self.net_m = np.zeros((count, 2))
+        self._steps, self._known = np.zeros((count, 1), np.int64), np.zeros((count, 2), np.int64)
         self.slips: Counter[str] = Counter()
         self.events: Counter[str] = Counter(contact=0, release=0, slip_start=0, slip_stop=0)
 
@@ -90,19 +97,25 @@ class Totals:
         self.border_scans += (slips.border.any(axis=2) & slips.contact).sum(axis=0)
         steps = np.where(slips.valid[..., np.newaxis], slips.displacement[..., :2], 0.0)
         self.slip_path_m += np.sum(np.hypot(steps[..., 0], steps[..., 1]), axis=0, where=slipping)
+        std = np.sqrt(np.diagonal(slips.displacement_covariance, axis1=2, axis2=3)[..., :2])
+        known = slips.valid[..., np.newaxis] & (std <= self._surely_m)
         self.net_m += steps.sum(axis=0)
+        self._known += known.sum(axis=0)
+        self._steps += slips.valid.sum(axis=0)[:, np.newaxis]
         self.events.update(event.event for event in events)
         self.slips.update(event.pad for event in events if event.event == "slip_start")
 
     def of_pad(self, pad: int, *, tared: bool, noise: float | None, scatter: float) -> PadSummary:
         """The sums of pad number `pad`."""
         contact = int(self.contact_scans[pad])
+        mostly = 2 * self._known[pad] > self._steps[pad]
+        x, y = (float(m) if known else None for m, known in zip(self.net_m[pad], mostly, strict=True))
         return PadSummary(
             contact_scans=contact,
             tared=tared,
             noise=noise,
             slip_path_m=float(self.slip_path_m[pad]),
-            net_m=(float(self.net_m[pad, 0]), float(self.net_m[pad, 1])),
+            net_m=(x, y),
             border_share=int(self.border_scans[pad]) / contact if contact else 0.0,
             slips=self.slips[self.pads[pad]],
             scatter=scatter,

@@ -55,7 +55,7 @@ def say(summary: Summary, directory: Path) -> None:
     table = quiet_table("pad:", "contact scans", "slips", "net x mm", "net y mm", "at border", title=title)
     for name, pad in summary.pads.items():
         if pad.contact_scans:
-            net = [f"{1e3 * m:+.1f}" for m in pad.net_m]
+            net = ["-" if m is None else f"{1e3 * m:+.1f}" for m in pad.net_m]
             table.add_row(name, str(pad.contact_scans), str(pad.slips), *net, f"{100 * pad.border_share:.0f} %")
     console = Console(markup=False)
     if summary.contact:

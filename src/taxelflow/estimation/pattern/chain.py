@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD, LOOSE_TURN
+from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD
 from taxelflow.estimation.pattern.poses import Poses, to_pad
 from taxelflow.estimation.pattern.sight import sights
 from taxelflow.estimation.pattern.spline import STATE, THETA
@@ -61,7 +61,7 @@ def follow_changing(scanned: Scanned, size: Floats, pitch_m: float, *, turns: bo
         np.concatenate([one[:0:-1], other]) for one, other in zip(back[:3], ahead[:3], strict=True)
     )
     sight = max(ahead[3], back[3])
-    turns = turns or sight > _SIGHT
+    turns = (turns or sight > _SIGHT) and not scanned.blind.any()
     pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=turns)
     if turns and np.median(noise[:, THETA, THETA]) > _GUESS**2:
         turns = False
@@ -107,5 +107,5 @@ def _chain(scanned: Scanned, size: Floats) -> tuple[Floats, Floats, Floats, floa
 
 
 def _tracker(scanned: Scanned, size: Floats) -> Tracker:
-    stiffness = np.array([0.0, 0.0, LOOSE_TURN, FIRST_GAIN_STD**-2, np.inf])
+    stiffness = scanned.stiffness(turns=True, gain_std=FIRST_GAIN_STD)
     return Tracker(scanned, 0, size=size, rough=ROUGH, stiffness=stiffness)

@@ -25,8 +25,6 @@ FIRST_ROUGH, _LEAST_ROUGH, _MOST_ROUGH = 0.02, 0.002, 0.2
 FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
 _STEADY_GAIN_STD, _SCANT = 0.1, 0.8
 """A load that hardly varies is tried, too, where gains vary but less than this share of the readings checks the fit."""
-LOOSE_TURN = 1e-3
-"""Keeps a turn that nothing determines from wandering: 1 / rad^2."""
 SEEN = 4.0
 """A turn is observable if the pattern tells it so many times better than its own noise would."""
 _TURN_NEEDED, _AS_NOISE = 1.1, 1.0
@@ -127,7 +125,10 @@ def _steadier(solved: Solved, scanned: Scanned, size: Floats) -> Solved:
 
 def _solve_either(scanned: Scanned, size: Floats) -> Solved:
     """With rotation if the data show that it can be seen, else without."""
-    turning, held = tracker_of(scanned, size, turns=True), tracker_of(scanned, size, turns=False)
+    held = tracker_of(scanned, size, turns=False)
+    if scanned.blind.any():
+        return solved_from(scanned, held, first_fit(scanned, held), turns=False)
+    turning = tracker_of(scanned, size, turns=True)
     turning.run(_GLIMPSE)
     factor = turning.sums.solve(turning.pattern)
     likely = sights(turning.pattern, scanned, turning.states, factor, turning.start, FIRST_ROUGH)[THETA] > _LIKELY
@@ -183,7 +184,7 @@ def start_scan(scanned: Scanned) -> int:
 
 def tracker_of(scanned: Scanned, size: Floats, *, turns: bool, gain_std: float = FIRST_GAIN_STD) -> Tracker:
     """The tracker that a contact begins with. gain_std: of the gains around 1."""
-    stiffness = np.array([0.0, 0.0, LOOSE_TURN if turns else np.inf, gain_std**-2, np.inf])
+    stiffness = scanned.stiffness(turns=turns, gain_std=gain_std)
     return Tracker(scanned, start_scan(scanned), size=size, rough=FIRST_ROUGH, stiffness=stiffness)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import FIRST_ROUGH, LOOSE_TURN, start_scan, unexplained
+from taxelflow.estimation.pattern.contact import FIRST_ROUGH, start_scan, unexplained
 from taxelflow.estimation.pattern.growth import centre, in_place
 from taxelflow.estimation.pattern.keyframes import Keyframes
 from taxelflow.estimation.pattern.learned import CHANGING_ROUGH, FIRST_SLACK, Learned, covering, fill, refined, usual_of
@@ -38,9 +38,9 @@ def placed(known: Learned) -> Learned | None:
     """What is learned if the object has stayed while its contact grew; None if that does not explain the keyframes."""
     own = known.keyframes.scanned
     scanned = replace(own, delay_s=np.zeros_like(own.delay_s), bends=np.zeros_like(own.bends))
-    load, turn = scanned.load().sum(axis=1), LOOSE_TURN if known.turns else np.inf
+    load = scanned.load().sum(axis=1)
     states, pattern, fit, rough, gain_std = in_place(
-        scanned, np.ones(2), load, start_scan(scanned), FIRST_ROUGH, turn=turn
+        scanned, np.ones(2), load, start_scan(scanned), FIRST_ROUGH, turns=known.turns
     )
     moved = float(np.ptp(states[:, :2], axis=0).max())
     if unexplained(fit, scanned, FIRST_ROUGH) > _EXPLAINED or moved > _STAYS:

@@ -13,7 +13,6 @@ import numpy as np
 
 from taxelflow.estimation.pattern.contact import (
     FIRST_ROUGH,
-    LOOSE_TURN,
     Solved,
     level,
     roughness,
@@ -90,9 +89,7 @@ def _believed(growing: Solved, solved: Solved, scanned: Scanned, load: Floats) -
 def _growing(solved: Solved, scanned: Scanned, size: Floats, load: Floats) -> Solved:
     """The contact as one that grows."""
     start = start_scan(scanned)
-    states, pattern, fit, rough, gain_std = in_place(
-        scanned, size, load, start, solved.rough, turn=LOOSE_TURN if solved.turns else np.inf
-    )
+    states, pattern, fit, rough, gain_std = in_place(scanned, size, load, start, solved.rough, turns=solved.turns)
     sight = float(sights(pattern, scanned, states, fit.factor, start, rough)[THETA]) * fit.freedom**2
     return replace(
         solved, pattern=pattern, states=states, fit=fit, rough=rough, gain_std=gain_std, sight=sight, grows=True
@@ -100,21 +97,20 @@ def _growing(solved: Solved, scanned: Scanned, size: Floats, load: Floats) -> So
 
 
 def in_place(
-    scanned: Scanned, size: Floats, load: Floats, start: int, rough: float, turn: float
+    scanned: Scanned, size: Floats, load: Floats, start: int, rough: float, *, turns: bool
 ) -> tuple[Floats, Pattern, Fit, float, float]:
     """States (scans, 5) of an object that stays while its contact grows with the load (scans,), its pattern, their fit,
     the pattern's relative error, and the gains' deviation: first held where it is in scan `start`, then free to move.
 
-    size: (2,) of a taxel, in pitches. rough: error of the pattern to begin with. turn: stiffness of theta.
+    size: (2,) of a taxel, in pitches. rough: error of the pattern to begin with. turns: whether it may turn.
     """
     pattern, states = _held(scanned, size, load, start)
     stiffness = np.array([np.inf, np.inf, np.inf, _FIRST_GAIN_STD**-2, SIZE_STD**-2])
     fit = refine(pattern, scanned, states, rounds=_HELD_ROUNDS, rough=rough, stiffness=stiffness)
-    stiffness[: THETA + 1] = 0.0, 0.0, turn
     gain_std = _FIRST_GAIN_STD
     for rounds in _ROUNDS:
         gain_std, rough = level(pattern, states, fit), roughness(fit, scanned)
-        stiffness[GAIN] = gain_std**-2
+        stiffness = scanned.stiffness(turns=turns, gain_std=gain_std, size=SIZE_STD**-2)
         scanned.bend(states)
         fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
         if rounds != _ROUNDS[-1]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD, FIRST_ROUGH, LOOSE_TURN, level, roughness
+from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD, FIRST_ROUGH, level, roughness
 from taxelflow.estimation.pattern.growth import SIZE_STD
 from taxelflow.estimation.pattern.joint import Fit, refine
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
@@ -95,9 +95,9 @@ def fill(pattern: Pattern, scanned: Scanned, states: Floats, rough: float = FIRS
 def refined(new: Learned, pattern: Pattern, scanned: Scanned, states: Floats) -> Fit:
     """Refine pattern and states (n, 5) jointly, in place; what that says of gains and roughness goes into `new`."""
     young = len(states) < YOUNG
-    turn = LOOSE_TURN if new.turns else np.inf
     gain_std = FIRST_GAIN_STD if young else new.gain_std
-    stiffness = np.array([0.0, 0.0, turn, gain_std**-2, SIZE_STD**-2 if new.placed else np.inf])
+    size = SIZE_STD**-2 if new.placed else np.inf
+    stiffness = scanned.stiffness(turns=new.turns, gain_std=gain_std, size=size)
     rounds, rough = (6, FIRST_ROUGH) if young else (3, min(new.rough, FIRST_ROUGH))
     fit = refine(pattern, scanned, states, rounds=rounds, rough=rough, stiffness=stiffness)
     if not young:

@@ -38,6 +38,8 @@ def in_parts(scanned: Scanned, size: Floats) -> tuple[Solved, Scanned] | None:
 
     size: (2,) of a taxel, in pitches.
     """
+    if scanned.blind.any():
+        return None
     dead = silent_taxels(scanned)
     whole = scanned.variance.copy()
     whole[:, dead] = 0.0

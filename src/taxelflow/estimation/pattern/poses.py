@@ -12,6 +12,7 @@ from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 
 if TYPE_CHECKING:
     from taxelflow.estimation.pattern.contact import Solved
+    from taxelflow.estimation.pattern.scanned import Scanned
     from taxelflow.messages import Bytes, Floats
 
 TOO_ROUGH = 0.1
@@ -44,6 +45,15 @@ class Poses:
         noise = np.full_like(self.covariance, np.nan)
         noise[1:] = self.covariance[1:] + self.covariance[:-1]
         return moved, noise, np.diff(t_s, prepend=np.nan)
+
+    def unseen(self, scanned: Scanned, pitch_m: float) -> Poses:
+        """With a place along x or y that its taxels cannot tell left open: anywhere on the pad."""
+        blind = np.flatnonzero(scanned.blind)
+        if not len(blind):
+            return self
+        covariance = self.covariance.copy()
+        covariance[:, blind, blind] = (pitch_m * scanned.reach) ** 2
+        return Poses(self.pose, covariance, np.maximum(self.quality, AMBIGUOUS))
 
     def tail(self, count: int) -> Poses:
         """The last `count` scans."""

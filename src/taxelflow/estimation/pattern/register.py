@@ -8,7 +8,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.pattern.linear import laid_out, linearise
-from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA
+from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -167,7 +167,7 @@ def mirror(matrix: Floats) -> None:
 @lean_kernel
 def _hold(prior: Floats, stiffness: Floats, state: Floats) -> None:
     """Put what is held where it stays."""
-    for part in (THETA, SIZE):
+    for part in (X, Y, THETA, SIZE):
         if stiffness[part] >= HELD:
             state[part] = prior[part]
 
@@ -175,7 +175,7 @@ def _hold(prior: Floats, stiffness: Floats, state: Floats) -> None:
 @lean_kernel
 def _add_prior(prior: Floats, stiffness: Floats, state: Floats, normal: Floats, right: Floats) -> float:
     """Add the prior to the normal equations, from which what is held drops out; its cost."""
-    for part in (THETA, SIZE):
+    for part in (X, Y, THETA, SIZE):
         if stiffness[part] >= HELD:
             right[part] = 0.0
             for a in range(STATE):

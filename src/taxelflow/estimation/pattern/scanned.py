@@ -13,12 +13,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.layout import Layout
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
 
 _LOADED_SIGMAS = 4.0
 _LOADED_SHARE = 0.03
 _AT_ONCE_S = 1e-9
 """Below this a delay is rounding."""
+_APART = 0.1
+"""Taxels closer than this, in pitches, along an axis lie in a line across it."""
+_LOOSE_TURN = 1e-3
+"""Keeps a turn that nothing determines from wandering: 1 / rad^2."""
 
 
 def delays_of(layout: Layout) -> tuple[Floats, Floats]:
@@ -70,6 +74,27 @@ class Scanned:
     def amplitude(self) -> float:
         """Largest reading."""
         return float(self.readings.max(initial=0.0)) or 1.0
+
+    @property
+    def reach(self) -> float:
+        """Diagonal of the pad in pitches: what touches it is no further away than that, whatever its scans say."""
+        return float(np.hypot(*(np.ptp(self.places, axis=1) + 1.0)))
+
+    @property
+    def blind(self) -> Bools:
+        """(2,), x and y, True where all taxels lie in a line across: any motion along it fits some pattern."""
+        live = (self.variance > 0).any(axis=0)
+        places = self.places[:, live] if live.any() else self.places
+        across: Bools = np.ptp(places, axis=1) < _APART
+        return across
+
+    def stiffness(self, *, turns: bool, gain_std: float, size: float = np.inf) -> Floats:
+        """(5,) 1 / variance of each state, infinite where it is held: what scans of these taxels cannot tell, a turn
+        unless it `turns`, and its size unless that is given.
+        """
+        seen = ~self.blind
+        turn = _LOOSE_TURN if turns and seen.all() else np.inf
+        return np.array([*np.where(seen, self.reach**-2, np.inf), turn, gain_std**-2, size])
 
     def taken(self, which: NDArray[np.int64] | slice) -> Scanned:
         """Some of the scans."""

@@ -192,9 +192,12 @@ class StreamSession:
         """Look for the object all over the pad where a scan does not fit where it was looked for."""
         for pad in np.flatnonzero(contact):
             m, known = self._memory[pad], self._pads[pad].learned
-            if known is None or not known.mature:
-                continue
             fits = m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT])
+            if known is None or not known.mature:
+                if not fits and self._too_faint(int(pad), reading):
+                    self._learn_anew(int(pad), t, reading, variance)
+                    self._follow_again(int(pad), t, reading, variance)
+                continue
             if fits and m[online.PROBATION] == 0.0:
                 continue
             near = m[online.PROBATION] == 0.0
@@ -212,6 +215,14 @@ class StreamSession:
                 self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
                 self._steps[pad], m[online.CARRIES] = found[1], 0.0
                 m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
+
+    def _too_faint(self, pad: int, reading: Floats) -> bool:
+        """Whether a young pattern was learned from scans that are too faint, or nothing but noise, beside this one."""
+        known = self._pads[pad].learned
+        if known is None or known.mature:
+            return False
+        peak = float(reading[self._layout.of_pad(pad)].max())
+        return self._states[pad, GAIN] > online.FAINT or peak > online.FAINT * known.pattern.amplitude
 
     def _variance(self, reading: Floats, complete: Bools) -> Floats:
         """Noise squared, 0 where a reading is missing."""
@@ -261,15 +272,17 @@ class StreamSession:
         m[online.CENTROID_X], m[online.CENTROID_Y], m[online.LOAD] = middle[0], middle[1], middle[3]
 
     def _learn_anew(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
-        """A new pattern from this scan, which stays where it is."""
-        state = self._states[pad]
-        taxels, m = self._layout.of_pad(pad), self._memory[pad]
+        """A new pattern from this scan, which stays where it is, if that is known."""
+        state, taxels, m = self._states[pad], self._layout.of_pad(pad), self._memory[pad]
+        fits = m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT])
+        known = fits and np.diagonal(self._information[pad])[:THETA].min() > online.BLURRED**-2
+        m[online.CONTINUES] = m[online.CONTINUES] if known else 0.0
         m[online.THETA_0] -= state[THETA]
         m[online.PROBATION] = m[online.POOR] = 0.0
         self._settle(pad)
         delay = self._delay[taxels] if len(self._delay) else np.zeros(taxels.stop - taxels.start)
         scan = (np.ascontiguousarray(self._places[:, taxels]), reading[taxels], variance[taxels], self._ceiling[taxels])
-        learned = first_pattern(t, *scan, delay, state[:2])
+        learned = first_pattern(t, *scan, delay, state[:2] if known else None)
         self._put(pad, learned)
         self._states[pad] = learned.keyframes.states[0]
 
@@ -296,7 +309,8 @@ class StreamSession:
         m[online.CHANGING] = 1.0 if learned.changing else 0.0
         m[online.SLACK], m[online.SLACK_T] = learned.slack
         m[online.SEEN] = 1.0 if learned.told else 0.0
-        states = learned.keyframes.states
+        states, scanned = learned.keyframes.states, learned.keyframes.scanned
+        m[online.BLIND_X : online.BLIND_Y + 1] = scanned.reach * scanned.blind
         m[online.KEYFRAMES] = len(states)
         self._keyframes[pad, : len(states)] = states[:, : GAIN + 1]
         self._pads[pad].learned = learned
@@ -315,16 +329,20 @@ class StreamSession:
             if not old.placed:  # any size may be right
                 m[online.LOAD] = 0.0
         self._put(pad, new)
-        alone = np.zeros(len(self._pads), dtype=np.bool_)
-        alone[pad] = True
-        kept = m[online.SPEED_X : online.LAST_T + 1].copy()
-        m[online.SPEED_X : online.SPEED_T + 1] = 0.0
-        self._run(FOLLOW, float(m[online.LAST_T]), self._last_reading, self._last_variance, alone, self._no_slips)
-        m[online.SPEED_X : online.LAST_T + 1] = kept
+        self._follow_again(pad, float(m[online.LAST_T]), self._last_reading, self._last_variance)
         state, scale = self._states[pad], self._pitch_m[pad]
         turn = state[THETA] - m[online.THETA_0] if m[online.SEEN] else np.nan
         self._before[pad] = scale * state[0], scale * state[1], turn
         self._go_on(pad)
+
+    def _follow_again(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
+        """Register a scan that was registered before on a pattern that is new."""
+        m, alone = self._memory[pad], np.zeros(len(self._pads), dtype=np.bool_)
+        alone[pad] = True
+        kept = m[online.SPEED_X : online.LAST_T + 1].copy()
+        m[online.SPEED_X : online.SPEED_T + 1] = 0.0
+        self._run(FOLLOW, t, reading, variance, alone, self._no_slips)
+        m[online.SPEED_X : online.LAST_T + 1] = kept
 
     def _answer(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
         """Do what a scan calls for."""
@@ -339,7 +357,7 @@ class StreamSession:
             return
         taxels = self._layout.of_pad(pad)
         m = self._memory[pad]
-        if self._states[pad, GAIN] > online.FAINT and not own.learned.mature:  # what was learned from is too faint
+        if self._too_faint(pad, reading):
             self._learn_anew(pad, t, reading, variance)
             return
         late = self._delay[taxels] if len(self._delay) else np.zeros(0)

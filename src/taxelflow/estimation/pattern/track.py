@@ -35,7 +35,7 @@ class Tracker:
     """Scans of a contact on their way to poses."""
 
     def __init__(self, scanned: Scanned, start: int, *, size: Floats, rough: float, stiffness: Floats) -> None:
-        """stiffness: (5,) 1 / variance of each state, of the gain from scan to scan; infinite where it is fixed."""
+        """stiffness: (5,) 1 / variance of each state, around 0 and from scan to scan; infinite where it is fixed."""
         self.scanned, self.start, self.rough, self.stiffness = scanned, start, rough, stiffness
         self._size = size
         self.loaded, self.centroid, self.amplitude = scanned.loaded(), scanned.centroids(), scanned.amplitude
@@ -137,15 +137,13 @@ class Tracker:
         shifted = last.copy()
         shifted[:2] += self.centroid[k] - self.centroid[before]
         starts.append(shifted)
-        fixed = np.isinf(self.stiffness)
-        stiffness = np.where(fixed, HELD, 1e-6)
-        stiffness[GAIN] = self.stiffness[GAIN]
+        stiffness = np.minimum(self.stiffness, HELD)
         best, misfit, kept = np.inf, np.inf, np.zeros((STATE, STATE))
         scanned, pattern = self.scanned, self.pattern
         information = np.zeros((STATE, STATE))
         for state in starts:
             prior = last.copy()
-            if fixed[THETA]:
+            if np.isinf(self.stiffness[THETA]):
                 state[THETA] = 0.0
             cost, chi, count = register(
                 pattern.coefficients,

@@ -11,7 +11,6 @@ import numpy as np
 from taxelflow.estimation.pattern.contact import (
     FIRST_GAIN_STD,
     FIRST_ROUGH,
-    LOOSE_TURN,
     roughness,
     start_scan,
     unexplained,
@@ -88,7 +87,7 @@ def _retraced(scanned: Scanned) -> Floats:
 
     Poses learned without a turn are far from those with one, and refined they may end in between.
     """
-    stiffness = np.array([0.0, 0.0, LOOSE_TURN, FIRST_GAIN_STD**-2, np.inf])
+    stiffness = scanned.stiffness(turns=True, gain_std=FIRST_GAIN_STD)
     own = scanned.taken(np.arange(len(scanned)))
     tracker = Tracker(own, start_scan(own), size=np.ones(2), rough=FIRST_ROUGH, stiffness=stiffness)
     tracker.run()
