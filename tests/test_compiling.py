@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 
+from taxelflow import compiling
 from taxelflow.compiling import kernel
 
 if TYPE_CHECKING:
@@ -104,6 +105,22 @@ def test_sums_may_be_reordered_but_nan_stays_nan_and_zero_divides(fresh: Callabl
     assert (found, share) == (0.0, np.inf)
     found, _ = shares(np.array([1.0, np.nan, 2.0]))
     assert np.isnan(found)
+
+
+def test_a_kernel_is_compiled_anew_when_another_has_changed(
+    fresh: Callable[[Any], Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def misses(sources: str) -> int:
+        monkeypatch.setattr(compiling, "_sources", lambda: sources)
+
+        @fresh
+        def twice(x: float) -> float:
+            return 2.0 * x
+
+        assert twice(1.5) == 3.0
+        return sum(twice.stats.cache_misses.values())
+
+    assert [misses(sources) for sources in ("old", "old", "new", "new")] == [1, 0, 1, 0]
 
 
 def test_a_kernel_may_ask_whether_a_number_is_one(fresh: Callable[[Any], Any]) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import logging
 from contextlib import contextmanager
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, cast
 
 import numba
@@ -43,7 +46,26 @@ def _compiled(function: Kernel, *, nogil: bool, **options: bool) -> Kernel:
     compiled = compile_(cache=True, nogil=nogil, error_model="numpy", fastmath={"reassoc", "contract"}, **options)(
         function
     )
+    _date(compiled, _sources())
     return cast("Kernel", compiled)
+
+
+def _date(compiled: Any, sources: str) -> None:
+    """Have a cached kernel compiled anew when any of our kernels has changed: it may hold that one.
+
+    numba looks at a kernel's own file only, and has no public way to say more. Without a place to write to there is no
+    cache, and nothing to date.
+    """
+    index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    if index is not None:
+        index._source_stamp = (index._source_stamp, sources)
+
+
+@cache
+def _sources() -> str:
+    """A hash that changes with any file of ours that has kernels."""
+    files = sorted(Path(__file__).parent.rglob("*.py"))
+    return sha256(b"".join(code for code in map(Path.read_bytes, files) if b"taxelflow.compiling" in code)).hexdigest()
 
 
 class _Announce(event.Listener):
