@@ -293,6 +293,25 @@ def test_one_loaded_taxel_moves_by_no_more_than_is_known() -> None:
     assert np.isfinite(slips.covariance[:, 0, :2, :2]).all()
 
 
+@pytest.mark.parametrize(("rows", "cols"), [(12, 1), (1, 12)])
+def test_a_line_of_taxels_follows_along_it_and_tells_nothing_of_what_is_across(rows: int, cols: int) -> None:
+    line = grid_sensor(rows, cols, pitch_m=(0.004, 0.004))
+    along, across = (0, 1) if rows == 1 else (1, 0)
+    way_m = np.linspace(-0.008, 0.008, 40)
+    place_m = np.stack([line.layout.x_m, line.layout.y_m])[along]
+    values = 60e3 * np.exp(-((place_m - way_m[:, np.newaxis]) ** 2) / (2 * 0.006**2))
+    values += np.random.default_rng(0).normal(0, 500.0, values.shape)
+    slips = slips_by("registration", line, scans_of(line, values, noise=500.0))
+    moved = slips.pose[:, 0, along] - slips.pose[0, 0, along]
+    assert np.sqrt(np.mean((moved - (way_m - way_m[0])) ** 2)) < 0.3e-3
+    assert not slips.displacement[1:, 0, across].any()
+    assert (np.sqrt(slips.covariance[:, 0, across, across]) > 0.048).all()
+    assert (slips.displacement_covariance[1:, 0, across, across] > 2 * 0.048**2).all()
+    assert np.isnan(slips.displacement_covariance[0, 0]).all()
+    assert np.isnan(slips.pose[:, 0, 2]).all()
+    assert (slips.quality != OK).all()
+
+
 def test_a_pitch_that_is_not_square_and_places_without_a_taxel_do_no_harm() -> None:
     sensor = grid_sensor(14, 10, pitch_m=(0.0034, 0.0035), missing=((0, 0), (5, 4), (13, 9)))
     poses = np.array([[0, 0, 0], [0.002, -0.0015, 0.02]])

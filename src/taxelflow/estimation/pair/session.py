@@ -85,6 +85,7 @@ class PairSession:
             spline.trust,
             spline.doubt,
             spline.blind,
+            spline.unseen,
             pad.memory,
             pad.before,
             pad.variance,

@@ -37,6 +37,17 @@ def delays_of(layout: Layout) -> tuple[Floats, Floats]:
     return np.where(np.abs(late) > _AT_ONCE_S, late, 0.0), mean
 
 
+def reach(places: Floats) -> float:
+    """Diagonal of a pad in pitches, like places (2, taxels): what touches it is no further away, whatever scans say."""
+    return float(np.hypot(*(np.ptp(places, axis=1) + 1.0)))
+
+
+def blind(places: Floats, live: Bools) -> Bools:
+    """(2,), x and y, True where all live (taxels,) taxels lie in a line across: any motion fits some pattern."""
+    across: Bools = np.ptp(places[:, live] if live.any() else places, axis=1) < _APART
+    return across
+
+
 @dataclass(slots=True, eq=False)
 class Scanned:
     """Scans of one contact on one pad.
@@ -77,16 +88,14 @@ class Scanned:
 
     @property
     def reach(self) -> float:
-        """Diagonal of the pad in pitches: what touches it is no further away than that, whatever its scans say."""
-        return float(np.hypot(*(np.ptp(self.places, axis=1) + 1.0)))
+        """See `reach`."""
+        return reach(self.places)
 
     @property
     def blind(self) -> Bools:
-        """(2,), x and y, True where all taxels lie in a line across: any motion along it fits some pattern."""
-        live = (self.variance > 0).any(axis=0)
-        places = self.places[:, live] if live.any() else self.places
-        across: Bools = np.ptp(places, axis=1) < _APART
-        return across
+        """See `blind`."""
+        live: Bools = np.any(self.variance > 0, axis=0)
+        return blind(self.places, live)
 
     def stiffness(self, *, turns: bool, gain_std: float, size: float = np.inf) -> Floats:
         """(5,) 1 / variance of each state, infinite where it is held: what scans of these taxels cannot tell, a turn
