@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from taxelflow.errors import GridNameInvalid, NameUnknown, PitchNeeded
-from taxelflow.sensor import Sensor, parse_toml, read_sensor, sensor_of
+from taxelflow.sensor import Sensor, parse_toml, read_sensor, sensor_of, unchecked
 
 _PITCH = r"(?P<x>\d+(\.\d+)?)(x(?P<y>\d+(\.\d+)?))?mm"
 _GRID = re.compile(rf"grid:(?P<rows>\d+)x(?P<cols>\d+)@{_PITCH}(,(?P<unit>\w+(/\w+)?))?")
@@ -31,11 +31,12 @@ def known_sensors() -> list[str]:
 
 
 def catalogue() -> list[tuple[str, Sensor]]:
-    """All built-in sensors with the name to ask for; where the pitch is the user's to say, it is 1 mm here."""
+    """All built-in sensors, unchecked, by the name to ask for; where the user says the pitch, it is 1 mm here."""
     listed = []
     for name in builtin_sensors():
         wants = _wants_pitch(_declared(name))
-        listed.append((f"{name}@PITCHmm", load_sensor(f"{name}@1mm")) if wants else (name, load_sensor(name)))
+        sensor = unchecked(_table(name, "1mm" if wants else ""), f"{name}.toml", _folder())
+        listed.append((f"{name}@PITCHmm" if wants else name, sensor))
     return listed
 
 
@@ -69,6 +70,11 @@ def _wants_pitch(table: dict[str, Any]) -> bool:
 
 
 def _builtin(name: str, at: str) -> Sensor:
+    return sensor_of(_table(name, at), f"{name}.toml", _folder())
+
+
+def _table(name: str, at: str) -> dict[str, Any]:
+    """What a built-in sensor declares, at the pitch that the user says."""
     table = _declared(name)
     wants, given = _wants_pitch(table), _AT.fullmatch(at)
     if wants and not given:
@@ -79,7 +85,7 @@ def _builtin(name: str, at: str) -> Sensor:
         for pad in table["pads"]:
             pad.setdefault("pitch_m", _pitch_m(given))
         table["name"] = f"{name}@{at}"
-    return sensor_of(table, f"{name}.toml", _folder())
+    return table
 
 
 def _grid(name: str) -> Sensor:

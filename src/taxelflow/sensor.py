@@ -148,6 +148,15 @@ def parse_toml(text: bytes, source: str) -> dict[str, object]:
 
 def sensor_of(table: object, source: str, folder: Traversable | None = None) -> Sensor:
     """A sensor from the mapping that TOML or JSON holds; else as `parse_sensor`. Raises SensorFileInvalid."""
+    sensor = unchecked(table, source, folder)
+    faults.check_pads(sensor.pads, source)
+    faults.check_groups(sensor.groups, sensor.pads, source)
+    _check(sensor, source)
+    return sensor
+
+
+def unchecked(table: object, source: str, folder: Traversable | None = None) -> Sensor:
+    """`sensor_of`, but only its fields are checked, not whether its taxels can be laid out, which takes time."""
     try:
         sensor = msgspec.convert(table, Sensor)
     except msgspec.ValidationError as error:
@@ -155,11 +164,7 @@ def sensor_of(table: object, source: str, folder: Traversable | None = None) -> 
     pads = tuple(
         with_table(pad, folder, source, faults.pad_at(number, pad.name)) for number, pad in enumerate(sensor.pads, 1)
     )
-    sensor = msgspec.structs.replace(sensor, pads=pads)
-    faults.check_pads(sensor.pads, source)
-    faults.check_groups(sensor.groups, sensor.pads, source)
-    _check(sensor, source)
-    return sensor
+    return msgspec.structs.replace(sensor, pads=pads)
 
 
 def _check(sensor: Sensor, source: str) -> None:

@@ -144,7 +144,8 @@ def list_sensors(sensors: list[tuple[str, Sensor]]) -> None:
     """A table of sensors by the name to ask for."""
     table = quiet_table("name:", "pads", "taxels", "unit:", "note:")
     for name, sensor in sensors:
-        table.add_row(Text(name), str(len(sensor.pads)), str(sensor.layout.taxels), sensor.unit, Text(sensor.note))
+        taxels = sum(pad.count for pad in sensor.pads)  # the layout takes time
+        table.add_row(Text(name), str(len(sensor.pads)), str(taxels), sensor.unit, Text(sensor.note))
     console = Console(markup=False)
     console.print(table)
     console.print(
