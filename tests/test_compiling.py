@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import os
 import subprocess
 import sys
@@ -121,6 +122,22 @@ def test_a_kernel_is_compiled_anew_when_another_has_changed(
         return sum(twice.stats.cache_misses.values())
 
     assert [misses(sources) for sources in ("old", "old", "new", "new")] == [1, 0, 1, 0]
+
+
+def test_files_with_kernels_and_what_they_know_of_messages_date_them(tmp_path: Path) -> None:
+    kernels, messages, other = (tmp_path / name for name in ("kernels.py", "messages.py", "other.py"))
+    seen = []
+    for path, text in (
+        (kernels, MODULE),
+        (other, "X = 1"),
+        (messages, "OK = 1"),
+        (kernels, MODULE + "TWO = 2"),
+        (messages, "OK = 2"),
+        (other, "X = 2"),
+    ):
+        path.write_text(text)
+        seen.append(compiling.hash_of(tmp_path))
+    assert [now != before for before, now in itertools.pairwise(seen)] == [False, True, True, True, False]
 
 
 def test_a_kernel_may_ask_whether_a_number_is_one(fresh: Callable[[Any], Any]) -> None:

@@ -63,9 +63,14 @@ def _date(compiled: Any, sources: str) -> None:
 
 @cache
 def _sources() -> str:
-    """A hash that changes with any file of ours that has kernels."""
-    files = sorted(Path(__file__).parent.rglob("*.py"))
-    return sha256(b"".join(code for code in map(Path.read_bytes, files) if b"taxelflow.compiling" in code)).hexdigest()
+    return hash_of(Path(__file__).parent)
+
+
+def hash_of(root: Path) -> str:
+    """A hash that changes with any file in a folder that has kernels, or with what they know of messages."""
+    files = [(file.name, file.read_bytes()) for file in sorted(root.rglob("*.py"))]
+    held = [code for name, code in files if b"taxelflow.compiling" in code or name == "messages.py"]
+    return sha256(b"".join(held)).hexdigest()
 
 
 class _Announce(event.Listener):

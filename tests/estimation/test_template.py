@@ -14,6 +14,8 @@ from taxelflow import api
 from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import LOST, OK
+from taxelflow.messages import cut as cut_scans
+from taxelflow.pads import Pad
 from taxelflow.score.nees import consistency
 from taxelflow.score.strokes import cut, trial, ungrouped
 
@@ -28,6 +30,7 @@ both_modes = pytest.mark.parametrize("mode", MODES)
 SIDE, PITCH = 10, 0.004
 PAD = grid_sensor(SIDE, SIDE, pitch_m=(PITCH, PITCH))
 NOISE = 500.0
+AT = (PAD.layout.x_m.tolist(), PAD.layout.y_m.tolist())
 BESIDE_THE_MIDDLE, ON_THE_LINE = 139, 146
 """Taxels of the palm: of its outer row, and of the row over which the airbag goes."""
 
@@ -368,6 +371,42 @@ def test_a_line_of_taxels_follows_along_it_and_tells_nothing_of_what_is_across(
     assert np.median(np.sqrt(slips.covariance[:, 0, along, along])) < 0.5 * PITCH
     assert np.isnan(slips.pose[:, 0, 2]).all()
     assert (slips.quality != OK).all()
+
+
+def test_a_pad_of_which_a_line_is_left_tells_nothing_of_what_is_across() -> None:
+    scans = scans_of(PAD, feet_at(way(60)), noise=NOISE)
+    left = PAD.layout.col == SIDE // 2
+    first, last = cut_scans(scans, 0, 30), cut_scans(scans, 30, 60)
+    last = replace(last, noise=np.where(left, NOISE, 0.0), pressure=np.where(left, last.pressure, 0.0))
+    slips = slips_by("template", PAD, first, last, mode="stream")
+    assert (slips.quality[5:30] == OK).mean() > 0.8
+    assert (slips.quality[30:] != OK).all()
+    assert not slips.displacement[31:, 0, 0].any()
+    assert (slips.covariance[30:, 0, 0, 0] > (SIDE * PITCH) ** 2).all()
+
+
+def test_one_wrong_reading_does_not_drop_a_young_pattern() -> None:
+    poses = way(40)
+    values, sound = feet_at(poses), feet_at(poses)
+    values[8, 33] = 600e3
+    wrong, right = (
+        slips_by("template", PAD, scans_of(PAD, one, noise=NOISE), mode="stream") for one in (values, sound)
+    )
+    assert np.isfinite(wrong.displacement[1:, 0, 0]).sum() >= 38
+    off = np.delete(wrong.pose[:, 0, :2] - right.pose[:, 0, :2], 8, axis=0)
+    assert np.abs(off).max() < 0.5e-3
+
+
+@both_modes
+def test_where_a_table_has_its_origin_shifts_poses_and_no_more(mode: str) -> None:
+    far = msgspec.structs.replace(
+        PAD, pads=(Pad(name="pad0", taxels=tuple((x + 0.3, y - 0.2) for x, y in zip(*AT, strict=True))),)
+    )
+    near = msgspec.structs.replace(PAD, pads=(Pad(name="pad0", taxels=tuple(zip(*AT, strict=True))),))
+    values = feet_at(way(40))
+    one, other = (slips_by("template", at, scans_of(at, values, noise=NOISE), mode=mode) for at in (near, far))
+    np.testing.assert_allclose(other.pose[:, 0, :2] - one.pose[:, 0, :2], np.full((40, 2), [0.3, -0.2]), atol=1e-5)
+    np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-2)
 
 
 def test_a_pattern_of_noise_is_dropped_when_the_object_comes() -> None:

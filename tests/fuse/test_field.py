@@ -95,6 +95,19 @@ def test_a_rigid_twist_comes_out_of_its_slip_vectors(vx: float, vy: float, omega
         np.testing.assert_allclose(motions.centre[1], [-vy / omega, vx / omega], atol=1e-8)
 
 
+def test_a_pad_that_knows_one_direction_bends_no_rotor() -> None:
+    sensor = hand()
+    slips = slips_of(sensor, np.zeros((2, 3)), points_of(sensor))
+    home = sensor.layout.T_hand.copy()
+    home[:, :2] = 0
+    slips.displacement[1, :, :2] = unplace(home, np.full((4, 2), 5e-4))
+    slips.displacement[1, 3, 0] = 0.0
+    slips.displacement_covariance[1, 3, 0, 0] = 0.05**2
+    motions = fused(sensor, slips)
+    np.testing.assert_allclose(motions.velocity[1], [0.05, 0.05, 0.0], atol=1e-4)
+    assert motions.rotor[1] == pytest.approx(0.0, abs=1e-3)
+
+
 @given(x=moderate, y=moderate, theta=st.floats(-3, 3))
 def test_the_pose_is_how_far_the_point_at_the_origin_has_moved_and_turned(x: float, y: float, theta: float) -> None:
     sensor = hand()

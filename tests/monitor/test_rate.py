@@ -18,7 +18,7 @@ STD = np.array([2e-5, 2e-5, 1e-3])
 
 
 @kernel
-def leaps(trials: int, turns: bool, levels: Floats, shares: Floats) -> None:
+def leaps(trials: int, components: int, levels: Floats, shares: Floats) -> None:
     """Add to shares (levels,) each level over the sum that first exceeds it, when a slip as the test expects it begins.
 
     The change of measure that makes the sum a martingale gives the rate of false alarms at threshold h as the mean of
@@ -41,8 +41,7 @@ def leaps(trials: int, turns: bool, levels: Floats, shares: Floats) -> None:
             for axis in range(3):
                 y[axis] = np.random.standard_normal() + v[axis] * max(0, scan - still)  # noqa: NPY002
             noise[:3], noise[3:] = 1.0, 0.0
-            if not turns:
-                noise[2] = np.nan
+            noise[components:3] = np.nan
             innovate(1.0, y, noise, 0.0, prior, m, step)
             whole = weigh(float(scan), scan - 1.0, step, m, count, ramps, slip)
             count = thinned(float(scan), count + 1, ramps)
@@ -53,19 +52,19 @@ def leaps(trials: int, turns: bool, levels: Floats, shares: Floats) -> None:
                 break
 
 
-@pytest.mark.parametrize("turns", [True, False])
-def test_the_threshold_is_the_one_that_a_simulation_of_the_test_gives(turns: bool) -> None:
+@pytest.mark.parametrize("components", [2, 3])
+def test_the_threshold_is_the_one_that_a_simulation_of_the_test_gives(components: int) -> None:
     asked = 10.0 ** np.arange(2.5, 7.1, 0.5)  # scans between false alarms
-    levels = np.array([threshold(scans, 1.0, float(turns)) for scans in asked])
+    levels = np.array([threshold(scans, 1.0, float(components)) for scans in asked])
     shares, trials = np.zeros(len(levels)), 4000
-    leaps(trials, turns, levels, shares)
+    leaps(trials, components, levels, shares)
     rate = shares / trials / levels
     np.testing.assert_allclose(asked * rate, 1, atol=0.3)
 
 
-def alarms(pose: Floats, rate_hz: float, monitor: SlipMonitor) -> int:
+def alarms(pose: Floats, rate_hz: float, monitor: SlipMonitor, std: Floats = STD) -> int:
     t_s = np.arange(len(pose)) / rate_hz
-    _, events = monitor.begin(("pad",)).step(still_slips(t_s, STD * pose, STD, np.full(3, np.nan)))
+    _, events = monitor.begin(("pad",)).step(still_slips(t_s, STD * pose, std, np.full(3, np.nan)))
     return sum(event.event == "slip_start" for event in events)
 
 
@@ -76,6 +75,17 @@ def test_white_noise_alarms_as_often_as_was_asked_for(rate_hz: float, scale: flo
     found = alarms(scale * np.random.default_rng(5).standard_normal((200_000, 3)), rate_hz, monitor)
     low, high = poisson.ppf([0.001, 0.999], 60)
     assert 0.5 * low <= found <= 1.2 * high
+
+
+@pytest.mark.parametrize("across", [0, 1])
+@pytest.mark.parametrize("scale", [1.0, 1.6])
+def test_a_line_of_taxels_alarms_as_often_as_was_asked_for(across: int, scale: float) -> None:
+    pose = scale * np.random.default_rng(5).standard_normal((200_000, 3))
+    pose[:, across], pose[:, 2] = 0.0, np.nan
+    std = STD.copy()
+    std[across], std[2] = 0.05, np.nan
+    low, high = poisson.ppf([0.001, 0.999], 60)
+    assert 0.5 * low <= alarms(pose, 100.0, SlipMonitor(alarms_per_hour=108), std) <= 1.2 * high
 
 
 def test_noise_smaller_than_its_covariance_does_not_alarm_more_often() -> None:

@@ -92,6 +92,37 @@ def test_where_the_turn_is_unknown_it_stays_so_and_translation_is_found() -> Non
     assert kinds(watched(slips_of(slid((0.0, 0.0, 5.0)), theta=False))[1]) == ["contact"]
 
 
+def on_a_line(along_m: Floats, load: Any = 1.0) -> Slips:
+    """Slips of a pad that is one column: what is across is unknown, and no scan is ok."""
+    pose = np.stack([np.zeros(len(along_m)), along_m + noise(len(along_m))[:, 1], np.full(len(along_m), NAN)], axis=1)
+    slips = slips_of(pose, load=np.broadcast_to(load, len(along_m)), theta=False)
+    slips.covariance[..., 0, 0], slips.displacement_covariance[..., 0, 0] = 0.05**2, 2 * 0.05**2
+    slips.quality[:] = AMBIGUOUS
+    return slips
+
+
+@pytest.mark.parametrize("speed_m_s", [0.003, -0.05])
+def test_a_line_of_taxels_finds_the_slip_along_it(speed_m_s: float) -> None:
+    way_m = np.clip(np.arange(300) - 100, 0, 100) / RATE_HZ * speed_m_s
+    _, events, _ = watched(on_a_line(way_m))
+    assert kinds(events) == ["contact", "slip_start", "slip_stop"]
+    start, stop = events[1:]
+    assert (start.onset_s, stop.onset_s) == pytest.approx((1.0, 2.0), abs=0.08)
+    assert stop.speed_m_s == pytest.approx(abs(speed_m_s), rel=0.05)
+    assert stop.direction_rad == pytest.approx(math.copysign(math.pi / 2, speed_m_s), abs=1e-6)
+
+
+def test_a_line_of_taxels_takes_no_load_for_slip() -> None:
+    load = np.exp(0.5 * np.sin(math.pi * np.arange(3000) / RATE_HZ))
+    assert kinds(watched(on_a_line(5e-4 * np.log(load), load))[1]) == ["contact"]
+
+
+def test_a_line_of_taxels_is_watched_after_its_load_has_fallen() -> None:
+    scan = np.arange(800)
+    _, events, _ = watched(on_a_line(0.02 * np.clip(scan - 400, 0, 50) / RATE_HZ, np.where(scan < 200, 10.0, 4.0)))
+    assert kinds(events) == ["contact", "slip_start", "slip_stop"]
+
+
 def test_a_turn_that_is_known_only_now_and_then_does_not_alarm() -> None:
     slips = slips_of(noise(2000))
     gaps = np.arange(2000) % 7 == 5

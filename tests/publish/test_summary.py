@@ -52,6 +52,12 @@ def test_a_way_that_the_pad_cannot_see_is_none() -> None:
     assert y == pytest.approx(0.02, abs=0.003)
 
 
+def test_a_pad_that_was_not_touched_has_gone_no_way() -> None:
+    values = np.array([dome(TWO, x) * (k > 20) for k, x in enumerate(np.linspace(-0.01, 0.01, 60))])
+    summary = estimate(recorded(values + np.random.default_rng(0).normal(0, 50, values.shape), TWO)).summary
+    assert summary.pads["pad1"].net_m == (0.0, 0.0)
+
+
 def test_events_that_did_not_happen_are_counted_as_zero(palm: taxelflow.Sensor) -> None:
     summary = estimate(recorded(np.zeros((30, 28)), palm)).summary
     assert summary.events == {"contact": 0, "release": 0, "slip_start": 0, "slip_stop": 0}

@@ -55,7 +55,8 @@ def fuse_twists(
             if turn[scan, pad, 1] > 0.0:
                 normal[2, 2] += dt * dt / turn[scan, pad, 1]
                 right[2] += dt * turn[scan, pad, 0] / turn[scan, pad, 1]
-            scalar = 0.5 * (w[0, 0] + w[1, 1])
+            # Of the mean variance: a pad that knows one direction only is worth nothing here.
+            scalar = 2.0 * (w[0, 0] * w[1, 1] - w[0, 1] * w[0, 1]) / (w[0, 0] + w[1, 1])
             basis = np.array([1.0, x, y])
             for i in range(3):
                 rhs_x[i] += scalar * basis[i] * vx

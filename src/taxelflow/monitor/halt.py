@@ -15,7 +15,7 @@ import numpy as np
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
 from taxelflow.monitor.onset import BEGIN, LATE, PLACE_NOW, VARIANCE, VELOCITY, nearest
-from taxelflow.monitor.still import factor, whiten
+from taxelflow.monitor.still import axes_of, factor, spread, whiten
 
 # Memory per pad. PLACE, SPEED: (3,) along x, y, theta. Q: their covariance pp, pv, vv of a translation, m^2, m^2/s...
 # BEGAN, FROM: when and where (3,). STOPS: how many are followed. DOUBT: it may have stopped. LOST_TURN: the turn was
@@ -79,44 +79,44 @@ def slide(
 ) -> float:
     """One more pose of an object that slipped so far: the odds that it has stopped.
 
-    y: (3,), noise: (6,), tt NaN if the turn does not count, as `still.innovate`, but scaled to what is seen. before_s:
+    y: (3,), noise: (6,), NaN where one does not count, as `still.innovate`, but scaled to what is seen. before_s:
     time of the pose before. creep_m_s: a slip is faster than three times this. m: (SLIDE,), stops: (MOST_STOPS, STOP),
     kept from scan to scan. rests: (RESTS,), filled from the likeliest stop.
     """
-    dt, spread = t - before_s, 0.5 * (noise[0] + noise[1])
+    dt, own = t - before_s, spread(noise)
     root, e = np.empty(6), np.zeros(3)
     turns = factor(noise, root)
-    axes = 3 if turns else 2
+    axes = axes_of(noise) + (1.0 if turns else 0.0)
     count = _one_more(t, before_s, m, stops)
     pp, pv, vv = m[Q], m[Q + 1], m[Q + 2] + _AGILITY**2 * dt
     way = dt * np.hypot(m[SPEED], m[SPEED + 1])
     pp, pv = pp + 2.0 * dt * pv + dt * dt * vv + (_ERRS * way) ** 2, pv + dt * vv
-    total = pp + spread
+    total = pp + own
     for axis in range(3):
         m[PLACE + axis] += dt * m[SPEED + axis]
-    for axis in range(axes):
-        e[axis] = y[axis] - m[PLACE + axis]
+    for axis in range(3):
+        e[axis] = y[axis] - m[PLACE + axis] if not np.isnan(noise[axis]) else 0.0
         m[PLACE + axis] += pp / total * e[axis]
         m[SPEED + axis] += pv / total * e[axis]
-    m[Q], m[Q + 1], m[Q + 2] = pp * spread / total, pv * spread / total, vv - pv * pv / total
-    going = -0.5 * whiten(root, e) * spread / total - 0.5 * axes * log(total / spread)
+    m[Q], m[Q + 1], m[Q + 2] = pp * own / total, pv * own / total, vv - pv * pv / total
+    going = -0.5 * whiten(root, e) * own / total - 0.5 * axes * log(total / own)
     rests[SINCE], rests[AT_VAR] = t, m[Q]
     rests[AT : AT + 3] = m[PLACE : PLACE + 3]
     odds = most = 0.0
     for j in range(count):
         stop = stops[j]
-        total = stop[REST_VAR] + spread
-        for axis in range(axes):
-            e[axis] = y[axis] - stop[REST + axis]
+        total = stop[REST_VAR] + own
+        for axis in range(3):
+            e[axis] = y[axis] - stop[REST + axis] if not np.isnan(noise[axis]) else 0.0
             stop[REST + axis] += stop[REST_VAR] / total * e[axis]
-        stop[LOG_L] += -0.5 * whiten(root, e) * spread / total - 0.5 * axes * log(total / spread) - going
-        stop[REST_VAR] *= spread / total
+        stop[LOG_L] += -0.5 * whiten(root, e) * own / total - 0.5 * axes * log(total / own) - going
+        stop[REST_VAR] *= own / total
         share = stop[WEIGHT] * exp(min(stop[LOG_L], 600.0))
         odds += share
         if share > most:
             most, rests[SINCE], rests[AT_VAR] = share, stop[T_0] + 0.5 * stop[WEIGHT] / _RATE, stop[REST_VAR]
             rests[AT : AT + 3] = stop[REST : REST + 3]
-    turn_m = m[SPEED + 2] * np.sqrt(spread / noise[2]) if turns else 0.0
+    turn_m = m[SPEED + 2] * np.sqrt(own / noise[2]) if turns else 0.0
     speed = np.sqrt(m[SPEED] ** 2 + m[SPEED + 1] ** 2 + turn_m**2) + np.sqrt(m[Q + 2])
     return odds if speed > 3.0 * creep_m_s else np.inf
 

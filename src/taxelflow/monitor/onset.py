@@ -51,7 +51,9 @@ _OLDEST_S, _OLDEST_SCANS = 2.0, 64
 
 @kernel
 def likelihood(ramp: Floats, energy: float, freedom: float) -> tuple[float, float]:
-    """L of one ramp, and Q."""
+    """L of one ramp, and Q. Where only one of x and y is known, the other one's share of L stays: it is too small, so
+    that old ramps of one component weigh no more than those of two.
+    """
     place, turn, g = ramp[F], ramp[F + 1], ramp[G]
     q = (ramp[H] * ramp[H] + ramp[H + 1] * ramp[H + 1]) / (place + g) + ramp[H + 2] * ramp[H + 2] / (turn + g)
     left = max(1.0 - q / energy, 1e-12)
@@ -100,8 +102,8 @@ def _describe(t: float, ramp: Floats, step: Floats, m: Floats, slip: Floats) -> 
     g, root = ramp[G], step[ROOT : ROOT + 6]
     vx, vy, vt = ramp[H] / (ramp[F] + g), ramp[H + 1] / (ramp[F] + g), ramp[H + 2] / (ramp[F + 1] + g)
     slip[BEGIN] = ramp[T_0]
-    slip[VELOCITY] = root[0] * vx
-    slip[VELOCITY + 1] = root[1] * vx + root[2] * vy
+    slip[VELOCITY] = root[0] * vx if root[0] < np.inf else 0.0
+    slip[VELOCITY + 1] = root[1] * vx + root[2] * vy if root[2] < np.inf else 0.0
     slip[VELOCITY + 2] = root[3] * vx + root[4] * vy + root[5] * vt if root[5] < np.inf else 0.0
     slip[VARIANCE] = step[SPREAD] / (ramp[F] + g)
     behind_s = t - ramp[T_0] - ramp[ANSWER]  # the still object's place has followed the slip, but so late
@@ -111,13 +113,14 @@ def _describe(t: float, ramp: Floats, step: Floats, m: Floats, slip: Floats) -> 
 
 
 @kernel
-def threshold(alarm_s: float, dt: float, turns: float) -> float:
-    """What the sum must exceed, s, for one false alarm in alarm_s at scans dt apart; turns: 1.0 if the turn counts.
+def threshold(alarm_s: float, dt: float, components: float) -> float:
+    """What the sum must exceed, s, for one false alarm in alarm_s at scans dt apart; components: of a pose, 1 to 3.
 
     The sum leaps over a threshold of h scans to many times h, so that alarms come every h / (c h^-p) scans; c and p
-    are from a simulation of the test itself, see `tests/monitor/test_rate.py`.
+    are from a simulation of the test itself, for a single component from a count of alarms in white noise, see
+    `tests/monitor/test_rate.py`.
     """
-    c, p = (0.130, 0.066) if turns > 0.0 else (0.143, 0.052)
+    c, p = (0.130, 0.066) if components == 3.0 else (0.143, 0.052) if components == 2.0 else (0.034, 0.059)
     return float(dt * (c * alarm_s / dt) ** (1.0 / (1.0 + p)))
 
 

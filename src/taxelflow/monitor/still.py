@@ -24,8 +24,9 @@ A, B, C, P, LOG_LOAD, ENERGY, FREEDOM, TURNS, SERIAL, WAITING, FRESH, POSES, U, 
     28,
 )
 # What a pose amounts to: rise of the load's logarithm, what is left of b and c, gains of a, b, c, deviation of the
-# noise over the innovation's, its variance (mean of x and y), whether the turn counts, u (3), the noise's factor (6).
-RISE, KEEP, GAIN, NARROW, SPREAD, TURN_COUNTS, WHITE, ROOT, STEP = 0, 1, 2, 5, 6, 7, 8, 11, 17
+# noise over the innovation's, its variance (see `spread`), whether the turn counts, u (3), the noise's factor (6), how
+# many of x and y count.
+RISE, KEEP, GAIN, NARROW, SPREAD, TURN_COUNTS, WHITE, ROOT, AXES, STEP = 0, 1, 2, 5, 6, 7, 8, 11, 17, 18
 
 _LEAST_SEEN, _LEAST_SCALE, MOST_SCALE = 0.01, 0.9, 25.0
 """The scatter is learned between the first and the last times the variance that comes with a pose; below the second it
@@ -104,14 +105,28 @@ def turn_counts(theta: float, noise: Floats, m: Floats) -> bool:
 
 
 @kernel
+def spread(n: Floats) -> float:
+    """Variance of a place, from a pose's covariance (6): the mean of x and y, or that of the one that is known."""
+    if np.isnan(n[0]):
+        return float(n[1])
+    return float(n[0] if np.isnan(n[1]) else 0.5 * (n[0] + n[1]))
+
+
+@kernel
+def axes_of(n: Floats) -> float:
+    """How many of x and y are known."""
+    return 1.0 if np.isnan(n[0]) or np.isnan(n[1]) else 2.0
+
+
+@kernel
 def factor(n: Floats, root: Floats) -> bool:
     """Cholesky factor (6: xx, yx, yy, tx, ty, tt) of a covariance (6: xx, yy, tt, xy, xt, yt); is the turn known?
 
-    If not, tt is NaN.
+    xx, yy or tt is NaN if it is not; then the factor is infinite, so that it counts for nothing.
     """
-    root[0] = np.sqrt(n[0])
+    root[0] = np.inf if np.isnan(n[0]) else np.sqrt(n[0])
     root[1] = n[3] / root[0]
-    root[2] = np.sqrt(n[1] - root[1] * root[1])
+    root[2] = np.inf if np.isnan(n[1]) else np.sqrt(n[1] - root[1] * root[1])
     if np.isnan(n[2]):
         root[3], root[4], root[5] = 0.0, 0.0, np.inf
         return False
@@ -123,7 +138,7 @@ def factor(n: Floats, root: Floats) -> bool:
 
 @kernel
 def whiten(root: Floats, e: Floats) -> float:
-    """e (3,) over its covariance's factor, in place; gives its square. An unknown turn becomes 0."""
+    """e (3,) over its covariance's factor, in place; gives its square. What is unknown becomes 0."""
     e[0] /= root[0]
     e[1] = (e[1] - root[1] * e[0]) / root[2]
     e[2] = (e[2] - root[3] * e[0] - root[4] * e[1]) / root[5]
@@ -134,13 +149,13 @@ def whiten(root: Floats, e: Floats) -> float:
 def innovate(dt: float, y: Floats, noise: Floats, load: float, prior: Floats, m: Floats, step: Floats) -> None:
     """One more pose of a still object, dt after the last: fill step (STEP,), go on.
 
-    y: (3,), an unknown turn is any number. noise: (6,), its covariance, tt NaN if unknown. load: its logarithm, as
-    before if unknown. prior: (2,), usual size of b and c. m: (STILL,).
+    y: (3,), what is unknown is any number. noise: (6,), its covariance, xx, yy or tt NaN if unknown. load: its
+    logarithm, as before if unknown. prior: (2,), usual size of b and c. m: (STILL,).
     """
     step[RISE] = load - m[LOG_LOAD]
     m[LOG_LOAD] = load
     step[KEEP] = _predict(dt, step[RISE], prior, m)
-    step[SPREAD] = 0.5 * (noise[0] + noise[1]) * scale(m)
+    step[SPREAD], step[AXES] = spread(noise) * scale(m), axes_of(noise)
     total = m[P] + step[SPREAD]
     for k in range(3):
         step[GAIN + k] = m[P + k] / total
@@ -150,11 +165,11 @@ def innovate(dt: float, y: Floats, noise: Floats, load: float, prior: Floats, m:
     turns = turn_counts(y[2], noise, m)
     step[TURN_COUNTS] = 1.0 if turns else 0.0
     factor(noise, root)
-    for axis in range(3 if turns else 2):
-        e[axis] = y[axis] - m[A + axis]
+    for axis in range(3):
+        e[axis] = y[axis] - m[A + axis] if not np.isnan(noise[axis]) else 0.0
     for axis in range(3):
         u[axis] = e[axis] * step[NARROW]
-    _learn(whiten(root, u), u, 3.0 if turns else 2.0, m)
+    _learn(whiten(root, u), u, step[AXES] + step[TURN_COUNTS], m)
     gain_a, gain_b, gain_c = step[GAIN], step[GAIN + 1], step[GAIN + 2]
     for axis in range(3):
         m[A + axis] += gain_a * e[axis]

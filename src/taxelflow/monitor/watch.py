@@ -7,7 +7,7 @@ from math import erfc
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.messages import LOST, OK, UNRESOLVED, Bools, Bytes, Floats
+from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Bytes, Floats
 from taxelflow.monitor.halt import (
     AT,
     AT_VAR,
@@ -37,7 +37,20 @@ from taxelflow.monitor.leap import (
     rests_at,
 )
 from taxelflow.monitor.onset import BEGIN, ENERGY_OF, SLIP, VELOCITY, thinned, threshold, weigh
-from taxelflow.monitor.still import ENERGY, STEP, STILL, TURN_COUNTS, TURNS, P, forget, innovate, scale, settle
+from taxelflow.monitor.still import (
+    AXES,
+    ENERGY,
+    STEP,
+    STILL,
+    TURN_COUNTS,
+    TURNS,
+    P,
+    forget,
+    innovate,
+    scale,
+    settle,
+    spread,
+)
 
 NEW, RESTING, SLIPPING = range(3)
 """Modes: in contact for too short a time to judge; still; slipping."""
@@ -57,6 +70,8 @@ ALARM_S, LOAD_M, CREEP_M_S, SETTLE_S = range(4)
 
 _UNSURE = 9.0
 """Factor on the variance of a pose that does not fit what the method knows."""
+_UNKNOWN = 100.0
+"""A place that is known so many times worse along one axis than along the other is told along that one only."""
 _FRESH, _MOST_FRESH = 0.05, 4.0
 """What a pose counts for in the usual variance, and how many times as large it counts at most: one may be far off."""
 _FEWEST = 3
@@ -101,7 +116,8 @@ def follow(
             senses = not np.isnan(disturbance[scan, pad])
             _take_load(load[scan, pad], contact[scan, pad], m)
             # What is left may be no contact at all but what has drifted: it must be worth something.
-            blind = np.isnan(d[0]) or quality[scan, pad] == LOST or (m[LEFT] > 0.0 and quality[scan, pad] != OK)
+            worth = quality[scan, pad] == OK or (quality[scan, pad] == AMBIGUOUS and _along(covariance[scan, pad]))
+            blind = np.isnan(d[0]) or quality[scan, pad] == LOST or (m[LEFT] > 0.0 and not worth)
             goes_by(now, pose[scan, pad], quality[scan, pad], m[LOAD], m[AWAY:])
             if not contact[scan, pad] or (not senses and blind):
                 m[MODE], m[KNOWN] = NEW, 0.0
@@ -121,6 +137,7 @@ def follow(
                     if not shared or now - 2.0 * lag[scan, pad] > m[USED] + 1e-9:
                         doubt = _UNSURE if quality[scan, pad] == UNRESOLVED else 1.0
                         _spread(covariance[scan, pad], doubt * (1.0 if shared else 0.5), noise)
+                        _single_out(noise)
                         _judge(now, y, noise, numbers, m, ramps[pad], stops[pad], notes[scan, pad])
                         _spread(pose_covariance[scan, pad], doubt * scale(m[CALM:]), placed)
                         _compare(now, y, noise, pose[scan, pad], placed, numbers, m, stops[pad], notes[scan, pad])
@@ -156,6 +173,21 @@ def _spread(covariance: Floats, share: float, noise: Floats) -> None:
 
 
 @kernel
+def _along(covariance: Floats) -> bool:
+    """Whether one of x and y is known, and the other is not."""
+    xx, yy = covariance[0, 0] + _FLOOR_M**2, covariance[1, 1] + _FLOOR_M**2
+    return bool(xx > _UNKNOWN**2 * yy or yy > _UNKNOWN**2 * xx)
+
+
+@kernel
+def _single_out(noise: Floats) -> None:
+    """Let x or y, of a covariance (6,), count for nothing if it is known so much worse than the other."""
+    for axis in range(2):
+        if noise[axis] > _UNKNOWN**2 * noise[1 - axis]:
+            noise[axis], noise[3], noise[4 + axis] = np.nan, 0.0, 0.0
+
+
+@kernel
 def _level(noise: Floats, m: Floats) -> None:
     """Raise a covariance (6,) to the mean over the last poses of an object that does not move, axis by axis.
 
@@ -186,7 +218,7 @@ def _judge(
         _level(noise, m)
     if m[MODE] == NEW:
         calm = m[CALM : CALM + STILL]
-        variance = 0.5 * (noise[0] + noise[1]) * scale(calm)
+        variance = spread(noise) * scale(calm)
         turns = not np.isnan(noise[2]) and (m[KNOWN] == 1.0 or calm[TURNS] > 0.0)
         settle(y, variance, m[LOAD], numbers[LOAD_M : CREEP_M_S + 1], calm)
         if not turns:
@@ -226,7 +258,7 @@ def _compare(
     if stayed < (t - m[LAST]) / numbers[ALARM_S]:
         m[MODE] = SLIPPING
         way, moved = away[LATEST : LATEST + 2] - away[BEFORE : BEFORE + 2], m[MOVED : MOVED + SLIDE]
-        has_leapt(y, way, away[BEFORE_S], away[ARRIVED_S], t - m[LAST], 0.5 * (noise[0] + noise[1]), moved, stops)
+        has_leapt(y, way, away[BEFORE_S], away[ARRIVED_S], t - m[LAST], spread(noise), moved, stops)
         _tell(moved[BEGAN], moved[SPEED : SPEED + 3], False, note)
     if away[FALLEN] == 0.0:
         rests_at(t, pose, placed, m[LOAD], away)
@@ -241,7 +273,7 @@ def _rests(t: float, y: Floats, noise: Floats, numbers: Floats, m: Floats, ramps
     count = int(m[RAMPS])
     whole = weigh(t, m[USED], step, calm, count, ramps, slip)
     m[RAMPS] = thinned(t, count + 1, ramps)
-    if whole > threshold(numbers[ALARM_S], t - m[USED], step[TURN_COUNTS]):
+    if whole > threshold(numbers[ALARM_S], t - m[USED], step[AXES] + step[TURN_COUNTS]):
         m[MODE] = SLIPPING
         set_off(t, m[USED], slip, calm[P], moved)
         calm[ENERGY] = max(calm[ENERGY] - slip[ENERGY_OF], 0.0)  # the slip's part of the scatter is explained

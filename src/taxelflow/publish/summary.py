@@ -108,7 +108,7 @@ class Totals:
     def of_pad(self, pad: int, *, tared: bool, noise: float | None, scatter: float) -> PadSummary:
         """The sums of pad number `pad`."""
         contact = int(self.contact_scans[pad])
-        mostly = 2 * self._known[pad] > self._steps[pad]
+        mostly = 2 * self._known[pad] >= self._steps[pad]
         x, y = (float(m) if known else None for m, known in zip(self.net_m[pad], mostly, strict=True))
         return PadSummary(
             contact_scans=contact,

@@ -52,7 +52,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     trust: Floats,
     noise_doubt: Floats,
     blind: Bools,
-    unseen: Floats,
+    across: Floats,
     memory: Floats,
     before: Floats,
     variance_before: Floats,
@@ -67,7 +67,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
 ) -> None:
     """Fill pose ... quality (scans, ...) of one pad, which come in as NaN and 0.
 
-    readings: (scans, taxels). contact, complete, cut_off: (scans,). places: (2, taxels) in pitches. lattice ... unseen:
+    readings: (scans, taxels). contact, complete, cut_off: (scans,). places: (2, taxels) in pitches. lattice ... across:
     `Interpolant`. memory (MEMORY,), before and variance_before (taxels,), c (ny, nx), gains_before (3, taxels): kept
     from scan to scan.
     """
@@ -126,7 +126,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         doubt = np.where(unsure, peak * peak, noise_doubt)
         model, weights = np.empty(count), np.empty(count)
         jacobian = np.zeros((count, DOF))
-        turns = m[TURN] != _GONE and not unseen.any()
+        turns = m[TURN] != _GONE and not across.any()
         gain = total / total_before if total > 0.0 and total_before > 0.0 else 1.0
         state[:] = 0.0
         state[GAIN] = 1.0
@@ -134,9 +134,9 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             centroid(before, variance_before, places, anywhere, middle_before)
             centroid(now, variance, places, anywhere, middle)
             shift = (middle - middle_before)[:2]
-            find(c, doubt, local, where, y, v, top, shift, gain, turns, unseen, state)
+            find(c, doubt, local, where, y, v, top, shift, gain, turns, across, state)
         chi, fit, freedom = weigh(
-            c, noise_doubt, unsure, unseen, local, where, y, v, top, state, model, jacobian, weights, normal, pretended
+            c, noise_doubt, unsure, across, local, where, y, v, top, state, model, jacobian, weights, normal, pretended
         )
         g, g_before = np.empty((3, count)), np.zeros((3, taxels))
         if turns:
@@ -147,12 +147,12 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 gains(normal, pretended, jacobian, weights, True, g)
                 turns = squared(g, y, v) * worse < _SURE_RAD**2
             if not turns and not fresh:
-                find(c, doubt, local, where, y, v, top, shift, gain, False, unseen, state)
+                find(c, doubt, local, where, y, v, top, shift, gain, False, across, state)
                 chi, fit, freedom = weigh(
                     c,
                     noise_doubt,
                     unsure,
-                    unseen,
+                    across,
                     local,
                     where,
                     y,
@@ -209,10 +209,10 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             covariance[k, 2, :] = np.nan
             covariance[k, :, 2] = np.nan
         for a in range(2):
-            if unseen[a] > 0.0:
-                covariance[k, a, a] = (unseen[a] * pitch_m) ** 2
+            if across[a] > 0.0:
+                covariance[k, a, a] = (across[a] * pitch_m) ** 2
                 displacement_covariance[k, a, a] = np.nan if fresh else 2.0 * covariance[k, a, a]
-                part[a, a] = unseen[a] ** 2
+                part[a, a] = across[a] ** 2
         xx, yy, xy = part[0, 0], part[1, 1], part[0, 1]
         largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
         quality[k] = AMBIGUOUS if cut_off[k] or largest > _BLURRED**2 else OK

@@ -15,7 +15,7 @@ import numpy as np
 from taxelflow.compiling import kernel
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
-from taxelflow.estimation.pattern.scanned import Scanned, blind, reach
+from taxelflow.estimation.pattern.scanned import Scanned, across, reach
 from taxelflow.estimation.pattern.spline import STATE, spread
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Interpolant:
 
     lattice: see `spline.evaluate`. first, weight: see `spline.spread`. factor: (knots, band), column k of the lower
     Cholesky factor in row k. trust: (taxels,), weight of a reading. doubt: (ny, nx), variance that noise makes of the
-    spline. blind: (ny, nx), no live taxel is near. unseen: (2,) how far off x and y may be if a line of taxels cannot
+    spline. blind: (ny, nx), no live taxel is near. across: (2,) how far off x and y may be if a line of taxels cannot
     tell, 0 where they are told.
     """
 
@@ -51,7 +51,7 @@ class Interpolant:
     trust: Floats
     doubt: Floats
     blind: Bools
-    unseen: Floats
+    across: Floats
 
     @classmethod
     def of(cls, name: str, places: Floats, variance: Floats) -> Interpolant:
@@ -89,7 +89,7 @@ class Interpolant:
             trust=np.divide(1.0, relative, out=np.zeros_like(relative), where=live),
             doubt=doubt.reshape(pattern.shape),
             blind=(nearest < 0).reshape(pattern.shape),
-            unseen=np.where(blind(places, live), reach(places), 0.0),
+            across=np.where(across(places, live), reach(places), 0.0),
         )
 
 

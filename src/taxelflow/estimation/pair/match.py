@@ -77,18 +77,18 @@ def find(
     shift: Floats,
     gain: float,
     turns: bool,
-    unseen: Floats,
+    across: Floats,
     state: Floats,
 ) -> None:
     """Fill state (5,) with the motion since the spline's scan; tried from none, and from the centroid's, shift (2,).
 
-    unseen: (2,), see `Interpolant`.
+    across: (2,), see `Interpolant`.
     """
     no_bend = np.zeros((3, 0))
     prior = np.array([0.0, 0.0, 0.0, gain, 0.0])
     stiffness = np.array([_FAR, _FAR, _LOOSE_TURN if turns else _HELD, _LOOSE_GAIN / gain**2, _HELD])
     for a in range(2):
-        if unseen[a] > 0.0:
+        if across[a] > 0.0:
             stiffness[a] = _HELD
     information = np.zeros((STATE, STATE))
     trial, best = np.empty(STATE), np.inf
@@ -124,7 +124,7 @@ def weigh(
     c: Floats,
     noise_doubt: Floats,
     blind: Bools,
-    unseen: Floats,
+    across: Floats,
     lattice: Floats,
     places: Floats,
     reading: Floats,
@@ -139,7 +139,7 @@ def weigh(
 ) -> tuple[float, float, float]:
     """Fill model (taxels,), jacobian (taxels, 4), weight (taxels,), J^T W J and what noise makes of it, both (4, 4).
 
-    Arguments as for `register`; noise_doubt, blind, unseen: see `Interpolant`. Returns chi-square by noise, chi-square
+    Arguments as for `register`; noise_doubt, blind, across: see `Interpolant`. Returns chi-square by noise, chi-square
     that allows for an error of the pattern, and degrees of freedom.
     """
     slopes = np.empty((len(reading), 5))
@@ -174,7 +174,7 @@ def weigh(
             w *= _HUBER / np.sqrt(z2)
         weight[i] = w
         for a in range(THETA + 1):
-            jacobian[i, a] = 0.0 if a < 2 and unseen[a] > 0.0 else gain * slopes[i, a + 1]
+            jacobian[i, a] = 0.0 if a < 2 and across[a] > 0.0 else gain * slopes[i, a + 1]
         jacobian[i, GAIN] = q
         noise = w * SLOPE_NOISE / VALUE_NOISE * doubt * gain * gain
         n[X, X] += noise

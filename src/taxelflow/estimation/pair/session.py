@@ -85,7 +85,7 @@ class PairSession:
             spline.trust,
             spline.doubt,
             spline.blind,
-            spline.unseen,
+            spline.across,
             pad.memory,
             pad.before,
             pad.variance,

@@ -131,7 +131,7 @@ class BatchSession:
                 poses, moment = follow_changing(scanned, size, pitch_m, turns=solved.turns)
             else:
                 poses = poses_of(solved, pitch_m)
-            poses = poses.unseen(scanned, pitch_m)
+            poses = poses.open_across(scanned, pitch_m)
         if len(solved.dead):
             self._dead.setdefault(layout.pads[pad], set()).update(layout.source[own][solved.dead].tolist())
         known = 0

@@ -30,7 +30,7 @@ ROUGH = 0.05
 _SIGHT, _SEEN_IN, _LOOKS = 1.5, 0.9, 40
 """A turn is seen if the patterns of a few scans tell it so well in the best of many looks; this share is worse."""
 _GUESS = 1.0
-"""A turn that is no better known than this, rad, is none: a single column of taxels shows none."""
+"""A turn that is no better known than this, rad, is none."""
 _LOADED = 0.25
 """The chain begins at the first scan with this share of the largest load."""
 _MISFIT = 3.0
@@ -61,7 +61,7 @@ def follow_changing(scanned: Scanned, size: Floats, pitch_m: float, *, turns: bo
         np.concatenate([one[:0:-1], other]) for one, other in zip(back[:3], ahead[:3], strict=True)
     )
     sight = max(ahead[3], back[3])
-    turns = (turns or sight > _SIGHT) and not scanned.blind.any()
+    turns = (turns or sight > _SIGHT) and not scanned.across.any()
     pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=turns)
     if turns and np.median(noise[:, THETA, THETA]) > _GUESS**2:
         turns = False

@@ -126,7 +126,7 @@ def _steadier(solved: Solved, scanned: Scanned, size: Floats) -> Solved:
 def _solve_either(scanned: Scanned, size: Floats) -> Solved:
     """With rotation if the data show that it can be seen, else without."""
     held = tracker_of(scanned, size, turns=False)
-    if scanned.blind.any():
+    if scanned.across.any():
         return solved_from(scanned, held, first_fit(scanned, held), turns=False)
     turning = tracker_of(scanned, size, turns=True)
     turning.run(_GLIMPSE)
@@ -177,8 +177,7 @@ def _seen_to_turn(free: Solved, scanned: Scanned, size: Floats) -> bool:
 def start_scan(scanned: Scanned) -> int:
     """The scan to begin with: well loaded, its contact nearest to the pad's centre."""
     load = scanned.load().sum(axis=1)
-    middle = 0.5 * (scanned.places.min(axis=1) + scanned.places.max(axis=1))
-    away = np.hypot(*(scanned.centroids() - middle).T)
+    away = np.hypot(*(scanned.centroids() - scanned.middle).T)
     return int(np.argmin(np.where(load >= 0.5 * load.max(), away, np.inf)))
 
 

@@ -124,8 +124,8 @@ def _follow_pad(
     span = t - m[online.LAST_T]
     centroid(reading, variance, places, edge, middle)
     m[online.CUT] = max(m[online.CUT], 1.0 if middle[2] > _CUT else 0.0)
-    blind = m[online.BLIND_X] > 0.0 or m[online.BLIND_Y] > 0.0
-    may_turn = m[online.TURN_STD] == 0.0 and m[online.CUT] == 0.0 and not blind
+    in_line = m[online.ACROSS_X] > 0.0 or m[online.ACROSS_Y] > 0.0
+    may_turn = m[online.TURN_STD] == 0.0 and m[online.CUT] == 0.0 and not in_line
     may_grow = m[online.GROWS] == 0.0 and m[online.AWAY] <= _STAYS and m[online.KEYFRAMES] >= _SAME
     poor = m[online.CHI] > gate(m[online.USUAL], m[online.COUNT])
     grown_std = _growth(m[online.LOAD], middle[3])
@@ -268,8 +268,8 @@ def _start(attempt: int, m: Floats, span: float, middle: Floats, last: Floats, b
 @lean_kernel
 def _stiffen(m: Floats, grown_std: float, stiffness: Floats) -> None:
     """Fill stiffness (5,), but for the gain, as a pad's pattern is known to turn and grow."""
-    stiffness[X] = HELD if m[online.BLIND_X] > 0.0 else _FREE
-    stiffness[Y] = HELD if m[online.BLIND_Y] > 0.0 else _FREE
+    stiffness[X] = HELD if m[online.ACROSS_X] > 0.0 else _FREE
+    stiffness[Y] = HELD if m[online.ACROSS_Y] > 0.0 else _FREE
     stiffness[THETA] = 1.0 / m[online.TURN_STD] ** 2 if m[online.TURN_STD] > 0.0 else HELD
     stiffness[SIZE] = 1.0 / grown_std**2 if m[online.GROWS] > 0.0 else HELD
 

@@ -168,18 +168,18 @@ class _Best:
 def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, rough: float, stiffness: Floats) -> Fit:
     """Improve the pattern and the states (scans, 5), in place; the pattern's smoothing is learned on the way.
 
-    stiffness: (5,) 1 / variance of each state around 0, of the gain around 1; infinite where a state is not to move.
+    stiffness: (5,) 1 / variance of each state around 0, of a place around the pad's middle, of the gain around 1;
+    infinite where a state is not to move.
     The object's frame, which nothing determines, is that in which the mean of the poses stays.
     """
-    fixed = np.isinf(stiffness)
+    fixed, usual = np.isinf(stiffness), np.array([*scanned.middle, 0.0, 1.0, 0.0])
     pull = np.where(fixed, 0.0, stiffness)
     linear = _Linear(pattern, scanned, fixed)
     best, damping = _Best(np.inf, states, pattern.coefficients, pattern.smoothing), 0.0
     diagonal, moved = np.arange(STATE), np.arange(THETA + 1)
     for round_ in range(rounds + 1):
         linear.update(states, rough)
-        off = states - np.array([0.0, 0.0, 0.0, 1.0, 0.0])
-        merit = float(linear.chi.sum() + (pull * off**2).sum() + pattern.smoothing * linear.bending())
+        merit = float(linear.chi.sum() + (pull * (states - usual) ** 2).sum() + pattern.smoothing * linear.bending())
         if merit > _WORSE * best.merit:
             best.restore(pattern, states)
             linear.update(states, rough)
@@ -189,7 +189,7 @@ def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, r
         if round_:
             _learn_smoothing(pattern, linear.bending())
         linear.regularise()
-        linear.gradient -= pull * (states - np.array([0.0, 0.0, 0.0, 1.0, 0.0]))
+        linear.gradient -= pull * (states - usual)
         linear.gradient[:, fixed] = 0.0
         strong = linear.blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)
         linear.blocks[:, diagonal, diagonal] += np.where(fixed, 1.0, pull) + 1e-9 + _RIDGE * strong

@@ -120,7 +120,7 @@ def _learn(known: Learned) -> Learned:
     scanned, states, angled = keyframes.scanned, keyframes.states.copy(), keyframes.angled.copy()
     before = keyframes.states
     pattern = covering(scanned, states, known.pattern)
-    count, blind = len(keyframes), scanned.blind
+    count, across = len(keyframes), scanned.across
     rough = RAW_ROUGH if count < YOUNG else min(known.rough, FIRST_ROUGH)
     factor = fill(pattern, scanned, states)
     fit, doubt, spare = None, pattern.doubt, 1.0
@@ -129,7 +129,7 @@ def _learn(known: Learned) -> Learned:
     scan, cut_off = most_whole(keyframes)
     if count > 2 and keyframes.spread(radius) > (_FAR if keyframes.grown else _NEAR):
         fit = refined(new, pattern, scanned, states)
-        if not known.turns and count >= _DECIDE and cut_off < _WHOLE and not blind.any():
+        if not known.turns and count >= _DECIDE and cut_off < _WHOLE and not across.any():
             found = with_turn(new, known.pattern, keyframes, angled, fit, scan)
             if found is not None:
                 new, fit, doubt = found
@@ -143,8 +143,8 @@ def _learn(known: Learned) -> Learned:
         new.slack = slack_of(known, states - before - [0.0, 0.0, new.turned, 0.0, 0.0])
     if count >= _DECIDE:
         told = sights(pattern, scanned, states, factor, scan, max(new.rough, FIRST_ROUGH)) * spare**2
-        sight = new.sight = float(told[THETA]) if not blind.any() else 0.0
-        new.sight_of_place = float(told[:THETA][~blind].min(initial=np.inf)) if spare < 1.0 else np.inf
+        sight = new.sight = float(told[THETA]) if not across.any() else 0.0
+        new.sight_of_place = float(told[:THETA][~across].min(initial=np.inf)) if spare < 1.0 else np.inf
         likely = sight > SEEN * (1.0 + _CUT_LOOKS_TURNED * cut_off)
         if fit is not None and known.turns and not (likely or new.proved) and cut_off < _WHOLE:
             _, new.proved = explains(fit, without_turn(new, scanned, states), scanned)

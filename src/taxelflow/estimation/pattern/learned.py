@@ -11,6 +11,7 @@ from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD, FIRST_ROUGH, le
 from taxelflow.estimation.pattern.growth import SIZE_STD
 from taxelflow.estimation.pattern.joint import Fit, refine
 from taxelflow.estimation.pattern.pattern import Pattern, Sums
+from taxelflow.estimation.pattern.scanned import strength
 from taxelflow.estimation.pattern.spline import in_object
 from taxelflow.estimation.pattern.track import MARGIN, SPACING
 
@@ -28,6 +29,8 @@ FIRST_SLACK = (0.0025, 0.0025)
 """Before anything is known of how good a pattern is: pitches^2, rad^2."""
 MOST_USUAL = 2.0
 """Chi-square per reading up to which scans are explained."""
+_NOTHING, _CLEARLY = 10.0, 3.0
+"""Scans of less strength may be noise; one that is so many times stronger is not."""
 _MATURE, _SETTLED = 10, 0.05
 """Keyframes, and variance in pitches^2, from and up to which a pattern is known well."""
 
@@ -71,6 +74,12 @@ class Learned:
         """Whether the pattern is known well enough to look for it elsewhere."""
         known = len(self.keyframes) >= _MATURE and self.slack[0] < _SETTLED
         return not self.changing and known and self.rough <= CHANGING_ROUGH
+
+    def is_noise_beside(self, reading: Floats, variance: Floats) -> bool:
+        """Whether it was learned from hardly more than noise, and a scan (taxels,) is clearly more."""
+        before = strength(self.keyframes.scanned.readings, variance).max()  # noise may have been known badly then
+        now = strength(reading, variance)
+        return bool(before < min(_NOTHING, now / _CLEARLY))
 
 
 def covering(scanned: Scanned, states: Floats, known: Pattern | None) -> Pattern:

@@ -50,8 +50,8 @@ if TYPE_CHECKING:
     PLACE_T,
     CARRIES,  # whether a rest is carried from scan to scan, see `carry`
     CHANGING,  # whether the pattern does not stay: every scan is learned from, and the old forgotten
-    BLIND_X,  # pitches that x may be off, where the pad's taxels cannot tell it; 0 where they can
-    BLIND_Y,
+    ACROSS_X,  # how far x may be off, in pitches, where it leads across a line of taxels; 0 where it is told
+    ACROSS_Y,
     FLAG,  # what the last scan calls for, one of the below
     SLOTS,
 ) = range(42)

@@ -38,21 +38,22 @@ def in_parts(scanned: Scanned, size: Floats) -> tuple[Solved, Scanned] | None:
 
     size: (2,) of a taxel, in pitches.
     """
-    if scanned.blind.any():
-        return None
     dead = silent_taxels(scanned)
     whole = scanned.variance.copy()
     whole[:, dead] = 0.0
     rest = replace(scanned, variance=whole.copy(), bends=scanned.bends.copy())
+    if rest.across.any():
+        return None
     tracker = tracker_of(rest, size, turns=True)
-    for k in tracker.order():
+    unlike = [k for k in tracker.order() if not _learned(tracker, k, whole[k])]
+    for k in unlike:  # by all others
         _register(tracker, k, whole[k])
         tracker.learn(k)
     for _ in range(_ROUNDS):
         fit = first_fit(rest, tracker)
         before = rest.variance.copy()
         for k in range(len(rest)):
-            rest.variance[k] = _left(tracker, k, whole[k])
+            rest.variance[k], _ = _left(tracker, k, whole[k])
         if np.array_equal(before, rest.variance):
             break
     solved = solved_from(rest, tracker, fit, turns=True)
@@ -60,19 +61,33 @@ def in_parts(scanned: Scanned, size: Floats) -> tuple[Solved, Scanned] | None:
     return (solved, rest) if solved.rough <= _RIGID and solved.sight > SEEN else None
 
 
-def _register(tracker: Tracker, k: int, variance: Floats) -> None:
-    """Register scan k, and again without what is denied where it lies then. variance: (taxels,), before."""
+def _learned(tracker: Tracker, k: int, variance: Floats) -> bool:
+    """Register scan k and learn from it, unless most of it is denied: a pattern must not learn from where it is not."""
+    like = _register(tracker, k, variance)
+    if like:
+        tracker.learn(k)
+    return like
+
+
+def _register(tracker: Tracker, k: int, variance: Floats) -> bool:
+    """Register scan k, and again without what is denied where it lies then; whether most of it is not.
+
+    variance: (taxels,), before.
+    """
     tracker.one(k)
     for _ in range(_LOOKS):
-        left = _left(tracker, k, variance)
+        left, like = _left(tracker, k, variance)
         if np.array_equal(left, tracker.scanned.variance[k]):
             break
         tracker.scanned.variance[k] = left
         tracker.one(k)
+    return like
 
 
-def _left(tracker: Tracker, k: int, variance: Floats) -> Floats:
-    """(taxels,) variance of scan k, 0 where its readings are denied; as it was if that were most of the load."""
+def _left(tracker: Tracker, k: int, variance: Floats) -> tuple[Floats, bool]:
+    """(taxels,) variance of scan k, 0 where its readings are denied; as it was, and False, if that were most of the
+    load.
+    """
     scanned, pattern, gain = tracker.scanned, tracker.pattern, tracker.states[k, GAIN]
     readings, ceiling = scanned.readings[k], scanned.ceiling
     taxels = laid_out(scanned.places, scanned.bends[k], readings, variance, ceiling)
@@ -82,4 +97,5 @@ def _left(tracker: Tracker, k: int, variance: Floats) -> Floats:
     noise = variance + (tracker.rough_now() * model) ** 2 + gain**2 * seen[1]
     denied = ((readings - model) ** 2 > _DENIED**2 * noise) & ~((readings >= ceiling) & (model > readings))
     load = np.where(variance > 0, np.maximum(readings, model), 0.0)
-    return variance if load[denied].sum() > _MOST * load.sum() else np.where(denied, 0.0, variance)
+    like = bool(load[denied].sum() <= _MOST * load.sum())
+    return np.where(denied & like, 0.0, variance), like

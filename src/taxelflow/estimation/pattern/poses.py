@@ -46,13 +46,13 @@ class Poses:
         noise[1:] = self.covariance[1:] + self.covariance[:-1]
         return moved, noise, np.diff(t_s, prepend=np.nan)
 
-    def unseen(self, scanned: Scanned, pitch_m: float) -> Poses:
+    def open_across(self, scanned: Scanned, pitch_m: float) -> Poses:
         """With a place along x or y that its taxels cannot tell left open: anywhere on the pad."""
-        blind = np.flatnonzero(scanned.blind)
-        if not len(blind):
+        across = np.flatnonzero(scanned.across)
+        if not len(across):
             return self
         covariance = self.covariance.copy()
-        covariance[:, blind, blind] = (pitch_m * scanned.reach) ** 2
+        covariance[:, across, across] = (pitch_m * scanned.reach) ** 2
         return Poses(self.pose, covariance, np.maximum(self.quality, AMBIGUOUS))
 
     def tail(self, count: int) -> Poses:

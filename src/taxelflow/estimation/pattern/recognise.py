@@ -50,8 +50,8 @@ def recognised(
     centre, best, found = pattern.centre(), np.inf, None
     information = np.zeros((STATE, STATE))
     stiffness = np.array([_ABOUT**-2, _ABOUT**-2, 1e-6 if known.turns else HELD, 0.0, HELD])
-    blind = known.keyframes.scanned.blind
-    stiffness[:2][blind] = HELD
+    across = known.keyframes.scanned.across
+    stiffness[:2][across] = HELD
     for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
         stiffness[GAIN] = gain_std**-2
         for angle in angles:
@@ -59,7 +59,7 @@ def recognised(
                 cos, sin = np.cos(angle), np.sin(angle)
                 arm = np.array([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]])
                 state = np.array([*(middle + reach * known.radius * outward - arm), angle, 1.0, 0.0])
-                state[:2][blind] = known.keyframes.states[-1, :2][blind]
+                state[:2][across] = known.keyframes.states[-1, :2][across]
                 cost, chi, count = register(
                     pattern.coefficients,
                     DOUBT * pattern.doubt,

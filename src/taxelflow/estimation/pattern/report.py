@@ -85,11 +85,11 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
             for a in range(3):
                 cov[a, 2] = cov[2, a] = noise[a, 2] = noise[2, a] = np.nan
         xx, yy, xy = cov[0, 0], cov[1, 1], cov[0, 1]
-        blind = False
+        in_line = False
         for a in range(2):
-            if m[online.BLIND_X + a] > 0.0:
-                blind = True
-                cov[a, a] = noise[a, a] = (m[online.BLIND_X + a] * scale) ** 2
+            if m[online.ACROSS_X + a] > 0.0:
+                in_line = True
+                cov[a, a] = noise[a, a] = (m[online.ACROSS_X + a] * scale) ** 2
         cov[0, 0] += m[online.SLACK] * scale * scale
         cov[1, 1] += m[online.SLACK] * scale * scale
         cov[2, 2] += m[online.SLACK_T]
@@ -114,7 +114,7 @@ def report(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
         blurred = largest + m[online.SLACK] * scale * scale > (BLURRED * scale) ** 2
         unsure = m[online.PROBATION] > 0.0
-        blurred = blurred or blind or m[online.SHARE_OF_PLACE] < _TELLS
+        blurred = blurred or in_line or m[online.SHARE_OF_PLACE] < _TELLS
         quality[pad] = AMBIGUOUS if blurred or unsure or m[online.CHANGING] > 0.0 else OK
         if m[online.CHI] <= gate(m[online.USUAL], m[online.COUNT]):
             m[online.POOR] = 0.0

@@ -17,10 +17,12 @@ if TYPE_CHECKING:
 
 _LOADED_SIGMAS = 4.0
 _LOADED_SHARE = 0.03
+_OUT = 3.0
+"""Standard deviations from which a reading stands out."""
 _AT_ONCE_S = 1e-9
 """Below this a delay is rounding."""
-_APART = 0.1
-"""Taxels closer than this, in pitches, along an axis lie in a line across it."""
+_APART = 0.3
+"""Taxels closer than this, in pitches, along an axis lie in a line across it; those that jut out tell little."""
 _LOOSE_TURN = 1e-3
 """Keeps a turn that nothing determines from wandering: 1 / rad^2."""
 
@@ -37,15 +39,24 @@ def delays_of(layout: Layout) -> tuple[Floats, Floats]:
     return np.where(np.abs(late) > _AT_ONCE_S, late, 0.0), mean
 
 
+def strength(readings: Floats, variance: Floats) -> Floats:
+    """(...), how many standard deviations readings (..., taxels) that stand out are above nothing, together."""
+    squared = np.divide(readings**2, variance, out=np.zeros_like(readings), where=(variance > 0) & (readings > 0))
+    total: Floats = np.sqrt(np.sum(squared, axis=-1, where=squared > _OUT**2))
+    return total
+
+
 def reach(places: Floats) -> float:
     """Diagonal of a pad in pitches, like places (2, taxels): what touches it is no further away, whatever scans say."""
     return float(np.hypot(*(np.ptp(places, axis=1) + 1.0)))
 
 
-def blind(places: Floats, live: Bools) -> Bools:
-    """(2,), x and y, True where all live (taxels,) taxels lie in a line across: any motion fits some pattern."""
-    across: Bools = np.ptp(places[:, live] if live.any() else places, axis=1) < _APART
-    return across
+def across(places: Floats, live: Bools) -> Bools:
+    """(2,), True where x or y leads across the line in which all live (taxels,) lie: any motion along it fits some
+    pattern.
+    """
+    in_line: Bools = np.ptp(places[:, live] if live.any() else places, axis=1) < _APART
+    return in_line
 
 
 @dataclass(slots=True, eq=False)
@@ -92,16 +103,22 @@ class Scanned:
         return reach(self.places)
 
     @property
-    def blind(self) -> Bools:
-        """See `blind`."""
+    def across(self) -> Bools:
+        """See `across`."""
         live: Bools = np.any(self.variance > 0, axis=0)
-        return blind(self.places, live)
+        return across(self.places, live)
+
+    @property
+    def middle(self) -> Floats:
+        """(2,) of the pad."""
+        centre: Floats = 0.5 * (self.places.min(axis=1) + self.places.max(axis=1))
+        return centre
 
     def stiffness(self, *, turns: bool, gain_std: float, size: float = np.inf) -> Floats:
         """(5,) 1 / variance of each state, infinite where it is held: what scans of these taxels cannot tell, a turn
-        unless it `turns`, and its size unless that is given.
+        unless it `turns`, and its size unless that is given. That of x and y is around the pad's middle.
         """
-        seen = ~self.blind
+        seen = ~self.across
         turn = _LOOSE_TURN if turns and seen.all() else np.inf
         return np.array([*np.where(seen, self.reach**-2, np.inf), turn, gain_std**-2, size])
 

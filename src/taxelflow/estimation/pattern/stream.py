@@ -20,7 +20,7 @@ from taxelflow.estimation.pattern.learner import Learner, Novel
 from taxelflow.estimation.pattern.mapped import Maps
 from taxelflow.estimation.pattern.predict import expected
 from taxelflow.estimation.pattern.recognise import DOUBT, close, recognised, surely_elsewhere
-from taxelflow.estimation.pattern.scanned import delays_of
+from taxelflow.estimation.pattern.scanned import across, delays_of
 from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
 from taxelflow.estimation.pattern.warm import compile_kernels
 from taxelflow.estimation.translation import border_of
@@ -63,6 +63,7 @@ class StreamSession:
         self._last_reading, self._last_variance = np.zeros(layout.entries), np.zeros(layout.entries)
         self._noise = np.zeros(layout.entries)
         self._squared = np.zeros(layout.entries)
+        self._across = np.zeros((pads, 2), dtype=np.bool_)  # of the taxels that are not masked now
         self._ceiling = np.full(layout.entries, np.inf)
         self._border: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
         self._no_slips = _room(no_scans(layout.entries, pads, 1))
@@ -95,10 +96,25 @@ class StreamSession:
         slips = _room(scans)
         if scans.noise is not self._noise:
             self._noise, self._squared = scans.noise, scans.noise**2
+            self._mask()
         self._ceiling = scans.ceiling
         for k in range(len(scans)):
             self._scan(k, scans, slips)
         return slips
+
+    def _mask(self) -> None:
+        """See which pads have but a line of taxels left."""
+        for pad, own in enumerate(self._pads):
+            taxels = self._layout.of_pad(pad)
+            self._across[pad] = across(self._places[:, taxels], self._noise[taxels] > 0)
+            if own.learned is not None:
+                self._open_across(pad, own.learned)
+
+    def _open_across(self, pad: int, learned: Learned) -> None:
+        """Leave open where the object is across a line of taxels, the pattern's or those that are left."""
+        scanned = learned.keyframes.scanned
+        across_now = scanned.reach * (scanned.across | self._across[pad])
+        self._memory[pad, online.ACROSS_X : online.ACROSS_Y + 1] = across_now
 
     def finish(self) -> Slips:
         """Nothing is held back."""
@@ -194,8 +210,9 @@ class StreamSession:
             m, known = self._memory[pad], self._pads[pad].learned
             fits = m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT])
             if known is None or not known.mature:
-                if not fits and self._too_faint(int(pad), reading):
-                    self._learn_anew(int(pad), t, reading, variance)
+                own = self._layout.of_pad(int(pad))
+                if not fits and known is not None and known.is_noise_beside(reading[own], variance[own]):
+                    self._learn_anew(int(pad), t, reading, variance, known_place=False)
                     self._follow_again(int(pad), t, reading, variance)
                 continue
             if fits and m[online.PROBATION] == 0.0:
@@ -215,14 +232,6 @@ class StreamSession:
                 self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
                 self._steps[pad], m[online.CARRIES] = found[1], 0.0
                 m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
-
-    def _too_faint(self, pad: int, reading: Floats) -> bool:
-        """Whether a young pattern was learned from scans that are too faint, or nothing but noise, beside this one."""
-        known = self._pads[pad].learned
-        if known is None or known.mature:
-            return False
-        peak = float(reading[self._layout.of_pad(pad)].max())
-        return self._states[pad, GAIN] > online.FAINT or peak > online.FAINT * known.pattern.amplitude
 
     def _variance(self, reading: Floats, complete: Bools) -> Floats:
         """Noise squared, 0 where a reading is missing."""
@@ -271,18 +280,17 @@ class StreamSession:
         m[online.LAST_T] = t
         m[online.CENTROID_X], m[online.CENTROID_Y], m[online.LOAD] = middle[0], middle[1], middle[3]
 
-    def _learn_anew(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
+    def _learn_anew(self, pad: int, t: float, reading: Floats, variance: Floats, *, known_place: bool = True) -> None:
         """A new pattern from this scan, which stays where it is, if that is known."""
         state, taxels, m = self._states[pad], self._layout.of_pad(pad), self._memory[pad]
-        fits = m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT])
-        known = fits and np.diagonal(self._information[pad])[:THETA].min() > online.BLURRED**-2
-        m[online.CONTINUES] = m[online.CONTINUES] if known else 0.0
+        if not known_place:
+            m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
         m[online.THETA_0] -= state[THETA]
         m[online.PROBATION] = m[online.POOR] = 0.0
         self._settle(pad)
         delay = self._delay[taxels] if len(self._delay) else np.zeros(taxels.stop - taxels.start)
         scan = (np.ascontiguousarray(self._places[:, taxels]), reading[taxels], variance[taxels], self._ceiling[taxels])
-        learned = first_pattern(t, *scan, delay, state[:2] if known else None)
+        learned = first_pattern(t, *scan, delay, state[:2] if known_place else None)
         self._put(pad, learned)
         self._states[pad] = learned.keyframes.states[0]
 
@@ -309,8 +317,8 @@ class StreamSession:
         m[online.CHANGING] = 1.0 if learned.changing else 0.0
         m[online.SLACK], m[online.SLACK_T] = learned.slack
         m[online.SEEN] = 1.0 if learned.told else 0.0
-        states, scanned = learned.keyframes.states, learned.keyframes.scanned
-        m[online.BLIND_X : online.BLIND_Y + 1] = scanned.reach * scanned.blind
+        self._open_across(pad, learned)
+        states = learned.keyframes.states
         m[online.KEYFRAMES] = len(states)
         self._keyframes[pad, : len(states)] = states[:, : GAIN + 1]
         self._pads[pad].learned = learned
@@ -357,7 +365,7 @@ class StreamSession:
             return
         taxels = self._layout.of_pad(pad)
         m = self._memory[pad]
-        if self._too_faint(pad, reading):
+        if self._states[pad, GAIN] > online.FAINT and not own.learned.mature:  # what was learned from is too faint
             self._learn_anew(pad, t, reading, variance)
             return
         late = self._delay[taxels] if len(self._delay) else np.zeros(0)
