@@ -9,7 +9,7 @@ from scipy.stats import poisson
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
-from taxelflow.monitor.onset import MOST_RAMPS, RAMP, REACH, SLIP, thinned, threshold, weigh
+from taxelflow.monitor.onset import MOST_RAMPS, RAMP, REACH, SLIP, T_0, WEIGHT, thinned, threshold, weigh
 from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.monitor.still import ENERGY, FREEDOM, STEP, STILL, innovate, settle
 from taxelflow.score.slip import still_slips
@@ -60,6 +60,17 @@ def test_the_threshold_is_the_one_that_a_simulation_of_the_test_gives(components
     leaps(trials, components, levels, shares)
     rate = shares / trials / levels
     np.testing.assert_allclose(asked * rate, 1, atol=0.3)
+
+
+def test_ramps_reach_back_a_bounded_time_and_weigh_no_more() -> None:
+    ramps, count, oldest = np.zeros((MOST_RAMPS, RAMP)), 0, []
+    for scan in range(1, 2000):
+        ramps[count, [T_0, WEIGHT]] = scan - 1.0, 1.0
+        count = thinned(float(scan), count + 1, ramps)
+        age = scan - ramps[:count, T_0]
+        assert ramps[:count, WEIGHT].sum() < 100
+        oldest.append(age[0])
+    assert 40 < min(oldest[100:]) < max(oldest) < 70
 
 
 def alarms(pose: Floats, rate_hz: float, monitor: SlipMonitor, std: Floats = STD) -> int:

@@ -126,7 +126,10 @@ def threshold(alarm_s: float, dt: float, components: float) -> float:
 
 @kernel
 def thinned(t: float, count: int, ramps: Floats) -> int:
-    """Room for one more: the oldest goes if it is too old, else two old neighbours become one, which weighs as both."""
+    """Room for one more: the oldest goes if it is too old, else two old neighbours become one, which weighs as both.
+
+    Were the oldest merged, it would never grow older, and weigh more the longer an object is still: so would alarms.
+    """
     if count < MOST_RAMPS:
         return count
     if t - ramps[0, T_0] > max(_OLDEST_S, _OLDEST_SCANS * (t - ramps[count - 1, T_0])):
@@ -141,13 +144,14 @@ def thinned(t: float, count: int, ramps: Floats) -> int:
 
 @kernel
 def nearest(t: float, count: int, young: int, changes: Floats) -> int:
-    """Which of the rows, that begin with a time, is closest to the next beside their age; not one of the `young` last.
+    """Which of the rows, that begin with a time, leaves the smallest gap beside its age; not the first, nor one of the
+    `young` last.
 
     Dropped again and again, these leave rows that stand as far apart as they are old.
     """
-    drop, closest = 0, np.inf
-    for j in range(count - young - 1):
-        apart = (changes[j + 1, 0] - changes[j, 0]) / (t - changes[j + 1, 0])
+    drop, closest = 1, np.inf
+    for j in range(1, count - young - 1):
+        apart = (changes[j + 1, 0] - changes[j - 1, 0]) / (t - changes[j + 1, 0])
         if apart < closest:
             drop, closest = j, apart
     return drop
