@@ -112,6 +112,14 @@ def test_a_line_of_taxels_finds_the_slip_along_it(speed_m_s: float) -> None:
     assert stop.direction_rad == pytest.approx(math.copysign(math.pi / 2, speed_m_s), abs=1e-6)
 
 
+def test_what_is_known_exactly_across_does_not_hide_what_is_along() -> None:
+    slips = on_a_line(np.clip(np.arange(300) - 100, 0, 100) / RATE_HZ * 0.01)
+    slips.covariance[..., 0, 0] = slips.displacement_covariance[..., 0, 0] = 0.0
+    slips.covariance[..., 1, 1] *= 100.0
+    slips.displacement_covariance[..., 1, 1] *= 100.0
+    assert kinds(watched(slips)[1]) == ["contact", "slip_start", "slip_stop"]
+
+
 def test_a_line_of_taxels_takes_no_load_for_slip() -> None:
     load = np.exp(0.5 * np.sin(math.pi * np.arange(3000) / RATE_HZ))
     assert kinds(watched(on_a_line(5e-4 * np.log(load), load))[1]) == ["contact"]

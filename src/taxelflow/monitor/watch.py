@@ -70,8 +70,9 @@ ALARM_S, LOAD_M, CREEP_M_S, SETTLE_S = range(4)
 
 _UNSURE = 9.0
 """Factor on the variance of a pose that does not fit what the method knows."""
-_UNKNOWN = 100.0
-"""A place that is known so many times worse along one axis than along the other is told along that one only."""
+_UNKNOWN, _UNKNOWN_M = 100.0, 0.005
+"""A place that is known so many times worse along one axis than along the other, and so badly, is told along that one
+only. A centroid on a line of taxels is known exactly across it: that says nothing against what it is along it."""
 _FRESH, _MOST_FRESH = 0.05, 4.0
 """What a pose counts for in the usual variance, and how many times as large it counts at most: one may be far off."""
 _FEWEST = 3
@@ -175,15 +176,21 @@ def _spread(covariance: Floats, share: float, noise: Floats) -> None:
 @kernel
 def _along(covariance: Floats) -> bool:
     """Whether one of x and y is known, and the other is not."""
-    xx, yy = covariance[0, 0] + _FLOOR_M**2, covariance[1, 1] + _FLOOR_M**2
-    return bool(xx > _UNKNOWN**2 * yy or yy > _UNKNOWN**2 * xx)
+    xx, yy = covariance[0, 0], covariance[1, 1]
+    return _unknown(xx, yy) or _unknown(yy, xx)
+
+
+@kernel
+def _unknown(own: float, other: float) -> bool:
+    """Whether a place is not known along an axis, by its variance along it and along the other."""
+    return bool(own > max(_UNKNOWN**2 * other, _UNKNOWN_M**2))
 
 
 @kernel
 def _single_out(noise: Floats) -> None:
     """Let x or y, of a covariance (6,), count for nothing if it is known so much worse than the other."""
     for axis in range(2):
-        if noise[axis] > _UNKNOWN**2 * noise[1 - axis]:
+        if _unknown(noise[axis], noise[1 - axis]):
             noise[axis], noise[3], noise[4 + axis] = np.nan, 0.0, 0.0
 
 
