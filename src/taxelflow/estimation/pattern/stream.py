@@ -63,7 +63,8 @@ class StreamSession:
         self._last_reading, self._last_variance = np.zeros(layout.entries), np.zeros(layout.entries)
         self._noise = np.zeros(layout.entries)
         self._squared = np.zeros(layout.entries)
-        self._across = np.zeros((pads, 2), dtype=np.bool_)  # of the taxels that are not masked now
+        self._live = b""  # which taxels are not masked now
+        self._across = np.zeros((pads, 2), dtype=np.bool_)  # of them
         self._ceiling = np.full(layout.entries, np.inf)
         self._border: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
         self._no_slips = _room(no_scans(layout.entries, pads, 1))
@@ -96,7 +97,10 @@ class StreamSession:
         slips = _room(scans)
         if scans.noise is not self._noise:
             self._noise, self._squared = scans.noise, scans.noise**2
-            self._mask()
+            live = (scans.noise > 0).tobytes()
+            if live != self._live:
+                self._live = live
+                self._mask()
         self._ceiling = scans.ceiling
         for k in range(len(scans)):
             self._scan(k, scans, slips)
