@@ -52,7 +52,10 @@ def test_the_sdh2_has_456_live_taxels_in_six_pads() -> None:
 def test_every_built_in_sensor_loads_under_its_own_name() -> None:
     assert {"barretthand-162", "grid-16x16", "schunk-sdh2"} <= set(builtin_sensors())
     for name, sensor in catalogue():
-        assert sensor.name == name.replace("@PITCHmm", "@1mm")
+        loaded = load_sensor(name.replace("PITCH", "1"))
+        assert loaded == sensor
+        assert loaded.name == name.replace("@PITCHmm", "@1mm")
+        assert sum(pad.count for pad in sensor.pads) == loaded.layout.taxels
 
 
 def test_an_unknown_sensor_comes_with_the_list() -> None:

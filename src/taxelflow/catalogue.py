@@ -34,8 +34,9 @@ def catalogue() -> list[tuple[str, Sensor]]:
     """All built-in sensors, unchecked, by the name to ask for; where the user says the pitch, it is 1 mm here."""
     listed = []
     for name in builtin_sensors():
-        wants = _wants_pitch(_declared(name))
-        sensor = unchecked(_table(name, "1mm" if wants else ""), f"{name}.toml", _folder())
+        table = _declared(name)
+        wants = _wants_pitch(table)
+        sensor = unchecked(_pitched(name, table, "1mm" if wants else ""), f"{name}.toml", _folder())
         listed.append((f"{name}@PITCHmm" if wants else name, sensor))
     return listed
 
@@ -70,12 +71,11 @@ def _wants_pitch(table: dict[str, Any]) -> bool:
 
 
 def _builtin(name: str, at: str) -> Sensor:
-    return sensor_of(_table(name, at), f"{name}.toml", _folder())
+    return sensor_of(_pitched(name, _declared(name), at), f"{name}.toml", _folder())
 
 
-def _table(name: str, at: str) -> dict[str, Any]:
+def _pitched(name: str, table: dict[str, Any], at: str) -> dict[str, Any]:
     """What a built-in sensor declares, at the pitch that the user says."""
-    table = _declared(name)
     wants, given = _wants_pitch(table), _AT.fullmatch(at)
     if wants and not given:
         raise PitchNeeded(name, at)

@@ -61,7 +61,7 @@ def follow_changing(scanned: Scanned, size: Floats, pitch_m: float, *, turns: bo
         np.concatenate([one[:0:-1], other]) for one, other in zip(back[:3], ahead[:3], strict=True)
     )
     sight = max(ahead[3], back[3])
-    turns = (turns or sight > _SIGHT) and not scanned.across.any()
+    turns = turns or sight > _SIGHT
     pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=turns)
     if turns and np.median(noise[:, THETA, THETA]) > _GUESS**2:
         turns = False

@@ -143,7 +143,7 @@ def _learn(known: Learned) -> Learned:
         new.slack = slack_of(known, states - before - [0.0, 0.0, new.turned, 0.0, 0.0])
     if count >= _DECIDE:
         told = sights(pattern, scanned, states, factor, scan, max(new.rough, FIRST_ROUGH)) * spare**2
-        sight = new.sight = float(told[THETA]) if not across.any() else 0.0
+        sight = new.sight = float(told[THETA])
         new.sight_of_place = float(told[:THETA][~across].min(initial=np.inf)) if spare < 1.0 else np.inf
         likely = sight > SEEN * (1.0 + _CUT_LOOKS_TURNED * cut_off)
         if fit is not None and known.turns and not (likely or new.proved) and cut_off < _WHOLE:

@@ -22,7 +22,8 @@ def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, s
     """(3,), how many times better the pattern tells x, y and theta, in a given scan, than its own noise pretends to.
 
     Slopes of a pattern that is not known are slopes all the same. What they pretend to tell is what patterns tell that
-    are nothing but this one's noise: drawn from its posterior covariance, whose inverse `factor` factors.
+    are nothing but this one's noise: drawn from its posterior covariance, whose inverse `factor` factors. 0 across a
+    line of taxels, and for its turn: see `scanned.across`.
     """
     base = _values(pattern, pattern.coefficients, scanned, states, scan)
     known = np.isfinite(base[:, 0]) & (scanned.variance[scan] > 0)
@@ -46,7 +47,8 @@ def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, s
         values = gain * _values(pattern, drawn.reshape(pattern.shape), scanned, states, scan)[known, 1:4]
         pretended += [told(values[:, of], of) / _DRAWS for of in range(3)]
     real = np.array([told(slopes[:, of], of) for of in range(3)])
-    return np.asarray(real / np.maximum(pretended, 1e-300))
+    untold = scanned.across
+    return np.where([*untold, untold.any()], 0.0, real / np.maximum(pretended, 1e-300))
 
 
 def _values(pattern: Pattern, coefficients: Floats, scanned: Scanned, states: Floats, scan: int) -> Floats:

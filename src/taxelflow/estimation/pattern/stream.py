@@ -212,10 +212,12 @@ class StreamSession:
         """Look for the object all over the pad where a scan does not fit where it was looked for."""
         for pad in np.flatnonzero(contact):
             m, known = self._memory[pad], self._pads[pad].learned
+            if known is None:
+                continue
+            own = self._layout.of_pad(int(pad))
             fits = m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT])
-            if known is None or not known.mature:
-                own = self._layout.of_pad(int(pad))
-                if not fits and known is not None and known.is_noise_beside(reading[own], variance[own]):
+            if not known.mature:
+                if not fits and known.is_noise_beside(reading[own], variance[own]):
                     self._learn_anew(int(pad), t, reading, variance, known_place=False)
                     self._follow_again(int(pad), t, reading, variance)
                 continue
@@ -224,7 +226,6 @@ class StreamSession:
             near = m[online.PROBATION] == 0.0
             if fits and np.diagonal(self._information[pad])[:THETA].min() > online.BLURRED**-2:
                 m[online.PROBATION] = max(m[online.PROBATION] - 1.0, 0.0)
-            own = self._layout.of_pad(int(pad))
             middle = m[online.CENTROID_X : online.CENTROID_Y + 1]
             scan = (np.ascontiguousarray(self._places[:, own]), reading[own], variance[own], self._ceiling[own])
             found = recognised(known, middle, *scan, self._states[pad, THETA] if near else None)

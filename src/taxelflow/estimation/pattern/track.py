@@ -35,7 +35,7 @@ class Tracker:
     """Scans of a contact on their way to poses."""
 
     def __init__(self, scanned: Scanned, start: int, *, size: Floats, rough: float, stiffness: Floats) -> None:
-        """stiffness: (5,) 1 / variance of each state, around 0 and from scan to scan; infinite where it is fixed."""
+        """stiffness: (5,) of each state, as for `refine`, and from scan to scan; infinite where it is fixed."""
         self.scanned, self.start, self.rough, self.stiffness = scanned, start, rough, stiffness
         self._size = size
         self.loaded, self.centroid, self.amplitude = scanned.loaded(), scanned.centroids(), scanned.amplitude
