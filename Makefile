@@ -5,7 +5,7 @@ BIN := .venv/bin
 TAXELFLOW := $(BIN)/taxelflow
 READY := .venv/ready
 
-.PHONY: setup demo test check bench pictures constraints format clean
+.PHONY: setup demo test check golden golden-update bench pictures constraints format clean
 .DELETE_ON_ERROR:
 
 setup: $(READY)
@@ -39,6 +39,14 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/vulture
+
+# Results of every method on fixed recordings, bit for bit; GOLDEN="--only stroke" or "--rtol 1e-9" narrows or loosens it.
+golden: $(READY)
+	PYTHONPATH=tests $(BIN)/python -m golden compare $(GOLDEN)
+
+# Say in the commit why results have changed.
+golden-update: $(READY)
+	PYTHONPATH=tests $(BIN)/python -m golden update
 
 bench: $(READY)
 	$(TAXELFLOW) bench $(BENCH)
