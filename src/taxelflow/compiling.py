@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from contextlib import contextmanager
 from functools import cache
 from hashlib import sha256
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 _log = logging.getLogger("taxelflow")
+_ROOT = Path(__file__).parent
+_IMPORT = re.compile(rb"^from (taxelflow[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 
 def kernel(function: Kernel) -> Kernel:
@@ -46,15 +49,15 @@ def _compiled(function: Kernel, *, nogil: bool, **options: bool) -> Kernel:
     compiled = compile_(cache=True, nogil=nogil, error_model="numpy", fastmath={"reassoc", "contract"}, **options)(
         function
     )
-    _date(compiled, _sources())
+    _date(compiled, hash_of(function.__module__))
     return cast("Kernel", compiled)
 
 
 def _date(compiled: Any, sources: str) -> None:
-    """Have a cached kernel compiled anew when any of our kernels has changed: it may hold that one.
+    """Recompile a cached kernel when its module, or one that it imports from taxelflow, has changed.
 
-    numba looks at a kernel's own file only, and has no public way to say more. Without a place to write to there is no
-    cache, and nothing to date.
+    numba compares the kernel's own file only, and has no public way to add more. Without a writable cache there is
+    nothing to date.
     """
     index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if index is not None:
@@ -62,15 +65,29 @@ def _date(compiled: Any, sources: str) -> None:
 
 
 @cache
-def _sources() -> str:
-    return hash_of(Path(__file__).parent)
+def hash_of(module: str, root: Path = _ROOT) -> str:
+    """Hash of a module's source and of all that it imports from the package at `root`, directly or not.
+
+    Modules without kernels count too: a kernel compiles the constants that it imports into its code.
+    """
+    found: dict[Path, bytes] = {}
+    waiting = [module]
+    while waiting:
+        for file in _files(waiting.pop(), root):
+            if file not in found:
+                found[file] = file.read_bytes()
+                waiting += [
+                    f"{package.decode()}.{name}".rstrip(".")
+                    for package, names in _IMPORT.findall(found[file])
+                    for name in ["", *re.findall(r"\w+", names.decode())]
+                ]
+    return sha256(b"".join(found[file] for file in sorted(found))).hexdigest()
 
 
-def hash_of(root: Path) -> str:
-    """A hash that changes with any file in a folder that has kernels, or with what they know of messages."""
-    files = [(file.name, file.read_bytes()) for file in sorted(root.rglob("*.py"))]
-    held = [code for name, code in files if b"taxelflow.compiling" in code or name == "messages.py"]
-    return sha256(b"".join(held)).hexdigest()
+def _files(module: str, root: Path) -> list[Path]:
+    """The file of a module of the package at `root`; none for another package's, or for a name within a module."""
+    path = root.parent.joinpath(*module.split("."))
+    return [file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file() and root in file.parents]
 
 
 class _Announce(event.Listener):
