@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 import taxelflow
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import save
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import save
 
 if len(sys.argv) > 1:
     recording = taxelflow.read(*sys.argv[1:3])

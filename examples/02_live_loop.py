@@ -4,8 +4,8 @@ Run it: python examples/02_live_loop.py
 """
 
 from taxelflow import Conditioner, RawScans, SlipMonitor, estimator
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import simulate
 
 device = simulate(SCENARIOS["stroke"])  # your driver goes here: anything that gives a time and the taxels' readings
 sensor, layout = device.sensor, device.layout

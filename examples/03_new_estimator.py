@@ -13,8 +13,8 @@ import numpy as np
 
 import taxelflow
 from taxelflow import Layout, Scans, Slips
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import simulate
 
 
 @dataclass(frozen=True)

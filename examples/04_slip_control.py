@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taxelflow import Conditioner, RawScans, SlipMonitor, estimator, load_sensor
-from taxelflow.acquire.rig.contact import taxel_pressure
-from taxelflow.acquire.rig.load import State
-from taxelflow.acquire.rig.parameters import Contact, Load, Sensing
-from taxelflow.acquire.rig.pattern import Analytic
-from taxelflow.acquire.rig.sensing import sense
+from taxelflow.simulation.contact import taxel_pressure
+from taxelflow.simulation.load import State
+from taxelflow.simulation.parameters import Contact, Load, Sensing
+from taxelflow.simulation.pattern import Analytic
+from taxelflow.simulation.sensing import sense
 
 SENSOR = load_sensor("grid-16x16")
 LAYOUT = SENSOR.layout

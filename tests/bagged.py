@@ -10,7 +10,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from taxelflow.acquire.bags.kinds import kind_of
+from taxelflow.acquire.ros.kinds import kind_of
 
 if TYPE_CHECKING:
     from pathlib import Path

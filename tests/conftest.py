@@ -9,7 +9,7 @@ from hypothesis import settings
 
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.sensor import Sensor
 
 settings.register_profile("taxelflow", deadline=None, max_examples=40, derandomize=True, database=None)
 settings.load_profile("taxelflow")

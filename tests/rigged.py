@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import save
 from taxelflow.cli import main
 from taxelflow.publish.results import Track
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import save
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taxelflow.acquire.rig.scenario import Scenario
     from taxelflow.messages import Bools, Floats
+    from taxelflow.simulation.scenario import Scenario
 
 
 def rigged(name: str = "stroke", **changes: Any) -> Scenario:

@@ -11,10 +11,10 @@ import numpy as np
 
 from taxelflow import registry
 from taxelflow.acquire.base import Recording
-from taxelflow.condition.conditioner import Conditioner
+from taxelflow.condition.parameters import Conditioner
 from taxelflow.messages import Bools, Floats, RawScans, Scans, Slips, cut, joined
-from taxelflow.pads import Pad
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.pads import Pad
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

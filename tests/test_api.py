@@ -73,7 +73,7 @@ def test_a_name_that_is_not_public_is_an_attribute_error() -> None:
     "program",
     [
         "import taxelflow; taxelflow.read; taxelflow.estimate; assert callable(taxelflow.estimate)",
-        "import taxelflow.estimation.literal; assert callable(taxelflow.estimate)",
+        "import taxelflow.estimation.centroid.paper_reference; assert callable(taxelflow.estimate)",
         "from taxelflow import read, estimate; assert callable(estimate)",
         "import taxelflow.pipeline; from taxelflow import estimate; assert callable(estimate)",
         "from taxelflow.estimation.base import Estimator; import taxelflow; assert callable(taxelflow.estimate)",

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from taxelflow.messages import Floats, RawScans
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 PALM = grid_sensor(4, 7)
 CONTRACT = [

@@ -8,11 +8,11 @@ import pytest
 
 from rigged import estimated, strokes_by_both
 from synthetic import assert_same
-from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.api import read
 from taxelflow.cli import main
-from taxelflow.score.bench_peers import PeerBench, PeerLatency
+from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency
+from taxelflow.simulation.scenario import DESCRIPTIONS, SCENARIOS
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -317,10 +317,10 @@ def test_plot_into_a_file(results: list[Path], tmp_path: Path, capsys: Capture) 
 
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few rounds on no sensor; processes are not started."""
-    monkeypatch.setattr("taxelflow.score.bench._sensors", list)
-    monkeypatch.setattr("taxelflow.score.bench_peers._ROUNDS", 5)
-    monkeypatch.setattr("taxelflow.score.bench_peers._WARM", 2)
-    monkeypatch.setattr("taxelflow.score.bench.subprocess.run", lambda *_arguments, **_more: None)
+    monkeypatch.setattr("taxelflow.evaluation.bench._sensors", list)
+    monkeypatch.setattr("taxelflow.evaluation.bench_peers._ROUNDS", 5)
+    monkeypatch.setattr("taxelflow.evaluation.bench_peers._WARM", 2)
+    monkeypatch.setattr("taxelflow.evaluation.bench.subprocess.run", lambda *_arguments, **_more: None)
 
 
 def test_bench_prints_its_tables(results: list[Path], monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
@@ -340,7 +340,7 @@ def test_bench_times_opencv_or_says_why_not(
     skipped = PeerBench([], "cv2 is not installed")
     timed = PeerBench([PeerLatency("cv2.phaseCorrelate, 7 pads", 30.0, 40.0, 1.0, 1.0)])
     for made, words in ((skipped, "not timed: cv2 is not installed"), (timed, "30.0    40.0   1.00")):
-        monkeypatch.setattr("taxelflow.score.bench.bench_peers", lambda made=made: made)
+        monkeypatch.setattr("taxelflow.evaluation.bench.bench_peers", lambda made=made: made)
         assert main(["bench", "--recording", recording]) == 0
         assert words in capsys.readouterr().out
 

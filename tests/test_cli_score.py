@@ -91,7 +91,7 @@ def test_peers_without_the_extra_says_how_to_get_it(monkeypatch: pytest.MonkeyPa
     def absent() -> None:
         raise ExtraMissing("bench", "cv2")
 
-    monkeypatch.setattr("taxelflow.score.peers.peers", absent)
+    monkeypatch.setattr("taxelflow.evaluation.peers.peers", absent)
     assert "pip install 'taxelflow[bench]'" in refused(capsys, "peers", "--strokes", "2")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rigged import rigged
-from taxelflow.acquire.rig.simulate import save
+from taxelflow.simulation.simulate import save
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 

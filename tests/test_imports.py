@@ -43,16 +43,16 @@ def test_help_imports_no_heavy_library(arguments: list[str]) -> None:
         "taxelflow.cli",
         "taxelflow.errors",
         "taxelflow.registry",
-        "taxelflow.acquire.bags.kinds",
+        "taxelflow.acquire.ros.kinds",
         "taxelflow.acquire.columns",
-        "taxelflow.acquire.rig.scenario",
-        "taxelflow.condition.conditioner",
-        "taxelflow.monitor.slip",
+        "taxelflow.simulation.scenario",
+        "taxelflow.condition.parameters",
+        "taxelflow.slip.parameters",
         "taxelflow.estimation.base",
-        "taxelflow.estimation.convolution",
-        "taxelflow.estimation.lnorm",
-        "taxelflow.estimation.principal_axis",
-        "taxelflow.estimation.sum",
+        "taxelflow.estimation.centroid.convolution",
+        "taxelflow.estimation.centroid.lnorm",
+        "taxelflow.estimation.centroid.principal_axis",
+        "taxelflow.estimation.centroid.load_sum",
     ],
 )
 def test_what_the_command_line_is_made_of_imports_no_heavy_library(module: str) -> None:
@@ -62,7 +62,7 @@ def test_what_the_command_line_is_made_of_imports_no_heavy_library(module: str) 
 def test_estimating_needs_neither_scipys_signal_processing_nor_pictures() -> None:
     program = (
         "import numpy as np\nfrom taxelflow.api import estimate\nfrom taxelflow.acquire.base import Recording\n"
-        "from taxelflow.catalogue import load_sensor\nfrom taxelflow.messages import RawScans\n"
+        "from taxelflow.sensors.catalogue import load_sensor\nfrom taxelflow.messages import RawScans\n"
         "raw = RawScans(np.arange(30.0), np.ones((30, 162)))\n"
         "estimate(Recording('memory', 'memory', load_sensor('barretthand-162'), lambda: iter([raw])))\n"
     )

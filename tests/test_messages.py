@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import assert_same, dome, grid_sensor, pieces, raw_scans, scans_of, slips_by
-from taxelflow.fuse.rigid import RigidField
+from taxelflow.fusion.parameters import RigidField
 from taxelflow.messages import Event, cut, joined
 
 PALM = grid_sensor(4, 7)

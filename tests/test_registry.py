@@ -9,9 +9,9 @@ from taxelflow import registry
 from taxelflow.api import estimate, estimator
 from taxelflow.cli import main
 from taxelflow.errors import NameUnknown, ParameterInvalid
-from taxelflow.estimation.convolution import Convolution
-from taxelflow.estimation.lnorm import LNorm
-from taxelflow.estimation.registration import Registration
+from taxelflow.estimation.centroid.convolution import Convolution
+from taxelflow.estimation.centroid.lnorm import LNorm
+from taxelflow.estimation.scan_matching.parameters import Registration
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 PLUGIN = """
 from dataclasses import dataclass
-from taxelflow.estimation.lnorm import LNorm
-from taxelflow.estimation.registration import Registration
+from taxelflow.estimation.centroid.lnorm import LNorm
+from taxelflow.estimation.scan_matching.parameters import Registration
 
 @dataclass(frozen=True)
 class Other(LNorm):

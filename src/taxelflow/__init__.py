@@ -7,37 +7,37 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording, Truth
     from taxelflow.acquire.columns import Columns
     from taxelflow.api import Result, convert, estimate, estimator, read
-    from taxelflow.catalogue import load_sensor
-    from taxelflow.condition.conditioner import Conditioner
+    from taxelflow.condition.parameters import Conditioner
     from taxelflow.errors import TaxelflowError
-    from taxelflow.layout import Layout
     from taxelflow.messages import Event, Motions, RawScans, Scans, Slips
-    from taxelflow.monitor.slip import SlipMonitor
-    from taxelflow.pads import Pad
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.catalogue import load_sensor
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.sensors.pads import Pad
+    from taxelflow.sensors.sensor import Sensor
+    from taxelflow.slip.parameters import SlipMonitor
 
 __version__ = "0.1.0"
 
 _HOME = {
     "Columns": "acquire.columns",
-    "Conditioner": "condition.conditioner",
+    "Conditioner": "condition.parameters",
     "Event": "messages",
-    "Layout": "layout",
+    "Layout": "sensors.layout",
     "Motions": "messages",
-    "Pad": "pads",
+    "Pad": "sensors.pads",
     "RawScans": "messages",
     "Recording": "acquire.base",
     "Result": "api",
     "Scans": "messages",
-    "Sensor": "sensor",
-    "SlipMonitor": "monitor.slip",
+    "Sensor": "sensors.sensor",
+    "SlipMonitor": "slip.parameters",
     "Slips": "messages",
     "TaxelflowError": "errors",
     "Truth": "acquire.base",
     "convert": "api",
     "estimate": "api",
     "estimator": "api",
-    "load_sensor": "catalogue",
+    "load_sensor": "sensors.catalogue",
     "read": "api",
 }
 

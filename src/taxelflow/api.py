@@ -13,17 +13,17 @@ import numpy as np
 from taxelflow import __version__, registry
 from taxelflow.acquire.base import Reading, Recording
 from taxelflow.acquire.columns import Columns
-from taxelflow.calibration import Calibration, load_calibration
-from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced
-from taxelflow.condition.conditioner import Conditioner
+from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
-from taxelflow.estimation.smoothing import NOTE, Smoothing
+from taxelflow.estimation.smoothing.parameters import NOTE, Smoothing
 from taxelflow.messages import Bools, Contacts, Event, LearnedPattern, Motions, RawScans, Scans, Slips, joined
-from taxelflow.monitor.slip import SlipMonitor
 from taxelflow.pipeline import Pipeline, Run
 from taxelflow.publish.summary import Summary, Totals
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.calibration import Calibration, load_calibration
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.sensor import Sensor
+from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

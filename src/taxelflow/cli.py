@@ -15,13 +15,13 @@ import tyro
 from tyro.conf import Positional
 
 from taxelflow.acquire.columns import Columns
-from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario, Solver
-from taxelflow.condition.conditioner import Conditioner
+from taxelflow.condition.parameters import Conditioner
+from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import ParameterInvalid, TaxelflowError
-from taxelflow.estimation.smoothing import Smoothing
-from taxelflow.fuse.rigid import RigidField
-from taxelflow.monitor.features import ContactFeatures
-from taxelflow.monitor.slip import SlipMonitor
+from taxelflow.estimation.smoothing.parameters import Smoothing
+from taxelflow.fusion.parameters import RigidField
+from taxelflow.simulation.scenario import DESCRIPTIONS, SCENARIOS, Scenario, Solver
+from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -86,11 +86,11 @@ class Estimate(_Recorded):
     def run(self, rest: list[str]) -> int:
         """Read, estimate, write."""
         from taxelflow import api, registry
-        from taxelflow.calibration import load_calibration
         from taxelflow.pipeline import Pipeline
         from taxelflow.publish.summary import Totals
         from taxelflow.publish.tables import Tables
         from taxelflow.publish.terminal import progress, say
+        from taxelflow.sensors.calibration import load_calibration
 
         kind = registry.find("estimator", self.method)
         estimator = tyro.cli(kind, args=rest, prog=f"taxelflow estimate --method {self.method}")
@@ -145,9 +145,9 @@ class Calibrate(_Recorded):
     def run(self, _rest: list[str]) -> int:
         """Read, fit, write, print."""
         from taxelflow.acquire.trajectory import read_trajectory
-        from taxelflow.calibration import save_calibration
+        from taxelflow.evaluation.calibrate import calibrate
         from taxelflow.publish.terminal import show_calibration
-        from taxelflow.score.calibrate import calibrate
+        from taxelflow.sensors.calibration import save_calibration
 
         if self.out.suffix != ".toml":
             raise ParameterInvalid("out", str(self.out), "it ends in .toml")
@@ -179,9 +179,9 @@ class Info(_Recorded):
 
     def run(self, _rest: list[str]) -> int:
         """Read once, count, print."""
+        from taxelflow.evaluation.checkup import check_up
         from taxelflow.publish.summary import to_json
         from taxelflow.publish.terminal import progress, show_checkup
-        from taxelflow.score.checkup import check_up
 
         recording = self.opened()
         checkup = check_up(recording, lambda blocks: progress(blocks, recording.scans, "reading"))
@@ -231,12 +231,12 @@ class Sensors:
 
     def run(self, _rest: list[str]) -> int:
         """Print a table or a drawing, or write pictures."""
-        from taxelflow.catalogue import catalogue, load_sensor
         from taxelflow.publish.drawing import draw_sensor
         from taxelflow.publish.terminal import list_sensors
+        from taxelflow.sensors.catalogue import catalogue, load_sensor
 
         if self.plot is not None:
-            from taxelflow.figures import draw_sensors
+            from taxelflow.publish.figures import draw_sensors
 
             sensors = [sensor for _, sensor in catalogue()] if self.name is None else [load_sensor(self.name)]
             for path in draw_sensors(sensors, self.plot):
@@ -275,7 +275,7 @@ class Simulate:
 
     def run(self, _rest: list[str]) -> int:
         """Simulate and write."""
-        from taxelflow.acquire.rig.simulate import save
+        from taxelflow.simulation.simulate import save
 
         asked: Simulated = self.scenario
         if asked.out.suffix != ".npz":
@@ -365,49 +365,49 @@ class Score:
 
     def _real(self) -> tuple[Struct, Callable[[Any], None]]:
         from taxelflow import api
-        from taxelflow.publish.real import show_real
+        from taxelflow.evaluation.prediction import score_real
+        from taxelflow.evaluation.prediction_table import show_real
         from taxelflow.publish.terminal import counted
-        from taxelflow.score.real import score_real
 
         opened = [api.read(path, self.sensor, topic=self.topic) for path in self.of]
         return score_real(opened, partial(counted, what="recordings")), show_real
 
     def _contacts(self) -> tuple[Struct, Callable[[Any], None]]:
-        from taxelflow.publish.contacts import show_contacts
+        from taxelflow.evaluation.contacts import score_contacts
+        from taxelflow.evaluation.contacts_table import show_contacts
         from taxelflow.publish.terminal import counted
-        from taxelflow.score.contacts import score_contacts
 
         watched = partial(counted, what="seeds")
         return score_contacts(self.seeds, seed=self.seed, methods=self.methods, watched=watched), show_contacts
 
     def _table1(self) -> tuple[Struct, Callable[[Any], None]]:
-        from taxelflow.publish.scores import show_table1
+        from taxelflow.evaluation.table1 import table1
+        from taxelflow.evaluation.tables import show_table1
         from taxelflow.publish.terminal import counted
-        from taxelflow.score.table1 import table1
 
         watched = partial(counted, what="trials")
         return table1(self.strokes, self.seed, watched, self.methods, self.solver), show_table1
 
     def _hard(self) -> tuple[Struct, Callable[[Any], None]]:
-        from taxelflow.publish.scores import show_hard
+        from taxelflow.evaluation.hard import hard
+        from taxelflow.evaluation.tables import show_hard
         from taxelflow.publish.terminal import counted
-        from taxelflow.score.hard import hard
 
         watched = partial(counted, what="seeds")
         scored = hard(self.seeds, seed=self.seed, methods=self.methods, solver=self.solver, watched=watched)
         return scored, show_hard
 
     def _field(self) -> tuple[Struct, Callable[[Any], None]]:
-        from taxelflow.publish.scores import show_field
+        from taxelflow.evaluation.field import score_field
+        from taxelflow.evaluation.tables import show_field
         from taxelflow.publish.terminal import counted
-        from taxelflow.score.field import score_field
 
         return score_field(self.seeds, partial(counted, what="seeds")), show_field
 
     def _slip(self) -> tuple[Struct, Callable[[Any], None]]:
-        from taxelflow.publish.scores import show_slip
+        from taxelflow.evaluation.slip import METHODS, score_slip
+        from taxelflow.evaluation.tables import show_slip
         from taxelflow.publish.terminal import counted
-        from taxelflow.score.slip import METHODS, score_slip
 
         _at_least("processes", self.processes, 1)
         if not 0 <= self.hours < float("inf"):
@@ -424,9 +424,9 @@ class Score:
         return scored, show_slip
 
     def _limits(self) -> tuple[Struct, Callable[[Any], None]]:
-        from taxelflow.publish.scores import show_limits
+        from taxelflow.evaluation.limits import limits
+        from taxelflow.evaluation.tables import show_limits
         from taxelflow.publish.terminal import counted
-        from taxelflow.score.limits import limits
 
         scored = limits(
             self.of[0] if self.of else "stroke",
@@ -440,9 +440,9 @@ class Score:
         return scored, show_limits
 
     def _peers(self) -> tuple[Struct, Callable[[Any], None]]:
-        from taxelflow.publish.scores import show_peers
+        from taxelflow.evaluation.peers import score_peers
+        from taxelflow.evaluation.tables import show_peers
         from taxelflow.publish.terminal import counted
-        from taxelflow.score.peers import score_peers
 
         watched = partial(counted, what="trials")
         return score_peers(self.strokes, self.seed, watched, self.methods, self.solver), show_peers
@@ -460,7 +460,7 @@ class Plot:
 
     def run(self, _rest: list[str]) -> int:
         """Draw and name the files."""
-        from taxelflow.figures import draw_results
+        from taxelflow.publish.figures import draw_results
 
         if not self.results:
             raise ParameterInvalid("results", "nothing", "give at least one directory")
@@ -483,7 +483,7 @@ class Figures:
 
     def run(self, _rest: list[str]) -> int:
         """Simulate, estimate, draw."""
-        from taxelflow.paper import draw_paper
+        from taxelflow.evaluation.paper import draw_paper
 
         _at_least("strokes", self.strokes, 2)
         _at_least("seeds", self.seeds, 1)
@@ -503,9 +503,9 @@ class Bench:
 
     def run(self, _rest: list[str]) -> int:
         """Run and print."""
+        from taxelflow.evaluation.bench import bench
         from taxelflow.publish.summary import to_json
         from taxelflow.publish.terminal import show_bench
-        from taxelflow.score.bench import bench
 
         figures = bench(self.recording)
         if self.json:

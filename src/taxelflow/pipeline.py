@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, cast, get_args
 import numpy as np
 
 from taxelflow import registry
-from taxelflow.calibration import Calibration
 from taxelflow.compiling import announced
-from taxelflow.condition.conditioner import Conditioner
+from taxelflow.condition.parameters import Conditioner
+from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import CalibrationUnfit, NameUnknown, TaxelflowError
 from taxelflow.estimation.base import Learning, Mode
-from taxelflow.estimation.smoothing import Smoothing
-from taxelflow.fuse.rigid import RigidField
+from taxelflow.estimation.smoothing.parameters import Smoothing
+from taxelflow.fusion.parameters import RigidField
 from taxelflow.messages import (
     OK,
     UNRESOLVED,
@@ -30,15 +30,15 @@ from taxelflow.messages import (
     cut,
     joined,
 )
-from taxelflow.monitor.features import ContactFeatures
-from taxelflow.monitor.slip import SlipMonitor
+from taxelflow.sensors.calibration import Calibration
+from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from taxelflow.acquire.base import Reading, Recording
+    from taxelflow.condition.deduplicate import Counts
     from taxelflow.condition.learn import Learned
-    from taxelflow.condition.sift import Counts
     from taxelflow.estimation.base import Calibratable, Estimator, EstimatorSession
     from taxelflow.messages import Block
 

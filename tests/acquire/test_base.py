@@ -16,7 +16,7 @@ from taxelflow.messages import RawScans, joined
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 ONE = grid_sensor(1, 1)
 

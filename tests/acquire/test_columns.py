@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.csv import open_csv
-from taxelflow.catalogue import load_sensor
 from taxelflow.errors import ParameterInvalid, RecordingCorrupt, TaxelCountWrong
-from taxelflow.pads import Pad
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
 
 
 def plain(taxels: int) -> Sensor:

@@ -10,17 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import grid_sensor, recorded, times
-from taxelflow.acquire.bags.write import write_mcap
 from taxelflow.acquire.base import Recording, Truth
-from taxelflow.acquire.carried import texts_of
 from taxelflow.acquire.csv import write_csv
+from taxelflow.acquire.metadata import texts_of
 from taxelflow.acquire.npz import write_npz
 from taxelflow.acquire.parquet import write_parquet
+from taxelflow.acquire.ros.write import write_mcap
 from taxelflow.api import convert, read
-from taxelflow.catalogue import load_sensor
 from taxelflow.cli import main
 from taxelflow.errors import FormatUnknown, RecordingCorrupt, TimesNotIncreasing
 from taxelflow.messages import RawScans
+from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -134,7 +134,7 @@ def test_a_recording_that_breaks_leaves_no_file(tmp_path: Path, suffix: str) -> 
 def test_broken_texts_in_a_file_are_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, name: str, text: str, match: str
 ) -> None:
-    module = "taxelflow.acquire.parquet" if suffix == ".parquet" else "taxelflow.acquire.bags.write"
+    module = "taxelflow.acquire.parquet" if suffix == ".parquet" else "taxelflow.acquire.ros.write"
     monkeypatch.setattr(f"{module}.texts_of", lambda recording: texts_of(recording) | {name: text})
     convert(known(np.zeros((2, 6))), tmp_path / f"a{suffix}")
     with pytest.raises(RecordingCorrupt, match=match) as caught:

@@ -14,8 +14,8 @@ from bagged import write_bag
 from synthetic import DsaMatrix, grid_sensor, recorded, times, write_dsa
 from taxelflow.api import convert, read
 from taxelflow.errors import RecordingCorrupt, RecordingError, TaxelflowError, TopicUnclear
-from taxelflow.pads import Pad
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from synthetic import assert_same, conditioned, dome, grid_sensor, pieces, raw_scans, recorded
 from taxelflow import registry
 from taxelflow.api import estimate, read
-from taxelflow.condition.sift import Sifter
+from taxelflow.condition.deduplicate import Sifter
 
 if TYPE_CHECKING:
     from pathlib import Path

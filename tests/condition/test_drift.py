@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from synthetic import assert_same, conditioned, dome, grid_sensor, raw_scans
-from taxelflow.condition.conditioner import Conditioner
-from taxelflow.pads import Group, Patch
+from taxelflow.condition.parameters import Conditioner
+from taxelflow.sensors.pads import Group, Patch
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from synthetic import conditioned, dome, grid_sensor, recorded
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.api import estimate, read
-from taxelflow.condition.conditioner import Conditioner
+from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import ParameterInvalid
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from pathlib import Path

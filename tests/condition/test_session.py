@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import assert_same, conditioned, dome, grid_sensor, pieces, raw_scans
-from taxelflow.condition.conditioner import Conditioner
+from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import TaxelflowError
 from taxelflow.messages import joined
 

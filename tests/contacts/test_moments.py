@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 
 from synthetic import dome, grid_sensor, recorded, scans_of
 from taxelflow.api import estimate, read
+from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import ParameterInvalid
-from taxelflow.monitor.features import ContactFeatures
 
 if TYPE_CHECKING:
     from pathlib import Path
     from typing import Any
 
     from taxelflow.messages import Contacts, Floats
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 GRID = grid_sensor(24, 24, pitch_m=(0.002, 0.002), full_scale=140e3)
 TAXEL = 0.002**2
@@ -120,7 +120,7 @@ def test_counts_without_a_scale_are_no_force() -> None:
 
 
 def test_a_group_has_features_of_its_own() -> None:
-    from taxelflow.pads import Group, Patch
+    from taxelflow.sensors.pads import Group, Patch
 
     sensor = grid_sensor(4, 7, groups=(Group("left", (Patch("pad0", cols=(0, 2)),)),))
     values = dome(sensor)

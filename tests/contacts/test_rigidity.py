@@ -8,13 +8,13 @@ import pytest
 from rigged import rigged
 from synthetic import conditioned, dome, grid_sensor
 from taxelflow import api
-from taxelflow.acquire.rig.simulate import simulate
-from taxelflow.condition.conditioner import Conditioner
+from taxelflow.condition.parameters import Conditioner
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
-    from taxelflow.condition.watch import Watch
+    from taxelflow.contacts.rigidity import Watch
     from taxelflow.messages import Bools
 
 

@@ -13,10 +13,10 @@ from rigged import rigged
 from synthetic import assert_same, conditioned, dome, grid_sensor, pieces, raw_scans, slips_by
 from tabled import hexagonal, table_sensor
 from taxelflow import api
-from taxelflow.acquire.rig.simulate import simulate
-from taxelflow.condition.conditioner import Conditioner
+from taxelflow.condition.parameters import Conditioner
 from taxelflow.messages import Floats, Scans, joined
-from taxelflow.sensor import Sensor, with_contacts
+from taxelflow.sensors.sensor import Sensor, with_contacts
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -230,7 +230,7 @@ def test_contacts_on_a_table_of_taxels() -> None:
 
 
 def test_groups_stay_beside_contacts() -> None:
-    from taxelflow.pads import Group, Patch
+    from taxelflow.sensors.pads import Group, Patch
 
     sensor = msgspec.structs.replace(GRID, groups=(Group("left", (Patch("pad0", cols=(0, 9)),)),))
     values = pressed(*[[(-0.05, 0.0), (0.05, 0.0)]] * 6)

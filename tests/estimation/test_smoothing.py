@@ -11,8 +11,8 @@ from synthetic import assert_same, grid_sensor, pieces, scans_of
 from taxelflow.api import estimate
 from taxelflow.cli import main
 from taxelflow.errors import ParameterInvalid
-from taxelflow.estimation.smooth import session as smoothers
-from taxelflow.estimation.smoothing import NOTE, Smoothing
+from taxelflow.estimation.smoothing import session as smoothers
+from taxelflow.estimation.smoothing.parameters import NOTE, Smoothing
 from taxelflow.messages import LOST, OK, Scans, Slips, cut, joined
 
 if TYPE_CHECKING:

@@ -11,13 +11,13 @@ import pytest
 from rigged import rigged
 from synthetic import assert_same, grid_sensor, pieces, scans_of, slips_by
 from taxelflow import api
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
+from taxelflow.evaluation.nees import consistency
+from taxelflow.evaluation.strokes import cut, trial, ungrouped
 from taxelflow.messages import LOST, OK
 from taxelflow.messages import cut as cut_scans
-from taxelflow.pads import Pad
-from taxelflow.score.nees import consistency
-from taxelflow.score.strokes import cut, trial, ungrouped
+from taxelflow.sensors.pads import Pad
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from rigged import rigged
-from taxelflow.acquire.rig.simulate import save
 from taxelflow.errors import RecordingMissing
+from taxelflow.evaluation.bench import Bench, batch_centroids, bench
 from taxelflow.publish.summary import to_json
-from taxelflow.score.bench import Bench, batch_centroids, bench
+from taxelflow.simulation.simulate import save
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,14 +41,14 @@ def hurried(patch: pytest.MonkeyPatch) -> list[list[str]]:
     def run(command: list[str], **_more: object) -> None:
         started.append(command)
 
-    patch.setattr("taxelflow.score.bench._ROUNDS", 2)
-    patch.setattr("taxelflow.score.bench._LITERAL_BUDGET_S", 0.01)
-    patch.setattr("taxelflow.score.bench._BATCH_BYTES", 200_000)
-    patch.setattr("taxelflow.score.bench._BATCH_ROUNDS", 1)
-    patch.setattr("taxelflow.score.bench_peers._ROUNDS", 2)
-    patch.setattr("taxelflow.score.bench_peers._WARM", 1)
-    patch.setattr("taxelflow.score.bench.subprocess.run", run)
-    patch.setattr("taxelflow.score.bench_reading._ROUNDS", 1)
+    patch.setattr("taxelflow.evaluation.bench._ROUNDS", 2)
+    patch.setattr("taxelflow.evaluation.bench._LITERAL_BUDGET_S", 0.01)
+    patch.setattr("taxelflow.evaluation.bench._BATCH_BYTES", 200_000)
+    patch.setattr("taxelflow.evaluation.bench._BATCH_ROUNDS", 1)
+    patch.setattr("taxelflow.evaluation.bench_peers._ROUNDS", 2)
+    patch.setattr("taxelflow.evaluation.bench_peers._WARM", 1)
+    patch.setattr("taxelflow.evaluation.bench.subprocess.run", run)
+    patch.setattr("taxelflow.evaluation.bench_reading._ROUNDS", 1)
     return started
 
 
@@ -128,7 +128,7 @@ def test_json_makes_the_round_trip(figures: Bench) -> None:
 
 def test_a_recording_of_ones_own_is_measured_and_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hurried(monkeypatch)
-    monkeypatch.setattr("taxelflow.score.bench._sensors", list)
+    monkeypatch.setattr("taxelflow.evaluation.bench._sensors", list)
     save(rigged("turn"), tmp_path / "turn.npz")
     figures = bench(tmp_path / "turn.npz")
     assert (figures.recording, figures.scans) == ("turn.npz", 186)
@@ -138,7 +138,7 @@ def test_a_recording_of_ones_own_is_measured_and_left_alone(tmp_path: Path, monk
 
 def test_a_missing_recording_is_refused_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hurried(monkeypatch)
-    monkeypatch.setattr("taxelflow.score.bench._sensors", list)
+    monkeypatch.setattr("taxelflow.evaluation.bench._sensors", list)
     with pytest.raises(RecordingMissing, match=r"none\.npz does not exist"):
         bench(tmp_path / "none.npz")
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from taxelflow.errors import ExtraMissing
-from taxelflow.score import bench_peers as timing
-from taxelflow.score.bench_peers import bench_peers, hand_in_contact
+from taxelflow.evaluation import bench_peers as timing
+from taxelflow.evaluation.bench_peers import bench_peers, hand_in_contact
 
 
 @pytest.fixture(autouse=True)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from rigged import rigged
-from taxelflow.acquire.rig.scenario import Scenario
-from taxelflow.acquire.rig.simulate import pressures, simulate
-from taxelflow.catalogue import load_sensor
 from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.evaluation import bound as bounds
+from taxelflow.evaluation.bound import Bound, bound_of
 from taxelflow.geometry import rotation
 from taxelflow.messages import Floats
-from taxelflow.score import bound as bounds
-from taxelflow.score.bound import Bound, bound_of
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.simulation.scenario import Scenario
+from taxelflow.simulation.simulate import pressures, simulate
 
 
 def times(scenario: Scenario) -> Floats:

@@ -9,14 +9,14 @@ import pytest
 import taxelflow
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import save, simulate
 from taxelflow.acquire.trajectory import Trajectory
-from taxelflow.calibration import PadCalibration
 from taxelflow.cli import main
 from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
+from taxelflow.evaluation.calibrate import calibrate, edge_reach
 from taxelflow.geometry import unplace
-from taxelflow.score.calibrate import calibrate, edge_reach
+from taxelflow.sensors.calibration import PadCalibration
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import save, simulate
 
 if TYPE_CHECKING:
     from pathlib import Path

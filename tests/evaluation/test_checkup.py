@@ -9,7 +9,7 @@ from synthetic import dome, grid_sensor, raw_scans, recorded
 from taxelflow.acquire.base import Recording
 from taxelflow.api import read
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TimesNotIncreasing
-from taxelflow.score.checkup import Checkup, check_up
+from taxelflow.evaluation.checkup import Checkup, check_up
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

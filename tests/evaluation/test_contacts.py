@@ -6,7 +6,7 @@ import pytest
 
 from taxelflow.cli import main
 from taxelflow.errors import NameUnknown
-from taxelflow.score.contacts import ContactRow, ContactScore, score_contacts
+from taxelflow.evaluation.contacts import ContactRow, ContactScore, score_contacts
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ import pytest
 
 from taxelflow.acquire.trajectory import Trajectory
 from taxelflow.errors import GainsUnknown
+from taxelflow.evaluation.gainfit import GainFit, Sightings, fit_gains
 from taxelflow.geometry import unplace
 from taxelflow.messages import Floats
-from taxelflow.score.gainfit import GainFit, Sightings, fit_gains
 
 PITCH = np.array([0.01, 0.01])
 GAIN = np.array([1.08, 0.94])

@@ -6,13 +6,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.api import conditioned
 from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.evaluation import hard as hards
+from taxelflow.evaluation.hard import CASES, Hard, hard
+from taxelflow.evaluation.strokes import trial, ungrouped
 from taxelflow.publish.summary import to_json
-from taxelflow.score import hard as hards
-from taxelflow.score.hard import CASES, Hard, hard
-from taxelflow.score.strokes import trial, ungrouped
+from taxelflow.simulation.simulate import simulate
 
 NAMES = [name for case in CASES for name, _ in case.rows]
 

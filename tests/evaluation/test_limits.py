@@ -10,17 +10,17 @@ import pytest
 
 from rigged import rigged
 from taxelflow import registry
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.evaluation.bound import Bound, bound_of
+from taxelflow.evaluation.limits import Errors, Limits, errors_of, limits
 from taxelflow.geometry import place
 from taxelflow.messages import AMBIGUOUS, LOST, OK, Scans, Slips
 from taxelflow.publish.summary import to_json
-from taxelflow.score.bound import Bound, bound_of
-from taxelflow.score.limits import Errors, Limits, errors_of, limits
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
-    from taxelflow.acquire.rig.scenario import Scenario
     from taxelflow.messages import Floats
+    from taxelflow.simulation.scenario import Scenario
 
 
 def perfect(scenario: Scenario, body: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[Floats, Slips, int, Bound]:

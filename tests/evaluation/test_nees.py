@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxelflow.evaluation.nees import consistency, nees_of
 from taxelflow.messages import Floats
-from taxelflow.score.nees import consistency, nees_of
 
 COVARIANCE = np.array([[4.0, 1.0, 0.2], [1.0, 2.0, -0.3], [0.2, -0.3, 0.5]]) * 1e-8
 

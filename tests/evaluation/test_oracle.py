@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxelflow.evaluation.oracle import called
 from taxelflow.messages import Bools, Floats
-from taxelflow.score.oracle import called
 
 HOUR_S = 3600.0
 RUNS = [(60, 90), (150, 170), (230, 260)]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from taxelflow.acquire.base import Truth
-from taxelflow.catalogue import load_sensor
 from taxelflow.cli import main
-from taxelflow.score.field import cuts_of, score_field, true_twist
+from taxelflow.evaluation.field import cuts_of, score_field, true_twist
+from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from taxelflow.errors import ExtraMissing, ParameterInvalid
+from taxelflow.evaluation.pairs import peers
+from taxelflow.evaluation.peers import Peers, accumulated, score_peers
+from taxelflow.evaluation.table1 import METHODS, table1
 from taxelflow.publish.summary import to_json
-from taxelflow.score.pairs import peers
-from taxelflow.score.peers import Peers, accumulated, score_peers
-from taxelflow.score.table1 import METHODS, table1
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -123,7 +123,7 @@ def test_a_new_contact_is_a_new_piece_and_no_failure() -> None:
 @needs_all
 def test_a_peer_that_never_answers_is_named_and_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     nothing = (float("nan"), float("nan"))
-    monkeypatch.setattr("taxelflow.score.peers.peers", lambda: {"mute": lambda *_: nothing})
+    monkeypatch.setattr("taxelflow.evaluation.peers.peers", lambda: {"mute": lambda *_: nothing})
     told = score_peers(2, 0, methods=METHODS)
     assert told.silent == ["mute"]
     assert {row.method for row in told.rows} == set(METHODS)
@@ -146,6 +146,6 @@ def test_a_missing_library_is_asked_for_by_its_extra(monkeypatch: pytest.MonkeyP
             raise ImportError(name)
         return real(name) if name.split(".", maxsplit=1)[0] in sys.modules else sys
 
-    monkeypatch.setattr("taxelflow.score.pairs.import_module", absent)
+    monkeypatch.setattr("taxelflow.evaluation.pairs.import_module", absent)
     with pytest.raises(ExtraMissing, match=rf"{library} is not installed; .*taxelflow\[bench\]"):
         peers()

@@ -10,9 +10,9 @@ from rigged import rigged, svg_words
 from synthetic import dome, grid_sensor, recorded, scans_of
 from tabled import hexagonal, table_sensor
 from taxelflow import api
-from taxelflow.acquire.rig.simulate import save
 from taxelflow.cli import main
-from taxelflow.score.real import RealScore, _moved, score_real
+from taxelflow.evaluation.prediction import RealScore, _moved, score_real
+from taxelflow.simulation.simulate import save
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,16 +8,16 @@ import pytest
 
 from rigged import rigged
 from taxelflow.acquire.base import Truth
-from taxelflow.acquire.rig.scenario import SCENARIOS
+from taxelflow.evaluation import slip
+from taxelflow.evaluation.slip import APART, FRESH_SEED, HOLDS, METHODS, NOISE, OBJECTS, SlipScore, score_slip
 from taxelflow.messages import Event
 from taxelflow.publish.summary import to_json
-from taxelflow.score import slip
-from taxelflow.score.slip import APART, FRESH_SEED, HOLDS, METHODS, NOISE, OBJECTS, SlipScore, score_slip
+from taxelflow.simulation.scenario import SCENARIOS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from taxelflow.acquire.rig.scenario import Scenario
+    from taxelflow.simulation.scenario import Scenario
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rigged import rigged
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.api import conditioned
-from taxelflow.score.strokes import bounds, cut, passes, rms_of, slope, trial, ungrouped
-from taxelflow.score.table1 import strokes_by
+from taxelflow.evaluation.strokes import bounds, cut, passes, rms_of, slope, trial, ungrouped
+from taxelflow.evaluation.table1 import strokes_by
+from taxelflow.simulation.simulate import simulate
 
 
 @given(speed=st.floats(-50, 50), start=st.floats(-100, 100), seed=st.integers(0, 100))

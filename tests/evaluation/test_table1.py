@@ -10,25 +10,25 @@ import pytest
 from msgspec.structs import replace
 
 from taxelflow import registry
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.api import conditioned
 from taxelflow.errors import NameUnknown, ParameterInvalid
-from taxelflow.estimation.convolution import Convolution
-from taxelflow.estimation.principal_axis import PrincipalAxis
+from taxelflow.estimation.centroid.convolution import Convolution
+from taxelflow.estimation.centroid.principal_axis import PrincipalAxis
+from taxelflow.evaluation.strokes import SPEEDS_MM_S, Row
+from taxelflow.evaluation.table1 import METHODS, PAPER, PaperRow, Table1, scored_methods, strokes_by, table1
 from taxelflow.messages import cut, joined
 from taxelflow.publish.summary import to_json
-from taxelflow.score.strokes import SPEEDS_MM_S, Row
-from taxelflow.score.table1 import METHODS, PAPER, PaperRow, Table1, scored_methods, strokes_by, table1
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.acquire.rig.scenario import Scenario
     from taxelflow.estimation.base import Mode
-    from taxelflow.layout import Layout
     from taxelflow.messages import Scans, Slips
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.simulation.scenario import Scenario
 
 STROKES = 16
 by_method = pytest.mark.parametrize("method", METHODS)
@@ -47,7 +47,7 @@ def table(trials: list[Scenario]) -> Table1:
         return simulate(scenario)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("taxelflow.score.table1.simulate", noted)
+        patch.setattr("taxelflow.evaluation.table1.simulate", noted)
         return table1(STROKES, 0, methods=METHODS)
 
 

@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import assert_same
-from taxelflow.catalogue import load_sensor
 from taxelflow.errors import ParameterInvalid
-from taxelflow.fuse.rigid import RigidField
+from taxelflow.fusion.parameters import RigidField
 from taxelflow.geometry import place, unplace
 from taxelflow.messages import Floats, Motions, Slips, cut, joined
-from taxelflow.pads import Group, Pad, Patch
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.pads import Group, Pad, Patch
+from taxelflow.sensors.sensor import Sensor
 
 ORIGINS = ((-0.08, 0.0), (0.08, 0.01), (0.0, -0.07), (0.01, 0.06))
 ANGLES = (1.5, -1.5, 3.0, 0.2)

@@ -11,12 +11,12 @@ import pytest
 from synthetic import dome, grid_sensor, scans_of, slips_by
 from tabled import arched, hexagonal, square, table_sensor
 from taxelflow import registry
-from taxelflow.acquire.rig.parameters import Contact, Motion, Sensing
-from taxelflow.acquire.rig.scenario import Scenario
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.api import estimate
 from taxelflow.messages import Floats
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.sensor import Sensor
+from taxelflow.simulation.parameters import Contact, Motion, Sensing
+from taxelflow.simulation.scenario import Scenario
+from taxelflow.simulation.simulate import simulate
 
 METHODS = ("lnorm", "convolution", "principal_axis")
 every_method = pytest.mark.parametrize("method", registry.names("estimator"))

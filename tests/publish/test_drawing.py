@@ -8,12 +8,12 @@ import pytest
 
 from synthetic import grid_sensor
 from tabled import arched, hexagonal, table_sensor
-from taxelflow.catalogue import load_sensor
-from taxelflow.pads import Group, Patch
 from taxelflow.publish.drawing import draw_sensor
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.pads import Group, Patch
 
 if TYPE_CHECKING:
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 Capture = pytest.CaptureFixture[str]
 

@@ -17,13 +17,13 @@ from hypothesis import strategies as st
 from rigged import estimated, rigged, strokes_by_both, svg_words
 from synthetic import dome, grid_sensor
 from taxelflow.acquire.base import Truth
-from taxelflow.acquire.rig.motion import move
-from taxelflow.acquire.rig.scenario import Motion
-from taxelflow.acquire.rig.simulate import save, simulate
 from taxelflow.errors import ExtraMissing, ResultMissing
-from taxelflow.figures import draw_results, strokes_of
-from taxelflow.pads import Pad
-from taxelflow.sensor import Sensor
+from taxelflow.publish.figures import draw_results, strokes_of
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
+from taxelflow.simulation.motion import move
+from taxelflow.simulation.scenario import Motion
+from taxelflow.simulation.simulate import save, simulate
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,7 +8,9 @@ import pytest
 
 import taxelflow
 from synthetic import dome, grid_sensor, recorded
-from taxelflow.calibration import (
+from taxelflow.cli import main
+from taxelflow.errors import CalibrationInvalid, CalibrationUnfit
+from taxelflow.sensors.calibration import (
     Calibration,
     PadCalibration,
     fingerprint,
@@ -16,10 +18,8 @@ from taxelflow.calibration import (
     save_calibration,
     to_toml,
 )
-from taxelflow.cli import main
-from taxelflow.errors import CalibrationInvalid, CalibrationUnfit
-from taxelflow.pads import Group, Patch
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.pads import Group, Patch
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxelflow.catalogue import builtin_sensors, catalogue, load_sensor
 from taxelflow.errors import GridNameInvalid, NameUnknown, PitchNeeded, SensorFileInvalid
+from taxelflow.sensors.catalogue import builtin_sensors, catalogue, load_sensor
 
 
 def test_the_papers_hand_has_its_162_taxels() -> None:

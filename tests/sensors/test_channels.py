@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import grid_sensor, recorded
-from taxelflow.acquire.rig.parameters import Motion
-from taxelflow.acquire.rig.scenario import Scenario
-from taxelflow.acquire.rig.simulate import save
 from taxelflow.api import read
 from taxelflow.errors import TaxelCountWrong
-from taxelflow.pads import Pad
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
+from taxelflow.simulation.parameters import Motion
+from taxelflow.simulation.scenario import Scenario
+from taxelflow.simulation.simulate import save
 
 
 def seen(raw: Any, rows: int, cols: int, **fields: Any) -> Any:

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tabled import arched, square
-from taxelflow.chart import MOST_CURVED, lay_flat
 from taxelflow.geometry import swing
+from taxelflow.sensors.flattening import MOST_CURVED, lay_flat
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from synthetic import grid_sensor
 from tabled import arched, hexagonal, square, table_sensor
-from taxelflow.pads import Group, Pad, Patch
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.pads import Group, Pad, Patch
+from taxelflow.sensors.sensor import Sensor
 
 
 def test_x_points_right_along_columns_and_y_up_against_rows() -> None:

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthetic import grid_sensor
-from taxelflow.catalogue import load_sensor
 from taxelflow.errors import NameUnknown, ParameterInvalid, SensorFileInvalid
-from taxelflow.pads import Pad
-from taxelflow.sensor import Sensor, parse_sensor, sensor_of, with_contacts
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor, parse_sensor, sensor_of, with_contacts
 
 GOOD = """
 name = "hand"

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from taxelflow.acquire.rig import elastic
-from taxelflow.acquire.rig.elastic import Elastic, grid_of, solved
-from taxelflow.acquire.rig.load import State
-from taxelflow.acquire.rig.parameters import Contact, Load, Motion, Sensing
-from taxelflow.acquire.rig.pattern import Analytic
-from taxelflow.acquire.rig.scenario import SCENARIOS, Scenario
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ExtraMissing
+from taxelflow.simulation import elastic
+from taxelflow.simulation.elastic import Elastic, grid_of, solved
+from taxelflow.simulation.load import State
+from taxelflow.simulation.parameters import Contact, Load, Motion, Sensing
+from taxelflow.simulation.pattern import Analytic
+from taxelflow.simulation.scenario import SCENARIOS, Scenario
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxelflow.acquire.rig.load import state_at
-from taxelflow.acquire.rig.parameters import Load, Motion
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.simulation.load import state_at
+from taxelflow.simulation.parameters import Load, Motion
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import simulate
 
 STILL = Motion(travel_m=0.0, strokes=1, turn_s=4.0, rest_s=1.0)
 T_S = np.linspace(0.0, STILL.duration_s, 601)

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.acquire.rig.contact import taxel_pressure
-from taxelflow.acquire.rig.load import State
-from taxelflow.acquire.rig.parameters import Contact, Load
-from taxelflow.acquire.rig.pattern import Analytic
-from taxelflow.acquire.rig.texture import feet_of
 from taxelflow.messages import Floats
+from taxelflow.simulation.contact import taxel_pressure
+from taxelflow.simulation.load import State
+from taxelflow.simulation.parameters import Contact, Load
+from taxelflow.simulation.pattern import Analytic
+from taxelflow.simulation.texture import feet_of
 
 PITCH_M, SIDE = 0.004, 16
 SHAPES = ("airbag", "hertz", "elongated", "feet", "textured", "bulb")

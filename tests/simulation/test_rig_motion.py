@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.acquire.rig.motion import move
-from taxelflow.acquire.rig.parameters import Motion
+from taxelflow.simulation.motion import move
+from taxelflow.simulation.parameters import Motion
 
 STICK_SLIP = Motion("stick-slip", travel_m=0.02, middle_m=(0.01, -0.02), rest_s=0.5, turn_rad_s=0.5)
 seeds = st.integers(0, 1000)

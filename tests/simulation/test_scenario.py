@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taxelflow.acquire.rig.parameters import Contact, Load, Motion, Second, Sensing
-from taxelflow.acquire.rig.scenario import DESCRIPTIONS, SCENARIOS, Scenario
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
+from taxelflow.simulation.parameters import Contact, Load, Motion, Second, Sensing
+from taxelflow.simulation.scenario import DESCRIPTIONS, SCENARIOS, Scenario
+from taxelflow.simulation.simulate import simulate
 
 
 @pytest.mark.parametrize(

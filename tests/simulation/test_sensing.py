@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.acquire.rig.parameters import Sensing
-from taxelflow.acquire.rig.sensing import delays, reported, sense
 from taxelflow.messages import Floats
+from taxelflow.simulation.parameters import Sensing
+from taxelflow.simulation.sensing import delays, reported, sense
 
 T_S = np.arange(200) / 7.0
 FLAT = np.full((200, 24), 50e3)

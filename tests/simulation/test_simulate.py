@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from taxelflow.acquire.base import HAND
-from taxelflow.acquire.rig.contact import taxel_pressure
-from taxelflow.acquire.rig.load import state_at
-from taxelflow.acquire.rig.motion import move
-from taxelflow.acquire.rig.parameters import Contact, Load, Motion, Second, Sensing
-from taxelflow.acquire.rig.pattern import Analytic
-from taxelflow.acquire.rig.scenario import SCENARIOS, Scenario
-from taxelflow.acquire.rig.simulate import of_second, pressures, save, simulate
-from taxelflow.acquire.rig.texture import feet_of
 from taxelflow.api import read
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.geometry import place
+from taxelflow.simulation.contact import taxel_pressure
+from taxelflow.simulation.load import state_at
+from taxelflow.simulation.motion import move
+from taxelflow.simulation.parameters import Contact, Load, Motion, Second, Sensing
+from taxelflow.simulation.pattern import Analytic
+from taxelflow.simulation.scenario import SCENARIOS, Scenario
+from taxelflow.simulation.simulate import of_second, pressures, save, simulate
+from taxelflow.simulation.texture import feet_of
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from taxelflow.acquire.rig.scenario import SCENARIOS
 from taxelflow.api import read
 from taxelflow.cli import main
+from taxelflow.simulation.scenario import SCENARIOS
 
 if TYPE_CHECKING:
     from pathlib import Path

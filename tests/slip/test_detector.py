@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from synthetic import pieces
 from taxelflow.errors import ParameterInvalid
+from taxelflow.evaluation.slip import still_slips
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Event, Floats, Slips
-from taxelflow.monitor.session import SlipSession
-from taxelflow.monitor.slip import SlipMonitor
-from taxelflow.score.slip import still_slips
+from taxelflow.slip.parameters import SlipMonitor
+from taxelflow.slip.session import SlipSession
 
 STD = np.array([2e-5, 2e-5, 1e-3])
 RATE_HZ = 100.0

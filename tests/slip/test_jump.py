@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import pieces
+from taxelflow.evaluation.slip import still_slips
 from taxelflow.messages import LOST, UNRESOLVED, Event, Floats, Slips
-from taxelflow.monitor.slip import SlipMonitor
-from taxelflow.score.slip import still_slips
+from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
-    from taxelflow.monitor.session import SlipSession
+    from taxelflow.slip.session import SlipSession
 
 RATE_HZ = 30.0
 GONE, BACK = 50, 54

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthetic import pieces
+from taxelflow.evaluation.slip import still_slips
 from taxelflow.messages import Bools, Event, Floats, Slips
-from taxelflow.monitor.slip import SlipMonitor
-from taxelflow.score.slip import still_slips
+from taxelflow.slip.parameters import SlipMonitor
 
 STD = np.array([2e-5, 2e-5, 1e-3])
 RATE_HZ = 100.0

@@ -8,11 +8,11 @@ from scipy.signal import lfilter
 from scipy.stats import poisson
 
 from taxelflow.compiling import kernel
+from taxelflow.evaluation.slip import still_slips
 from taxelflow.messages import Floats
-from taxelflow.monitor.onset import MOST_RAMPS, RAMP, REACH, SLIP, T_0, WEIGHT, thinned, threshold, weigh
-from taxelflow.monitor.slip import SlipMonitor
-from taxelflow.monitor.still import ENERGY, FREEDOM, STEP, STILL, innovate, settle
-from taxelflow.score.slip import still_slips
+from taxelflow.slip.onset import MOST_RAMPS, RAMP, REACH, SLIP, T_0, WEIGHT, thinned, threshold, weigh
+from taxelflow.slip.parameters import SlipMonitor
+from taxelflow.slip.rest_filter import ENERGY, FREEDOM, STEP, STILL, innovate, settle
 
 STD = np.array([2e-5, 2e-5, 1e-3])
 

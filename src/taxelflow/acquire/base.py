@@ -9,13 +9,13 @@ import numpy as np
 
 from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTruncated, TaxelCountWrong, TimesNotIncreasing
 from taxelflow.messages import Bools, Floats, RawScans, joined
-from taxelflow.sensor import Sensor, with_contacts
+from taxelflow.sensors.sensor import Sensor, with_contacts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from taxelflow.layout import Layout
+    from taxelflow.sensors.layout import Layout
 
 Item = TypeVar("Item")
 Block = TypeVar("Block")

@@ -15,9 +15,9 @@ import numpy as np
 
 from taxelflow.acquire.base import BLOCK_SCANS, Recording
 from taxelflow.acquire.columns import REMEDY, Columns
-from taxelflow.catalogue import builtin_sensors
 from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTruncated, SensorNeeded, TaxelCountWrong
 from taxelflow.messages import Floats, RawScans
+from taxelflow.sensors.catalogue import builtin_sensors
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 _DELIMITERS = {".csv": ",", ".tsv": "\t", ".txt": "space"}
 _LONGEST_LINE = 1 << 24

@@ -13,11 +13,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from taxelflow.acquire.base import Recording, in_blocks
-from taxelflow.catalogue import load_sensor
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWrong
 from taxelflow.messages import Bools, Floats, RawScans
-from taxelflow.pads import Pad
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.acquire.base import HAND, Truth
 from taxelflow.errors import RecordingCorrupt
-from taxelflow.sensor import sensor_of
+from taxelflow.sensors.sensor import sensor_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.base import Recording
     from taxelflow.messages import Bools
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 _REMEDY = "make it anew with `taxelflow convert`"
 

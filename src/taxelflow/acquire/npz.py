@@ -21,18 +21,18 @@ import numpy as np
 from numpy.lib import format as npy
 
 from taxelflow.acquire.base import BLOCK_SCANS, Recording
-from taxelflow.acquire.carried import checked_truth
-from taxelflow.catalogue import builtin_sensors
+from taxelflow.acquire.metadata import checked_truth
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
 from taxelflow.messages import Bools, RawScans
-from taxelflow.sensor import sensor_of
+from taxelflow.sensors.catalogue import builtin_sensors
+from taxelflow.sensors.sensor import sensor_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from taxelflow.acquire.base import Truth
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 _REMEDY = "write it with numpy.savez(path, t=..., pressure=...), t in s (scans,), pressure (scans, taxels)"
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError, ValueError, KeyError)

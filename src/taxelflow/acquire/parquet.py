@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.acquire.base import BLOCK_SCANS, Recording
-from taxelflow.acquire.carried import masked_in, sensor_in, texts_of, truth_in
 from taxelflow.acquire.columns import SECONDS_PER, Columns
-from taxelflow.catalogue import builtin_sensors
+from taxelflow.acquire.metadata import masked_in, sensor_in, texts_of, truth_in
 from taxelflow.errors import ExtraMissing, RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
 from taxelflow.messages import Floats, RawScans, joined
+from taxelflow.sensors.catalogue import builtin_sensors
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 _REMEDY = "write it again, or copy it again whole: the end of a Parquet file says what is in it"
 _PREFIX = "taxelflow."

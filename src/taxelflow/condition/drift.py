@@ -18,8 +18,8 @@ from taxelflow.condition.tare import shapeless
 
 if TYPE_CHECKING:
     from taxelflow.condition.learn import Learned
-    from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Floats, Scans
+    from taxelflow.sensors.layout import Layout
 
 SPELL_SCANS = 64
 _SHARE = 0.5

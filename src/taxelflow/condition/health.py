@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Floats
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.sensors.sensor import Sensor
 
 _FEWEST_SCANS = 48
 _FEWEST_LOADED = 24

@@ -17,9 +17,9 @@ from taxelflow.messages import Bools, Floats
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from taxelflow.condition.conditioner import Conditioner
+    from taxelflow.condition.parameters import Conditioner
     from taxelflow.condition.sample import Sample
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 
 @dataclass(frozen=True, slots=True, eq=False)

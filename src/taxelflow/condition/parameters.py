@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from taxelflow.condition.session import Session
-    from taxelflow.condition.watch import Watch
+    from taxelflow.contacts.rigidity import Watch
     from taxelflow.messages import Bools, RawScans
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 Tare = Literal["auto", "none", "start"]
 Repeats = Literal["drop", "keep"]
@@ -79,6 +79,6 @@ class Conditioner:
 
     def watch(self, sensor: Sensor) -> Watch:
         """Begin to watch for contacts that move apart, in scans that such a session gives."""
-        from taxelflow.condition.watch import Watch
+        from taxelflow.contacts.rigidity import Watch
 
         return Watch(sensor.layout, self.contact_on, self.contact_off)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
+from taxelflow.condition.deduplicate import Counts, Sifted, Sifter
 from taxelflow.condition.learn import Learned, learn, masked_too, relearn
 from taxelflow.condition.sample import Sample
-from taxelflow.condition.sift import Counts, Sifted, Sifter
 from taxelflow.condition.units import SATURATED, full_scale, in_si
 from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, Floats, RawScans, Scans
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from taxelflow.condition.conditioner import Conditioner
     from taxelflow.condition.drift import Drift
     from taxelflow.condition.filters import Filters
-    from taxelflow.condition.separate import Separator
-    from taxelflow.sensor import Sensor
+    from taxelflow.condition.parameters import Conditioner
+    from taxelflow.contacts.split import Separator
+    from taxelflow.sensors.sensor import Sensor
 
 
 class Session:
@@ -58,7 +58,7 @@ class Session:
             self._drift = Drift(self._layout)
         self._separate: Separator | None = None
         if (self._layout.contact_of >= 0).any():
-            from taxelflow.condition.separate import Separator
+            from taxelflow.contacts.split import Separator
 
             self._separate = Separator(self._layout, parameters.contact_on, parameters.contact_off)
         self.learned: Learned | None = None

@@ -10,7 +10,7 @@ from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
 
 if TYPE_CHECKING:
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 SATURATED = 0.9995
 """A reading above this share of full scale is saturated: converters stop a step short of it."""

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
-    from taxelflow.monitor.shape import ShapeSession
-    from taxelflow.sensor import Sensor
+    from taxelflow.contacts.moments import ShapeSession
+    from taxelflow.sensors.sensor import Sensor
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,6 @@ class ContactFeatures:
 
     def begin(self, sensor: Sensor) -> ShapeSession:
         """Begin a session for this sensor."""
-        from taxelflow.monitor.shape import ShapeSession
+        from taxelflow.contacts.moments import ShapeSession
 
         return ShapeSession(self, sensor)

@@ -18,8 +18,8 @@ from taxelflow.messages import Bools, Contacts, Floats, Scans, no_scans
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.monitor.features import ContactFeatures
-    from taxelflow.sensor import Sensor
+    from taxelflow.contacts.features import ContactFeatures
+    from taxelflow.sensors.sensor import Sensor
 
 FORCE, AREA, PEAK, X, Y, MAJOR, MINOR, ECCENTRICITY, ORIENTATION, STD_FORCE, STD_ORIENTATION, COLUMNS = range(12)
 _ROUND = 1e-9

@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.condition.blobs import NEAR, Follower
+from taxelflow.contacts.segmentation import NEAR, Follower
 from taxelflow.messages import Bools, Floats, no_scans
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.layout import Layout
     from taxelflow.messages import Scans
+    from taxelflow.sensors.layout import Layout
 
 _SLOTS = 4
 _FIRST, _LASTING = 5, 5

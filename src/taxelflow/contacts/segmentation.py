@@ -23,8 +23,8 @@ from taxelflow.messages import Bools, Floats, no_scans
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.layout import Layout
     from taxelflow.messages import Scans
+    from taxelflow.sensors.layout import Layout
 
     Indices = NDArray[np.int64]
 

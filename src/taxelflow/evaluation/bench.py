@@ -15,28 +15,28 @@ import msgspec
 import numpy as np
 
 from taxelflow import api
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import save, simulate
-from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced, kernel
-from taxelflow.condition.conditioner import Conditioner
-from taxelflow.estimation.flow import weighted_sums
-from taxelflow.estimation.literal import convolution_index
-from taxelflow.fuse.rigid import RigidField
+from taxelflow.condition.parameters import Conditioner
+from taxelflow.contacts.features import ContactFeatures
+from taxelflow.estimation.centroid.convolution_kernel import weighted_sums
+from taxelflow.estimation.centroid.paper_reference import convolution_index
+from taxelflow.evaluation.bench_peers import PeerBench, bench_peers
+from taxelflow.evaluation.bench_reading import ReadingRate, reading_rates
+from taxelflow.fusion.parameters import RigidField
 from taxelflow.messages import RawScans, Scans, cut
-from taxelflow.monitor.features import ContactFeatures
-from taxelflow.monitor.slip import SlipMonitor
-from taxelflow.pads import Pad
 from taxelflow.publish.tables import Tables
-from taxelflow.score.bench_peers import PeerBench, bench_peers
-from taxelflow.score.bench_reading import ReadingRate, reading_rates
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import save, simulate
+from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.estimation.translation import TranslationSession
+    from taxelflow.estimation.centroid.session import TranslationSession
     from taxelflow.messages import Floats
 
 _ROUNDS = 300

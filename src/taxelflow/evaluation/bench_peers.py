@@ -17,21 +17,21 @@ import msgspec
 import numpy as np
 
 from taxelflow import api, registry
-from taxelflow.acquire.rig.scenario import SCENARIOS, Contact, Motion
-from taxelflow.acquire.rig.simulate import simulate
-from taxelflow.catalogue import load_sensor
 from taxelflow.compiling import announced
 from taxelflow.errors import ExtraMissing
-from taxelflow.estimation.pattern.stream import StreamSession
+from taxelflow.estimation.template.online.session import StreamSession
+from taxelflow.evaluation.pairs import needed
 from taxelflow.messages import Scans, cut
-from taxelflow.score.pairs import needed
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.simulation.scenario import SCENARIOS, Contact, Motion
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from taxelflow.estimation.base import EstimatorSession
-    from taxelflow.layout import Layout
     from taxelflow.messages import Floats
+    from taxelflow.sensors.layout import Layout
 
 STEPPED = ("lnorm", "convolution", "template", "registration")
 """Methods that are timed, where they are registered."""

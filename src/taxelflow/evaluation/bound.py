@@ -24,18 +24,18 @@ from scipy.interpolate import NdBSpline
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.sparse import bsr_array, csr_array
 
-from taxelflow.acquire.rig.load import state_at
-from taxelflow.acquire.rig.motion import move
-from taxelflow.acquire.rig.sensing import delays
-from taxelflow.acquire.rig.simulate import pressures
-from taxelflow.catalogue import load_sensor
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.geometry import rotation
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.simulation.load import state_at
+from taxelflow.simulation.motion import move
+from taxelflow.simulation.sensing import delays
+from taxelflow.simulation.simulate import pressures
 
 if TYPE_CHECKING:
-    from taxelflow.acquire.rig.scenario import Scenario
-    from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Floats
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.simulation.scenario import Scenario
 
 _STEPS = (5e-3, 5e-3, 0.03)
 """Steps of the derivatives to both sides, in pitches and rad: about what a scan can tell, so that structure which is

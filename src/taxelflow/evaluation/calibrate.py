@@ -17,16 +17,16 @@ import numpy as np
 
 from taxelflow import __version__, api
 from taxelflow.acquire.trajectory import Trajectory
-from taxelflow.calibration import Calibration, PadCalibration, fingerprint
 from taxelflow.compiling import announced
 from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
+from taxelflow.evaluation.gainfit import GainFit, Sightings, fit_gains
 from taxelflow.messages import Scans, Slips
-from taxelflow.score.gainfit import GainFit, Sightings, fit_gains
+from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
-    from taxelflow.layout import Layout
     from taxelflow.messages import Floats
+    from taxelflow.sensors.layout import Layout
 
 INDEX_SHARE = {"lnorm": 1.0, "convolution": 0.5}
 """Pitches that one unit of the method's index stands for; the methods that have one."""

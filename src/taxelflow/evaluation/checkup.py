@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from taxelflow.condition.conditioner import Conditioner
+from taxelflow.condition.parameters import Conditioner
 from taxelflow.condition.units import full_scale, in_si
+from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import RecordingError
-from taxelflow.monitor.features import ContactFeatures
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from taxelflow.condition.learn import Learned
     from taxelflow.condition.session import Session
     from taxelflow.messages import RawScans
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 _FEWEST_IDLE = 5
 """Idle windows that say something of a drift."""

@@ -13,19 +13,19 @@ import msgspec
 import numpy as np
 
 from taxelflow import api
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import of_second, simulate
+from taxelflow.evaluation.limits import without_frame
+from taxelflow.evaluation.nees import SPANS, Consistency, consistency
 from taxelflow.messages import LOST, OK
-from taxelflow.score.limits import without_frame
-from taxelflow.score.nees import SPANS, Consistency, consistency
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import of_second, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.acquire.rig.scenario import Scenario
     from taxelflow.estimation.base import Mode
     from taxelflow.messages import Bools, Floats
+    from taxelflow.simulation.scenario import Scenario
 
 TWO = ("two-contacts", "two-contacts-meet")
 LIFT = "feet-lift"

@@ -14,10 +14,10 @@ import msgspec
 import numpy as np
 
 from taxelflow import api
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import simulate
-from taxelflow.pads import Group, Pad, Patch
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.pads import Group, Pad, Patch
+from taxelflow.sensors.sensor import Sensor
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

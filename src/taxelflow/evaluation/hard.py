@@ -13,18 +13,18 @@ import msgspec
 import numpy as np
 
 from taxelflow import api
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
-from taxelflow.score.strokes import SPEEDS_MM_S, bounds, rms_of, trial, ungrouped
-from taxelflow.score.table1 import strokes_by
+from taxelflow.evaluation.strokes import SPEEDS_MM_S, bounds, rms_of, trial, ungrouped
+from taxelflow.evaluation.table1 import strokes_by
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.acquire.rig.scenario import Scenario, Solver
     from taxelflow.estimation.base import Mode
     from taxelflow.messages import Floats, Scans
+    from taxelflow.simulation.scenario import Scenario, Solver
 
 METHODS = ("template",)
 _FAR_PERCENT = 1.0

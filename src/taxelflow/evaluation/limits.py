@@ -16,24 +16,24 @@ import msgspec
 import numpy as np
 
 from taxelflow import api, registry
-from taxelflow.acquire.rig.motion import move
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.evaluation.bound import Bound, bound_of
+from taxelflow.evaluation.nees import SPANS, Consistency, consistency
+from taxelflow.evaluation.strokes import rms_of, ungrouped
 from taxelflow.geometry import rotation
 from taxelflow.messages import LOST, OK
-from taxelflow.score.bound import Bound, bound_of
-from taxelflow.score.nees import SPANS, Consistency, consistency
-from taxelflow.score.strokes import rms_of, ungrouped
+from taxelflow.simulation.motion import move
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from taxelflow.acquire.rig.scenario import Scenario, Solver
     from taxelflow.estimation.base import Mode
     from taxelflow.messages import Bools, Floats, Slips
+    from taxelflow.simulation.scenario import Scenario, Solver
 
 AXES = ("x", "y", "theta")
 SETS = ("all", "ok")

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow import api
-from taxelflow.acquire.rig.scenario import SCENARIOS
-from taxelflow.acquire.rig.simulate import simulate
-from taxelflow.catalogue import load_sensor
-from taxelflow.estimation.literal import convolution_matrix
-from taxelflow.figures import strokes_of
+from taxelflow.estimation.centroid.paper_reference import convolution_matrix
+from taxelflow.evaluation.field import score_field, true_twist
+from taxelflow.evaluation.limits import limits
+from taxelflow.evaluation.strokes import Row
+from taxelflow.evaluation.table1 import METHODS, PaperRow, table1
 from taxelflow.geometry import place
+from taxelflow.publish.figures import strokes_of
 from taxelflow.publish.plots.curve import curve_figure, table_figure
 from taxelflow.publish.plots.hand import Moment, field_figure, layout_figure
 from taxelflow.publish.plots.limits import limits_figure
@@ -21,10 +22,9 @@ from taxelflow.publish.plots.position import position_figure
 from taxelflow.publish.plots.style import save, styled
 from taxelflow.publish.plots.views import views_figure
 from taxelflow.publish.results import Track
-from taxelflow.score.field import score_field, true_twist
-from taxelflow.score.limits import limits
-from taxelflow.score.strokes import Row
-from taxelflow.score.table1 import METHODS, PaperRow, table1
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 
 from taxelflow import api
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.errors import ParameterInvalid
-from taxelflow.score.pairs import peers
-from taxelflow.score.strokes import SETS, SPEEDS_MM_S, Row, Stroke, bounds, cut, rows_of, run_trials, ungrouped
-from taxelflow.score.table1 import scored_methods, strokes_by
+from taxelflow.evaluation.pairs import peers
+from taxelflow.evaluation.strokes import SETS, SPEEDS_MM_S, Row, Stroke, bounds, cut, rows_of, run_trials, ungrouped
+from taxelflow.evaluation.table1 import scored_methods, strokes_by
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.acquire.rig.scenario import Scenario, Solver
+    from taxelflow.evaluation.pairs import Pair
+    from taxelflow.evaluation.strokes import Seen
     from taxelflow.messages import Floats, Scans
-    from taxelflow.score.pairs import Pair
-    from taxelflow.score.strokes import Seen
+    from taxelflow.simulation.scenario import Scenario, Solver
 
 
 class BoundRow(msgspec.Struct, frozen=True):

@@ -18,16 +18,16 @@ from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.ndimage import shift
 
 from taxelflow import api
-from taxelflow.condition.conditioner import Conditioner
-from taxelflow.estimation.template import Template
+from taxelflow.condition.parameters import Conditioner
+from taxelflow.estimation.template.parameters import Template
 from taxelflow.messages import LOST, OK, cut
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.layout import Layout
     from taxelflow.messages import Floats, Scans
+    from taxelflow.sensors.layout import Layout
 
 _PREDICTIONS = ("forecast", "no motion", "registered", "centroid")
 _FEWEST = 10

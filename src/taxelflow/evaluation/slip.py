@@ -21,13 +21,13 @@ import msgspec
 import numpy as np
 
 from taxelflow import api
-from taxelflow.acquire.rig.parameters import Contact
-from taxelflow.acquire.rig.scenario import SCENARIOS, Scenario
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.compiling import announced
+from taxelflow.evaluation.oracle import called
 from taxelflow.messages import OK, Event, Slips, joined
-from taxelflow.monitor.slip import SlipMonitor
-from taxelflow.score.oracle import called
+from taxelflow.simulation.parameters import Contact
+from taxelflow.simulation.scenario import SCENARIOS, Scenario
+from taxelflow.simulation.simulate import simulate
+from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from taxelflow.acquire.rig.scenario import SCENARIOS, Scenario
-from taxelflow.score.bound import bound_of
+from taxelflow.evaluation.bound import bound_of
+from taxelflow.simulation.scenario import SCENARIOS, Scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.acquire.base import Recording, Truth
-    from taxelflow.acquire.rig.scenario import Solver
     from taxelflow.messages import Bools, Floats
+    from taxelflow.simulation.scenario import Solver
 
 SPEEDS_MM_S = (25, 50)
 SETS = ("all", "interior")

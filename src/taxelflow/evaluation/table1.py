@@ -13,19 +13,19 @@ import msgspec
 import numpy as np
 
 from taxelflow import api, registry
-from taxelflow.acquire.rig.simulate import simulate
 from taxelflow.compiling import announced
 from taxelflow.errors import ParameterInvalid
+from taxelflow.evaluation.strokes import Row, Stroke, cut, rows_of, run_trials, ungrouped
 from taxelflow.messages import LOST, joined
-from taxelflow.score.strokes import Row, Stroke, cut, rows_of, run_trials, ungrouped
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.acquire.rig.scenario import Solver
     from taxelflow.estimation.base import Mode
     from taxelflow.messages import Floats, Scans, Slips
+    from taxelflow.simulation.scenario import Solver
 
 METHODS = ("lnorm", "convolution")
 """The paper's."""

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
-    from taxelflow.fuse.field import FieldSession
-    from taxelflow.layout import Layout
+    from taxelflow.fusion.session import FieldSession
+    from taxelflow.sensors.layout import Layout
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,6 @@ class RigidField:
 
     def start(self, layout: Layout) -> FieldSession:
         """Begin a session."""
-        from taxelflow.fuse.field import FieldSession
+        from taxelflow.fusion.session import FieldSession
 
         return FieldSession(self, layout)

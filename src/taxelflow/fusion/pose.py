@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.fuse.twist import COV_POSE, POSE, add_point, inverse2, inverse3, put_matrix, turn_is_seen
+from taxelflow.fusion.twist import COV_POSE, POSE, add_point, inverse2, inverse3, put_matrix, turn_is_seen
 from taxelflow.messages import Bools, Floats
 
 # Memory per pad: whether anchored, the contact's place on the object (2), its covariance (4), the turn it started at.

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.fuse.follow import MEMORY, follow_pose
-from taxelflow.fuse.twist import (
+from taxelflow.fusion.pose import MEMORY, follow_pose
+from taxelflow.fusion.twist import (
     CENTRE_X,
     COLUMNS,
     COUNT,
@@ -32,8 +32,8 @@ from taxelflow.geometry import rotation
 from taxelflow.messages import Bools, Floats, Motions, Slips
 
 if TYPE_CHECKING:
-    from taxelflow.fuse.rigid import RigidField
-    from taxelflow.layout import Layout
+    from taxelflow.fusion.parameters import RigidField
+    from taxelflow.sensors.layout import Layout
 
 
 class FieldSession:

@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from taxelflow.layout import Layout
-    from taxelflow.pads import Pad
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.sensors.pads import Pad
+    from taxelflow.sensors.sensor import Sensor
 
 _CELL = 5
 _WIDEST = 110

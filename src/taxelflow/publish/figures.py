@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow import api
-from taxelflow.condition.conditioner import Conditioner
+from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import ParameterInvalid, RecordingError, ResultMissing
-from taxelflow.estimation.literal import convolution_matrix
+from taxelflow.estimation.centroid.paper_reference import convolution_matrix
 from taxelflow.geometry import place
 from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.plots.hand import Moment, field_figure
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording, Truth
     from taxelflow.messages import Floats, LearnedPattern
     from taxelflow.publish.summary import Summary
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 _FORMATS = ("svg", "png", "pdf")
 _MOST_PADS = 4

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
-    from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Event, Slips
+    from taxelflow.sensors.layout import Layout
 
 _KNOWN = 0.5
 """Standard deviation, in pitches, up to which a displacement says something."""

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from taxelflow.calibration import Calibration
     from taxelflow.publish.summary import Summary
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.calibration import Calibration
+    from taxelflow.sensors.sensor import Sensor
 
     Block = TypeVar("Block", bound=Sized)
     Item = TypeVar("Item")

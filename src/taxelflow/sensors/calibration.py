@@ -16,7 +16,7 @@ from taxelflow.errors import CalibrationInvalid, CalibrationUnfit
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 Gain = Annotated[float, Meta(gt=0, lt=1e6)]
 Deviation = Annotated[float, Meta(ge=0)]

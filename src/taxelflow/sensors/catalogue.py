@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from taxelflow.errors import GridNameInvalid, NameUnknown, PitchNeeded
-from taxelflow.sensor import Sensor, parse_toml, read_sensor, sensor_of, unchecked
+from taxelflow.sensors.sensor import Sensor, parse_toml, read_sensor, sensor_of, unchecked
 
 _PITCH = r"(?P<x>\d+(\.\d+)?)(x(?P<y>\d+(\.\d+)?))?mm"
 _GRID = re.compile(rf"grid:(?P<rows>\d+)x(?P<cols>\d+)@{_PITCH}(,(?P<unit>\w+(/\w+)?))?")
@@ -59,7 +59,7 @@ def load_sensor(name: str) -> Sensor:
 
 
 def _folder() -> Any:
-    return resources.files("taxelflow") / "sensors"
+    return resources.files("taxelflow") / "sensors" / "data"
 
 
 def _declared(name: str) -> dict[str, Any]:

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.layout import present_of
 from taxelflow.messages import Floats
+from taxelflow.sensors.layout import present_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from taxelflow.pads import Pad
+    from taxelflow.sensors.pads import Pad
 
 Indices = NDArray[np.int64]
 

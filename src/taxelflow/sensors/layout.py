@@ -19,15 +19,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow import mesh
-from taxelflow.chart import lay_flat
 from taxelflow.geometry import place, swing
 from taxelflow.messages import Bools, Floats
+from taxelflow.sensors import triangulation as mesh
+from taxelflow.sensors.flattening import lay_flat
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from taxelflow.pads import Group, Pad, Patch
+    from taxelflow.sensors.pads import Group, Pad, Patch
 
 Indices = NDArray[np.int64]
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from taxelflow import faults
 from taxelflow.errors import NameUnknown, ParameterInvalid, SensorFileInvalid
-from taxelflow.layout import Layout, layout_of
-from taxelflow.pads import MOST_CONTACTS, Channels, Group, Name, Number, Pad, Positive
-from taxelflow.taxel_table import with_table
-from taxelflow.wiring import Wiring, wire
+from taxelflow.sensors import validation as faults
+from taxelflow.sensors.channels import Wiring, wire
+from taxelflow.sensors.layout import Layout, layout_of
+from taxelflow.sensors.pads import MOST_CONTACTS, Channels, Group, Name, Number, Pad, Positive
+from taxelflow.sensors.taxel_table import with_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

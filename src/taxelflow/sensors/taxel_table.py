@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from importlib.resources.abc import Traversable
 
-    from taxelflow.pads import Pad
+    from taxelflow.sensors.pads import Pad
 
 _UNITS = {
     "x_m": 1.0,

@@ -8,12 +8,12 @@ from math import dist, isfinite
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import SensorFileInvalid
-from taxelflow.layout import chosen_of, skin_of
+from taxelflow.sensors.layout import chosen_of, skin_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from taxelflow.pads import Group, Pad, Patch
+    from taxelflow.sensors.pads import Group, Pad, Patch
 
 _HAS = (
     "a sensor has name, unit (Pa, kPa, psi, N/cm2, N or count) and [[pads]] with name and either rows, cols, "

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from taxelflow.acquire.rig.load import State
-    from taxelflow.acquire.rig.pattern import Pattern
     from taxelflow.messages import Floats
+    from taxelflow.simulation.load import State
+    from taxelflow.simulation.pattern import Pattern
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 

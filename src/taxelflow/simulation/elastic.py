@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from taxelflow.acquire.rig.load import State
-from taxelflow.acquire.rig.parameters import TEXTURED, Load
-from taxelflow.acquire.rig.pattern import Analytic, roll, tilted
-from taxelflow.acquire.rig.texture import feet_of, texture_of
 from taxelflow.errors import ExtraMissing, ParameterInvalid
+from taxelflow.simulation.load import State
+from taxelflow.simulation.parameters import TEXTURED, Load
+from taxelflow.simulation.pattern import Analytic, roll, tilted
+from taxelflow.simulation.texture import feet_of, texture_of
 
 if TYPE_CHECKING:
-    from taxelflow.acquire.rig.parameters import Contact
     from taxelflow.messages import Floats
+    from taxelflow.simulation.parameters import Contact
 
 _LEVELS = 7
 """Loads at which the contact is solved when the load changes."""

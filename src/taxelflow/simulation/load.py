@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from taxelflow.acquire.rig.parameters import Load, Motion
     from taxelflow.messages import Floats
+    from taxelflow.simulation.parameters import Load, Motion
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ import numpy as np
 from taxelflow.geometry import rotation
 
 if TYPE_CHECKING:
-    from taxelflow.acquire.rig.parameters import Motion
     from taxelflow.messages import Bools, Floats
+    from taxelflow.simulation.parameters import Motion
 
 SEED_STICK_SLIP = 1
 

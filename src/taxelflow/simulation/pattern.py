@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
-from taxelflow.acquire.rig.parameters import TEXTURED
-from taxelflow.acquire.rig.texture import feet_of, texture_of
+from taxelflow.simulation.parameters import TEXTURED
+from taxelflow.simulation.texture import feet_of, texture_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.acquire.rig.load import State
-    from taxelflow.acquire.rig.parameters import Contact, Load
     from taxelflow.messages import Floats
+    from taxelflow.simulation.load import State
+    from taxelflow.simulation.parameters import Contact, Load
 
 _SUPER_GAUSSIAN = 2
 """Order of the airbag: exp(-r^4), flat in the middle, soft at the edge."""

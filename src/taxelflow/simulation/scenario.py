@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from math import pi
 from typing import Literal
 
-from taxelflow.acquire.rig.parameters import TEXTURED, Contact, Load, Motion, Second, Sensing
 from taxelflow.errors import ParameterInvalid
+from taxelflow.simulation.parameters import TEXTURED, Contact, Load, Motion, Second, Sensing
 
 __all__ = ["DESCRIPTIONS", "SCENARIOS", "Contact", "Load", "Motion", "Scenario", "Second", "Sensing", "Solver"]
 

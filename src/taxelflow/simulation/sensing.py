@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from taxelflow.acquire.rig.parameters import Sensing
     from taxelflow.messages import Floats
+    from taxelflow.simulation.parameters import Sensing
 
 SEED_JITTER, SEED_DRIFT, SEED_WOBBLE = 3, 4, 5
 _DRIFT_SPREAD = 0.3

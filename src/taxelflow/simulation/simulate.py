@@ -11,16 +11,16 @@ import numpy as np
 
 from taxelflow.acquire.base import BLOCK_SCANS, HAND, Recording, Truth
 from taxelflow.acquire.npz import write_npz
-from taxelflow.acquire.rig.contact import taxel_pressure
-from taxelflow.acquire.rig.load import State, state_at
-from taxelflow.acquire.rig.motion import move
-from taxelflow.acquire.rig.parameters import Second
-from taxelflow.acquire.rig.pattern import Analytic
-from taxelflow.acquire.rig.sensing import clock, delays, reported, sense
-from taxelflow.catalogue import load_sensor
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.geometry import unplace
 from taxelflow.messages import RawScans, cut
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.simulation.contact import taxel_pressure
+from taxelflow.simulation.load import State, state_at
+from taxelflow.simulation.motion import move
+from taxelflow.simulation.parameters import Second
+from taxelflow.simulation.pattern import Analytic
+from taxelflow.simulation.sensing import clock, delays, reported, sense
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from taxelflow.acquire.rig.pattern import Pattern
-    from taxelflow.acquire.rig.scenario import Scenario
-    from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Floats
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.simulation.pattern import Pattern
+    from taxelflow.simulation.scenario import Scenario
 
 
 def simulate(scenario: Scenario) -> Recording:
@@ -143,7 +143,7 @@ def _on_hand(scenario: Scenario, layout: Layout) -> bool:
 def _pattern(scenario: Scenario, layout: Layout, touched: list[int]) -> Pattern:
     if scenario.solver == "analytic":
         return Analytic(scenario.contact, scenario.load, scenario.seed)
-    from taxelflow.acquire.rig.elastic import Elastic
+    from taxelflow.simulation.elastic import Elastic
 
     return Elastic(scenario.contact, scenario.load, scenario.seed, float(layout.pitch_m[touched].min()))
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from taxelflow.acquire.rig.parameters import Contact
     from taxelflow.messages import Floats
+    from taxelflow.simulation.parameters import Contact
 
 SEED_TEXTURE = 2
 _WAVES = 12

@@ -8,7 +8,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Bytes, Floats
-from taxelflow.monitor.halt import (
+from taxelflow.slip.ending import (
     AT,
     AT_VAR,
     BEGAN,
@@ -23,7 +23,7 @@ from taxelflow.monitor.halt import (
     set_off,
     slide,
 )
-from taxelflow.monitor.leap import (
+from taxelflow.slip.jump import (
     ARRIVED_S,
     BEFORE,
     BEFORE_S,
@@ -36,8 +36,8 @@ from taxelflow.monitor.leap import (
     load_falls,
     rests_at,
 )
-from taxelflow.monitor.onset import BEGIN, ENERGY_OF, SLIP, VELOCITY, thinned, threshold, weigh
-from taxelflow.monitor.still import (
+from taxelflow.slip.onset import BEGIN, ENERGY_OF, SLIP, VELOCITY, thinned, threshold, weigh
+from taxelflow.slip.rest_filter import (
     AXES,
     ENERGY,
     STEP,

@@ -14,8 +14,8 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
-from taxelflow.monitor.onset import BEGIN, LATE, PLACE_NOW, VARIANCE, VELOCITY, nearest
-from taxelflow.monitor.still import axes_of, factor, spread, whiten
+from taxelflow.slip.onset import BEGIN, LATE, PLACE_NOW, VARIANCE, VELOCITY, nearest
+from taxelflow.slip.rest_filter import axes_of, factor, spread, whiten
 
 # Memory per pad. PLACE, SPEED: (3,) along x, y, theta. Q: their covariance pp, pv, vv of a translation, m^2, m^2/s...
 # BEGAN, FROM: when and where (3,). STOPS: how many are followed. DOUBT: it may have stopped. LOST_TURN: the turn was

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import Bools, Event, Floats, Slips
-from taxelflow.monitor.session import SlipSession
+from taxelflow.slip.session import SlipSession
 
 if TYPE_CHECKING:
-    from taxelflow.monitor.slip import SlipMonitor
+    from taxelflow.slip.parameters import SlipMonitor
 
 _BACK, _AHEAD = 64, 20
 """A change is dated at most so many scans before the one that told of it, with what was seen up to so many after it."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
-from taxelflow.monitor.still import (
+from taxelflow.slip.rest_filter import (
     AXES,
     FREEDOM,
     GAIN,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
-    from taxelflow.monitor.hindsight import HindsightSession
-    from taxelflow.monitor.session import SlipSession
+    from taxelflow.slip.offline import HindsightSession
+    from taxelflow.slip.session import SlipSession
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,12 @@ class SlipMonitor:
 
     def begin(self, pads: tuple[str, ...]) -> SlipSession:
         """Begin a session over pads of these names: what it says of a scan, it says at once."""
-        from taxelflow.monitor.session import SlipSession
+        from taxelflow.slip.session import SlipSession
 
         return SlipSession(self, pads)
 
     def look_back(self, pads: tuple[str, ...]) -> HindsightSession:
         """Begin a session for a recording: slips are dated from the scans after them, too."""
-        from taxelflow.monitor.hindsight import HindsightSession
+        from taxelflow.slip.offline import HindsightSession
 
         return HindsightSession(self, pads)

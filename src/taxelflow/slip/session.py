@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import Bools, Event, Floats, Slips
-from taxelflow.monitor.halt import MOST_STOPS, STOP
-from taxelflow.monitor.onset import MOST_RAMPS, RAMP
-from taxelflow.monitor.still import ENERGY, FREEDOM
-from taxelflow.monitor.watch import CALM, MEMORY, NOTE, follow
+from taxelflow.slip.detector import CALM, MEMORY, NOTE, follow
+from taxelflow.slip.ending import MOST_STOPS, STOP
+from taxelflow.slip.onset import MOST_RAMPS, RAMP
+from taxelflow.slip.rest_filter import ENERGY, FREEDOM
 
 if TYPE_CHECKING:
-    from taxelflow.monitor.slip import SlipMonitor
+    from taxelflow.slip.parameters import SlipMonitor
 
 
 class SlipSession:

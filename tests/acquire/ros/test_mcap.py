@@ -11,8 +11,8 @@ from rosbags.typesys import Stores, get_types_from_idl, get_typestore
 
 from bagged import EPOCH_S, message, store_of
 from taxelflow.api import read
-from taxelflow.catalogue import load_sensor
 from taxelflow.errors import RecordingCorrupt, TopicUnclear
+from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,10 +7,9 @@ import pytest
 
 from bagged import EPOCH_S, write_bag
 from synthetic import grid_sensor
-from taxelflow.acquire.bags.kinds import KINDS, kind_of
-from taxelflow.acquire.bags.open import open_bag
+from taxelflow.acquire.ros.kinds import KINDS, kind_of
+from taxelflow.acquire.ros.open import open_bag
 from taxelflow.api import read
-from taxelflow.catalogue import builtin_sensors, load_sensor
 from taxelflow.errors import (
     ParameterInvalid,
     PitchNeeded,
@@ -19,8 +18,9 @@ from taxelflow.errors import (
     TaxelCountWrong,
     TopicUnclear,
 )
-from taxelflow.pads import Pad
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.catalogue import builtin_sensors, load_sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from synthetic import assert_same, dome, grid_sensor, pieces, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
-from taxelflow.estimation.convolution import Convolution
-from taxelflow.estimation.literal import convolution_index, slip_vector
+from taxelflow.estimation.centroid.convolution import Convolution
+from taxelflow.estimation.centroid.paper_reference import convolution_index, slip_vector
 from taxelflow.messages import Floats, Slips
 
 PITCH = (0.01, 0.006)

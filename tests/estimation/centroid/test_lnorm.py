@@ -5,7 +5,7 @@ import pytest
 
 from synthetic import assert_same, dome, grid_sensor, pieces, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
-from taxelflow.estimation.lnorm import LNorm
+from taxelflow.estimation.centroid.lnorm import LNorm
 from taxelflow.messages import Floats, Slips
 
 PITCH = (0.01, 0.006)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from synthetic import METHODS, assert_same, dome, grid_sensor, pieces, recorded, scans_of, slips_by
 from taxelflow.api import estimate
 from taxelflow.errors import ParameterInvalid
-from taxelflow.estimation.sum import Sum
+from taxelflow.estimation.centroid.load_sum import Sum
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.estimation.literal import convolution_index, slip_vector
+from taxelflow.estimation.centroid.paper_reference import convolution_index, slip_vector
 from taxelflow.messages import Floats
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from synthetic import assert_same, dome, grid_sensor, pieces, scans_of, slips_by
 from taxelflow.api import estimate
 from taxelflow.errors import ParameterInvalid
-from taxelflow.estimation.principal_axis import PrincipalAxis
+from taxelflow.estimation.centroid.principal_axis import PrincipalAxis
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,8 +12,8 @@ from taxelflow.api import estimate
 from taxelflow.errors import ParameterInvalid
 from taxelflow.geometry import rotation
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
-from taxelflow.pads import Group, Pad, Patch
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.pads import Group, Pad, Patch
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.estimation.pattern.joint import refine
-from taxelflow.estimation.pattern.normal import multiply, smoothness
-from taxelflow.estimation.pattern.pattern import Pattern
-from taxelflow.estimation.pattern.scanned import Scanned
-from taxelflow.estimation.pattern.spline import GAIN, STATE
+from taxelflow.estimation.template.banded import multiply, smoothness
+from taxelflow.estimation.template.bspline import GAIN, STATE
+from taxelflow.estimation.template.bundle_adjustment import refine
+from taxelflow.estimation.template.map import Pattern
+from taxelflow.estimation.template.observations import Scanned
 
 
 def test_the_readings_determine_as_many_coefficients_as_a_trace_says() -> None:

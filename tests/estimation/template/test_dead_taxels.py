@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.estimation.pattern.scanned import Scanned
-from taxelflow.estimation.pattern.silent import silent_taxels
+from taxelflow.estimation.template.batch.dead_taxels import silent_taxels
+from taxelflow.estimation.template.observations import Scanned
 
 if TYPE_CHECKING:
     from collections.abc import Callable

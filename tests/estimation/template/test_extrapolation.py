@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.pattern.learned import covering, fill
-from taxelflow.estimation.pattern.looked import level_off, looked_at, near
-from taxelflow.estimation.pattern.scanned import Scanned
-from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.estimation.template.bspline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.estimation.template.extrapolation import level_off, looked_at, near
+from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.online.local_map import covering, fill
 from taxelflow.messages import Floats
 
 

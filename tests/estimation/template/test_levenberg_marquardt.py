@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.estimation.pattern.register import register, solve_small
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, evaluate
+from taxelflow.estimation.template.bspline import GAIN, STATE, THETA, evaluate
+from taxelflow.estimation.template.levenberg_marquardt import register, solve_small
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

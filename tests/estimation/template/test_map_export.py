@@ -8,7 +8,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from synthetic import grid_sensor, recorded
 from taxelflow import api
-from taxelflow.estimation.pattern import mapped
+from taxelflow.estimation.template import map_export as mapped
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording

@@ -7,9 +7,9 @@ import pytest
 
 from rigged import rigged
 from taxelflow import api
-from taxelflow.acquire.rig.simulate import simulate
-from taxelflow.score.strokes import trial, ungrouped
-from taxelflow.score.table1 import strokes_by
+from taxelflow.evaluation.strokes import trial, ungrouped
+from taxelflow.evaluation.table1 import strokes_by
+from taxelflow.simulation.simulate import simulate
 
 
 def turned(scenario: str, seed: int = 0, **parts: dict[str, object]) -> float:

@@ -6,10 +6,10 @@ import numpy as np
 
 from rigged import rigged
 from taxelflow import api
-from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.evaluation.limits import without_frame
+from taxelflow.evaluation.nees import consistency
 from taxelflow.messages import OK
-from taxelflow.score.limits import without_frame
-from taxelflow.score.nees import consistency
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bytes, Floats

@@ -6,7 +6,7 @@ import numpy as np
 
 from rigged import rigged
 from taxelflow import api
-from taxelflow.acquire.rig.simulate import simulate
+from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode

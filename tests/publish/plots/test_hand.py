@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rigged import svg_words
-from taxelflow.pads import Pad
 from taxelflow.publish.plots.hand import Moment, field_figure
 from taxelflow.publish.plots.style import save, styled
-from taxelflow.sensor import Sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from pathlib import Path

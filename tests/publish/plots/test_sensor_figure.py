@@ -7,8 +7,8 @@ import pytest
 
 from synthetic import grid_sensor
 from tabled import arched, hexagonal, table_sensor
-from taxelflow.catalogue import catalogue, load_sensor
 from taxelflow.publish.plots.style import styled
+from taxelflow.sensors.catalogue import catalogue, load_sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.sensor import Sensor
 
 pytest.importorskip("matplotlib")
 

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import same_color
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from taxelflow.estimation.literal import convolution_matrix
+from taxelflow.estimation.centroid.paper_reference import convolution_matrix
 from taxelflow.publish.plots.style import save, styled
 from taxelflow.publish.plots.views import views_figure
 

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from rosbags.typesys.store import Typestore
 
-    from taxelflow.acquire.bags.kinds import Kind
-    from taxelflow.acquire.bags.topics import Topic
+    from taxelflow.acquire.ros.kinds import Kind
+    from taxelflow.acquire.ros.topics import Topic
     from taxelflow.messages import Bytes
 
 

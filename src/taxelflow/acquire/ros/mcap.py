@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any, Literal
 
-from taxelflow.acquire.bags.topics import Topic
+from taxelflow.acquire.ros.topics import Topic
 from taxelflow.errors import RecordingTruncated
 
 if TYPE_CHECKING:

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from taxelflow.acquire.bags.decode import Decoder
-from taxelflow.acquire.bags.kinds import SCAN
-from taxelflow.acquire.bags.mcap import McapSource, seen
-from taxelflow.acquire.bags.rosbag import RosbagSource
-from taxelflow.acquire.bags.topics import choose
 from taxelflow.acquire.base import Recording, in_blocks
-from taxelflow.acquire.carried import masked_in, sensor_in, truth_in
-from taxelflow.catalogue import builtin_sensors, load_sensor
+from taxelflow.acquire.metadata import masked_in, sensor_in, truth_in
+from taxelflow.acquire.ros.decode import Decoder
+from taxelflow.acquire.ros.kinds import SCAN
+from taxelflow.acquire.ros.mcap import McapSource, seen
+from taxelflow.acquire.ros.rosbag import RosbagSource
+from taxelflow.acquire.ros.topics import choose
 from taxelflow.errors import (
     RecordingCorrupt,
     RecordingTruncated,
@@ -24,6 +23,7 @@ from taxelflow.errors import (
     TaxelflowError,
 )
 from taxelflow.messages import Floats, RawScans
+from taxelflow.sensors.catalogue import builtin_sensors, load_sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from taxelflow.acquire.bags.kinds import Kind
-    from taxelflow.acquire.bags.topics import Source, Topic
-    from taxelflow.sensor import Sensor
+    from taxelflow.acquire.ros.kinds import Kind
+    from taxelflow.acquire.ros.topics import Source, Topic
+    from taxelflow.sensors.sensor import Sensor
 
 _REMEDY = "give a ROS 1 bag (.bag), a ROS 2 bag (its directory, or a .db3 of it) or an .mcap file"
 _PROBED = 256

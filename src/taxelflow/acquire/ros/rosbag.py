@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from taxelflow.acquire.bags.mcap import seen
-from taxelflow.acquire.bags.topics import Topic
+from taxelflow.acquire.ros.mcap import seen
+from taxelflow.acquire.ros.topics import Topic
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated
 
 if TYPE_CHECKING:

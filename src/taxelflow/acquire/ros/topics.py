@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from taxelflow.acquire.bags.kinds import KINDS, Kind, kind_of
+from taxelflow.acquire.ros.kinds import KINDS, Kind, kind_of
 from taxelflow.errors import TopicUnclear
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.acquire.bags.kinds import SCAN
-from taxelflow.acquire.bags.mcap import METADATA
-from taxelflow.acquire.carried import texts_of
+from taxelflow.acquire.metadata import texts_of
+from taxelflow.acquire.ros.kinds import SCAN
+from taxelflow.acquire.ros.mcap import METADATA
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

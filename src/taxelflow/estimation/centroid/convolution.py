@@ -9,9 +9,9 @@ from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
-    from taxelflow.estimation.translation import TranslationSession
-    from taxelflow.layout import Layout
+    from taxelflow.estimation.centroid.session import TranslationSession
     from taxelflow.messages import Floats
+    from taxelflow.sensors.layout import Layout
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Convolution:
 
         calibrated: (pads, 2), factors along x, y besides `gain`.
         """
-        from taxelflow.estimation.flow import MEMORY, convolution_flow, long_rows, pad_moments
-        from taxelflow.estimation.translation import TranslationSession, pad_gains
+        from taxelflow.estimation.centroid.convolution_kernel import MEMORY, convolution_flow, long_rows, pad_moments
+        from taxelflow.estimation.centroid.session import TranslationSession, pad_gains
 
         factors = pad_gains(layout, self.gain, calibrated)
         return TranslationSession(layout, convolution_flow, MEMORY, factors, long_rows(layout), prepare=pad_moments)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.translation import (
+from taxelflow.estimation.centroid.session import (
     COV_XY,
     D_COV_XY,
     D_VAR_X,
@@ -35,7 +35,7 @@ from taxelflow.messages import Bools, Floats
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.layout import Layout
+    from taxelflow.sensors.layout import Layout
 
 # Memory per pad: how many usable scans in a row (0, 1, 2), then t, x, y, var_x, var_y, cov_xy of the last of them
 # and of the one before.

@@ -9,9 +9,9 @@ from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
-    from taxelflow.estimation.translation import TranslationSession
-    from taxelflow.layout import Layout
+    from taxelflow.estimation.centroid.session import TranslationSession
     from taxelflow.messages import Floats
+    from taxelflow.sensors.layout import Layout
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class LNorm:
 
     def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> TranslationSession:
         """Begin a session. calibrated: (pads, 2), factors along x, y besides `gain`."""
-        from taxelflow.estimation.peak import MEMORY, peak_flow
-        from taxelflow.estimation.translation import TranslationSession, pad_gains
+        from taxelflow.estimation.centroid.lnorm_kernel import MEMORY, peak_flow
+        from taxelflow.estimation.centroid.session import TranslationSession, pad_gains
 
         factors = pad_gains(layout, self.gain, calibrated)
         return TranslationSession(layout, peak_flow, MEMORY, factors, layout.pitch_m)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.translation import (
+from taxelflow.estimation.centroid.session import (
     COV_XY,
     D_COV_XY,
     D_VAR_X,

@@ -9,8 +9,8 @@ from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
-    from taxelflow.estimation.translation import TranslationSession
-    from taxelflow.layout import Layout
+    from taxelflow.estimation.centroid.session import TranslationSession
+    from taxelflow.sensors.layout import Layout
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Sum:
 
     def start(self, layout: Layout, mode: Mode) -> TranslationSession:
         """Begin a session."""
-        from taxelflow.estimation.load import MEMORY, load_change
-        from taxelflow.estimation.translation import TranslationSession
+        from taxelflow.estimation.centroid.load_sum_kernel import MEMORY, load_change
+        from taxelflow.estimation.centroid.session import TranslationSession
 
         return TranslationSession(layout, load_change, MEMORY, self.cutoff_hz)

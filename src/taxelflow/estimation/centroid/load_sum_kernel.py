@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.translation import DISTURBANCE
+from taxelflow.estimation.centroid.session import DISTURBANCE
 from taxelflow.messages import Bools, Floats
 
 if TYPE_CHECKING:

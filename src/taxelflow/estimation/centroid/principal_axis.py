@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.axis import AxisSession
     from taxelflow.estimation.base import Mode
-    from taxelflow.layout import Layout
+    from taxelflow.estimation.centroid.principal_axis_kernel import AxisSession
+    from taxelflow.sensors.layout import Layout
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,6 @@ class PrincipalAxis:
 
     def start(self, layout: Layout, mode: Mode) -> AxisSession:
         """Begin a session."""
-        from taxelflow.estimation.axis import AxisSession
+        from taxelflow.estimation.centroid.principal_axis_kernel import AxisSession
 
         return AxisSession(layout, self.most_std_rad, self.sigmas, self.least_anisotropy)

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.translation import border_of, mark_border
+from taxelflow.estimation.centroid.session import border_of, mark_border
 from taxelflow.messages import Bools, Floats, Scans, Slips, judged, no_scans
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.layout import Layout
+    from taxelflow.sensors.layout import Layout
 
 # Memory per pad. _RUN: the last scan was usable; _T its time; _POSE its x, y, axis (NaN if unknown) and _COV their
 # covariance xx, yy, tt, xy, xt, yt. _SINCE: an axis has been known in this contact; _AXIS the last one known, _THETA

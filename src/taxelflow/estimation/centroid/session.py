@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from taxelflow.layout import Layout
+    from taxelflow.sensors.layout import Layout
 
 DX, DY, X, Y, VAR_X, VAR_Y, COV_XY, D_VAR_X, D_VAR_Y, D_COV_XY, SPAN, LAG, LOAD, DISTURBANCE, COLUMNS = range(15)
 """Columns of the row that a kernel fills per scan and pad: displacement, pose, the pose's covariance, the

@@ -14,9 +14,9 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.errors import ParameterInvalid
-from taxelflow.estimation.pattern.pattern import Pattern, Sums
-from taxelflow.estimation.pattern.scanned import Scanned, across, reach
-from taxelflow.estimation.pattern.spline import STATE, spread
+from taxelflow.estimation.template.bspline import STATE, spread
+from taxelflow.estimation.template.map import Pattern, Sums
+from taxelflow.estimation.template.observations import Scanned, across, reach
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

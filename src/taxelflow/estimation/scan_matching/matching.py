@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.pair.interpolant import SLOPE_NOISE, VALUE_NOISE, gather, solve_band
-from taxelflow.estimation.pattern.register import register, solve_small
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, X, Y, evaluate, spread
+from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE, gather, solve_band
+from taxelflow.estimation.template.bspline import GAIN, STATE, THETA, X, Y, evaluate, spread
+from taxelflow.estimation.template.levenberg_marquardt import register, solve_small
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

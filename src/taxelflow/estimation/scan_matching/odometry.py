@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.pair.interpolant import gather, solve_band
-from taxelflow.estimation.pair.match import DOF, carried, find, gains, sight, surroundings, weigh
-from taxelflow.estimation.pattern.online import centroid, gate
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, evaluate
+from taxelflow.estimation.scan_matching.interpolant import gather, solve_band
+from taxelflow.estimation.scan_matching.matching import DOF, carried, find, gains, sight, surroundings, weigh
+from taxelflow.estimation.template.bspline import GAIN, STATE, THETA, evaluate
+from taxelflow.estimation.template.online.track_state import centroid, gate
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
 
 if TYPE_CHECKING:

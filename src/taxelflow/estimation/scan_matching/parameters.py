@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
-    from taxelflow.estimation.pair.session import PairSession
-    from taxelflow.layout import Layout
+    from taxelflow.estimation.scan_matching.session import PairSession
+    from taxelflow.sensors.layout import Layout
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,6 @@ class Registration:
 
     def start(self, layout: Layout, mode: Mode) -> PairSession:
         """Begin a session; kernels are compiled here."""
-        from taxelflow.estimation.pair.session import PairSession
+        from taxelflow.estimation.scan_matching.session import PairSession
 
         return PairSession(layout)

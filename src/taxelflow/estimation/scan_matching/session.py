@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pair.follow import MEMORY, follow
-from taxelflow.estimation.pair.interpolant import Interpolant
-from taxelflow.estimation.translation import border_of, mark_border
+from taxelflow.estimation.centroid.session import border_of, mark_border
+from taxelflow.estimation.scan_matching.interpolant import Interpolant
+from taxelflow.estimation.scan_matching.odometry import MEMORY, follow
 from taxelflow.messages import Scans, Slips
 
 if TYPE_CHECKING:
-    from taxelflow.layout import Layout
     from taxelflow.messages import Floats
+    from taxelflow.sensors.layout import Layout
 
 
 @dataclass(slots=True, eq=False)

@@ -9,7 +9,7 @@ from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import EstimatorSession, Mode
-    from taxelflow.layout import Layout
+    from taxelflow.sensors.layout import Layout
 
 NOTE = "smoothed: poses and displacements hold what a constant velocity adds, information that is not in the scans"
 
@@ -34,7 +34,7 @@ class Smoothing:
         """The session with its poses smoothed; itself if there is no smoothing."""
         if not self.acceleration_m_s2:
             return session
-        from taxelflow.estimation.smooth.session import FilterSession, SmootherSession
+        from taxelflow.estimation.smoothing.session import FilterSession, SmootherSession
 
         kind = SmootherSession if mode == "batch" else FilterSession
         return kind(session, layout, self.acceleration_m_s2)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.smooth.kalman import MEMORY, RUN, STATES, run_filter, run_smoother
+from taxelflow.estimation.smoothing.filter import MEMORY, RUN, STATES, run_filter, run_smoother
 from taxelflow.messages import LOST, cut, joined
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import EstimatorSession
-    from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Floats, Scans, Slips
+    from taxelflow.sensors.layout import Layout
 
 _WINDOW = 2000
 """A contact that goes on for twice so many scans is smoothed, and the first so many are given out."""

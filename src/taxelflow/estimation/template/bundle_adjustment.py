@@ -13,14 +13,14 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.pattern.normal import Factor, add_square, multiply, smoothness
-from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, evaluate, spread
+from taxelflow.estimation.template.banded import Factor, add_square, multiply, smoothness
+from taxelflow.estimation.template.bspline import GAIN, SIZE, STATE, THETA, evaluate, spread
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.estimation.pattern.pattern import Pattern
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Bools, Floats
 
 _HUBER = 4.0

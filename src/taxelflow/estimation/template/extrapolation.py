@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from taxelflow.estimation.pattern.spline import THETA, in_object
+from taxelflow.estimation.template.bspline import THETA, in_object
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.pattern.pattern import Pattern
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Bools, Floats
 
 _REACH = 1.5

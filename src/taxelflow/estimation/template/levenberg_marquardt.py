@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel, lean_kernel
-from taxelflow.estimation.pattern.linear import laid_out, linearise
-from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.estimation.template.bspline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.estimation.template.linearization import laid_out, linearise
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

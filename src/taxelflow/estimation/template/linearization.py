@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import inlined, kernel, lean_kernel
-from taxelflow.estimation.pattern.spline import GAIN, SIZE, THETA, X, Y, value_at
+from taxelflow.estimation.template.bspline import GAIN, SIZE, THETA, X, Y, value_at
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.pattern.normal import Factor, add_square, smoothness
-from taxelflow.estimation.pattern.spline import GAIN, evaluate, spread
+from taxelflow.estimation.template.banded import Factor, add_square, smoothness
+from taxelflow.estimation.template.bspline import GAIN, evaluate, spread
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
 _ROUGH_PRIOR = 0.12

@@ -10,16 +10,16 @@ import numpy as np
 from scipy.linalg.lapack import dtbtrs
 from scipy.ndimage import convolve
 
-from taxelflow.estimation.pattern.looked import looked_at, near
-from taxelflow.estimation.pattern.pattern import Pattern, Sums
-from taxelflow.estimation.pattern.spline import STATE, THETA, evaluate
+from taxelflow.estimation.template.bspline import STATE, THETA, evaluate
+from taxelflow.estimation.template.extrapolation import looked_at, near
+from taxelflow.estimation.template.map import Pattern, Sums
 from taxelflow.messages import LearnedPattern
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.estimation.pattern.normal import Factor
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.banded import Factor
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
 _FINER, _MOST_POINTS = 8, 250_000

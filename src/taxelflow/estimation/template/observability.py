@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
-from taxelflow.estimation.pattern.spline import GAIN, evaluate
+from taxelflow.estimation.template.bspline import GAIN, evaluate
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.pattern.normal import Factor
-    from taxelflow.estimation.pattern.pattern import Pattern
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.banded import Factor
+    from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
 _DRAWS = 8

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.spline import THETA
+from taxelflow.estimation.template.bspline import THETA
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Floats
+    from taxelflow.sensors.layout import Layout
 
 _LOADED_SIGMAS = 4.0
 _LOADED_SHARE = 0.03

@@ -9,7 +9,7 @@ from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import EstimatorSession, Mode
-    from taxelflow.layout import Layout
+    from taxelflow.sensors.layout import Layout
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class Template:
     def start(self, layout: Layout, mode: Mode) -> EstimatorSession:
         """Begin a session; kernels are compiled here."""
         if mode == "batch":
-            from taxelflow.estimation.pattern.batch import BatchSession
+            from taxelflow.estimation.template.batch.session import BatchSession
 
             return BatchSession(layout, self.window_scans)
-        from taxelflow.estimation.pattern.stream import StreamSession
+        from taxelflow.estimation.template.online.session import StreamSession
 
         return StreamSession(layout, self.latency_s)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.spline import SIZE, STATE, THETA
+from taxelflow.estimation.template.bspline import SIZE, STATE, THETA
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.pattern.contact import Solved
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.batch.model_selection import Solved
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Bytes, Floats
 
 TOO_ROUGH = 0.1

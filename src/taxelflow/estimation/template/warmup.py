@@ -6,10 +6,10 @@ from functools import cache
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import solve_contact
-from taxelflow.estimation.pattern.learn import first_pattern, learn
-from taxelflow.estimation.pattern.recognise import recognised
-from taxelflow.estimation.pattern.scanned import Scanned
+from taxelflow.estimation.template.batch.model_selection import solve_contact
+from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.online.map_update import first_pattern, learn
+from taxelflow.estimation.template.online.relocalization import recognised
 
 
 @cache

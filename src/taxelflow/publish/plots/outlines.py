@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow import mesh
+from taxelflow.sensors import triangulation as mesh
 
 if TYPE_CHECKING:
-    from taxelflow.layout import Layout
     from taxelflow.messages import Floats
+    from taxelflow.sensors.layout import Layout
 
 _SHARE = 0.45
 _CORNERS = 24

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from taxelflow.layout import Layout
     from taxelflow.publish.results import Track
+    from taxelflow.sensors.layout import Layout
 
 
 def path_figure(tracks: Sequence[Track], layout: Layout) -> Figure:

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from taxelflow.layout import Layout
     from taxelflow.messages import Bools, Floats, LearnedPattern
+    from taxelflow.sensors.layout import Layout
 
 _COLOURS = "inferno"
 _WAY = "viridis"

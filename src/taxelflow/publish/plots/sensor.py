@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.geometry import place
-from taxelflow.mesh import nearest_m
 from taxelflow.publish.plots.outlines import extent_mm, outlines
 from taxelflow.publish.plots.style import BLUE, GREY, INK, MAGENTA, VERMILION, caption, plain
+from taxelflow.sensors.triangulation import nearest_m
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from taxelflow.layout import Layout
     from taxelflow.messages import Floats
-    from taxelflow.sensor import Sensor
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.sensors.sensor import Sensor
 
 _SIZE = 7.0
 _COLS = 5

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Bools, Floats
 
 _BESIDE, _STRONG, _SILENT = 1.25, 10.0, 0.1

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.joint import refine
-from taxelflow.estimation.pattern.pattern import Pattern, Sums
-from taxelflow.estimation.pattern.register import HELD, register
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA, in_object
+from taxelflow.estimation.template.bspline import GAIN, STATE, THETA, in_object
+from taxelflow.estimation.template.bundle_adjustment import refine
+from taxelflow.estimation.template.levenberg_marquardt import HELD, register
+from taxelflow.estimation.template.map import Pattern, Sums
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
 _REFINE_AT = (3, 8, 20, 50)

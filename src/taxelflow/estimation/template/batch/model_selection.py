@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.joint import Fit, refine
-from taxelflow.estimation.pattern.poses import TOO_ROUGH, unturned
-from taxelflow.estimation.pattern.sight import sights
-from taxelflow.estimation.pattern.silent import silent_taxels
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
-from taxelflow.estimation.pattern.track import Tracker
+from taxelflow.estimation.template.batch.dead_taxels import silent_taxels
+from taxelflow.estimation.template.batch.initialization import Tracker
+from taxelflow.estimation.template.bspline import GAIN, STATE, THETA
+from taxelflow.estimation.template.bundle_adjustment import Fit, refine
+from taxelflow.estimation.template.observability import sights
+from taxelflow.estimation.template.pose_output import TOO_ROUGH, unturned
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.estimation.pattern.pattern import Pattern
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
 FIRST_ROUGH, _LEAST_ROUGH, _MOST_ROUGH = 0.02, 0.002, 0.2

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxelflow.estimation.pattern.chain import MEMORY, Moment, follow_changing
-from taxelflow.estimation.pattern.contact import solve_contact
-from taxelflow.estimation.pattern.growth import grown
-from taxelflow.estimation.pattern.mapped import Maps
-from taxelflow.estimation.pattern.parts import in_parts
-from taxelflow.estimation.pattern.poses import TOO_ROUGH, Poses, aligned, poses_of
-from taxelflow.estimation.pattern.scanned import Scanned, delays_of
-from taxelflow.estimation.pattern.warm import compile_kernels
-from taxelflow.estimation.translation import border_of, mark_border
+from taxelflow.estimation.centroid.session import border_of, mark_border
+from taxelflow.estimation.template.batch.model_selection import solve_contact
+from taxelflow.estimation.template.map_export import Maps
+from taxelflow.estimation.template.models.deforming import MEMORY, Moment, follow_changing
+from taxelflow.estimation.template.models.partial import in_parts
+from taxelflow.estimation.template.models.scaling import grown
+from taxelflow.estimation.template.observations import Scanned, delays_of
+from taxelflow.estimation.template.pose_output import TOO_ROUGH, Poses, aligned, poses_of
+from taxelflow.estimation.template.warmup import compile_kernels
 from taxelflow.messages import Bools, Scans, Slips, cut, joined, no_scans
 
 if TYPE_CHECKING:
-    from taxelflow.layout import Layout
     from taxelflow.messages import Floats
+    from taxelflow.sensors.layout import Layout
 
 _OVERLAP = 4
 """A window shares one part in so many with the one before."""

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD
-from taxelflow.estimation.pattern.poses import Poses, to_pad
-from taxelflow.estimation.pattern.sight import sights
-from taxelflow.estimation.pattern.spline import STATE, THETA
-from taxelflow.estimation.pattern.track import Tracker
+from taxelflow.estimation.template.batch.initialization import Tracker
+from taxelflow.estimation.template.batch.model_selection import FIRST_GAIN_STD
+from taxelflow.estimation.template.bspline import STATE, THETA
+from taxelflow.estimation.template.observability import sights
+from taxelflow.estimation.template.pose_output import Poses, to_pad
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.estimation.pattern.pattern import Pattern
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
 MEMORY = 4

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import SEEN, Solved, first_fit, solved_from, tracker_of
-from taxelflow.estimation.pattern.linear import laid_out, look_up
-from taxelflow.estimation.pattern.silent import silent_taxels
-from taxelflow.estimation.pattern.spline import GAIN
+from taxelflow.estimation.template.batch.dead_taxels import silent_taxels
+from taxelflow.estimation.template.batch.model_selection import SEEN, Solved, first_fit, solved_from, tracker_of
+from taxelflow.estimation.template.bspline import GAIN
+from taxelflow.estimation.template.linearization import laid_out, look_up
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.pattern.scanned import Scanned
-    from taxelflow.estimation.pattern.track import Tracker
+    from taxelflow.estimation.template.batch.initialization import Tracker
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
 _DENIED = 4.0

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import (
+from taxelflow.estimation.template.batch.initialization import Tracker
+from taxelflow.estimation.template.batch.model_selection import (
     FIRST_ROUGH,
     Solved,
     level,
@@ -19,15 +20,14 @@ from taxelflow.estimation.pattern.contact import (
     start_scan,
     unexplained,
 )
-from taxelflow.estimation.pattern.joint import refine
-from taxelflow.estimation.pattern.sight import sights
-from taxelflow.estimation.pattern.spline import GAIN, SIZE, THETA
-from taxelflow.estimation.pattern.track import Tracker
+from taxelflow.estimation.template.bspline import GAIN, SIZE, THETA
+from taxelflow.estimation.template.bundle_adjustment import refine
+from taxelflow.estimation.template.observability import sights
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.pattern.joint import Fit
-    from taxelflow.estimation.pattern.pattern import Pattern
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.bundle_adjustment import Fit
+    from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
 _LOADS, _DIFFER = (0.05, 0.95), 2.0

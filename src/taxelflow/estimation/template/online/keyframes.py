@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.scanned import Scanned
-from taxelflow.estimation.pattern.spline import SIZE, THETA
+from taxelflow.estimation.template.bspline import SIZE, THETA
+from taxelflow.estimation.template.observations import Scanned
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD, FIRST_ROUGH, level, roughness
-from taxelflow.estimation.pattern.growth import SIZE_STD
-from taxelflow.estimation.pattern.joint import Fit, refine
-from taxelflow.estimation.pattern.pattern import Pattern, Sums
-from taxelflow.estimation.pattern.scanned import strength
-from taxelflow.estimation.pattern.spline import in_object
-from taxelflow.estimation.pattern.track import MARGIN, SPACING
+from taxelflow.estimation.template.batch.initialization import MARGIN, SPACING
+from taxelflow.estimation.template.batch.model_selection import FIRST_GAIN_STD, FIRST_ROUGH, level, roughness
+from taxelflow.estimation.template.bspline import in_object
+from taxelflow.estimation.template.bundle_adjustment import Fit, refine
+from taxelflow.estimation.template.map import Pattern, Sums
+from taxelflow.estimation.template.models.scaling import SIZE_STD
+from taxelflow.estimation.template.observations import strength
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.pattern.keyframes import Keyframes
-    from taxelflow.estimation.pattern.normal import Factor
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.banded import Factor
+    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.estimation.template.online.keyframes import Keyframes
     from taxelflow.messages import Floats
 
 YOUNG = 8

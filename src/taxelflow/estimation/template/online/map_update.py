@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxelflow.estimation.pattern.contact import FIRST_GAIN_STD, FIRST_ROUGH
-from taxelflow.estimation.pattern.growing import due, placed, regrown, slack_of
-from taxelflow.estimation.pattern.keyframes import Keyframes, most_whole
-from taxelflow.estimation.pattern.learned import (
+from taxelflow.estimation.template.batch.model_selection import FIRST_GAIN_STD, FIRST_ROUGH
+from taxelflow.estimation.template.bspline import STATE, THETA
+from taxelflow.estimation.template.extrapolation import level_off
+from taxelflow.estimation.template.observability import sights
+from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
+from taxelflow.estimation.template.online.local_map import (
     CHANGING_ROUGH,
     FIRST_SLACK,
     MOST_USUAL,
@@ -23,14 +26,11 @@ from taxelflow.estimation.pattern.learned import (
     refined,
     usual_of,
 )
-from taxelflow.estimation.pattern.looked import level_off
-from taxelflow.estimation.pattern.scanned import Scanned
-from taxelflow.estimation.pattern.sight import sights
-from taxelflow.estimation.pattern.spline import STATE, THETA
-from taxelflow.estimation.pattern.turning import SEEN, explains, with_turn, without_turn
+from taxelflow.estimation.template.online.rotation import SEEN, explains, with_turn, without_turn
+from taxelflow.estimation.template.online.scaling import due, placed, regrown, slack_of
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.pattern.pattern import Pattern
+    from taxelflow.estimation.template.map import Pattern
     from taxelflow.messages import Floats
 
 _NEAR, _FAR = 0.25, 1.0

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.pattern.learn import learn
-from taxelflow.estimation.pattern.spline import GAIN, THETA
+from taxelflow.estimation.template.bspline import GAIN, THETA
+from taxelflow.estimation.template.online.map_update import learn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from concurrent.futures import Executor, Future
 
-    from taxelflow.estimation.pattern.learned import Learned
+    from taxelflow.estimation.template.online.local_map import Learned
     from taxelflow.messages import Floats
 
 _LIBRARY = 4

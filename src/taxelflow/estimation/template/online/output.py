@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel, lean_kernel
-from taxelflow.estimation.pattern import online
-from taxelflow.estimation.pattern.online import BLURRED, FAINT, gate
-from taxelflow.estimation.pattern.register import factor_small, solve_factored
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
+from taxelflow.estimation.template.bspline import GAIN, STATE, THETA
+from taxelflow.estimation.template.levenberg_marquardt import factor_small, solve_factored
+from taxelflow.estimation.template.online import track_state as online
+from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, gate
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern import online
-from taxelflow.estimation.pattern.carry import fades
-from taxelflow.estimation.pattern.spline import GAIN, THETA, evaluate
+from taxelflow.estimation.template.bspline import GAIN, THETA, evaluate
+from taxelflow.estimation.template.online import track_state as online
+from taxelflow.estimation.template.online.residual_process import fades
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern import online
-from taxelflow.estimation.pattern.online import HUBER, gate
-from taxelflow.estimation.pattern.register import HELD, register
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
+from taxelflow.estimation.template.bspline import GAIN, STATE, THETA
+from taxelflow.estimation.template.levenberg_marquardt import HELD, register
+from taxelflow.estimation.template.online import track_state as online
+from taxelflow.estimation.template.online.track_state import HUBER, gate
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.pattern.learned import Learned
+    from taxelflow.estimation.template.online.local_map import Learned
     from taxelflow.messages import Floats
 
 DOUBT = 0.25

@@ -8,25 +8,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import (
+from taxelflow.estimation.template.batch.initialization import Tracker
+from taxelflow.estimation.template.batch.model_selection import (
     FIRST_GAIN_STD,
     FIRST_ROUGH,
     roughness,
     start_scan,
     unexplained,
 )
-from taxelflow.estimation.pattern.learned import MOST_USUAL, covering, fill, refined
-from taxelflow.estimation.pattern.poses import unturned
-from taxelflow.estimation.pattern.sight import sights
-from taxelflow.estimation.pattern.spline import THETA
-from taxelflow.estimation.pattern.track import Tracker
+from taxelflow.estimation.template.bspline import THETA
+from taxelflow.estimation.template.observability import sights
+from taxelflow.estimation.template.online.local_map import MOST_USUAL, covering, fill, refined
+from taxelflow.estimation.template.pose_output import unturned
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.pattern.joint import Fit
-    from taxelflow.estimation.pattern.keyframes import Keyframes
-    from taxelflow.estimation.pattern.learned import Learned
-    from taxelflow.estimation.pattern.pattern import Pattern
-    from taxelflow.estimation.pattern.scanned import Scanned
+    from taxelflow.estimation.template.bundle_adjustment import Fit
+    from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.estimation.template.online.keyframes import Keyframes
+    from taxelflow.estimation.template.online.local_map import Learned
     from taxelflow.messages import Floats
 
 SEEN = 3.0

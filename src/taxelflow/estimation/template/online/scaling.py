@@ -11,11 +11,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern.contact import FIRST_ROUGH, start_scan, unexplained
-from taxelflow.estimation.pattern.growth import centre, in_place
-from taxelflow.estimation.pattern.keyframes import Keyframes
-from taxelflow.estimation.pattern.learned import CHANGING_ROUGH, FIRST_SLACK, Learned, covering, fill, refined, usual_of
-from taxelflow.estimation.pattern.spline import THETA
+from taxelflow.estimation.template.batch.model_selection import FIRST_ROUGH, start_scan, unexplained
+from taxelflow.estimation.template.bspline import THETA
+from taxelflow.estimation.template.models.scaling import centre, in_place
+from taxelflow.estimation.template.online.keyframes import Keyframes
+from taxelflow.estimation.template.online.local_map import (
+    CHANGING_ROUGH,
+    FIRST_SLACK,
+    Learned,
+    covering,
+    fill,
+    refined,
+    usual_of,
+)
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

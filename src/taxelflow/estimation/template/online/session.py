@@ -11,24 +11,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.pattern import online
-from taxelflow.estimation.pattern.hand import ASKS, BOTH, ELSEWHERE, FOLLOW, REPORT, follow_hand
-from taxelflow.estimation.pattern.keyframes import MOST_KEYFRAMES
-from taxelflow.estimation.pattern.learn import first_pattern
-from taxelflow.estimation.pattern.learned import Learned
-from taxelflow.estimation.pattern.learner import Learner, Novel
-from taxelflow.estimation.pattern.mapped import Maps
-from taxelflow.estimation.pattern.predict import expected
-from taxelflow.estimation.pattern.recognise import DOUBT, close, recognised, surely_elsewhere
-from taxelflow.estimation.pattern.scanned import across, delays_of
-from taxelflow.estimation.pattern.spline import GAIN, STATE, THETA
-from taxelflow.estimation.pattern.warm import compile_kernels
-from taxelflow.estimation.translation import border_of
+from taxelflow.estimation.centroid.session import border_of
+from taxelflow.estimation.template.bspline import GAIN, STATE, THETA
+from taxelflow.estimation.template.map_export import Maps
+from taxelflow.estimation.template.observations import across, delays_of
+from taxelflow.estimation.template.online import track_state as online
+from taxelflow.estimation.template.online.keyframes import MOST_KEYFRAMES
+from taxelflow.estimation.template.online.local_map import Learned
+from taxelflow.estimation.template.online.map_update import first_pattern
+from taxelflow.estimation.template.online.mapping_thread import Learner, Novel
+from taxelflow.estimation.template.online.prediction import expected
+from taxelflow.estimation.template.online.relocalization import DOUBT, close, recognised, surely_elsewhere
+from taxelflow.estimation.template.online.step import ASKS, BOTH, ELSEWHERE, FOLLOW, REPORT, follow_hand
+from taxelflow.estimation.template.warmup import compile_kernels
 from taxelflow.messages import Bools, Scans, Slips, no_scans
 
 if TYPE_CHECKING:
-    from taxelflow.layout import Layout
     from taxelflow.messages import Floats
+    from taxelflow.sensors.layout import Layout
 
 _TURN_STD = 0.1
 _LEAST_GAIN_STD = 0.05

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import brief_kernel
-from taxelflow.estimation.pattern.follow import follow
-from taxelflow.estimation.pattern.online import FLAG, NOTHING
-from taxelflow.estimation.pattern.report import report
-from taxelflow.estimation.translation import mark_border_of_scan
+from taxelflow.estimation.centroid.session import mark_border_of_scan
+from taxelflow.estimation.template.online.output import report
+from taxelflow.estimation.template.online.track_state import FLAG, NOTHING
+from taxelflow.estimation.template.online.tracking import follow
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

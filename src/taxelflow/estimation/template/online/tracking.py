@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel, lean_kernel
-from taxelflow.estimation.pattern import online
-from taxelflow.estimation.pattern.carry import bring, keep
-from taxelflow.estimation.pattern.linear import VARIANCE, laid_out
-from taxelflow.estimation.pattern.online import HUBER, centroid, gate
-from taxelflow.estimation.pattern.register import HELD, register_laid_out
-from taxelflow.estimation.pattern.spline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.estimation.template.bspline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.estimation.template.levenberg_marquardt import HELD, register_laid_out
+from taxelflow.estimation.template.linearization import VARIANCE, laid_out
+from taxelflow.estimation.template.online import track_state as online
+from taxelflow.estimation.template.online.residual_process import bring, keep
+from taxelflow.estimation.template.online.track_state import HUBER, centroid, gate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,0 +1,1 @@
+"""The template on a whole recording: initialise, adjust, select the model."""

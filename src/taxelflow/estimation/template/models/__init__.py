@@ -1,0 +1,1 @@
+"""Motion hypotheses besides the rigid pose: which degrees of freedom a contact has."""

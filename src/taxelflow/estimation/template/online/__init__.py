@@ -1,0 +1,1 @@
+"""The template scan by scan: track, choose keyframes, update the map."""

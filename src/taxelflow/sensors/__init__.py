@@ -1,0 +1,1 @@
+"""What all stages share about a sensor: its pads, layout, channels, calibration; and the built-in sensors."""
