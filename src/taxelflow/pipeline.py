@@ -95,8 +95,8 @@ class Run:
             self._estimate = pipeline.smooth.around(self._estimator, layout, pipeline.mode)
             self._condition = pipeline.condition.start(recording.sensor, recording.masked, lookahead)
             self._fuse = pipeline.fusion.start(layout)
-            self._describe = pipeline.features.begin(recording.sensor)
-            self._watch = pipeline.condition.watch(recording.sensor)
+            on, off = pipeline.condition.contact_on, pipeline.condition.contact_off
+            self._segment = pipeline.features.start(recording.sensor, on, off)
         self._described: list[Contacts] = []
         self._estimated: list[Slips] = []
         self._parted: list[Bools] = []
@@ -126,7 +126,7 @@ class Run:
     @property
     def notes(self) -> list[str]:
         """What was found out about contacts, and by the estimator about the sensor."""
-        return [*self._watch.notes, *(self._estimator.notes if isinstance(self._estimator, Learning) else [])]
+        return [*self._segment.notes, *(self._estimator.notes if isinstance(self._estimator, Learning) else [])]
 
     @property
     def scatter(self) -> Floats:
@@ -148,9 +148,10 @@ class Run:
         yield from self._give(*self._monitor.finish())
 
     def _step(self, scans: Scans) -> Iterator[Output]:
-        self._described.append(self._describe.step(scans))
-        self._parted.append(self._watch.step(scans))
-        yield from self._finish(self._estimate.step(scans))
+        segmented = self._segment.step(scans)
+        self._described.append(segmented.contacts)
+        self._parted.append(segmented.moved_apart)
+        yield from self._finish(self._estimate.step(segmented.scans))
 
     def _finish(self, slips: Slips) -> Iterator[Output]:
         if not len(slips):
