@@ -15,6 +15,7 @@ from taxelflow.acquire.base import Reading, Recording
 from taxelflow.acquire.columns import Columns
 from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
+from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
 from taxelflow.estimation.smoothing.parameters import NOTE, Smoothing
 from taxelflow.messages import Bools, Contacts, Event, LearnedPattern, Motions, RawScans, Scans, Slips, joined
@@ -114,10 +115,13 @@ def convert(
 
 
 def conditioned(recording: Recording) -> Scans:
-    """All scans of a recording, conditioned as a batch with the usual parameters, in memory."""
+    """All scans of a recording as an estimator gets them in a batch with default parameters, in memory."""
+    conditioner = Conditioner()
     with announced():
-        session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
-        return joined([*(scans for raw in recording.blocks() for scans in session.step(raw)), *session.finish()])
+        session = conditioner.start(recording.sensor, recording.masked, recording.blocks())
+        contacts = ContactFeatures().start(recording.sensor, conditioner.contact_on, conditioner.contact_off)
+        blocks = [*(scans for raw in recording.blocks() for scans in session.step(raw)), *session.finish()]
+        return joined([contacts.step(block).scans for block in blocks])
 
 
 def estimator(method: str, **parameters: Any) -> Estimator:

@@ -11,7 +11,6 @@ from taxelflow import registry
 from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
-from taxelflow.contacts.session import ContactSession
 from taxelflow.errors import CalibrationUnfit, NameUnknown, TaxelflowError
 from taxelflow.estimation.base import Learning, Mode
 from taxelflow.estimation.completion import SlipsSession
@@ -113,7 +112,8 @@ class Run:
             self._estimate = pipeline.smooth.around(SlipsSession(self._estimator, layout), layout, pipeline.mode)
             self._condition = pipeline.condition.start(recording.sensor, recording.masked, lookahead)
             self._fuse = pipeline.fusion.start(layout)
-            self._contacts = ContactSession(pipeline.features, pipeline.condition, recording.sensor)
+            on, off = pipeline.condition.contact_on, pipeline.condition.contact_off
+            self._segment = pipeline.features.start(recording.sensor, on, off)
         self._segmented: list[Contacts] = []
         self._moved_apart: list[Bools] = []
         self._estimated: list[Slips] = []
@@ -144,7 +144,7 @@ class Run:
     @property
     def notes(self) -> list[str]:
         """What was found out about contacts, and by the estimator about the sensor."""
-        return [*self._contacts.notes, *(self._estimator.notes if isinstance(self._estimator, Learning) else [])]
+        return [*self._segment.notes, *(self._estimator.notes if isinstance(self._estimator, Learning) else [])]
 
     @property
     def scatter(self) -> Floats:
@@ -182,7 +182,7 @@ class Run:
         yield from self._judged(*self._slip.finish())
 
     def _segment_and_estimate(self, scans: Scans) -> Iterator[Output]:
-        segmented = self._contacts.step(scans)
+        segmented = self._segment.step(scans)
         self._segmented.append(segmented.contacts)
         self._moved_apart.append(segmented.moved_apart)
         yield from self._detect(self._estimate.step(segmented.scans))
@@ -214,7 +214,7 @@ class Run:
         border = np.zeros((*scans.contact.shape, 2), dtype=np.bool_)
         footprint = Footprint(scans.t_s, scans.contact, border, np.zeros(scans.contact.shape))
         slips = Slips.of(footprint, Estimates.unknown(scans))
-        return Output(slips, slips.contact, self._fuse.step(slips), [], self._contacts.step(scans).contacts)
+        return Output(slips, slips.contact, self._fuse.step(slips), [], self._segment.step(scans).contacts)
 
 
 def _split(held: list[Block], count: int) -> tuple[Block, list[Block]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
-    from taxelflow.contacts.moments import ShapeSession
+    from taxelflow.contacts.session import ContactSession
     from taxelflow.sensors.sensor import Sensor
 
 
@@ -23,8 +23,8 @@ class ContactFeatures:
         if not 0 <= self.threshold < float("inf"):
             raise ParameterInvalid("features.threshold", self.threshold, "be 0 or more")
 
-    def begin(self, sensor: Sensor) -> ShapeSession:
-        """Begin a session for this sensor."""
-        from taxelflow.contacts.moments import ShapeSession
+    def start(self, sensor: Sensor, contact_on: float, contact_off: float) -> ContactSession:
+        """Begin a session of the contact stage; the thresholds are those of `Conditioner`."""
+        from taxelflow.contacts.session import ContactSession
 
-        return ShapeSession(self, sensor)
+        return ContactSession(self, sensor, contact_on, contact_off)

@@ -19,6 +19,7 @@ from scipy.ndimage import shift
 
 from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
+from taxelflow.contacts.features import ContactFeatures
 from taxelflow.estimation.template.parameters import Template
 from taxelflow.messages import LOST, OK, cut
 
@@ -132,9 +133,12 @@ def _predictions(recording: Recording) -> list[Prediction]:
 
 def _single_scans(recording: Recording) -> Iterator[Scans]:
     """Scan by scan, conditioned as a recording is: tare and noise are no part of the comparison."""
-    session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
+    conditioner = Conditioner()
+    session = conditioner.start(recording.sensor, recording.masked, recording.blocks())
+    contacts = ContactFeatures().start(recording.sensor, conditioner.contact_on, conditioner.contact_off)
     for blocks in (*map(session.step, recording.blocks()), session.finish()):
-        for scans in blocks:
+        for block in blocks:
+            scans = contacts.step(block).scans
             yield from (cut(scans, k, k + 1) for k in range(len(scans)))
 
 

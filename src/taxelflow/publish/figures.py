@@ -12,6 +12,7 @@ import numpy as np
 
 from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
+from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import ParameterInvalid, RecordingError, ResultMissing
 from taxelflow.estimation.centroid.paper_reference import convolution_matrix
 from taxelflow.geometry import place
@@ -301,6 +302,8 @@ def _images(ran: Summary, recording: Recording, pad: int) -> Iterator[tuple[floa
     """Time and image (rows, cols) of one pad in every scan, conditioned as in the run; NaN where no taxel is."""
     conditioner = Conditioner(**ran.parameters["condition"])
     session = conditioner.start(recording.sensor, recording.masked, recording.blocks())
-    for scans in chain(*map(session.step, recording.blocks()), session.finish()):
+    contacts = ContactFeatures().start(recording.sensor, conditioner.contact_on, conditioner.contact_off)
+    for block in chain(*map(session.step, recording.blocks()), session.finish()):
+        scans = contacts.step(block).scans
         for when, pressure in zip(scans.t_s, scans.pressure, strict=True):
             yield float(when), recording.layout.grid(pad, pressure)
