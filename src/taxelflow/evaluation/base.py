@@ -61,29 +61,14 @@ class Table:
     rows: list[tuple[Cell, ...]]
 
 
-def unwatched(items: Iterable[Item], what: str) -> Iterable[Item]:  # noqa: ARG001 - the signature of Watch
+def unwatched(items: Iterable[Item], what: str) -> Iterable[Item]:
     """Pass items on without showing anything."""
     return items
 
 
 def table_of(name: str, rows: Sequence[msgspec.Struct], kind: type[msgspec.Struct]) -> Table:
-    """A table of rows of one kind: a column per field, those of a Struct in a field in its place."""
-    return Table(name, tuple(_headings(kind)), [tuple(_cells(row)) for row in rows])
-
-
-def _headings(kind: type[msgspec.Struct]) -> Iterable[str]:
-    for item in msgspec.structs.fields(kind):
-        inner = item.type
-        yield from _headings(inner) if _is_struct(inner) else [item.encode_name]
-
-
-def _cells(row: msgspec.Struct) -> Iterable[Cell]:
-    for value in msgspec.structs.astuple(row):
-        yield from _cells(value) if isinstance(value, msgspec.Struct) else [value]
-
-
-def _is_struct(kind: object) -> bool:
-    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
+    """A table of rows of one kind, a column per field."""
+    return Table(name, kind.__struct_fields__, [msgspec.structs.astuple(row) for row in rows])
 
 
 def write_tables(tables: Sequence[Table], path: Path) -> list[Path]:
@@ -111,4 +96,4 @@ def _text(cell: Cell) -> str:
 def at_least(name: str, value: int, least: int) -> None:
     """Raises ParameterInvalid if an option is smaller than it may be."""
     if value < least:
-        raise ParameterInvalid(name, value, f"it is {least} or more")
+        raise ParameterInvalid(name, value, f"be at least {least}")

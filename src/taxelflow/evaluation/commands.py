@@ -57,7 +57,7 @@ class Calibrate(Recorded):
         from taxelflow.sensors.calibration import save_calibration
 
         if self.out.suffix != ".toml":
-            raise ParameterInvalid("out", str(self.out), "it ends in .toml")
+            raise ParameterInvalid("out", str(self.out), "end in .toml")
         recording = api.read(self.recording, self.sensor, topic=self.topic, columns=self.own_columns)
         truth = None if self.truth is None else read_trajectory(self.truth)
         found = calibrate(
@@ -88,6 +88,7 @@ class Info(Recorded):
         """Read once, count, print."""
         from taxelflow import api
         from taxelflow.evaluation.checkup import check_up
+        from taxelflow.evaluation.checkup_table import show_checkup
         from taxelflow.publish.summary import to_json
         from taxelflow.publish.terminal import progress
 
@@ -96,7 +97,7 @@ class Info(Recorded):
         if self.json:
             sys.stdout.buffer.write(to_json(checkup))
         else:
-            checkup.show()
+            show_checkup(checkup)
         for note in (*checkup.notes, *([checkup.loss] if checkup.loss else [])):
             print(f"taxelflow: {note}", file=sys.stderr)
         return PARTLY_READ if checkup.loss else 0
@@ -117,7 +118,7 @@ class Plot:
         from taxelflow.evaluation.plot import plot_results
 
         if not self.results:
-            raise ParameterInvalid("results", "nothing", "give at least one directory")
+            raise ParameterInvalid("results", "nothing", "name at least one directory")
         for path in plot_results(self.results, self.out or self.results[0], self.format):
             print(path)
         return 0
@@ -158,13 +159,14 @@ class Bench:
     def run(self, _rest: list[str]) -> int:
         """Run and print."""
         from taxelflow.evaluation.bench import bench
+        from taxelflow.evaluation.bench_table import show_bench
         from taxelflow.publish.summary import to_json
 
         found = bench(self.recording)
         if self.json:
             sys.stdout.buffer.write(to_json(found))
         else:
-            found.show()
+            show_bench(found)
         return 0
 
 
@@ -208,9 +210,9 @@ class Output:
 
     def __post_init__(self) -> None:
         if self.csv is not None and self.csv.suffix != ".csv":
-            raise ParameterInvalid("csv", str(self.csv), "it ends in .csv")
+            raise ParameterInvalid("csv", str(self.csv), "end in .csv")
         if self.csv is not None and not self.csv.parent.is_dir():
-            raise ParameterInvalid("csv", str(self.csv), "make its directory first")
+            raise ParameterInvalid("csv", str(self.csv), "lie in a directory that exists")
 
 
 @dataclass(frozen=True)

@@ -99,13 +99,17 @@ class ContactsReport(msgspec.Struct, frozen=True):
 
     def tables(self) -> list[Table]:
         """The rows with the NEES of each span, then the share of recordings with a note."""
-        fields = [item.name for item in msgspec.structs.fields(ContactRow) if item.name != "consistency"]
-        columns = (*fields, *(f"nees_over_{over}" for over in SPANS))
-        rows: list[tuple[Cell, ...]] = [
-            (*(getattr(row, name) for name in fields), *(found.nees for found in row.consistency)) for row in self.rows
+        columns = ("method", "object", "seen", "known_percent", "ok_percent", "rms_mm", "rms_deg")
+        rows: list[tuple[Cell, ...]] = []
+        for row in self.rows:
+            run = (row.scenario, row.mode, self.seeds, row.method, row.object, row.seen)
+            nees = (found.nees for found in row.consistency)
+            rows.append((*run, 100 * row.known, 100 * row.ok, row.rms_mm, row.rms_deg, *nees))
+        noted: list[tuple[Cell, ...]] = [(scenario, 100 * share) for scenario, share in self.noted.items()]
+        return [
+            Table("rows", ("scenario", "mode", "seeds", *columns, *(f"nees_{over}" for over in SPANS)), rows),
+            Table("noted", ("scenario", "noted_percent"), noted),
         ]
-        noted: list[tuple[Cell, ...]] = list(self.noted.items())
-        return [Table("rows", columns, rows), Table("noted", ("scenario", "share"), noted)]
 
     def show(self) -> None:
         """Errors and consistency of each object, by how its contact was estimated."""
@@ -132,7 +136,12 @@ class ContactsReport(msgspec.Struct, frozen=True):
                 shares = (f"{row.known:.0%}", f"{row.ok:.0%}")
                 errors = (_number(row.rms_mm, 3), _number(row.rms_deg, 2))
                 table.add_row(
-                    row.method, row.object, row.seen, *shares, *errors, *(_number(one.nees, 1) for one in row.consistency)
+                    row.method,
+                    row.object,
+                    row.seen,
+                    *shares,
+                    *errors,
+                    *(_number(one.nees, 1) for one in row.consistency),
                 )
         return table
 

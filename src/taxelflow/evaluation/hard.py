@@ -99,7 +99,7 @@ class Hard:
         rows = found.rows()
         for method in self.methods:
             if method not in {row.method for row in rows}:
-                raise ParameterInvalid("methods", method, "it gives no position: leave it out")
+                raise ParameterInvalid("methods", method, "give a position: leave this method out")
         return HardReport(self.seeds, self.seed, self.solver, rows, found.far(), found.silent())
 
 
@@ -192,9 +192,7 @@ class _Found:
     def rows(self) -> list[HardRow]:
         """A row for each speed, method and case with a velocity."""
         silent = self.silent()
-        return [
-            _row(*key, own, self._bounds[key[0], key[2]]) for key, own in self._errors.items() if key not in silent
-        ]
+        return [_row(*key, own, self._bounds[key[0], key[2]]) for key, own in self._errors.items() if key not in silent]
 
     def far(self) -> list[Far]:
         """Strokes that are far off, in cases with a velocity."""

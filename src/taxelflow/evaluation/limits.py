@@ -17,18 +17,26 @@ from tyro.conf import Positional
 from taxelflow import api, registry
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Mode
-from taxelflow.evaluation.base import Table, at_least, table_of, unwatched
+from taxelflow.evaluation.base import Table, at_least, unwatched
 from taxelflow.evaluation.bound import bound_of
 from taxelflow.evaluation.cells import caption, number, solved_by
 from taxelflow.evaluation.limits_rows import (
+    ERROR,
+    MOTION,
+    NEES,
+    TIME,
     UNITS,
     ConsistencyRow,
     LimitsRow,
     Place,
     SinceRow,
     consistency_rows,
+    error_cells,
     error_rows,
+    motion_cells,
+    nees_cells,
     places,
+    share,
     since_rows,
 )
 from taxelflow.evaluation.pose_errors import Errors, errors_of
@@ -38,11 +46,11 @@ from taxelflow.simulation.scenario import SCENARIOS, Solver
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from rich.table import Table as Shown
 
-    from taxelflow.evaluation.base import Watch
+    from taxelflow.evaluation.base import Cell, Watch
 
 _BINS_A_PITCH = 4
 
@@ -84,7 +92,7 @@ class Limits:
             runs.add(self.seed + count)
         found, without = runs.found, runs.without()
         if self.methods and without:
-            raise ParameterInvalid("methods", ", ".join(without), "they give no position: leave them out")
+            raise ParameterInvalid("methods", ", ".join(without), "give a position: leave these methods out")
         kept = {method: own for method, own in found.items() if method not in without}
         return LimitsReport(
             scenario=self.scenario,
@@ -156,14 +164,21 @@ class LimitsReport(msgspec.Struct, frozen=True):
     """Methods that gave no position."""
 
     def tables(self) -> list[Table]:
-        """Errors over the bound, motion since the first scan, consistency, errors by place, processor time."""
+        """Errors over the bound, motion since the first scan, NEES, errors by place, processor time.
+
+        Every row begins with scenario, mode and number of seeds, so that files of several runs can be joined.
+        """
         return [
-            _with_units(table_of("rows", self.rows, LimitsRow)),
-            _with_units(table_of("since", self.since, SinceRow)),
-            table_of("consistency", self.consistency, ConsistencyRow),
-            table_of("places", self.places, Place),
-            table_of("seconds", self.seconds, Seconds),
+            self._table("error", ERROR, map(error_cells, self.rows)),
+            self._table("motion", MOTION, map(motion_cells, self.since)),
+            self._table("nees", NEES, map(nees_cells, self.consistency)),
+            self._table("place", Place.__struct_fields__, map(msgspec.structs.astuple, self.places)),
+            self._table("time", TIME, map(msgspec.structs.astuple, self.seconds)),
         ]
+
+    def _table(self, name: str, columns: Iterable[str], rows: Iterable[tuple[Cell, ...]]) -> Table:
+        run = (self.scenario, self.mode, self.seeds)
+        return Table(name, ("scenario", "mode", "seeds", *columns), [(*run, *row) for row in rows])
 
     def show(self) -> None:
         """Errors over the bound, motion since the first scan, then the consistency of covariances."""
@@ -194,7 +209,9 @@ class LimitsReport(msgspec.Struct, frozen=True):
     def _errors(self) -> Shown:
         ran = f"{self.scenario}, {self.mode}, {self.seeds} seeds from {self.seed}{solved_by(self.solver)}"
         title = f"{ran}: error over the bound"
-        table = quiet_table("method:", "scans:", "n", "axis:", "RMS", "±%", "bound", "x known", "x unknown", title=title)
+        table = quiet_table(
+            "method:", "scans:", "n", "axis:", "RMS", "±%", "bound", "x known", "x unknown", title=title
+        )
         for row in self.rows:
             digits = _digits(row.axis)
             table.add_row(
@@ -203,22 +220,12 @@ class LimitsReport(msgspec.Struct, frozen=True):
                 str(row.count),
                 f"{row.axis} {UNITS[row.axis]}",
                 f"{row.rms:.{digits}f}",
-                _share(row),
+                number(share(row), 0),
                 number(row.bound, digits),
                 number(row.over_known, 2),
                 number(row.over_unknown, 2),
             )
         return table
-
-
-def _with_units(table: Table) -> Table:
-    """A table whose rows are of different axes, with the unit of each row after its axis."""
-    at = table.columns.index("axis") + 1
-    columns = (*table.columns[:at], "unit", *table.columns[at:])
-    rows: list[tuple[str | int | float | None, ...]] = [
-        (*row[:at], UNITS[str(row[at - 1])], *row[at:]) for row in table.rows
-    ]
-    return Table(table.name, columns, rows)
 
 
 def _since(rows: Sequence[SinceRow]) -> Shown:
@@ -228,7 +235,7 @@ def _since(rows: Sequence[SinceRow]) -> Shown:
         digits = _digits(row.axis)
         numbers = [number(value, digits) for value in (row.last, row.known, row.unknown)]
         name = f"{row.axis} {UNITS[row.axis]}"
-        table.add_row(row.method, str(row.count), name, f"{row.rms:.{digits}f}", _share(row), *numbers)
+        table.add_row(row.method, str(row.count), name, f"{row.rms:.{digits}f}", number(share(row), 0), *numbers)
     return table
 
 
@@ -245,8 +252,3 @@ def _consistency(rows: Sequence[ConsistencyRow]) -> Shown:
 
 def _digits(axis: str) -> int:
     return 3 if axis == "theta" else 4
-
-
-def _share(row: LimitsRow | SinceRow) -> str:
-    """Standard error in percent of the RMS."""
-    return "-" if row.standard_error is None else f"{100 * row.standard_error / row.rms:.0f}"

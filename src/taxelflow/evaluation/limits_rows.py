@@ -11,6 +11,7 @@ from taxelflow.evaluation.nees import SPANS, Consistency, consistency
 from taxelflow.evaluation.strokes import rms_of
 
 if TYPE_CHECKING:
+    from taxelflow.evaluation.base import Cell
     from taxelflow.evaluation.pose_errors import Errors
     from taxelflow.messages import Bools, Floats
 
@@ -19,6 +20,14 @@ SETS = ("all", "ok")
 UNITS = {"x": "mm", "y": "mm", "theta": "deg"}
 _FACTORS = (1e3, 1e3, float(np.degrees(1.0)))
 """From m, m, rad to the rows' units."""
+_RMS = ("axis", "unit", "rms", "rms_standard_error_percent")
+ERROR = ("method", "scans", "n", *_RMS, "bound_known", "error_over_bound_known", "error_over_bound_unknown")
+MOTION = ("method", "n", *_RMS, "rms_last_scan", "bound_known", "bound_unknown")
+NEES = (
+    "method", "scans", "over_scans",
+    "nees_per_degree_of_freedom", "band_95_low", "band_95_high", "pairs", "independent_pairs",
+)  # fmt: skip
+TIME = ("method", "processor_time_s")
 
 
 class LimitsRow(msgspec.Struct, frozen=True):
@@ -83,7 +92,29 @@ def _chosen(one: Errors, scans: str) -> Bools:
     return known & one.ok if scans == "ok" else known
 
 
+def error_cells(row: LimitsRow) -> tuple[Cell, ...]:
+    """A row as in a CSV file."""
+    over = (row.bound, row.over_known, row.over_unknown)
+    return row.method, row.scans, row.count, row.axis, UNITS[row.axis], row.rms, share(row), *over
+
+
+def motion_cells(row: SinceRow) -> tuple[Cell, ...]:
+    """A row as in a CSV file."""
+    return row.method, row.count, row.axis, UNITS[row.axis], row.rms, share(row), row.last, row.known, row.unknown
+
+
+def nees_cells(row: ConsistencyRow) -> tuple[Cell, ...]:
+    """A row as in a CSV file."""
+    return row.method, row.scans, row.over, *msgspec.structs.astuple(row.found)
+
+
+def share(row: LimitsRow | SinceRow) -> float | None:
+    """Standard error of the RMS in percent of it."""
+    return None if row.standard_error is None else 100 * row.standard_error / row.rms
+
+
 def consistency_rows(method: str, own: list[Errors]) -> list[ConsistencyRow]:
+    """Consistency over each number of scans, for all poses and those with quality ok. own: one for each recording."""
     rows = []
     for scans in SETS:
         contacts = [piece for one in own for piece in _pieces(one, scans)]
@@ -101,6 +132,7 @@ def _pieces(one: Errors, scans: str) -> list[tuple[Floats, Floats]]:
 
 
 def error_rows(method: str, own: list[Errors]) -> list[LimitsRow]:
+    """Errors along each axis, for all poses and those with quality ok. own: one for each recording."""
     rows = []
     for scans in SETS:
         chosen = [_chosen(one, scans) for one in own]
@@ -143,6 +175,7 @@ def _by_contact(own: list[Errors], chosen: list[Bools], axis: int, unit: float) 
 
 
 def since_rows(method: str, own: list[Errors]) -> list[SinceRow]:
+    """Errors of the motion since the first scan of each contact, along each axis. own: one for each recording."""
     rows = []
     for axis, unit in enumerate(_FACTORS):
         known = [np.isfinite(one.since[:, axis]) for one in own]
@@ -165,6 +198,7 @@ def since_rows(method: str, own: list[Errors]) -> list[SinceRow]:
 
 
 def places(method: str, own: list[Errors], width_mm: float) -> list[Place]:
+    """Errors by true position, in bins of this width, along the axis of the longest travel. own: one a recording."""
     travelled = np.ptp(np.concatenate([one.bound.pose[one.bound.scored, :2] for one in own]), axis=0)
     axis = int(np.argmax(travelled))
     chosen = [_chosen(one, "all") for one in own]

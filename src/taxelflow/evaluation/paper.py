@@ -61,7 +61,7 @@ def draw_paper(out: Path, form: str, *, strokes: int, seeds: int) -> list[Path]:
 def _taxels() -> Figure:
     caption = (
         "The 162 taxels of the paper's hand, numbered as in a scan, on the hand laid flat. The palm's second row is "
-        "143 to 149, as in the paper; the order within the fingers, the tips' shape and the fingers' places are "
+        "143 to 149, as the paper says; the order within the fingers, the tips' shape and the fingers' places are "
         "assumptions."
     )
     return layout_figure(load_sensor(_HAND).layout, caption, numbers=True)
@@ -178,7 +178,7 @@ def _limits(seeds: int) -> Figure:
     caption = (
         f"Error of an airbag's position along its stroke over the palm, by where it is, {seeds} seeds (taxelflow score "
         "limits), against the Cramér-Rao bound; dotted: the palm's edge. Centroids are biased as soon as the edge cuts "
-        "the contact. The template is at the bound; far out it is below it, since its prior expects a gain that hardly changes."
+        "the contact. The template is at the bound; far out it is below, for it knows that the gain hardly changes."
     )
     bounds = {"bound, pattern known": known, "bound, pattern unknown": unknown}
     return limits_figure(errors, {name: sorted(own.items()) for name, own in bounds.items() if own}, edge_mm, caption)

@@ -16,7 +16,7 @@ from rich.console import Console
 
 from taxelflow import api
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.base import Table, at_least, table_of, unwatched
 from taxelflow.evaluation.cells import caption, decimals, short, solved_by
 from taxelflow.evaluation.pairs import peers
 from taxelflow.evaluation.strokes import (
@@ -37,13 +37,13 @@ from taxelflow.simulation.scenario import Solver
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
     from rich.table import Table as Shown
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.evaluation.base import Table, Watch
+    from taxelflow.evaluation.base import Cell, Watch
     from taxelflow.evaluation.pairs import Pair
     from taxelflow.evaluation.strokes import Seen
     from taxelflow.messages import Floats, Scans
@@ -101,7 +101,7 @@ class Peers:
         seen = run_trials(self.strokes, self.seed, measured.measure, self.solver, watched)
         silent = [name for name in (*ours, *pairs) if not _heard(seen, name)]
         if wrong := [name for name in ours if name in silent]:
-            raise ParameterInvalid("methods", ", ".join(wrong), "they give no position: leave them out")
+            raise ParameterInvalid("methods", ", ".join(wrong), "give a position: leave these methods out")
         rows = rows_of(seen, [name for name in (*ours, *pairs) if name not in silent])
         return PeersReport(
             strokes=self.strokes + self.strokes % 2,
@@ -165,13 +165,27 @@ class PeersReport(msgspec.Struct, frozen=True):
     """Peers that gave no velocity of any stroke to fit a factor to."""
 
     def tables(self) -> list[Table]:
-        """The rows, the bounds, the failures, the ratios of the best."""
-        return [
-            table_of("rows", self.rows, Row),
-            table_of("bounds", self.bounds, BoundRow),
-            table_of("failed", self.failed, Failed),
-            table_of("best", self.best, Best),
-        ]
+        """Velocity errors of all with the bound, then the ratios of the best."""
+        rows: list[tuple[Cell, ...]] = []
+        for speed in SPEEDS_MM_S:
+            rows += [(speed, *cells) for cells in self._cells(speed)]
+        columns = ("all", "interior", "all_fitted", "interior_fitted")
+        headings = ("speed_mm_s", "method", *(f"{column}_rmse_percent" for column in columns), "failed_pairs_percent")
+        return [Table("rmse", headings, rows), table_of("best", self.best, Best)]
+
+    def _cells(self, speed: int) -> Iterator[tuple[Cell, ...]]:
+        """At one speed, of each method and of the bound: errors uncalibrated and fitted, share of failed pairs."""
+        own = {
+            (row.method, row.scans, row.factor_standard_error > 0): row
+            for row in self.rows
+            if row.nominal_mm_s == speed
+        }
+        failed = {row.method: row.percent for row in self.failed}
+        for method in dict.fromkeys(method for method, _, _ in own):
+            errors = (own[method, scans, fitted].rmse_percent for fitted in (False, True) for scans in SETS)
+            yield (method, *errors, failed.get(method))
+        bound = {row.scans: row.percent for row in self.bounds if row.nominal_mm_s == speed}
+        yield ("Cramér-Rao bound", *(bound[scans] for scans in SETS), None, None, None)
 
     def show(self) -> None:
         """Errors of all on the same strokes, then the best peer's error over our best."""

@@ -113,7 +113,9 @@ def _pictures(
     patterns = sorted(read_patterns(result.directory), key=lambda one: one.scans)
     longest = {one.pad: one for one in patterns}  # of each pad the contact whose pattern was learned from most scans
     contacts = [
-        _contact(result.ran, track, longest[track.pad], _axis_track(track.pad, result.ran, results, recording), recording)
+        _contact(
+            result.ran, track, longest[track.pad], _axis_track(track.pad, result.ran, results, recording), recording
+        )
         for track in result.placed
         if track.pad in longest
     ]
@@ -217,7 +219,9 @@ def _views(results: Sequence[_Result], pad: str, recording: Recording) -> Views 
     number = recording.layout.pads.index(pad)
     if recording.layout.tables[number]:
         return None
-    tracks = {result.ran.method: (result.ran, track) for result in results for track in result.placed if track.pad == pad}
+    tracks = {
+        result.ran.method: (result.ran, track) for result in results for track in result.placed if track.pad == pad
+    }
     ran, track = tracks.get("convolution", next(iter(tracks.values())))
     scan = _largest_slip(track)
     t_s = float(track.numbers["t_s"][scan])

@@ -96,7 +96,7 @@ class Prediction:
 
     def __post_init__(self) -> None:
         if not self.recordings:
-            raise ParameterInvalid("recordings", "nothing", "give at least one recording")
+            raise ParameterInvalid("recordings", "nothing", "name at least one recording")
 
     def run(self, watched: Watch = unwatched) -> PredictionReport:
         """Read and score the recordings. Raises what `api.read` raises."""
@@ -112,7 +112,7 @@ class PredictionReport(msgspec.Struct, frozen=True):
 
     def tables(self) -> list[Table]:
         """Prediction errors, then turns."""
-        return [table_of("predictions", self.predictions, PredictionRow), table_of("turns", self.turns, Turn)]
+        return [table_of("scans", self.predictions, PredictionRow), table_of("turn", self.turns, Turn)]
 
     def show(self) -> None:
         """Prediction errors, then turns, a block per recording."""

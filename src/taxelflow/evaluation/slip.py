@@ -109,7 +109,7 @@ class Slip:
         at_least("seed", self.seed, 0)
         at_least("processes", self.processes, 1)
         if not 0 <= self.hours < float("inf"):
-            raise ParameterInvalid("hours", self.hours, "it is 0 or more")
+            raise ParameterInvalid("hours", self.hours, "be 0 or more")
         SlipMonitor(alarms_per_hour=self.alarms_per_hour)  # refuses a rate that cannot be
 
     def run(self, watched: Watch = unwatched) -> SlipReport:
@@ -182,7 +182,9 @@ class SlipReport(msgspec.Struct, frozen=True):
         title = f"still objects, {self.alarms_per_hour:g} false alarms an hour asked for, seeds from {self.first_seed}"
         table = quiet_table("scenario:", "method:", "hours", "alarms", "an hour", "95 %:", "scatter", title=title)
         for row in self.holds:
-            rate, low, high = (f"{rate:.0f}" if rate >= 100 else f"{rate:.2g}" for rate in (row.per_hour, row.low, row.high))
+            rate, low, high = (
+                f"{rate:.0f}" if rate >= 100 else f"{rate:.2g}" for rate in (row.per_hour, row.low, row.high)
+            )
             numbers = (f"{row.hours:.2f}", str(row.alarms), rate, f"{low} to {high}", f"{row.scatter:.2f}")
             table.add_row(row.scenario, row.method, *numbers)
         return table

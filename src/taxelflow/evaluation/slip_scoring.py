@@ -228,5 +228,3 @@ def still_slips(t_s: Floats, pose: Floats, std: Floats, before: Floats) -> Slips
         disturbance=nothing.copy(),
         quality=np.full((count, 1), OK, dtype=np.uint8),
     )
-
-

@@ -72,12 +72,10 @@ class Table1:
         Raises NameUnknown, ParameterInvalid, ExtraMissing (solver elastic).
         """
         chosen = self.methods or scored_methods()
-        seen = run_trials(
-            self.strokes, self.seed, lambda scenario: _measured(scenario, chosen), self.solver, watched
-        )
+        seen = run_trials(self.strokes, self.seed, lambda scenario: _measured(scenario, chosen), self.solver, watched)
         for method in chosen:
             if not any(np.isfinite(stroke.all) for stroke in seen["fit", method]):
-                raise ParameterInvalid("methods", method, "it gives no position: leave it out")
+                raise ParameterInvalid("methods", method, "give a position: leave this method out")
         strokes = self.strokes + self.strokes % 2
         return Table1Report(strokes, self.seed, self.solver, PAPER, rows_of(seen, chosen))
 

@@ -43,7 +43,7 @@ class Simulate:
 
         asked: Simulated = self.scenario
         if asked.out.suffix != ".npz":
-            raise ParameterInvalid("out", str(asked.out), "it ends in .npz")
+            raise ParameterInvalid("out", str(asked.out), "end in .npz")
         recording = save(Scenario(**{item.name: getattr(asked, item.name) for item in fields(Scenario)}), asked.out)
         print(f"{recording.scans} scans of {recording.sensor.name} in {asked.out}")
         return 0
