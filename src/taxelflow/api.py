@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from inspect import signature
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -27,7 +28,7 @@ from taxelflow.sensors.sensor import Sensor
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from taxelflow.condition.learn import Learned
     from taxelflow.estimation.base import Estimator, Mode
@@ -114,14 +115,19 @@ def convert(
     return reading
 
 
-def conditioned(recording: Recording) -> Scans:
-    """All scans of a recording as an estimator gets them in a batch with default parameters, in memory."""
-    conditioner = Conditioner()
+def segmented(recording: Recording, conditioner: Conditioner | None = None) -> Iterator[Scans]:
+    """Blocks of scans as an estimator gets them in a batch: conditioned, contacts split."""
+    conditioner = conditioner or Conditioner()
     with announced():
         session = conditioner.start(recording.sensor, recording.masked, recording.blocks())
         contacts = ContactFeatures().start(recording.sensor, conditioner.contact_on, conditioner.contact_off)
-        blocks = [*(scans for raw in recording.blocks() for scans in session.step(raw)), *session.finish()]
-        return joined([contacts.step(block).scans for block in blocks])
+    for scans in chain(chain.from_iterable(map(session.step, recording.blocks())), session.finish()):
+        yield contacts.step(scans).scans
+
+
+def conditioned(recording: Recording) -> Scans:
+    """All scans of `segmented` in memory."""
+    return joined(list(segmented(recording)))
 
 
 def estimator(method: str, **parameters: Any) -> Estimator:

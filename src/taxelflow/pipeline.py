@@ -12,7 +12,7 @@ from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import CalibrationUnfit, NameUnknown, TaxelflowError
-from taxelflow.estimation.base import Learning, Mode
+from taxelflow.estimation.base import Calibratable, Learning, Mode
 from taxelflow.estimation.completion import SlipsSession
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.fusion.parameters import RigidField
@@ -228,10 +228,11 @@ def _started(pipeline: Pipeline, recording: Recording) -> EstimatorSession:
     estimator, calibration = pipeline.estimator, pipeline.calibration
     if calibration is None:
         return estimator.start(recording.layout, pipeline.mode)
-    if type(estimator) is not registry.find("estimator", calibration.method):
+    kind = registry.find("estimator", calibration.method)
+    if type(estimator) is not kind or not isinstance(estimator, Calibratable):
         raise CalibrationUnfit(f"method {calibration.method!r}", f"another, {type(estimator).__name__}")
     gains = calibration.gains(recording.sensor)
-    return calibratable(calibration.method, estimator).start(recording.layout, pipeline.mode, gains)
+    return estimator.start(recording.layout, pipeline.mode, gains)
 
 
 def _single(block: RawScans) -> Iterator[RawScans]:

@@ -64,8 +64,14 @@ class Estimator(Protocol):
         ...
 
 
+@runtime_checkable
 class Calibratable(Estimator, Protocol):
-    """A method whose index a calibration may scale."""
+    """A method whose positions a calibration may scale; `isinstance` is true where pitches_per_index is there."""
+
+    @property
+    def pitches_per_index(self) -> float:
+        """Pitches that one unit of the method's index (the paper's n) stands for; a class attribute will do."""
+        ...
 
     def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> EstimatorSession:
         """Begin a session. calibrated: (pads, 2), factors on positions along x and y, pad by pad and group by group."""

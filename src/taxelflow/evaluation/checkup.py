@@ -75,8 +75,8 @@ class PadCheckup(msgspec.Struct, frozen=True):
     """Largest force in the sample, N; None for a sensor without a scale."""
     findings: list[TaxelFinding]
     picture: list[list[float | None]]
-    """Highest reading of each taxel less its offset, row by row from the top; None where there is no taxel, or nothing
-    was heard of it."""
+    """Highest reading of each taxel less its offset, row by row from the top; None where there is no taxel, or no
+    reading was known."""
     marks: list[str]
     """One letter a place, row by row: o well, . never loaded, F reached full scale, ! not well, x masked; blank where
     there is no taxel."""
