@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.bspline import SIZE, STATE, THETA
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
+from taxelflow.numerics.bspline import SIZE, STATE, THETA
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.batch.model_selection import Solved

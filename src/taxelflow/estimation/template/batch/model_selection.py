@@ -9,10 +9,10 @@ import numpy as np
 
 from taxelflow.estimation.template.batch.dead_taxels import silent_taxels
 from taxelflow.estimation.template.batch.initialization import Tracker
-from taxelflow.estimation.template.bspline import GAIN, STATE, THETA
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
 from taxelflow.estimation.template.observability import sights
 from taxelflow.estimation.template.pose_output import TOO_ROUGH, unturned
+from taxelflow.numerics.bspline import GAIN, STATE, THETA
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

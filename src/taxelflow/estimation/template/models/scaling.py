@@ -20,9 +20,9 @@ from taxelflow.estimation.template.batch.model_selection import (
     start_scan,
     unexplained,
 )
-from taxelflow.estimation.template.bspline import GAIN, SIZE, THETA
 from taxelflow.estimation.template.bundle_adjustment import refine
 from taxelflow.estimation.template.observability import sights
+from taxelflow.numerics.bspline import GAIN, SIZE, THETA
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.bundle_adjustment import Fit

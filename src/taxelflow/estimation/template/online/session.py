@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.bspline import GAIN, STATE, THETA
 from taxelflow.estimation.template.map_export import Maps
 from taxelflow.estimation.template.observations import across, delays_of
 from taxelflow.estimation.template.online import track_state as online
@@ -24,6 +23,9 @@ from taxelflow.estimation.template.online.relocalization import DOUBT, close, re
 from taxelflow.estimation.template.online.step import ASKS, BOTH, ELSEWHERE, FOLLOW, REPORT, follow_hand
 from taxelflow.estimation.template.warmup import compile_kernels
 from taxelflow.messages import Bools, Estimates, Scans, no_scans
+from taxelflow.numerics.bspline import GAIN, STATE, THETA
+from taxelflow.numerics.centroid import loaded_centroid
+from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -210,7 +212,7 @@ class StreamSession:
             if known is None:
                 continue
             own = self._layout.of_pad(int(pad))
-            fits = m[online.CHI] <= online.gate(m[online.USUAL], m[online.COUNT])
+            fits = m[online.CHI] <= gate(m[online.USUAL], m[online.COUNT])
             if not known.mature:
                 if not fits and known.is_noise_beside(reading[own], variance[own]):
                     self._learn_anew(int(pad), t, reading, variance, known_place=False)
@@ -261,7 +263,7 @@ class StreamSession:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
         own = self._layout.of_pad(pad)
         places, middle = np.ascontiguousarray(self._places[:, own]), np.empty(4)
-        online.centroid(reading[own], variance[own], places, self._border[own], middle)
+        loaded_centroid(reading[own], variance[own], places, self._border[own], middle)
         m = self._memory[pad]
         m[:] = 0.0
         scan = (places, reading[own], variance[own], self._ceiling[own])
