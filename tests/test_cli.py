@@ -659,7 +659,7 @@ def test_sensors_draws_all_built_in_ones(tmp_path: Path, capsys: Capture) -> Non
         f.name for f in tmp_path.iterdir()
     }
     line = refused(capsys, "sensors", "--plot", tmp_path / "all.png")
-    assert "it is a file that ends in .svg, .png, .pdf, or a directory" in line
+    assert "plot must be a directory, or a file that ends in .svg or .png or .pdf" in line
 
 
 @pytest.mark.parametrize(

@@ -140,17 +140,17 @@ def test_an_output_that_is_a_directory_is_left_alone(tmp_path: Path, capsys: Cap
     [
         (["--pad", "plam"], ["unknown pad 'plam'", "finger1_tip", "palm"]),
         (["--sensor", "barret"], ["unknown sensor 'barret'", "barretthand-162", "schunk-sdh2"]),
-        (["--motion.speed-m-s", "0"], ["motion speed_m_s is 0.0"]),
-        (["--motion.strokes", "0"], ["motion strokes is 0"]),
-        (["--motion.rest-s", "-1"], ["motion rest_s", "-1.0"]),
-        (["--motion.rest-s", "nan"], ["motion rest_s", "nan"]),
-        (["--motion.travel-m", "inf"], ["motion travel_m", "inf"]),
-        (["--contact.radius-m", "-0.01"], ["contact radius_m is -0.01"]),
-        (["--sensing.bits", "64"], ["sensing bits is 64", "between 1 and 32"]),
-        (["--sensing.noise-pa", "-5"], ["sensing noise_pa", "-5.0"]),
-        (["--sensing.active-share", "1.5"], ["sensing active_share is 1.5"]),
-        (["--sensing.baseline-pa", "4e3", "1e3"], ["sensing baseline_pa", "4000.0"]),
-        (["--sensing.dead", "162"], ["sensing dead is 162", "0 to 161"]),
+        (["--motion.speed-m-s", "0"], ["motion.speed_m_s must", "(got 0.0)"]),
+        (["--motion.strokes", "0"], ["motion.strokes must", "(got 0)"]),
+        (["--motion.rest-s", "-1"], ["motion.rest_s", "-1.0"]),
+        (["--motion.rest-s", "nan"], ["motion.rest_s", "nan"]),
+        (["--motion.travel-m", "inf"], ["motion.travel_m", "inf"]),
+        (["--contact.radius-m", "-0.01"], ["contact.radius_m must", "(got -0.01)"]),
+        (["--sensing.bits", "64"], ["sensing.bits must", "(got 64)", "between 1 and 32"]),
+        (["--sensing.noise-pa", "-5"], ["sensing.noise_pa", "-5.0"]),
+        (["--sensing.active-share", "1.5"], ["sensing.active_share must", "(got 1.5)"]),
+        (["--sensing.baseline-pa", "4e3", "1e3"], ["sensing.baseline_pa", "4000.0"]),
+        (["--sensing.dead", "162"], ["sensing.dead must", "(got 162)", "between 0 and 161"]),
         (["--seed", "-1"], ["seed", "-1"]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else None,
@@ -231,7 +231,7 @@ def test_score_gives_json(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
 @pytest.mark.parametrize("strokes", [1, 0, -4])
 def test_score_needs_a_backward_and_a_forward_stroke(capsys: Capture, strokes: int) -> None:
     line = refused(capsys, "score", "table1", "--strokes", strokes)
-    assert f"strokes is {strokes}; it is 2 or more" in line
+    assert f"strokes must be at least 2 (got {strokes})" in line
 
 
 def test_score_refuses_a_negative_seed(capsys: Capture) -> None:
@@ -254,9 +254,9 @@ def test_score_slip_prints_slips_and_alarms_beside_the_rate(capsys: Capture) -> 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--hours", -1], "hours is -1.0; it is 0 or more"),
-        (["--processes", 0], "processes is 0; it is 1 or more"),
-        (["--alarms-per-hour", 0], "monitor alarms_per_hour is 0.0; it is above 0"),
+        (["--hours", -1], "hours must be 0 or more (got -1.0)"),
+        (["--processes", 0], "processes must be at least 1 (got 0)"),
+        (["--alarms-per-hour", 0], "monitor.alarms_per_hour must be a finite number above 0 (got 0.0)"),
         (["--methods", "guess"], "unknown estimator 'guess'; known are lnorm"),
     ],
 )

@@ -84,7 +84,7 @@ def read(
     opener = registry.find("reader", suffix)
     asked = {name: value for name, value in {"topic": topic, "columns": columns}.items() if value is not None}
     for name in asked.keys() - signature(opener).parameters.keys():
-        raise ParameterInvalid(name, asked[name], f"leave it out: it means nothing for {suffix} recordings")
+        raise ParameterInvalid(name, asked[name], f"be left out for {suffix} recordings: it has no meaning there")
     return cast("Recording", opener(path, sensor, **asked))
 
 
@@ -126,7 +126,7 @@ def estimator(method: str, **parameters: Any) -> Estimator:
     try:
         return cast("Estimator", kind(**parameters))
     except TypeError as error:
-        raise ParameterInvalid(f"a parameter of {method}", parameters, str(error)) from error
+        raise ParameterInvalid(f"parameters of {method}", parameters, f"fit the method: {error}") from error
 
 
 def estimate(

@@ -150,7 +150,7 @@ class Calibrate(_Recorded):
         from taxelflow.sensors.calibration import save_calibration
 
         if self.out.suffix != ".toml":
-            raise ParameterInvalid("out", str(self.out), "it ends in .toml")
+            raise ParameterInvalid("out", str(self.out), "end in .toml")
         recording = self.opened()
         truth = None if self.truth is None else read_trajectory(self.truth)
         found = calibrate(
@@ -279,7 +279,7 @@ class Simulate:
 
         asked: Simulated = self.scenario
         if asked.out.suffix != ".npz":
-            raise ParameterInvalid("out", str(asked.out), "it ends in .npz")
+            raise ParameterInvalid("out", str(asked.out), "end in .npz")
         recording = save(Scenario(**{item.name: getattr(asked, item.name) for item in fields(Scenario)}), asked.out)
         print(f"{recording.scans} scans of {recording.sensor.name} in {asked.out}")
         return 0
@@ -353,15 +353,19 @@ class Score:
         """What is scored is named for `limits` and `real` only."""
         if self.what == "real":
             if not self.of:
-                raise ParameterInvalid("recordings", "nothing", "give at least one recording")
+                raise ParameterInvalid("recordings", "nothing", "name at least one recording")
             return
         for name, value in (("sensor", self.sensor), ("topic", self.topic)):
             if value is not None:
-                raise ParameterInvalid(name, value, f"leave it out: score {self.what} reads no recording")
+                raise ParameterInvalid(name, value, f"be left out: score {self.what} reads no recording")
         if self.of and self.what != "limits":
-            raise ParameterInvalid("of", " ".join(self.of), f"leave it out: score {self.what} simulates its own")
+            raise ParameterInvalid(
+                "of", " ".join(self.of), f"be left out: score {self.what} simulates its own recordings"
+            )
         if len(self.of) > 1:
-            raise ParameterInvalid("scenario", " ".join(self.of), "score limits takes one at a time")
+            raise ParameterInvalid(
+                "scenario", " ".join(self.of), "be one name: score limits takes one scenario at a time"
+            )
 
     def _real(self) -> tuple[Struct, Callable[[Any], None]]:
         from taxelflow import api
@@ -411,7 +415,7 @@ class Score:
 
         _at_least("processes", self.processes, 1)
         if not 0 <= self.hours < float("inf"):
-            raise ParameterInvalid("hours", self.hours, "it is 0 or more")
+            raise ParameterInvalid("hours", self.hours, "be 0 or more")
         scored = score_slip(
             self.methods or METHODS,
             self.seeds,
@@ -463,7 +467,7 @@ class Plot:
         from taxelflow.publish.figures import draw_results
 
         if not self.results:
-            raise ParameterInvalid("results", "nothing", "give at least one directory")
+            raise ParameterInvalid("results", "nothing", "name at least one directory")
         for path in draw_results(self.results, self.out or self.results[0], self.format):
             print(path)
         return 0
@@ -517,7 +521,7 @@ class Bench:
 
 def _at_least(name: str, value: int, least: int) -> None:
     if value < least:
-        raise ParameterInvalid(name, value, f"it is {least} or more")
+        raise ParameterInvalid(name, value, f"be at least {least}")
 
 
 Command = (

@@ -147,10 +147,10 @@ class NameUnknown(TaxelflowError):
 
 
 class ParameterInvalid(TaxelflowError):
-    """A parameter is out of its range."""
+    """A parameter is out of its range. duty: what it must do, as in `be at least 2` or `end in .npz`."""
 
-    def __init__(self, name: str, seen: object, allowed: str) -> None:
-        super().__init__(f"{name} is {seen!r}; {allowed}")
+    def __init__(self, name: str, seen: object, duty: str) -> None:
+        super().__init__(f"{name} must {duty} (got {seen!r})")
 
 
 class ResultMissing(TaxelflowError):

@@ -143,7 +143,7 @@ def test_every_scan_of_a_result_has_its_features(mode: str) -> None:
 
 @pytest.mark.parametrize("threshold", [-1.0, float("nan"), float("inf")])
 def test_a_threshold_out_of_range_is_refused(threshold: float) -> None:
-    with pytest.raises(ParameterInvalid, match=r"features threshold is .*; it is 0 or more"):
+    with pytest.raises(ParameterInvalid, match=r"features.threshold must be 0 or more \(got .*\)"):
         ContactFeatures(threshold)
 
 

@@ -94,13 +94,13 @@ def test_the_command_prints_tables_or_json(turned: Path, capsys: pytest.CaptureF
 
 def test_the_command_says_what_it_needs(turned: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["score", "real"]) == 2
-    assert "give at least one recording" in capsys.readouterr().err
+    assert "recordings must name at least one recording" in capsys.readouterr().err
     assert main(["score", "field", str(turned)]) == 2
-    assert "leave it out: score field simulates its own" in capsys.readouterr().err
+    assert "of must be left out: score field simulates its own" in capsys.readouterr().err
     assert main(["score", "limits", "stroke", "turn"]) == 2
-    assert "score limits takes one at a time" in capsys.readouterr().err
+    assert "score limits takes one scenario at a time" in capsys.readouterr().err
     assert main(["score", "limits", "--topic", "touch"]) == 2
-    assert "leave it out: score limits reads no recording" in capsys.readouterr().err
+    assert "must be left out: score limits reads no recording" in capsys.readouterr().err
     assert main(["score", "real", str(turned), "--topic", "touch"]) == 2
     assert "it means nothing for .npz recordings" in capsys.readouterr().err
 

@@ -71,7 +71,9 @@ def test_a_hand_needs_a_pad_with_a_place(tmp_path: Path) -> None:
     file = tmp_path / "two.toml"
     pads = "".join(f'[[pads]]\nname = "{name}"\nrows = 4\ncols = 4\npitch_m = [0.01, 0.01]\n' for name in "ab")
     file.write_text(f'name = "two"\nunit = "Pa"\n{pads}')
-    with pytest.raises(ParameterInvalid, match=r"pad is 'hand'; no pad of .*two\.toml has a place .* origin_m"):
+    with pytest.raises(
+        ParameterInvalid, match=r"pad must name a pad: no pad of .*two\.toml has a position .* origin_m"
+    ):
         simulate(Scenario(sensor=str(file), pad=HAND))
     with pytest.raises(NameUnknown, match=r"unknown pad 'c'; known are a, b, hand"):
         simulate(Scenario(sensor=str(file), pad="c"))

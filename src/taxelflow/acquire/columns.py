@@ -50,15 +50,15 @@ class Columns:
     def __post_init__(self) -> None:
         for name, value, least in (("skip", self.skip, 0), ("rows_per_scan", self.rows_per_scan, 1)):
             if value < least:
-                raise ParameterInvalid(f"columns.{name}", value, f"it is {least} or more")
+                raise ParameterInvalid(f"columns.{name}", value, f"be at least {least}")
         if self.rate_hz is not None and not 0 < self.rate_hz < float("inf"):
-            raise ParameterInvalid("columns.rate_hz", self.rate_hz, "it is above 0")
+            raise ParameterInvalid("columns.rate_hz", self.rate_hz, "be a finite number above 0, in Hz")
         if self.header and self.rows_per_scan > 1:
             raise ParameterInvalid(
-                "columns.rows_per_scan", self.rows_per_scan, "with several rows a scan, say no header"
+                "columns.rows_per_scan", self.rows_per_scan, "be 1 for a file with a header: add --columns.no-header"
             )
         if self.delimiter is not None and self.delimiter not in ("tab", "space") and len(self.delimiter) != 1:
-            raise ParameterInvalid("columns.delimiter", self.delimiter, "it is one character, tab or space")
+            raise ParameterInvalid("columns.delimiter", self.delimiter, "be one character, tab or space")
 
     @property
     def seconds(self) -> float:
@@ -76,10 +76,11 @@ class Columns:
         try:
             table = tomllib.loads(self.file.read_text(encoding="utf-8"))
             if unknown := table.keys() - set(known):
-                raise ParameterInvalid(f"{self.file}", ", ".join(sorted(unknown)), f"its fields are {', '.join(known)}")
+                duty = f"have only the fields {', '.join(known)}"
+                raise ParameterInvalid(f"{self.file}", ", ".join(sorted(unknown)), duty)
             said = msgspec.convert(table, Columns)
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
-            raise ParameterInvalid("columns.file", str(self.file), f"it cannot be read: {error}") from error
+            raise ParameterInvalid("columns.file", str(self.file), f"be a readable TOML file: {error}") from error
         return replace(said, **given)
 
     def find(self, path: Path, names: list[str]) -> tuple[int | None, list[int]]:
@@ -129,7 +130,7 @@ def _matching(pattern: str, names: list[str]) -> list[int]:
         try:
             compiled = re.compile(pattern.removeprefix("re:"))
         except re.error as error:
-            raise ParameterInvalid("columns.taxels", pattern, f"it is no regular expression: {error}") from error
+            raise ParameterInvalid("columns.taxels", pattern, f"be a regular expression after re:, {error}") from error
         return [number for number, name in enumerate(names) if compiled.fullmatch(name)]
     return [number for number, name in enumerate(names) if fnmatchcase(name, pattern)]
 

@@ -21,7 +21,7 @@ class ContactFeatures:
 
     def __post_init__(self) -> None:
         if not 0 <= self.threshold < float("inf"):
-            raise ParameterInvalid("features threshold", self.threshold, "it is 0 or more")
+            raise ParameterInvalid("features.threshold", self.threshold, "be 0 or more")
 
     def begin(self, sensor: Sensor) -> ShapeSession:
         """Begin a session for this sensor."""

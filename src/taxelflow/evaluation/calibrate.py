@@ -55,7 +55,7 @@ def calibrate(
         raise NameUnknown("method with an index", method, INDEX_SHARE)
     for name, value in (("search_s", search_s), ("edge", edge), ("within_m", 1.0 if within_m is None else within_m)):
         if not 0 <= value < float("inf"):
-            raise ParameterInvalid(name, value, "it is a number, 0 or more")
+            raise ParameterInvalid(name, value, "be 0 or more")
     layout = recording.layout
     names = layout.pads[: layout.pad_count]
     if pad is not None and pad not in names:

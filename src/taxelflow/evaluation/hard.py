@@ -124,7 +124,7 @@ def hard(
     rows = [_row(*key, own, limits[key[0], key[2]]) for key, own in errors.items() if key not in silent]
     for method in chosen:
         if method not in {row.method for row in rows}:
-            raise ParameterInvalid("methods", method, "it gives no position: leave it out")
+            raise ParameterInvalid("methods", method, "give a position: leave this method out")
     far = [one for one in far if (one.nominal_mm_s, one.method, one.case) not in silent]
     return Hard(seeds, seed, solver, rows, far, silent)
 

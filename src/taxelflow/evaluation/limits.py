@@ -176,7 +176,7 @@ def limits(
         contact += int(slips.contact[:, pad].sum())
     without = [method for method, own in found.items() if not any(np.isfinite(one.error).any() for one in own)]
     if methods and without:
-        raise ParameterInvalid("methods", ", ".join(without), "they give no position: leave them out")
+        raise ParameterInvalid("methods", ", ".join(without), "give a position: leave these methods out")
     kept = {method: own for method, own in found.items() if method not in without}
     return Limits(
         scenario=scenario,

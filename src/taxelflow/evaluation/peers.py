@@ -101,7 +101,7 @@ def score_peers(
     seen = run_trials(strokes, seed, measure, watched, solver)
     silent = [name for name in (*ours, *pairs) if not _heard(seen, name)]
     if wrong := [name for name in ours if name in silent]:
-        raise ParameterInvalid("methods", ", ".join(wrong), "they give no position: leave them out")
+        raise ParameterInvalid("methods", ", ".join(wrong), "give a position: leave these methods out")
     rows = rows_of(seen, [name for name in (*ours, *pairs) if name not in silent])
     return Peers(
         strokes=strokes + strokes % 2,

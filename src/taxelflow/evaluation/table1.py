@@ -77,7 +77,7 @@ def table1(
     seen = run_trials(strokes, seed, lambda scenario: _measured(simulate(scenario), chosen), watched, solver)
     for method in chosen:
         if not any(np.isfinite(stroke.all) for stroke in seen["fit", method]):
-            raise ParameterInvalid("methods", method, "it gives no position: leave it out")
+            raise ParameterInvalid("methods", method, "give a position: leave this method out")
     return Table1(strokes + strokes % 2, seed, solver, PAPER, rows_of(seen, chosen))
 
 

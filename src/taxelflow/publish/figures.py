@@ -93,7 +93,7 @@ def draw_sensors(sensors: Sequence[Sensor], out: Path) -> list[Path]:
     """
     form = out.suffix.removeprefix(".")
     if form and (form not in _FORMATS or len(sensors) > 1):
-        raise ParameterInvalid("plot", str(out), f"it is a file that ends in .{', .'.join(_FORMATS)}, or a directory")
+        raise ParameterInvalid("plot", str(out), f"be a directory, or a file that ends in .{' or .'.join(_FORMATS)}")
     made: list[Path] = []
     (out.parent if form else out).mkdir(parents=True, exist_ok=True)
     with styled():

@@ -108,11 +108,13 @@ def with_contacts(sensor: Sensor, asked: int | str | Mapping[str, int]) -> Senso
         if name not in names:
             raise NameUnknown("pad", name, names)
         if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_CONTACTS:
-            raise ParameterInvalid("contacts", count, f"it is a whole number from 1 to {MOST_CONTACTS}")
+            raise ParameterInvalid("contacts", count, f"be a whole number from 1 to {MOST_CONTACTS}")
     pads = tuple(msgspec.structs.replace(pad, contacts=counts.get(pad.name, pad.contacts)) for pad in sensor.pads)
     taken = {*names, *(group.name for group in sensor.groups)} & {name for pad in pads for name in pad.contact_names}
     if taken:
-        raise ParameterInvalid("contacts", asked, f"a pad or group is already called {min(taken)}: rename it")
+        raise ParameterInvalid(
+            "contacts", asked, f"leave the name {min(taken)} free: rename the pad or group of that name"
+        )
     return msgspec.structs.replace(sensor, pads=pads)
 
 
@@ -120,9 +122,7 @@ def _counts(asked: str) -> dict[str, int]:
     """Of text such as palm=2,thumb=3. Raises ParameterInvalid."""
     parts = [part.rpartition("=") for part in asked.split(",")]
     if not all(name and count.strip().isdecimal() for name, _, count in parts):
-        raise ParameterInvalid(
-            "contacts", asked, "it is a number such as 2, or one for each of some pads: palm=2,thumb=3"
-        )
+        raise ParameterInvalid("contacts", asked, "be a number such as 2, or a number per pad as in palm=2,thumb=3")
     return {name.strip(): int(count) for name, _, count in parts}
 
 

@@ -44,7 +44,7 @@ def simulate(scenario: Scenario) -> Recording:
     touched = _touched(scenario, layout)
     for taxel in scenario.sensing.dead:
         if not 0 <= taxel < layout.taxels:
-            raise ParameterInvalid("sensing dead", taxel, f"taxels run from 0 to {layout.taxels - 1}")
+            raise ParameterInvalid("sensing.dead", taxel, f"list taxels between 0 and {layout.taxels - 1}")
     random = np.random.default_rng(scenario.seed)
     t_s = clock(scenario.sensing, scenario.motion.duration_s, random)
     pressure = pressures(scenario, layout, touched, t_s)
@@ -127,8 +127,8 @@ def _touched(scenario: Scenario, layout: Layout) -> list[int]:
     if _on_hand(scenario, layout):
         placed = [number for number in range(len(pads)) if np.isfinite(layout.T_hand[number]).all()]
         if not placed:
-            allowed = f"no pad of {scenario.sensor} has a place in the hand: give them origin_m = [x, y], or name a pad"
-            raise ParameterInvalid("pad", HAND, allowed)
+            duty = f"name a pad: no pad of {scenario.sensor} has a position in the hand, origin_m = [x, y]"
+            raise ParameterInvalid("pad", HAND, duty)
         return placed
     if scenario.pad not in pads:
         raise NameUnknown("pad", scenario.pad, [*pads, HAND])

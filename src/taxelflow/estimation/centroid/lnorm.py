@@ -23,7 +23,7 @@ class LNorm:
 
     def __post_init__(self) -> None:
         if not 0 < self.gain < float("inf"):
-            raise ParameterInvalid("gain", self.gain, "it is a number above 0, and 1 when uncalibrated")
+            raise ParameterInvalid("gain", self.gain, "be a finite number above 0, and 1 where it is not calibrated")
 
     def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> TranslationSession:
         """Begin a session. calibrated: (pads, 2), factors along x, y besides `gain`."""

@@ -27,8 +27,8 @@ class Smoothing:
 
     def __post_init__(self) -> None:
         if not 0 <= self.acceleration_m_s2 < float("inf"):
-            allowed = "it is a number, 0 (no smoothing) or more"
-            raise ParameterInvalid("smooth acceleration_m_s2", self.acceleration_m_s2, allowed)
+            duty = "be 0 (no smoothing) or more, in m/s^2"
+            raise ParameterInvalid("smooth.acceleration_m_s2", self.acceleration_m_s2, duty)
 
     def around(self, session: EstimatorSession, layout: Layout, mode: Mode) -> EstimatorSession:
         """The session with its poses smoothed; itself if there is no smoothing."""
