@@ -1,4 +1,4 @@
-"""What a contact is like, pad by pad: force, area, peak, place, shape."""
+"""Parameters of the contact stage."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ContactFeatures:
     """Force, area, peak, centroid and principal axes of each pad's contact."""
 
     threshold: float = 4.0
-    """A taxel belongs to the contact when it reads above so many standard deviations of its noise."""
+    """A taxel belongs to the contact if it reads above this many standard deviations of its noise."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.threshold < float("inf"):

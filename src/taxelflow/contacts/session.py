@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from taxelflow.contacts.moments import ShapeSession
-from taxelflow.contacts.rigidity import Watch
-from taxelflow.contacts.split import Separator
+from taxelflow.contacts.moments import FeatureExtractor
+from taxelflow.contacts.rigidity import RigidityMonitor
+from taxelflow.contacts.split import ContactSplitter
 from taxelflow.messages import Bools, Contacts, Scans
 
 if TYPE_CHECKING:
@@ -33,22 +33,19 @@ class ContactSession:
     """Segments scan after scan; the result does not depend on how the scans are cut into blocks."""
 
     def __init__(self, features: ContactFeatures, sensor: Sensor, on: float, off: float) -> None:
-        """on, off: contact thresholds in standard deviations of noise, see `Conditioner.contact_on` and `contact_off`."""
+        """on, off: see `Conditioner.contact_on` and `contact_off`."""
         layout = sensor.layout
-        self._split = Separator(layout, on, off) if (layout.contact_of >= 0).any() else None
-        self._watch = Watch(layout, on, off)
-        self._describe = ShapeSession(features, sensor)
+        self._splitter = ContactSplitter(layout, on, off) if (layout.contact_of >= 0).any() else None
+        self._monitor = RigidityMonitor(layout, on, off)
+        self._features = FeatureExtractor(features, sensor)
 
     @property
     def notes(self) -> list[str]:
         """One sentence for each pad on which contacts have moved apart."""
-        return self._watch.notes
+        return self._monitor.notes
 
     def step(self, scans: Scans) -> SegmentedScans:
         """Segment the scans that follow those of the last call. The input is left unchanged."""
-        if self._split is not None:
-            scans = replace(
-                scans, pressure=scans.pressure.copy(), contact=scans.contact.copy(), complete=scans.complete.copy()
-            )
-            self._split.step(scans)
-        return SegmentedScans(scans, self._watch.step(scans), self._describe.step(scans))
+        if self._splitter is not None:
+            scans = self._splitter.step(scans)
+        return SegmentedScans(scans, self._monitor.step(scans), self._features.step(scans))
