@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass, make_dataclass
+from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -182,11 +183,12 @@ class Score:
 
         Raises NameUnknown, and what the score raises.
         """
+        if not rest or rest[0].startswith("-"):
+            return _list_scores(rest)
+
         from taxelflow.publish.summary import to_json
         from taxelflow.publish.terminal import counted
 
-        if not rest or rest[0].startswith("-"):
-            return _list_scores(rest)
         score, output = _parsed(registry.find("score", rest[0]), rest)
         report = score.run(counted)
         written = [] if output.csv is None else write_tables(report.tables(), output.csv)
@@ -228,7 +230,7 @@ def _list_scores(words: list[str]) -> int:
         descriptions={name: registry.summary("score", name) for name in names},
         prefix_names=False,
     )
-    tyro.cli(listed, args=words, prog="taxelflow score", description=Score.__doc__)
+    tyro.cli(listed, args=words, prog="taxelflow score", description=cleandoc(Score.__doc__ or ""))
     return 0
 
 

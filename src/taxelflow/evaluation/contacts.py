@@ -63,7 +63,10 @@ class ContactRow(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Contacts:
-    """Measure poses of two objects on one pad, split into two contacts and not, and of feet that lift."""
+    """Measure two objects on one pad, and feet that lift.
+
+    Each object is estimated alone, with --contacts 2, and as one contact with the other.
+    """
 
     seeds: int = 10
     """Recordings of each scenario, 1 or more."""

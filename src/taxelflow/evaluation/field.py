@@ -58,7 +58,10 @@ class _Cut(NamedTuple):
 
 @dataclass(frozen=True)
 class Field:
-    """Measure translation and rotation of an object over the whole hand, by number of slip vectors."""
+    """Measure motion over the hand by number of slip vectors.
+
+    An object turns, or slides and turns, over the whole hand.
+    """
 
     seeds: int = 10
     """Recordings of each scenario, 1 or more; seeds 0, 1, ..."""

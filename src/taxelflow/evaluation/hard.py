@@ -74,7 +74,10 @@ class Far(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Hard:
-    """Measure velocities of harder strokes: streamed, dead or saturated taxels, a rolling scan, a small object."""
+    """Measure the velocity of strokes harder than Table I's.
+
+    They are streamed, with dead or saturated taxels, with a rolling scan, or of an object smaller than a taxel.
+    """
 
     seeds: int = 10
     """Recordings of each case and speed, 1 or more."""

@@ -64,7 +64,10 @@ class Seconds(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Limits:
-    """Compare estimators with the Cramér-Rao bound of a scenario, and check their covariances."""
+    """Compare estimators with the Cramér-Rao bound of a scenario.
+
+    Their covariances are checked, too, and the drift of the motion since the first scan of a contact.
+    """
 
     scenario: Positional[str] = "stroke"
     """One of the scenarios of `taxelflow simulate`, on one pad."""

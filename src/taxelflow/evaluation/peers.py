@@ -79,7 +79,10 @@ class Best(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Peers:
-    """Compare with OpenCV, scikit-image and OpenPIV on the strokes of Table I (extra `bench`)."""
+    """Compare with OpenCV, scikit-image, OpenPIV (extra `bench`).
+
+    All estimate the velocity of the strokes of Table I.
+    """
 
     strokes: int = 1000
     """Strokes at each speed, 2 or more; half of them go backward, so an odd number is rounded up."""

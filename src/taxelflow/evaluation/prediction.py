@@ -86,7 +86,10 @@ class Turn(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Prediction:
-    """Measure, on recordings without truth, how well the template predicts the next scan, and its turn."""
+    """Predict the next scan of recordings without truth.
+
+    A template learned up to a scan predicts the one after it. Its's turn is compared with the principal axis, too.
+    """
 
     recordings: Positional[tuple[Path, ...]] = ()
     """One recording or more, in any format that `taxelflow estimate` reads."""

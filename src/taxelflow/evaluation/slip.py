@@ -89,7 +89,10 @@ class HoldRow(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Slip:
-    """Measure slips found and missed, their delay, and false alarms an hour of objects that hold still."""
+    """Measure slips found and missed, and false alarms an hour.
+
+    Slips are found live and in a recording; false alarms are of objects that hold still and of white noise.
+    """
 
     seeds: int = 10
     """Recordings of each object that sticks and slips, 0 or more."""

@@ -51,7 +51,10 @@ PAPER = (
 
 @dataclass(frozen=True)
 class Table1:
-    """Compare velocities of many strokes of an airbag over the palm with the paper's Table I."""
+    """Compare the velocity of strokes with the paper's Table I.
+
+    An airbag is slid over the palm, backward and forward, with object, line and phase drawn at random.
+    """
 
     strokes: int = 1000
     """Strokes at each speed, 2 or more; half of them go backward, so an odd number is rounded up."""

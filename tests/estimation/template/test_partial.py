@@ -6,7 +6,7 @@ import numpy as np
 
 from rigged import rigged
 from taxelflow import api
-from taxelflow.evaluation.limits import without_frame
+from taxelflow.evaluation.pose_errors import without_frame
 from taxelflow.evaluation.nees import consistency
 from taxelflow.messages import OK
 from taxelflow.simulation.simulate import simulate
