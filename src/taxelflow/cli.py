@@ -94,7 +94,7 @@ class Estimate(_Recorded):
 
         kind = registry.find("estimator", self.method)
         estimator = tyro.cli(kind, args=rest, prog=f"taxelflow estimate --method {self.method}")
-        recording = self.opened().told_apart(self.contacts)
+        recording = self.opened().with_contacts(self.contacts)
         calibration = None if self.calibration is None else load_calibration(self.calibration)
         pipeline = Pipeline(
             estimator,

@@ -14,7 +14,7 @@ from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import ParameterInvalid, RecordingError, ResultMissing
 from taxelflow.estimation.centroid.paper_reference import convolution_matrix
-from taxelflow.geometry import place
+from taxelflow.geometry import transform
 from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.plots.hand import Moment, field_figure
 from taxelflow.publish.plots.path import path_figure
@@ -184,7 +184,7 @@ def _field(ran: Summary, tracks: list[Track], directory: Path) -> list[Moment]:
     v = np.stack([[track.numbers["vx_m_s"], track.numbers["vy_m_s"]] for track in ordered]).transpose(2, 0, 1)
     known = np.isfinite(v[..., 0]) & np.isfinite(layout.T_hand[:, 0])
     count = known[:, : layout.pad_count].sum(axis=1)
-    known &= layout.apart
+    known &= layout.independent
     if count.max(initial=0) < _FEWEST_PADS:
         return []
     full = np.flatnonzero(count == count.max())
@@ -193,7 +193,7 @@ def _field(ran: Summary, tracks: list[Track], directory: Path) -> list[Moment]:
     twists = _twists(directory)
     moments = []
     for k in np.unique(full[(np.array([0.2, 0.5, 0.8]) * (len(full) - 1)).astype(int)]).tolist():
-        places, vectors = place(layout.T_hand, at[k]), place(turn, v[k])
+        places, vectors = transform(layout.T_hand, at[k]), transform(turn, v[k])
         places[~known[k]] = vectors[~known[k]] = np.nan
         moments.append(Moment(f"{t_s[k] - t_s[0]:.2f} s", places, vectors, twists[k, :3], twists[k, 3:]))
     return moments
