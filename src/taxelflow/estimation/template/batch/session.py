@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxelflow.estimation.centroid.session import border_of, mark_border
 from taxelflow.estimation.template.batch.model_selection import solve_contact
 from taxelflow.estimation.template.map_export import Maps
 from taxelflow.estimation.template.models.deforming import MEMORY, Moment, follow_changing
@@ -18,6 +17,7 @@ from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import TOO_ROUGH, Poses, aligned, poses_of
 from taxelflow.estimation.template.warmup import compile_kernels
 from taxelflow.messages import Bools, Scans, Slips, cut, joined, no_scans
+from taxelflow.sensors.border import border_of, mark_border
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

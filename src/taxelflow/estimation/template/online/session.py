@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.centroid.session import border_of
 from taxelflow.estimation.template.bspline import GAIN, STATE, THETA
 from taxelflow.estimation.template.map_export import Maps
 from taxelflow.estimation.template.observations import across, delays_of
@@ -25,6 +24,7 @@ from taxelflow.estimation.template.online.relocalization import DOUBT, close, re
 from taxelflow.estimation.template.online.step import ASKS, BOTH, ELSEWHERE, FOLLOW, REPORT, follow_hand
 from taxelflow.estimation.template.warmup import compile_kernels
 from taxelflow.messages import Bools, Scans, Slips, no_scans
+from taxelflow.sensors.border import border_of
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

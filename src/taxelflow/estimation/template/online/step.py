@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import brief_kernel
-from taxelflow.estimation.centroid.session import mark_border_of_scan
 from taxelflow.estimation.template.online.output import report
 from taxelflow.estimation.template.online.track_state import FLAG, NOTHING
 from taxelflow.estimation.template.online.tracking import follow
+from taxelflow.sensors.border import mark_border_of_scan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -74,7 +74,7 @@ def follow_hand(
     """Do FOLLOW, REPORT or BOTH with one scan (entries,), into row k of border ... quality (scans, pads, ...), whatever
     stood there.
 
-    See `follow.follow`, `report.report` and `translation.mark_border` for the arrays. lead: (pads,), how much
+    See `follow.follow`, `report.report` and `border.mark_border` for the arrays. lead: (pads,), how much
     later than its time a scan is read, see `scanned.delays_of`. If not all pads fit, BOTH stops before the report.
     """
     if job & FOLLOW:
