@@ -106,7 +106,7 @@ def convert(
         raise FormatUnknown(path, registry.names("writer"), "writer")
     write = registry.find("writer", path.suffix.lower())
     part = path.with_name(path.name + ".part")
-    reading = recording.sent()
+    reading = recording.source_blocks()
     try:
         write(recording, part, watched(reading))
         part.replace(path)
@@ -161,7 +161,7 @@ def estimate(
     """
     if not isinstance(recording, Recording):
         recording = read(recording)
-    recording = recording.told_apart(contacts)
+    recording = recording.with_contacts(contacts)
     if isinstance(method, str):
         chosen, name = estimator(method, **parameters), method
     else:

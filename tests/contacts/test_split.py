@@ -239,4 +239,4 @@ def test_groups_stay_beside_contacts() -> None:
     np.testing.assert_array_equal(with_both.contact[:, :2], plain.contact)
     layout = with_contacts(sensor, 2).layout
     assert layout.pads == ("pad0", "left", "pad0#1", "pad0#2")
-    assert layout.apart.tolist() == [False, True, False, False]
+    assert layout.independent.tolist() == [False, True, False, False]

@@ -119,7 +119,7 @@ def edge_reach(layout: Layout, pad: int, pressure: Floats, noise: Floats) -> Flo
     own = layout.of_pad(pad)
     p = np.clip(pressure[:, own], 0.0, None) * (pressure[:, own] > 6.0 * noise[own])
     total = np.where(p.sum(axis=1) > 0, p.sum(axis=1), 1.0)
-    beside = layout.beside[own]
+    beside = layout.adjacent[own]
     reach = np.zeros((len(p), 2))
     for axis, r in enumerate((layout.x_m[own], layout.y_m[own])):
         centre = (p @ r) / total

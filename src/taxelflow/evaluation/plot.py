@@ -13,7 +13,7 @@ from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import RecordingError, ResultMissing
 from taxelflow.estimation.centroid.paper_reference import convolution_matrix
-from taxelflow.geometry import place
+from taxelflow.geometry import transform
 from taxelflow.publish.figures import PadTracks, Pictures, ResultPictures, Views, draw_results
 from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.plots.hand import Moment
@@ -197,7 +197,7 @@ def _moments(result: _Result) -> list[Moment]:
     twists = _twists(result.directory)
     moments = []
     for k in np.unique(full[(np.array(_MOMENTS) * (len(full) - 1)).astype(int)]).tolist():
-        places, vectors = place(layout.T_hand, at[k]), place(turn, v[k])
+        places, vectors = transform(layout.T_hand, at[k]), transform(turn, v[k])
         places[~known[k]] = vectors[~known[k]] = np.nan
         moments.append(Moment(f"{t_s[k] - t_s[0]:.2f} s", places, vectors, twists[k, :3], twists[k, 3:]))
     return moments
