@@ -188,7 +188,7 @@ def _moments(result: _Result) -> list[Moment]:
     v = np.stack([[track.numbers["vx_m_s"], track.numbers["vy_m_s"]] for track in ordered]).transpose(2, 0, 1)
     known = np.isfinite(v[..., 0]) & np.isfinite(layout.T_hand[:, 0])
     count = known[:, : layout.pad_count].sum(axis=1)
-    known &= layout.apart
+    known &= layout.independent
     if count.max(initial=0) < _FEWEST_PADS:
         return []
     full = np.flatnonzero(count == count.max())
