@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from inspect import signature
 from itertools import chain
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 import msgspec
 import numpy as np
 
-from taxelflow import __version__, registry
+from taxelflow import registry
 from taxelflow.acquire.base import Reading, Recording
 from taxelflow.acquire.columns import Columns
 from taxelflow.compiling import announced
@@ -238,7 +239,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
     if pipeline.smooth.acceleration_m_s2:
         notes.append(NOTE)
     return Summary(
-        taxelflow=__version__,
+        taxelflow=version("taxelflow"),
         input=str(recording.source),
         format=recording.format,
         sensor=recording.sensor.name,

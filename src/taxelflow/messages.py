@@ -331,4 +331,3 @@ def _unknown(*shape: int) -> Floats:
     array: Floats = np.empty(shape)
     array.fill(np.nan)
     return array
-

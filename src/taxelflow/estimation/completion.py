@@ -1,4 +1,4 @@
-"""Estimates become slips: contact, border, load and the quality of cut contacts are the pipeline's duty, not a method's."""
+"""Estimates become slips: contact, border, load and the quality of cut contacts are no duty of a method."""
 
 from __future__ import annotations
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, cast
 import msgspec
 import numpy as np
 
-from taxelflow.estimation.completion import start_slips
 from taxelflow import api
 from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.estimation.centroid.paper_reference import convolution_index
+from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.bench_peers import PeerBench, bench_peers
 from taxelflow.evaluation.bench_reading import ReadingRate, reading_rates
 from taxelflow.evaluation.bench_throughput import Throughput, throughput

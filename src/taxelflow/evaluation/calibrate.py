@@ -11,16 +11,17 @@ a bias, which is alike in stroke after stroke, so that standard errors are wide 
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.completion import start_slips
-from taxelflow import __version__, api, registry
+from taxelflow import api, registry
 from taxelflow.acquire.trajectory import Trajectory
 from taxelflow.compiling import announced
 from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Calibratable
+from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.gainfit import GainFit, Sightings, fit_gains
 from taxelflow.messages import Scans, Slips, joined
 from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
@@ -78,7 +79,7 @@ def calibrate(
             found.append(_entry(name, fit, sightings, layout.pitch_m[number], estimator.pitches_per_index))
     if not found:
         raise GainsUnknown("; ".join(failed[:3]), "none of these pads can be calibrated by this recording")
-    return Calibration(method, recording.sensor.name, fingerprint(recording.sensor), __version__, tuple(found))
+    return Calibration(method, recording.sensor.name, fingerprint(recording.sensor), version("taxelflow"), tuple(found))
 
 
 def _calibratable(method: str) -> Calibratable:

@@ -21,8 +21,6 @@ from scipy.ndimage import shift
 from tyro.conf import Positional
 
 from taxelflow import api
-from taxelflow.condition.parameters import Conditioner
-from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.template.online.session import StreamSession
 from taxelflow.estimation.template.parameters import Template

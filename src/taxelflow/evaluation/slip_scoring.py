@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.completion import start_slips
 from taxelflow import api
 from taxelflow.compiling import announced
+from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.oracle import called
 from taxelflow.messages import OK, Event, Slips, joined
 from taxelflow.simulation.parameters import Contact

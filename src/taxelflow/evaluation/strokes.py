@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from taxelflow.estimation.completion import start_slips
 from taxelflow import api, registry
 from taxelflow.compiling import announced
+from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.base import unwatched
 from taxelflow.evaluation.bound import bound_of
 from taxelflow.messages import LOST, joined

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.base import SlipSource, Mode
+    from taxelflow.estimation.base import Mode, SlipSource
     from taxelflow.sensors.layout import Layout
 
 NOTE = "smoothed: poses and displacements hold what a constant velocity adds, information that is not in the scans"
