@@ -39,12 +39,6 @@ def result(method: str, *, contacts: bool = False, moments: bool = False) -> Res
     vectors = np.full((len(LAYOUT.pads), 2), 0.01)
     twist, centre = np.array([0.01, 0.0, 0.0]), np.full(2, np.nan)
     moment = Moment("0.50 s", LAYOUT.T_hand[:, :2], vectors, twist, centre)
-        "0.50 s",
-        LAYOUT.T_hand[:, :2],
-        np.full((len(LAYOUT.pads), 2), 0.01),
-        np.array([0.01, 0.0, 0.0]),
-        np.full(2, np.nan),
-    )
     tracks = [track(POSE[:, 0], POSE[:, 1], method=method, pad="palm")]
     return ResultPictures(method, LAYOUT, tracks, [contact()] if contacts else [], [moment] if moments else [])
 
