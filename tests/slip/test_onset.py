@@ -43,8 +43,10 @@ def run(
     learned: float = 0.0,
     correlation: float = 0.0,
 ) -> tuple[list[Step], Any]:
-    """Rest filter and onset detector over poses (scans, 3), the first at rest; NaN on the diagonal of a covariance
-    (3, 3), or of several (scans, 3, 3), where a coordinate is unknown. learned: components of noise of scale 1 and of this autocorrelation.
+    """Rest filter and onset detector over poses (scans, 3), the first at rest.
+
+    covariance: (3, 3), or (scans, 3, 3), NaN on the diagonal where a coordinate is unknown. learned: components of
+    noise of scale 1 and of this autocorrelation that the filter knows already.
     """
     measurement, parameters, state = (records(fields, 1)[0] for fields in (Measurement, Parameters, PadState))
     parameters["load_m"], parameters["creep_m_s"] = 1e-3, 1e-4
