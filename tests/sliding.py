@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from taxelflow.evaluation.slip import still_slips
+from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import Bools, Event, Floats, Slips
 from taxelflow.slip.parameters import SlipMonitor
 from taxelflow.slip.session import SlipSession

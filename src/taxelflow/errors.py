@@ -20,6 +20,7 @@ TaxelflowError
 │   ├── CalibrationInvalid    a calibration file is broken
 │   ├── CalibrationUnfit      a calibration of another sensor or method
 │   └── GainsUnknown          recording and truth do not tell the gains
+├── EstimatorBroken           an estimator of another package breaks its protocol
 ├── TruthInvalid              a robot's trajectory cannot be read
 └── ExtraMissing              an optional dependency is not installed
 """
@@ -147,10 +148,10 @@ class NameUnknown(TaxelflowError):
 
 
 class ParameterInvalid(TaxelflowError):
-    """A parameter is out of its range."""
+    """A parameter is out of its range. duty: what it must do, as in `be at least 2` or `end in .npz`."""
 
-    def __init__(self, name: str, seen: object, allowed: str) -> None:
-        super().__init__(f"{name} is {seen!r}; {allowed}")
+    def __init__(self, name: str, seen: object, duty: str) -> None:
+        super().__init__(f"{name} must {duty} (got {seen!r})")
 
 
 class ResultMissing(TaxelflowError):
@@ -186,6 +187,16 @@ class GainsUnknown(CalibrationError):
 
     def __init__(self, seen: str, remedy: str) -> None:
         super().__init__(f"no gain can be found: {seen}; {remedy}")
+
+
+class EstimatorBroken(TaxelflowError):
+    """An estimator's session breaks its protocol."""
+
+    def __init__(self, session: str, rows: int, scans: int) -> None:
+        super().__init__(
+            f"{session} gave estimates of {rows} scans where at most {scans} were waiting; "
+            "its step must give one row per scan, in order, none twice"
+        )
 
 
 class TruthInvalid(TaxelflowError):

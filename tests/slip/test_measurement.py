@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.evaluation.slip import still_slips
+from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
 from taxelflow.slip.covariance import Covariance
 from taxelflow.slip.measurement import (

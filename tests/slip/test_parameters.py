@@ -13,11 +13,11 @@ NAN = float("nan")
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"alarms_per_hour": 0.0}, r"monitor alarms_per_hour is 0\.0; it is above 0"),
-        ({"alarms_per_hour": NAN}, "monitor alarms_per_hour is nan; it is above 0"),
-        ({"creep_m_s": -1.0}, r"monitor creep_m_s is -1\.0; it is 0 or more"),
-        ({"load_m": math.inf}, "monitor load_m is inf; it is 0 or more"),
-        ({"settle_s": -0.1}, r"monitor settle_s is -0\.1; it is 0 or more"),
+        ({"alarms_per_hour": 0.0}, r"monitor.alarms_per_hour must be a finite number above 0 \(got 0\.0\)"),
+        ({"alarms_per_hour": NAN}, r"monitor.alarms_per_hour must .* \(got nan\)"),
+        ({"creep_m_s": -1.0}, r"monitor.creep_m_s must be 0 or more \(got -1\.0\)"),
+        ({"load_m": math.inf}, r"monitor.load_m must be 0 or more \(got inf\)"),
+        ({"settle_s": -0.1}, r"monitor.settle_s must be 0 or more \(got -0\.1\)"),
     ],
     ids=str,
 )

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from scipy.stats import poisson
 
 from taxelflow.compiling import kernel
-from taxelflow.evaluation.slip import still_slips
+from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import Floats
 from taxelflow.slip.detector import PadState
 from taxelflow.slip.measurement import Measurement, Parameters

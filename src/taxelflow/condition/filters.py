@@ -55,7 +55,7 @@ def _butterworth(lowpass_hz: float, usual_s: float) -> Floats:
         return np.array([1.0, 0.0, 0.0, 0.0, 0.0])
     if not lowpass_hz * usual_s < 0.4999:
         raise ParameterInvalid(
-            "condition lowpass_hz", lowpass_hz, f"it lies below half the scan rate, here {0.5 / usual_s:.3g} Hz"
+            "condition.lowpass_hz", lowpass_hz, f"be below half the scan rate, here {0.5 / usual_s:.3g} Hz"
         )
     from scipy.signal import butter
 

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from taxelflow.condition.session import Session
-    from taxelflow.contacts.rigidity import Watch
     from taxelflow.messages import Bools, RawScans
     from taxelflow.sensors.sensor import Sensor
 
@@ -49,16 +48,16 @@ class Conditioner:
     def __post_init__(self) -> None:
         for name, known in (("tare", Tare), ("repeats", Repeats), ("drift", Drifting)):
             if getattr(self, name) not in get_args(known):
-                raise ParameterInvalid(name, getattr(self, name), f"it is one of {', '.join(get_args(known))}")
+                raise ParameterInvalid(name, getattr(self, name), f"be one of {', '.join(get_args(known))}")
         if self.mask not in ("auto", "none") and not all(part.strip().isdecimal() for part in self.mask.split(",")):
-            raise ParameterInvalid("mask", self.mask, "it is auto, none, or numbers of taxels such as 17,203")
+            raise ParameterInvalid("mask", self.mask, "be auto, none, or numbers of taxels such as 17,203")
         if not 0 <= self.lowpass_hz < float("inf"):
-            raise ParameterInvalid("lowpass_hz", self.lowpass_hz, "it is a frequency in Hz, or 0 for none")
+            raise ParameterInvalid("lowpass_hz", self.lowpass_hz, "be a frequency in Hz, or 0 for no filter")
         if not (1 <= self.median_scans < 100 and self.median_scans % 2):
-            raise ParameterInvalid("median_scans", self.median_scans, "it is an odd number from 1 to 99")
+            raise ParameterInvalid("median_scans", self.median_scans, "be an odd number of scans from 1 to 99")
         if not 0 < self.contact_off <= self.contact_on:
             raise ParameterInvalid(
-                "contact_off", self.contact_off, f"it lies above 0, up to contact_on = {self.contact_on}"
+                "contact_off", self.contact_off, f"be above 0 and at most contact_on, {self.contact_on}"
             )
 
     @property
@@ -76,9 +75,3 @@ class Conditioner:
         from taxelflow.condition.session import Session
 
         return Session(self, sensor, masked, lookahead)
-
-    def watch(self, sensor: Sensor) -> Watch:
-        """Begin to watch for contacts that move apart, in scans that such a session gives."""
-        from taxelflow.contacts.rigidity import Watch
-
-        return Watch(sensor.layout, self.contact_on, self.contact_off)

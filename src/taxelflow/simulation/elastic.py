@@ -129,7 +129,6 @@ def _solve(surface: Floats, mean: float, box_m: float) -> Floats:
     finally:
         tamaas.set_log_level(before)
     if not left <= 100 * _TOLERANCE:
-        raise ParameterInvalid(
-            "solver", "elastic", f"this contact did not converge ({left:.1g}): choose a smoother one"
-        )
+        duty = f"be analytic, or the contact smoother: the solver has not converged (residual {left:.1g})"
+        raise ParameterInvalid("solver", "elastic", duty)
     return pressure

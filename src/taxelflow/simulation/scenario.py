@@ -34,24 +34,29 @@ class Scenario:
 
     def __post_init__(self) -> None:
         if self.seed < 0:
-            raise ParameterInvalid("seed", self.seed, "it is 0 or more")
-        if self.motion.duration_s * self.sensing.rate_hz < 1:
-            allowed = f"a motion of {self.motion.duration_s:.3g} s needs at least {1 / self.motion.duration_s:.3g} Hz"
-            raise ParameterInvalid("sensing rate_hz", self.sensing.rate_hz, allowed)
+            raise ParameterInvalid("seed", self.seed, "be 0 or more")
+        motion_s = self.motion.duration_s
+        if motion_s * self.sensing.rate_hz < 1:
+            duty = f"be at least {1 / motion_s:.3g} Hz, for one scan in a motion of {motion_s:.3g} s"
+            raise ParameterInvalid("sensing.rate_hz", self.sensing.rate_hz, duty)
         for motion, load in ((self.motion, self.load), (self.second.motion, self.second.load)):
             if load.lift_s > motion.rest_s:
-                allowed = f"it is at most motion rest_s, {motion.rest_s:g}: a moving object is in contact"
-                raise ParameterInvalid("load lift_s", load.lift_s, allowed)
+                duty = f"be at most motion.rest_s, {motion.rest_s:g} s: a moving object is in contact"
+                raise ParameterInvalid("load.lift_s", load.lift_s, duty)
         if self.load.steps and (self.contact.shape != "feet" or self.solver == "elastic"):
-            raise ParameterInvalid("load steps", self.load.steps, "it is 0 but for contact shape feet, solver analytic")
+            raise ParameterInvalid(
+                "load.steps", self.load.steps, "be 0, except for contact.shape feet with solver analytic"
+            )
         if self.second.there and self.pad == "hand":
-            raise ParameterInvalid("second there", self.second.there, "two objects lie on a pad, not on the hand")
+            raise ParameterInvalid(
+                "second.there", self.second.there, "be False for pad hand: two objects need a single pad"
+            )
         if self.load.roll_m and self.contact.shape == "feet":
-            raise ParameterInvalid("load roll_m", self.load.roll_m, "feet do not roll: it is 0, or use load tilt")
+            raise ParameterInvalid("load.roll_m", self.load.roll_m, "be 0 for contact.shape feet: use load.tilt")
         if self.solver == "elastic" and self.contact.deform_1_m:
-            raise ParameterInvalid("contact deform_1_m", self.contact.deform_1_m, "it is 0 with solver elastic")
+            raise ParameterInvalid("contact.deform_1_m", self.contact.deform_1_m, "be 0 with solver elastic")
         if self.solver == "elastic" and self.load.roll_m and self.contact.shape in TEXTURED:
-            raise ParameterInvalid("load roll_m", self.load.roll_m, "with solver elastic only smooth shapes roll")
+            raise ParameterInvalid("load.roll_m", self.load.roll_m, "be 0 for a textured contact with solver elastic")
 
 
 _PAPER = Scenario()

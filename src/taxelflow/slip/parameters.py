@@ -28,10 +28,10 @@ class SlipMonitor:
 
     def __post_init__(self) -> None:
         if not 0 < self.alarms_per_hour < float("inf"):
-            raise ParameterInvalid("monitor alarms_per_hour", self.alarms_per_hour, "it is above 0")
+            raise ParameterInvalid("monitor.alarms_per_hour", self.alarms_per_hour, "be a finite number above 0")
         for name in ("creep_m_s", "load_m", "settle_s"):
             if not 0 <= getattr(self, name) < float("inf"):
-                raise ParameterInvalid(f"monitor {name}", getattr(self, name), "it is 0 or more")
+                raise ParameterInvalid(f"monitor.{name}", getattr(self, name), "be 0 or more")
 
     def begin(self, pads: tuple[str, ...]) -> SlipSession:
         """Start a session for a stream over pads of these names: each scan is decided at once."""

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.centroid.session import border_of, mark_border
 from taxelflow.messages import Bools, Floats, Scans, Slips, judged, no_scans
+from taxelflow.sensors.border import border_of, mark_border
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.compiling import kernel
 from taxelflow.messages import Bools, Floats, Scans, Slips, judged, no_scans
+from taxelflow.sensors.border import border_of, mark_border, pad_load
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,9 +20,6 @@ DX, DY, X, Y, VAR_X, VAR_Y, COV_XY, D_VAR_X, D_VAR_Y, D_COV_XY, SPAN, LAG, LOAD,
 """Columns of the row that a kernel fills per scan and pad: displacement, pose, the pose's covariance, the
 displacement's, its span of time, the pose's lag; the pad's load (if the kernel knows it), a sign of slip for methods
 without direction."""
-
-_BORDER_SIGMAS = 6.0
-"""A border taxel that reads above so many standard deviations of its noise is loaded."""
 
 
 class TranslationSession:
@@ -74,7 +71,7 @@ class TranslationSession:
             self._memory,
             rows,
         )
-        add_up(scans.pressure, self._constants[1], rows)
+        pad_load(scans.pressure, self._constants[1], rows[..., LOAD])
         mark_border(scans.pressure, noise, scans.contact, *self._edge, border)
 
     def step(self, scans: Scans) -> Slips:
@@ -106,69 +103,6 @@ def pad_gains(layout: Layout, gain: float, calibrated: Floats | None) -> Floats:
     """(pads, 2): one factor for all, times the calibrated ones (pads, 2) if there are any."""
     factors: Floats = np.full((len(layout.pads), 2), gain) * (1.0 if calibrated is None else calibrated)
     return factors
-
-
-@kernel
-def add_up(pressure: Floats, starts: NDArray[np.int64], rows: Floats) -> None:
-    """Fill column LOAD of rows (scans, pads, COLUMNS), where the kernel has left it unknown, with the pad's sum."""
-    for scan in range(pressure.shape[0]):
-        for pad in range(len(starts) - 1):
-            if np.isnan(rows[scan, pad, LOAD]):
-                rows[scan, pad, LOAD] = _sum(pressure[scan, starts[pad] : starts[pad + 1]])
-
-
-@kernel
-def _sum(p: Floats) -> float:
-    total = 0.0
-    for k in range(len(p)):
-        total += p[k]
-    return total
-
-
-def border_of(layout: Layout) -> tuple[NDArray[np.int64], NDArray[np.int64], Bools]:
-    """What `mark_border` needs of a layout: edge, edge_starts and faces."""
-    edge = np.flatnonzero(layout.border.any(axis=1))
-    return edge, np.searchsorted(edge, layout.starts), layout.border
-
-
-@kernel
-def mark_border(
-    pressure: Floats,
-    noise: Floats,
-    contact: Bools,
-    edge: NDArray[np.int64],
-    edge_starts: NDArray[np.int64],
-    faces: Bools,
-    at_border: Bools,
-) -> None:
-    """Set at_border (scans, pads, 2) where a loaded taxel of a pad in contact lies at a border facing x, y.
-
-    edge: taxels at a border, pad by pad; edge_starts: (pads + 1,) into edge. faces: (taxels, 2).
-    """
-    for scan in range(pressure.shape[0]):
-        mark_border_of_scan(pressure[scan], noise, contact[scan], edge, edge_starts, faces, at_border[scan])
-
-
-@kernel
-def mark_border_of_scan(
-    reading: Floats,
-    noise: Floats,
-    contact: Bools,
-    edge: NDArray[np.int64],
-    edge_starts: NDArray[np.int64],
-    faces: Bools,
-    at_border: Bools,
-) -> None:
-    """`mark_border` for one scan: reading (taxels,), contact (pads,), at_border (pads, 2)."""
-    for pad in range(len(edge_starts) - 1):
-        if contact[pad]:
-            for place in range(edge_starts[pad], edge_starts[pad + 1]):
-                taxel = edge[place]
-                if 0.0 < _BORDER_SIGMAS * noise[taxel] < reading[taxel]:
-                    at_border[pad, 0] |= faces[taxel, 0]
-                    at_border[pad, 1] |= faces[taxel, 1]
-                    if at_border[pad, 0] and at_border[pad, 1]:
-                        break
 
 
 def _planar(two: Floats) -> Floats:

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
 from taxelflow.errors import ParameterInvalid
-from taxelflow.estimation.template.bspline import STATE, spread
 from taxelflow.estimation.template.map import Pattern, Sums
 from taxelflow.estimation.template.observations import Scanned, across, reach
+from taxelflow.numerics.bspline import STATE, spread
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,8 +62,8 @@ class Interpolant:
         low, high = places.min(axis=1), places.max(axis=1)
         if np.prod(high - low + 7.0) > _MOST_KNOTS:
             size = " x ".join(f"{side:.0f}" for side in high - low)
-            allowed = f"registration needs a pad or group within {_MOST_KNOTS} square pitches: leave this group out"
-            raise ParameterInvalid(f"extent of {name}", f"{size} pitches", allowed)
+            duty = f"cover at most {_MOST_KNOTS} square pitches: leave this group out"
+            raise ParameterInvalid(f"extent of {name}", f"{size} pitches", duty)
         usual = float(np.median(variance[live])) if live.any() else 1.0
         pattern = Pattern.empty(low, high, 1.0, 1, np.ones(2), 1e3)
         pattern.smoothing = _SMOOTHING
@@ -106,33 +105,3 @@ def _nearest_live(pattern: Pattern, places: Floats, live: Bools) -> NDArray[np.i
         near = away < closest
         nearest[near], closest[near] = taxel, away[near]
     return nearest
-
-
-@kernel
-def gather(first: NDArray[np.int64], weight: Floats, values: Floats, nx: int, out: Floats) -> None:
-    """Add values (n, taxels), spread with weight (taxels, 16), to out (n, knots)."""
-    for i in range(len(first)):
-        if first[i] >= 0:
-            for a in range(4):
-                for b in range(4):
-                    for row in range(len(values)):
-                        out[row, first[i] + a * nx + b] += weight[i, 4 * a + b] * values[row, i]
-
-
-@kernel
-def solve_band(factor: Floats, right: Floats) -> None:
-    """Solve in place for right-hand sides (n, knots); factor as in `Interpolant`."""
-    knots, band = factor.shape
-    for row in range(len(right)):
-        x = right[row]
-        for j in range(knots):
-            if x[j] != 0.0:
-                value = x[j] / factor[j, 0]
-                x[j] = value
-                for k in range(1, min(band, knots - j)):
-                    x[j + k] -= factor[j, k] * value
-        for j in range(knots - 1, -1, -1):
-            value = x[j]
-            for k in range(1, min(band, knots - j)):
-                value -= factor[j, k] * x[j + k]
-            x[j] = value / factor[j, 0]

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.centroid.session import border_of, mark_border
 from taxelflow.estimation.scan_matching.interpolant import Interpolant
 from taxelflow.estimation.scan_matching.odometry import MEMORY, follow
 from taxelflow.messages import Scans, Slips
+from taxelflow.sensors.border import border_of, mark_border
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
