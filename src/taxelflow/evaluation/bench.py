@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.estimation.centroid.session import TranslationSession
+    from taxelflow.estimation.centroid.session import CentroidSession
     from taxelflow.messages import Floats
 
 _ROUNDS = 300
@@ -155,9 +155,9 @@ def _loaded(values: Floats, pads: int) -> list[Scans]:
 
 
 def _kernel_step(method: str, sensor: Sensor, scans: list[Scans]) -> Callable[[int], object]:
-    session = cast("TranslationSession", api.estimator(method).start(sensor.layout, "stream"))
-    rows, border = session.room(1)
-    return lambda k: session.run(scans[k % len(scans)], rows, border)
+    session = cast("CentroidSession", api.estimator(method).start(sensor.layout, "stream"))
+    rows = session.room(1)
+    return lambda k: session.run(scans[k % len(scans)], rows)
 
 
 def _session_step(step: Callable[[Scans], object], scans: list[Scans]) -> Callable[[int], object]:
@@ -199,14 +199,14 @@ def _throughput(size: int) -> list[Throughput]:
     contact = np.ones((scans, 1), dtype=np.bool_)
     never = np.full(size * size, np.inf)
     block = Scans(np.linspace(0.0, 1.0, scans), pressure, np.full(size * size, 0.1), never, contact, contact)
-    session = cast("TranslationSession", api.estimator("convolution").start(layout, "batch"))
-    rows, border = session.room(scans)
+    session = cast("CentroidSession", api.estimator("convolution").start(layout, "batch"))
+    rows = session.room(scans)
     x, y, centroids = layout.x_m, layout.y_m, np.empty((scans, 2))
     flat = pressure.reshape(-1)
     read_s, centroid_s, step_s = _fastest(
         lambda: read_sum(flat),
         lambda: batch_centroids(pressure, x, y, size, centroids),
-        lambda: session.run(block, rows, border),
+        lambda: session.run(block, rows),
     )
     return [
         Throughput(f"{size}x{size}", what, pressure.nbytes / s / 1e9, read_s / s, scans / s / 1e6)
