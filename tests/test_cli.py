@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import taxelflow
+from rigged import refused
 from synthetic import DsaMatrix, dome, dsa_words, dsa_xml, grid_sensor, raw_scans, write_dsa
 from taxelflow import registry
 from taxelflow.acquire.base import Recording
@@ -70,19 +71,6 @@ def save_npz(path: Path, values: Floats | None = None, t_s: Any = None, sensor: 
 def rows_of(path: Path) -> list[dict[str, str]]:
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
-
-
-def refused(capsys: Capture, *arguments: object) -> str:
-    """The one line on stderr of a command that ends with exit code 2."""
-    capsys.readouterr()
-    code = main([str(argument) for argument in arguments])
-    said = capsys.readouterr()
-    assert code == 2, said
-    assert said.err.startswith("taxelflow: ")
-    assert said.err.count("\n") == 1, said.err
-    assert said.err.endswith("\n")
-    assert said.out == ""
-    return said.err
 
 
 def refused_estimate(capsys: Capture, tmp_path: Path, recording: Path, *more: object) -> str:

@@ -9,19 +9,19 @@ from rigged import rigged
 from synthetic import conditioned, dome, grid_sensor
 from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
+from taxelflow.contacts.rigidity import RigidityMonitor
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
-    from taxelflow.contacts.rigidity import Watch
     from taxelflow.messages import Bools
 
 
-def watched(recording: Recording) -> tuple[Bools, Watch]:
+def watched(recording: Recording) -> tuple[Bools, RigidityMonitor]:
     conditioner = Conditioner()
     session = conditioner.start(recording.sensor, recording.masked, None)
-    watch = conditioner.watch(recording.sensor)
+    watch = RigidityMonitor(recording.sensor.layout, conditioner.contact_on, conditioner.contact_off)
     scans = [scans for raw in recording.blocks() for scans in session.step(raw)]
     return np.concatenate([watch.step(block) for block in scans]), watch
 
@@ -77,7 +77,7 @@ def test_a_foot_that_lifts_and_another_that_comes_down_are_no_one_that_moved() -
     rows = [np.zeros(240)] * 12 + [load["still"] + load["first"]] * 20 + [load["still"] + load["next"]] * 20
     values = np.array(rows) + np.random.default_rng(0).normal(0, 100.0, (52, 240))
     scans, _ = conditioned(values, sensor, mode="stream")
-    watch = Conditioner().watch(sensor)
+    watch = RigidityMonitor(sensor.layout, Conditioner.contact_on, Conditioner.contact_off)
     assert not watch.step(scans).any()
     assert watch.notes == []
 

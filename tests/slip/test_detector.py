@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from synthetic import pieces
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.slip import still_slips
+from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Event, Floats, Slips
 from taxelflow.slip.parameters import SlipMonitor
 from taxelflow.slip.session import SlipSession

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthetic import pieces
-from taxelflow.evaluation.slip import still_slips
+from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import Bools, Event, Floats, Slips
 from taxelflow.slip.parameters import SlipMonitor
 

@@ -72,6 +72,11 @@ class Recording:
         if not len(self.masked):
             object.__setattr__(self, "masked", np.zeros(self.layout.taxels, dtype=np.bool_))
 
+    @classmethod
+    def live(cls, sensor: Sensor, source: str = "live") -> Recording:
+        """A recording without scans: what a run is started with into which a device's scans are pushed."""
+        return cls(source, "live", sensor, lambda: iter(()))
+
     @property
     def layout(self) -> Layout:
         """Layout of the sensor."""

@@ -10,6 +10,7 @@ import numpy as np
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.condition.units import full_scale, in_si
 from taxelflow.contacts.features import ContactFeatures
+from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -74,8 +75,8 @@ class PadCheckup(msgspec.Struct, frozen=True):
     """Largest force in the sample, N; None for a sensor without a scale."""
     findings: list[TaxelFinding]
     picture: list[list[float | None]]
-    """Highest reading of each taxel less its offset, row by row from the top; None where there is no taxel, or nothing
-    was heard of it."""
+    """Highest reading of each taxel less its offset, row by row from the top; None where there is no taxel, or no
+    reading was known."""
     marks: list[str]
     """One letter a place, row by row: o well, . never loaded, F reached full scale, ! not well, x masked; blank where
     there is no taxel."""
@@ -200,7 +201,7 @@ class _Sampled:
     def __init__(self, session: Session, recording: Recording) -> None:
         layout = recording.layout
         pads = layout.pad_count
-        describe = ContactFeatures().begin(recording.sensor)
+        describe = FeatureExtractor(ContactFeatures(), recording.sensor)
         contact, scans = np.zeros(pads), 0
         self.load_n = np.full(pads, np.nan)
         starts_s, levels = [], []

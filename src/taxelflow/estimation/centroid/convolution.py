@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from taxelflow.errors import ParameterInvalid
 
@@ -20,6 +20,9 @@ class Convolution:
 
     gain: float = 1.0
     """Factor on the index, the paper's calibration without its unit; 1 takes one column for one pitch."""
+
+    pitches_per_index: ClassVar[float] = 0.5
+    """Pitches that one unit of the paper's index stands for."""
 
     def __post_init__(self) -> None:
         if not 0 < self.gain < float("inf"):
