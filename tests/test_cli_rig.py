@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from rigged import estimated, refused, strokes_by_both
+from rigged import estimated, refused, rigged, strokes_by_both
 from synthetic import assert_same
 from taxelflow.api import read
 from taxelflow.cli import main
