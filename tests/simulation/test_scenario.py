@@ -68,7 +68,8 @@ def test_every_scenario_runs_within_full_scale_and_touches(name: str) -> None:
     motion = replace(scenario.motion, stick_slip_s=1.0)
     if name.startswith("hold"):
         motion = replace(motion, turn_s=2.0)
-    recording = simulate(replace(scenario, motion=motion))
+    sensing = replace(scenario.sensing, rate_hz=min(20.0, scenario.sensing.rate_hz))
+    recording = simulate(replace(scenario, motion=motion, sensing=sensing))
     values, truth = recording.load().values, recording.truth
     assert truth is not None
     assert truth.slipping is not None
