@@ -38,8 +38,8 @@ def grasps(pad: int, *, least: float = 0.0, most: float = 50e3, radius_m: float 
 def untouched(values: Floats, pad: int, mode: str = "batch") -> bool:
     """The pad's readings pass through as they are."""
     scans, session = conditioned(values, STREAM if mode == "stream" else PADS, mode=mode)
-    assert session.learned is not None
-    return not session.learned.tared[pad] and bool(np.array_equal(scans.pressure[:, OF[pad]], values[:, OF[pad]]))
+    assert session.baseline is not None
+    return not session.baseline.tared[pad] and bool(np.array_equal(scans.pressure[:, OF[pad]], values[:, OF[pad]]))
 
 
 @pytest.mark.parametrize("spread", [0.0, 300.0, 1500.0])
@@ -47,9 +47,9 @@ def test_idle_scans_take_an_offset_away_in_a_batch(spread: float) -> None:
     bias = offset(2000, spread)
     load = grasps(0)
     scans, session = conditioned(load + bias + noise(), PADS)
-    assert session.learned is not None
-    assert session.learned.tared.all()
-    np.testing.assert_allclose(session.learned.offset, bias, atol=20)
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
+    np.testing.assert_allclose(session.baseline.offset, bias, atol=20)
     np.testing.assert_allclose(scans.pressure, load, atol=20 * 6)
     touched = load[:, OF[0]].max(axis=1) > 2000
     assert scans.contact[touched, 0].all()
@@ -62,16 +62,16 @@ def test_an_idle_start_takes_an_offset_away_in_a_stream(spread: float) -> None:
     values = bias + noise()
     values[30:] += grasps(0)[:-30]
     scans, session = conditioned(values, STREAM, mode="stream")
-    assert session.learned is not None
-    assert session.learned.tared.all()
-    np.testing.assert_allclose(session.learned.offset, bias, atol=20 * 6 / 12**0.5)
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
+    np.testing.assert_allclose(session.baseline.offset, bias, atol=20 * 6 / 12**0.5)
     assert not scans.contact[:30].any()
 
 
 def test_a_negative_offset_is_taken_away_too() -> None:
     _, session = conditioned(grasps(0) - 2000 + noise(), PADS)
-    assert session.learned is not None
-    np.testing.assert_allclose(session.learned.offset, -2000, atol=20)
+    assert session.baseline is not None
+    np.testing.assert_allclose(session.baseline.offset, -2000, atol=20)
 
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
@@ -121,10 +121,10 @@ def test_pads_are_tared_independently(mode: str) -> None:
     values[30:] += grasps(1)[:-30]
     sensor = STREAM if mode == "stream" else PADS
     _, session = conditioned(values, sensor, mode=mode)
-    assert session.learned is not None
-    assert session.learned.tared.tolist() == [False, True]
-    np.testing.assert_array_equal(session.learned.offset[OF[0]], 0)
-    np.testing.assert_allclose(session.learned.offset[OF[1]], bias[OF[1]], atol=50)
+    assert session.baseline is not None
+    assert session.baseline.tared.tolist() == [False, True]
+    np.testing.assert_array_equal(session.baseline.offset[OF[0]], 0)
+    np.testing.assert_allclose(session.baseline.offset[OF[1]], bias[OF[1]], atol=50)
 
 
 def test_a_stream_without_a_full_scale_takes_nothing_away_that_might_be_a_load() -> None:
@@ -144,9 +144,9 @@ def test_a_declared_idle_start_is_taken_away_whatever_it_reads(mode: str) -> Non
     values = dome(PADS, peak=20e3) + noise()
     values[12:] += grasps(1)[12:]
     scans, session = conditioned(values, STREAM, mode=mode, tare="start")
-    assert session.learned is not None
-    assert session.learned.tared.all()
-    np.testing.assert_allclose(session.learned.offset, values[:12].mean(axis=0), rtol=1e-12)
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
+    np.testing.assert_allclose(session.baseline.offset, values[:12].mean(axis=0), rtol=1e-12)
     assert not scans.contact[:, 0].any()
 
 
@@ -155,24 +155,24 @@ def test_a_declared_idle_start_is_the_start_of_a_long_recording_too() -> None:
     values = np.random.default_rng(0).normal(5000, 10, (40_000, 2))
     values[:12] -= 4000
     _, session = conditioned(values, sensor, tare="start")
-    assert session.learned is not None
-    np.testing.assert_allclose(session.learned.offset, values[:12].mean(axis=0), rtol=1e-12)
+    assert session.baseline is not None
+    np.testing.assert_allclose(session.baseline.offset, values[:12].mean(axis=0), rtol=1e-12)
 
 
 def test_a_missing_reading_in_the_idle_start_is_left_out_of_its_mean() -> None:
     values = offset(500, 100) + noise(100)
     values[3, 5] = np.nan
     _, session = conditioned(values, PADS, tare="start")
-    assert session.learned is not None
-    np.testing.assert_allclose(session.learned.offset[5], np.nanmean(values[:12, 5]))
-    assert np.isfinite(session.learned.offset).all()
+    assert session.baseline is not None
+    np.testing.assert_allclose(session.baseline.offset[5], np.nanmean(values[:12, 5]))
+    assert np.isfinite(session.baseline.offset).all()
 
 
 def test_a_short_recording_declared_idle_gives_its_plain_mean() -> None:
     values = offset(500, 100) + noise(5)
     _, session = conditioned(values, PADS, tare="start")
-    assert session.learned is not None
-    np.testing.assert_allclose(session.learned.offset, values.mean(axis=0))
+    assert session.baseline is not None
+    np.testing.assert_allclose(session.baseline.offset, values.mean(axis=0))
 
 
 @pytest.mark.parametrize("missing", [np.nan, np.inf])
@@ -180,24 +180,24 @@ def test_a_dead_taxel_does_not_keep_a_pad_from_being_tared(missing: float) -> No
     values = grasps(0) + 1000 + noise()
     values[:, 3] = missing
     _, session = conditioned(values, PADS)
-    assert session.learned is not None
-    assert session.learned.tared.all()
-    assert session.learned.masked.tolist() == [taxel == 3 for taxel in range(TAXELS)]
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
+    assert session.baseline.masked.tolist() == [taxel == 3 for taxel in range(TAXELS)]
 
 
 def test_a_taxel_that_fails_now_and_then_does_not_keep_a_pad_from_being_tared() -> None:
     values = grasps(0) + 1000 + noise()
     values[np.random.default_rng(3).random(SCANS) < 0.2, 3] = np.nan
     _, session = conditioned(values, PADS)
-    assert session.learned is not None
-    assert session.learned.tared.all()
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
 
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_an_idle_recording_with_an_offset_is_no_contact(mode: str) -> None:
     scans, session = conditioned(offset(3000, 500) + noise(), STREAM, mode=mode)
-    assert session.learned is not None
-    assert session.learned.tared.all()
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
     assert not scans.contact.any()
 
 
@@ -206,6 +206,6 @@ def test_an_offset_small_against_full_scale_is_taken_away_even_if_loads_are_ligh
     values = offset(3000, 500) + noise()
     values[30:] += grasps(0, most=20e3)[:-30]
     scans, session = conditioned(values, STREAM, mode=mode)
-    assert session.learned is not None
-    assert session.learned.tared.all()
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
     assert not scans.contact[:30].any()

@@ -62,7 +62,9 @@ def test_later_strokes_keep_their_number(flow: HardReport) -> None:
     assert numbers == {2, 3, 4}
 
 
-def test_the_template_is_far_below_the_flow_where_taxels_are_dead_or_streamed() -> None:
+def test_the_template_is_far_below_the_flow_where_taxels_are_dead_or_streamed(monkeypatch: pytest.MonkeyPatch) -> None:
+    slow = {"smaller than a taxel", "rolling scan"}
+    monkeypatch.setattr(hard, "CASES", [case for case in CASES if case.rows[0][0] not in slow])
     found = {(row.nominal_mm_s, row.case): row for row in Hard(1, 7).run().rows}
     for speed in (25, 50):
         assert found[speed, "as in Table I"].rmse_percent < 0.6

@@ -98,10 +98,13 @@ def test_what_holds_still_raises_no_alarm_and_the_interval_says_how_sure_that_is
 
 
 def test_the_same_seeds_give_the_same_score_and_others_another(score: SlipReport) -> None:
-    assert Slip(1, hours=0.01).run() == score
-    other = Slip(1, 1, hours=0).run()
+    fast = ("principal_axis", "convolution")
+    again = Slip(1, methods=fast, hours=0.01).run()
+    assert again.slips == [row for row in score.slips if row.method in fast]
+    assert again.holds == [row for row in score.holds if row.method in (*fast, NOISE)]
+    other = Slip(1, 1, fast, hours=0).run()
     assert other.holds == []
-    assert other.slips != score.slips
+    assert all(one != two for one, two in zip(again.slips, other.slips, strict=True))
 
 
 def test_noise_alarms_as_often_as_asked() -> None:
