@@ -12,6 +12,7 @@ import numpy as np
 from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.condition.parameters import Conditioner
+from taxelflow.contacts.features import ContactFeatures
 from taxelflow.messages import Bools, Floats, RawScans, Scans, Slips, cut, joined
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
@@ -120,12 +121,15 @@ def conditioned(
     masked: Bools | None = None,
     **parameters: Any,
 ) -> tuple[Scans, Session]:
-    """Scans through a conditioner in the given mode; the session shows what it has learned."""
+    """Scans through a conditioner in the given mode, contacts split if the sensor asks for it; the session shows what
+    it has learned.
+    """
     raw = raw_scans(values, t_s)
     off = np.zeros(sensor.layout.taxels, dtype=np.bool_) if masked is None else masked
     session = Conditioner(**parameters).start(sensor, off, [raw] if mode == "batch" else None)
-    blocks = [scans for piece in pieces(raw, cuts) for scans in session.step(piece)]
-    return joined([*blocks, *session.finish()]), session
+    contacts = ContactFeatures().start(sensor, Conditioner.contact_on, Conditioner.contact_off)
+    blocks = [*(scans for piece in pieces(raw, cuts) for scans in session.step(piece)), *session.finish()]
+    return joined([contacts.step(block).scans for block in blocks]), session
 
 
 def pieces(block: Any, cuts: Iterable[int]) -> list[Any]:

@@ -71,7 +71,7 @@ class Estimate(Recorded):
         kind = registry.find("estimator", self.method)
         estimator = tyro.cli(kind, args=rest, prog=f"taxelflow estimate --method {self.method}")
         recording = api.read(self.recording, self.sensor, topic=self.topic, columns=self.own_columns)
-        recording = recording.told_apart(self.contacts)
+        recording = recording.with_contacts(self.contacts)
         calibration = None if self.calibration is None else load_calibration(self.calibration)
         pipeline = Pipeline(
             estimator,

@@ -20,6 +20,7 @@ TaxelflowError
 │   ├── CalibrationInvalid    a calibration file is broken
 │   ├── CalibrationUnfit      a calibration of another sensor or method
 │   └── GainsUnknown          recording and truth do not tell the gains
+├── EstimatorBroken           an estimator of another package breaks its protocol
 ├── TruthInvalid              a robot's trajectory cannot be read
 └── ExtraMissing              an optional dependency is not installed
 """
@@ -186,6 +187,16 @@ class GainsUnknown(CalibrationError):
 
     def __init__(self, seen: str, remedy: str) -> None:
         super().__init__(f"no gain can be found: {seen}; {remedy}")
+
+
+class EstimatorBroken(TaxelflowError):
+    """An estimator's session breaks its protocol."""
+
+    def __init__(self, session: str, rows: int, scans: int) -> None:
+        super().__init__(
+            f"{session} gave estimates of {rows} scans where at most {scans} were waiting; "
+            "its step must give one row per scan, in order, none twice"
+        )
 
 
 class TruthInvalid(TaxelflowError):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    Block = TypeVar("Block", "RawScans", "Scans", "Slips", "Motions", "Contacts")
+    Block = TypeVar("Block", "RawScans", "Scans", "Footprint", "Estimates", "Slips", "Motions", "Contacts")
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -71,6 +71,66 @@ class Scans:
 
 
 @dataclass(frozen=True, slots=True)
+class Footprint:
+    """What a contact does to its pad, from scan and layout only, per scan and pad.
+
+    t_s: (scans,). contact: (scans, pads). border: (scans, pads, 2), a loaded taxel lies at a border of the pad that
+    faces x (left, right), y. load: (scans, pads), sum of the pad's pressures, Pa (counts for a sensor without a scale).
+    """
+
+    t_s: Floats
+    contact: Bools
+    border: Bools
+    load: Floats
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimates:
+    """What an estimator gives, per scan and pad, in each pad's frame; NaN where it knows nothing.
+
+    t_s: (scans,). displacement: (scans, pads, 3), since the pad's previous scan, m, m, rad. pose: (scans, pads, 3).
+    covariance: (scans, pads, 3, 3) of the pose. displacement_covariance: (scans, pads, 3, 3), from noise alone.
+    span_s: (scans, pads), time in which the displacement happened. lag_s: (scans, pads), age of the pose at t_s.
+    disturbance: (scans, pads), for methods without direction: evidence of slip in standard deviations of noise.
+    quality: (scans, pads), index in `QUALITY` where the method itself judges its pose, such as AMBIGUOUS for a
+    direction that it cannot observe; NO_POSE elsewhere, and the pipeline judges: ambiguous where the contact is cut by
+    the pad's border, else ok.
+    """
+
+    t_s: Floats
+    displacement: Floats
+    pose: Floats
+    covariance: Floats
+    displacement_covariance: Floats
+    span_s: Floats
+    lag_s: Floats
+    disturbance: Floats
+    quality: Bytes
+
+    @classmethod
+    def unknown(cls, scans: Scans) -> Estimates:
+        """Arrays of NaN for these scans, for an estimator to fill in."""
+        shape = scans.contact.shape
+        return cls(
+            t_s=scans.t_s,
+            displacement=_unknown(*shape, 3),
+            pose=_unknown(*shape, 3),
+            covariance=_unknown(*shape, 3, 3),
+            displacement_covariance=_unknown(*shape, 3, 3),
+            span_s=_unknown(*shape),
+            lag_s=_unknown(*shape),
+            disturbance=_unknown(*shape),
+            quality=np.zeros(shape, dtype=np.uint8),
+        )
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
 class Slips:
     """Motion of the object relative to the skin, per scan and pad, in each pad's frame.
 
@@ -100,25 +160,24 @@ class Slips:
     quality: Bytes
 
     @classmethod
-    def unknown(cls, scans: Scans, starts: NDArray[np.int64] | None = None) -> Slips:
-        """Contact as in `scans`, and the load if `starts` (`Layout.starts`) says which taxels are whose; else arrays of
-        NaN for an estimator to fill in.
-        """
-        shape = scans.contact.shape
-        load = _unknown(*shape) if starts is None else np.add.reduceat(scans.pressure, starts[:-1], axis=1)
+    def of(cls, footprint: Footprint, estimates: Estimates) -> Slips:
+        """Slips of the same scans: a pose that its method has not judged is ambiguous where its contact is cut."""
+        unjudged = (estimates.quality == NO_POSE) & np.isfinite(estimates.pose[..., 0])
+        cut_off = footprint.border.any(axis=-1)
+        quality: Bytes = np.where(unjudged, np.where(cut_off, AMBIGUOUS, OK), estimates.quality).astype(np.uint8)
         return cls(
-            t_s=scans.t_s,
-            contact=scans.contact,
-            border=np.zeros((*shape, 2), dtype=np.bool_),
-            displacement=_unknown(*shape, 3),
-            pose=_unknown(*shape, 3),
-            covariance=_unknown(*shape, 3, 3),
-            displacement_covariance=_unknown(*shape, 3, 3),
-            span_s=_unknown(*shape),
-            lag_s=_unknown(*shape),
-            load=load,
-            disturbance=_unknown(*shape),
-            quality=np.zeros(shape, dtype=np.uint8),
+            t_s=footprint.t_s,
+            contact=footprint.contact,
+            border=footprint.border,
+            displacement=estimates.displacement,
+            pose=estimates.pose,
+            covariance=estimates.covariance,
+            displacement_covariance=estimates.displacement_covariance,
+            span_s=estimates.span_s,
+            lag_s=estimates.lag_s,
+            load=footprint.load,
+            disturbance=estimates.disturbance,
+            quality=quality,
         )
 
     @property
@@ -272,10 +331,3 @@ def _unknown(*shape: int) -> Floats:
     array: Floats = np.empty(shape)
     array.fill(np.nan)
     return array
-
-
-def judged(pose: Floats, border: Bools) -> Bytes:
-    """Quality (scans, pads) as a centroid's poses (scans, pads, 3) deserve: ambiguous where the contact is cut."""
-    cut_off = border.any(axis=-1)
-    quality: Bytes = np.where(np.isfinite(pose[..., 0]), np.where(cut_off, AMBIGUOUS, OK), NO_POSE).astype(np.uint8)
-    return quality

@@ -160,5 +160,5 @@ def test_what_is_read_does_not_depend_on_how_the_source_cuts_it(steps: list[floa
 
 def test_a_recording_without_truth_says_so_when_it_is_asked_for() -> None:
     sensor = grid_sensor(1, 2)
-    with pytest.raises(RecordingCorrupt, match="carries no truth; use a recording of"):
+    with pytest.raises(RecordingCorrupt, match="holds no truth; use a recording of"):
         _ = recorded(np.zeros((3, 2)), sensor).known_truth

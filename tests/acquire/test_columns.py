@@ -58,7 +58,7 @@ def test_taxels_are_chosen_by_name_wildcard_expression_or_number_in_any_order(
 
 def test_columns_in_another_order_than_their_numbers_must_be_said(tmp_path: Path) -> None:
     text = "t_s,p0,p10,p2\n0,1,3,2\n"
-    refused(tmp_path, text, "columns are mixed up: 'p10' stands before.*--columns.order number, or file", 3)
+    refused(tmp_path, text, "columns are not sorted: 'p10' comes before.*--columns.order number, or file", 3)
     assert read(tmp_path, text, 3, order="number").values.tolist() == [[1, 2, 3]]
     assert read(tmp_path, text, 3, order="file").values.tolist() == [[1, 3, 2]]
 
@@ -95,16 +95,16 @@ def test_a_log_without_times_has_a_rate_and_that_is_said(tmp_path: Path) -> None
     path.write_text("a,b\n" + "1,2\n" * 1500)
     recording = open_csv(path, plain(2), Columns(rate_hz=50.0))
     np.testing.assert_allclose(recording.load().t_s, np.arange(1500) / 50)
-    assert recording.notes == ("times are counted at 50 Hz: the log has none",)
+    assert recording.notes == ("times computed from the rate of 50 Hz: the log has none",)
 
 
 @pytest.mark.parametrize(
     ("text", "match", "asked"),
     [
-        ("t_s,a,b\n0,1,2\n", "no column fits 'p*' among t_s, a, b; set --columns.taxels", {"taxels": ("p*",)}),
-        ("t_s,a,b\n0,1,2\n", "no column fits '1-7'", {"taxels": ("1-7",)}),
-        ("t_s,a,b\n0,1,2\n", "column 'a' is chosen twice", {"taxels": ("a", "*")}),
-        ("t_s,a,b\n0,1,2\n", "it has no column 'stamp': its header starts with 't_s,a,b'", {"time": "stamp"}),
+        ("t_s,a,b\n0,1,2\n", "no column matches 'p*' among t_s, a, b; set --columns.taxels", {"taxels": ("p*",)}),
+        ("t_s,a,b\n0,1,2\n", "no column matches '1-7'", {"taxels": ("1-7",)}),
+        ("t_s,a,b\n0,1,2\n", "column 'a' is matched twice", {"taxels": ("a", "*")}),
+        ("t_s,a,b\n0,1,2\n", "no column 'stamp': the header starts with 't_s,a,b'", {"time": "stamp"}),
         ("t_s,a,b\n0,1,2\n", "3 taxels per scan but sensor 'plain' has 2", {"rate_hz": 1.0}),
         ("t_s,a,b\n0,1,left\n", "scan 0: could not convert string to float: 'left'", {}),
         (

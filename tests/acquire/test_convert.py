@@ -121,10 +121,10 @@ def test_a_recording_that_breaks_leaves_no_file(tmp_path: Path, suffix: str) -> 
     ("name", "text", "match"),
     [
         ("sensor", "{", "its sensor: Input data was truncated"),
-        ("masked", "[6]", "masked names taxels that the 6 of the sensor lack"),
+        ("masked", "[6]", "masked lists numbers beyond the 6 taxels of the sensor"),
         ("masked", '"all"', "its masked: Expected `array`"),
         ("truth", '{"pad": "hand"}', "its truth: Object missing required field `t_s`"),
-        ("truth", '{"pad": "hand", "t_s": [1], "pose": [[1, 2]]}', "truth is a pad of the sensor or hand"),
+        ("truth", '{"pad": "hand", "t_s": [1], "pose": [[1, 2]]}', "give a pad of the sensor or hand"),
         ("truth", '{"pad": "hand", "t_s": [1], "pose": [[1, 2, 3], [1]]}', "truth: .*inhomogeneous"),
         ("truth", '{"pad": "x", "t_s": [1], "pose": [[1, 2, 3]]}', "truth_pad 'x'"),
         ("truth", '{"pad": "hand", "t_s": [1], "pose": [[1, 2, 3]], "slipping": []}', "a flag for each of the 1 times"),
@@ -200,7 +200,7 @@ def test_the_sensor_in_a_file_is_the_whole_sensor(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["xela-4x4@4.7mm", "icub-fingertips-60", "barretthand-bh280-96", "schunk-sdh2"])
 def test_what_a_sensor_sends_is_converted_not_what_is_made_of_it(tmp_path: Path, suffix: str, name: str) -> None:
     sensor = load_sensor(name)
-    sent = np.random.default_rng(0).uniform(0, 300, (5, sensor.wiring.columns))
+    sent = np.random.default_rng(0).uniform(0, 300, (5, sensor.channel_map.columns))
     recording = Recording("memory", "memory", sensor, lambda: iter([RawScans(times(5), sent)]))
     path = tmp_path / f"a{suffix}"
     convert(recording, path)
@@ -229,6 +229,6 @@ def test_a_real_bag_is_converted_to_the_bit(tmp_path: Path, recordings: Path, su
 def test_a_writer_writes_the_blocks_that_it_is_given(tmp_path: Path, write: Any) -> None:
     recording = known(np.arange(24.0).reshape(4, 6))
     watched: list[int] = []
-    write(recording, tmp_path / "a", (watched.append(len(block)) or block for block in recording.sent()))
+    write(recording, tmp_path / "a", (watched.append(len(block)) or block for block in recording.source_blocks()))
     assert sum(watched) == 4
     assert (tmp_path / "a").stat().st_size > 100

@@ -225,4 +225,4 @@ def test_times_in_a_wrong_unit_are_told(tmp_path: Path, factor: float, odd: bool
     path.write_text("t_s,a\n" + "".join(f"{t * factor!r},1\n" for t in times(50, 100.0).tolist()))
     reading = read(path, Sensor("one", "count", (Pad("pad", 1, 1, (0.004, 0.004)),))).blocks()
     assert sum(len(block) for block in reading) == 50
-    assert [("are times in s?" in note) for note in reading.notes] == [True] * odd
+    assert [("implausible for a tactile sensor" in note) for note in reading.notes] == [True] * odd

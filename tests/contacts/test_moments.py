@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from synthetic import dome, grid_sensor, recorded, scans_of
 from taxelflow.api import estimate, read
 from taxelflow.contacts.features import ContactFeatures
+from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ TAXEL = 0.002**2
 
 def described(pressure: Floats, sensor: Sensor = GRID, threshold: float = 4.0, **more: Any) -> Contacts:
     scans = scans_of(sensor, np.atleast_2d(pressure), **{"noise": 10.0, **more})
-    return ContactFeatures(threshold).begin(sensor).step(scans)
+    return FeatureExtractor(ContactFeatures(threshold), sensor).step(scans)
 
 
 def ellipse(length: float, width: float, angle: float, x: float = 0.0, y: float = 0.0, peak: float = 2e4) -> Floats:

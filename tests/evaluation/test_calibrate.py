@@ -16,7 +16,7 @@ from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Calibratable
 from taxelflow.estimation.centroid.convolution import Convolution
 from taxelflow.evaluation.calibrate import calibrate, edge_reach
-from taxelflow.geometry import unplace
+from taxelflow.geometry import inverse_transform
 from taxelflow.messages import cut, joined
 from taxelflow.sensors.calibration import PadCalibration
 from taxelflow.simulation.scenario import SCENARIOS
@@ -40,7 +40,7 @@ def stroke(seed: int) -> tuple[Recording, Trajectory]:
     recording = simulate(replace(SCENARIOS["stroke"], seed=seed))
     truth = recording.truth
     assert truth is not None
-    return recording, Trajectory(truth.t_s + OFFSET_S, unplace(FRAME, truth.pose[:, :2]))
+    return recording, Trajectory(truth.t_s + OFFSET_S, inverse_transform(FRAME, truth.pose[:, :2]))
 
 
 def way(t_s: Floats) -> Floats:
@@ -59,7 +59,7 @@ def zigzag(seed: int) -> tuple[Recording, Trajectory]:
     values = np.array([dome(WIDE, *p) * (not off) for p, off in zip(places, idle, strict=True)])
     values += np.random.default_rng(seed).normal(0, 400, values.shape)
     logged = np.arange(-2, 28, 0.05)
-    return recorded(values, WIDE, t_s), Trajectory(logged + OFFSET_S, unplace(FRAME, GAIN * way(logged)))
+    return recorded(values, WIDE, t_s), Trajectory(logged + OFFSET_S, inverse_transform(FRAME, GAIN * way(logged)))
 
 
 def scores(pad: PadCalibration, gain: Floats) -> list[float]:
@@ -139,7 +139,7 @@ def test_the_command_writes_what_estimate_takes(tmp_path: Path, capsys: pytest.C
     truth = save(SCENARIOS["stroke"], recording).truth
     assert truth is not None
     log, cal, out = tmp_path / "truth.csv", tmp_path / "cal.toml", tmp_path / "out"
-    table = np.column_stack([truth.t_s + OFFSET_S, unplace(FRAME, truth.pose[:, :2])])
+    table = np.column_stack([truth.t_s + OFFSET_S, inverse_transform(FRAME, truth.pose[:, :2])])
     np.savetxt(log, table, delimiter=",", header="t_s,x_m,y_m", comments="")
     arguments = ["calibrate", str(recording), "--truth", str(log), "--out", str(cal), "--pad", "palm"]
     assert main(arguments) == 0

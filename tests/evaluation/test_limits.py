@@ -14,7 +14,7 @@ from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.evaluation.bound import Bound, bound_of
 from taxelflow.evaluation.limits import Limits, LimitsReport
 from taxelflow.evaluation.pose_errors import Errors, errors_of
-from taxelflow.geometry import place
+from taxelflow.geometry import transform
 from taxelflow.messages import AMBIGUOUS, LOST, OK, Scans, Slips
 from taxelflow.publish.summary import to_json
 from taxelflow.simulation.simulate import simulate
@@ -42,7 +42,7 @@ def perfect(scenario: Scenario, body: tuple[float, float, float] = (0.0, 0.0, 0.
     slips = Slips.unknown(scans)
     known = bound.scored
     slips.contact[known, pad] = True
-    slips.pose[known, pad, :2] = place(truth.pose, np.array(body[:2]))[known]
+    slips.pose[known, pad, :2] = transform(truth.pose, np.array(body[:2]))[known]
     slips.pose[known, pad, 2] = truth.pose[known, 2] + body[2]
     slips.covariance[known, pad] = np.eye(3) * np.nan_to_num(bound.known[known], nan=1.0)[:, :, np.newaxis] ** 2
     slips.lag_s[:, pad] = 0.0

@@ -69,7 +69,7 @@ def test_a_flat_table_keeps_its_own_frame() -> None:
 def test_a_square_grid_is_the_same_as_a_table() -> None:
     grid, table = grid_sensor(4, 6).layout, table_sensor(square(4, 6)).layout
     np.testing.assert_allclose(table.pitch_m, grid.pitch_m)
-    for field in ("border", "beside", "starts", "source"):
+    for field in ("border", "adjacent", "starts", "source"):
         np.testing.assert_array_equal(getattr(table, field), getattr(grid, field), err_msg=field)
     for field in ("x_m", "y_m", "area_m2", "T_hand", "place_m", "normal"):
         np.testing.assert_allclose(getattr(table, field), getattr(grid, field), atol=1e-15, err_msg=field)
@@ -142,7 +142,7 @@ def test_a_group_may_list_the_taxels_of_a_table() -> None:
     assert layout.source[layout.of_pad(1)].tolist() == [0, 3]
     assert layout.tables.tolist() == [True] * 3
     assert layout.border[layout.of_pad(1)].tolist() == [[True, True]] * 2
-    assert layout.beside[layout.of_pad(1)][:, 1].tolist() == [[1, -1], [-1, 0]]  # below, above
+    assert layout.adjacent[layout.of_pad(1)][:, 1].tolist() == [[1, -1], [-1, 0]]  # below, above
 
 
 @pytest.mark.parametrize("taxels", [((0.01, 0.02),), ((0.0, 0.0), (0.01, 0.0)), ((0.0, 0.0), (0.01, 0.0), (0.02, 0.0))])

@@ -130,7 +130,7 @@ def test_a_table_may_stand_in_a_csv_file_beside_the_sensor_file(tmp_path: Path) 
     sensor = load_sensor(str(tmp_path / "hand.toml"))
     assert sensor.pads[0].taxels == ((0.0, 0.0), (0.003, 0.0), (0.0, 0.004))
     np.testing.assert_allclose(sensor.layout.area_m2, [1e-6, 2e-6, 3e-6])
-    np.testing.assert_array_equal(sensor.wiring.readings(np.array([[10.0, 20.0, 30.0]])), [[30, 10, 20]])
+    np.testing.assert_array_equal(sensor.channel_map.to_readings(np.array([[10.0, 20.0, 30.0]])), [[30, 10, 20]])
 
 
 def test_a_sensor_with_a_table_is_whole_without_its_file(tmp_path: Path) -> None:
@@ -145,17 +145,17 @@ def test_a_sensor_with_a_table_is_whole_without_its_file(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("table", "seen"),
     [
-        ("", "its columns are none"),
-        ("x_m,y_m\n", "it has no rows"),
-        ("x_m,z_m\n1,2\n", "its columns are x_m,z_m"),
-        ("x_m,y_m,x_mm\n1,2,3\n", "its columns are x_m,y_m,x_mm"),
-        ("x_m,y_m,colour\n1,2,3\n", "there is no column 'colour'"),
+        ("", "the columns are missing"),
+        ("x_m,y_m\n", "no rows"),
+        ("x_m,z_m\n1,2\n", "the columns are x_m,z_m"),
+        ("x_m,y_m,x_mm\n1,2,3\n", "the columns are x_m,y_m,x_mm"),
+        ("x_m,y_m,colour\n1,2,3\n", "unknown column 'colour'"),
         ("x_m,y_m\n1,2,3\n", "row 1 has 3 fields, the header 2"),
-        ("x_m,y_m\n1,2\n1,two\n", "row 2, column y_m: 'two' is no number"),
-        ("x_m,y_m\n1,nan\n", "row 1, column y_m: nan will not do"),
-        ("x_m,y_m,index\n1,2,0.5\n", "row 1, column index: 0.5 will not do"),
-        ("x_m,y_m,area_m2\n1,2,0\n", "row 1, column area_m2: 0 is no area"),
-        ("x_m,y_m,z_m\n0,0,0\n1,1,1\n", "rows have 3 numbers, a place in space without its normal"),
+        ("x_m,y_m\n1,2\n1,two\n", "row 2, column y_m: 'two' is not a number"),
+        ("x_m,y_m\n1,nan\n", "row 1, column y_m: nan is out of range"),
+        ("x_m,y_m,index\n1,2,0.5\n", "row 1, column index: 0.5 is out of range"),
+        ("x_m,y_m,area_m2\n1,2,0\n", "row 1, column area_m2: 0 is not an area above 0"),
+        ("x_m,y_m,z_m\n0,0,0\n1,1,1\n", "rows have 3 numbers, a position without a normal"),
     ],
 )
 def test_a_broken_table_is_named_with_row_and_column(tmp_path: Path, table: str, seen: str) -> None:
@@ -176,14 +176,16 @@ def test_a_table_that_is_missing_or_no_text_is_named(tmp_path: Path) -> None:
     (tmp_path / "tip.csv").write_bytes(b"\xff\xfe")
     with pytest.raises(SensorFileInvalid, match=r"the table 'tip.csv' cannot be read"):
         load_sensor(str(tmp_path / "hand.toml"))
-    with pytest.raises(SensorFileInvalid, match="the rows themselves must stand"):
+    with pytest.raises(SensorFileInvalid, match="give the rows themselves"):
         parse(TABLE)
 
 
 def test_what_a_table_says_the_sensor_file_does_not_say_again(tmp_path: Path) -> None:
     (tmp_path / "tip.csv").write_text("x_m,y_m,index\n0,0,0\n1,1,1\n")
     (tmp_path / "hand.toml").write_text(TABLE + "index = [1, 0]\n")
-    with pytest.raises(SensorFileInvalid, match="has index, and so has the sensor file; give it once"):
+    with pytest.raises(
+        SensorFileInvalid, match=r"index is in the table 'tip.csv' and in the sensor file; give it once"
+    ):
         load_sensor(str(tmp_path / "hand.toml"))
 
 
@@ -195,30 +197,33 @@ CURVED = "taxels = [[0, 0, 0, 0, 0, 1], [0.003, 0, 0, 0, 0, 1], [0, 0.004, 0, 0,
     [
         ((POINTS, ""), "field rows: it is missing or 0"),
         ((POINTS, "taxels = []"), "field rows: it is missing or 0"),
-        ((POINTS, f"{POINTS}\nrows = 2"), "field rows: it stands beside a table"),
-        ((POINTS, f'{POINTS}\norder = "column-major"'), "field order and first: they stand beside a table"),
+        ((POINTS, f"{POINTS}\nrows = 2"), "field rows: given beside a table"),
+        ((POINTS, f'{POINTS}\norder = "column-major"'), "field order and first: given beside a table"),
         ((POINTS, f'{POINTS}\norder = "spiral"'), "field order: invalid enum value 'spiral'"),
         ((POINTS, "taxels = [[0, 0], [0.003, 0, 0, 0, 0, 1]]"), "field taxels: rows have 2, 6 numbers"),
-        ((POINTS, "taxels = [[0, 0], [0.003, 0], [0, 0]]"), "two taxels lie at the same place"),
-        ((POINTS, "taxels = [[0, 0]]"), "a single taxel has no neighbour to tell the pitch from; give pitch_m"),
+        ((POINTS, "taxels = [[0, 0], [0.003, 0], [0, 0]]"), "two taxels are closer than a thousandth of the pad"),
+        ((POINTS, "taxels = [[0, 0]]"), "the pitch of a single taxel cannot be computed; give pitch_m"),
         ((POINTS, 'taxels = [[0, "a"]]'), "field taxels"),
         ((POINTS, CURVED.replace("0.004, 0, 0, 0, 1", "0.004, 0, 0, 0, 0")), "a normal is 0, 0, 0"),
-        ((POINTS, CURVED.replace("0.004, 0, 0, 0, 1", "0.004, 0, 0, 0, 2")), "a normal has length 2; its length is 1"),
+        (
+            (POINTS, CURVED.replace("0.004, 0, 0, 0, 1", "0.004, 0, 0, 0, 2")),
+            "a normal has length 2; its length must be 1",
+        ),
         (
             (POINTS, "taxels = [[0, 0], [0.003, 0], [0.003, 1e-7]]"),
-            "closer than a thousandth of the pad; mend the table",
+            "closer than a thousandth of the pad; correct their positions",
         ),
         (
             (POINTS, "taxels = [[0, 0, 1, 0, 0, 1], [0, 0, -1, 0, 0, -1], [1, 0, 0, 1, 0, 0], [-1, 0, 0, -1, 0, 0]]"),
-            "the skin closes upon itself; split it into several pads",
+            "the skin is closed; split it into several pads",
         ),
         ((POINTS, f"{POINTS}\narea_m2 = [1.0, 2.0]"), "field area_m2: 2 areas for 3 taxels"),
         ((POINTS, f"{POINTS}\narea_m2 = 0"), "field area_m2"),
         ((POINTS, f"{POINTS}\nindex = [0, 1]"), "field index: 2 numbers for 3 taxels"),
-        ((POINTS, f"{POINTS}\nindex = [0, 1, 1]"), "order of the source: number 1 of the scan is read by 2 taxels"),
-        ((POINTS, f"{POINTS}\nindex = [0, 1, 3]"), "pad tip asks for its number 3 and has 3"),
-        ((POINTS, f"{POINTS}\nchannels = 5"), "field channels: 5 numbers for 3 taxels; say with index"),
-        ((POINTS, f"{POINTS}\npose = [0, 0, 0, 0, 0, 0, 2]"), "field pose: its quaternion has length 2"),
+        ((POINTS, f"{POINTS}\nindex = [0, 1, 1]"), "order of the source's numbers: 2 taxels read number 1 of the scan"),
+        ((POINTS, f"{POINTS}\nindex = [0, 1, 3]"), "a taxel of pad tip reads number 3 of 3, counted from 0"),
+        ((POINTS, f"{POINTS}\nchannels = 5"), "field channels: 5 numbers for 3 taxels; give the index"),
+        ((POINTS, f"{POINTS}\npose = [0, 0, 0, 0, 0, 0, 2]"), "field pose: quaternion of length 2"),
         ((POINTS, f"{POINTS}\npose = [0, 0, 0]"), "field pose"),
         (('unit = "kPa"', 'unit = "kPa"\ngain = [1.0, 2.0]'), "field gain: 2 gains for 3 taxels"),
         (('unit = "kPa"', 'unit = "kPa"\ngain = [1.0, 2.0, 0.0]'), "field gain"),
@@ -226,11 +231,14 @@ CURVED = "taxels = [[0, 0, 0, 0, 0, 1], [0.003, 0, 0, 0, 0, 1], [0, 0.004, 0, 0,
         (('unit = "kPa"', 'unit = "kPa"\npolarity = 2'), "field polarity: invalid enum value 2"),
         (('unit = "kPa"', 'unit = "kPa"\naxes = 2'), "field axes: invalid enum value 2"),
         (('unit = "kPa"', 'unit = "kPa"\nnormal = "w"'), "field normal: invalid enum value 'w'"),
-        (('unit = "kPa"', 'unit = "kPa"\nchannels = 2'), "order of the source: a taxel reads number 2 of a scan of 2"),
+        (
+            ('unit = "kPa"', 'unit = "kPa"\nchannels = 2'),
+            "order of the source's numbers: a taxel reads number 2 of a scan of 2",
+        ),
         (('unit = "kPa"', 'unit = "N"\n'), None),
         (
             (POINTS, f'{POINTS}\narea_m2 = [1e-6, 1e-6, 2e-6]\n[[pads]]\nname="b"\n{POINTS}\nstart = 2'),
-            "read by 2 taxels",
+            "2 taxels read number 2",
         ),
         (
             (POINTS, f'{POINTS}\n[[groups]]\nname="g"\npatches=[{{pad="tip", rows=[0, 1]}}]'),
@@ -259,16 +267,16 @@ def test_each_fault_of_tables_and_wiring_is_named(change: tuple[str, str], seen:
 def test_forces_become_pressures_by_the_area_of_a_taxel() -> None:
     forces = INLINE.replace('"kPa"', '"N"')
     assert parse(forces.replace(POINTS, f"{POINTS}\narea_m2 = 4e-6")).to_si == pytest.approx(2.5e5)
-    with pytest.raises(SensorFileInvalid, match="field unit: it is N, and taxels have 1e-06 to 2e-06 m2"):
+    with pytest.raises(SensorFileInvalid, match="field unit: N, with taxels of 1e-06 to 2e-06 m2"):
         parse(forces.replace(POINTS, f"{POINTS}\narea_m2 = [1e-6, 1e-6, 2e-6]"))
 
 
 def test_a_grid_sends_all_its_places_or_only_its_taxels() -> None:
     text = GOOD.replace("missing = [[0, 0]]", "missing = [[0, 0]]\nchannels = {}")
-    assert parse(text.format(5)).wiring.columns == 6
-    assert parse(text.format(6)).wiring.columns == 7
+    assert parse(text.format(5)).channel_map.columns == 6
+    assert parse(text.format(6)).channel_map.columns == 7
     with pytest.raises(
-        SensorFileInvalid, match=r"number 1 \(palm\), field channels: 7 numbers for 5 taxels on 6 places"
+        SensorFileInvalid, match=r"number 1 \(palm\), field channels: 7 numbers for 5 taxels in 6 cells"
     ):
         parse(text.format(7))
 
@@ -304,7 +312,7 @@ def test_whatever_a_sensor_file_holds_it_is_a_sensor_or_one_line(
         assert "\n" not in str(error)
     else:
         layout = made.layout
-        assert made.wiring.readings(np.zeros((1, made.wiring.columns))).shape == (1, layout.taxels)
+        assert made.channel_map.to_readings(np.zeros((1, made.channel_map.columns))).shape == (1, layout.taxels)
         assert np.isfinite(layout.x_m).all()
         assert made.to_si > 0
 
@@ -358,7 +366,7 @@ def test_a_sensor_file_may_say_how_many_contacts_are_told_apart() -> None:
     with pytest.raises(SensorFileInvalid, match=r"s\.toml: table \[\[pads\]\] number 1, field contacts: .*<= 8"):
         parse_sensor(f"{text}9".encode(), "s.toml")
     group = '\n[[groups]]\nname = "a#2"\npatches = [{pad = "a"}]\n'
-    with pytest.raises(SensorFileInvalid, match=r"'a#2' stands 2 times; .*each group once, and none as a contact"):
+    with pytest.raises(SensorFileInvalid, match=r"'a#2' is used 2 times; .*a name of its own, unlike a contact's"):
         parse_sensor(f"{text}2{group}".encode(), "s.toml")
 
 
@@ -367,6 +375,6 @@ def test_entries_of_contacts_are_those_of_their_pad() -> None:
     assert layout.contact_of.tolist() == [-1, -1, 1, 1]
     assert (layout.taxels, layout.entries, layout.pad_count) == (24, 48, 2)
     pad, first = layout.of_pad(1), layout.of_pad(2)
-    for name in ("source", "row", "col", "x_m", "y_m", "border", "beside", "delay_s", "area_m2"):
+    for name in ("source", "row", "col", "x_m", "y_m", "border", "adjacent", "delay_s", "area_m2"):
         np.testing.assert_array_equal(getattr(layout, name)[pad], getattr(layout, name)[first], err_msg=name)
-    assert layout.apart.tolist() == [True, True, False, False]  # the rigid object goes by pads
+    assert layout.independent.tolist() == [True, True, False, False]  # the rigid object goes by pads

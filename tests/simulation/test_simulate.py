@@ -9,7 +9,7 @@ import pytest
 from taxelflow.acquire.base import HAND
 from taxelflow.api import read
 from taxelflow.errors import NameUnknown, ParameterInvalid
-from taxelflow.geometry import place
+from taxelflow.geometry import transform
 from taxelflow.simulation.contact import taxel_pressure
 from taxelflow.simulation.load import state_at
 from taxelflow.simulation.motion import move
@@ -55,7 +55,7 @@ def test_an_object_on_a_finger_is_the_same_through_the_hand(pad: str) -> None:
     home = layout.T_hand[number]
     through = replace(
         on_pad.motion,
-        middle_m=tuple(place(home, np.array(motion.middle_m))),
+        middle_m=tuple(transform(home, np.array(motion.middle_m))),
         direction_rad=motion.direction_rad + home[2],
         angle_rad=motion.angle_rad + home[2],
     )

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from taxelflow.condition.session import Session
-    from taxelflow.contacts.rigidity import Watch
     from taxelflow.messages import Bools, RawScans
     from taxelflow.sensors.sensor import Sensor
 
@@ -76,9 +75,3 @@ class Conditioner:
         from taxelflow.condition.session import Session
 
         return Session(self, sensor, masked, lookahead)
-
-    def watch(self, sensor: Sensor) -> Watch:
-        """Begin to watch for contacts that move apart, in scans that such a session gives."""
-        from taxelflow.contacts.rigidity import Watch
-
-        return Watch(sensor.layout, self.contact_on, self.contact_off)

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from taxelflow.condition.drift import Drift
     from taxelflow.condition.filters import Filters
     from taxelflow.condition.parameters import Conditioner
-    from taxelflow.contacts.split import Separator
     from taxelflow.sensors.sensor import Sensor
 
 
@@ -56,11 +55,6 @@ class Session:
             from taxelflow.condition.drift import Drift
 
             self._drift = Drift(self._layout)
-        self._separate: Separator | None = None
-        if (self._layout.contact_of >= 0).any():
-            from taxelflow.contacts.split import Separator
-
-            self._separate = Separator(self._layout, parameters.contact_on, parameters.contact_off)
         self.learned: Learned | None = None
         self.foreseen: Counts | None = None
         if lookahead is not None:
@@ -159,21 +153,15 @@ class Session:
             values = self._filters.step(fresh.values, fresh.gap, self.learned.noise)
             fresh = replace(fresh, values=values)
         if self._drift is None:
-            yield self._told_apart(self._tared(fresh))
+            yield self._tared(fresh)
             return
         while len(fresh):
             count = min(len(fresh), self._drift.wanted)
             piece, fresh = fresh.part(0, count), fresh.part(count, len(fresh))
-            scans = self._told_apart(self._tared(piece))
+            scans = self._tared(piece)
             yield scans
             if self.learned is not None:
                 self.learned = self._drift.take(scans, piece.gap, self.learned)
-
-    def _told_apart(self, scans: Scans) -> Scans:
-        """The same scans, each contact that is told apart with its own taxels."""
-        if self._separate is not None:
-            self._separate.step(scans)
-        return scans
 
     def _tared(self, fresh: Sifted) -> Scans:
         if self.learned is None:

@@ -25,7 +25,7 @@ def in_si(values: Floats, sensor: Sensor) -> Floats:
 
 def full_scale(sensor: Sensor) -> Floats:
     """(taxels,) in the same unit, where each taxel's reading saturates; inf if unknown."""
-    gain = sensor.wiring.gain  # a gain is in the readings, but not in what the sensor file calls full scale
+    gain = sensor.channel_map.gain  # a gain is in the readings, but not in what the sensor file calls full scale
     return (sensor.full_scale or np.inf) * gain * sensor.to_si
 
 

@@ -18,7 +18,9 @@ from taxelflow import api
 from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
+from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.estimation.centroid.paper_reference import convolution_index
+from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.bench_peers import PeerBench, bench_peers
 from taxelflow.evaluation.bench_reading import ReadingRate, reading_rates
 from taxelflow.evaluation.bench_throughput import Throughput, throughput
@@ -144,8 +146,8 @@ def _loaded(values: Floats, pads: int) -> list[Scans]:
 
 def _kernel_step(method: str, sensor: Sensor, scans: list[Scans]) -> Callable[[int], object]:
     session = cast("TranslationSession", api.estimator(method).start(sensor.layout, "stream"))
-    rows, border = session.room(1)
-    return lambda k: session.run(scans[k % len(scans)], rows, border)
+    rows = session.room(1)
+    return lambda k: session.run(scans[k % len(scans)], rows)
 
 
 def _session_step(step: Callable[[Scans], object], scans: list[Scans]) -> Callable[[int], object]:
@@ -156,9 +158,9 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     """What a live loop does per scan, stage by stage and together."""
     masked = np.zeros(values.shape[1], dtype=np.bool_)
     condition = Conditioner(tare="none").start(sensor, masked, [RawScans(np.arange(16.0), values)])
-    estimate = api.estimator("convolution").start(sensor.layout, "stream")
+    estimate = start_slips(api.estimator("convolution"), sensor.layout, "stream")
     monitor, fuse = SlipMonitor().begin(sensor.layout.pads), RigidField().start(sensor.layout)
-    describe = ContactFeatures().begin(sensor)
+    describe = FeatureExtractor(ContactFeatures(), sensor)
     raw = [RawScans(np.array([0.01 * k]), values[k : k + 1]) for k in range(16)]
     scans = [next(condition.step(scan)) for scan in raw]
     slips = [estimate.step(scan) for scan in scans]
@@ -220,9 +222,9 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
     start = timed("conditioning", start)
     blocks = list(recording.blocks())
     start = timed("parsing", start)
-    estimate = api.estimator("convolution").start(recording.layout, "batch")
+    estimate = start_slips(api.estimator("convolution"), recording.layout, "batch")
     monitor, fuse = SlipMonitor().begin(recording.layout.pads), RigidField().start(recording.layout)
-    describe = ContactFeatures().begin(recording.sensor)
+    describe = FeatureExtractor(ContactFeatures(), recording.sensor)
     with Tables(out, recording.layout.pads) as tables:
         for raw in blocks:
             start = perf_counter()

@@ -11,15 +11,17 @@ a bias, which is alike in stroke after stroke, so that standard errors are wide 
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow import __version__, api, registry
+from taxelflow import api, registry
 from taxelflow.acquire.trajectory import Trajectory
 from taxelflow.compiling import announced
 from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Calibratable
+from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.gainfit import GainFit, Sightings, fit_gains
 from taxelflow.messages import Scans, Slips, joined
 from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
@@ -77,7 +79,7 @@ def calibrate(
             found.append(_entry(name, fit, sightings, layout.pitch_m[number], estimator.pitches_per_index))
     if not found:
         raise GainsUnknown("; ".join(failed[:3]), "none of these pads can be calibrated by this recording")
-    return Calibration(method, recording.sensor.name, fingerprint(recording.sensor), __version__, tuple(found))
+    return Calibration(method, recording.sensor.name, fingerprint(recording.sensor), version("taxelflow"), tuple(found))
 
 
 def _calibratable(method: str) -> Calibratable:
@@ -93,7 +95,7 @@ def _estimated(recording: Recording, estimator: Calibratable) -> tuple[Scans, Sl
     """All scans, conditioned, and their slips at gain 1."""
     scans = api.conditioned(recording)
     with announced():
-        session = estimator.start(recording.layout, "batch")
+        session = start_slips(estimator, recording.layout, "batch")
         return scans, joined([session.step(scans), session.finish()])
 
 
@@ -118,7 +120,7 @@ def edge_reach(layout: Layout, pad: int, pressure: Floats, noise: Floats) -> Flo
     own = layout.of_pad(pad)
     p = np.clip(pressure[:, own], 0.0, None) * (pressure[:, own] > 6.0 * noise[own])
     total = np.where(p.sum(axis=1) > 0, p.sum(axis=1), 1.0)
-    beside = layout.beside[own]
+    beside = layout.adjacent[own]
     reach = np.zeros((len(p), 2))
     for axis, r in enumerate((layout.x_m[own], layout.y_m[own])):
         centre = (p @ r) / total

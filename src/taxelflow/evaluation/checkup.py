@@ -10,6 +10,7 @@ import numpy as np
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.condition.units import full_scale, in_si
 from taxelflow.contacts.features import ContactFeatures
+from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -200,7 +201,7 @@ class _Sampled:
     def __init__(self, session: Session, recording: Recording) -> None:
         layout = recording.layout
         pads = layout.pad_count
-        describe = ContactFeatures().begin(recording.sensor)
+        describe = FeatureExtractor(ContactFeatures(), recording.sensor)
         contact, scans = np.zeros(pads), 0
         self.load_n = np.full(pads, np.nan)
         starts_s, levels = [], []

@@ -185,7 +185,7 @@ def _cases(seed: int) -> Iterator[Case]:
         pad = drawn.pad
         yield Case(scenario, "alone", first, [pad], truths[:1])
         yield Case(scenario, "alone", second, [pad], [("second", second.known_truth.pose)])
-        yield Case(scenario, "told apart", both.told_apart(2), [f"{pad}#1", f"{pad}#2"], truths)
+        yield Case(scenario, "told apart", both.with_contacts(2), [f"{pad}#1", f"{pad}#2"], truths)
         yield Case(scenario, "as one", both, [pad, pad], truths)
     lifting = simulate(replace(SCENARIOS[LIFT], seed=seed))
     yield Case(LIFT, "as one", lifting, [SCENARIOS[LIFT].pad], [("feet", lifting.known_truth.pose)])

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from taxelflow.errors import GainsUnknown
-from taxelflow.geometry import place, rotation
+from taxelflow.geometry import rotation, transform
 
 if TYPE_CHECKING:
     from taxelflow.acquire.trajectory import Trajectory
@@ -145,7 +145,7 @@ class _Problem:
 
     def along(self, fit: _Solution) -> Floats:
         """(2,) standard deviations of the way along the pad's axes."""
-        spread: Floats = place(fit.pose, self._robot(fit.offset_s)).std(axis=0)
+        spread: Floats = transform(fit.pose, self._robot(fit.offset_s)).std(axis=0)
         return spread
 
     def refuse_mirror(self, offset: float) -> None:
@@ -213,7 +213,7 @@ class _Problem:
     def _left(self, x: Floats) -> Floats:
         """(scans, 2) what the model leaves of the positions seen, m."""
         gain, phi, s, offset = x[:-4], x[-4], x[-3:-1], x[-1]
-        p = place(np.array([*(0.01 * s), phi]), self._robot(float(offset)))
+        p = transform(np.array([*(0.01 * s), phi]), self._robot(float(offset)))
         left: Floats = self._seen.place_m - p / gain
         return left
 

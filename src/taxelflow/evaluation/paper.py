@@ -13,7 +13,7 @@ from taxelflow.evaluation.field import Field, true_twist
 from taxelflow.evaluation.limits import Limits
 from taxelflow.evaluation.strokes import PAPER_METHODS, Row
 from taxelflow.evaluation.table1 import PaperRow, Table1
-from taxelflow.geometry import place
+from taxelflow.geometry import transform
 from taxelflow.publish.figures import strokes_of
 from taxelflow.publish.plots.curve import curve_figure, table_figure
 from taxelflow.publish.plots.hand import Moment, field_figure, layout_figure
@@ -193,8 +193,8 @@ def _moments(recording: Recording, times_s: list[float]) -> list[Moment]:
     moments = []
     for t_s in times_s:
         k = int(np.searchsorted(slips.t_s, t_s))
-        unused = ~(slips.valid[k] & layout.apart)
-        places, vectors = place(layout.T_hand, slips.pose[k, :, :2]), place(turn, slips.velocity[k, :, :2])
+        unused = ~(slips.valid[k] & layout.independent)
+        places, vectors = transform(layout.T_hand, slips.pose[k, :, :2]), transform(turn, slips.velocity[k, :, :2])
         places[unused] = vectors[unused] = np.nan
         true = true_twist(truth, slips.t_s[k - 2 : k - 1], slips.t_s[k : k + 1])[0]
         title = f"{slips.t_s[k] - slips.t_s[0]:.2f} s"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,7 +12,7 @@ from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import RecordingError, ResultMissing
 from taxelflow.estimation.centroid.paper_reference import convolution_matrix
-from taxelflow.geometry import place
+from taxelflow.geometry import transform
 from taxelflow.publish.figures import PadTracks, Pictures, ResultPictures, Views, draw_results
 from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.plots.hand import Moment
@@ -188,7 +187,7 @@ def _moments(result: _Result) -> list[Moment]:
     v = np.stack([[track.numbers["vx_m_s"], track.numbers["vy_m_s"]] for track in ordered]).transpose(2, 0, 1)
     known = np.isfinite(v[..., 0]) & np.isfinite(layout.T_hand[:, 0])
     count = known[:, : layout.pad_count].sum(axis=1)
-    known &= layout.apart
+    known &= layout.independent
     if count.max(initial=0) < _FEWEST_PADS:
         return []
     full = np.flatnonzero(count == count.max())
@@ -197,7 +196,7 @@ def _moments(result: _Result) -> list[Moment]:
     twists = _twists(result.directory)
     moments = []
     for k in np.unique(full[(np.array(_MOMENTS) * (len(full) - 1)).astype(int)]).tolist():
-        places, vectors = place(layout.T_hand, at[k]), place(turn, v[k])
+        places, vectors = transform(layout.T_hand, at[k]), transform(turn, v[k])
         places[~known[k]] = vectors[~known[k]] = np.nan
         moments.append(Moment(f"{t_s[k] - t_s[0]:.2f} s", places, vectors, twists[k, :3], twists[k, 3:]))
     return moments
@@ -268,8 +267,6 @@ def _images_between(ran: Summary, recording: Recording, pad: str, t_s: Floats) -
 
 def _images(ran: Summary, recording: Recording, pad: int) -> Iterator[tuple[float, Floats]]:
     """Time and image (rows, cols) of one pad in every scan, conditioned as in the run; NaN where no taxel is."""
-    conditioner = Conditioner(**ran.parameters["condition"])
-    session = conditioner.start(recording.sensor, recording.masked, recording.blocks())
-    for scans in chain(*map(session.step, recording.blocks()), session.finish()):
+    for scans in api.segmented(recording, Conditioner(**ran.parameters["condition"])):
         for when, pressure in zip(scans.t_s, scans.pressure, strict=True):
             yield float(when), recording.layout.grid(pad, pressure)

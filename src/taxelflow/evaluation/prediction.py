@@ -21,7 +21,6 @@ from scipy.ndimage import shift
 from tyro.conf import Positional
 
 from taxelflow import api
-from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.template.online.session import StreamSession
 from taxelflow.estimation.template.parameters import Template
@@ -209,10 +208,8 @@ def _predictions(recording: Recording) -> list[PredictionRow]:
 
 def _single_scans(recording: Recording) -> Iterator[Scans]:
     """Scan by scan, conditioned as a recording is: tare and noise are no part of the comparison."""
-    session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
-    for blocks in (*map(session.step, recording.blocks()), session.finish()):
-        for scans in blocks:
-            yield from (cut(scans, k, k + 1) for k in range(len(scans)))
+    for scans in api.segmented(recording):
+        yield from (cut(scans, k, k + 1) for k in range(len(scans)))
 
 
 def _count(sums: _Sums, seen: Floats, noise: Floats, guesses: dict[str, Floats], *, lost: bool) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 
 from taxelflow import api
 from taxelflow.compiling import announced
+from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.oracle import called
 from taxelflow.messages import OK, Event, Slips, joined
 from taxelflow.simulation.parameters import Contact
@@ -108,7 +109,7 @@ def watch_job(job: Job, hours: float) -> dict[tuple[str, Mode], Tally]:
     found = {}
     for method, mode in product(job.methods, MODES if job.name in OBJECTS else MODES[:1]):
         with announced():
-            session = api.estimator(method).start(recording.layout, mode)
+            session = start_slips(api.estimator(method), recording.layout, mode)
             slips = joined([session.step(scans), session.finish()])
         watch = (monitor.begin if mode == "stream" else monitor.look_back)(recording.layout.pads)
         (slipping, events), (rest, last) = watch.step(slips), watch.finish()

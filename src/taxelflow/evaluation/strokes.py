@@ -15,6 +15,7 @@ import numpy as np
 
 from taxelflow import api, registry
 from taxelflow.compiling import announced
+from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.base import unwatched
 from taxelflow.evaluation.bound import bound_of
 from taxelflow.messages import LOST, joined
@@ -126,7 +127,7 @@ def strokes_by(method: str, recording: Recording, scans: Scans, mode: Mode = "ba
     truth = recording.known_truth
     pad = recording.layout.pads.index(truth.pad)
     with announced():
-        session = api.estimator(method).start(recording.layout, mode)
+        session = start_slips(api.estimator(method), recording.layout, mode)
         slips = joined([session.step(scans), session.finish()])
     weight = None if method in PAPER_METHODS else _weight(slips, pad)
     return list(cut(truth, slips.pose[:, pad, 0], weight, np.cumsum(slips.quality[:, pad] == LOST)))

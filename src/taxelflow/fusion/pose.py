@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.fusion.twist import COV_POSE, POSE, add_point, inverse2, inverse3, put_matrix, turn_is_seen
+from taxelflow.fusion.twist import COV_POSE, POSE, add_point, put_matrix, turn_is_seen
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.small_linalg import inverse2, inverse3
 
 # Memory per pad: whether anchored, the contact's place on the object (2), its covariance (4), the turn it started at.
 _ANCHORED, _POINT, _POINT_COV, _SPIN, MEMORY = 0, 1, 3, 7, 8

@@ -44,7 +44,7 @@ class FieldSession:
         placed: Bools = np.asarray(np.isfinite(layout.T_hand).all(axis=1))
         self._turns = bool(placed.any())  # where no pad has a place, the mean translation is all there is
         home = np.where(placed[:, np.newaxis], layout.T_hand, 0.0)
-        self._used: Bools = layout.apart & (placed if self._turns else True)
+        self._used: Bools = layout.independent & (placed if self._turns else True)
         self._R, self._origin = rotation(home[:, 2]), home[:, :2]
         self._pitch_m = layout.pitch_m
         self._memory = np.zeros((len(layout.pads), MEMORY))

@@ -6,6 +6,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.small_linalg import eigenvalues2, inverse2, inverse3
 
 # Columns of a motion's row.
 TWIST, COV_TWIST, ROTOR, STD_ROTOR, CENTRE_X, CENTRE_Y, STD_CENTRE_X, STD_CENTRE_Y = 0, 3, 12, 13, 14, 15, 16, 17
@@ -88,28 +89,6 @@ def fuse_twists(
 
 
 @kernel
-def inverse2(matrix: Floats, least: float) -> Floats:
-    """Inverse of the upper left (2, 2) of a symmetric matrix, to whose diagonal `least` is added."""
-    a, b, d = matrix[0, 0] + least, matrix[0, 1], matrix[1, 1] + least
-    det = a * d - b * b
-    return np.array([[d / det, -b / det], [-b / det, a / det]])
-
-
-@kernel
-def inverse3(m: Floats) -> Floats:
-    """Inverse of a symmetric (3, 3) matrix by its cofactors: small, exact enough, and quick to compile."""
-    c00 = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
-    c01 = m[0, 2] * m[1, 2] - m[0, 1] * m[2, 2]
-    c02 = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]
-    det = m[0, 0] * c00 + m[0, 1] * c01 + m[0, 2] * c02
-    c11 = m[0, 0] * m[2, 2] - m[0, 2] * m[0, 2]
-    c12 = m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2]
-    c22 = m[0, 0] * m[1, 1] - m[0, 1] * m[0, 1]
-    inverse: Floats = np.array([[c00, c01, c02], [c01, c11, c12], [c02, c12, c22]]) / det
-    return inverse
-
-
-@kernel
 def put_matrix(row: Floats, start: int, matrix: Floats) -> None:
     """Write a (2, 2) or (3, 3) matrix into the nine numbers of a 3 x 3 one, row by row."""
     for i in range(matrix.shape[0]):
@@ -141,8 +120,8 @@ def _spans_a_plane(affine: Floats, weight: float, mean_x: float, mean_y: float) 
     xx = affine[1, 1] / weight - mean_x * mean_x
     yy = affine[2, 2] / weight - mean_y * mean_y
     xy = affine[1, 2] / weight - mean_x * mean_y
-    half, spread = 0.5 * (xx + yy), np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
-    return bool(half - spread > _APART_M**2)
+    least, _ = eigenvalues2(xx, yy, xy)
+    return bool(least > _APART_M**2)
 
 
 @kernel

@@ -12,7 +12,7 @@ import numpy as np
 from taxelflow.acquire.base import BLOCK_SCANS, HAND, Recording, Truth
 from taxelflow.acquire.npz import write_npz
 from taxelflow.errors import NameUnknown, ParameterInvalid
-from taxelflow.geometry import unplace
+from taxelflow.geometry import inverse_transform
 from taxelflow.messages import RawScans, cut
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.contact import taxel_pressure
@@ -51,7 +51,7 @@ def simulate(scenario: Scenario) -> Recording:
     if scenario.second.there:
         pressure = pressure + pressures(of_second(scenario), layout, touched, t_s)
     values = sense(scenario.sensing, pressure, t_s, random, scenario.seed) / sensor.to_si
-    scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), sensor.wiring.sent(values))
+    scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), sensor.channel_map.to_source(values))
 
     def read() -> Iterator[RawScans]:
         for start in range(0, len(scans), BLOCK_SCANS):
@@ -77,7 +77,7 @@ def save(scenario: Scenario, path: Path) -> Recording:
     """Simulate and write an `.npz` recording with truth and every parameter in it; whole or not at all."""
     recording = simulate(scenario)
     part = path.with_name(path.name + ".part")
-    write_npz(recording, part, recording.sent(), parameters=json.dumps(asdict(scenario)))
+    write_npz(recording, part, recording.source_blocks(), parameters=json.dumps(asdict(scenario)))
     part.replace(path)
     return recording
 
@@ -150,5 +150,7 @@ def _pattern(scenario: Scenario, layout: Layout, touched: list[int]) -> Pattern:
 
 def _in_pad(pose: Floats, T_hand_pad: Floats) -> Floats:
     """Poses (..., 3) of the object in the hand frame, in the frame of a pad."""
-    moved: Floats = np.concatenate([unplace(T_hand_pad, pose[..., :2]), pose[..., 2:] - T_hand_pad[2]], axis=-1)
+    moved: Floats = np.concatenate(
+        [inverse_transform(T_hand_pad, pose[..., :2]), pose[..., 2:] - T_hand_pad[2]], axis=-1
+    )
     return moved

@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.estimation.template.banded import multiply, smoothness
-from taxelflow.estimation.template.bspline import GAIN, STATE
 from taxelflow.estimation.template.bundle_adjustment import refine
 from taxelflow.estimation.template.map import Pattern
 from taxelflow.estimation.template.observations import Scanned
+from taxelflow.numerics.banded import multiply, smoothness
+from taxelflow.numerics.bspline import GAIN, STATE
 
 
 def test_the_readings_determine_as_many_coefficients_as_a_trace_says() -> None:

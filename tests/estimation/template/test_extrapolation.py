@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.bspline import GAIN, SIZE, STATE, THETA, X, Y
 from taxelflow.estimation.template.extrapolation import level_off, looked_at, near
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.local_map import covering, fill
 from taxelflow.messages import Floats
+from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y
 
 
 def scanned(*, slope: float = 0.0) -> Scanned:

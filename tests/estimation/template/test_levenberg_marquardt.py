@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.estimation.template.bspline import GAIN, STATE, THETA, evaluate
-from taxelflow.estimation.template.levenberg_marquardt import register, solve_small
+from taxelflow.estimation.template.levenberg_marquardt import register
+from taxelflow.numerics.bspline import GAIN, STATE, THETA, evaluate
+from taxelflow.numerics.small_linalg import solve_small
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

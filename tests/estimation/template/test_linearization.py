@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.estimation.template.bspline import GAIN, STATE, evaluate
 from taxelflow.estimation.template.linearization import ROWS, VARIANCE, laid_out, linearise, look_up
+from taxelflow.numerics.bspline import GAIN, STATE, evaluate
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.estimation.template.bspline import STATE, evaluate
 from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.online.residual_process import bring, fades, keep
+from taxelflow.numerics.bspline import STATE, evaluate
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

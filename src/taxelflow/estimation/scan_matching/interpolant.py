@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
 from taxelflow.errors import ParameterInvalid
-from taxelflow.estimation.template.bspline import STATE, spread
 from taxelflow.estimation.template.map import Pattern, Sums
 from taxelflow.estimation.template.observations import Scanned, across, reach
+from taxelflow.numerics.bspline import STATE, spread
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -106,33 +105,3 @@ def _nearest_live(pattern: Pattern, places: Floats, live: Bools) -> NDArray[np.i
         near = away < closest
         nearest[near], closest[near] = taxel, away[near]
     return nearest
-
-
-@kernel
-def gather(first: NDArray[np.int64], weight: Floats, values: Floats, nx: int, out: Floats) -> None:
-    """Add values (n, taxels), spread with weight (taxels, 16), to out (n, knots)."""
-    for i in range(len(first)):
-        if first[i] >= 0:
-            for a in range(4):
-                for b in range(4):
-                    for row in range(len(values)):
-                        out[row, first[i] + a * nx + b] += weight[i, 4 * a + b] * values[row, i]
-
-
-@kernel
-def solve_band(factor: Floats, right: Floats) -> None:
-    """Solve in place for right-hand sides (n, knots); factor as in `Interpolant`."""
-    knots, band = factor.shape
-    for row in range(len(right)):
-        x = right[row]
-        for j in range(knots):
-            if x[j] != 0.0:
-                value = x[j] / factor[j, 0]
-                x[j] = value
-                for k in range(1, min(band, knots - j)):
-                    x[j + k] -= factor[j, k] * value
-        for j in range(knots - 1, -1, -1):
-            value = x[j]
-            for k in range(1, min(band, knots - j)):
-                value -= factor[j, k] * x[j + k]
-            x[j] = value / factor[j, 0]

@@ -16,9 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE, gather, solve_band
-from taxelflow.estimation.template.bspline import GAIN, STATE, THETA, X, Y, evaluate, spread
-from taxelflow.estimation.template.levenberg_marquardt import register, solve_small
+from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE
+from taxelflow.estimation.template.levenberg_marquardt import register
+from taxelflow.numerics.banded import solve_band
+from taxelflow.numerics.bspline import GAIN, STATE, THETA, X, Y, evaluate, gather, spread
+from taxelflow.numerics.robust import OUTLIER, huber_weight
+from taxelflow.numerics.small_linalg import solve_small
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,7 +40,6 @@ _BOX = 1.5
 """Taxels within so many pitches of the loaded ones take part ..."""
 _LOADED = 4.0
 """... which stand above so many standard deviations."""
-_OUTLIER = 25.0
 _FITS = 1.5
 """Chi-square per reading at which no other start is tried."""
 _MODEL_ERROR = 0.05
@@ -167,11 +169,10 @@ def weigh(
         doubt = noise_doubt[iy, ix]
         w = 1.0 / (variance[i] + gain * gain * doubt)
         z2 = residual * residual * w
-        chi += min(z2, _OUTLIER)
-        fit += min(residual * residual / (1.0 / w + (_MODEL_ERROR * model[i]) ** 2), _OUTLIER)
+        chi += min(z2, OUTLIER)
+        fit += min(residual * residual / (1.0 / w + (_MODEL_ERROR * model[i]) ** 2), OUTLIER)
         count += 1.0
-        if z2 > _HUBER * _HUBER:
-            w *= _HUBER / np.sqrt(z2)
+        w *= huber_weight(np.sqrt(z2), _HUBER)
         weight[i] = w
         for a in range(THETA + 1):
             jacobian[i, a] = 0.0 if a < 2 and across[a] > 0.0 else gain * slopes[i, a + 1]

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.scan_matching.interpolant import gather, solve_band
 from taxelflow.estimation.scan_matching.matching import DOF, carried, find, gains, sight, surroundings, weigh
-from taxelflow.estimation.template.bspline import GAIN, STATE, THETA, evaluate
-from taxelflow.estimation.template.online.track_state import centroid, gate
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
+from taxelflow.numerics.banded import solve_band
+from taxelflow.numerics.bspline import GAIN, STATE, THETA, evaluate, gather
+from taxelflow.numerics.centroid import loaded_centroid
+from taxelflow.numerics.robust import gate
+from taxelflow.numerics.small_linalg import eigenvalues2
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -76,7 +78,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
     P = memory[COVARIANCE:WAY].reshape((3, 3))
     way = memory[WAY:]
     chosen = np.empty(taxels, np.bool_)
-    middle, middle_before = np.empty(3), np.empty(3)
+    middle, middle_before = np.empty(4), np.empty(4)
     anywhere = np.zeros(taxels, np.bool_)  # where the border is does not matter to it
     state = np.empty(STATE)
     normal, pretended = np.empty((DOF, DOF)), np.empty((DOF, DOF))
@@ -101,7 +103,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         if fresh:
             if not complete[k]:
                 continue
-            centroid(now, variance, places, anywhere, middle)
+            loaded_centroid(now, variance, places, anywhere, middle)
             p[0], p[1], p[2] = middle[0], middle[1], 0.0
             m[TURN] = _NOT_YET
             way[:] = 0.0
@@ -131,8 +133,8 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
         state[:] = 0.0
         state[GAIN] = 1.0
         if not fresh:
-            centroid(before, variance_before, places, anywhere, middle_before)
-            centroid(now, variance, places, anywhere, middle)
+            loaded_centroid(before, variance_before, places, anywhere, middle_before)
+            loaded_centroid(now, variance, places, anywhere, middle)
             shift = (middle - middle_before)[:2]
             find(c, doubt, local, where, y, v, top, shift, gain, turns, across, state)
         chi, fit, freedom = weigh(
@@ -214,7 +216,7 @@ def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
                 displacement_covariance[k, a, a] = np.nan if fresh else 2.0 * covariance[k, a, a]
                 part[a, a] = across[a] ** 2
         xx, yy, xy = part[0, 0], part[1, 1], part[0, 1]
-        largest = 0.5 * (xx + yy) + np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+        _, largest = eigenvalues2(xx, yy, xy)
         quality[k] = AMBIGUOUS if cut_off[k] or largest > _BLURRED**2 else OK
         if fit > freedom * gate(1.0, freedom):
             quality[k] = UNRESOLVED

@@ -11,7 +11,7 @@ from taxelflow.estimation.smoothing.filter import MEMORY, RUN, STATES, run_filte
 from taxelflow.messages import LOST, cut, joined
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.base import EstimatorSession
+    from taxelflow.estimation.base import SlipSource
     from taxelflow.messages import Bools, Floats, Scans, Slips
     from taxelflow.sensors.layout import Layout
 
@@ -101,7 +101,7 @@ def _densities(layout: Layout, pad: int, acceleration_m_s2: float) -> Floats:
 class FilterSession:
     """Poses and displacements as all scans so far tell them."""
 
-    def __init__(self, session: EstimatorSession, layout: Layout, acceleration_m_s2: float) -> None:
+    def __init__(self, session: SlipSource, layout: Layout, acceleration_m_s2: float) -> None:
         self._session = session
         self._density = [_densities(layout, pad, acceleration_m_s2) for pad in range(len(layout.pads))]
         self._memory = np.zeros((len(layout.pads), MEMORY))
@@ -110,7 +110,7 @@ class FilterSession:
         track.smooth(self._density[0])  # compiled by now
 
     def step(self, scans: Scans) -> Slips:
-        """Slips of all pads; see `EstimatorSession.step`."""
+        """Slips of all pads; see `SlipSource.step`."""
         return self._smoothed(self._session.step(scans))
 
     def finish(self) -> Slips:
@@ -129,7 +129,7 @@ class FilterSession:
 class SmootherSession(FilterSession):
     """Poses and displacements as all scans of a contact tell them, held back until it ends."""
 
-    def __init__(self, session: EstimatorSession, layout: Layout, acceleration_m_s2: float) -> None:
+    def __init__(self, session: SlipSource, layout: Layout, acceleration_m_s2: float) -> None:
         super().__init__(session, layout, acceleration_m_s2)
         pads = len(layout.pads)
         self._held: Slips | None = None

@@ -13,8 +13,9 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.template.banded import Factor, add_square, multiply, smoothness
-from taxelflow.estimation.template.bspline import GAIN, SIZE, STATE, THETA, evaluate, spread
+from taxelflow.numerics.banded import Factor, add_square, multiply, smoothness
+from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, evaluate, spread
+from taxelflow.numerics.robust import OUTLIER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -315,7 +316,7 @@ def assemble(
             own = rough * max(expected, 0.0)
             factor = 1.0 / (variance[k, i] + own * own)
             z = abs(difference) * np.sqrt(factor)
-            chi[k] += min(z * z, 25.0)
+            chi[k] += min(z * z, OUTLIER)
             counts[k] += 1
             if z > huber:
                 factor *= huber / z

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from taxelflow.estimation.template.bspline import THETA, in_object
+from taxelflow.numerics.bspline import THETA, in_object
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel, lean_kernel
-from taxelflow.estimation.template.bspline import GAIN, SIZE, STATE, THETA, X, Y
 from taxelflow.estimation.template.linearization import laid_out, linearise
+from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.numerics.small_linalg import mirror, solve_small
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -21,46 +22,6 @@ HELD = 1e12
 _LEAST_GAIN = 0.1
 """A gain falls at most to this share in one step."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
-
-
-@lean_kernel
-def solve_small(a: Floats, b: Floats, n: int) -> bool:
-    """Solve a x = b for symmetric positive a (n, n) in place: a becomes its factor, b the solution."""
-    if not factor_small(a, n):
-        return False
-    solve_factored(a, b, n)
-    return True
-
-
-@lean_kernel
-def factor_small(a: Floats, n: int) -> bool:
-    """Make symmetric a (n, n) its factor L D L^T, from its lower half; False if it is not positive."""
-    for j in range(n):
-        d = a[j, j]
-        for k in range(j):
-            d -= a[j, k] * a[j, k] * a[k, k]
-        if not d > 0.0:
-            return False
-        a[j, j] = d
-        for i in range(j + 1, n):
-            v = a[i, j]
-            for k in range(j):
-                v -= a[i, k] * a[j, k] * a[k, k]
-            a[i, j] = v / d
-    return True
-
-
-@lean_kernel
-def solve_factored(a: Floats, b: Floats, n: int) -> None:
-    """Make b (n,) the solution of a x = b, with a from `factor_small`."""
-    for i in range(n):
-        for k in range(i):
-            b[i] -= a[i, k] * b[k]
-    for i in range(n):
-        b[i] /= a[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            b[i] -= a[k, i] * b[k]
 
 
 @kernel
@@ -154,14 +115,6 @@ def register_laid_out(  # noqa: PLR0912  loops over a state are written out
         state[a] = kept[a]
     mirror(information)
     return best, best_chi, count
-
-
-@lean_kernel
-def mirror(matrix: Floats) -> None:
-    """Make a matrix (n, n), of which the lower half is known, symmetric."""
-    for a in range(len(matrix)):
-        for b in range(a):
-            matrix[b, a] = matrix[a, b]
 
 
 @lean_kernel

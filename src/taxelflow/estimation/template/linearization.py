@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import inlined, kernel, lean_kernel
-from taxelflow.estimation.template.bspline import GAIN, SIZE, THETA, X, Y, value_at
+from taxelflow.numerics.bspline import GAIN, SIZE, THETA, X, Y, value_at
+from taxelflow.numerics.robust import OUTLIER
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -20,8 +21,8 @@ PLACE_X, PLACE_Y, COS, SIN, READING, VARIANCE, CEILING, ROWS = range(8)
 """Rows of a scan that is laid out: places, less how far the object has come when the taxel is read; cosine and sine of
 its turn by then; reading, noise squared, and ceiling."""
 _LANES = 8
-_UNEXPLAINED, _MOST_UNEXPLAINED = 9.0, 25.0
-"""Squared over the noise: what makes a reading off the lattice a load that is not explained, and the most it counts."""
+_UNEXPLAINED = 9.0
+"""Squared over the noise: what makes a reading off the lattice a load that is not explained. It counts as outlier."""
 
 
 @kernel
@@ -112,7 +113,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         fits = speaks and known
         z2 = residual * residual * weight
         unexplained = speaks and not known and z2 > _UNEXPLAINED  # a load off the lattice
-        chi += z2 if fits else (min(z2, _MOST_UNEXPLAINED) if unexplained else 0.0)
+        chi += z2 if fits else (min(z2, OUTLIER) if unexplained else 0.0)
         z, far = np.sqrt(z2), z2 > huber * huber
         doubted = (2.0 * huber * z - huber * huber if far else z2) + _log_inverse(variance * weight if live else 1.0)
         believed = residual * residual * firm + _log_inverse(variance * firm if live else 1.0)

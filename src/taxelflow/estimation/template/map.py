@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.template.banded import Factor, add_square, smoothness
-from taxelflow.estimation.template.bspline import GAIN, evaluate, spread
+from taxelflow.numerics.banded import Factor, add_square, smoothness
+from taxelflow.numerics.bspline import GAIN, evaluate, spread
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned

@@ -10,17 +10,17 @@ import numpy as np
 from scipy.linalg.lapack import dtbtrs
 from scipy.ndimage import convolve
 
-from taxelflow.estimation.template.bspline import STATE, THETA, evaluate
 from taxelflow.estimation.template.extrapolation import looked_at, near
 from taxelflow.estimation.template.map import Pattern, Sums
 from taxelflow.messages import LearnedPattern
+from taxelflow.numerics.bspline import STATE, THETA, evaluate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.estimation.template.banded import Factor
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
+    from taxelflow.numerics.banded import Factor
 
 _FINER, _MOST_POINTS = 8, 250_000
 """Points per pitch, and how many a map has at most."""

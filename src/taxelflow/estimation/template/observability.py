@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
-from taxelflow.estimation.template.bspline import GAIN, evaluate
+from taxelflow.numerics.bspline import GAIN, evaluate
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.banded import Factor
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
+    from taxelflow.numerics.banded import Factor
 
 _DRAWS = 8
 

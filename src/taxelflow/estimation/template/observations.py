@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.bspline import THETA
+from taxelflow.numerics.bspline import THETA
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.bspline import GAIN, STATE, THETA, in_object
 from taxelflow.estimation.template.bundle_adjustment import refine
 from taxelflow.estimation.template.levenberg_marquardt import HELD, register
 from taxelflow.estimation.template.map import Pattern, Sums
+from taxelflow.numerics.bspline import GAIN, STATE, THETA, in_object
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,10 +12,10 @@ import numpy as np
 
 from taxelflow.estimation.template.batch.initialization import Tracker
 from taxelflow.estimation.template.batch.model_selection import FIRST_GAIN_STD
-from taxelflow.estimation.template.bspline import STATE, THETA
 from taxelflow.estimation.template.observability import sights
 from taxelflow.estimation.template.pose_output import Poses, to_pad
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED
+from taxelflow.numerics.bspline import STATE, THETA
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

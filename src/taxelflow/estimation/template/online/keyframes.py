@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.bspline import SIZE, THETA
 from taxelflow.estimation.template.observations import Scanned
+from taxelflow.numerics.bspline import SIZE, THETA
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,17 +9,17 @@ import numpy as np
 
 from taxelflow.estimation.template.batch.initialization import MARGIN, SPACING
 from taxelflow.estimation.template.batch.model_selection import FIRST_GAIN_STD, FIRST_ROUGH, level, roughness
-from taxelflow.estimation.template.bspline import in_object
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
 from taxelflow.estimation.template.map import Pattern, Sums
 from taxelflow.estimation.template.models.scaling import SIZE_STD
 from taxelflow.estimation.template.observations import strength
+from taxelflow.numerics.bspline import in_object
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.banded import Factor
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.online.keyframes import Keyframes
     from taxelflow.messages import Floats
+    from taxelflow.numerics.banded import Factor
 
 YOUNG = 8
 """With fewer keyframes, gains and roughness are not learned."""

@@ -9,7 +9,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from taxelflow.estimation.template.batch.model_selection import FIRST_GAIN_STD, FIRST_ROUGH
-from taxelflow.estimation.template.bspline import STATE, THETA
 from taxelflow.estimation.template.extrapolation import level_off
 from taxelflow.estimation.template.observability import sights
 from taxelflow.estimation.template.observations import Scanned
@@ -28,6 +27,7 @@ from taxelflow.estimation.template.online.local_map import (
 )
 from taxelflow.estimation.template.online.rotation import SEEN, explains, with_turn, without_turn
 from taxelflow.estimation.template.online.scaling import due, placed, regrown, slack_of
+from taxelflow.numerics.bspline import STATE, THETA
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.bspline import GAIN, THETA
 from taxelflow.estimation.template.online.map_update import learn
+from taxelflow.numerics.bspline import GAIN, THETA
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel, lean_kernel
-from taxelflow.estimation.template.bspline import GAIN, STATE, THETA
-from taxelflow.estimation.template.levenberg_marquardt import factor_small, solve_factored
 from taxelflow.estimation.template.online import track_state as online
-from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, gate
+from taxelflow.estimation.template.online.track_state import BLURRED, FAINT
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
+from taxelflow.numerics.bspline import GAIN, STATE, THETA
+from taxelflow.numerics.robust import gate
+from taxelflow.numerics.small_linalg import factor_small, solve_factored
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

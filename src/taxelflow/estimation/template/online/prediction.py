@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.bspline import GAIN, THETA, evaluate
 from taxelflow.estimation.template.online import track_state as online
 from taxelflow.estimation.template.online.residual_process import fades
+from taxelflow.numerics.bspline import GAIN, THETA, evaluate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

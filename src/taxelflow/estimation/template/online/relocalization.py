@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.bspline import GAIN, STATE, THETA
 from taxelflow.estimation.template.levenberg_marquardt import HELD, register
 from taxelflow.estimation.template.online import track_state as online
-from taxelflow.estimation.template.online.track_state import HUBER, gate
+from taxelflow.estimation.template.online.track_state import HUBER
+from taxelflow.numerics.bspline import GAIN, STATE, THETA
+from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.online.local_map import Learned

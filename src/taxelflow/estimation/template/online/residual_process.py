@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel, lean_kernel
-from taxelflow.estimation.template.bspline import GAIN, STATE
-from taxelflow.estimation.template.levenberg_marquardt import mirror
 from taxelflow.estimation.template.linearization import CEILING, READING, VARIANCE, linearise, look_up
+from taxelflow.numerics.bspline import GAIN, STATE
+from taxelflow.numerics.small_linalg import mirror
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

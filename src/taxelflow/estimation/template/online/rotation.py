@@ -16,10 +16,10 @@ from taxelflow.estimation.template.batch.model_selection import (
     start_scan,
     unexplained,
 )
-from taxelflow.estimation.template.bspline import THETA
 from taxelflow.estimation.template.observability import sights
 from taxelflow.estimation.template.online.local_map import MOST_USUAL, covering, fill, refined
 from taxelflow.estimation.template.pose_output import unturned
+from taxelflow.numerics.bspline import THETA
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.bundle_adjustment import Fit

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.batch.model_selection import FIRST_ROUGH, start_scan, unexplained
-from taxelflow.estimation.template.bspline import THETA
 from taxelflow.estimation.template.models.scaling import centre, in_place
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import (
@@ -24,6 +23,7 @@ from taxelflow.estimation.template.online.local_map import (
     refined,
     usual_of,
 )
+from taxelflow.numerics.bspline import THETA
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

@@ -1,15 +1,6 @@
-"""What a pad remembers from scan to scan, and what a scan that fits is."""
+"""What a pad remembers from scan to scan."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-from taxelflow.compiling import lean_kernel
-
-if TYPE_CHECKING:
-    from taxelflow.messages import Bools, Floats
 
 (
     ACTIVE,  # whether the pad has a pattern
@@ -62,36 +53,7 @@ NOTHING, NOVEL, GONE = range(3)
 
 HUBER = 5.0
 """Standard deviations from which on a reading is held down."""
-_GATE = 2.0
-"""Chi-square over the usual above which a scan does not fit."""
 BLURRED = 0.25
 """A place is known badly from this standard deviation on, in pitches."""
 FAINT = 3.0
 """A pattern from scans so many times fainter is not worth keeping."""
-
-
-@lean_kernel
-def centroid(reading: Floats, variance: Floats, places: Floats, edge: Bools, out: Floats) -> None:
-    """Fill out (4,) with the centroid of what is loaded above 4 standard deviations and 5 % of the peak, the share of
-    it that lies at the border, and its sum; edge: (taxels,).
-    """
-    peak = 0.0
-    for i in range(len(reading)):
-        peak = max(peak, reading[i])
-    total = x = y = border = 0.0
-    for i in range(len(reading)):
-        p = reading[i]
-        if p > 0.05 * peak and p * p > 16.0 * variance[i] > 0.0:
-            total += p
-            x += p * places[0, i]
-            y += p * places[1, i]
-            border += p if edge[i] else 0.0
-    out[:] = 0.0
-    if total > 0.0:
-        out[0], out[1], out[2], out[3] = x / total, y / total, border / total, total
-
-
-@lean_kernel
-def gate(usual: float, count: float) -> float:
-    """Chi-square per reading up to which a scan of so many readings fits."""
-    return float(usual * _GATE * (1.0 + 2.0 / np.sqrt(max(count, 1.0))))

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel, lean_kernel
-from taxelflow.estimation.template.bspline import GAIN, SIZE, STATE, THETA, X, Y
 from taxelflow.estimation.template.levenberg_marquardt import HELD, register_laid_out
 from taxelflow.estimation.template.linearization import VARIANCE, laid_out
 from taxelflow.estimation.template.online import track_state as online
 from taxelflow.estimation.template.online.residual_process import bring, keep
-from taxelflow.estimation.template.online.track_state import HUBER, centroid, gate
+from taxelflow.estimation.template.online.track_state import HUBER
+from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.numerics.centroid import loaded_centroid
+from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -122,7 +124,7 @@ def _follow_pad(
     for a in range(STATE):
         last[a] = state[a]
     span = t - m[online.LAST_T]
-    centroid(reading, variance, places, edge, middle)
+    loaded_centroid(reading, variance, places, edge, middle)
     m[online.CUT] = max(m[online.CUT], 1.0 if middle[2] > _CUT else 0.0)
     in_line = m[online.ACROSS_X] > 0.0 or m[online.ACROSS_Y] > 0.0
     may_turn = m[online.TURN_STD] == 0.0 and m[online.CUT] == 0.0 and not in_line

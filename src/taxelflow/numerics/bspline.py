@@ -1,8 +1,8 @@
-"""A pressure pattern as a cubic B-spline on a square lattice of knots, seen by taxels through a pose.
+"""A surface as a cubic B-spline on a square lattice of knots, read by taxels at a pose of the surface on the pad.
 
 Model of one reading:  y_i = g q(u_i) + n_i,  u_i = exp(-s) R(theta)^T (r_i - x),  q(u) = sum_j c_j B3((u - u_j) / h).
-The pattern is what a taxel reads, already averaged over its area. If the object turns, that holds for small taxels
-only; then q can be the mean over m x m points of the taxel, whose square does not turn with the object.
+The surface q is what a taxel reads, averaged over the taxel's area. If the surface turns, that holds for small taxels
+only; then q can be the mean over m x m points of the taxel, whose square does not turn with the surface.
 
 Lengths are in pitches of the pad, angles in rad. A state is (x, y, theta, g, s): pose, gain, and logarithm of size.
 """
@@ -181,6 +181,20 @@ def spread(
             for a in range(4):
                 for b in range(4):
                     weight[i, (iy - 1 + a - corner_y) * width + ix - 1 + b - corner_x] += share * by[a] * bx[b]
+
+
+@kernel
+def gather(first: NDArray[np.int64], weight: Floats, values: Floats, nx: int, out: Floats) -> None:
+    """Add values (n, taxels), spread over 4 x 4 knots each, to out (n, knots): the transpose of an evaluation.
+
+    first: (taxels,), weight: (taxels, 16), both from `spread` with width 4. nx: knots in a row of the lattice.
+    """
+    for i in range(len(first)):
+        if first[i] >= 0:
+            for a in range(4):
+                for b in range(4):
+                    for row in range(len(values)):
+                        out[row, first[i] + a * nx + b] += weight[i, 4 * a + b] * values[row, i]
 
 
 def in_object(places: Floats, state: Floats) -> Floats:

@@ -1,7 +1,7 @@
-"""Normal equations of a pattern's coefficients: sums over readings, smoothness, and their solution.
+"""Normal equations of spline coefficients on a lattice: sums over readings, smoothness prior, banded Cholesky solver.
 
-A coefficient meets only those fewer than `width` knots away, so the matrix is kept as a stencil (knots, width,
-2 width - 1): entry (j, dy, dx + width - 1) couples knot j with the knot dy rows and dx columns on.
+A coefficient is coupled only with those fewer than `width` knots away, so the symmetric matrix is kept as a stencil
+(knots, width, 2 width - 1): entry (j, dy, dx + width - 1) couples knot j with the knot dy rows and dx columns on.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def _add_differences(
 
 
 class Factor:
-    """A factored banded matrix."""
+    """Cholesky factor of a positive matrix that is given as a stencil. lower: (band, knots), as LAPACK keeps it."""
 
     def __init__(self, stencil: Floats, nx: int) -> None:
         width = stencil.shape[1]
@@ -106,3 +106,25 @@ class Factor:
         """The solution for one right-hand side (knots,) or several (knots, n)."""
         solution: Floats = cho_solve_banded((self.lower, True), right, check_finite=False)
         return solution
+
+
+@kernel
+def solve_band(factor: Floats, right: Floats) -> None:
+    """Solve in place for right-hand sides (n, knots), which may be mostly 0.
+
+    factor: (knots, band), the lower Cholesky factor by columns: `Factor.lower` transposed, contiguous.
+    """
+    knots, band = factor.shape
+    for row in range(len(right)):
+        x = right[row]
+        for j in range(knots):
+            if x[j] != 0.0:
+                value = x[j] / factor[j, 0]
+                x[j] = value
+                for k in range(1, min(band, knots - j)):
+                    x[j + k] -= factor[j, k] * value
+        for j in range(knots - 1, -1, -1):
+            value = x[j]
+            for k in range(1, min(band, knots - j)):
+                value -= factor[j, k] * x[j + k]
+            x[j] = value / factor[j, 0]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.estimation.template.bspline import GAIN, SIZE, STATE, THETA, X, Y, evaluate, spread
+from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y, evaluate, spread
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

@@ -1,0 +1,25 @@
+"""Robust losses: how much a residual counts, and whether a scan fits its model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxelflow.compiling import inlined, lean_kernel
+
+OUTLIER = 25.0
+"""The most that one reading adds to chi-square: 5 standard deviations, squared."""
+_GATE = 2.0
+"""A scan fits up to this many times the reduced chi-square that is expected, and a margin for few readings."""
+
+
+@inlined
+def huber_weight(z: float, threshold: float) -> float:
+    """Weight of a residual of z >= 0 standard deviations: 1 up to the threshold, then threshold / z (Huber 1964)."""
+    weight: float = threshold / z if z > threshold else 1.0
+    return weight
+
+
+@lean_kernel
+def gate(expected: float, count: float) -> float:
+    """Reduced chi-square (per reading) up to which a scan of `count` readings fits, if `expected` is usual."""
+    return float(expected * _GATE * (1.0 + 2.0 / np.sqrt(max(count, 1.0))))

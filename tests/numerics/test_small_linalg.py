@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxelflow.compiling import kernel
+from taxelflow.messages import Floats
+from taxelflow.numerics.small_linalg import (
+    eigenvalues2,
+    factor_small,
+    inverse2,
+    inverse3,
+    mirror,
+    solve_factored,
+    solve_small,
+)
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def positive(seed: int, n: int) -> Floats:
+    root = np.random.default_rng(seed).normal(0, 1, (n, n + 2))
+    matrix: Floats = root @ root.T
+    return matrix
+
+
+@kernel
+def eigenvalues(matrix: Floats, out: Floats) -> None:
+    out[0], out[1] = eigenvalues2(matrix[0, 0], matrix[1, 1], matrix[0, 1])
+
+
+@given(seed=seeds)
+def test_inverses_are_those_of_numpy(seed: int) -> None:
+    two, three = positive(seed, 2), positive(seed, 3)
+    np.testing.assert_allclose(inverse2(two, 0.0) @ two, np.eye(2), atol=1e-6)
+    np.testing.assert_allclose(inverse3(three) @ three, np.eye(3), atol=1e-6)
+
+
+def test_the_inverse_of_two_rows_takes_the_corner_of_a_larger_matrix_and_adds_to_its_diagonal() -> None:
+    matrix = positive(1, 3)
+    np.testing.assert_allclose(inverse2(matrix, 0.5), np.linalg.inv(matrix[:2, :2] + 0.5 * np.eye(2)), rtol=1e-12)
+
+
+@given(seed=seeds)
+def test_eigenvalues_are_those_of_numpy_smaller_first(seed: int) -> None:
+    matrix = np.random.default_rng(seed).normal(0, 1, (2, 2))
+    matrix += matrix.T
+    found = np.empty(2)
+    eigenvalues(matrix, found)
+    np.testing.assert_allclose(found, np.linalg.eigvalsh(matrix), atol=1e-12)
+
+
+@given(seed=seeds, n=st.integers(1, 6))
+def test_the_solver_agrees_with_numpy_and_reads_the_lower_half_only(seed: int, n: int) -> None:
+    matrix, right = positive(seed, n), np.random.default_rng(seed).normal(0, 1, n)
+    expected = np.linalg.solve(matrix, right)
+    lower = np.tril(matrix) + np.triu(np.full((n, n), np.nan), 1)
+    assert solve_small(lower, right, n)
+    np.testing.assert_allclose(right, expected, rtol=1e-6, atol=1e-9)
+
+
+def test_a_factor_serves_several_right_hand_sides() -> None:
+    matrix = positive(3, 4)
+    factor = matrix.copy()
+    assert factor_small(factor, 4)
+    inverse = np.eye(4)
+    for column in inverse:
+        solve_factored(factor, column, 4)
+    np.testing.assert_allclose(inverse @ matrix, np.eye(4), atol=1e-10)
+
+
+@pytest.mark.parametrize("matrix", [[[1.0, 0.0], [2.0, 1.0]], [[0.0, 0.0], [0.0, 1.0]], [[np.nan, 0.0], [0.0, 1.0]]])
+def test_a_matrix_that_is_not_positive_is_refused(matrix: list[list[float]]) -> None:
+    assert not solve_small(np.array(matrix), np.ones(2), 2)
+
+
+def test_mirror_copies_the_lower_half() -> None:
+    matrix = np.array([[1.0, -1.0], [2.0, 3.0]])
+    mirror(matrix)
+    assert matrix.tolist() == [[1.0, 2.0], [2.0, 3.0]]
