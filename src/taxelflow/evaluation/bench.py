@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.estimation.centroid.session import TranslationSession
+    from taxelflow.estimation.centroid.session import CentroidSession
     from taxelflow.messages import Floats
 
 _ROUNDS = 300
@@ -145,7 +145,7 @@ def _loaded(values: Floats, pads: int) -> list[Scans]:
 
 
 def _kernel_step(method: str, sensor: Sensor, scans: list[Scans]) -> Callable[[int], object]:
-    session = cast("TranslationSession", api.estimator(method).start(sensor.layout, "stream"))
+    session = cast("CentroidSession", api.estimator(method).start(sensor.layout, "stream"))
     rows = session.room(1)
     return lambda k: session.run(scans[k % len(scans)], rows)
 

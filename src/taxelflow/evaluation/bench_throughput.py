@@ -18,7 +18,7 @@ from taxelflow.sensors.sensor import Sensor
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from taxelflow.estimation.centroid.session import TranslationSession
+    from taxelflow.estimation.centroid.session import CentroidSession
     from taxelflow.messages import Floats
 
 _BATCH_BYTES = 256_000_000
@@ -44,14 +44,14 @@ def throughput(size: int) -> list[Throughput]:
     contact = np.ones((scans, 1), dtype=np.bool_)
     never = np.full(size * size, np.inf)
     block = Scans(np.linspace(0.0, 1.0, scans), pressure, np.full(size * size, 0.1), never, contact, contact)
-    session = cast("TranslationSession", api.estimator("convolution").start(layout, "batch"))
-    rows, border = session.room(scans)
+    session = cast("CentroidSession", api.estimator("convolution").start(layout, "batch"))
+    rows = session.room(scans)
     x, y, centroids = layout.x_m, layout.y_m, np.empty((scans, 2))
     flat = pressure.reshape(-1)
     read_s, centroid_s, step_s = _fastest(
         lambda: read_sum(flat),
         lambda: batch_centroids(pressure, x, y, size, centroids),
-        lambda: session.run(block, rows, border),
+        lambda: session.run(block, rows),
     )
     return [
         Throughput(f"{size}x{size}", what, pressure.nbytes / s / 1e9, read_s / s, scans / s / 1e6)

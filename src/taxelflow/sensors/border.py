@@ -29,7 +29,7 @@ class Boundary:
     def step(self, scans: Scans) -> tuple[Bools, Floats]:
         """Border flags (scans, pads, 2), which the contact reaches along x and y, and loads (scans, pads), Pa."""
         border = np.zeros((*scans.contact.shape, 2), dtype=np.bool_)
-        load = np.full(scans.contact.shape, np.nan)
+        load = np.empty(scans.contact.shape)
         mark_border(scans.pressure, scans.noise, scans.contact, *self._edge, border)
         pad_load(scans.pressure, self._starts, load)
         return border, load
@@ -89,11 +89,10 @@ def _mark_pad(reading: Floats, noise: Floats, edge: NDArray[np.int64], faces: Bo
 
 @kernel
 def pad_load(pressure: Floats, starts: NDArray[np.int64], load: Floats) -> None:
-    """Fill load (scans, pads), where it is unknown (NaN), with the sum of the pad's readings."""
+    """Fill load (scans, pads) with the sum of the pad's readings. starts: (pads + 1,), `Layout.starts`."""
     for scan in range(pressure.shape[0]):
         for pad in range(len(starts) - 1):
-            if np.isnan(load[scan, pad]):
-                load[scan, pad] = _sum(pressure[scan, starts[pad] : starts[pad + 1]])
+            load[scan, pad] = _sum(pressure[scan, starts[pad] : starts[pad + 1]])
 
 
 @kernel

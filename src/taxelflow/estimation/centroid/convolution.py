@@ -9,7 +9,7 @@ from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
-    from taxelflow.estimation.centroid.session import TranslationSession
+    from taxelflow.estimation.centroid.session import CentroidSession
     from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
 
@@ -28,13 +28,13 @@ class Convolution:
         if not 0 < self.gain < float("inf"):
             raise ParameterInvalid("gain", self.gain, "be a finite number above 0, and 1 where it is not calibrated")
 
-    def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> TranslationSession:
+    def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> CentroidSession:
         """Begin a session. The fast form is used: centroids add under convolution.
 
         calibrated: (pads, 2), factors along x, y besides `gain`.
         """
-        from taxelflow.estimation.centroid.convolution_kernel import MEMORY, convolution_flow, long_rows, pad_moments
-        from taxelflow.estimation.centroid.session import TranslationSession, pad_gains
+        from taxelflow.estimation.centroid.convolution_kernel import Memory, convolution_flow, noise_sums
+        from taxelflow.estimation.centroid.session import CentroidSession, pad_gains
 
-        factors = pad_gains(layout, self.gain, calibrated)
-        return TranslationSession(layout, convolution_flow, MEMORY, factors, long_rows(layout), prepare=pad_moments)
+        gains = pad_gains(layout, self.gain, calibrated)
+        return CentroidSession(layout, convolution_flow, Memory, gains=gains, prepare=noise_sums)

@@ -9,7 +9,7 @@ from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
-    from taxelflow.estimation.centroid.session import TranslationSession
+    from taxelflow.estimation.centroid.session import CentroidSession
     from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
 
@@ -28,10 +28,9 @@ class LNorm:
         if not 0 < self.gain < float("inf"):
             raise ParameterInvalid("gain", self.gain, "be a finite number above 0, and 1 where it is not calibrated")
 
-    def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> TranslationSession:
+    def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> CentroidSession:
         """Begin a session. calibrated: (pads, 2), factors along x, y besides `gain`."""
-        from taxelflow.estimation.centroid.lnorm_kernel import MEMORY, peak_flow
-        from taxelflow.estimation.centroid.session import TranslationSession, pad_gains
+        from taxelflow.estimation.centroid.lnorm_kernel import Memory, peak_flow
+        from taxelflow.estimation.centroid.session import CentroidSession, pad_gains
 
-        factors = pad_gains(layout, self.gain, calibrated)
-        return TranslationSession(layout, peak_flow, MEMORY, factors, layout.pitch_m)
+        return CentroidSession(layout, peak_flow, Memory, gains=pad_gains(layout, self.gain, calibrated))

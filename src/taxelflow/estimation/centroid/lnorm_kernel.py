@@ -1,37 +1,26 @@
-"""Method I at work: the largest taxel of each pad, and what noise can do to it."""
+"""Method I: the largest taxel of each pad, and what noise can do to it."""
 
 from __future__ import annotations
 
 from math import erfc
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.centroid.session import (
-    COV_XY,
-    D_COV_XY,
-    D_VAR_X,
-    D_VAR_Y,
-    DX,
-    DY,
-    LAG,
-    SPAN,
-    VAR_X,
-    VAR_Y,
-    X,
-    Y,
-)
+from taxelflow.estimation.centroid.records import Pad, Place, Row
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+_TIE_SIGMAS = 6.0
+"""A taxel this many standard deviations below the largest cannot be the largest by noise."""
 
-# Memory per pad: whether the last scan was usable, then t, x, y and var_x, var_y, cov_xy of a tie in the last scan.
-_RUN, _LAST, MEMORY = 0, 1, 7
 
-_OUT_OF_REACH = 6.0
-"""A taxel so many standard deviations below the largest is not going to be it."""
+class Memory:
+    """The place of the largest taxel, with the covariance of a tie, in this scan and in the last usable one."""
+
+    usable: bool
+    now: Place
+    last: Place
 
 
 @kernel
@@ -42,55 +31,63 @@ def peak_flow(
     contact: Bools,
     complete: Bools,
     places: Floats,
-    starts: NDArray[np.int64],
-    gains: Floats,
-    pitch: Floats,
-    memory: Floats,
-    rows: Floats,
+    pads: Records,
+    memory: Records,
+    rows: Records,
 ) -> None:
-    """Fill rows (scans, pads, COLUMNS), which come in as NaN.
+    """Fill rows (scans, pads) of `Row`, which come in as NaN; arguments as for `convolution_flow`.
 
-    Arguments as for `flow.convolution_flow`; pitch: (pads, 2). Equal maxima: the first in scan order.
-    Pose variance: that of a place unknown within its taxel (pitch^2 / 12), plus that of a tie, where each taxel
-    weighs as much as it is likely to be the larger one. The displacement of a still object has the ties' only.
+    Equal maxima: the first in scan order. Variance of the pose: that of a place unknown within its taxel (pitch^2 /
+    12), plus that of a tie. The displacement of a still object has the variance of the ties only.
     """
-    for pad in range(len(starts) - 1):
-        begin, end = starts[pad], starts[pad + 1]
-        gain_x, gain_y = gains[pad, 0], gains[pad, 1]
-        m = memory[pad]
+    for number in range(len(pads)):
+        pad: Pad = pads[number]
+        m: Memory = memory[number]
         for scan in range(len(t)):
-            if not (contact[scan, pad] and complete[scan, pad]):
-                m[_RUN] = 0.0
+            if not (contact[scan, number] and complete[scan, number]):
+                m.usable = False
                 continue
-            best = -1
-            for taxel in range(begin, end):
-                p = pressure[scan, taxel]
-                if noise[taxel] > 0.0 and (best < 0 or p > pressure[scan, best]):
-                    best = taxel
-            weight = var_x = var_y = cov = 0.0
-            for taxel in range(begin, end):
-                sd2 = noise[taxel] ** 2 + noise[best] ** 2
-                behind = pressure[scan, best] - pressure[scan, taxel]
-                if noise[taxel] > 0.0 and behind * behind < _OUT_OF_REACH**2 * sd2:
-                    w = 0.5 * erfc(behind / np.sqrt(2.0 * sd2))
-                    ex, ey = places[0, taxel] - places[0, best], places[1, taxel] - places[1, best]
-                    weight += w
-                    var_x += w * ex * ex
-                    var_y += w * ey * ey
-                    cov += w * ex * ey
-            g_x, g_y = gain_x * gain_x, gain_y * gain_y
-            var_x, var_y, cov = g_x * var_x / weight, g_y * var_y / weight, gain_x * gain_y * cov / weight
-            x, y = gain_x * places[0, best], gain_y * places[1, best]
-            row = rows[scan, pad]
-            row[X], row[Y], row[LAG] = x, y, 0.0
-            row[VAR_X] = var_x + g_x * pitch[pad, 0] ** 2 / 12.0
-            row[VAR_Y] = var_y + g_y * pitch[pad, 1] ** 2 / 12.0
-            row[COV_XY] = cov
-            if m[_RUN] > 0.0:
-                row[DX], row[DY] = x - m[_LAST + 1], y - m[_LAST + 2]
-                row[SPAN] = t[scan] - m[_LAST]
-                row[D_VAR_X], row[D_VAR_Y] = var_x + m[_LAST + 3], var_y + m[_LAST + 4]
-                row[D_COV_XY] = cov + m[_LAST + 5]
-            m[_LAST], m[_LAST + 1], m[_LAST + 2] = t[scan], x, y
-            m[_LAST + 3], m[_LAST + 4], m[_LAST + 5] = var_x, var_y, cov
-            m[_RUN] = 1.0
+            own = slice(pad.begin, pad.end)
+            now = m.now
+            now.t_s = t[scan]
+            peak_place(pressure[scan, own], noise[own], places[0, own], places[1, own], pad, now)
+            row: Row = rows[scan, number]
+            row.pose.x, row.pose.y, row.lag_s = now.x, now.y, 0.0
+            row.pose.var_x = now.var_x + pad.gain_x * pad.gain_x * pad.pitch_x**2 / 12.0
+            row.pose.var_y = now.var_y + pad.gain_y * pad.gain_y * pad.pitch_y**2 / 12.0
+            row.pose.cov_xy = now.cov_xy
+            if m.usable:
+                row.displacement.x, row.displacement.y = now.x - m.last.x, now.y - m.last.y
+                row.displacement.var_x = now.var_x + m.last.var_x
+                row.displacement.var_y = now.var_y + m.last.var_y
+                row.displacement.cov_xy = now.cov_xy + m.last.cov_xy
+                row.span_s = t[scan] - m.last.t_s
+            m.usable = True
+            m.last = now
+
+
+@kernel
+def peak_place(p: Floats, noise: Floats, x: Floats, y: Floats, pad: Pad, place: Place) -> None:
+    """Fill place from one scan of a pad, (taxels,) each: where the largest taxel is; the covariance is that of a tie.
+
+    Each taxel weighs as much as it is likely, by the noise of both, to be larger than the largest.
+    """
+    best = -1
+    for k in range(len(p)):
+        if noise[k] > 0.0 and (best < 0 or p[k] > p[best]):
+            best = k
+    weight = var_x = var_y = cov = 0.0
+    for k in range(len(p)):
+        sd2 = noise[k] ** 2 + noise[best] ** 2
+        behind = p[best] - p[k]
+        if noise[k] > 0.0 and behind * behind < _TIE_SIGMAS**2 * sd2:
+            w = 0.5 * erfc(behind / np.sqrt(2.0 * sd2))
+            ex, ey = x[k] - x[best], y[k] - y[best]
+            weight += w
+            var_x += w * ex * ex
+            var_y += w * ey * ey
+            cov += w * ex * ey
+    place.x, place.y = pad.gain_x * x[best], pad.gain_y * y[best]
+    place.var_x = pad.gain_x * pad.gain_x * var_x / weight
+    place.var_y = pad.gain_y * pad.gain_y * var_y / weight
+    place.cov_xy = pad.gain_x * pad.gain_y * cov / weight

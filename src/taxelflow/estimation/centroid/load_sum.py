@@ -9,7 +9,7 @@ from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
-    from taxelflow.estimation.centroid.session import TranslationSession
+    from taxelflow.estimation.centroid.session import CentroidSession
     from taxelflow.sensors.layout import Layout
 
 
@@ -27,9 +27,9 @@ class Sum:
         if not 0 < self.cutoff_hz < float("inf"):
             raise ParameterInvalid("cutoff_hz", self.cutoff_hz, "be a finite number above 0, in Hz")
 
-    def start(self, layout: Layout, mode: Mode) -> TranslationSession:
+    def start(self, layout: Layout, mode: Mode) -> CentroidSession:
         """Begin a session."""
-        from taxelflow.estimation.centroid.load_sum_kernel import MEMORY, load_change
-        from taxelflow.estimation.centroid.session import TranslationSession
+        from taxelflow.estimation.centroid.load_sum_kernel import Memory, load_change
+        from taxelflow.estimation.centroid.session import CentroidSession
 
-        return TranslationSession(layout, load_change, MEMORY, self.cutoff_hz)
+        return CentroidSession(layout, load_change, Memory, self.cutoff_hz)

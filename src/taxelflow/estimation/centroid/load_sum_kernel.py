@@ -7,19 +7,24 @@ the covariance a[k-1] s2[k-1], so that  var y[k] = a^2 (var y[k-1] + s2[k] + s2[
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.centroid.session import DISTURBANCE
+from taxelflow.estimation.centroid.records import Pad, Row
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
-# Memory per pad: whether the last scan was usable, then its t, L, variance of L, y, variance of y, a.
-_RUN, _T, _LOAD, _VARIANCE, _Y, _VAR_Y, _A, MEMORY = range(8)
+class Memory:
+    """The last scan, if it was usable: its load L, the variance of L, and y, var y and a of the filter."""
+
+    usable: bool
+    t_s: float
+    load: float
+    variance: float
+    y: float
+    var_y: float
+    a: float
 
 
 @kernel
@@ -30,31 +35,40 @@ def load_change(
     contact: Bools,
     complete: Bools,
     _places: Floats,
-    starts: NDArray[np.int64],
+    pads: Records,
     cutoff_hz: float,
-    memory: Floats,
-    rows: Floats,
+    memory: Records,
+    rows: Records,
 ) -> None:
-    """Fill column DISTURBANCE of rows (scans, pads, COLUMNS); arguments as for `flow.convolution_flow`.
+    """Fill `disturbance` of rows (scans, pads); other arguments as for `convolution_flow`.
 
-    It needs two usable scans in a row, and begins anew at lift-off: memory (pads, 7) is kept from block to block.
+    It needs two usable scans in a row, and begins again at lift-off; memory is kept from block to block.
     """
     tau = 1.0 / (2.0 * np.pi * cutoff_hz)
-    for pad in range(len(starts) - 1):
-        m = memory[pad]
+    for number in range(len(pads)):
+        pad: Pad = pads[number]
+        m: Memory = memory[number]
         for scan in range(len(t)):
-            if not (contact[scan, pad] and complete[scan, pad]):
-                m[_RUN] = 0.0
+            if not (contact[scan, number] and complete[scan, number]):
+                m.usable = False
                 continue
-            load = variance = 0.0
-            for taxel in range(starts[pad], starts[pad + 1]):
-                load += pressure[scan, taxel]
-                variance += noise[taxel] ** 2 if pressure[scan, taxel] != 0.0 else 0.0
+            load, variance = _load(pressure[scan, pad.begin : pad.end], noise[pad.begin : pad.end])
             y = var_y = a = 0.0
-            if m[_RUN] > 0.0:
-                a = tau / (tau + t[scan] - m[_T])
-                y = a * (m[_Y] + load - m[_LOAD])
-                var_y = a * a * (m[_VAR_Y] + variance + m[_VARIANCE] - 2.0 * m[_A] * m[_VARIANCE])
-                rows[scan, pad, DISTURBANCE] = abs(y) / np.sqrt(var_y) if var_y > 0.0 else 0.0
-            m[_RUN], m[_T], m[_LOAD], m[_VARIANCE] = 1.0, t[scan], load, variance
-            m[_Y], m[_VAR_Y], m[_A] = y, var_y, a
+            if m.usable:
+                a = tau / (tau + t[scan] - m.t_s)
+                y = a * (m.y + load - m.load)
+                var_y = a * a * (m.var_y + variance + m.variance - 2.0 * m.a * m.variance)
+                row: Row = rows[scan, number]
+                row.disturbance = abs(y) / np.sqrt(var_y) if var_y > 0.0 else 0.0
+            m.usable, m.t_s, m.load, m.variance = True, t[scan], load, variance
+            m.y, m.var_y, m.a = y, var_y, a
+
+
+@kernel
+def _load(p: Floats, noise: Floats) -> tuple[float, float]:
+    """Sum of the readings, and its variance; a reading of 0 has none."""
+    load = variance = 0.0
+    for k in range(len(p)):
+        load += p[k]
+        variance += noise[k] ** 2 if p[k] != 0.0 else 0.0
+    return load, variance

@@ -9,7 +9,7 @@ from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
-    from taxelflow.estimation.centroid.principal_axis_kernel import AxisSession
+    from taxelflow.estimation.centroid.session import CentroidSession
     from taxelflow.sensors.layout import Layout
 
 
@@ -36,8 +36,12 @@ class PrincipalAxis:
         if not 0 <= self.least_anisotropy < 1:
             raise ParameterInvalid("least_anisotropy", self.least_anisotropy, "be at least 0 and below 1")
 
-    def start(self, layout: Layout, mode: Mode) -> AxisSession:
+    def start(self, layout: Layout, mode: Mode) -> CentroidSession:
         """Begin a session."""
-        from taxelflow.estimation.centroid.principal_axis_kernel import AxisSession
+        from taxelflow.estimation.centroid.principal_axis_kernel import Bounds, Memory, axis_motion
+        from taxelflow.estimation.centroid.session import CentroidSession
+        from taxelflow.numerics.records import records
 
-        return AxisSession(layout, self.most_std_rad, self.sigmas, self.least_anisotropy)
+        bounds = records(Bounds, 1)
+        bounds[0] = (self.most_std_rad, self.sigmas, self.least_anisotropy)
+        return CentroidSession(layout, axis_motion, Memory, bounds)

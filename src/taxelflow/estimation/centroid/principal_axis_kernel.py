@@ -11,74 +11,96 @@ less than a quarter turn between two scans (or while it is unknown within a cont
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.messages import Bools, Floats, Scans, Slips, judged, no_scans
-from taxelflow.sensors.border import border_of, mark_border
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from taxelflow.sensors.layout import Layout
-
-# Memory per pad. _RUN: the last scan was usable; _T its time; _POSE its x, y, axis (NaN if unknown) and _COV their
-# covariance xx, yy, tt, xy, xt, yt. _SINCE: an axis has been known in this contact; _AXIS the last one known, _THETA
-# the turn since the first, _FIRST the variance of the first.
-_RUN, _T, _POSE, _COV, _SINCE, _AXIS, _THETA, _FIRST, MEMORY = 0, 1, 2, 5, 11, 12, 13, 14, 15
+from taxelflow.estimation.centroid.records import Estimate, Pad, Row
+from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records
 
 
-class AxisSession:
-    """anisotropy causal estimator of position and turn. Nothing is kept but the kernel's few numbers per pad."""
+class Bounds:
+    """Beyond these the axis is unknown; see `PrincipalAxis`."""
 
-    def __init__(self, layout: Layout, most_std_rad: float, sigmas: float, least_anisotropy: float) -> None:
-        self._layout = layout
-        self._places = np.stack([layout.x_m, layout.y_m])
-        self._bounds = np.array([most_std_rad, sigmas, least_anisotropy])
-        self._edge = border_of(layout)
-        self._memory = np.zeros((len(layout.pads), MEMORY))
-        self.finish()  # compiles the kernels, or loads them from the cache, before the loop begins
+    most_std_rad: float
+    sigmas: float
+    least_anisotropy: float
 
-    def step(self, scans: Scans) -> Slips:
-        """Slips of all pads; see `EstimatorSession.step`."""
-        layout = self._layout
-        slips = Slips.unknown(scans, layout.starts)
-        axis_motion(
-            scans.t_s,
-            scans.pressure,
-            scans.noise,
-            scans.contact,
-            scans.complete,
-            self._places,
-            layout.starts,
-            layout.pitch_m,
-            self._bounds,
-            self._memory,
-            slips.pose,
-            slips.covariance,
-            slips.displacement,
-            slips.displacement_covariance,
-            slips.span_s,
-            slips.lag_s,
-        )
-        mark_border(scans.pressure, scans.noise, scans.contact, *self._edge, slips.border)
-        slips.quality[...] = judged(slips.pose, slips.border)
-        return slips
 
-    def finish(self) -> Slips:
-        """Nothing is held back."""
-        return self.step(no_scans(self._layout.entries, len(self._layout.pads)))
+class Moments:
+    """Sums over a pad's scan: load, centroid, u, v, the mean square radius, and the mean variance of a taxel."""
+
+    s: float
+    x: float
+    y: float
+    u: float
+    v: float
+    size: float
+    mean_variance: float
+
+
+class Memory:
+    """What is kept of a pad. `theta` of now and last is the axis itself, NaN where it is unknown.
+
+    usable: the last scan was; t_s: its time. has_axis: an axis has been known in this contact; axis: the last one,
+    theta: the turn since the first, first_variance: the variance of the first. moments: scratch.
+    """
+
+    usable: bool
+    t_s: float
+    now: Estimate
+    last: Estimate
+    has_axis: bool
+    axis: float
+    theta: float
+    first_variance: float
+    moments: Moments
 
 
 @kernel
-def moments(p: Floats, noise: Floats, x: Floats, y: Floats, floor_m: Floats, bounds: Floats, out: Floats) -> None:
-    """Fill out (9,) with x, y, axis and their covariance xx, yy, tt, xy, xt, yt, for one pad's scan p (taxels,).
+def axis_motion(
+    t: Floats,
+    pressure: Floats,
+    noise: Floats,
+    contact: Bools,
+    complete: Bools,
+    places: Floats,
+    pads: Records,
+    bounds: Records,
+    memory: Records,
+    rows: Records,
+) -> None:
+    """Fill rows (scans, pads) of `Row`, which come in as NaN; other arguments as for `convolution_flow`.
 
-    floor_m: (2,), half the pitch. bounds: most_std_rad, sigmas, least_anisotropy; beyond them the axis is NaN.
-    anisotropy taxel that reads 0 has no noise; the covariance is at least what one taxel half a pitch aside would do.
+    bounds: (1,) of `Bounds`. A scan with a missing loaded taxel interrupts displacement, not the turn; a lift-off ends
+    both.
     """
+    for number in range(len(pads)):
+        pad: Pad = pads[number]
+        m: Memory = memory[number]
+        own = slice(pad.begin, pad.end)
+        for k in range(len(t)):
+            if not contact[k, number]:
+                m.has_axis = False
+            if not (contact[k, number] and complete[k, number]):
+                m.usable = False
+                continue
+            p, x, y = pressure[k, own], places[0, own], places[1, own]
+            sum_moments(p, noise[own], x, y, m.moments)
+            measure(p, noise[own], x, y, m.moments, pad, bounds[0], m.now)
+            row: Row = rows[k, number]
+            follow_axis(m, row.pose)
+            row.lag_s = 0.0
+            if m.usable:
+                step(m.last, m.now, row.displacement)
+                row.span_s = t[k] - m.t_s
+            m.usable, m.t_s = True, t[k]
+            m.last = m.now
+
+
+@kernel
+def sum_moments(p: Floats, noise: Floats, x: Floats, y: Floats, sums: Moments) -> None:
+    """Fill the sums over one pad's scan, (taxels,) each."""
     s = sx = sy = mean_variance = 0.0
     for i in range(len(p)):
         s += p[i]
@@ -92,112 +114,78 @@ def moments(p: Floats, noise: Floats, x: Floats, y: Floats, floor_m: Floats, bou
         u += p[i] * (dx * dx - dy * dy) / s
         v += p[i] * 2.0 * dx * dy / s
         size += p[i] * (dx * dx + dy * dy) / s
-    anisotropy = np.hypot(u, v)
-    axis = 0.5 * np.arctan2(v, u)
-    out[3:] = 0.0
-    var_anisotropy = 0.0
-    for i in range(len(p)):
-        if p[i] != 0.0 and anisotropy > 0.0:
-            dx, dy = x[i] - cx, y[i] - cy
-            gx, gy = dx / s, dy / s
-            du, dv = (dx * dx - dy * dy - u) / s, (2.0 * dx * dy - v) / s
-            gt = 0.5 * (u * dv - v * du) / (anisotropy * anisotropy)
-            g_anisotropy = (u * du + v * dv) / anisotropy
-            n = noise[i] ** 2
-            out[3] += n * gx * gx
-            out[4] += n * gy * gy
-            out[5] += n * gt * gt
-            out[6] += n * gx * gy
-            out[7] += n * gx * gt
-            out[8] += n * gy * gt
-            var_anisotropy += n * g_anisotropy * g_anisotropy
-        elif p[i] != 0.0:
-            out[3] += (noise[i] * (x[i] - cx) / s) ** 2
-            out[4] += (noise[i] * (y[i] - cy) / s) ** 2
-            out[6] += noise[i] ** 2 * (x[i] - cx) * (y[i] - cy) / (s * s)
-    least = mean_variance / (s * s)
-    out[3] = max(out[3], least * floor_m[0] ** 2)
-    out[4] = max(out[4], least * floor_m[1] ** 2)
-    if anisotropy > 0.0:
-        out[5] = max(out[5], least * max(floor_m[0], floor_m[1]) ** 2 / (0.5 * (size + anisotropy)))
-    needed = max(bounds[1] * np.sqrt(var_anisotropy), bounds[2] * size)
-    sure = anisotropy > needed and out[5] <= bounds[0] ** 2
-    out[0], out[1] = cx, cy
-    out[2] = axis if sure and size > 0.0 and anisotropy > 0.0 else np.nan
+    sums.s, sums.x, sums.y, sums.u, sums.v = s, cx, cy, u, v
+    sums.size, sums.mean_variance = size, mean_variance
 
 
 @kernel
-def spread(parts: Floats, matrix: Floats, known: bool) -> None:
-    """Six numbers xx, yy, tt, xy, xt, yt into a symmetric (3, 3); theta's only if it is known."""
-    matrix[0, 0], matrix[1, 1] = parts[0], parts[1]
-    matrix[0, 1] = matrix[1, 0] = parts[3]
-    if known:
-        matrix[2, 2] = parts[2]
-        matrix[0, 2] = matrix[2, 0] = parts[4]
-        matrix[1, 2] = matrix[2, 1] = parts[5]
-
-
-@kernel
-def follow(now: Floats, m: Floats, pose: Floats, covariance: Floats) -> None:
-    """Pose (3,) and covariance (3, 3) of a scan from its moments `now` (9,), and the memory of the axis."""
-    pose[0], pose[1] = now[0], now[1]
-    parts = now[3:].copy()
-    known = not np.isnan(now[2])
-    if known and m[_SINCE] == 0.0:
-        m[_SINCE], m[_AXIS], m[_THETA], m[_FIRST] = 1.0, now[2], 0.0, parts[2]
-        pose[2] = 0.0
-        parts[2:] = np.array([0.0, parts[3], 0.0, 0.0])  # it is 0 by definition
-    elif known:
-        turn = now[2] - m[_AXIS]
-        m[_THETA] += turn - np.pi * np.round(turn / np.pi)
-        m[_AXIS] = now[2]
-        pose[2] = m[_THETA]
-        parts[2] += m[_FIRST]
-    spread(parts, covariance, known)
-
-
-@kernel
-def axis_motion(
-    t: Floats,
-    pressure: Floats,
-    noise: Floats,
-    contact: Bools,
-    complete: Bools,
-    places: Floats,
-    starts: NDArray[np.int64],
-    pitch: Floats,
-    bounds: Floats,
-    memory: Floats,
-    pose: Floats,
-    covariance: Floats,
-    displacement: Floats,
-    displacement_covariance: Floats,
-    span: Floats,
-    lag: Floats,
+def measure(
+    p: Floats, noise: Floats, x: Floats, y: Floats, sums: Moments, pad: Pad, bounds: Bounds, out: Estimate
 ) -> None:
-    """Fill pose ... lag, arrays of `Slips`, which come in as NaN; other arguments as for `flow.convolution_flow`.
+    """Fill out with centroid and axis of one pad's scan, (taxels,) each, and their covariance.
 
-    anisotropy scan with a missing loaded taxel interrupts displacement, not the turn; a lift-off ends both.
+    A taxel that reads 0 has no noise; the variances are at least what one taxel half a pitch aside would do.
     """
-    now = np.empty(9)
-    for pad in range(len(starts) - 1):
-        own = slice(starts[pad], starts[pad + 1])
-        m = memory[pad]
-        for k in range(len(t)):
-            if not contact[k, pad]:
-                m[_RUN] = m[_SINCE] = 0.0
-                continue
-            if not complete[k, pad]:
-                m[_RUN] = 0.0
-                continue
-            moments(pressure[k, own], noise[own], places[0, own], places[1, own], 0.5 * pitch[pad], bounds, now)
-            follow(now, m, pose[k, pad], covariance[k, pad])
-            lag[k, pad] = 0.0
-            if m[_RUN] > 0.0:
-                step = now[:3] - m[_POSE : _POSE + 3]
-                turn = step[2] - np.pi * np.round(step[2] / np.pi)
-                displacement[k, pad, 0], displacement[k, pad, 1], displacement[k, pad, 2] = step[0], step[1], turn
-                spread(now[3:] + m[_COV : _COV + 6], displacement_covariance[k, pad], not np.isnan(turn))
-                span[k, pad] = t[k] - m[_T]
-            m[_RUN], m[_T] = 1.0, t[k]
-            m[_POSE : _COV + 6] = now
+    s, u, v = sums.s, sums.u, sums.v
+    anisotropy = np.hypot(u, v)
+    round_ = not anisotropy > 0.0
+    var_x = var_y = var_axis = cov_xy = cov_xt = cov_yt = var_anisotropy = 0.0
+    for i in range(len(p)):
+        if p[i] == 0.0:
+            continue
+        dx, dy, n = x[i] - sums.x, y[i] - sums.y, noise[i] ** 2
+        gx, gy = dx / s, dy / s
+        var_x += n * gx * gx
+        var_y += n * gy * gy
+        cov_xy += n * gx * gy
+        if round_:
+            continue
+        du, dv = (dx * dx - dy * dy - u) / s, (2.0 * dx * dy - v) / s
+        gt = 0.5 * (u * dv - v * du) / (anisotropy * anisotropy)
+        g_anisotropy = (u * du + v * dv) / anisotropy
+        var_axis += n * gt * gt
+        cov_xt += n * gx * gt
+        cov_yt += n * gy * gt
+        var_anisotropy += n * g_anisotropy * g_anisotropy
+    least = sums.mean_variance / (s * s)
+    half_x, half_y = 0.5 * pad.pitch_x, 0.5 * pad.pitch_y
+    if not round_:
+        var_axis = max(var_axis, least * max(half_x, half_y) ** 2 / (0.5 * (sums.size + anisotropy)))
+    needed = max(bounds.sigmas * np.sqrt(var_anisotropy), bounds.least_anisotropy * sums.size)
+    known = anisotropy > needed and var_axis <= bounds.most_std_rad**2 and sums.size > 0.0 and not round_
+    out.x, out.y = sums.x, sums.y
+    out.theta = 0.5 * np.arctan2(v, u) if known else np.nan
+    out.var_x, out.var_y = max(var_x, least * half_x**2), max(var_y, least * half_y**2)
+    out.var_theta, out.cov_xy, out.cov_x_theta, out.cov_y_theta = var_axis, cov_xy, cov_xt, cov_yt
+
+
+@kernel
+def follow_axis(m: Memory, pose: Estimate) -> None:
+    """Fill the pose, whose theta is the turn since the first axis of the contact, and keep the axis in memory."""
+    now = m.now
+    pose.x, pose.y = now.x, now.y
+    pose.var_x, pose.var_y, pose.cov_xy = now.var_x, now.var_y, now.cov_xy
+    if np.isnan(now.theta):
+        return
+    if not m.has_axis:
+        m.has_axis, m.axis, m.theta, m.first_variance = True, now.theta, 0.0, now.var_theta
+        pose.theta = pose.var_theta = pose.cov_x_theta = pose.cov_y_theta = 0.0  # theta is 0 by definition
+        return
+    turn = now.theta - m.axis
+    m.theta += turn - np.pi * np.round(turn / np.pi)
+    m.axis = now.theta
+    pose.theta, pose.var_theta = m.theta, now.var_theta + m.first_variance
+    pose.cov_x_theta, pose.cov_y_theta = now.cov_x_theta, now.cov_y_theta
+
+
+@kernel
+def step(last: Estimate, now: Estimate, out: Estimate) -> None:
+    """Fill out with the displacement between two scans; the turn is the smaller one, NaN if an axis is unknown."""
+    turn = now.theta - last.theta
+    out.x, out.y = now.x - last.x, now.y - last.y
+    out.var_x, out.var_y = now.var_x + last.var_x, now.var_y + last.var_y
+    out.cov_xy = now.cov_xy + last.cov_xy
+    if not np.isnan(turn):
+        out.theta = turn - np.pi * np.round(turn / np.pi)
+        out.var_theta = now.var_theta + last.var_theta
+        out.cov_x_theta, out.cov_y_theta = now.cov_x_theta + last.cov_x_theta, now.cov_y_theta + last.cov_y_theta

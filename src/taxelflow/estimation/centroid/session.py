@@ -1,4 +1,4 @@
-"""The session that both of the paper's methods share: a kernel, its memory, and the message it fills."""
+"""The session that the centroid methods share: a kernel, its memory of each pad, and the message that it fills."""
 
 from __future__ import annotations
 
@@ -6,91 +6,90 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.messages import Bools, Floats, Scans, Slips, judged, no_scans
-from taxelflow.sensors.border import border_of, mark_border, pad_load
+from taxelflow.compiling import kernel
+from taxelflow.estimation.centroid.records import Estimate, Row, pads_of
+from taxelflow.messages import Floats, Scans, Slips, judged, no_scans
+from taxelflow.numerics.records import Records, records, unknown
+from taxelflow.sensors.border import Boundary
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
     from taxelflow.sensors.layout import Layout
 
-DX, DY, X, Y, VAR_X, VAR_Y, COV_XY, D_VAR_X, D_VAR_Y, D_COV_XY, SPAN, LAG, LOAD, DISTURBANCE, COLUMNS = range(15)
-"""Columns of the row that a kernel fills per scan and pad: displacement, pose, the pose's covariance, the
-displacement's, its span of time, the pose's lag; the pad's load (if the kernel knows it), a sign of slip for methods
-without direction."""
 
-
-class TranslationSession:
-    """A causal estimator of translation. Nothing is kept but the kernel's few numbers per pad."""
+class CentroidSession:
+    """A causal estimator. Nothing is kept but one small record per pad."""
 
     def __init__(
         self,
         layout: Layout,
         kernel: Callable[..., None],
-        memory: int,
+        memory: type,
         *constants: Any,
-        prepare: Callable[[Floats, Floats, NDArray[np.int64], Floats], Floats] | None = None,
+        gains: Floats | None = None,
+        prepare: Callable[[Floats, Floats, Records], Records] | None = None,
     ) -> None:
-        """kernel: called with (t, pressure, noise, contact, complete, places, starts, *constants, memory, rows), as
-        `flow.convolution_flow`. memory: numbers it keeps per pad. prepare: called with (noise, places, starts, pitch)
-        when the noise changes; what it gives becomes the kernel's last constant.
+        """kernel: called with (t, pressure, noise, contact, complete, places, pads, *constants, memory, rows), as
+        `convolution_flow`. memory: the class of its records (pads,), which start as 0. gains: (pads, 2), factors on
+        positions along x, y. prepare: called with (noise, places, pads) when the noise changes; what it returns becomes
+        the kernel's last constant.
         """
-        self._pads = len(layout.pads)
+        count = len(layout.pads)
         self._kernel, self._prepare = kernel, prepare
-        self._constants: tuple[Any, ...] = (np.stack([layout.x_m, layout.y_m]), layout.starts, *constants)
-        self._pitch = layout.pitch_m
-        self._prepared: tuple[Any, ...] = ()
+        self._places = np.stack([layout.x_m, layout.y_m])
+        self._pads = pads_of(layout, np.ones((count, 2)) if gains is None else gains)
+        self._constants, self._prepared = constants, constants
         self._noise: Floats | None = None
-        self._edge = border_of(layout)
-        self._memory = np.zeros((self._pads, memory))
-        self._nothing = no_scans(layout.entries, self._pads)
-        self.step(self._nothing)  # compiles the kernel, or loads it from the cache, before the loop begins
+        self._memory = records(memory, count)
+        self._boundary = Boundary(layout)
+        self._nothing = no_scans(layout.entries, count)
+        self.step(self._nothing)  # compiles the kernels, or loads them from the cache, before the loop begins
 
-    def room(self, scans: int) -> tuple[Floats, Bools]:
-        """Rows (scans, pads, COLUMNS), all unknown, and border flags (scans, pads, 2), all clear."""
-        border = np.zeros((scans, self._pads, 2), dtype=np.bool_)
-        return np.full((scans, self._pads, COLUMNS), np.nan), border
+    def room(self, scans: int) -> Records:
+        """Rows (scans, pads) of `Row`, all unknown."""
+        return unknown(Row, scans, len(self._pads))
 
-    def run(self, scans: Scans, rows: Floats, border: Bools) -> None:
-        """The bare kernels, into what `room` gave."""
+    def run(self, scans: Scans, rows: Records) -> None:
+        """The bare kernel, into what `room` gave."""
         noise = scans.noise
         if noise is not self._noise:
             self._noise = noise
-            places, starts = self._constants[:2]
-            self._prepared = (self._prepare(noise, places, starts, self._pitch),) if self._prepare else ()
+            if self._prepare:
+                self._prepared = (*self._constants, self._prepare(noise, self._places, self._pads))
         self._kernel(
             scans.t_s,
             scans.pressure,
             noise,
             scans.contact,
             scans.complete,
-            *self._constants,
+            self._places,
+            self._pads,
             *self._prepared,
             self._memory,
             rows,
         )
-        pad_load(scans.pressure, self._constants[1], rows[..., LOAD])
-        mark_border(scans.pressure, noise, scans.contact, *self._edge, border)
 
     def step(self, scans: Scans) -> Slips:
         """Slips of all pads; see `EstimatorSession.step`."""
-        rows, border = self.room(len(scans))
-        self.run(scans, rows, border)
-        pose = _planar(rows[..., X : Y + 1])
+        rows = self.room(len(scans))
+        self.run(scans, rows)
+        pose, displacement = np.empty((2, *rows.shape, 3))
+        covariance, displacement_covariance = np.empty((2, *rows.shape, 3, 3))
+        unpack(rows, pose, covariance, displacement, displacement_covariance)
+        border, load = self._boundary.step(scans)
         return Slips(
             t_s=scans.t_s,
             contact=scans.contact,
             border=border,
-            displacement=_planar(rows[..., DX : DY + 1]),
+            displacement=displacement,
             pose=pose,
-            covariance=_symmetric(rows[..., VAR_X : COV_XY + 1]),
-            displacement_covariance=_symmetric(rows[..., D_VAR_X : D_COV_XY + 1]),
-            span_s=rows[..., SPAN],
-            lag_s=rows[..., LAG],
-            load=rows[..., LOAD],
-            disturbance=rows[..., DISTURBANCE],
+            covariance=covariance,
+            displacement_covariance=displacement_covariance,
+            span_s=rows["span_s"],
+            lag_s=rows["lag_s"],
+            load=load,
+            disturbance=rows["disturbance"],
             quality=judged(pose, border),
         )
 
@@ -105,17 +104,22 @@ def pad_gains(layout: Layout, gain: float, calibrated: Floats | None) -> Floats:
     return factors
 
 
-def _planar(two: Floats) -> Floats:
-    """(..., 2) -> (..., 3) with an unknown rotation."""
-    three = np.full((*two.shape[:-1], 3), np.nan)
-    three[..., :2] = two
-    return three
+@kernel
+def unpack(
+    rows: Records, pose: Floats, covariance: Floats, displacement: Floats, displacement_covariance: Floats
+) -> None:
+    """Fill pose ... displacement_covariance, arrays of `Slips`, from rows (scans, pads)."""
+    for scan in range(rows.shape[0]):
+        for pad in range(rows.shape[1]):
+            row: Row = rows[scan, pad]
+            _unpack_estimate(row.pose, pose[scan, pad], covariance[scan, pad])
+            _unpack_estimate(row.displacement, displacement[scan, pad], displacement_covariance[scan, pad])
 
 
-def _symmetric(parts: Floats) -> Floats:
-    """(..., 3) of var_x, var_y, cov_xy -> (..., 3, 3) with an unknown rotation."""
-    matrix = np.full((*parts.shape[:-1], 3, 3), np.nan)
-    matrix[..., 0, 0] = parts[..., 0]
-    matrix[..., 1, 1] = parts[..., 1]
-    matrix[..., 0, 1] = matrix[..., 1, 0] = parts[..., 2]
-    return matrix
+@kernel
+def _unpack_estimate(estimate: Estimate, vector: Floats, matrix: Floats) -> None:
+    vector[0], vector[1], vector[2] = estimate.x, estimate.y, estimate.theta
+    matrix[0, 0], matrix[1, 1], matrix[2, 2] = estimate.var_x, estimate.var_y, estimate.var_theta
+    matrix[0, 1] = matrix[1, 0] = estimate.cov_xy
+    matrix[0, 2] = matrix[2, 0] = estimate.cov_x_theta
+    matrix[1, 2] = matrix[2, 1] = estimate.cov_y_theta

@@ -1,0 +1,50 @@
+"""Named records: a class of annotated fields describes a numpy record dtype, for kernels and for the type checker.
+
+Kernels read and write a record by field name: `last: Centroid = history[pad, 0]`, then `last.x = 1.0`. A nested record
+and an array field are views. A kernel must not create a record array of its own: numba frees the array while its
+records are still in use. Scratch values are fields of a state instead.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Annotated, Any, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxelflow.messages import Floats
+
+Records = NDArray[np.void]
+Vector = Annotated[Floats, 3]
+"""(3,) floats along x, y, theta."""
+
+
+@cache
+def record_dtype(fields: type) -> np.dtype[np.void]:
+    """Record dtype of an annotated class.
+
+    A field is float, int, bool, another such class (a nested record), `Annotated[Floats, *shape]` (an array of floats)
+    or `Annotated[Records, record, *shape]` (an array of records).
+    """
+    hints = get_type_hints(fields, include_extras=True)
+    return np.dtype([_field(name, hint) for name, hint in hints.items()], align=True)
+
+
+def _field(name: str, hint: Any) -> tuple[Any, ...]:
+    if get_origin(hint) is not Annotated:
+        return (name, hint if hint in (float, int, bool) else record_dtype(hint))
+    first, *others = hint.__metadata__
+    return (name, record_dtype(first), tuple(others)) if isinstance(first, type) else (name, float, hint.__metadata__)
+
+
+def records(fields: type, *shape: int) -> Records:
+    """Records of this class, every field 0."""
+    return np.zeros(shape, dtype=record_dtype(fields))
+
+
+def unknown(fields: type, *shape: int) -> Records:
+    """Records of this class, all of whose fields are floats, every one NaN."""
+    held: Records = np.empty(shape, dtype=record_dtype(fields))
+    held.view(np.float64).fill(np.nan)
+    return held

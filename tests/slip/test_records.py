@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from taxelflow.compiling import kernel
+from taxelflow.messages import Floats
+from taxelflow.slip.records import Records, Vector, record_dtype, records
+
+
+class Inner:
+    weight: float
+    place: Vector
+
+
+class Outer:
+    count: int
+    known: bool
+    matrix: Annotated[Floats, 2, 3]
+    inner: Inner
+    rows: Annotated[Records, Inner, 4]
+
+
+@kernel
+def fill(outer: Outer) -> None:
+    outer.count, outer.known = 3, True
+    outer.matrix[1, 2] = 5.0
+    outer.inner.place[1] = 7.0
+    row: Inner = outer.rows[2]
+    row.weight = 9.0
+    outer.rows[3] = outer.rows[2]
+
+
+def test_a_class_describes_a_record_with_nested_records_and_arrays() -> None:
+    dtype = record_dtype(Outer)
+    assert dtype.names == ("count", "known", "matrix", "inner", "rows")
+    assert dtype["matrix"].shape == (2, 3)
+    assert dtype["rows"].shape == (4,)
+    assert dtype["inner"] == dtype["rows"].base == record_dtype(Inner)
+    assert dtype.isalignedstruct
+
+
+def test_a_kernel_writes_fields_by_name() -> None:
+    outer = records(Outer, 2)[1]
+    assert not outer["known"]
+    fill(outer)
+    assert (outer["count"], outer["known"], outer["matrix"][1, 2]) == (3, True, 5.0)
+    np.testing.assert_array_equal(outer["inner"]["place"], [0.0, 7.0, 0.0])
+    assert outer["rows"]["weight"].tolist() == [0.0, 0.0, 9.0, 9.0]
