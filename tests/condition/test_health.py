@@ -126,8 +126,8 @@ def test_nothing_is_found_in_real_recordings_until_a_taxel_is_broken(recordings:
         session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
         assert session.baseline is not None
         assert session.baseline.findings == ()
-        assert session.foreseen is not None
-        assert (session.foreseen.repeated, session.foreseen.gaps) == (0, 0)
+        assert session.lookahead_counts is not None
+        assert (session.lookahead_counts.repeated, session.lookahead_counts.gaps) == (0, 0)
     raw = read(recordings / "sdh-dsa" / "tennisball.dsa")
     values = raw.load().values
     for level in (0.0, 1500.0):

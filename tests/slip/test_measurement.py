@@ -19,7 +19,6 @@ from taxelflow.slip.measurement import (
     parameter_record,
     raise_to_mean,
 )
-from taxelflow.slip.parameters import SlipMonitor
 from taxelflow.slip.records import records
 
 STD = np.array([2e-5, 3e-5, 1e-3])
@@ -133,5 +132,5 @@ def test_a_mean_is_over_twenty_poses_and_an_outlier_counts_four_times_at_most() 
 
 
 def test_parameters_of_the_kernels_are_those_of_the_monitor() -> None:
-    record = parameter_record(SlipMonitor(alarms_per_hour=7200.0, creep_m_s=1.0, load_m=2.0, settle_s=3.0))
+    record = parameter_record(alarms_per_hour=7200.0, creep_m_s=1.0, load_m=2.0, settle_s=3.0)
     assert record.tolist() == (0.5, 2.0, 1.0, 3.0)  # type: ignore[attr-defined]

@@ -27,4 +27,4 @@ class ContactFeatures:
         """Begin a session of the contact stage; the thresholds are those of `Conditioner`."""
         from taxelflow.contacts.session import ContactSession
 
-        return ContactSession(self, sensor, contact_on, contact_off)
+        return ContactSession(sensor, self.threshold, contact_on, contact_off)

@@ -19,7 +19,6 @@ from taxelflow.records import Records, record_dtype
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.contacts.features import ContactFeatures
     from taxelflow.sensors.sensor import Sensor
 
 _MIN_ASPHERICITY = 1e-9
@@ -45,9 +44,9 @@ class Features:
 class FeatureExtractor:
     """Features scan by scan; nothing is remembered."""
 
-    def __init__(self, parameters: ContactFeatures, sensor: Sensor) -> None:
+    def __init__(self, sensor: Sensor, threshold: float) -> None:
         layout = sensor.layout
-        self._threshold, self._starts = parameters.threshold, layout.starts
+        self._threshold, self._starts = threshold, layout.starts
         self._xy = np.stack([layout.x_m, layout.y_m])
         self._area = layout.area_m2
         self._newton = 1.0 if sensor.si_unit == "Pa" else np.nan  # counts are no force

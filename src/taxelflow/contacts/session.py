@@ -11,7 +11,6 @@ from taxelflow.contacts.split import ContactSplitter
 from taxelflow.messages import Bools, Contacts, Scans
 
 if TYPE_CHECKING:
-    from taxelflow.contacts.features import ContactFeatures
     from taxelflow.sensors.sensor import Sensor
 
 
@@ -32,12 +31,12 @@ class SegmentedScans:
 class ContactSession:
     """Segments scan after scan; the result does not depend on how the scans are cut into blocks."""
 
-    def __init__(self, features: ContactFeatures, sensor: Sensor, on: float, off: float) -> None:
-        """on, off: see `Conditioner.contact_on` and `contact_off`."""
+    def __init__(self, sensor: Sensor, threshold: float, on: float, off: float) -> None:
+        """threshold: see `ContactFeatures`. on, off: see `Conditioner.contact_on` and `contact_off`."""
         layout = sensor.layout
         self._splitter = ContactSplitter(layout, on, off) if (layout.contact_of >= 0).any() else None
         self._monitor = RigidityMonitor(layout, on, off)
-        self._features = FeatureExtractor(features, sensor)
+        self._features = FeatureExtractor(sensor, threshold)
 
     @property
     def notes(self) -> list[str]:

@@ -160,7 +160,7 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     condition = Conditioner(tare="none").start(sensor, masked, [RawScans(np.arange(16.0), values)])
     estimate = start_slips(api.estimator("convolution"), sensor.layout, "stream")
     monitor, fuse = SlipMonitor().begin(sensor.layout.pads), RigidField().start(sensor.layout)
-    describe = FeatureExtractor(ContactFeatures(), sensor)
+    describe = FeatureExtractor(sensor, ContactFeatures().threshold)
     raw = [RawScans(np.array([0.01 * k]), values[k : k + 1]) for k in range(16)]
     scans = [next(condition.step(scan)) for scan in raw]
     slips = [estimate.step(scan) for scan in scans]
@@ -224,7 +224,7 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
     start = timed("parsing", start)
     estimate = start_slips(api.estimator("convolution"), recording.layout, "batch")
     monitor, fuse = SlipMonitor().begin(recording.layout.pads), RigidField().start(recording.layout)
-    describe = FeatureExtractor(ContactFeatures(), recording.sensor)
+    describe = FeatureExtractor(recording.sensor, ContactFeatures().threshold)
     with Tables(out, recording.layout.pads) as tables:
         for raw in blocks:
             start = perf_counter()

@@ -201,7 +201,7 @@ class _Sampled:
     def __init__(self, session: ConditionSession, recording: Recording) -> None:
         layout = recording.layout
         pads = layout.pad_count
-        describe = FeatureExtractor(ContactFeatures(), recording.sensor)
+        describe = FeatureExtractor(recording.sensor, ContactFeatures().threshold)
         contact, scans = np.zeros(pads), 0
         self.load_n = np.full(pads, np.nan)
         starts_s, levels = [], []

@@ -28,4 +28,4 @@ class RigidField:
         """Begin a session."""
         from taxelflow.fusion.session import FieldSession
 
-        return FieldSession(self, layout)
+        return FieldSession(layout, self.edge_doubt)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 
@@ -10,9 +10,6 @@ from taxelflow.compiling import kernel
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats, Slips
 from taxelflow.slip.covariance import Covariance
 from taxelflow.slip.records import Records, Vector, record_dtype
-
-if TYPE_CHECKING:
-    from taxelflow.slip.parameters import SlipMonitor
 
 _UNRESOLVED_FACTOR = 9.0
 """Factor on the variance of a pose whose scan does not fit the method's model: three times the standard deviation."""
@@ -37,9 +34,9 @@ class Parameters:
     settle_s: float
 
 
-def parameter_record(monitor: SlipMonitor) -> Parameters:
-    """One record of `Parameters`, as kernels take it."""
-    values = (3600.0 / monitor.alarms_per_hour, monitor.load_m, monitor.creep_m_s, monitor.settle_s)
+def parameter_record(alarms_per_hour: float, load_m: float, creep_m_s: float, settle_s: float) -> Parameters:
+    """The fields of `SlipMonitor` as one record, as kernels take it."""
+    values = (3600.0 / alarms_per_hour, load_m, creep_m_s, settle_s)
     record: Parameters = np.array([values], dtype=record_dtype(Parameters))[0]
     return record
 

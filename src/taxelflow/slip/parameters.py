@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import ParameterInvalid
@@ -35,12 +35,14 @@ class SlipMonitor:
 
     def begin(self, pads: tuple[str, ...]) -> SlipSession:
         """Start a session for a stream over pads of these names: each scan is decided at once."""
+        from taxelflow.slip.measurement import parameter_record
         from taxelflow.slip.session import SlipSession
 
-        return SlipSession(self, pads)
+        return SlipSession(pads, parameter_record(**asdict(self)))
 
     def look_back(self, pads: tuple[str, ...]) -> OfflineSlipSession:
         """Start a session for a recording: onsets and ends are also estimated from the scans after them."""
+        from taxelflow.slip.measurement import parameter_record
         from taxelflow.slip.offline import OfflineSlipSession
 
-        return OfflineSlipSession(self, pads)
+        return OfflineSlipSession(pads, parameter_record(**asdict(self)))

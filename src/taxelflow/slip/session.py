@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from math import isnan, nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from taxelflow.messages import Bools, Event, Floats, Slips
 from taxelflow.slip.detector import Change, PadState, follow
-from taxelflow.slip.measurement import observations, parameter_record
+from taxelflow.slip.measurement import Parameters, observations
 from taxelflow.slip.records import record_dtype, records
-
-if TYPE_CHECKING:
-    from taxelflow.slip.parameters import SlipMonitor
 
 
 class SlipSession:
     """Slip detection in a stream: each scan is decided from the scans so far."""
 
-    def __init__(self, parameters: SlipMonitor, pads: tuple[str, ...]) -> None:
+    def __init__(self, pads: tuple[str, ...], parameters: Parameters) -> None:
         count = len(pads)
         self._pads = pads
-        self._parameters = parameter_record(parameters)
+        self._parameters = parameters
         self._states = records(PadState, count)
         self._contact = np.zeros((1, count), dtype=np.bool_)
         self._slipping = np.zeros((1, count), dtype=np.bool_)

@@ -52,7 +52,8 @@ class PairSession:
         """Estimates of all pads; see `EstimatorSession.step`."""
         layout = self._layout
         estimates = Estimates.unknown(scans)
-        cut_off = self._boundary.step(scans)[0].any(axis=2)
+        border, _ = self._boundary.step(scans)
+        cut_off: Bools = np.asarray(border.any(axis=2))
         if self._noise is None or not np.array_equal(scans.noise, self._noise):
             self._learn(scans.noise)
         for number, pad in enumerate(self._pads):
