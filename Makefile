@@ -39,6 +39,7 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/vulture
+	$(BIN)/python tests/gates.py
 
 # Results of every method on fixed recordings, bit for bit; GOLDEN="--only stroke" or "--rtol 1e-9" narrows or loosens it.
 golden: $(READY)

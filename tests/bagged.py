@@ -32,7 +32,7 @@ _RANDOM = np.random.default_rng(3)
 
 
 def scans_of(*cells: int, scans: int = SCANS) -> list[list[Any]]:
-    """Random readings: per scan one array per part of so many cells."""
+    """Random readings: per scan one array per part, with `cells` elements."""
     return [[_RANDOM.integers(0, 4000, n) for n in cells] for _ in range(scans)]
 
 

@@ -67,7 +67,7 @@ def track(
     contact: Bools | None = None,
     slipping: Bools | None = None,
 ) -> Track:
-    """Positions at 10 Hz from 0 s, in contact and not slipping unless told."""
+    """Positions at 10 Hz from 0 s, in contact and not slipping by default."""
     seconds = np.arange(len(x_m)) / 10 if t_s is None else t_s
     flags = {
         "contact": np.ones(len(x_m), dtype=np.bool_) if contact is None else contact,

@@ -39,7 +39,7 @@ def parse(text: str) -> Sensor:
 
 
 def hexagonal(rings: int, pitch_m: float = 0.005) -> Floats:
-    """(taxels, 2): a hexagon of so many rings around one taxel."""
+    """(taxels, 2): a hexagon of rings around one taxel."""
     steps = range(-rings, rings + 1)
     places = [(a + b / 2, b * np.sqrt(3) / 2) for b in steps for a in steps if abs(a + b) <= rings]
     return pitch_m * np.array(places)

@@ -220,7 +220,7 @@ def test_a_bag_whose_storage_is_gone_is_an_error_of_one_line(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("factor", "odd"), [(1.0, False), (1e3, True), (1e-6, True)])
-def test_times_in_a_wrong_unit_are_told(tmp_path: Path, factor: float, odd: bool) -> None:
+def test_times_in_a_wrong_unit_are_noted(tmp_path: Path, factor: float, odd: bool) -> None:
     path = tmp_path / "a.csv"
     path.write_text("t_s,a\n" + "".join(f"{t * factor!r},1\n" for t in times(50, 100.0).tolist()))
     reading = read(path, Sensor("one", "count", (Pad("pad", 1, 1, (0.004, 0.004)),))).blocks()

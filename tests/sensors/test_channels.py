@@ -109,7 +109,7 @@ def test_what_the_source_sent_is_kept_for_files() -> None:
     np.testing.assert_array_equal(block.values, sent)
 
 
-def test_a_simulated_recording_of_a_wired_sensor_is_read_back(tmp_path: Path) -> None:
+def test_a_simulated_recording_of_a_sensor_with_a_channel_map_is_read_back(tmp_path: Path) -> None:
     scenario = Scenario(sensor="icub-fingertip-12", pad="fingertip", motion=Motion(travel_m=0.01, strokes=1))
     made = save(scenario, tmp_path / "tip.npz").load()
     again = read(tmp_path / "tip.npz")

@@ -23,9 +23,9 @@ def dome(half_angle_rad: float, count: int = 60) -> np.ndarray:
 @given(radius=st.floats(0.012, 10.0), cols=st.integers(2, 9))
 def test_a_cylinder_is_unrolled_without_distortion(radius: float, cols: int) -> None:
     flat, table = arched(4, cols, radius)
-    chart = flatten(table[:, :3], table[:, 3:])
-    np.testing.assert_allclose(chart.xy, flat, atol=1e-8)
-    assert chart.stretch < 1e-6
+    flattened = flatten(table[:, :3], table[:, 3:])
+    np.testing.assert_allclose(flattened.xy, flat, atol=1e-8)
+    assert flattened.stretch < 1e-6
 
 
 @given(seed=st.integers(0, 1000))
@@ -44,15 +44,15 @@ def test_a_flat_tilted_pad_keeps_its_shape() -> None:
     flat = square(3, 4)
     tilted = rotate(np.array([0.0, np.sin(0.2), 0.0, np.cos(0.2)]), np.column_stack([flat, np.zeros(12)]))
     normals = np.tile(rotate(np.array([0.0, np.sin(0.2), 0.0, np.cos(0.2)]), UP), (12, 1))
-    chart = flatten(tilted, normals)
-    np.testing.assert_allclose(chart.xy, flat, atol=1e-12)
-    assert chart.stretch == 0
+    flattened = flatten(tilted, normals)
+    np.testing.assert_allclose(flattened.xy, flat, atol=1e-12)
+    assert flattened.stretch == 0
 
 
 def test_seen_from_below_x_stays_and_y_turns() -> None:
     flat = square(2, 3)
-    chart = flatten(np.column_stack([flat, np.zeros(6)]), np.tile(-UP, (6, 1)))
-    np.testing.assert_allclose(chart.xy, flat * [1, -1], atol=1e-12)
+    flattened = flatten(np.column_stack([flat, np.zeros(6)]), np.tile(-UP, (6, 1)))
+    np.testing.assert_allclose(flattened.xy, flat * [1, -1], atol=1e-12)
 
 
 def test_a_dome_is_stretched_little_and_says_how_much() -> None:

@@ -113,7 +113,7 @@ def test_a_broken_sensor_file_is_named_with_table_and_field(change: tuple[str, s
     ],
     ids=lambda value: str(value)[:60] if isinstance(value, str) else "",
 )
-def test_each_fault_of_tables_and_wiring_is_named(change: tuple[str, str], seen: str | None) -> None:
+def test_each_error_of_tables_and_channels_is_named(change: tuple[str, str], seen: str | None) -> None:
     text = INLINE.replace(*change)
     assert text != INLINE
     if seen is None:
@@ -126,7 +126,7 @@ def test_each_fault_of_tables_and_wiring_is_named(change: tuple[str, str], seen:
     assert "\n" not in str(caught.value)
 
 
-def test_a_sensor_file_may_say_how_many_contacts_are_told_apart() -> None:
+def test_a_sensor_file_may_give_the_number_of_separate_contacts() -> None:
     text = 'name = "s"\nunit = "Pa"\n[[pads]]\nname = "a"\nrows = 2\ncols = 2\npitch_m = [0.01, 0.01]\ncontacts = '
     assert parse_sensor(f"{text}2".encode(), "s.toml").layout.pads == ("a", "a#1", "a#2")
     with pytest.raises(SensorFileInvalid, match=r"s\.toml: table \[\[pads\]\] number 1, field contacts: .*<= 8"):

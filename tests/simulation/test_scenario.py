@@ -39,6 +39,6 @@ def test_the_bulb_and_the_object_on_the_hand_touch_what_the_figures_show() -> No
 
 
 def test_the_papers_stroke_is_what_it_always_was() -> None:
-    # docs/accuracy.md rests on these scans: a new fault must not draw from their generator
+    # docs/accuracy.md rests on these scans: a new sensor error must not draw from their generator
     raw = simulate(SCENARIOS["stroke"]).load()
     assert (raw.t_s[0], raw.values.sum()) == pytest.approx((0.0909945267602, 77738.5923754), rel=1e-9)

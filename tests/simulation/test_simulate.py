@@ -130,7 +130,7 @@ def test_truth_and_delays_are_saved_and_truth_comes_back(tmp_path: Path, pad: st
     np.testing.assert_allclose(read(tmp_path / "a.npz").layout.delay_s[:162], 0.5 / 7 * np.arange(162) / 162)
 
 
-def test_two_objects_press_as_much_as_each_alone_and_both_are_told_of(tmp_path: Path) -> None:
+def test_two_objects_press_as_much_as_each_alone_and_both_have_a_truth(tmp_path: Path) -> None:
     two = replace(SCENARIOS["two-contacts"], sensing=EXACT)
     first = simulate(replace(two, second=Second()))
     both = simulate(two)

@@ -18,9 +18,9 @@ def state(force: float = 1.0, tilt: float = 0.0, roll_m: float = 0.0, deformed: 
     return State(*(np.array([[number]]) for number in (force, tilt, roll_m, deformed, 0.0)))
 
 
-def test_feet_stand_where_they_are_told_or_all_over_a_disc() -> None:
-    told = contact("feet", feet_at_m=((-0.02, 0.0), (0.02, 0.01)))
-    np.testing.assert_array_equal(feet_of(told)[0], [[-0.02, 0.0], [0.02, 0.01]])
+def test_feet_lie_at_given_positions_or_all_over_a_disc() -> None:
+    given = contact("feet", feet_at_m=((-0.02, 0.0), (0.02, 0.01)))
+    np.testing.assert_array_equal(feet_of(given)[0], [[-0.02, 0.0], [0.02, 0.01]])
     spread, _ = feet_of(contact("feet", feet_on="disc", feet=100, ring_m=0.1))
     apart = np.hypot(*(spread[:, np.newaxis] - spread).T) + np.eye(100)
     assert np.hypot(*spread.T).max() <= 0.1

@@ -6,6 +6,7 @@ Files by `write_parquet` also hold sensor, masked taxels and truth, as JSON text
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -149,8 +150,8 @@ def _numeric(arrow: Any, kind: Any) -> bool:
 
 def _arrow() -> Any:
     try:
-        import pyarrow
-        import pyarrow.parquet
+        arrow = import_module("pyarrow")
+        import_module("pyarrow.parquet")  # becomes its attribute
     except ModuleNotFoundError as error:
         raise ExtraMissing("tables", "pyarrow") from error
-    return pyarrow
+    return arrow
