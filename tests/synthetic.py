@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from taxelflow.condition.session import Session
+    from taxelflow.condition.session import ConditionSession
 
 METHODS = ("lnorm", "convolution")
 
@@ -120,7 +120,7 @@ def conditioned(
     cuts: Iterable[int] = (),
     masked: Bools | None = None,
     **parameters: Any,
-) -> tuple[Scans, Session]:
+) -> tuple[Scans, ConditionSession]:
     """Scans through a conditioner in the given mode, contacts split if the sensor asks for it; the session shows what
     it has learned.
     """

@@ -654,7 +654,7 @@ def test_sensors_draws_all_built_in_ones(tmp_path: Path, capsys: Capture) -> Non
     ("name", "says"),
     [
         ("inspire-rh56dftp", "sensor inspire-rh56dftp: its pitch is not published; measure it and add it to the name"),
-        ("grid:16x16", "'grid:16x16' is no plain grid; name rows, cols and pitch"),
+        ("grid:16x16", "'grid:16x16' is not a plain grid; give rows, cols and pitch"),
     ],
 )
 def test_a_sensor_that_lacks_its_pitch_says_how_to_name_it(capsys: Capture, name: str, says: str) -> None:

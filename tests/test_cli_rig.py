@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from rigged import estimated, refused, strokes_by_both
+from rigged import estimated, refused, rigged, strokes_by_both
 from synthetic import assert_same
 from taxelflow.api import read
 from taxelflow.cli import main
@@ -45,8 +45,8 @@ def ended(arguments: list[str]) -> object:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_each_scenario_may_be_simulated_by_its_name(tmp_path: Path, capsys: Capture, name: str) -> None:
     path = tmp_path / "a.npz"
-    assert main(["simulate", name, "--out", str(path)]) == 0
-    made = simulate(SCENARIOS[name])
+    assert main(["simulate", name, "--out", str(path), "--sensing.rate-hz", "5"]) == 0
+    made = simulate(rigged(name, sensing={"rate_hz": 5.0}))
     assert_same(read(path).load(), made.load())
     assert capsys.readouterr().out == f"{made.scans} scans of {made.sensor.name} in {path}\n"
     assert list(tmp_path.iterdir()) == [path]

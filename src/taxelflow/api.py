@@ -31,7 +31,7 @@ from taxelflow.slip.parameters import SlipMonitor
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
-    from taxelflow.condition.learn import Learned
+    from taxelflow.condition.baseline import Baseline
     from taxelflow.estimation.base import Estimator, Mode
 
 _MOST_WORDS = 4
@@ -271,7 +271,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
     )
 
 
-def _of_taxels(recording: Recording, learned: Learned) -> list[str]:
+def _of_taxels(recording: Recording, learned: Baseline) -> list[str]:
     """Notes on masked taxels and on those that are not well."""
     told = {finding.taxel for finding in learned.findings}
     silent = np.flatnonzero(learned.masked & ~recording.masked)

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from taxelflow.acquire.base import Reading, Recording
+    from taxelflow.condition.baseline import Baseline
     from taxelflow.condition.deduplicate import Counts
-    from taxelflow.condition.learn import Learned
     from taxelflow.estimation.base import Estimator, EstimatorSession
     from taxelflow.messages import Block, Scans
 
@@ -132,9 +132,9 @@ class Run:
         return self._condition.lag_s
 
     @property
-    def learned(self) -> Learned | None:
+    def learned(self) -> Baseline | None:
         """Tare, noise and masks, as far as they are known."""
-        return self._condition.learned
+        return self._condition.baseline
 
     @property
     def patterns(self) -> list[LearnedPattern]:

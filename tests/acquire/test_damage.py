@@ -60,7 +60,7 @@ WHOLE = {
     "ros2 mcap": bag("mcap"),
     "dsa": dsa,
 }
-STRIDES = {"sqlite3": 509, "parquet": 23, "npz": 7, "ros1 bag": 11, "ros2 mcap": 29}
+STRIDES = {"mcap": 7, "sqlite3": 509, "parquet": 23, "npz": 13, "ros1 bag": 11, "ros2 mcap": 29}
 """Every byte where a file is small; the others by steps that hit every kind of place."""
 
 

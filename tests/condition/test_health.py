@@ -58,8 +58,8 @@ def faulty(fault: str, *, clipped: bool = False) -> Floats:
 
 def found_in(values: Floats, mode: str = "batch", **parameters: str) -> tuple[Finding, ...]:
     _, session = conditioned(values, PALM, mode=mode, **parameters)
-    assert session.learned is not None
-    return session.learned.findings
+    assert session.baseline is not None
+    return session.baseline.findings
 
 
 @both_modes
@@ -116,26 +116,26 @@ def test_an_idle_recording_shows_no_faults() -> None:
 def test_nothing_is_found_in_the_rigs_scenarios(name: str) -> None:
     recording = simulate(SCENARIOS[name])
     session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
-    assert session.learned is not None
-    assert session.learned.findings == ()
+    assert session.baseline is not None
+    assert session.baseline.findings == ()
 
 
 def test_nothing_is_found_in_real_recordings_until_a_taxel_is_broken(recordings: Path) -> None:
     for file in sorted((recordings / "sdh-dsa").glob("*.dsa")):
         recording = read(file)
         session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
-        assert session.learned is not None
-        assert session.learned.findings == ()
-        assert session.foreseen is not None
-        assert (session.foreseen.repeated, session.foreseen.gaps) == (0, 0)
+        assert session.baseline is not None
+        assert session.baseline.findings == ()
+        assert session.lookahead_counts is not None
+        assert (session.lookahead_counts.repeated, session.lookahead_counts.gaps) == (0, 0)
     raw = read(recordings / "sdh-dsa" / "tennisball.dsa")
     values = raw.load().values
     for level in (0.0, 1500.0):
         broken = values.copy()
         broken[:, 142] = level
         session = Conditioner().start(raw.sensor, raw.masked, recorded(broken, raw.sensor).blocks())
-        assert session.learned is not None
-        assert [(finding.taxel, finding.fault) for finding in session.learned.findings] == [(142, "stuck")]
+        assert session.baseline is not None
+        assert [(finding.taxel, finding.fault) for finding in session.baseline.findings] == [(142, "stuck")]
 
 
 # Masks
@@ -159,9 +159,9 @@ def test_auto_masks_what_it_finds_and_says_so() -> None:
 def test_with_a_stuck_taxel_masked_the_pad_can_be_tared_and_let_go() -> None:
     whole, session = conditioned(faulty("stuck"), PALM)
     masked, better = conditioned(faulty("stuck"), PALM, mask="auto")
-    assert session.learned is not None
-    assert better.learned is not None
-    assert (session.learned.tared.all(), better.learned.tared.all()) == (False, True)
+    assert session.baseline is not None
+    assert better.baseline is not None
+    assert (session.baseline.tared.all(), better.baseline.tared.all()) == (False, True)
     lifted = slice(410, 490)
     assert whole.contact[lifted].all()
     assert not masked.contact[lifted].any()
@@ -171,8 +171,8 @@ def test_a_list_masks_what_it_names() -> None:
     scans, session = conditioned(wandering(), PALM, mask="3, 44")
     assert np.flatnonzero(scans.noise == 0).tolist() == [3, 44]
     assert (scans.pressure[:, [3, 44]] == 0).all()
-    assert session.learned is not None
-    assert np.flatnonzero(session.learned.masked).tolist() == [3, 44]
+    assert session.baseline is not None
+    assert np.flatnonzero(session.baseline.masked).tolist() == [3, 44]
 
 
 def test_a_stream_masks_once_it_knows_and_invents_no_motion_then() -> None:

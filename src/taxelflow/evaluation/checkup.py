@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from taxelflow.acquire.base import Reading, Recording
+    from taxelflow.condition.baseline import Baseline
     from taxelflow.condition.health import Finding
-    from taxelflow.condition.learn import Learned
-    from taxelflow.condition.session import Session
+    from taxelflow.condition.session import ConditionSession
     from taxelflow.messages import RawScans
     from taxelflow.sensors.sensor import Sensor
 
@@ -115,7 +115,7 @@ def check_up(recording: Recording, watched: Callable[[Iterable[RawScans]], Itera
     session = Conditioner().start(recording.sensor, recording.masked, tally.count(watched(tally.reading)))
     if tally.fault is not None:
         raise tally.fault
-    counts, learned = session.foreseen, session.learned
+    counts, learned = session.lookahead_counts, session.baseline
     if counts is None or learned is None:
         raise RuntimeError("a lookahead always teaches")
     seen = _Sampled(session, recording)
@@ -141,7 +141,7 @@ def check_up(recording: Recording, watched: Callable[[Iterable[RawScans]], Itera
     )
 
 
-def _pad(number: int, sensor: Sensor, learned: Learned, tally: _Tally, seen: _Sampled) -> PadCheckup:
+def _pad(number: int, sensor: Sensor, learned: Baseline, tally: _Tally, seen: _Sampled) -> PadCheckup:
     layout, to_si = sensor.layout, sensor.to_si
     own = layout.of_pad(number)
     live = ~learned.masked[own]
@@ -198,7 +198,7 @@ def _finding(found: Finding, sensor: Sensor) -> TaxelFinding:
 class _Sampled:
     """Contact, load and idle level of each pad in the sample that noise and tare were learned from."""
 
-    def __init__(self, session: Session, recording: Recording) -> None:
+    def __init__(self, session: ConditionSession, recording: Recording) -> None:
         layout = recording.layout
         pads = layout.pad_count
         describe = FeatureExtractor(recording.sensor, ContactFeatures().threshold)

@@ -58,7 +58,7 @@ class Estimate:
 
 
 class Row:
-    """What a method estimates of one scan on one pad; fields as in `Slips`."""
+    """What a method estimates of one scan on one pad; fields as in `Estimates`."""
 
     pose: Estimate
     displacement: Estimate

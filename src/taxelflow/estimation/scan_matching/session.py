@@ -9,11 +9,11 @@ import numpy as np
 
 from taxelflow.estimation.scan_matching.interpolant import Interpolant
 from taxelflow.estimation.scan_matching.odometry import MEMORY, follow
-from taxelflow.messages import Scans, Slips
-from taxelflow.sensors.border import border_of, mark_border
+from taxelflow.messages import Estimates, Scans
+from taxelflow.sensors.border import Boundary
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
     from taxelflow.sensors.layout import Layout
 
 
@@ -45,28 +45,29 @@ class PairSession:
         self._places = np.stack([layout.x_m, layout.y_m]) / np.repeat(self._pitch_m, np.diff(layout.starts))
         self._noise: Floats | None = None
         self._pads: list[_Pad] = []
-        self._edge = border_of(layout)
+        self._boundary = Boundary(layout)
         self._compile()
 
-    def step(self, scans: Scans) -> Slips:
-        """Slips of all pads; see `EstimatorSession.step`."""
+    def step(self, scans: Scans) -> Estimates:
+        """Estimates of all pads; see `EstimatorSession.step`."""
         layout = self._layout
-        slips = Slips.unknown(scans, layout.starts)
-        mark_border(scans.pressure, scans.noise, scans.contact, *self._edge, slips.border)
+        estimates = Estimates.unknown(scans)
+        border, _ = self._boundary.step(scans)
+        cut_off: Bools = np.asarray(border.any(axis=2))
         if self._noise is None or not np.array_equal(scans.noise, self._noise):
             self._learn(scans.noise)
         for number, pad in enumerate(self._pads):
             own = layout.of_pad(number)
             if scans.contact[:, number].any() or pad.memory[0]:
-                self._follow(number, pad, scans, slips, own)
-        slips.lag_s[np.isfinite(slips.pose[..., 0])] = 0.0
-        return slips
+                self._follow(number, pad, scans, cut_off[:, number], estimates, own)
+        estimates.lag_s[np.isfinite(estimates.pose[..., 0])] = 0.0
+        return estimates
 
-    def finish(self) -> Slips:
+    def finish(self) -> Estimates:
         """Nothing is held back."""
         return self.step(self._blank(0))
 
-    def _follow(self, number: int, pad: _Pad, scans: Scans, slips: Slips, own: slice) -> None:
+    def _follow(self, number: int, pad: _Pad, scans: Scans, cut_off: Bools, estimates: Estimates, own: slice) -> None:
         spline = pad.spline
         follow(
             scans.t_s,
@@ -75,7 +76,7 @@ class PairSession:
             scans.ceiling[own],
             scans.contact[:, number],
             scans.complete[:, number],
-            slips.border[:, number, 0] | slips.border[:, number, 1],
+            cut_off,
             self._pitch_m[number],
             self._places[:, own],
             spline.lattice,
@@ -91,12 +92,12 @@ class PairSession:
             pad.variance,
             pad.coefficients,
             pad.gains,
-            slips.pose[:, number],
-            slips.covariance[:, number],
-            slips.displacement[:, number],
-            slips.displacement_covariance[:, number],
-            slips.span_s[:, number],
-            slips.quality[:, number],
+            estimates.pose[:, number],
+            estimates.covariance[:, number],
+            estimates.displacement[:, number],
+            estimates.displacement_covariance[:, number],
+            estimates.span_s[:, number],
+            estimates.quality[:, number],
         )
 
     def _learn(self, noise: Floats) -> None:
