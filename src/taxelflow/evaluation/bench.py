@@ -21,7 +21,8 @@ from taxelflow.contacts.features import ContactFeatures
 from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.estimation.centroid.paper_reference import convolution_index
 from taxelflow.estimation.completion import start_slips
-from taxelflow.evaluation.bench_peers import PeerBench, bench_peers
+from taxelflow.evaluation.base import table_of
+from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency, bench_peers
 from taxelflow.evaluation.bench_reading import ReadingRate, reading_rates
 from taxelflow.evaluation.bench_throughput import Throughput, throughput
 from taxelflow.fusion.parameters import RigidField
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.base import Recording
     from taxelflow.estimation.centroid.session import CentroidSession
+    from taxelflow.evaluation.base import Table
     from taxelflow.messages import Floats
 
 _ROUNDS = 300
@@ -83,6 +85,17 @@ class Bench(msgspec.Struct, frozen=True):
     shares: list[Share]
     readings: list[ReadingRate]
     starts: list[Start]
+
+    def tables(self) -> list[Table]:
+        """Steps, other software, throughput, stages of one run, reading, start of a process."""
+        return [
+            table_of("steps", self.latencies, Latency),
+            table_of("peers", self.peers.rows, PeerLatency),
+            table_of("throughput", self.throughputs, Throughput),
+            table_of("stages", self.shares, Share),
+            table_of("reading", self.readings, ReadingRate),
+            table_of("start", self.starts, Start),
+        ]
 
 
 def bench(recording: Path | None) -> Bench:

@@ -156,6 +156,11 @@ class Bench:
     """Recording whose reading and estimating is measured; a simulated one if left out."""
     json: bool = False
     """Print JSON instead of tables."""
+    csv: Path | None = None
+    """Also write the steps to this .csv file; further tables go to NAME-TABLE.csv beside NAME.csv."""
+
+    def __post_init__(self) -> None:
+        _check_csv(self.csv)
 
     def run(self, _rest: list[str]) -> int:
         """Run and print."""
@@ -164,10 +169,12 @@ class Bench:
         from taxelflow.publish.summary import to_json
 
         found = bench(self.recording)
+        written = [] if self.csv is None else write_tables(found.tables(), self.csv)
         if self.json:
             sys.stdout.buffer.write(to_json(found))
         else:
             show_bench(found)
+            _name_files(written)
         return 0
 
 
@@ -196,8 +203,7 @@ class Score:
             sys.stdout.buffer.write(to_json(report))
             return 0
         report.show()
-        for path in written:
-            print(f"rows in {path}")
+        _name_files(written)
         return 0
 
 
@@ -211,10 +217,7 @@ class Output:
     """Also write the rows to this .csv file; further tables of the score go to NAME-TABLE.csv beside NAME.csv."""
 
     def __post_init__(self) -> None:
-        if self.csv is not None and self.csv.suffix != ".csv":
-            raise ParameterInvalid("csv", str(self.csv), "end in .csv")
-        if self.csv is not None and not self.csv.parent.is_dir():
-            raise ParameterInvalid("csv", str(self.csv), "lie in a directory that exists")
+        _check_csv(self.csv)
 
 
 @dataclass(frozen=True)
@@ -245,3 +248,16 @@ def _parsed(kind: Any, words: list[str]) -> tuple[AnyScore, Output]:
         config=(tyro.conf.OmitArgPrefixes,),
     )
     return found.score, found.output
+
+
+def _check_csv(path: Path | None) -> None:
+    """Raises ParameterInvalid for a file that cannot be written, before the work begins."""
+    if path is not None and path.suffix != ".csv":
+        raise ParameterInvalid("csv", str(path), "end in .csv")
+    if path is not None and not path.parent.is_dir():
+        raise ParameterInvalid("csv", str(path), "lie in a directory that exists")
+
+
+def _name_files(written: list[Path]) -> None:
+    for path in written:
+        print(f"rows in {path}")
