@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.records import records
 from taxelflow.slip.covariance import (
     Cholesky,
     Covariance,
@@ -17,7 +18,6 @@ from taxelflow.slip.covariance import (
     translation_variance,
     whiten,
 )
-from taxelflow.slip.records import records
 
 
 def packed(matrix: Floats, *unknown: int) -> Any:

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.records import records
 from taxelflow.slip.ending import SlideState, start_slide, start_stopped, stop_odds
 from taxelflow.slip.measurement import Measurement
 from taxelflow.slip.onset import SlipEstimate
-from taxelflow.slip.records import records
 
 STD, RATE_HZ = np.array([2e-5, 2e-5, 1e-3]), 100.0
 

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from taxelflow.numerics.records import records
 from taxelflow.slip.hypotheses import merge_closest, remove
 from taxelflow.slip.onset import Ramp
-from taxelflow.slip.records import records
 
 
 def started(*times: float) -> Any:

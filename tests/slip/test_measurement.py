@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
+from taxelflow.numerics.records import records
 from taxelflow.slip.covariance import Covariance
 from taxelflow.slip.measurement import (
     Measurement,
@@ -19,7 +20,6 @@ from taxelflow.slip.measurement import (
     parameter_record,
     raise_to_mean,
 )
-from taxelflow.slip.records import records
 
 STD = np.array([2e-5, 3e-5, 1e-3])
 

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.records import records
 from taxelflow.slip.detector import PadState
 from taxelflow.slip.measurement import Measurement, Parameters
 from taxelflow.slip.onset import MAX_RAMPS, OnsetState, Ramp, alarm_threshold, likelihood_ratio, prune, shiryaev_roberts
-from taxelflow.slip.records import records
 from taxelflow.slip.rest_filter import correlation_inflation, noise_scale, start_rest, update_rest
 
 STD = np.array([2e-5, 3e-5, 1e-3])

@@ -10,11 +10,11 @@ from scipy.stats import poisson
 from taxelflow.compiling import kernel
 from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import Floats
+from taxelflow.numerics.records import records
 from taxelflow.slip.detector import PadState
 from taxelflow.slip.measurement import Measurement, Parameters
 from taxelflow.slip.onset import REACH, alarm_threshold, prune, shiryaev_roberts
 from taxelflow.slip.parameters import SlipMonitor
-from taxelflow.slip.records import records
 from taxelflow.slip.rest_filter import start_rest, update_rest
 
 STD = np.array([2e-5, 2e-5, 1e-3])

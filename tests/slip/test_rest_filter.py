@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.records import records
 from taxelflow.slip.measurement import Measurement, Parameters
-from taxelflow.slip.records import records
 from taxelflow.slip.rest_filter import (
     RestState,
     correlation_inflation,

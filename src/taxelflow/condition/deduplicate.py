@@ -21,7 +21,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Bools, Floats
-from taxelflow.records import Records, record, records
+from taxelflow.numerics.records import Records, record, records
 
 GAP_RATIO = 3.0
 """A time step longer than this many usual ones is a gap: 3 lost scans are one, jitter and a single lost scan are not.

@@ -11,7 +11,7 @@ import numpy as np
 from taxelflow.compiling import kernel
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Bools, Floats
-from taxelflow.records import Records, record, records
+from taxelflow.numerics.records import Records, record, records
 
 _TRIAL_SCANS, _TRIAL_TAXELS, _TRIAL_SETTLING_SCANS = 20_000, 8, 2_000
 """White noise that is filtered to measure the noise gain, to 1 %."""

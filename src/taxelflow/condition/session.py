@@ -15,7 +15,7 @@ from taxelflow.condition.sample import Sample
 from taxelflow.condition.units import SATURATED_SHARE, full_scale, in_si
 from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, Floats, RawScans, Scans
-from taxelflow.records import Records, records
+from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -14,7 +14,7 @@ import numpy as np
 from taxelflow.compiling import kernel
 from taxelflow.contacts.tracks import Component, Memory, SegmentedPad, Taxel, Track
 from taxelflow.messages import Bools, Floats
-from taxelflow.records import Records
+from taxelflow.numerics.records import Records
 
 MIN_OVERLAP = 0.25
 """Share of a track's previous load that a component must hold to continue it. Up to 4 components can."""

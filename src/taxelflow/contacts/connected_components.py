@@ -8,7 +8,7 @@ from taxelflow.compiling import kernel
 from taxelflow.contacts.adjacency import Adjacency, Indices
 from taxelflow.contacts.tracks import SegmentedPad, Taxel
 from taxelflow.messages import Floats
-from taxelflow.records import Records
+from taxelflow.numerics.records import Records
 
 _LOADED, _BRIDGE = -1, -2
 _MIN_LOADED_NEIGHBOURS = 2

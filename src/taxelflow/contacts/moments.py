@@ -14,7 +14,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Bools, Contacts, Floats, Scans, no_scans
-from taxelflow.records import Records, record_dtype
+from taxelflow.numerics.records import Records, record_dtype
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,7 +16,7 @@ import numpy as np
 from taxelflow.compiling import kernel
 from taxelflow.contacts.segmentation import ABSENT, SEPARATE, ContactState, ContactTracker, Labels
 from taxelflow.messages import Bools, Floats, no_scans
-from taxelflow.records import Records, records
+from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
     from taxelflow.messages import Scans

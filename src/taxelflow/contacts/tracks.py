@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from taxelflow.records import Records
+from taxelflow.numerics.records import Records
 
 
 class SegmentedPad:

@@ -14,7 +14,7 @@ from taxelflow.contacts.adjacency import Adjacency
 from taxelflow.contacts.association import MIN_PARTED_SCANS
 from taxelflow.contacts.tracks import SegmentedPad, Taxel, Track
 from taxelflow.messages import Bools, Floats
-from taxelflow.records import Records
+from taxelflow.numerics.records import Records
 
 MARKER_LEVEL = 0.5
 """Share of a contact's previous peak above which its taxels are markers: noise does not move them, and a contact's

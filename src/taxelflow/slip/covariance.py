@@ -6,7 +6,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
-from taxelflow.slip.records import Vector
+from taxelflow.numerics.records import Vector
 
 
 class Covariance:

@@ -8,6 +8,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records, Vector
 from taxelflow.slip.covariance import multiply, translation_variance
 from taxelflow.slip.ending import SlideState, start_slide, start_stopped, stop_odds
 from taxelflow.slip.jump import LOAD_JUMP, JumpState, jump_p_value, start_jump, store_rest, track_jump
@@ -21,7 +22,6 @@ from taxelflow.slip.measurement import (
     raise_to_mean,
 )
 from taxelflow.slip.onset import OnsetState, alarm_threshold, prune, shiryaev_roberts
-from taxelflow.slip.records import Records, Vector
 from taxelflow.slip.rest_filter import RestState, discount_noise_scale, noise_scale, start_rest, update_rest
 
 NEW, RESTING, SLIPPING = range(3)

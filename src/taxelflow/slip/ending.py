@@ -15,6 +15,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
+from taxelflow.numerics.records import Records, Vector
 from taxelflow.slip.covariance import (
     Cholesky,
     factorize,
@@ -25,7 +26,6 @@ from taxelflow.slip.covariance import (
 from taxelflow.slip.hypotheses import merge_closest
 from taxelflow.slip.measurement import Measurement
 from taxelflow.slip.onset import MAX_EXPONENT, SlipEstimate
-from taxelflow.slip.records import Records, Vector
 
 _STOP_RATE_HZ = 3.0
 """Prior rate of a stop: a slip lasts a third of a second."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.slip.records import Records
+from taxelflow.numerics.records import Records
 
 
 @kernel

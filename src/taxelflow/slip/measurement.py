@@ -8,8 +8,8 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats, Slips
+from taxelflow.numerics.records import Records, Vector, record_dtype
 from taxelflow.slip.covariance import Covariance
-from taxelflow.slip.records import Records, Vector, record_dtype
 
 _UNRESOLVED_FACTOR = 9.0
 """Factor on the variance of a pose whose scan does not fit the method's model: three times the standard deviation."""

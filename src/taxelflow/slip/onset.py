@@ -20,9 +20,9 @@ from typing import Annotated
 import numpy as np
 
 from taxelflow.compiling import kernel
+from taxelflow.numerics.records import Records, Vector
 from taxelflow.slip.hypotheses import merge_closest, remove
 from taxelflow.slip.measurement import Measurement
-from taxelflow.slip.records import Records, Vector
 from taxelflow.slip.rest_filter import RestState, correlation_inflation, noise_scale
 
 REACH = 2.0

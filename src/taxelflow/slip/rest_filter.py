@@ -18,9 +18,9 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
+from taxelflow.numerics.records import Vector
 from taxelflow.slip.covariance import Cholesky, factorize, translation_axes, translation_variance, whiten
 from taxelflow.slip.measurement import Measurement, Parameters
-from taxelflow.slip.records import Vector
 
 PRIOR_COMPONENTS = 20.0
 """Weight of the reported covariance in the scale s^2, in components of u: about seven poses."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from taxelflow.messages import Bools, Event, Floats, Slips
+from taxelflow.numerics.records import record_dtype, records
 from taxelflow.slip.detector import Change, PadState, follow
 from taxelflow.slip.measurement import Parameters, observations
-from taxelflow.slip.records import record_dtype, records
 
 
 class SlipSession:

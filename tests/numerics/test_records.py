@@ -6,7 +6,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
-from taxelflow.slip.records import Records, Vector, record_dtype, records
+from taxelflow.numerics.records import Records, Vector, record_dtype, records
 
 
 class Inner:
