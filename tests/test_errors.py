@@ -28,6 +28,7 @@ FACTS: dict[str, tuple[object, ...]] = {
     "CalibrationInvalid": (Path("cal.toml"), "it is empty"),
     "CalibrationUnfit": ("sensor 'hand'", "sensor 'foot'"),
     "GainsUnknown": ("the object did not move", "move it"),
+    "EstimatorBroken": ("MySession", 3, 2),
     "TruthInvalid": (Path("truth.csv"), "it is empty"),
     "ExtraMissing": ("plot", "matplotlib"),
 }
