@@ -34,8 +34,8 @@ class PadSummary(msgspec.Struct, frozen=True):
     """Share of contact scans that touch a border of the pad, where the paper's methods are biased."""
     slips: int
     scatter: float
-    """Scatter of the pose of a still object over the standard deviation of its covariance, learned by the slip detector;
-    1 if it learned nothing."""
+    """Scatter of the pose of a still object over the standard deviation of its covariance, learned by the slip
+    detector; 1 if it learned nothing."""
 
 
 class Summary(msgspec.Struct, frozen=True):
