@@ -17,7 +17,7 @@ from taxelflow.messages import Bools, Floats
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from taxelflow.condition.parameters import Conditioner
+    from taxelflow.condition.base import ConditionSettings
     from taxelflow.condition.sample import Sample
     from taxelflow.sensors.sensor import Sensor
 
@@ -38,7 +38,7 @@ class Baseline:
 
 
 def estimate_baseline(
-    parameters: Conditioner, sensor: Sensor, sample: Sample, masked: Bools, *, causal: bool
+    parameters: ConditionSettings, sensor: Sensor, sample: Sample, masked: Bools, *, causal: bool
 ) -> Baseline:
     """Baseline from a sample. masked: (taxels,) declared off. causal: the sample is the first window of a stream."""
     layout, windows = sensor.layout, sample.windows
@@ -62,7 +62,7 @@ def estimate_baseline(
     return Baseline(offset, noise, tared, masked, findings)
 
 
-def update_baseline(parameters: Conditioner, sensor: Sensor, sample: Sample, before: Baseline) -> Baseline:
+def update_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline) -> Baseline:
     """The same tare with noise and faults from a larger sample: loaded taxels show their noise only under load."""
     noise, masked, findings = _noise_and_faults(parameters, sensor, sample, before.masked)
     return replace(before, noise=noise, masked=masked, findings=findings)
@@ -79,7 +79,7 @@ def with_masked(masked: Bools, taxels: Iterable[int]) -> Bools:
 
 
 def _noise_and_faults(
-    parameters: Conditioner, sensor: Sensor, sample: Sample, masked: Bools
+    parameters: ConditionSettings, sensor: Sensor, sample: Sample, masked: Bools
 ) -> tuple[Floats, Bools, tuple[Finding, ...]]:
     """Noise, masks and findings. Masked taxels are not judged; with `mask` auto faulty ones are masked as well."""
     noise = _noise(sensor, sample, masked)

@@ -20,9 +20,9 @@ from taxelflow.numerics.records import Records, records
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from taxelflow.condition.base import ConditionSettings
     from taxelflow.condition.drift import DriftTracker
     from taxelflow.condition.filters import Filters
-    from taxelflow.condition.parameters import Conditioner
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 
@@ -48,7 +48,7 @@ class ConditionSession:
     """
 
     def __init__(
-        self, parameters: Conditioner, sensor: Sensor, masked: Bools, lookahead: Iterable[RawScans] | None
+        self, parameters: ConditionSettings, sensor: Sensor, masked: Bools, lookahead: Iterable[RawScans] | None
     ) -> None:
         self._parameters, self._sensor, self._layout = parameters, sensor, sensor.layout
         self._masked = with_masked(masked, parameters.off)
@@ -205,7 +205,7 @@ class ConditionSession:
         return Scans(new.t_s, pressure, self._entry_noise, self._entry_ceiling, contact, complete)
 
 
-def _pad_contacts(layout: Layout, parameters: Conditioner) -> Records:
+def _pad_contacts(layout: Layout, parameters: ConditionSettings) -> Records:
     """`PadContact` (pads,), none in contact."""
     pads = records(PadContact, len(layout.pads))
     pads["start"], pads["stop"] = layout.starts[:-1], layout.starts[1:]

@@ -127,7 +127,7 @@ class ContactsReport(msgspec.Struct, frozen=True):
             "alone: the other object is not there. told apart: --contacts 2. as one: without.\n"
             "known: share of the contact's scans with a pose that is not lost; ok: with\n"
             "quality ok. mm, deg: RMS of place and turn, each contact's best constant offset\n"
-            "taken off. 1, 20, 100: NEES a degree of freedom over so many scans; 1: right.",
+            "taken off. 1, 20, 100: NEES a degree of freedom over that number of scans.",
         )
 
     def _shown(self, scenario: str, mode: str) -> Shown:

@@ -1,4 +1,4 @@
-"""The gains of one pad from where a method saw the object and where a robot says it was.
+"""The gains of one pad from the positions of a method and those of a robot.
 
 Model, for scan k and axis a of the pad:  m_ka = p_ka / g_a + error,  p_k = R(phi) q(t_k + offset) + s,  with m the
 method's position at gain 1, q the robot's trajectory, (s, phi) the pose of the robot's frame in the pad's and offset
@@ -218,7 +218,7 @@ class _Problem:
         return left
 
     def _residuals(self, x: Floats, limit: float) -> Floats:
-        """All in standard deviations; the last says that the offset lies within the search."""
+        """All in standard deviations; the last holds the offset within the search."""
         return np.append((self._left(x) / self._deviation).ravel(), x[-1] / limit)
 
 

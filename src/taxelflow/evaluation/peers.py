@@ -245,7 +245,7 @@ def _heard(seen: Seen, method: str) -> bool:
 
 
 def _followed(pair: Pair, recording: Recording, scans: Scans, tally: list[int]) -> list[Stroke]:
-    """The strokes of one recording as a peer sees them. tally: [pairs, failed ones], counted up."""
+    """The strokes of one recording by a peer. tally: [pairs, failed ones], counted up."""
     truth = recording.known_truth
     pad = recording.layout.pads.index(truth.pad)
     images = [recording.layout.grid(pad, pressure, fill=0.0) for pressure in scans.pressure]
