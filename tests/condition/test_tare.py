@@ -66,12 +66,15 @@ def test_a_pad_with_a_suspect_taxel_must_be_rougher(
     assert accepted(of_roughness(*ratio, sigmas)) == unstructured
 
 
+@pytest.mark.parametrize("mean", [0.0, 500.0])
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("sigmas", "unstructured"), [(5.9, True), (6.1, False)])
-def test_an_outlier_is_beyond_six_robust_standard_deviations(sigmas: float, unstructured: bool, sign: int) -> None:
+def test_an_outlier_is_beyond_six_robust_standard_deviations(
+    sigmas: float, unstructured: bool, sign: int, mean: float
+) -> None:
     offset = CHECKERBOARD.copy()
     offset[np.flatnonzero(offset == sign)[7]] = sign * sigmas * 1.4826
-    assert accepted(offset) == unstructured
+    assert accepted(mean + offset) == unstructured
 
 
 @pytest.mark.parametrize(("sigmas", "unstructured"), [(5.9, True), (6.1, False)])
@@ -97,7 +100,7 @@ def test_a_pad_of_few_neighbours_cannot_be_judged_by_its_shape(taxels: int, unst
     assert is_unstructured(np.append(high, -500.0), masked, more, 1.0) == unstructured
 
 
-@pytest.mark.parametrize(("level", "found"), [(5.9, True), (-5.9, True), (6.1, False)])
+@pytest.mark.parametrize(("level", "found"), [(5.9, True), (-5.9, True), (6.1, False), (-6.1, False)])
 def test_a_pad_of_few_neighbours_is_idle_only_within_its_noise(level: float, found: bool) -> None:
     """Two windows of 12 scans; the standard deviation of the mean is that of the noisiest taxel."""
     noise = np.array([0.1, 0.5, 1.0, 0.1])

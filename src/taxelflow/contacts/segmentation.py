@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 Labels = NDArray[np.int8]
 
 ABSENT, TOUCHING, NEAR, SEPARATE = range(4)
-"""Clearance of a contact: there is none; a loaded taxel lies beside another's; one taxel lies between; more do."""
+"""Clearance of a contact: there is no contact; it lies beside a loaded taxel of another; beside an unloaded one that
+counts as another's (it lies beside both, and the other's is more loaded there); beside neither."""
 
 
 class ContactState:
