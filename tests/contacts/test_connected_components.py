@@ -7,7 +7,7 @@ from drawn import layout_of, reading
 from taxelflow.contacts.adjacency import adjacency
 from taxelflow.contacts.connected_components import label_components
 from taxelflow.contacts.tracks import SegmentedPad, Taxel
-from taxelflow.records import records
+from taxelflow.numerics.records import records
 
 
 def components(image: str, masked: tuple[int, ...] = (), *, incomplete: bool = False) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.records import Records, Vector
+from taxelflow.numerics.records import Records
 
 STATES = 6
 _VELOCITY_STD, _SPIN_STD = 1.0, 100.0
