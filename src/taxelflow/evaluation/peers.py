@@ -194,14 +194,10 @@ class PeersReport(msgspec.Struct, frozen=True):
         """Errors of all on the same strokes, then the best peer's error over our best."""
         console = Console(markup=False)
         console.print(self._shown())
-        for best in self.best:
-            if best.scans == "all":
-                factor = "one factor fitted" if best.fitted else "uncalibrated"
-                console.print(
-                    f"{best.nominal_mm_s} mm/s, all scans, {factor}: {best.peer} over {short(best.ours)}: "
-                    f"x {best.ratio:.1f}",
-                    highlight=False,
-                )
+        for best in (best for best in self.best if best.scans == "all"):
+            factor = "one factor fitted" if best.fitted else "uncalibrated"
+            compared = f"{best.peer} over {short(best.ours)}: x {best.ratio:.1f}"
+            console.print(f"{best.nominal_mm_s} mm/s, all scans, {factor}: {compared}", highlight=False)
         if self.silent:
             console.print(f"no velocity at all: {', '.join(self.silent)}", highlight=False)
         caption(
