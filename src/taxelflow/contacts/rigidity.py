@@ -176,8 +176,7 @@ def check_rigidity(
                 _measure_contacts(pressure[scan], noise, labels[scan], contacts[scan, number], number, memory)
                 _compare_pairs(number, memory)
             else:
-                for slot in range(_SLOTS):
-                    _interrupt(slot, memory.pairs[number])
+                _interrupt_all(memory.pairs[number])
             moved_apart[scan, pad.pad] = pad.moved_apart
 
 
@@ -199,6 +198,13 @@ def _forget(slot: int, pairs: Records) -> None:
         pair: Pair = pairs[max(slot, other), min(slot, other)]
         pair.scans = pair.changed_scans = 0
         pair.distance_m = pair.width_m = pair.other_width_m = 0.0
+
+
+@kernel
+def _interrupt_all(pairs: Records) -> None:
+    """No contact can be measured in this scan: every pair's change must last again."""
+    for slot in range(_SLOTS):
+        _interrupt(slot, pairs)
 
 
 @kernel

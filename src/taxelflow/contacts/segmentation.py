@@ -109,13 +109,19 @@ def segment(
             pad: SegmentedPad = memory.pads[number]
             if contact[scan, pad.pad]:
                 _segment_pad(pressure[scan], noise, not complete[scan, pad.pad], number, memory, adjacency)
-                for k in range(pad.start, pad.stop):
-                    memory.taxels[k].last_reading = pressure[scan, k]
-                    labels[scan, k] = memory.taxels[k].label
+                _keep_scan(pressure[scan], pad, memory, labels[scan])
                 _find_clearance(pressure[scan], number, memory, adjacency, labels[scan], contacts[scan, number])
                 _find_connected(number, memory, contacts[scan, number])
             else:
                 _reset(number, memory)
+
+
+@kernel
+def _keep_scan(reading: Floats, pad: SegmentedPad, memory: Memory, labels: Labels) -> None:
+    """Keep the scan's readings for the next one, and write its labels."""
+    for k in range(pad.start, pad.stop):
+        memory.taxels[k].last_reading = reading[k]
+        labels[k] = memory.taxels[k].label
 
 
 @kernel

@@ -22,7 +22,7 @@ from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.estimation.centroid.paper_reference import convolution_index
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.base import table_of
-from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency, bench_peers
+from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency, bench_peers, last_of
 from taxelflow.evaluation.bench_reading import ReadingRate, reading_rates
 from taxelflow.evaluation.bench_throughput import Throughput, throughput
 from taxelflow.fusion.parameters import RigidField
@@ -207,11 +207,7 @@ def _in_turn(steps: dict[str, Callable[[int], object]]) -> dict[str, Floats]:
     try:
         for k in range(rounds):
             for what, step in steps.items():
-                for inner in range(4):  # the first ones refill the caches that the others emptied
-                    start = perf_counter()
-                    step(k + inner)
-                    end = perf_counter()
-                taken[what].append(end - start)
+                taken[what].append(last_of(step, k, 4))  # the first ones refill the caches that the others emptied
     finally:
         gc.enable()
     return {what: np.array(times) for what, times in taken.items()}

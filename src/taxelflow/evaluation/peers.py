@@ -8,6 +8,7 @@ slope are fitted to the pieces. The share of failed pairs is reported.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -282,16 +283,11 @@ def _displacement(pair: Pair, before: Floats, after: Floats) -> float:
 
 def _best(rows: list[Row], ours: tuple[str, ...]) -> list[Best]:
     found = []
-    for speed in SPEEDS_MM_S:
-        for scans in SETS:
-            for fitted in (False, True):
-                group = [
-                    r for r in rows if (r.nominal_mm_s, r.scans, r.factor_standard_error > 0) == (speed, scans, fitted)
-                ]
-                own = min((r for r in group if r.method in ours), key=lambda r: r.rmse_percent)
-                others = [r for r in group if r.method not in ours]
-                if others:
-                    peer = min(others, key=lambda r: r.rmse_percent)
-                    ratio = peer.rmse_percent / own.rmse_percent
-                    found.append(Best(speed, scans, fitted, peer.method, own.method, ratio))
+    for key in product(SPEEDS_MM_S, SETS, (False, True)):
+        group = [row for row in rows if (row.nominal_mm_s, row.scans, row.factor_standard_error > 0) == key]
+        own = min((row for row in group if row.method in ours), key=lambda row: row.rmse_percent)
+        others = [row for row in group if row.method not in ours]
+        if others:
+            peer = min(others, key=lambda row: row.rmse_percent)
+            found.append(Best(*key, peer.method, own.method, peer.rmse_percent / own.rmse_percent))
     return found
