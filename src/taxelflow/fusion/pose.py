@@ -7,6 +7,7 @@ import numpy as np
 from taxelflow.compiling import kernel
 from taxelflow.fusion.twist import COV_POSE, POSE, add_point, put_matrix, turn_is_seen
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.se2 import rotate, rotate_back
 from taxelflow.numerics.small_linalg import inverse2, inverse3
 
 # Memory per pad: whether anchored, the contact's place on the object (2), its covariance (4), the turn it started at.
@@ -73,7 +74,7 @@ def _fit(
             if not touching[pad] or m[_ANCHORED] == 0.0:
                 continue
             count += 1
-            x, y = cos * m[_POINT] - sin * m[_POINT + 1], sin * m[_POINT] + cos * m[_POINT + 1]
+            x, y = rotate(cos, sin, m[_POINT], m[_POINT + 1])
             cov = place_cov[pad] + m[_POINT_COV : _POINT_COV + 4].reshape(2, 2)
             left_x, left_y = place[pad, 0] - x - body[_POSE], place[pad, 1] - y - body[_POSE + 1]
             add_point(normal, right, inverse2(cov, _TINY_M2), x, y, left_x, left_y)
@@ -106,6 +107,6 @@ def _anchor(place: Floats, place_cov: Floats, theta: float, m: Floats, body: Flo
     cos, sin = np.cos(body[_POSE + 2]), np.sin(body[_POSE + 2])
     x, y = place[0] - body[_POSE], place[1] - body[_POSE + 1]
     m[_ANCHORED] = 1.0
-    m[_POINT], m[_POINT + 1] = cos * x + sin * y, cos * y - sin * x
+    m[_POINT], m[_POINT + 1] = rotate_back(cos, sin, x, y)
     m[_POINT_COV : _POINT_COV + 4] = np.ascontiguousarray(place_cov).reshape(4)
     m[_SPIN] = theta - body[_POSE + 2]

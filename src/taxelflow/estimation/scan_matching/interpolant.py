@@ -1,4 +1,4 @@
-"""A scan as a spline: the linear map from a pad's readings to coefficients on knots one pitch apart.
+"""A scan as a spline surface: the linear map from a pad's readings to coefficients on knots one pitch apart.
 
 Minimises sum_i w_i (y_i - q(r_i))^2 + smoothing x squared second differences, with so little smoothing that the spline
 goes through the readings where taxels lie on a grid, and bends evenly across holes and between scattered taxels. The
@@ -7,39 +7,43 @@ matrix depends on places and noise only, so it is factored once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from taxelflow.compiling import kernel
 from taxelflow.errors import ParameterInvalid
-from taxelflow.estimation.template.map import Pattern, Sums
-from taxelflow.estimation.template.observations import Scanned, across, reach
-from taxelflow.numerics.bspline import STATE, spread
+from taxelflow.estimation.template.observations import across, reach
+from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.banded import Factor, add_square, smoothness, solve_band
+from taxelflow.numerics.bspline import GAIN, evaluate, gather, spread
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.messages import Bools, Floats
-
 _SMOOTHING = 1e-6
 """Weight of squared second differences, over that of a reading."""
+_PRIOR = 2.5e-7
+"""Weight that keeps coefficients far from any taxel near 0, over that of a reading."""
+_MARGIN_KNOTS = 3
+"""Knots beyond the outermost taxels: a step may lead so far off the pad."""
 _FARTHEST = 0.75
-"""A knot farther than so many pitches from every live taxel knows nothing."""
+"""A knot farther than this from every live taxel, in pitches, is not observed."""
 _MOST_KNOTS = 40_000
+_WIDTH = 4
+"""Knots that a cubic spline reaches along each axis."""
 VALUE_NOISE = 0.764
 SLOPE_NOISE = 2.163
 """Variance of a cubic spline through readings on a grid, and of its slope per pitch, over theirs (means)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Interpolant:
+class Interpolant(NamedTuple):
     """What turns a pad's readings (taxels,) into coefficients (ny, nx); lengths in pitches.
 
-    lattice: see `spline.evaluate`. first, weight: see `spline.spread`. factor: (knots, band), column k of the lower
-    Cholesky factor in row k. trust: (taxels,), weight of a reading. doubt: (ny, nx), variance that noise makes of the
-    spline. blind: (ny, nx), no live taxel is near. across: (2,) how far off x and y may be if a line of taxels cannot
-    tell, 0 where they are told.
+    lattice: see `bspline.evaluate`; shape: (ny, nx). first, weight: see `bspline.spread`. factor: (knots, band), see
+    `solve_band`. trust: (taxels,), weight of a reading. variance: (ny, nx), of the spline by noise. unobserved: (ny,
+    nx), no live taxel is near. unobservable: (2,), how far off x and y may be if all live taxels lie in a line across
+    that axis, else 0.
     """
 
     lattice: Floats
@@ -48,9 +52,9 @@ class Interpolant:
     weight: Floats
     factor: Floats
     trust: Floats
-    doubt: Floats
-    blind: Bools
-    across: Floats
+    variance: Floats
+    unobserved: Bools
+    unobservable: Floats
 
     @classmethod
     def of(cls, name: str, places: Floats, variance: Floats) -> Interpolant:
@@ -65,43 +69,85 @@ class Interpolant:
             duty = f"cover at most {_MOST_KNOTS} square pitches: leave this group out"
             raise ParameterInvalid(f"extent of {name}", f"{size} pitches", duty)
         usual = float(np.median(variance[live])) if live.any() else 1.0
-        pattern = Pattern.empty(low, high, 1.0, 1, np.ones(2), 1e3)
-        pattern.smoothing = _SMOOTHING
         relative = variance / usual
-        state = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
-        sums, nothing = Sums(pattern), np.zeros(len(variance))
-        once = Scanned.of(np.zeros(1), places, nothing[np.newaxis], relative[np.newaxis], nothing + np.inf, nothing)
-        sums.add(pattern, once, state[np.newaxis, :STATE], 0.0)
-        factor = sums.solve(pattern).lower
-        first, weight = np.empty(len(variance), np.int64), np.empty((len(variance), pattern.width**2))
-        spread(
-            pattern.shape, pattern.lattice, places, state, pattern.points, once.bends[0], pattern.width, first, weight
-        )
-        nearest = _nearest_live(pattern, places, live)
-        doubt = np.where(nearest >= 0, VALUE_NOISE * variance[nearest], usual)
+        trust = np.divide(1.0, relative, out=np.zeros_like(relative), where=live)
+        lattice = np.array([1.0, *(low - _MARGIN_KNOTS)])
+        nx, ny = (np.ceil(high - low).astype(int) + 2 * _MARGIN_KNOTS + 1).tolist()
+        first, weight = np.empty(len(variance), np.int64), np.empty((len(variance), _WIDTH**2))
+        still = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
+        spread((ny, nx), lattice, places, still, np.zeros((1, 2)), np.zeros((3, 0)), _WIDTH, first, weight)
+        nearest = _nearest_live(lattice, (ny, nx), places, live)
         return cls(
-            lattice=pattern.lattice,
-            shape=pattern.shape,
+            lattice=lattice,
+            shape=(ny, nx),
             first=first,
             weight=weight,
-            factor=np.ascontiguousarray(factor.T),
-            trust=np.divide(1.0, relative, out=np.zeros_like(relative), where=live),
-            doubt=doubt.reshape(pattern.shape),
-            blind=(nearest < 0).reshape(pattern.shape),
-            across=np.where(across(places, live), reach(places), 0.0),
+            factor=np.ascontiguousarray(_factor((ny, nx), first, weight, trust).T),
+            trust=trust,
+            variance=np.where(nearest >= 0, VALUE_NOISE * variance[nearest], usual).reshape(ny, nx),
+            unobserved=(nearest < 0).reshape(ny, nx),
+            unobservable=np.where(across(places, live), reach(places), 0.0),
         )
 
 
-def _nearest_live(pattern: Pattern, places: Floats, live: Bools) -> NDArray[np.int64]:
+def _factor(shape: tuple[int, int], first: NDArray[np.int64], weight: Floats, trust: Floats) -> Floats:
+    """(band, knots), the lower Cholesky factor of the normal equations."""
+    knots = shape[0] * shape[1]
+    stencil, nothing = np.zeros((knots, _WIDTH, 2 * _WIDTH - 1)), np.zeros(knots)
+    for taxel in np.flatnonzero(trust > 0):
+        add_square(first[taxel], weight[taxel], trust[taxel], 0.0, shape[1], _WIDTH, stencil, nothing)
+    stencil += _SMOOTHING * smoothness(shape, _WIDTH)
+    stencil[:, 0, _WIDTH - 1] += _PRIOR
+    return Factor(stencil, shape[1]).lower
+
+
+def _nearest_live(lattice: Floats, shape: tuple[int, int], places: Floats, live: Bools) -> NDArray[np.int64]:
     """(knots,) number of the nearest live taxel; -1 if it is too far."""
-    h, left, low = pattern.lattice
-    ny, nx = pattern.shape
+    h, left, low = lattice
+    ny, nx = shape
     nearest = np.full(ny * nx, -1)
-    across, up = np.meshgrid(left + h * np.arange(nx), low + h * np.arange(ny))
-    knots = np.stack([across.ravel(), up.ravel()])
+    column, row = np.meshgrid(left + h * np.arange(nx), low + h * np.arange(ny))
+    knots = np.stack([column.ravel(), row.ravel()])
     closest = np.full(ny * nx, _FARTHEST)
     for taxel in np.flatnonzero(live):
         away = np.hypot(*(knots - places[:, taxel, np.newaxis]))
         near = away < closest
         nearest[near], closest[near] = taxel, away[near]
     return nearest
+
+
+@kernel
+def interpolate(spline: Interpolant, reading: Floats, c: Floats) -> None:
+    """Make c (ny, nx) the coefficients of the spline through readings (taxels,)."""
+    weighted, right = np.empty((1, len(reading))), c.reshape((1, c.size))
+    for i in range(len(reading)):
+        weighted[0, i] = reading[i] * spline.trust[i]
+    for j in range(c.size):
+        right[0, j] = 0.0
+    gather(spline.first, spline.weight, weighted, c.shape[1], right)
+    solve_band(spline.factor, right)
+
+
+@kernel
+def fill_missing(
+    c: Floats,
+    lattice: Floats,
+    places: Floats,
+    origin: Floats,
+    noise: Floats,
+    variance: Floats,
+    state: Floats,
+    reading: Floats,
+) -> None:
+    """Put the surface c at a state (5,) into a scan's missing readings, so that the next scan finds no dip there.
+
+    lattice: from the origin (2 or more,), about which the surface turns; places: (2, taxels), not so. noise: (taxels,),
+    0 where masked; variance: (taxels,), 0 where masked or missing.
+    """
+    where, values = np.empty((2, len(noise))), np.empty((len(noise), 5))
+    for i in range(len(noise)):
+        where[0, i], where[1, i] = places[0, i] - origin[0], places[1, i] - origin[1]
+    evaluate(c, lattice, where, state, np.zeros((1, 2)), np.zeros((3, 0)), values)
+    for i in range(len(noise)):
+        if variance[i] == 0.0 and noise[i] > 0.0 and not np.isnan(values[i, 0]):
+            reading[i] = state[GAIN] * values[i, 0]

@@ -1,111 +1,149 @@
-"""One scan registered on the one before, and what the noise of both makes of the answer.
+"""One scan registered on the one before, whose spline is the surface.
 
-The later scan is y1_i = g q(R(-theta) (r_i - x)) + n1_i with q the spline through the earlier one, q = q_true + A n0.
-To first order an error of the state is  e = G n1 - G' n0,  G = H^-1 J^T W,  G' = g G A,  so its covariance is the sum
-of both scans' parts. H is J^T W J less what noise in the slopes of q adds to it (errors in variables).
-
-In a sum of steps a scan's noise comes in once with each sign: e_k = G_k n_k + (G_k-1 - G'_k) n_k-1 + ..., so that the
-error of a pose hardly grows while the pattern stays where it is. It is summed up that way, counted from an ideal first
-pose, as good as one scan can tell.
+The later scan is y1_i = g q(R(-theta) (r_i - x)) + n1_i with q the spline through the earlier one. Lengths in pitches,
+places from where the object's point was in the earlier scan.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE
-from taxelflow.estimation.template.levenberg_marquardt import register
-from taxelflow.numerics.banded import solve_band
-from taxelflow.numerics.bspline import GAIN, STATE, THETA, X, Y, evaluate, gather, spread
+from taxelflow.estimation.template.levenberg_marquardt import HELD, register
+from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.bspline import GAIN, STATE, THETA, X, Y, evaluate
 from taxelflow.numerics.robust import OUTLIER, huber_weight
-from taxelflow.numerics.small_linalg import solve_small
+from taxelflow.numerics.se2 import rotate_back
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from taxelflow.messages import Bools, Floats
 
 DOF = 4
 """Of a state: x, y, theta, gain."""
 _ITERATIONS = 20
 _HUBER = 5.0
-_FAR = 1e-6
-_LOOSE_TURN, _LOOSE_GAIN = 1.0, 1e-2
-_HELD = 1e12
-"""How firmly a state is held to no motion, 1 / pitch^2, 1 / rad^2 and 1: only where nothing else tells it."""
+"""Standard deviations from which on a reading's weight is reduced."""
+_LOOSE_SHIFT, _LOOSE_TURN, _LOOSE_GAIN = 1e-6, 1.0, 1e-2
+"""Prior information on no motion, 1 / pitch^2, 1 / rad^2 and 1: enough to hold what nothing determines."""
 _BOX = 1.5
-"""Taxels within so many pitches of the loaded ones take part ..."""
-_LOADED = 4.0
-"""... which stand above so many standard deviations."""
+"""Taxels within this many pitches of the loaded ones take part ..."""
+_LOADED_SIGMAS = 4.0
+"""... which stand this many standard deviations above 0."""
 _FITS = 1.5
 """Chi-square per reading at which no other start is tried."""
+_LEAST_IMPROVEMENT = 1e-3
+"""A later start replaces an earlier one if it lowers the cost by more than rounding."""
 _MODEL_ERROR = 0.05
-"""A scan fits if its residuals are explained by noise and by an error of the pattern of this share."""
+"""A scan fits if its residuals are explained by noise and by an error of the surface of this share."""
+
+
+class Surface(NamedTuple):
+    """The earlier scan: spline coefficients c (ny, nx), their variance, for the fit and by noise alone, on a lattice.
+
+    unobserved: (ny, nx), knots about which the earlier scan has no reading. unobservable: see `Interpolant`.
+    """
+
+    c: Floats
+    variance: Floats
+    noise_variance: Floats
+    unobserved: Bools
+    lattice: Floats
+    unobservable: Floats
+
+
+class Points(NamedTuple):
+    """The later scan: taxels that take part (n,), their places (2, n), readings, variances and ceilings (n,)."""
+
+    taxel: NDArray[np.int64]
+    places: Floats
+    reading: Floats
+    variance: Floats
+    ceiling: Floats
+
+
+class Guess(NamedTuple):
+    """Motion of the centroid between the scans, and ratio of their loads."""
+
+    x: float
+    y: float
+    gain: float
+
+
+class Fit(NamedTuple):
+    """The linearised problem at a state (5,): jacobian (n, 4), weight (n,), J^T W J, and what noise in the surface's
+    slopes adds to it, both (4, 4).
+    """
+
+    state: Floats
+    jacobian: Floats
+    weight: Floats
+    normal: Floats
+    noise_normal: Floats
 
 
 @kernel
 def surroundings(
-    before: Floats, now: Floats, variance_before: Floats, variance_now: Floats, places: Floats, chosen: Bools
-) -> int:
-    """Set chosen (taxels,) for those in the box around what is loaded in either scan; how many they are."""
+    last: Floats, now: Floats, last_variance: Floats, variance: Floats, places: Floats
+) -> NDArray[np.int64]:
+    """Numbers of taxels in the box around what is loaded in either scan, (taxels,) each; places: (2, taxels)."""
     low_x = low_y = np.inf
     high_x = high_y = -np.inf
     for i in range(len(now)):
-        loaded = now[i] > 0.0 and now[i] * now[i] > _LOADED**2 * variance_now[i] > 0.0
-        loaded |= before[i] > 0.0 and before[i] * before[i] > _LOADED**2 * variance_before[i] > 0.0
+        loaded = now[i] > 0.0 and now[i] * now[i] > _LOADED_SIGMAS**2 * variance[i] > 0.0
+        loaded |= last[i] > 0.0 and last[i] * last[i] > _LOADED_SIGMAS**2 * last_variance[i] > 0.0
         if loaded:
             low_x, high_x = min(low_x, places[0, i]), max(high_x, places[0, i])
             low_y, high_y = min(low_y, places[1, i]), max(high_y, places[1, i])
-    count = 0
+    chosen, count = np.empty(len(now), np.int64), 0
     for i in range(len(now)):
         x, y = places[0, i], places[1, i]
-        chosen[i] = variance_now[i] > 0.0 and low_x - _BOX <= x <= high_x + _BOX and low_y - _BOX <= y <= high_y + _BOX
-        count += chosen[i]
-    return count
+        if variance[i] > 0.0 and low_x - _BOX <= x <= high_x + _BOX and low_y - _BOX <= y <= high_y + _BOX:
+            chosen[count] = i
+            count += 1
+    return chosen[:count]
 
 
 @kernel
-def find(
-    c: Floats,
-    doubt: Floats,
-    lattice: Floats,
-    places: Floats,
-    reading: Floats,
-    variance: Floats,
-    ceiling: Floats,
-    shift: Floats,
-    gain: float,
-    turns: bool,
-    across: Floats,
-    state: Floats,
-) -> None:
-    """Fill state (5,) with the motion since the spline's scan; tried from none, and from the centroid's, shift (2,).
+def take(
+    taxel: NDArray[np.int64], now: Floats, variance: Floats, ceiling: Floats, places: Floats, origin: Floats
+) -> Points:
+    """Some taxels of a scan (taxels,), by number, with places from the origin (2 or more,)."""
+    count = len(taxel)
+    points = Points(taxel, np.empty((2, count)), np.empty(count), np.empty(count), np.empty(count))
+    for j in range(count):
+        i = taxel[j]
+        points.places[0, j], points.places[1, j] = places[0, i] - origin[0], places[1, i] - origin[1]
+        points.reading[j], points.variance[j], points.ceiling[j] = now[i], variance[i], ceiling[i]
+    return points
 
-    across: (2,), see `Interpolant`.
-    """
+
+@kernel
+def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Floats) -> None:
+    """Fill state (5,) with the motion since the surface's scan; starts: no motion, and the centroid's."""
     no_bend = np.zeros((3, 0))
-    prior = np.array([0.0, 0.0, 0.0, gain, 0.0])
-    stiffness = np.array([_FAR, _FAR, _LOOSE_TURN if turns else _HELD, _LOOSE_GAIN / gain**2, _HELD])
+    prior = np.array([0.0, 0.0, 0.0, guess.gain, 0.0])
+    loose_turn = _LOOSE_TURN if turns else HELD
+    stiffness = np.array([_LOOSE_SHIFT, _LOOSE_SHIFT, loose_turn, _LOOSE_GAIN / guess.gain**2, HELD])
     for a in range(2):
-        if across[a] > 0.0:
-            stiffness[a] = _HELD
+        if surface.unobservable[a] > 0.0:
+            stiffness[a] = HELD
     information = np.zeros((STATE, STATE))
     trial, best = np.empty(STATE), np.inf
     for start in range(2):
         trial[:] = prior
-        trial[X], trial[Y] = start * shift[0], start * shift[1]
+        trial[X], trial[Y] = start * guess.x, start * guess.y
         cost, chi, count = register(
-            c,
-            doubt,
-            lattice,
-            places,
+            surface.c,
+            surface.variance,
+            surface.lattice,
+            points.places,
             no_bend,
-            reading,
-            variance,
-            ceiling,
+            points.reading,
+            points.variance,
+            points.ceiling,
             0.0,
             _HUBER,
             prior,
@@ -114,7 +152,7 @@ def find(
             trial,
             information,
         )
-        if cost < best - 1e-3:
+        if cost < best - _LEAST_IMPROVEMENT:
             best = cost
             state[:] = trial
         if chi <= _FITS * count:
@@ -122,147 +160,69 @@ def find(
 
 
 @kernel
-def weigh(
-    c: Floats,
-    noise_doubt: Floats,
-    blind: Bools,
-    across: Floats,
-    lattice: Floats,
-    places: Floats,
-    reading: Floats,
-    variance: Floats,
-    ceiling: Floats,
-    state: Floats,
-    model: Floats,
-    jacobian: Floats,
-    weight: Floats,
-    normal: Floats,
-    pretended: Floats,
-) -> tuple[float, float, float]:
-    """Fill model (taxels,), jacobian (taxels, 4), weight (taxels,), J^T W J and what noise makes of it, both (4, 4).
-
-    Arguments as for `register`; noise_doubt, blind, across: see `Interpolant`. Returns chi-square by noise, chi-square
-    that allows for an error of the pattern, and degrees of freedom.
+def linearize(surface: Surface, points: Points, fit: Fit) -> tuple[float, float, float]:
+    """Fill all of fit but its state. Returns chi-square by noise, chi-square that allows for an error of the surface,
+    and degrees of freedom.
     """
-    slopes = np.empty((len(reading), 5))
-    evaluate(c, lattice, places, state, np.zeros((1, 2)), np.zeros((3, 0)), slopes)
-    normal[:] = 0.0
-    pretended[:] = 0.0
-    chi = fit = count = 0.0
-    gain = state[GAIN]
-    n = np.zeros((DOF, DOF))
-    for i in range(len(reading)):
-        weight[i] = 0.0
-        q = slopes[i, 0]
-        model[i] = gain * q if q == q else 0.0  # noqa: PLR0124  NaN alone differs from itself
-        if np.isnan(q) or variance[i] == 0.0:
-            continue
-        dx, dy = places[0, i] - state[X], places[1, i] - state[Y]
-        cos, sin = np.cos(state[THETA]), np.sin(state[THETA])
-        ix = int(np.round((cos * dx + sin * dy - lattice[1]) / lattice[0]))
-        iy = int(np.round((cos * dy - sin * dx - lattice[2]) / lattice[0]))
-        if blind[iy, ix] or (reading[i] == 0.0 and model[i] <= 0.0):
-            continue
-        residual = reading[i] - model[i]
-        if reading[i] >= ceiling[i] and residual < 0.0:
-            continue
-        doubt = noise_doubt[iy, ix]
-        w = 1.0 / (variance[i] + gain * gain * doubt)
-        z2 = residual * residual * w
-        chi += min(z2, OUTLIER)
-        fit += min(residual * residual / (1.0 / w + (_MODEL_ERROR * model[i]) ** 2), OUTLIER)
-        count += 1.0
-        w *= huber_weight(np.sqrt(z2), _HUBER)
-        weight[i] = w
-        for a in range(THETA + 1):
-            jacobian[i, a] = 0.0 if a < 2 and across[a] > 0.0 else gain * slopes[i, a + 1]
-        jacobian[i, GAIN] = q
-        noise = w * SLOPE_NOISE / VALUE_NOISE * doubt * gain * gain
-        n[X, X] += noise
-        n[X, THETA] -= noise * dy
-        n[Y, THETA] += noise * dx
-        n[THETA, THETA] += noise * (dx * dx + dy * dy)
-        n[GAIN, GAIN] += w * doubt
-        for a in range(DOF):
-            for b in range(a + 1):
-                normal[a, b] += w * jacobian[i, a] * jacobian[i, b]
-    n[Y, Y] = n[X, X]
-    for a in range(DOF):
-        for b in range(a):
-            normal[b, a] = normal[a, b]
-            n[a, b] = n[b, a]
-    pretended[:] = n
-    return chi, fit, max(count - DOF, 1.0)
-
-
-@kernel
-def sight(normal: Floats, pretended: Floats) -> float:
-    """How many times better the pattern tells a turn than its own noise would pretend to; 0 if not at all."""
-    unit, matrix = np.zeros(DOF), normal.copy()
-    unit[THETA] = 1.0
-    if not solve_small(matrix, unit, DOF) or not pretended[X, X] > 0.0:
-        return 0.0
-    x, y = pretended[X, THETA] / pretended[X, X], pretended[Y, THETA] / pretended[X, X]
-    noise = pretended[THETA, THETA] - (x * x + y * y) * pretended[X, X]
-    return 1.0 / (unit[THETA] * noise) if noise > 0.0 else np.inf
-
-
-@kernel
-def gains(normal: Floats, pretended: Floats, jacobian: Floats, weight: Floats, turns: bool, out: Floats) -> None:
-    """Fill out (3, taxels) with G: pose error per reading's error. Zero for a turn that is not seen."""
-    h = normal.copy()
-    shrink = np.empty(DOF)
-    for a in range(DOF):
-        real = max(normal[a, a] - pretended[a, a], 0.5 * normal[a, a])
-        shrink[a] = np.sqrt(real / normal[a, a]) if normal[a, a] > 0.0 else 1.0
+    values = np.empty((len(points.reading), 5))
+    evaluate(surface.c, surface.lattice, points.places, fit.state, np.zeros((1, 2)), np.zeros((3, 0)), values)
     for a in range(DOF):
         for b in range(DOF):
-            h[a, b] *= shrink[a] * shrink[b]
-            if not turns and a != b and THETA in (a, b):
-                h[a, b] = 0.0
-        h[a, a] += _FAR
-    inverse, column = np.empty((DOF, DOF)), np.empty(DOF)
-    for a in range(DOF):
-        column[:] = 0.0
-        column[a] = 1.0
-        matrix = h.copy()
-        solve_small(matrix, column, DOF)
-        inverse[:, a] = column
-    for i in range(len(weight)):
+            fit.normal[a, b] = fit.noise_normal[a, b] = 0.0
+    chi = misfit = count = 0.0
+    h, left, low = surface.lattice
+    x, y, theta, gain, _ = fit.state
+    cos, sin = np.cos(theta), np.sin(theta)
+    for i in range(len(points.reading)):
+        fit.weight[i] = 0.0
+        q = values[i, 0]
+        if np.isnan(q) or points.variance[i] == 0.0:
+            continue
+        dx, dy = points.places[0, i] - x, points.places[1, i] - y
+        u, v = rotate_back(cos, sin, dx, dy)
+        ix, iy = int(np.round((u - left) / h)), int(np.round((v - low) / h))
+        model = gain * q
+        residual = points.reading[i] - model
+        is_clipped = points.reading[i] == 0.0 and model <= 0.0
+        is_saturated = points.reading[i] >= points.ceiling[i] and residual < 0.0
+        if surface.unobserved[iy, ix] or is_clipped or is_saturated:
+            continue
+        noise_variance = surface.noise_variance[iy, ix]
+        w = 1.0 / (points.variance[i] + gain * gain * noise_variance)
+        z2 = residual * residual * w
+        chi += min(z2, OUTLIER)
+        misfit += min(residual * residual / (1.0 / w + (_MODEL_ERROR * model) ** 2), OUTLIER)
+        count += 1.0
+        w *= huber_weight(np.sqrt(z2), _HUBER)
+        fit.weight[i] = w
         for a in range(THETA + 1):
-            total = 0.0
-            for b in range(DOF):
-                total += inverse[a, b] * jacobian[i, b]
-            out[a, i] = total * weight[i]
-        if not turns:
-            out[THETA, i] = 0.0
+            fit.jacobian[i, a] = 0.0 if a < 2 and surface.unobservable[a] > 0.0 else gain * values[i, a + 1]
+        fit.jacobian[i, GAIN] = q
+        _add_noise(w * noise_variance, gain, dx, dy, fit.noise_normal)
+        _add_square(w, fit.jacobian[i], fit.normal)
+    for a in range(DOF):
+        for b in range(a):
+            fit.normal[b, a] = fit.normal[a, b]
+    return chi, misfit, max(count - DOF, 1.0)
 
 
 @kernel
-def carried(
-    shape: tuple[int, int],
-    lattice: Floats,
-    places: Floats,
-    state: Floats,
-    g: Floats,
-    first: NDArray[np.int64],
-    weight: Floats,
-    factor: Floats,
-    trust: Floats,
-    out: Floats,
-) -> None:
-    """Fill out (3, all taxels) with G' = g G A from G = g (3, taxels); first ... trust as in `Interpolant`."""
-    seen = places.shape[1]
-    start, share = np.empty(seen, np.int64), np.empty((seen, 16))
-    spread(shape, lattice, places, state, np.zeros((1, 2)), np.zeros((3, 0)), 4, start, share)
-    knots = np.zeros((3, shape[0] * shape[1]))
-    gather(start, share, state[GAIN] * g, shape[1], knots)
-    solve_band(factor, knots)
-    out[:] = 0.0
-    for i in range(len(first)):
-        if first[i] >= 0 and trust[i] > 0.0:
-            for a in range(4):
-                for b in range(4):
-                    w = trust[i] * weight[i, 4 * a + b]
-                    for row in range(3):
-                        out[row, i] += w * knots[row, first[i] + a * shape[1] + b]
+def _add_square(w: float, row: Floats, normal: Floats) -> None:
+    """Add w row row^T to the lower half of normal (4, 4)."""
+    for a in range(DOF):
+        for b in range(a + 1):
+            normal[a, b] += w * row[a] * row[b]
+
+
+@kernel
+def _add_noise(share: float, gain: float, dx: float, dy: float, normal: Floats) -> None:
+    """Add to normal (4, 4) what noise in value and slopes of the surface at (dx, dy) makes of J^T W J."""
+    noise = share * gain * gain * SLOPE_NOISE / VALUE_NOISE
+    normal[X, X] += noise
+    normal[Y, Y] += noise
+    normal[X, THETA] -= noise * dy
+    normal[THETA, X] -= noise * dy
+    normal[Y, THETA] += noise * dx
+    normal[THETA, Y] += noise * dx
+    normal[THETA, THETA] += noise * (dx * dx + dy * dy)
+    normal[GAIN, GAIN] += share

@@ -1,293 +1,365 @@
-"""Scan after scan of one pad: each registered on the one before, steps added up to a pose."""
+"""Scan after scan of one pad: each registered on the one before, steps added up to a pose.
+
+In a sum of steps a scan's noise comes in once with each sign: e_k = G_k n_k + (G_k-1 - G'_k) n_k-1 + ..., so that the
+error of a pose hardly grows while the object stays where it is. The covariance is summed up that way (see
+`uncertainty` for G and G'), counted from an ideal first pose, as good as one scan can give.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.scan_matching.matching import DOF, carried, find, gains, sight, surroundings, weigh
-from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
-from taxelflow.numerics.banded import solve_band
-from taxelflow.numerics.bspline import GAIN, STATE, THETA, evaluate, gather
+from taxelflow.estimation.scan_matching.interpolant import Interpolant, fill_missing, interpolate
+from taxelflow.estimation.scan_matching.matching import (
+    DOF,
+    Fit,
+    Guess,
+    Points,
+    Surface,
+    find,
+    linearize,
+    surroundings,
+    take,
+)
+from taxelflow.estimation.scan_matching.uncertainty import (
+    covariance,
+    earlier_gains,
+    gains,
+    turn_observability,
+    turn_variance,
+)
+from taxelflow.messages import AMBIGUOUS, LOST, NO_POSE, UNRESOLVED, Bools, Floats
+from taxelflow.numerics.bspline import GAIN, STATE, THETA
 from taxelflow.numerics.centroid import loaded_centroid
+from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import eigenvalues2
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.messages import Bools, Floats
-
-# Memory of a pad: whether there is a scan to register on, its time, the pose (pitches, rad), whether its turn is not
-# yet seen, seen, or lost sight of, the pose's covariance, and the way since the contact began.
-RUN, LAST, POSE, TURN, COVARIANCE, WAY, MEMORY = 0, 1, 2, 5, 6, 15, 18
-_NOT_YET, _SEEN, _GONE = 0.0, 1.0, 2.0
-_SIGHT, _STILL_SIGHT = 4.0, 2.0
-"""A turn is seen if the pattern tells it so many times better than noise would pretend; it stays seen down to the
-second."""
+YAW_UNKNOWN, YAW_OBSERVABLE, YAW_LOST = range(3)
+"""Of a contact's turn: not observable yet; observable; no longer, so that theta stays empty until the contact ends."""
+_OBSERVABLE, _STILL_OBSERVABLE = 4.0, 2.0
+"""A turn is observable if the information on it exceeds this many times what noise would pretend; it stays so down to
+the second."""
 _SURE_RAD = 0.1
 """... and if its standard deviation is below this. What noise does not explain of a scan counts as more noise."""
 _SCALE_ERROR = 0.03
 """Standard deviation of the share by which steps are too long or too short: a spline through taxels is too flat between
 them, by 1 % for waves of six pitches and 4 % for waves of four."""
 _BLURRED = 0.25
-"""Standard deviation of a position, in pitches, above which its direction is not seen."""
+"""Standard deviation of a position, in pitches, above which its direction is not observed."""
 
 
-@kernel
-def follow(  # noqa: PLR0912, PLR0915  one loop, as a kernel must be
-    t: Floats,
-    readings: Floats,
-    noise: Floats,
-    ceiling: Floats,
-    contact: Bools,
-    complete: Bools,
-    cut_off: Bools,
-    pitch_m: float,
-    places: Floats,
-    lattice: Floats,
-    first: NDArray[np.int64],
-    weight: Floats,
-    factor: Floats,
-    trust: Floats,
-    noise_doubt: Floats,
-    blind: Bools,
-    across: Floats,
-    memory: Floats,
-    before: Floats,
-    variance_before: Floats,
-    c: Floats,
-    gains_before: Floats,
-    pose: Floats,
-    covariance: Floats,
-    displacement: Floats,
-    displacement_covariance: Floats,
-    span: Floats,
-    quality: NDArray[np.uint8],
-) -> None:
-    """Fill pose ... quality (scans, ...) of one pad, which come in as NaN and 0.
+class Block(NamedTuple):
+    """Scans of one pad: t_s, contact and complete, each (scans,); pressure (scans, taxels)."""
 
-    readings: (scans, taxels). contact, complete, cut_off: (scans,). places: (2, taxels) in pitches. lattice ... across:
-    `Interpolant`. memory (MEMORY,), before and variance_before (taxels,), c (ny, nx), gains_before (3, taxels): kept
-    from scan to scan.
+    t_s: Floats
+    pressure: Floats
+    contact: Bools
+    complete: Bools
+
+
+class Taxels(NamedTuple):
+    """Of one pad: places (2, taxels) in pitches, noise and ceiling (taxels,), and units (3,) of a pose in m, m, rad."""
+
+    places: Floats
+    noise: Floats
+    ceiling: Floats
+    units: Floats
+
+
+class Last(NamedTuple):
+    """The last scan, kept from scan to scan: reading and variance (taxels,), 0 where missing or masked, the gains G
+    (3, taxels) of its registration, and its spline's coefficients (ny, nx).
     """
-    taxels = len(noise)
-    m, p = memory, memory[POSE : POSE + 3]
-    P = memory[COVARIANCE:WAY].reshape((3, 3))
-    way = memory[WAY:]
-    chosen = np.empty(taxels, np.bool_)
-    middle, middle_before = np.empty(4), np.empty(4)
-    anywhere = np.zeros(taxels, np.bool_)  # where the border is does not matter to it
-    state = np.empty(STATE)
-    normal, pretended = np.empty((DOF, DOF)), np.empty((DOF, DOF))
-    unit = np.array([pitch_m, pitch_m, 1.0])
-    local = lattice.copy()
-    for k in range(len(t)):
-        if not contact[k]:
-            m[RUN] = 0.0
+
+    reading: Floats
+    variance: Floats
+    gains: Floats
+    coefficients: Floats
+
+
+class Steps(NamedTuple):
+    """What is filled in, fields of `Slips` for one pad; they come in as NaN and 0."""
+
+    pose: Floats
+    covariance: Floats
+    displacement: Floats
+    displacement_covariance: Floats
+    span_s: Floats
+    quality: NDArray[np.uint8]
+
+
+class Track:
+    """What is known of a contact, lengths in pitches; running: the last scan can be registered on, t_s: its time.
+
+    pose, covariance: since the contact began. path: sum of the steps. yaw: one of YAW_UNKNOWN ...
+    """
+
+    running: bool
+    yaw: int
+    t_s: float
+    pose: Vector
+    path: Vector
+    covariance: Annotated[Floats, 3, 3]
+
+
+@kernel
+def follow(block: Block, taxels: Taxels, spline: Interpolant, tracks: Records, last: Last, out: Steps) -> None:
+    """Fill out (scans, ...) of one pad. tracks: (1,) of `Track`; it and `last` are kept from block to block."""
+    track: Track = tracks[0]
+    for k in range(len(block.t_s)):
+        if not block.contact[k]:
+            track.running = False
             continue
-        now = readings[k].copy()
-        variance = noise * noise
-        if not complete[k]:
-            missing = False
-            for i in range(taxels):
-                if now[i] == 0.0:
-                    missing = missing or noise[i] > 0.0
-                    variance[i] = 0.0
-            if not missing and m[RUN] != 0.0:  # a gap in time: nobody knows what the object did
-                m[RUN], quality[k] = 0.0, LOST
+        now, variance = np.empty(len(taxels.noise)), np.empty(len(taxels.noise))
+        has_missing = prepare(block.pressure[k], taxels.noise, block.complete[k], now, variance)
+        if not block.complete[k]:
+            is_gap = not has_missing
+            if is_gap and track.running:  # nobody knows what the object did meanwhile
+                track.running, out.quality[k] = False, LOST
+            if not track.running:
                 continue
-        fresh = m[RUN] == 0.0
-        if fresh:
-            if not complete[k]:
-                continue
-            loaded_centroid(now, variance, places, anywhere, middle)
-            p[0], p[1], p[2] = middle[0], middle[1], 0.0
-            m[TURN] = _NOT_YET
-            way[:] = 0.0
-            refresh(now, first, weight, factor, trust, c)
-            before[:], variance_before[:] = now, variance
-            gains_before[:] = 0.0
-        count = surroundings(before, now, variance_before, variance, places, chosen)
-        own = np.flatnonzero(chosen)
-        where = np.empty((2, count))
-        y, v, top = now[own], variance[own], ceiling[own]
-        peak = 0.0
-        total = total_before = 0.0
-        for i in range(taxels):
-            peak = max(peak, before[i])
-            if variance[i] > 0.0 and variance_before[i] > 0.0:
-                total += now[i]
-                total_before += before[i]
-        for j in range(count):
-            where[0, j], where[1, j] = places[0, own[j]] - p[0], places[1, own[j]] - p[1]
-        local[1], local[2] = lattice[1] - p[0], lattice[2] - p[1]
-        unsure = hidden(before, variance_before, ceiling, blind, lattice, places, noise)
-        doubt = np.where(unsure, peak * peak, noise_doubt)
-        model, weights = np.empty(count), np.empty(count)
-        jacobian = np.zeros((count, DOF))
-        turns = m[TURN] != _GONE and not across.any()
-        gain = total / total_before if total > 0.0 and total_before > 0.0 else 1.0
-        state[:] = 0.0
-        state[GAIN] = 1.0
-        if not fresh:
-            loaded_centroid(before, variance_before, places, anywhere, middle_before)
-            loaded_centroid(now, variance, places, anywhere, middle)
-            shift = (middle - middle_before)[:2]
-            find(c, doubt, local, where, y, v, top, shift, gain, turns, across, state)
-        chi, fit, freedom = weigh(
-            c, noise_doubt, unsure, across, local, where, y, v, top, state, model, jacobian, weights, normal, pretended
-        )
-        g, g_before = np.empty((3, count)), np.zeros((3, taxels))
-        if turns:
-            enough = _STILL_SIGHT if m[TURN] == _SEEN else _SIGHT
-            worse = max(1.0, chi / freedom)
-            turns = sight(normal, pretended) > enough * worse
-            if turns:
-                gains(normal, pretended, jacobian, weights, True, g)
-                turns = squared(g, y, v) * worse < _SURE_RAD**2
-            if not turns and not fresh:
-                find(c, doubt, local, where, y, v, top, shift, gain, False, across, state)
-                chi, fit, freedom = weigh(
-                    c,
-                    noise_doubt,
-                    unsure,
-                    across,
-                    local,
-                    where,
-                    y,
-                    v,
-                    top,
-                    state,
-                    model,
-                    jacobian,
-                    weights,
-                    normal,
-                    pretended,
-                )
-        gains(normal, pretended, jacobian, weights, turns, g)
-        g *= np.sqrt(max(1.0, chi / freedom))
-        part = np.zeros((3, 3))
-        for j in range(count):
-            if y[j] != 0.0:
-                for a in range(3):
-                    for b in range(3):
-                        part[a, b] += g[a, j] * g[b, j] * v[j]
-        if fresh:
-            P[:] = part
-        else:
-            if m[TURN] == _SEEN and not turns:
-                m[TURN] = _GONE
-            elif m[TURN] == _NOT_YET and turns:
-                m[TURN] = _SEEN
-            carried(c.shape, local, where, state, g, first, weight, factor, trust, g_before)
-            for a in range(3):
-                for b in range(3):
-                    mine = mixed = 0.0
-                    for i in range(taxels):
-                        if before[i] != 0.0:
-                            mine += g_before[a, i] * g_before[b, i] * variance_before[i]
-                            mixed += gains_before[a, i] * g_before[b, i] * variance_before[i]
-                            mixed += gains_before[b, i] * g_before[a, i] * variance_before[i]
-                    displacement_covariance[k, a, b] = (part[a, b] + mine) * unit[a] * unit[b]
-                    P[a, b] += part[a, b] + mine - mixed
-            for a in range(3):
-                displacement[k, a] = state[a] * unit[a]
-                p[a] += state[a]
-                way[a] += state[a]
-            if not turns:
-                displacement[k, 2] = np.nan
-                displacement_covariance[k, 2, :] = np.nan
-                displacement_covariance[k, :, 2] = np.nan
-            span[k] = t[k] - m[LAST]
-        for a in range(3):
-            pose[k, a] = p[a] * unit[a]
-            for b in range(3):
-                covariance[k, a, b] = (P[a, b] + _SCALE_ERROR**2 * way[a] * way[b]) * unit[a] * unit[b]
-        if m[TURN] != _SEEN and not (fresh and turns):
-            pose[k, 2] = np.nan
-            covariance[k, 2, :] = np.nan
-            covariance[k, :, 2] = np.nan
-        for a in range(2):
-            if across[a] > 0.0:
-                covariance[k, a, a] = (across[a] * pitch_m) ** 2
-                displacement_covariance[k, a, a] = np.nan if fresh else 2.0 * covariance[k, a, a]
-                part[a, a] = across[a] ** 2
-        xx, yy, xy = part[0, 0], part[1, 1], part[0, 1]
-        _, largest = eigenvalues2(xx, yy, xy)
-        quality[k] = AMBIGUOUS if cut_off[k] or largest > _BLURRED**2 else OK
-        if fit > freedom * gate(1.0, freedom):
-            quality[k] = UNRESOLVED
-        gains_before[:] = 0.0
-        for j in range(count):
-            for a in range(3):
-                gains_before[a, own[j]] = g[a, j]
-        if not fresh:
-            if not complete[k]:
-                fill_in(c, local, places, p - state[: THETA + 1], noise, variance, state, now)
-            refresh(now, first, weight, factor, trust, c)
-            before[:], variance_before[:] = now, variance
-        m[RUN], m[LAST] = 1.0, t[k]
+        begins = not track.running
+        if begins:
+            begin(now, variance, taxels, spline, track, last)
+        advance(k, now, variance, begins, block, taxels, spline, track, last, out)
+        track.running, track.t_s = True, block.t_s[k]
 
 
 @kernel
-def squared(g: Floats, y: Floats, v: Floats) -> float:
-    """Variance of the turn from the later scan's noise."""
-    total = 0.0
-    for j in range(len(y)):
-        if y[j] != 0.0:
-            total += g[2, j] * g[2, j] * v[j]
-    return total
+def prepare(pressure: Floats, noise: Floats, is_complete: bool, now: Floats, variance: Floats) -> bool:
+    """Fill now and variance, all (taxels,). In an incomplete scan readings of 0 are missing; is one of a live taxel?"""
+    has_missing = False
+    for i in range(len(pressure)):
+        now[i], variance[i] = pressure[i], noise[i] * noise[i]
+        if not is_complete and now[i] == 0.0:
+            has_missing = has_missing or noise[i] > 0.0
+            variance[i] = 0.0
+    return has_missing
 
 
 @kernel
-def fill_in(
-    c: Floats,
-    lattice: Floats,
-    places: Floats,
-    origin: Floats,
-    noise: Floats,
-    variance: Floats,
-    state: Floats,
+def begin(now: Floats, variance: Floats, taxels: Taxels, spline: Interpolant, track: Track, last: Last) -> None:
+    """A contact begins: its pose is the centroid, and the scan is its own predecessor."""
+    middle = _middle(now, variance, taxels.places)
+    track.pose[0], track.pose[1], track.pose[2] = middle[0], middle[1], 0.0
+    track.path[0] = track.path[1] = track.path[2] = 0.0
+    track.yaw = YAW_UNKNOWN
+    remember(now, variance, spline, last)
+
+
+@kernel
+def remember(now: Floats, variance: Floats, spline: Interpolant, last: Last) -> None:
+    """Make this scan the last."""
+    interpolate(spline, now, last.coefficients)
+    for i in range(len(now)):
+        last.reading[i], last.variance[i] = now[i], variance[i]
+
+
+@kernel
+def advance(
+    k: int,
     now: Floats,
+    variance: Floats,
+    begins: bool,
+    block: Block,
+    taxels: Taxels,
+    spline: Interpolant,
+    track: Track,
+    last: Last,
+    out: Steps,
 ) -> None:
-    """Put what the model expects into a scan's missing readings, so that the next one finds no dip there."""
-    missing = np.flatnonzero((variance == 0.0) & (noise > 0.0))
-    where, slopes = np.empty((2, len(missing))), np.empty((len(missing), 5))
-    for j in range(len(missing)):
-        where[0, j], where[1, j] = places[0, missing[j]] - origin[0], places[1, missing[j]] - origin[1]
-    evaluate(c, lattice, where, state, np.zeros((1, 2)), np.zeros((3, 0)), slopes)
-    for j in range(len(missing)):
-        if not np.isnan(slopes[j, 0]):
-            now[missing[j]] = state[GAIN] * slopes[j, 0]
+    """Register scan k, add the step to the track, and fill row k of out. now, variance: (taxels,), 0 where missing."""
+    chosen = surroundings(last.reading, now, last.variance, variance, taxels.places)
+    origin = track.pose.copy()
+    points = take(chosen, now, variance, taxels.ceiling, taxels.places, origin)
+    surface = surface_of(last, taxels, spline, origin)
+    count = len(points.taxel)
+    fit = Fit(np.zeros(STATE), np.zeros((count, DOF)), np.empty(count), np.empty((DOF, DOF)), np.empty((DOF, DOF)))
+    g = np.empty((3, count))
+    fit.state[GAIN] = 1.0
+    guess = Guess(0.0, 0.0, 1.0)
+    turns = track.yaw != YAW_LOST and spline.unobservable[0] + spline.unobservable[1] == 0.0
+    if not begins:
+        guess = first_guess(last, now, variance, taxels.places)
+        find(surface, points, guess, turns, fit.state)
+    chi, misfit, freedom = linearize(surface, points, fit)
+    excess = max(1.0, chi / freedom)
+    if turns:
+        turns = is_turn_observable(track.yaw, fit, points, excess, g)
+        if not turns and not begins:
+            find(surface, points, guess, turns, fit.state)
+            chi, misfit, freedom = linearize(surface, points, fit)
+            excess = max(1.0, chi / freedom)
+    gains(fit, turns, g)
+    own = covariance(g, points, excess)
+    if begins:
+        for a in range(3):
+            for b in range(3):
+                track.covariance[a, b] = own[a, b]
+    else:
+        update_yaw(track, turns)
+        earlier = np.zeros((3, len(now)))
+        earlier_gains(spline, surface.lattice, points, fit.state, g, earlier)
+        propagate(own, earlier, last, track.covariance, out.displacement_covariance[k])
+        for a in range(3):
+            track.pose[a] += fit.state[a]
+            track.path[a] += fit.state[a]
+        out.span_s[k] = block.t_s[k] - track.t_s
+        write_step(fit.state, turns, taxels.units, out.displacement[k], out.displacement_covariance[k])
+    shows_turn = track.yaw == YAW_OBSERVABLE or (begins and turns)
+    write_pose(track, shows_turn, taxels.units, out.pose[k], out.covariance[k])
+    matrix, step_matrix = out.covariance[k], out.displacement_covariance[k]
+    forget_unobservable(spline.unobservable, begins, taxels.units, own, matrix, step_matrix)
+    is_blurred = eigenvalues2(own[0, 0], own[1, 1], own[0, 1])[1] > _BLURRED**2
+    out.quality[k] = AMBIGUOUS if is_blurred else NO_POSE  # where it does not judge, the pipeline does
+    if misfit > freedom * gate(1.0, freedom):
+        out.quality[k] = UNRESOLVED
+    keep_gains(g, points.taxel, last.gains)
+    if not begins:
+        if not block.complete[k]:
+            fill_missing(surface.c, surface.lattice, taxels.places, origin, taxels.noise, variance, fit.state, now)
+        remember(now, variance, spline, last)
 
 
 @kernel
-def refresh(now: Floats, first: NDArray[np.int64], weight: Floats, factor: Floats, trust: Floats, c: Floats) -> None:
-    """Make c (ny, nx) the spline through readings (taxels,)."""
-    right = np.zeros((1, c.size))
-    gather(first, weight, (now * trust).reshape((1, -1)), c.shape[1], right)
-    solve_band(factor, right)
-    c[:] = right.reshape(c.shape)
+def keep_gains(g: Floats, taxel: NDArray[np.int64], kept: Floats) -> None:
+    """Put gains (3, n) of some taxels into those of all (3, taxels), which are 0 for the others."""
+    for a in range(3):
+        for i in range(kept.shape[1]):
+            kept[a, i] = 0.0
+        for j in range(len(taxel)):
+            kept[a, taxel[j]] = g[a, j]
 
 
 @kernel
-def hidden(
-    before: Floats,
-    variance_before: Floats,
-    ceiling: Floats,
-    blind: Bools,
-    lattice: Floats,
-    places: Floats,
-    noise: Floats,
-) -> Bools:
-    """(ny, nx): knots at which the earlier scan knows nothing, because no taxel is there, or not then, or saturated."""
-    unknown = blind.copy()
-    for i in range(len(before)):
-        if noise[i] > 0.0 and (variance_before[i] == 0.0 or before[i] >= ceiling[i]):
-            ix = int(np.round((places[0, i] - lattice[1]) / lattice[0]))
-            iy = int(np.round((places[1, i] - lattice[2]) / lattice[0]))
-            unknown[iy, ix] = True
-    return unknown
+def surface_of(last: Last, taxels: Taxels, spline: Interpolant, origin: Floats) -> Surface:
+    """The last scan as a surface, with places from the origin (3,)."""
+    lattice = spline.lattice.copy()
+    lattice[1] -= origin[0]
+    lattice[2] -= origin[1]
+    unobserved = unobserved_knots(last, taxels, spline)
+    peak = 0.0
+    for reading in last.reading:
+        peak = max(peak, reading)
+    variance = spline.variance.copy()
+    for row in range(variance.shape[0]):
+        for column in range(variance.shape[1]):
+            if unobserved[row, column]:
+                variance[row, column] = peak * peak
+    return Surface(last.coefficients, variance, spline.variance, unobserved, lattice, spline.unobservable)
+
+
+@kernel
+def unobserved_knots(last: Last, taxels: Taxels, spline: Interpolant) -> Bools:
+    """(ny, nx): knots at which no taxel is, or its reading was missing or saturated."""
+    unobserved = spline.unobserved.copy()
+    h, left, low = spline.lattice
+    for i in range(len(last.reading)):
+        if taxels.noise[i] > 0.0 and (last.variance[i] == 0.0 or last.reading[i] >= taxels.ceiling[i]):
+            ix, iy = int(np.round((taxels.places[0, i] - left) / h)), int(np.round((taxels.places[1, i] - low) / h))
+            unobserved[iy, ix] = True
+    return unobserved
+
+
+@kernel
+def first_guess(last: Last, now: Floats, variance: Floats, places: Floats) -> Guess:
+    """How far the centroid has moved from the last scan to this one, and by what factor the load has changed."""
+    total = last_total = 0.0
+    for i in range(len(now)):
+        if variance[i] > 0.0 and last.variance[i] > 0.0:
+            total += now[i]
+            last_total += last.reading[i]
+    gain = total / last_total if total > 0.0 and last_total > 0.0 else 1.0
+    before, after = _middle(last.reading, last.variance, places), _middle(now, variance, places)
+    return Guess(after[0] - before[0], after[1] - before[1], gain)
+
+
+@kernel
+def _middle(reading: Floats, variance: Floats, places: Floats) -> Floats:
+    """(4,), `loaded_centroid`; where the border is does not matter here."""
+    out = np.empty(4)
+    loaded_centroid(reading, variance, places, np.zeros(len(reading), np.bool_), out)
+    return out
+
+
+@kernel
+def is_turn_observable(yaw: int, fit: Fit, points: Points, excess: float, g: Floats) -> bool:
+    """Whether this scan's information on the turn is real and enough. excess: chi-square per reading, at least 1."""
+    needed = _STILL_OBSERVABLE if yaw == YAW_OBSERVABLE else _OBSERVABLE
+    if turn_observability(fit) <= needed * excess:
+        return False
+    gains(fit, True, g)
+    return turn_variance(g, points) * excess < _SURE_RAD**2
+
+
+@kernel
+def update_yaw(track: Track, turns: bool) -> None:
+    """The turn is reported from where it is first observable, until it is no longer."""
+    if track.yaw == YAW_OBSERVABLE and not turns:
+        track.yaw = YAW_LOST
+    elif track.yaw == YAW_UNKNOWN and turns:
+        track.yaw = YAW_OBSERVABLE
+
+
+@kernel
+def propagate(own: Floats, earlier: Floats, last: Last, total: Floats, step: Floats) -> None:
+    """Fill step (3, 3) with the covariance of a displacement, and add it to the pose's, total (3, 3).
+
+    own: G N1 G^T of this scan. earlier: (3, taxels), G' of the last one, whose noise is in the pose already, by G.
+    """
+    for a in range(3):
+        for b in range(3):
+            mine = mixed = 0.0
+            for i in range(len(last.reading)):
+                if last.reading[i] != 0.0:
+                    mine += earlier[a, i] * earlier[b, i] * last.variance[i]
+                    mixed += last.gains[a, i] * earlier[b, i] * last.variance[i]
+                    mixed += last.gains[b, i] * earlier[a, i] * last.variance[i]
+            step[a, b] = own[a, b] + mine
+            total[a, b] += own[a, b] + mine - mixed
+
+
+@kernel
+def write_step(state: Floats, turns: bool, units: Floats, displacement: Floats, matrix: Floats) -> None:
+    """Fill displacement (3,) and bring its covariance (3, 3) to m and rad."""
+    for a in range(3):
+        displacement[a] = state[a] * units[a]
+        for b in range(3):
+            matrix[a, b] *= units[a] * units[b]
+    if not turns:
+        displacement[THETA] = np.nan
+        for a in range(3):
+            matrix[THETA, a] = matrix[a, THETA] = np.nan
+
+
+@kernel
+def write_pose(track: Track, shows_turn: bool, units: Floats, pose: Floats, matrix: Floats) -> None:
+    """Fill pose (3,) and covariance (3, 3), with an error of the scale of the path, in m and rad."""
+    for a in range(3):
+        pose[a] = track.pose[a] * units[a]
+        for b in range(3):
+            scale = _SCALE_ERROR**2 * track.path[a] * track.path[b]
+            matrix[a, b] = (track.covariance[a, b] + scale) * units[a] * units[b]
+    if not shows_turn:
+        pose[THETA] = np.nan
+        for a in range(3):
+            matrix[THETA, a] = matrix[a, THETA] = np.nan
+
+
+@kernel
+def forget_unobservable(
+    unobservable: Floats, begins: bool, units: Floats, own: Floats, pose_matrix: Floats, step_matrix: Floats
+) -> None:
+    """Along an axis that is not observable, the object may be anywhere on the pad: variances of that in all (3, 3)."""
+    for a in range(2):
+        if unobservable[a] > 0.0:
+            pose_matrix[a, a] = (unobservable[a] * units[a]) ** 2
+            step_matrix[a, a] = np.nan if begins else 2.0 * pose_matrix[a, a]
+            own[a, a] = unobservable[a] ** 2

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
-    from taxelflow.estimation.scan_matching.session import PairSession
+    from taxelflow.estimation.scan_matching.session import RegistrationSession
     from taxelflow.sensors.layout import Layout
 
 
@@ -19,8 +19,8 @@ class Registration:
     too round to show a turn.
     """
 
-    def start(self, layout: Layout, mode: Mode) -> PairSession:
+    def start(self, layout: Layout, mode: Mode) -> RegistrationSession:
         """Begin a session; kernels are compiled here."""
-        from taxelflow.estimation.scan_matching.session import PairSession
+        from taxelflow.estimation.scan_matching.session import RegistrationSession
 
-        return PairSession(layout)
+        return RegistrationSession(layout)

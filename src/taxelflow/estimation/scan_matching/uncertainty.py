@@ -1,0 +1,122 @@
+"""What the noise of both scans makes of a registration, and whether a turn is observable.
+
+With q = q_true + A n0 the error of the state is, to first order,  e = G n1 - G' n0,  G = H^-1 J^T W,  G' = g G A,  so
+its covariance is the sum of both scans' parts. H is J^T W J less what noise in the slopes of q adds to it (errors in
+variables).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxelflow.compiling import kernel
+from taxelflow.estimation.scan_matching.interpolant import Interpolant
+from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
+from taxelflow.messages import Floats
+from taxelflow.numerics.banded import solve_band
+from taxelflow.numerics.bspline import GAIN, THETA, X, Y, gather, spread
+from taxelflow.numerics.small_linalg import solve_small
+
+_REGULARIZATION = 1e-6
+"""Added to the diagonal of H, so that it has an inverse where nothing determines a state."""
+_LEAST_SHARE = 0.5
+"""Noise is held responsible for at most this share of the information."""
+
+
+@kernel
+def turn_observability(fit: Fit) -> float:
+    """Information on the turn over what the surface's noise alone would add to it; 0 if there is none."""
+    unit, matrix, noise_normal = np.zeros(DOF), fit.normal.copy(), fit.noise_normal
+    unit[THETA] = 1.0
+    if not solve_small(matrix, unit, DOF) or not noise_normal[X, X] > 0.0:
+        return 0.0
+    x, y = noise_normal[X, THETA] / noise_normal[X, X], noise_normal[Y, THETA] / noise_normal[X, X]
+    noise = noise_normal[THETA, THETA] - (x * x + y * y) * noise_normal[X, X]
+    return 1.0 / (unit[THETA] * noise) if noise > 0.0 else np.inf
+
+
+@kernel
+def gains(fit: Fit, turns: bool, out: Floats) -> None:
+    """Fill out (3, n) with G: pose error per reading's error. Zero for a turn that is not observable."""
+    h = fit.normal.copy()
+    shrink = np.empty(DOF)
+    for a in range(DOF):
+        real = max(h[a, a] - fit.noise_normal[a, a], _LEAST_SHARE * h[a, a])
+        shrink[a] = np.sqrt(real / h[a, a]) if h[a, a] > 0.0 else 1.0
+    for a in range(DOF):
+        for b in range(DOF):
+            h[a, b] *= shrink[a] * shrink[b]
+            if not turns and a != b and THETA in (a, b):
+                h[a, b] = 0.0
+        h[a, a] += _REGULARIZATION
+    columns = np.zeros((DOF, DOF))  # of the inverse
+    for a in range(DOF):
+        columns[a, a] = 1.0
+        matrix = h.copy()
+        solve_small(matrix, columns[a], DOF)
+    for i in range(len(fit.weight)):
+        for a in range(THETA + 1):
+            total = 0.0
+            for b in range(DOF):
+                total += columns[b, a] * fit.jacobian[i, b]
+            out[a, i] = total * fit.weight[i]
+        if not turns:
+            out[THETA, i] = 0.0
+
+
+@kernel
+def earlier_gains(spline: Interpolant, lattice: Floats, points: Points, state: Floats, g: Floats, out: Floats) -> None:
+    """Fill out (3, taxels), which comes in as 0, with G' = g G A from G = g (3, n).
+
+    It is the pose error per error of the earlier scan's readings.
+
+    lattice: that of the surface, see `Surface`.
+    """
+    count, (ny, nx) = points.places.shape[1], spline.shape
+    start, share = np.empty(count, np.int64), np.empty((count, 16))
+    spread(spline.shape, lattice, points.places, state, np.zeros((1, 2)), np.zeros((3, 0)), 4, start, share)
+    knots = np.zeros((3, ny * nx))
+    gather(start, share, state[GAIN] * g, nx, knots)
+    solve_band(spline.factor, knots)
+    for i in range(len(spline.first)):
+        if spline.first[i] >= 0 and spline.trust[i] > 0.0:
+            for row in range(3):
+                out[row, i] = spline.trust[i] * _spread_back(spline.first[i], spline.weight[i], nx, knots[row])
+
+
+@kernel
+def _spread_back(first: int, weight: Floats, nx: int, knots: Floats) -> float:
+    """The value that a taxel, by its weight (16,), reads of knots (knots,)."""
+    total = 0.0
+    for a in range(4):
+        for b in range(4):
+            total += weight[4 * a + b] * knots[first + a * nx + b]
+    return total
+
+
+@kernel
+def turn_variance(g: Floats, points: Points) -> float:
+    """Variance of the turn by the later scan's noise, rad^2."""
+    total = 0.0
+    for j in range(len(points.reading)):
+        if points.reading[j] != 0.0:
+            total += g[THETA, j] * g[THETA, j] * points.variance[j]
+    return total
+
+
+@kernel
+def covariance(g: Floats, points: Points, excess: float) -> Floats:
+    """(3, 3), the later scan's part of the covariance, G N1 G^T; a reading of 0 has no noise.
+
+    excess: chi-square per reading, at least 1: what noise does not explain of a scan counts as more noise, also in g.
+    """
+    part, factor = np.zeros((3, 3)), np.sqrt(excess)
+    for j in range(len(points.reading)):
+        for a in range(3):
+            g[a, j] *= factor
+    for j in range(len(points.reading)):
+        if points.reading[j] != 0.0:
+            for a in range(3):
+                for b in range(3):
+                    part[a, b] += g[a, j] * g[b, j] * points.variance[j]
+    return part
