@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.centroid.records import Estimate, Row, pads_of
+from taxelflow.estimation.centroid.records import Estimate, Row, ScanBlock, pads_of
 from taxelflow.messages import Estimates, Floats, Scans, no_scans
 from taxelflow.numerics.records import Records, records, unknown
 
@@ -29,7 +29,7 @@ class CentroidSession:
         gains: Floats | None = None,
         prepare: Callable[[Floats, Floats, Records], Records] | None = None,
     ) -> None:
-        """kernel: called with (t, pressure, noise, contact, complete, places, pads, *constants, memory, rows), as
+        """kernel: called with (block, places, pads, *constants, memory, rows), as
         `convolution_flow`. memory: the class of its records (pads,), which start as 0. gains: (pads, 2), factors on
         positions along x, y. prepare: called with (noise, places, pads) when the noise changes; what it returns becomes
         the kernel's last constant.
@@ -55,18 +55,8 @@ class CentroidSession:
             self._noise = noise
             if self._prepare:
                 self._prepared = (*self._constants, self._prepare(noise, self._places, self._pads))
-        self._kernel(
-            scans.t_s,
-            scans.pressure,
-            noise,
-            scans.contact,
-            scans.complete,
-            self._places,
-            self._pads,
-            *self._prepared,
-            self._memory,
-            rows,
-        )
+        block = ScanBlock(scans.t_s, scans.pressure, noise, scans.contact, scans.complete)
+        self._kernel(block, self._places, self._pads, *self._prepared, self._memory, rows)
 
     def step(self, scans: Scans) -> Estimates:
         """Estimates of all pads; see `EstimatorSession.step`."""
