@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -242,11 +243,11 @@ def test_a_live_run_needs_no_recording() -> None:
     assert run.learned is not None
 
 
+@dataclass(frozen=True)
 class Still:
     """A plug-in estimator that knows the middle of every pad, and nothing of quality, border or load."""
 
-    def __init__(self, quality: int = NO_POSE) -> None:
-        self.quality = quality
+    quality: int = NO_POSE
 
     def start(self, layout: Layout, mode: str) -> Still:
         return self
