@@ -8,7 +8,6 @@ import pytest
 from synthetic import conditioned, dome, grid_sensor, recorded
 from taxelflow.api import estimate, read
 from taxelflow.condition.parameters import Conditioner
-from taxelflow.errors import ParameterInvalid
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 
@@ -195,31 +194,3 @@ def test_masks_of_a_stream_do_not_depend_on_how_it_is_cut() -> None:
     other, _ = conditioned(values, PALM, mode="stream", mask="auto", cuts=range(0, 1200, 17))
     np.testing.assert_array_equal(one.pressure, other.pressure)
     np.testing.assert_array_equal(one.complete, other.complete)
-
-
-@pytest.mark.parametrize("mask", ["some", "1,x", "-3", "", "1.5"])
-def test_a_mask_that_is_none_is_refused(mask: str) -> None:
-    with pytest.raises(ParameterInvalid, match="auto, none, or numbers of taxels such as 17,203"):
-        Conditioner(mask=mask)
-
-
-def test_a_mask_beyond_the_sensor_is_refused_with_its_numbers() -> None:
-    with pytest.raises(ParameterInvalid, match="mask is 80; this sensor's taxels are numbered from 0 to 79"):
-        conditioned(wandering(50), PALM, mask="3,80")
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"repeats": "some"}, "repeats is 'some'; it is one of drop, keep"),
-        ({"drift": "yes"}, "drift is 'yes'; it is one of keep, follow"),
-        ({"lowpass_hz": -1.0}, "lowpass_hz is -1.0; it is a frequency in Hz"),
-        ({"lowpass_hz": float("nan")}, "lowpass_hz is nan"),
-        ({"median_scans": 4}, "median_scans is 4; it is an odd number from 1 to 99"),
-        ({"median_scans": 0}, "median_scans is 0"),
-    ],
-    ids=str,
-)
-def test_parameters_out_of_range_are_refused_by_name(parameters: dict[str, str], message: str) -> None:
-    with pytest.raises(ParameterInvalid, match=message):
-        Conditioner(**parameters)  # type: ignore[arg-type]
