@@ -138,16 +138,8 @@ class RigidityMonitor:
         if self._tracker is None:
             return moved_apart
         found = self._tracker.step(scans)
-        check_rigidity(
-            scans.pressure,
-            scans.noise,
-            scans.contact,
-            scans.complete,
-            found.labels,
-            found.contacts,
-            self._memory,
-            moved_apart,
-        )
+        pressure, noise, contact, complete = scans.pressure, scans.noise, scans.contact, scans.complete
+        check_rigidity(pressure, noise, contact, complete, found.labels, found.contacts, self._memory, moved_apart)
         return moved_apart
 
 
@@ -212,6 +204,13 @@ def _interrupt(slot: int, pairs: Records) -> None:
     """The distances of one contact do not count in this scan."""
     for other in range(_SLOTS):
         pairs[max(slot, other), min(slot, other)].changed_scans = 0
+
+
+@kernel
+def _interrupt_all(pairs: Records) -> None:
+    """No distance counts in this scan."""
+    for slot in range(_SLOTS):
+        _interrupt(slot, pairs)
 
 
 @kernel
