@@ -57,7 +57,7 @@ _BLURRED = 0.25
 
 class Block(NamedTuple):
     """Scans of one pad: t_s, contact, complete, and whether the contact is cut by a border, each (scans,); pressure
-    (scans, taxels).
+    (scans, taxels); ceiling (taxels,).
     """
 
     t_s: Floats
@@ -65,14 +65,14 @@ class Block(NamedTuple):
     contact: Bools
     complete: Bools
     cut_off: Bools
+    ceiling: Floats
 
 
 class Taxels(NamedTuple):
-    """Of one pad: places (2, taxels) in pitches, noise and ceiling (taxels,), and units (3,) of a pose in m, m, rad."""
+    """Of one pad: places (2, taxels) in pitches, noise (taxels,), and the units (3,) of a pose in m, m, rad."""
 
     places: Floats
     noise: Floats
-    ceiling: Floats
     units: Floats
 
 
@@ -181,8 +181,8 @@ def advance(
     """Register scan k, add the step to the track, and fill row k of out. now, variance: (taxels,), 0 where missing."""
     chosen = surroundings(last.reading, now, last.variance, variance, taxels.places)
     origin = track.pose.copy()
-    points = take(chosen, now, variance, taxels.ceiling, taxels.places, origin)
-    surface = surface_of(last, taxels, spline, origin)
+    points = take(chosen, now, variance, block.ceiling, taxels.places, origin)
+    surface = surface_of(last, taxels, block.ceiling, spline, origin)
     count = len(points.taxel)
     fit = Fit(np.zeros(STATE), np.zeros((count, DOF)), np.empty(count), np.empty((DOF, DOF)), np.empty((DOF, DOF)))
     g = np.empty((3, count))
@@ -242,12 +242,12 @@ def keep_gains(g: Floats, taxel: NDArray[np.int64], kept: Floats) -> None:
 
 
 @kernel
-def surface_of(last: Last, taxels: Taxels, spline: Interpolant, origin: Floats) -> Surface:
+def surface_of(last: Last, taxels: Taxels, ceiling: Floats, spline: Interpolant, origin: Floats) -> Surface:
     """The last scan as a surface, with places from the origin (3,)."""
     lattice = spline.lattice.copy()
     lattice[1] -= origin[0]
     lattice[2] -= origin[1]
-    unobserved = unobserved_knots(last, taxels, spline)
+    unobserved = unobserved_knots(last, taxels, ceiling, spline)
     peak = 0.0
     for reading in last.reading:
         peak = max(peak, reading)
@@ -260,12 +260,12 @@ def surface_of(last: Last, taxels: Taxels, spline: Interpolant, origin: Floats) 
 
 
 @kernel
-def unobserved_knots(last: Last, taxels: Taxels, spline: Interpolant) -> Bools:
+def unobserved_knots(last: Last, taxels: Taxels, ceiling: Floats, spline: Interpolant) -> Bools:
     """(ny, nx): knots at which no taxel is, or its reading was missing or saturated."""
     unobserved = spline.unobserved.copy()
     h, left, low = spline.lattice
     for i in range(len(last.reading)):
-        if taxels.noise[i] > 0.0 and (last.variance[i] == 0.0 or last.reading[i] >= taxels.ceiling[i]):
+        if taxels.noise[i] > 0.0 and (last.variance[i] == 0.0 or last.reading[i] >= ceiling[i]):
             ix, iy = int(np.round((taxels.places[0, i] - left) / h)), int(np.round((taxels.places[1, i] - low) / h))
             unobserved[iy, ix] = True
     return unobserved
