@@ -71,14 +71,15 @@ def fuse_twists(
     for scan in range(place.shape[0]):
         row: Row = rows[scan]
         equations = Equations(np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(3))
-        count = 0
+        count = own_turns = 0
         for pad in range(place.shape[1]):
             if known[scan, pad]:
                 count += 1
                 add_pad(equations, place[scan, pad], moved[scan, pad], moved_cov[scan, pad], span_s[scan, pad])
-                add_turn(equations.normal, equations.right, turn[scan, pad], span_s[scan, pad])
+                own_turns += add_turn(equations.normal, equations.right, turn[scan, pad], span_s[scan, pad])
         row.pads = count
-        if count > 0 and turns and turn_is_observable(equations.normal):
+        enough = count > 1 or own_turns > 0  # rounding may pretend otherwise, where a covariance is singular
+        if turns and enough and turn_is_observable(equations.normal):
             solve_twist(equations, row)
             if count > 2 and spans_a_plane(equations.affine):
                 solve_rotor(equations, row)
@@ -126,11 +127,13 @@ def add_point(normal: Floats, right: Floats, w: Floats, x: float, y: float, vx: 
 
 
 @kernel
-def add_turn(normal: Floats, right: Floats, turn: Floats, span_s: float) -> None:
-    """Add a pad's own turn and its variance (2,), if it is known, in the time span_s."""
-    if turn[1] > 0.0:
-        normal[2, 2] += span_s * span_s / turn[1]
-        right[2] += span_s * turn[0] / turn[1]
+def add_turn(normal: Floats, right: Floats, turn: Floats, span_s: float) -> bool:
+    """Add a pad's own turn and its variance (2,), in the time span_s, if it is known; is it?"""
+    if not turn[1] > 0.0:
+        return False
+    normal[2, 2] += span_s * span_s / turn[1]
+    right[2] += span_s * turn[0] / turn[1]
+    return True
 
 
 @kernel
