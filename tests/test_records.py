@@ -3,10 +3,10 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
+from taxelflow.records import Records, record, record_dtype, records
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
-from taxelflow.records import Records, record, record_dtype, records
 
 
 class Inner:

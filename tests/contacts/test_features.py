@@ -10,7 +10,7 @@ from taxelflow.errors import ParameterInvalid
 
 @pytest.mark.parametrize("threshold", [-0.1, float("inf"), float("nan")])
 def test_a_threshold_out_of_range_is_refused(threshold: float) -> None:
-    with pytest.raises(ParameterInvalid, match=r"features threshold is .*; it is 0 or more"):
+    with pytest.raises(ParameterInvalid, match=r"features.threshold must be 0 or more \(got .*\)"):
         ContactFeatures(threshold)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
-from taxelflow.numerics.records import Records, Vector, record_dtype, records
+from taxelflow.numerics.records import Records, Vector, record, record_dtype, records, unknown
 
 
 class Inner:
@@ -48,3 +48,22 @@ def test_a_kernel_writes_fields_by_name() -> None:
     assert (outer["count"], outer["known"], outer["matrix"][1, 2]) == (3, True, 5.0)
     np.testing.assert_array_equal(outer["inner"]["place"], [0.0, 7.0, 0.0])
     assert outer["rows"]["weight"].tolist() == [0.0, 0.0, 9.0, 9.0]
+
+
+class Point:
+    x: float
+    y: float
+
+
+def test_unknown_records_are_nan() -> None:
+    held = unknown(Point, 2, 3)
+    assert held.shape == (2, 3)
+    assert np.isnan(held["x"]).all()
+    assert np.isnan(held["y"]).all()
+    assert unknown(Point, 0, 3).shape == (0, 3)
+
+
+def test_writing_to_a_records_field_writes_to_the_array() -> None:
+    held = records(Point, 3)
+    record(Point, held, 1).y = 2.0
+    assert held["y"].tolist() == [0.0, 2.0, 0.0]

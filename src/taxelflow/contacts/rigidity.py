@@ -207,13 +207,6 @@ def _interrupt(slot: int, pairs: Records) -> None:
 
 
 @kernel
-def _interrupt_all(pairs: Records) -> None:
-    """No distance counts in this scan."""
-    for slot in range(_SLOTS):
-        _interrupt(slot, pairs)
-
-
-@kernel
 def _measure_contacts(
     reading: Floats, noise: Floats, labels: Labels, contacts: Records, number: int, memory: Memory
 ) -> None:

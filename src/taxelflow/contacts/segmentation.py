@@ -20,7 +20,7 @@ from taxelflow.contacts.connected_components import label_components
 from taxelflow.contacts.tracks import Component, Memory, SegmentedPad, Taxel, Track
 from taxelflow.contacts.watershed import label_taxels, merge_peakless
 from taxelflow.messages import Bools, Floats, no_scans
-from taxelflow.records import Records, records
+from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
     from taxelflow.messages import Scans

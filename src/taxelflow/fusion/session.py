@@ -1,11 +1,7 @@
-"""The field at work: resultant, rotor, centre of rotation, and how far the object has come.
+"""The session of the rigid field: slips of all pads, brought to the hand frame, become one motion of the object.
 
-Slip vectors S_i at places r_i on the flattened hand, the paper's section on rotation:
-    resultant and rotation    S_i = v + omega x r_i, weighted least squares; v is the velocity at the hand's origin
-    rotor, equation (8)       dS_y/dx - dS_x/dy of the affine field that fits the vectors best; 2 omega if rigid
-    no rotation, equation (9) for a rigid motion the rotor is the same everywhere, so that no place is without it
-                              unless all are; what the hand can use is the centre, where the velocity is 0
-Position and turn since first contact are a rigid fit of the places where the contacts were, not a sum of increments.
+Velocity, rotor and centre are a fit of the displacements (`twist`). Position and turn since first contact are a rigid
+fit of the places where the contacts are (`pose`), not a sum of displacements.
 """
 
 from __future__ import annotations
@@ -14,22 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.fusion.pose import MEMORY, follow_pose
-from taxelflow.fusion.twist import (
-    CENTRE_X,
-    COLUMNS,
-    COUNT,
-    COV_POSE,
-    COV_TWIST,
-    POSE,
-    ROTOR,
-    STD_CENTRE_X,
-    STD_ROTOR,
-    TWIST,
-    fuse_twists,
-)
+from taxelflow.fusion.pose import Anchor, Body, follow_pose
+from taxelflow.fusion.twist import Row, fuse_twists
 from taxelflow.geometry import rotation
 from taxelflow.messages import Bools, Floats, Motions, Slips
+from taxelflow.numerics.records import records, unknown
 
 if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
@@ -47,31 +32,30 @@ class FieldSession:
         self._used: Bools = layout.independent & (placed if self._turns else True)
         self._R, self._origin = rotation(home[:, 2]), home[:, :2]
         self._pitch_m = layout.pitch_m
-        self._memory = np.zeros((len(layout.pads), MEMORY))
-        self._object = np.zeros(13)
+        self._anchors, self._body = records(Anchor, len(layout.pads)), records(Body, 1)
         self.step(_nothing(len(layout.pads)))  # compiles, or loads, before the loop begins
 
     def step(self, slips: Slips) -> Motions:
         """Motion per scan; unknown (NaN) while nothing touches."""
         place, place_cov, moved, moved_cov, turn = self._in_hand(slips)
-        rows = np.full((len(slips), COLUMNS), np.nan)
+        rows = unknown(Row, len(slips))
         known: Bools = slips.valid & self._used
         fuse_twists(place, moved, moved_cov, turn, slips.span_s, known, self._turns, rows)
         touching: Bools = np.isfinite(place[..., 0]) & slips.contact & self._used
         any_contact: Bools = np.asarray((slips.contact & self._used).any(axis=1))
-        spin = np.stack([slips.pose[..., 2], slips.covariance[..., 2, 2]], axis=-1)
-        follow_pose(place, place_cov, spin, touching, any_contact, self._turns, self._memory, self._object, rows)
+        own_turn = np.stack([slips.pose[..., 2], slips.covariance[..., 2, 2]], axis=-1)
+        follow_pose(place, place_cov, own_turn, touching, any_contact, self._turns, self._anchors, self._body, rows)
         return Motions(
             t_s=slips.t_s,
-            velocity=rows[:, TWIST : TWIST + 3],
-            velocity_covariance=rows[:, COV_TWIST : COV_TWIST + 9].reshape(-1, 3, 3),
-            rotor=rows[:, ROTOR],
-            rotor_std=rows[:, STD_ROTOR],
-            centre=rows[:, CENTRE_X : CENTRE_X + 2],
-            centre_std=rows[:, STD_CENTRE_X : STD_CENTRE_X + 2],
-            pose=rows[:, POSE : POSE + 3],
-            pose_covariance=rows[:, COV_POSE : COV_POSE + 9].reshape(-1, 3, 3),
-            pads=np.nan_to_num(rows[:, COUNT]).astype(np.int64),
+            velocity=rows["velocity"],
+            velocity_covariance=rows["velocity_covariance"],
+            rotor=rows["rotor"],
+            rotor_std=rows["rotor_std"],
+            centre=rows["centre"],
+            centre_std=rows["centre_std"],
+            pose=rows["pose"],
+            pose_covariance=rows["pose_covariance"],
+            pads=rows["pads"].astype(np.int64),
         )
 
     def _in_hand(self, slips: Slips) -> tuple[Floats, Floats, Floats, Floats, Floats]:

@@ -1,23 +1,55 @@
-"""Twist, rotor and centre of rotation of a field of displacements: one weighted fit per scan."""
+"""Twist, rotor and centre of rotation of a field of displacements: one weighted fit per scan.
+
+Slip vectors S_i at places r_i on the flattened hand (the paper's section on rotation):
+    twist         S_i = v + omega x r_i, weighted least squares; v is the velocity at the hand's origin
+    (8) rotor     dS_y/dx - dS_x/dy of the affine field that fits the vectors best; 2 omega if rigid
+    (9) centre    c with v + omega x c = 0: for a rigid motion the rotor is the same everywhere, so that the place
+                  without motion stands for the place without rotation
+"""
 
 from __future__ import annotations
+
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.small_linalg import eigenvalues2, inverse2, inverse3
 
-# Columns of a motion's row.
-TWIST, COV_TWIST, ROTOR, STD_ROTOR, CENTRE_X, CENTRE_Y, STD_CENTRE_X, STD_CENTRE_Y = 0, 3, 12, 13, 14, 15, 16, 17
-POSE, COV_POSE, COUNT, COLUMNS = 18, 21, 30, 31
+_LEAST_DISTANCE_M = 1e-3
+"""Places closer together than this contain no information on a turn."""
+_CENTRE_SIGMAS = 3.0
+"""A centre of rotation is given where the rate of turn exceeds this many of its standard deviations."""
+_LEAST_VARIANCE_M2 = 1e-18
+"""Added to the variance of a displacement, which may be 0: a nanometre, squared."""
 
-_APART_M = 1e-3
-"""Places closer together than this say nothing of a turn."""
-_SURE = 3.0
-"""A centre of rotation is given where the rate of turn exceeds so many of its standard deviations."""
-_TINY_M2 = 1e-18
-"""Variance of a displacement of which noise says nothing: a nanometre."""
+
+class Row:
+    """Motion of the object in one scan, in the hand frame; fields as in `Motions`. NaN is unknown."""
+
+    velocity: Vector
+    velocity_covariance: Annotated[Floats, 3, 3]
+    rotor: float
+    rotor_std: float
+    centre: Annotated[Floats, 2]
+    centre_std: Annotated[Floats, 2]
+    pose: Vector
+    pose_covariance: Annotated[Floats, 3, 3]
+    pads: float
+
+
+class Equations(NamedTuple):
+    """Normal equations of a scan: of the twist, normal (3, 3) and right (3,); of the affine field a + b x + c y of each
+    component, affine (3, 3), right_x and right_y (3,).
+    """
+
+    normal: Floats
+    right: Floats
+    affine: Floats
+    right_x: Floats
+    right_y: Floats
 
 
 @kernel
@@ -26,113 +58,152 @@ def fuse_twists(
     moved: Floats,
     moved_cov: Floats,
     turn: Floats,
-    span: Floats,
+    span_s: Floats,
     known: Bools,
     turns: bool,
-    rows: Floats,
+    rows: Records,
 ) -> None:
-    """Fill the twist's columns of rows (scans, COLUMNS), which come in as NaN.
+    """Fill the velocity, rotor, centre and pads of rows (scans,) of `Row`, which come in as NaN.
 
-    place, moved: (scans, pads, 2) in the hand. moved_cov: (scans, pads, 2, 2). turn: (scans, pads, 2), turn and its
-    variance where the method knows it, else NaN. span: (scans, pads), s. known: (scans, pads). turns: whether places
-    are known at all.
+    place, moved: (scans, pads, 2) in the hand, m. moved_cov: (scans, pads, 2, 2). turn: (scans, pads, 2), turn and its
+    variance where the method knows it, else NaN. span_s, known: (scans, pads). turns: whether places are known at all.
     """
     for scan in range(place.shape[0]):
-        normal, right = np.zeros((3, 3)), np.zeros(3)
-        affine, rhs_x, rhs_y = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
-        count = 0
-        rows[scan, COUNT] = 0.0
-        weight_sum = mean_x = mean_y = 0.0
+        row: Row = rows[scan]
+        equations = Equations(np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(3))
+        count = own_turns = 0
         for pad in range(place.shape[1]):
-            if not known[scan, pad]:
-                continue
-            count += 1
-            dt = span[scan, pad]
-            x, y = place[scan, pad, 0], place[scan, pad, 1]
-            vx, vy = moved[scan, pad, 0] / dt, moved[scan, pad, 1] / dt
-            w = inverse2(moved_cov[scan, pad], _TINY_M2)
-            w *= dt * dt
-            add_point(normal, right, w, x, y, vx, vy)
-            if turn[scan, pad, 1] > 0.0:
-                normal[2, 2] += dt * dt / turn[scan, pad, 1]
-                right[2] += dt * turn[scan, pad, 0] / turn[scan, pad, 1]
-            # Of the mean variance: a pad that knows one direction only is worth nothing here.
-            scalar = 2.0 * (w[0, 0] * w[1, 1] - w[0, 1] * w[0, 1]) / (w[0, 0] + w[1, 1])
-            basis = np.array([1.0, x, y])
-            for i in range(3):
-                rhs_x[i] += scalar * basis[i] * vx
-                rhs_y[i] += scalar * basis[i] * vy
-                for j in range(3):
-                    affine[i, j] += scalar * basis[i] * basis[j]
-            weight_sum += scalar
-            mean_x += scalar * x
-            mean_y += scalar * y
-        if count == 0:
-            continue
-        rows[scan, COUNT] = count
-        solvable = turns and turn_is_seen(normal)
-        if not solvable:
-            cov = inverse2(normal, 0.0)
-            rows[scan, TWIST : TWIST + 2] = cov @ right[:2]
-            put_matrix(rows[scan], COV_TWIST, cov)
-            continue
-        covariance = inverse3(normal)
-        twist = covariance @ right
-        rows[scan, TWIST : TWIST + 3] = twist
-        put_matrix(rows[scan], COV_TWIST, covariance)
-        rows[scan, ROTOR], rows[scan, STD_ROTOR] = 2.0 * twist[2], 2.0 * np.sqrt(covariance[2, 2])
-        if count > 2 and _spans_a_plane(affine, weight_sum, mean_x / weight_sum, mean_y / weight_sum):
-            inverse = inverse3(affine)
-            rows[scan, ROTOR] = (inverse @ rhs_y)[1] - (inverse @ rhs_x)[2]
-            rows[scan, STD_ROTOR] = np.sqrt(inverse[1, 1] + inverse[2, 2])
-        _centre(twist, covariance, rows[scan])
+            if known[scan, pad]:
+                count += 1
+                add_pad(equations, place[scan, pad], moved[scan, pad], moved_cov[scan, pad], span_s[scan, pad])
+                own_turns += add_turn(equations.normal, equations.right, turn[scan, pad], span_s[scan, pad])
+        row.pads = count
+        enough = count > 1 or own_turns > 0  # rounding may pretend otherwise, where a covariance is singular
+        if turns and enough and turn_is_observable(equations.normal):
+            solve_twist(equations, row)
+            if count > 2 and spans_a_plane(equations.affine):
+                solve_rotor(equations, row)
+            find_centre(row)
+        elif count > 0:
+            solve_translation(equations.normal, equations.right, row.velocity, row.velocity_covariance)
 
 
 @kernel
-def put_matrix(row: Floats, start: int, matrix: Floats) -> None:
-    """Write a (2, 2) or (3, 3) matrix into the nine numbers of a 3 x 3 one, row by row."""
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            row[start + 3 * i + j] = matrix[i, j]
+def add_pad(equations: Equations, place: Floats, moved: Floats, moved_cov: Floats, span_s: float) -> None:
+    """Add a displacement (2,) at a place (2,), its covariance (2, 2), in the time span_s."""
+    w = np.empty((2, 2))
+    inverse2(moved_cov, _LEAST_VARIANCE_M2, w)
+    for a in range(2):
+        for b in range(2):
+            w[a, b] *= span_s * span_s
+    x, y, vx, vy = place[0], place[1], moved[0] / span_s, moved[1] / span_s
+    add_point(equations.normal, equations.right, w, x, y, vx, vy)
+    # Of the mean variance: a pad that knows one direction only is worth nothing here.
+    scalar = 2.0 * (w[0, 0] * w[1, 1] - w[0, 1] * w[0, 1]) / (w[0, 0] + w[1, 1])
+    basis = (1.0, x, y)
+    for i in range(3):
+        equations.right_x[i] += scalar * basis[i] * vx
+        equations.right_y[i] += scalar * basis[i] * vy
+        for j in range(3):
+            equations.affine[i, j] += scalar * basis[i] * basis[j]
 
 
 @kernel
 def add_point(normal: Floats, right: Floats, w: Floats, x: float, y: float, vx: float, vy: float) -> None:
     """Add a vector (vx, vy) at (x, y) with weight w (2, 2) to normal equations for (vx, vy, omega) at the origin."""
-    jacobian = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])
-    weighted = jacobian.T @ w
-    normal += weighted @ jacobian
-    right += weighted @ np.array([vx, vy])
+    by_x, by_y = x * w[0, 1] - y * w[0, 0], x * w[1, 1] - y * w[0, 1]  # row of omega in J^T W
+    normal[0, 0] += w[0, 0]
+    normal[0, 1] += w[0, 1]
+    normal[1, 0] += w[0, 1]
+    normal[1, 1] += w[1, 1]
+    normal[0, 2] += by_x
+    normal[2, 0] += by_x
+    normal[1, 2] += by_y
+    normal[2, 1] += by_y
+    normal[2, 2] += x * by_y - y * by_x
+    right[0] += w[0, 0] * vx + w[0, 1] * vy
+    right[1] += w[0, 1] * vx + w[1, 1] * vy
+    right[2] += by_x * vx + by_y * vy
 
 
 @kernel
-def turn_is_seen(normal: Floats) -> bool:
+def add_turn(normal: Floats, right: Floats, turn: Floats, span_s: float) -> bool:
+    """Add a pad's own turn and its variance (2,), in the time span_s, if it is known; is it?"""
+    if not turn[1] > 0.0:
+        return False
+    normal[2, 2] += span_s * span_s / turn[1]
+    right[2] += span_s * turn[0] / turn[1]
+    return True
+
+
+@kernel
+def turn_is_observable(normal: Floats) -> bool:
     """Whether the turn is determined: information on it that no translation explains, at some distance or itself."""
-    block = inverse2(normal, 0.0)
+    block = np.empty((2, 2))
+    inverse2(normal, 0.0, block)
     a, b = normal[0, 2], normal[1, 2]
     left = normal[2, 2] - (a * a * block[0, 0] + 2.0 * a * b * block[0, 1] + b * b * block[1, 1])
-    return bool(left > _APART_M**2 * 0.5 * (normal[0, 0] + normal[1, 1]))
+    return bool(left > _LEAST_DISTANCE_M**2 * 0.5 * (normal[0, 0] + normal[1, 1]))
 
 
 @kernel
-def _spans_a_plane(affine: Floats, weight: float, mean_x: float, mean_y: float) -> bool:
-    """Whether the places do not lie on one line."""
-    xx = affine[1, 1] / weight - mean_x * mean_x
-    yy = affine[2, 2] / weight - mean_y * mean_y
-    xy = affine[1, 2] / weight - mean_x * mean_y
-    least, _ = eigenvalues2(xx, yy, xy)
-    return bool(least > _APART_M**2)
+def solve_translation(normal: Floats, right: Floats, solution: Floats, covariance: Floats) -> None:
+    """Fill the first two of solution (3,), and the upper left of covariance (3, 3)."""
+    block = np.empty((2, 2))
+    inverse2(normal, 0.0, block)
+    for a in range(2):
+        solution[a] = block[a, 0] * right[0] + block[a, 1] * right[1]
+        for b in range(2):
+            covariance[a, b] = block[a, b]
 
 
 @kernel
-def _centre(twist: Floats, covariance: Floats, row: Floats) -> None:
+def solve_rigid(normal: Floats, right: Floats, solution: Floats, covariance: Floats) -> None:
+    """Fill solution (3,) and covariance (3, 3)."""
+    inverse3(normal, covariance)
+    for a in range(3):
+        solution[a] = _product(covariance, a, right)
+
+
+@kernel
+def solve_twist(equations: Equations, row: Row) -> None:
+    """Fill the velocity of a rigid motion, and its rotor, twice the rate of turn."""
+    solve_rigid(equations.normal, equations.right, row.velocity, row.velocity_covariance)
+    row.rotor, row.rotor_std = 2.0 * row.velocity[2], 2.0 * np.sqrt(row.velocity_covariance[2, 2])
+
+
+@kernel
+def solve_rotor(equations: Equations, row: Row) -> None:
+    """Fill the rotor of equation (8), from the affine field."""
+    inverse = np.empty((3, 3))
+    inverse3(equations.affine, inverse)
+    row.rotor = _product(inverse, 1, equations.right_y) - _product(inverse, 2, equations.right_x)
+    row.rotor_std = np.sqrt(inverse[1, 1] + inverse[2, 2])
+
+
+@kernel
+def spans_a_plane(affine: Floats) -> bool:
+    """Whether the places do not lie on one line. affine: weighted sums of (1, x, y)^T (1, x, y)."""
+    weight = affine[0, 0]
+    x, y = affine[0, 1] / weight, affine[0, 2] / weight
+    least, _ = eigenvalues2(affine[1, 1] / weight - x * x, affine[2, 2] / weight - y * y, affine[1, 2] / weight - x * y)
+    return bool(least > _LEAST_DISTANCE_M**2)
+
+
+@kernel
+def find_centre(row: Row) -> None:
     """Where the velocity is 0: c = (-v_y, v_x) / omega, and its standard deviations to first order."""
-    vx, vy, omega = twist
-    if omega * omega <= _SURE**2 * covariance[2, 2]:
+    vx, vy, omega, P = row.velocity[0], row.velocity[1], row.velocity[2], row.velocity_covariance
+    if omega * omega <= _CENTRE_SIGMAS**2 * P[2, 2]:
         return
     cx, cy = -vy / omega, vx / omega
-    along_x = np.array([0.0, -1.0 / omega, -cx / omega])
-    along_y = np.array([1.0 / omega, 0.0, -cy / omega])
-    row[CENTRE_X], row[CENTRE_Y] = cx, cy
-    row[STD_CENTRE_X] = np.sqrt(along_x @ covariance @ along_x)
-    row[STD_CENTRE_Y] = np.sqrt(along_y @ covariance @ along_y)
+    row.centre[0], row.centre[1] = cx, cy
+    row.centre_std[0] = np.sqrt(P[1, 1] + 2.0 * cx * P[1, 2] + cx * cx * P[2, 2]) / abs(omega)
+    row.centre_std[1] = np.sqrt(P[0, 0] - 2.0 * cy * P[0, 2] + cy * cy * P[2, 2]) / abs(omega)
+
+
+@kernel
+def _product(matrix: Floats, row: int, vector: Floats) -> float:
+    """One row of a (3, 3) matrix times a vector (3,)."""
+    product: float = matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2]
+    return product

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import inlined, kernel, lean_kernel
+from taxelflow.compiling import inlined, lean_kernel
 from taxelflow.messages import Floats
 
 
-@kernel
-def inverse2(matrix: Floats, least: float) -> Floats:
-    """Inverse (2, 2) of the upper left of a symmetric matrix, to whose diagonal `least` is added."""
+@lean_kernel
+def inverse2(matrix: Floats, least: float, inverse: Floats) -> None:
+    """Fill inverse (2, 2) with that of the upper left of a symmetric matrix, to whose diagonal `least` is added."""
     a, b, d = matrix[0, 0] + least, matrix[0, 1], matrix[1, 1] + least
     det = a * d - b * b
-    return np.array([[d / det, -b / det], [-b / det, a / det]])
+    inverse[0, 0], inverse[1, 1] = d / det, a / det
+    inverse[0, 1] = inverse[1, 0] = -b / det
 
 
-@kernel
-def inverse3(m: Floats) -> Floats:
-    """Inverse of a symmetric (3, 3) matrix by its cofactors: small, exact enough, and quick to compile."""
+@lean_kernel
+def inverse3(m: Floats, inverse: Floats) -> None:
+    """Fill inverse with that of a symmetric (3, 3) matrix, by its cofactors: exact enough, and quick to compile."""
     c00 = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
     c01 = m[0, 2] * m[1, 2] - m[0, 1] * m[2, 2]
     c02 = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]
@@ -26,8 +27,10 @@ def inverse3(m: Floats) -> Floats:
     c11 = m[0, 0] * m[2, 2] - m[0, 2] * m[0, 2]
     c12 = m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2]
     c22 = m[0, 0] * m[1, 1] - m[0, 1] * m[0, 1]
-    inverse: Floats = np.array([[c00, c01, c02], [c01, c11, c12], [c02, c12, c22]]) / det
-    return inverse
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = c00 / det, c11 / det, c22 / det
+    inverse[0, 1] = inverse[1, 0] = c01 / det
+    inverse[0, 2] = inverse[2, 0] = c02 / det
+    inverse[1, 2] = inverse[2, 1] = c12 / det
 
 
 @inlined

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import inlined, kernel
 from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE
 from taxelflow.estimation.template.levenberg_marquardt import HELD, register
 from taxelflow.messages import Bools, Floats
@@ -206,7 +206,7 @@ def linearize(surface: Surface, points: Points, fit: Fit) -> tuple[float, float,
     return chi, misfit, max(count - DOF, 1.0)
 
 
-@kernel
+@inlined
 def _add_square(w: float, row: Floats, normal: Floats) -> None:
     """Add w row row^T to the lower half of normal (4, 4)."""
     for a in range(DOF):
@@ -214,7 +214,7 @@ def _add_square(w: float, row: Floats, normal: Floats) -> None:
             normal[a, b] += w * row[a] * row[b]
 
 
-@kernel
+@inlined
 def _add_noise(share: float, gain: float, dx: float, dy: float, normal: Floats) -> None:
     """Add to normal (4, 4) what noise in value and slopes of the surface at (dx, dy) makes of J^T W J."""
     noise = share * gain * gain * SLOPE_NOISE / VALUE_NOISE

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.scan_matching.interpolant import Interpolant
-from taxelflow.estimation.scan_matching.odometry import Block, Last, Steps, Taxels, Track, follow
+from taxelflow.estimation.scan_matching.odometry import Block, Steps, Taxels, follow
+from taxelflow.estimation.scan_matching.track import Last, Track
 from taxelflow.messages import Estimates, Scans
 from taxelflow.numerics.records import Records, records
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 class _Pad(NamedTuple):
     """What is kept of a pad from scan to scan; see `follow`."""
 
+    own: slice
+    taxels: Taxels
     spline: Interpolant
     tracks: Records
     last: Last
@@ -41,7 +44,7 @@ class RegistrationSession:
         if self._noise is None or not np.array_equal(scans.noise, self._noise):
             self._learn(scans.noise)
         for number, pad in enumerate(self._pads):
-            if scans.contact[:, number].any() or pad.tracks[0]["running"]:
+            if scans.contact[:, number].any() or pad.tracks["running"][0]:
                 self._follow(number, pad, scans, estimates)
         estimates.lag_s[np.isfinite(estimates.pose[..., 0])] = 0.0
         return estimates
@@ -51,16 +54,13 @@ class RegistrationSession:
         return self.step(self._blank(0))
 
     def _follow(self, number: int, pad: _Pad, scans: Scans, estimates: Estimates) -> None:
-        own = self._layout.of_pad(number)
-        pitch_m = self._pitch_m[number]
         block = Block(
             scans.t_s,
-            scans.pressure[:, own],
+            scans.pressure[:, pad.own],
             scans.contact[:, number],
             scans.complete[:, number],
+            scans.ceiling[pad.own],
         )
-        units = np.array([pitch_m, pitch_m, 1.0])
-        taxels = Taxels(self._places[:, own], scans.noise[own], scans.ceiling[own], units)
         steps = Steps(
             estimates.pose[:, number],
             estimates.covariance[:, number],
@@ -69,7 +69,7 @@ class RegistrationSession:
             estimates.span_s[:, number],
             estimates.quality[:, number],
         )
-        follow(block, taxels, pad.spline, pad.tracks, pad.last, steps)
+        follow(block, pad.taxels, pad.spline, pad.tracks, pad.last, steps)
 
     def _learn(self, noise: Floats) -> None:
         """Splines that suit the noise; what is known of a contact stays."""
@@ -78,13 +78,15 @@ class RegistrationSession:
         self._pads, self._noise = [], noise
         for number, name in enumerate(layout.pads):
             own = layout.of_pad(number)
-            spline = Interpolant.of(name, self._places[:, own], noise[own] ** 2)
+            places, pitch_m = self._places[:, own], self._pitch_m[number]
+            taxels = Taxels(places, noise[own], np.array([pitch_m, pitch_m, 1.0]))
+            spline = Interpolant.of(name, places, noise[own] ** 2)
             if known:
-                self._pads.append(known[number]._replace(spline=spline))
+                self._pads.append(known[number]._replace(taxels=taxels, spline=spline))
                 continue
             (reading, variance), gains = np.zeros((2, own.stop - own.start)), np.zeros((3, own.stop - own.start))
             last = Last(reading, variance, gains, np.zeros(spline.shape))
-            self._pads.append(_Pad(spline, records(Track, 1), last))
+            self._pads.append(_Pad(own, taxels, spline, records(Track, 1), last))
 
     def _blank(self, scans: int) -> Scans:
         """Scans without contact."""

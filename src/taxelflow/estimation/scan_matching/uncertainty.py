@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import inlined, kernel
 from taxelflow.estimation.scan_matching.interpolant import Interpolant
 from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
 from taxelflow.messages import Floats
@@ -84,7 +84,7 @@ def earlier_gains(spline: Interpolant, lattice: Floats, points: Points, state: F
                 out[row, i] = spline.trust[i] * _spread_back(spline.first[i], spline.weight[i], nx, knots[row])
 
 
-@kernel
+@inlined
 def _spread_back(first: int, weight: Floats, nx: int, knots: Floats) -> float:
     """The value that a taxel, by its weight (16,), reads of knots (knots,)."""
     total = 0.0
@@ -115,8 +115,8 @@ def covariance(g: Floats, points: Points, excess: float) -> Floats:
         for a in range(3):
             g[a, j] *= factor
     for j in range(len(points.reading)):
-        if points.reading[j] != 0.0:
-            for a in range(3):
-                for b in range(3):
-                    part[a, b] += g[a, j] * g[b, j] * points.variance[j]
+        variance = points.variance[j] if points.reading[j] != 0.0 else 0.0
+        for a in range(3):
+            for b in range(3):
+                part[a, b] += g[a, j] * g[b, j] * variance
     return part

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxelflow.fusion.pose import Anchor, Body, follow_pose
+from taxelflow.fusion.twist import Row
+from taxelflow.geometry import place
+from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records, records, unknown
+
+POINTS = np.array([[-0.08, 0.01], [0.07, 0.02], [0.0, -0.06]])
+STD_M = 1e-5
+
+
+def followed(
+    places: Floats, *, touching: Bools | None = None, own_turn: Floats | None = None, turns: bool = True
+) -> Records:
+    """Rows of scans in which contacts lie at places (scans, pads, 2)."""
+    scans, pads = places.shape[:2]
+    rows, flags = unknown(Row, scans), np.ones((scans, pads), np.bool_) if touching is None else touching
+    covariance = np.tile(STD_M**2 * np.eye(2), (scans, pads, 1, 1))
+    own = np.full((scans, pads, 2), np.nan) if own_turn is None else own_turn
+    anchors, bodies = records(Anchor, pads), records(Body, 1)
+    follow_pose(places, covariance, own, flags, flags.any(axis=1), turns, anchors, bodies, rows)
+    return rows
+
+
+def seen(poses: Floats, points: Floats = POINTS) -> Floats:
+    """Where contacts on an object lie at its poses (scans, 3)."""
+    return place(np.asarray(poses)[:, np.newaxis], points)
+
+
+def test_the_pose_is_that_of_the_object_and_0_in_the_first_scan() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [0.01, -0.02, 0.3], [0.02, 0.01, -0.4]])
+    rows = followed(seen(poses))
+    np.testing.assert_allclose(rows["pose"], poses, atol=1e-9)
+    assert (rows["pose_covariance"][0] == 0.0).all()
+
+
+def test_the_covariance_is_that_of_a_fit_with_the_noise_of_now_and_of_the_anchor() -> None:
+    rows = followed(seen(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])))
+    J = np.concatenate([np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]) for x, y in POINTS])
+    np.testing.assert_allclose(rows["pose_covariance"][1], 2 * STD_M**2 * np.linalg.inv(J.T @ J), rtol=1e-6)
+
+
+def test_one_contact_has_a_translation_and_no_turn() -> None:
+    rows = followed(seen(np.array([[0.0, 0.0, 0.0], [0.01, 0.02, 0.0]]), POINTS[:1]))
+    np.testing.assert_allclose(rows["pose"][1, :2], [0.01, 0.02], atol=1e-12)
+    assert np.isnan(rows["pose"][1, 2])
+    assert np.isnan(rows["pose_covariance"][1, 2]).all()
+    np.testing.assert_allclose(rows["pose_covariance"][1, :2, :2], 2 * STD_M**2 * np.eye(2), rtol=1e-6)
+
+
+def test_places_that_are_not_known_tell_no_turn() -> None:
+    rows = followed(seen(np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.2]])), turns=False)
+    assert np.isnan(rows["pose"][1, 2])
+
+
+def test_a_pads_own_theta_counts_half() -> None:
+    own = np.full((2, 1, 2), np.nan)
+    own[:, 0] = [[0.1, 1e-6], [0.3, 1e-6]]
+    rows = followed(seen(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]), POINTS[:1]), own_turn=own)
+    assert rows["pose"][1, 2] == pytest.approx(0.2, abs=1e-9)
+    assert rows["pose_covariance"][1, 2, 2] == pytest.approx(2e-6, rel=1e-3)
+
+
+def test_a_contact_that_lifts_and_returns_is_anchored_again() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.1], [0.02, 0.0, 0.2], [0.03, 0.0, 0.3]])
+    places = seen(poses)
+    places[2:, 2] = seen(poses, POINTS + 0.02)[2:, 2]  # it touches another point of the object
+    touching = np.array([[True, True, True], [True, True, False], [True, True, True], [True, True, True]])
+    np.testing.assert_allclose(followed(places, touching=touching)["pose"], poses, atol=1e-9)
+
+
+def test_everything_is_forgotten_while_nothing_touches() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.1], [0.0, 0.0, 0.0], [0.02, 0.0, 0.2], [0.03, 0.01, 0.3]])
+    touching = np.ones((5, 3), np.bool_)
+    touching[2] = False
+    rows = followed(seen(poses), touching=touching)
+    assert np.isnan(rows["pose"][2]).all()
+    assert (rows["pose"][3] == 0.0).all()
+    assert rows["pose"][4, 2] == pytest.approx(0.1, abs=1e-9)

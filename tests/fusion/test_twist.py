@@ -1,0 +1,162 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxelflow.fusion.twist import Row, fuse_twists, spans_a_plane, turn_is_observable
+from taxelflow.messages import Floats
+from taxelflow.numerics.records import Records, unknown
+
+PLACES = np.array([[-0.08, 0.01], [0.07, 0.02], [0.0, -0.06], [0.02, 0.05]])
+SPAN_S = 0.02
+
+
+def fused(
+    moved: Floats,
+    *,
+    places: Floats = PLACES,
+    variance: Floats | float = 1e-10,
+    turn: tuple[float, float] = (np.nan, np.nan),
+    known: list[bool] | None = None,
+    turns: bool = True,
+) -> Records:
+    """The row of one scan in which pads at these places (pads, 2) have moved (pads, 2) with independent noise."""
+    pads = len(places)
+    covariance = np.zeros((1, pads, 2, 2))
+    covariance[0, :, [0, 1], [0, 1]] = np.broadcast_to(variance, (pads, 2)).T
+    rows = unknown(Row, 1)
+    flags = np.array([known or [True] * pads])
+    own_turn = np.full((1, pads, 2), np.nan)
+    own_turn[0, 0] = turn
+    spans = np.full((1, pads), SPAN_S)
+    fuse_twists(places[np.newaxis], moved[np.newaxis], covariance, own_turn, spans, flags, turns, rows)
+    return rows[0]
+
+
+def rigid(vx: float, vy: float, omega: float, places: Floats = PLACES) -> Floats:
+    """What a rigid motion displaces in the time SPAN_S."""
+    return SPAN_S * np.stack([vx - omega * places[:, 1], vy + omega * places[:, 0]], axis=1)
+
+
+def least_squares(moved: Floats, std: Floats, places: Floats = PLACES) -> tuple[Floats, Floats]:
+    """Twist (3,) and its covariance by NumPy. std: (pads, 2) of the displacements."""
+    J = np.concatenate([np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]) for x, y in places]) * SPAN_S / std.reshape(-1, 1)
+    covariance = np.linalg.inv(J.T @ J)
+    return covariance @ J.T @ (moved / std).ravel(), covariance
+
+
+def test_the_twist_is_the_weighted_least_squares_fit_and_its_covariance() -> None:
+    random = np.random.default_rng(0)
+    std = random.uniform(1e-6, 1e-4, (4, 2))
+    moved = random.normal(0, 1e-3, (4, 2))
+    row = fused(moved, variance=std**2)
+    twist, covariance = least_squares(moved, std)
+    np.testing.assert_allclose(row["velocity"], twist, rtol=1e-5)
+    np.testing.assert_allclose(row["velocity_covariance"], covariance, rtol=1e-5)
+    assert row["pads"] == 4
+
+
+def test_correlated_noise_counts_as_such() -> None:
+    places, rows = PLACES[:2], unknown(Row, 1)
+    covariance = np.array([[[[2e-10, 1e-10], [1e-10, 3e-10]]] * 2])
+    moved, nothing = np.array([[[1e-4, 0.0], [0.0, 1e-4]]]), np.full((1, 2, 2), np.nan)
+    flags, spans = np.ones((1, 2), np.bool_), np.full((1, 2), SPAN_S)
+    fuse_twists(places[np.newaxis], moved, covariance, nothing, spans, flags, True, rows)
+    J = np.array([[[1.0, 0.0, -y], [0.0, 1.0, x]] for x, y in places])
+    W = SPAN_S**2 * np.linalg.inv(covariance[0])
+    expected = np.linalg.inv(np.einsum("pai,pab,pbj->ij", J, W, J))
+    np.testing.assert_allclose(rows[0]["velocity_covariance"], expected, rtol=1e-5)
+
+
+def test_the_rotor_of_a_rigid_motion_is_twice_its_rate_of_turn_with_two_pads_or_more() -> None:
+    for pads in (2, 3, 4):
+        row = fused(rigid(0.01, -0.02, 0.7)[:pads], places=PLACES[:pads])
+        assert row["rotor"] == pytest.approx(1.4)
+        assert row["velocity"][2] == pytest.approx(0.7)
+
+
+def test_the_rotor_is_the_curl_of_the_affine_field_if_it_is_not_rigid() -> None:
+    field = np.array([[0.3, -0.4], [0.9, -0.2]])  # rows: gradients of v_x and v_y
+    row = fused(SPAN_S * (PLACES @ field.T + [0.01, 0.02]))
+    assert row["rotor"] == pytest.approx(0.9 + 0.4)
+    design = np.column_stack([np.ones(4), PLACES]) * SPAN_S / 1e-5
+    variance = np.linalg.inv(design.T @ design)
+    assert row["rotor_std"] == pytest.approx(np.sqrt(variance[1, 1] + variance[2, 2]), rel=1e-6)
+
+
+def test_pads_in_one_line_have_the_rotor_of_the_rigid_fit() -> None:
+    line = np.array([[-0.05, 0.01], [0.0, 0.01], [0.05, 0.01]])
+    row = fused(rigid(0.0, 0.0, 0.5, line), places=line)
+    assert row["rotor"] == pytest.approx(1.0)
+    assert row["rotor_std"] == pytest.approx(2.0 * np.sqrt(row["velocity_covariance"][2, 2]))
+
+
+def test_the_centre_is_where_nothing_moves() -> None:
+    centre = np.array([0.03, -0.02])
+    row = fused(rigid(0.5 * centre[1], -0.5 * centre[0], 0.5))
+    np.testing.assert_allclose(row["centre"], centre, atol=1e-9)
+
+
+def test_the_deviation_of_the_centre_is_that_of_many_draws() -> None:
+    random, std = np.random.default_rng(3), 2e-6
+    truth = rigid(0.02, -0.01, 0.5)
+    rows = [fused(truth + random.normal(0, std, (4, 2)), variance=std**2) for _ in range(2000)]
+    drawn = np.std([row["centre"] for row in rows], axis=0)
+    np.testing.assert_allclose(fused(truth, variance=std**2)["centre_std"], drawn, rtol=0.06)
+
+
+@pytest.mark.parametrize(("sigmas", "given"), [(2.9, False), (3.1, True)])
+def test_a_centre_is_given_from_3_standard_deviations_of_the_turn_on(sigmas: float, given: bool) -> None:
+    still = fused(rigid(0.0, 0.0, 0.0))
+    omega = sigmas * np.sqrt(still["velocity_covariance"][2, 2])
+    assert np.isfinite(fused(rigid(0.01, 0.0, -omega))["centre"]).all() == given
+
+
+def test_unknown_pads_do_not_count_and_none_leaves_all_unknown() -> None:
+    moved = rigid(0.01, 0.02, 0.3)
+    moved[3] = np.nan
+    row = fused(moved, known=[True, True, True, False])
+    np.testing.assert_allclose(row["velocity"], [0.01, 0.02, 0.3])
+    assert row["pads"] == 3
+    none = fused(moved, known=[False] * 4)
+    assert none["pads"] == 0
+    assert np.isnan(none["velocity"]).all()
+
+
+def test_without_places_the_motion_is_the_mean_translation() -> None:
+    row = fused(np.array([[1e-4, 0.0], [3e-4, 2e-4]]), places=np.zeros((2, 2)), turns=False)
+    np.testing.assert_allclose(row["velocity"][:2], [0.01, 0.005])
+    np.testing.assert_allclose(row["velocity_covariance"][:2, :2], np.eye(2) * 1e-10 / SPAN_S**2 / 2, rtol=1e-6)
+    assert np.isnan(row["velocity"][2])
+    assert np.isnan(row["rotor"])
+
+
+def test_a_pads_own_turn_counts_by_its_variance() -> None:
+    moved, own = rigid(0.0, 0.0, 0.5), (0.6 * SPAN_S, 1e-8)
+    plain, both = fused(moved), fused(moved, turn=own)
+    information = 1.0 / plain["velocity_covariance"][2, 2] - 0.0
+    known = 1.0 / (1e-8 / SPAN_S**2)
+    assert both["velocity"][2] == pytest.approx((0.5 * information + 0.6 * known) / (information + known), rel=1e-6)
+
+
+def test_one_pad_alone_has_no_turn_even_if_its_covariance_is_singular() -> None:
+    place, rows = np.array([[[0.05, -0.03]]]), unknown(Row, 1)
+    tie = np.array([[[[8e-6, 8e-6], [8e-6, 8e-6]]]])
+    moved, nothing = np.array([[[1e-3, 1e-3]]]), np.full((1, 1, 2), np.nan)
+    fuse_twists(place, moved, tie, nothing, np.full((1, 1), SPAN_S), np.ones((1, 1), np.bool_), True, rows)
+    assert np.isnan(rows[0]["velocity"][2])
+    assert (np.diagonal(rows[0]["velocity_covariance"])[:2] > 0).all()
+
+
+@pytest.mark.parametrize(("apart_m", "expected"), [(0.9e-3, False), (1.1e-3, True)])
+def test_places_a_millimetre_apart_determine_a_turn(apart_m: float, expected: bool) -> None:
+    x = 0.04 + apart_m * np.array([-1.0, 1.0])
+    normal = sum(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, a], [0.0, a, a * a]]) for a in x)
+    assert turn_is_observable(np.asarray(normal)) == expected
+
+
+@pytest.mark.parametrize(("high_m", "expected"), [(0.9e-3, False), (1.1e-3, True)])
+def test_places_a_millimetre_off_a_line_span_a_plane(high_m: float, expected: bool) -> None:
+    x, y = np.array([-0.05, -0.05, 0.05, 0.05]), high_m * np.array([1.0, -1.0, 1.0, -1.0])
+    basis = np.column_stack([np.ones(4), 0.02 + x, 0.03 + y])
+    assert spans_a_plane(3.0 * basis.T @ basis) == expected
