@@ -13,7 +13,8 @@ from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
-from taxelflow.messages import Bools, Floats, RawScans, Scans, Slips, cut, joined
+from taxelflow.estimation.completion import start_slips
+from taxelflow.messages import Bools, Estimates, Floats, Footprint, RawScans, Scans, Slips, cut, joined
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 
@@ -105,10 +106,17 @@ def scans_of(
 
 
 def slips_by(method: str, sensor: Sensor, *blocks: Scans, mode: str = "stream", **parameters: Any) -> Slips:
-    """All slips that an estimator session gives for these blocks."""
-    session = registry.find("estimator", method)(**parameters).start(sensor.layout, mode)
+    """All slips of these blocks by an estimator."""
+    session = start_slips(registry.find("estimator", method)(**parameters), sensor.layout, mode)
     slips: Slips = joined([*(session.step(block) for block in blocks), session.finish()])
     return slips
+
+
+def unknown_slips(scans: Scans) -> Slips:
+    """Slips of these scans with nothing in them but their contacts."""
+    shape = scans.contact.shape
+    footprint = Footprint(scans.t_s, scans.contact, np.zeros((*shape, 2), dtype=np.bool_), np.full(shape, np.nan))
+    return Slips.of(footprint, Estimates.unknown(scans))
 
 
 def conditioned(

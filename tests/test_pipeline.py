@@ -290,7 +290,7 @@ def test_what_a_method_judges_itself_is_kept(quality: int, stroke: Recording) ->
 def test_filters_of_the_conditioner_add_to_every_lag(stroke: Recording) -> None:
     plain = estimate(stroke, "lnorm").slips
     filtered = estimate(stroke, "lnorm", condition=Conditioner(median_scans=5)).slips
-    known = np.isfinite(filtered.lag_s)
+    known = np.isfinite(filtered.lag_s) & np.isfinite(plain.lag_s)
     assert known.any()
     np.testing.assert_allclose(filtered.lag_s[known] - plain.lag_s[known], 0.2)
 
