@@ -5,7 +5,7 @@ BIN := .venv/bin
 TAXELFLOW := $(BIN)/taxelflow
 READY := .venv/ready
 
-.PHONY: setup demo test check golden golden-update bench pictures constraints format clean
+.PHONY: setup demo test check golden golden-update bench pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench) constraints format clean
 .DELETE_ON_ERROR:
 
 setup: $(READY)
@@ -39,6 +39,7 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/vulture
+	$(BIN)/python tests/gates.py
 
 # Results of every method on fixed recordings, bit for bit; GOLDEN="--only stroke" or "--rtol 1e-9" narrows or loosens it.
 golden: $(READY)
@@ -50,6 +51,60 @@ golden-update: $(READY)
 
 bench: $(READY)
 	$(TAXELFLOW) bench $(BENCH)
+
+# The tables in docs/results, of which docs show a part; many hours, most of them for the elastic solver. One of them
+# alone: make results-hard. The real recordings are those in $TAXELFLOW_DATA, the folder that holds sdh-dsa/ and sdh-bags/.
+RUNS := demo/results
+LIMITS := stroke:stream:5 slide-and-turn:stream:5 bar-on-grid:batch:5 bar-on-grid:stream:5 feet-on-grid:batch:5 \
+  feet-on-grid:stream:5 texture-on-grid:batch:5 stick-slip:stream:5 stick-slip-bar:stream:5 stick-slip-feet:stream:5
+JOINED := awk 'FNR == 1 && NR > 1 { next } { print }'
+
+results: results-table1 results-hard results-peers results-limits results-contacts results-prediction results-bench
+
+results-table1: $(READY)
+	@mkdir -p $(RUNS)
+	$(TAXELFLOW) score table1 --csv $(RUNS)/table1.csv
+	$(TAXELFLOW) score table1 --solver elastic --csv $(RUNS)/table1-elastic.csv
+	cp $(RUNS)/table1.csv $(RUNS)/table1-elastic.csv docs/results/
+
+results-hard: $(READY)
+	@mkdir -p $(RUNS)
+	$(TAXELFLOW) score hard --seeds 50 --csv $(RUNS)/hard.csv
+	cp $(RUNS)/hard.csv $(RUNS)/hard-far.csv docs/results/
+
+results-peers: $(READY)
+	@mkdir -p $(RUNS)
+	$(TAXELFLOW) score peers --strokes 200 --csv $(RUNS)/peers.csv
+	cp $(RUNS)/peers.csv docs/results/limits-peers.csv
+
+results-limits: $(READY)
+	@rm -rf $(RUNS)/limits && mkdir -p $(RUNS)/limits
+	$(TAXELFLOW) score limits stroke --seeds 20 --csv $(RUNS)/limits/0.csv
+	$(TAXELFLOW) score limits slide-and-turn --csv $(RUNS)/limits/1.csv
+	$(TAXELFLOW) score limits stick-slip --seeds 3 --methods template principal_axis --csv $(RUNS)/limits/2.csv
+	for run in $(LIMITS); do \
+	  set -- $$(echo $$run | tr : ' '); \
+	  $(TAXELFLOW) score limits $$1 --mode $$2 --seeds $$3 --methods template --csv $(RUNS)/limits/3-$$1-$$2.csv || exit 1; \
+	done
+	for table in motion nees time; do $(JOINED) $(RUNS)/limits/*-$$table.csv > docs/results/limits-$$table.csv; done
+	rm $(RUNS)/limits/*-motion.csv $(RUNS)/limits/*-nees.csv $(RUNS)/limits/*-time.csv $(RUNS)/limits/*-place.csv
+	$(JOINED) $(RUNS)/limits/*.csv > docs/results/limits-error.csv
+
+results-contacts: $(READY)
+	@mkdir -p $(RUNS)
+	$(TAXELFLOW) score contacts --seeds 3 --methods template --csv $(RUNS)/contacts.csv
+	cp $(RUNS)/contacts.csv docs/results/
+
+results-prediction: $(READY)
+	@mkdir -p $(RUNS)
+	$(TAXELFLOW) score prediction $(TAXELFLOW_DATA)/sdh-dsa/*.dsa $(TAXELFLOW_DATA)/sdh-bags/slip_up.bag --csv $(RUNS)/prediction.csv
+	cp $(RUNS)/prediction.csv docs/results/prediction-scans.csv
+	cp $(RUNS)/prediction-turn.csv docs/results/
+
+results-bench: $(READY)
+	@mkdir -p $(RUNS)
+	$(TAXELFLOW) bench --recording $(TAXELFLOW_DATA)/sdh-dsa/slip_examples_pen_and_wooden_block.dsa --csv $(RUNS)/bench.csv
+	cp $(RUNS)/bench*.csv docs/results/
 
 # The pictures that README and docs show.
 pictures: $(READY)

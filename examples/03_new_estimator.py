@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import taxelflow
-from taxelflow import Layout, Scans, Slips
+from taxelflow import Estimates, Layout, Scans
+from taxelflow.messages import no_scans
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 
@@ -30,9 +31,10 @@ class CentroidSession:
         self.layout = layout
         self.last = (np.nan, np.full((len(layout.pads), 2), np.nan))
 
-    def step(self, scans: Scans) -> Slips:
-        slips = Slips.unknown(scans)
-        slips.lag_s[:] = 0.0
+    def step(self, scans: Scans) -> Estimates:
+        """Motion and its covariance; contact, border, load and quality are filled in by the pipeline."""
+        estimates = Estimates.unknown(scans)
+        estimates.lag_s[:] = 0.0
         places = np.stack([self.layout.x_m, self.layout.y_m], axis=1)
         for k, t_s in enumerate(scans.t_s):
             now = np.full((len(self.layout.pads), 2), np.nan)
@@ -41,18 +43,17 @@ class CentroidSession:
                 p, var = scans.pressure[k, own], scans.noise[own] ** 2
                 now[pad] = p @ places[own] / p.sum()
                 arm = (places[own] - now[pad]) / p.sum()  # d(centroid) / d(pressure)
-                slips.covariance[k, pad, :2, :2] = arm.T @ (var[:, None] * arm)
-            slips.pose[k, :, :2] = now
-            slips.displacement[k, :, :2] = now - self.last[1]
-            slips.displacement_covariance[k] = 2 * slips.covariance[k]
-            slips.span_s[k] = t_s - self.last[0]
+                estimates.covariance[k, pad, :2, :2] = arm.T @ (var[:, None] * arm)
+            estimates.pose[k, :, :2] = now
+            estimates.displacement[k, :, :2] = now - self.last[1]
+            estimates.displacement_covariance[k] = 2 * estimates.covariance[k]
+            estimates.span_s[k] = t_s - self.last[0]
             self.last = (t_s, now)
-        return slips
+        return estimates
 
-    def finish(self) -> Slips:
-        nothing = np.zeros((0, len(self.layout.pads)), dtype=bool)
-        bare = np.zeros((0, self.layout.entries))
-        return Slips.unknown(Scans(np.zeros(0), bare, bare.sum(axis=0), bare.sum(axis=0), nothing, nothing))
+    def finish(self) -> Estimates:
+        """Nothing is held back."""
+        return Estimates.unknown(no_scans(self.layout.entries, len(self.layout.pads)))
 
 
 result = taxelflow.estimate(simulate(SCENARIOS["slide-and-turn"]), Centroid())

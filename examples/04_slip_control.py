@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from taxelflow import Conditioner, RawScans, SlipMonitor, estimator, load_sensor
+from taxelflow import Conditioner, Pipeline, RawScans, Recording, estimator, load_sensor
 from taxelflow.simulation.contact import taxel_pressure
 from taxelflow.simulation.load import State
 from taxelflow.simulation.parameters import Contact, Load, Sensing
@@ -51,22 +51,18 @@ class Touch:
     """taxelflow as a controller sees it: slipping or not, and how far."""
 
     def __init__(self) -> None:
-        off = np.zeros(LAYOUT.taxels, dtype=np.bool_)
-        self.condition = Conditioner(tare="none").start(SENSOR, off, lookahead=None)
-        self.estimate = estimator("convolution").start(LAYOUT, "stream")
-        self.monitor = SlipMonitor().begin(LAYOUT.pads)
+        pipeline = Pipeline(estimator("convolution"), "stream", Conditioner(tare="none"))
+        self.run = pipeline.start(Recording.live(SENSOR))
         self.start_m, self.felt_m = np.nan, 0.0
 
     def slips(self, scan: RawScans) -> bool:
-        slipping = False
-        for clean in self.condition.step(scan):
-            slips = self.estimate.step(clean)
-            now, _ = self.monitor.step(slips)
-            slipping = bool(now[-1, 0])
-            at_m = float(slips.pose[-1, 0, 1])
-            self.start_m = at_m if np.isnan(self.start_m) else self.start_m
-            self.felt_m = self.start_m - at_m if np.isfinite(at_m) else self.felt_m
-        return slipping
+        out = self.run.step(scan)
+        if not len(out):
+            return False
+        at_m = float(out.slips.pose[-1, 0, 1])
+        self.start_m = at_m if np.isnan(self.start_m) else self.start_m
+        self.felt_m = self.start_m - at_m if np.isfinite(at_m) else self.felt_m
+        return bool(out.slipping[-1, 0])
 
 
 def hold(*, controlled: bool) -> Grasp:

@@ -5,12 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from taxelflow.acquire.ros.kinds import kind_of
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,6 +22,27 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 EPOCH_S = 1_700_000_000
+STORAGES = ("ros1", "sqlite3", "mcap")
+SCANS = 12
+SDH = "schunk_sdh/msg/TactileSensor"
+SDH_CELLS = [84, 78, 84, 78, 84, 78]
+PLAIN = load_sensor("grid:1x4@4mm")
+ROWS = np.arange(40.0).reshape(10, 4)
+_RANDOM = np.random.default_rng(3)
+
+
+def scans_of(*cells: int, scans: int = SCANS) -> list[list[Any]]:
+    """Random readings: per scan one array per part, with `cells` elements."""
+    return [[_RANDOM.integers(0, 4000, n) for n in cells] for _ in range(scans)]
+
+
+def bag_of(folder: Path, storage: str = "ros1") -> Path:
+    return folder / ("a.bag" if storage == "ros1" else "bag")
+
+
+def plain(cells: int) -> Sensor:
+    """One row of taxels, in counts."""
+    return Sensor("plain", "count", (Pad("pad", 1, cells, (0.004, 0.004)),))
 
 
 def store_of(message_type: str, stores: Stores = Stores.ROS2_HUMBLE) -> Typestore:
@@ -125,8 +150,8 @@ def write_bag(
             for number, parts in enumerate(scans):
                 received_s = EPOCH_S + period_s * number
                 stamp_s = received_s - 0.005 if stamps_s is None else stamps_s[number]
-                told = message(store, message_type, stamp_s, parts)
-                content = (store.serialize_ros1 if storage == "ros1" else store.serialize_cdr)(told, message_type)
+                content_of = message(store, message_type, stamp_s, parts)
+                content = (store.serialize_ros1 if storage == "ros1" else store.serialize_cdr)(content_of, message_type)
                 writer.write(link, EPOCH_S * 10**9 + round(1e9 * period_s * number), content)
     if not defined:
         forget_definitions(path)
@@ -138,3 +163,19 @@ def forget_definitions(path: Path) -> None:
 
     with apsw.Connection(str(next(path.glob("*.db3")))) as database:
         database.execute("DELETE FROM message_definitions")
+
+
+def write_mcap_file(
+    path: Path, schema: tuple[str, str, str], encoding: str, contents: list[bytes], **options: object
+) -> Path:
+    """A file with one topic; schema: name, encoding, text."""
+    with path.open("wb") as file:
+        writer = McapWriter(file, **options)  # type: ignore[arg-type]
+        writer.start()
+        number = writer.register_schema(schema[0], schema[1], schema[2].encode())
+        channel = writer.register_channel("/touch", encoding, number)
+        for k, content in enumerate(contents):
+            at_ns = EPOCH_S * 10**9 + k * 10**7
+            writer.add_message(channel, at_ns, content, at_ns)
+        writer.finish()  # type: ignore[no-untyped-call]
+    return path

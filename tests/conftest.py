@@ -10,11 +10,18 @@ from hypothesis import settings
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
 from taxelflow.sensors.sensor import Sensor
+from warm import warm_up
 
 settings.register_profile("taxelflow", deadline=None, max_examples=40, derandomize=True, database=None)
 settings.load_profile("taxelflow")
 
 CHECKOUT = Path(__file__).resolve().parents[1]
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile the kernels before workers start; a run in one process compiles what it needs."""
+    if getattr(session.config.option, "numprocesses", None):
+        warm_up()
 
 
 @pytest.fixture(scope="session")

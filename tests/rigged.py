@@ -15,6 +15,8 @@ from taxelflow.simulation.simulate import save
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import pytest
+
     from taxelflow.messages import Bools, Floats
     from taxelflow.simulation.scenario import Scenario
 
@@ -27,6 +29,18 @@ def rigged(name: str = "stroke", **changes: Any) -> Scenario:
         for part, change in changes.items()
     }
     return replace(scenario, **whole)
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """The one line on stderr of a command that ends with exit code 2 and prints nothing else."""
+    capsys.readouterr()
+    code = main([str(argument) for argument in arguments])
+    said = capsys.readouterr()
+    assert (code, said.out) == (2, ""), said
+    assert said.err.startswith("taxelflow: ")
+    assert said.err.endswith("\n")
+    assert said.err.count("\n") == 1, said.err
+    return said.err
 
 
 def estimated(recording: Path, out: Path, *arguments: str) -> Path:
@@ -53,7 +67,7 @@ def track(
     contact: Bools | None = None,
     slipping: Bools | None = None,
 ) -> Track:
-    """Positions at 10 Hz from 0 s, in contact and not slipping unless told."""
+    """Positions at 10 Hz from 0 s, in contact and not slipping by default."""
     seconds = np.arange(len(x_m)) / 10 if t_s is None else t_s
     flags = {
         "contact": np.ones(len(x_m), dtype=np.bool_) if contact is None else contact,

@@ -12,6 +12,8 @@ import numpy as np
 from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.condition.parameters import Conditioner
+from taxelflow.estimation.completion import start_slips
+from taxelflow.contacts.features import ContactFeatures
 from taxelflow.messages import Bools, Floats, RawScans, Scans, Slips, cut, joined
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from taxelflow.condition.session import Session
+    from taxelflow.condition.session import ConditionSession
 
 METHODS = ("lnorm", "convolution")
 
@@ -104,8 +106,8 @@ def scans_of(
 
 
 def slips_by(method: str, sensor: Sensor, *blocks: Scans, mode: str = "stream", **parameters: Any) -> Slips:
-    """All slips that an estimator session gives for these blocks."""
-    session = registry.find("estimator", method)(**parameters).start(sensor.layout, mode)
+    """All slips of these blocks by an estimator."""
+    session = start_slips(registry.find("estimator", method)(**parameters), sensor.layout, mode)
     slips: Slips = joined([*(session.step(block) for block in blocks), session.finish()])
     return slips
 
@@ -119,13 +121,16 @@ def conditioned(
     cuts: Iterable[int] = (),
     masked: Bools | None = None,
     **parameters: Any,
-) -> tuple[Scans, Session]:
-    """Scans through a conditioner in the given mode; the session shows what it has learned."""
+) -> tuple[Scans, ConditionSession]:
+    """Scans through a conditioner in the given mode, contacts split if the sensor asks for it; the session shows what
+    it has learned.
+    """
     raw = raw_scans(values, t_s)
     off = np.zeros(sensor.layout.taxels, dtype=np.bool_) if masked is None else masked
     session = Conditioner(**parameters).start(sensor, off, [raw] if mode == "batch" else None)
-    blocks = [scans for piece in pieces(raw, cuts) for scans in session.step(piece)]
-    return joined([*blocks, *session.finish()]), session
+    contacts = ContactFeatures().start(sensor, Conditioner.contact_on, Conditioner.contact_off)
+    blocks = [*(scans for piece in pieces(raw, cuts) for scans in session.step(piece)), *session.finish()]
+    return joined([contacts.step(block).scans for block in blocks]), session
 
 
 def pieces(block: Any, cuts: Iterable[int]) -> list[Any]:

@@ -1,4 +1,4 @@
-"""Sensors whose pads are tables, for tests."""
+"""Sensor files, and sensors whose pads are tables, for tests."""
 
 from __future__ import annotations
 
@@ -7,14 +7,39 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.sensors.pads import Pad
-from taxelflow.sensors.sensor import Sensor
+from taxelflow.sensors.sensor import Sensor, parse_sensor
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 
+GOOD = """
+name = "hand"
+unit = "kPa"
+[[pads]]
+name = "palm"
+rows = 2
+cols = 3
+pitch_m = [0.01, 0.012]
+missing = [[0, 0]]
+[[pads]]
+name = "tip"
+rows = 1
+cols = 1
+pitch_m = [0.004, 0.004]
+"""
+
+POINTS = "taxels = [[0, 0], [0.003, 0], [0, 0.004]]"
+INLINE = f'name = "hand"\nunit = "kPa"\n[[pads]]\nname = "tip"\n{POINTS}\n'
+CURVED = "taxels = [[0, 0, 0, 0, 0, 1], [0.003, 0, 0, 0, 0, 1], [0, 0.004, 0, 0, 0, 1]]"
+
+
+def parse(text: str) -> Sensor:
+    return parse_sensor(text.encode(), "hand.toml")
+
+
 def hexagonal(rings: int, pitch_m: float = 0.005) -> Floats:
-    """(taxels, 2): a hexagon of so many rings around one taxel."""
+    """(taxels, 2): a hexagon of rings around one taxel."""
     steps = range(-rings, rings + 1)
     places = [(a + b / 2, b * np.sqrt(3) / 2) for b in steps for a in steps if abs(a + b) <= rings]
     return pitch_m * np.array(places)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import taxelflow
+from rigged import refused
 from synthetic import DsaMatrix, dome, dsa_words, dsa_xml, grid_sensor, raw_scans, write_dsa
 from taxelflow import registry
 from taxelflow.acquire.base import Recording
@@ -70,19 +71,6 @@ def save_npz(path: Path, values: Floats | None = None, t_s: Any = None, sensor: 
 def rows_of(path: Path) -> list[dict[str, str]]:
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
-
-
-def refused(capsys: Capture, *arguments: object) -> str:
-    """The one line on stderr of a command that ends with exit code 2."""
-    capsys.readouterr()
-    code = main([str(argument) for argument in arguments])
-    said = capsys.readouterr()
-    assert code == 2, said
-    assert said.err.startswith("taxelflow: ")
-    assert said.err.count("\n") == 1, said.err
-    assert said.err.endswith("\n")
-    assert said.out == ""
-    return said.err
 
 
 def refused_estimate(capsys: Capture, tmp_path: Path, recording: Path, *more: object) -> str:
@@ -659,14 +647,14 @@ def test_sensors_draws_all_built_in_ones(tmp_path: Path, capsys: Capture) -> Non
         f.name for f in tmp_path.iterdir()
     }
     line = refused(capsys, "sensors", "--plot", tmp_path / "all.png")
-    assert "it is a file that ends in .svg, .png, .pdf, or a directory" in line
+    assert "plot must be a directory, or a file that ends in .svg or .png or .pdf" in line
 
 
 @pytest.mark.parametrize(
     ("name", "says"),
     [
         ("inspire-rh56dftp", "sensor inspire-rh56dftp: its pitch is not published; measure it and add it to the name"),
-        ("grid:16x16", "'grid:16x16' is no plain grid; name rows, cols and pitch"),
+        ("grid:16x16", "'grid:16x16' is not a plain grid; give rows, cols and pitch"),
     ],
 )
 def test_a_sensor_that_lacks_its_pitch_says_how_to_name_it(capsys: Capture, name: str, says: str) -> None:

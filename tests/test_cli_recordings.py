@@ -90,7 +90,7 @@ def test_times_in_a_wrong_unit_are_told(tmp_path: Path, sensor: Path, capsys: Ca
     convert(recorded(VALUES, PALM, t_s=100.0 * np.arange(70)), tmp_path / "a.csv")
     code, out, err = run(capsys, "info", tmp_path / "a.csv", "--sensor", sensor, "--json")
     assert code == 0
-    assert "0.01 scans a second is not what tactile sensors do: are times in s?" in err
+    assert "a rate of 0.01 Hz is implausible for a tactile sensor: check that times are in s" in err
     assert json.loads(out)["notes"]
 
 
@@ -98,7 +98,7 @@ def test_columns_mean_nothing_for_a_bag(tmp_path: Path, sensor: Path, capsys: Ca
     bag = write_bag(tmp_path / "a.bag", {"/touch": (TOUCH, [[row] for row in VALUES])})
     code, _, err = run(capsys, "info", bag, "--sensor", sensor, "--columns.skip", 1)
     assert code == 2
-    assert "leave it out: it means nothing for .bag recordings" in err
+    assert "must be left out for .bag recordings" in err
 
 
 def test_a_truncated_mcap_is_estimated_as_far_as_it_goes(tmp_path: Path, capsys: Capture) -> None:

@@ -127,7 +127,8 @@ def test_a_hash_covers_a_module_and_all_that_it_imports(tmp_path: Path) -> None:
     package = tmp_path / "taxelflow"
     (package / "stage").mkdir(parents=True)
     sources = {
-        "stage/kernels.py": "from taxelflow.stage import shared as also\nfrom taxelflow.messages import (\n    OK,\n)\n",
+        "stage/kernels.py": "from taxelflow.stage import shared as also\n"
+        "from taxelflow.messages import (\n    OK,\n)\n",
         "stage/shared.py": "from taxelflow.numbers import TWO\n",
         "numbers.py": "TWO = 2\n",
         "messages.py": "OK = 1\n",

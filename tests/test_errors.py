@@ -23,11 +23,12 @@ FACTS: dict[str, tuple[object, ...]] = {
     "PitchNeeded": ("hand", "3"),
     "GridNameInvalid": ("grid:4",),
     "NameUnknown": ("sensor", "hnad", ["hand"]),
-    "ParameterInvalid": ("gain", 0, "it is above 0"),
+    "ParameterInvalid": ("gain", 0, "be above 0"),
     "ResultMissing": (Path("out"), "slips.csv"),
     "CalibrationInvalid": (Path("cal.toml"), "it is empty"),
     "CalibrationUnfit": ("sensor 'hand'", "sensor 'foot'"),
     "GainsUnknown": ("the object did not move", "move it"),
+    "EstimatorBroken": ("MySession", 3, 2),
     "TruthInvalid": (Path("truth.csv"), "it is empty"),
     "ExtraMissing": ("plot", "matplotlib"),
 }
@@ -56,5 +57,5 @@ def test_a_message_is_one_line_that_names_what_was_seen_and_what_to_do(name: str
     message = str(CLASSES[name](*FACTS[name]))
     assert "\n" not in message
     assert str(FACTS[name][0]) in message
-    assert re.search(r"[;:]", message)
+    assert re.search(r"[;:]| must ", message)
     assert not message.endswith(".")

@@ -10,12 +10,27 @@ from synthetic import METHODS, assert_same, dome, grid_sensor, recorded
 from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.api import estimate
+from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import NameUnknown, TimesNotIncreasing
-from taxelflow.messages import Floats, RawScans
+from taxelflow.messages import (
+    AMBIGUOUS,
+    LOST,
+    NO_POSE,
+    OK,
+    UNRESOLVED,
+    Estimates,
+    Floats,
+    RawScans,
+    Scans,
+    cut,
+    no_scans,
+)
 from taxelflow.pipeline import Output, Pipeline
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from taxelflow.sensors.layout import Layout
 
 PALM = grid_sensor(4, 7, full_scale=140e3)
 WIDE = grid_sensor(9, 21, full_scale=140e3)
@@ -190,3 +205,103 @@ def test_slips_of_a_recording_are_dated_with_hindsight_and_every_scan_is_given_o
     assert set(range(41, 80)) <= set(found.tolist()) <= set(range(39, 82))
     first = next(event for output in live for event in output.events if event.event == "slip_start")
     assert first.t_s > 4.05
+
+
+def pushed(recording: Recording, method: str, mode: str, size: int) -> Output:
+    """All results of a recording whose scans are pushed into a run, `size` at a time."""
+    run = pipeline(method, mode).start(recording)
+    raw = recording.load()
+    outputs = [run.step(cut(raw, start, start + size)) for start in range(0, len(raw), size)]
+    return Output.joined([*outputs, run.finish()])
+
+
+@both_methods
+@both_modes
+@pytest.mark.parametrize("size", [1, 7, 200])
+def test_scans_that_are_pushed_give_what_reading_gives(method: str, mode: str, size: int, stroke: Recording) -> None:
+    read, pushes = Output.joined(list(pipeline(method, mode).start(stroke))), pushed(stroke, method, mode, size)
+    for stage in ("slips", "motions", "contacts"):
+        assert_same(getattr(read, stage), getattr(pushes, stage))
+    np.testing.assert_array_equal(read.slipping, pushes.slipping)
+    assert read.events == pushes.events
+
+
+def test_a_push_before_anything_is_learned_gives_no_rows(stroke: Recording) -> None:
+    run = pipeline(mode="stream").start(stroke)
+    raw = stroke.load()
+    rows = [len(run.step(cut(raw, scan, scan + 1))) for scan in range(20)]
+    assert rows == [0] * 11 + [12] + [1] * 8
+    assert len(run.finish()) == 0
+
+
+def test_a_live_run_needs_no_recording() -> None:
+    run = pipeline(mode="stream").start(Recording.live(PALM))
+    rows = sum(len(run.step(raw)) for raw in itertools.islice(endless(), 30))
+    assert rows == 30
+    assert [event.event for event in run.finish().events] == []
+    assert run.learned is not None
+
+
+class Still:
+    """A plug-in estimator that knows the middle of every pad, and nothing of quality, border or load."""
+
+    def __init__(self, quality: int = NO_POSE) -> None:
+        self.quality = quality
+
+    def start(self, layout: Layout, mode: str) -> Still:
+        return self
+
+    def step(self, scans: Scans) -> Estimates:
+        estimates = Estimates.unknown(scans)
+        estimates.pose[scans.contact] = 0.0
+        estimates.quality[scans.contact] = self.quality
+        return estimates
+
+    def finish(self) -> Estimates:
+        return Estimates.unknown(no_scans(PALM.layout.entries, len(PALM.layout.pads)))
+
+
+@both_modes
+def test_a_plug_in_reports_the_contacts_borders_and_loads_of_the_scans(mode: str) -> None:
+    random = np.random.default_rng(3)
+    values = np.array([dome(PALM, x) for x in np.linspace(0.0, 0.04, 60)]) + random.normal(0, 100, (60, 28))
+    recording = recorded(np.concatenate([np.zeros((20, 28)), values]), PALM)
+    own, plug_in = (estimate(recording, method, mode=mode) for method in ("convolution", Still()))  # type: ignore[arg-type, list-item]
+    np.testing.assert_array_equal(plug_in.slips.border, own.slips.border)
+    np.testing.assert_array_equal(plug_in.slips.contact, own.slips.contact)
+    np.testing.assert_array_equal(plug_in.slips.load, own.slips.load)
+    share = own.summary.pads["pad0"].border_share
+    assert plug_in.summary.pads["pad0"].border_share == share
+    assert 0.3 < share < 1.0
+    assert own.slips.load[40, 0] == pytest.approx(values[20].sum(), rel=0.02)
+    touched, cut_off = plug_in.slips.contact[:, 0], plug_in.slips.border[:, 0].any(axis=1)
+    assert (plug_in.slips.quality[touched & cut_off, 0] == AMBIGUOUS).all()
+    assert (plug_in.slips.quality[touched & ~cut_off, 0] == OK).all()
+    assert (plug_in.slips.quality[~touched, 0] == NO_POSE).all()
+
+
+@pytest.mark.parametrize("quality", [OK, AMBIGUOUS, UNRESOLVED, LOST])
+def test_what_a_method_judges_itself_is_kept(quality: int, stroke: Recording) -> None:
+    slips = estimate(stroke, Still(quality)).slips  # type: ignore[arg-type]
+    assert (slips.quality[slips.contact] == quality).all()
+
+
+def test_filters_of_the_conditioner_add_to_every_lag(stroke: Recording) -> None:
+    plain = estimate(stroke, "lnorm").slips
+    filtered = estimate(stroke, "lnorm", condition=Conditioner(median_scans=5)).slips
+    known = np.isfinite(filtered.lag_s)
+    assert known.any()
+    np.testing.assert_allclose(filtered.lag_s[known] - plain.lag_s[known], 0.2)
+
+
+@both_modes
+def test_contacts_that_move_apart_leave_no_scan_ok(mode: str) -> None:
+    random = np.random.default_rng(2)
+    apart_m = np.concatenate([np.full(30, 0.04), np.linspace(0.04, 0.1, 40), np.full(30, 0.1)])
+    values = np.array([dome(WIDE, -x / 2, radius_m=0.01) + dome(WIDE, x / 2, radius_m=0.01) for x in apart_m])
+    idle = np.zeros((20, WIDE.layout.taxels))
+    values = np.concatenate([idle, values]) + random.normal(0, 100, (120, WIDE.layout.taxels))
+    result = estimate(recorded(values, WIDE), mode=mode)  # type: ignore[arg-type]
+    assert any("moved apart" in note for note in result.summary.notes)
+    assert (result.slips.quality[25:45, 0] == OK).all()
+    assert (result.slips.quality[-20:, 0] == UNRESOLVED).all()

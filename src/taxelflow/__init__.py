@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     from taxelflow.api import Result, convert, estimate, estimator, read
     from taxelflow.condition.parameters import Conditioner
     from taxelflow.errors import TaxelflowError
-    from taxelflow.messages import Event, Motions, RawScans, Scans, Slips
+    from taxelflow.messages import Estimates, Event, Motions, RawScans, Scans, Slips
+    from taxelflow.pipeline import Pipeline
     from taxelflow.sensors.catalogue import load_sensor
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.pads import Pad
@@ -21,10 +22,12 @@ __version__ = "0.1.0"
 _HOME = {
     "Columns": "acquire.columns",
     "Conditioner": "condition.parameters",
+    "Estimates": "messages",
     "Event": "messages",
     "Layout": "sensors.layout",
     "Motions": "messages",
     "Pad": "sensors.pads",
+    "Pipeline": "pipeline",
     "RawScans": "messages",
     "Recording": "acquire.base",
     "Result": "api",
@@ -44,10 +47,12 @@ _HOME = {
 __all__ = [
     "Columns",
     "Conditioner",
+    "Estimates",
     "Event",
     "Layout",
     "Motions",
     "Pad",
+    "Pipeline",
     "RawScans",
     "Recording",
     "Result",

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from inspect import signature
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 import numpy as np
 
-from taxelflow import __version__, registry
+from taxelflow import registry
 from taxelflow.acquire.base import Reading, Recording
 from taxelflow.acquire.columns import Columns
 from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
+from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
 from taxelflow.estimation.smoothing.parameters import NOTE, Smoothing
 from taxelflow.messages import Bools, Contacts, Event, LearnedPattern, Motions, RawScans, Scans, Slips, joined
@@ -26,9 +29,9 @@ from taxelflow.sensors.sensor import Sensor
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
-    from taxelflow.condition.learn import Learned
+    from taxelflow.condition.baseline import Baseline
     from taxelflow.estimation.base import Estimator, Mode
 
 _MOST_WORDS = 4
@@ -84,7 +87,7 @@ def read(
     opener = registry.find("reader", suffix)
     asked = {name: value for name, value in {"topic": topic, "columns": columns}.items() if value is not None}
     for name in asked.keys() - signature(opener).parameters.keys():
-        raise ParameterInvalid(name, asked[name], f"leave it out: it means nothing for {suffix} recordings")
+        raise ParameterInvalid(name, asked[name], f"be left out for {suffix} recordings: it has no meaning there")
     return cast("Recording", opener(path, sensor, **asked))
 
 
@@ -104,7 +107,7 @@ def convert(
         raise FormatUnknown(path, registry.names("writer"), "writer")
     write = registry.find("writer", path.suffix.lower())
     part = path.with_name(path.name + ".part")
-    reading = recording.sent()
+    reading = recording.source_blocks()
     try:
         write(recording, part, watched(reading))
         part.replace(path)
@@ -113,11 +116,19 @@ def convert(
     return reading
 
 
-def conditioned(recording: Recording) -> Scans:
-    """All scans of a recording, conditioned as a batch with the usual parameters, in memory."""
+def segmented(recording: Recording, conditioner: Conditioner | None = None) -> Iterator[Scans]:
+    """Blocks of scans as an estimator gets them in a batch: conditioned, contacts split."""
+    conditioner = conditioner or Conditioner()
     with announced():
-        session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
-        return joined([*(scans for raw in recording.blocks() for scans in session.step(raw)), *session.finish()])
+        session = conditioner.start(recording.sensor, recording.masked, recording.blocks())
+        contacts = ContactFeatures().start(recording.sensor, conditioner.contact_on, conditioner.contact_off)
+    for scans in chain(chain.from_iterable(map(session.step, recording.blocks())), session.finish()):
+        yield contacts.step(scans).scans
+
+
+def conditioned(recording: Recording) -> Scans:
+    """All scans of `segmented` in memory."""
+    return joined(list(segmented(recording)))
 
 
 def estimator(method: str, **parameters: Any) -> Estimator:
@@ -126,7 +137,7 @@ def estimator(method: str, **parameters: Any) -> Estimator:
     try:
         return cast("Estimator", kind(**parameters))
     except TypeError as error:
-        raise ParameterInvalid(f"a parameter of {method}", parameters, str(error)) from error
+        raise ParameterInvalid(f"parameters of {method}", parameters, f"fit the method: {error}") from error
 
 
 def estimate(
@@ -151,7 +162,7 @@ def estimate(
     """
     if not isinstance(recording, Recording):
         recording = read(recording)
-    recording = recording.told_apart(contacts)
+    recording = recording.with_contacts(contacts)
     if isinstance(method, str):
         chosen, name = estimator(method, **parameters), method
     else:
@@ -228,7 +239,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
     if pipeline.smooth.acceleration_m_s2:
         notes.append(NOTE)
     return Summary(
-        taxelflow=__version__,
+        taxelflow=version("taxelflow"),
         input=str(recording.source),
         format=recording.format,
         sensor=recording.sensor.name,
@@ -260,7 +271,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
     )
 
 
-def _of_taxels(recording: Recording, learned: Learned) -> list[str]:
+def _of_taxels(recording: Recording, learned: Baseline) -> list[str]:
     """Notes on masked taxels and on those that are not well."""
     told = {finding.taxel for finding in learned.findings}
     silent = np.flatnonzero(learned.masked & ~recording.masked)

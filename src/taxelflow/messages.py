@@ -1,8 +1,9 @@
-"""What the stages pass on: raw scans, scans, slips, motions, events, and the patterns that an estimator has learned.
+"""Messages between the stages: raw scans, scans, estimates, slips, motions, contacts, events and learned patterns.
 
-Every message that flows is a block of one or more scans in time order, so that one kernel serves a live stream
-(blocks of one) and a recording (blocks of thousands), and no result depends on how a stream is cut.
-Unknown numbers are NaN. Axis order of three components is always (x, y, theta), in m, m, rad.
+A message holds a block of one or more scans in time order, so that the same kernels process a live stream (blocks of
+one scan) and a recording (blocks of thousands). No result depends on the sizes of the blocks.
+Unknown numbers are NaN. Three components are always in the order (x, y, theta), in m, m, rad. In the shapes below,
+`pads` counts pads, groups and separate contacts, `entries` their taxels (see `Layout`).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    Block = TypeVar("Block", "RawScans", "Scans", "Slips", "Motions", "Contacts")
+    Block = TypeVar("Block", "RawScans", "Scans", "Footprint", "Estimates", "Slips", "Motions", "Contacts")
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -25,18 +26,18 @@ Bytes = NDArray[np.uint8]
 
 NO_POSE, OK, AMBIGUOUS, UNRESOLVED, LOST = range(5)
 QUALITY = ("", "ok", "ambiguous", "unresolved", "lost")
-"""What a pose is worth. Empty: there is none. ok: as good as its covariance says. ambiguous: something that is not
-motion (a contact cut by a border, tilt, growth) may look like it, or a direction cannot be seen. unresolved: the scan
-does not fit what the method knows, chi-square is too high, or contacts on the pad have moved apart. lost: the method
-starts again."""
+"""Quality of a pose. Empty: no pose. ok: the covariance describes its error. ambiguous: a change of the contact other
+than motion (cut by a border, tilt, growth) may have the same effect, or a direction is not observable. unresolved: the
+scan contradicts the method's model (chi-square above its gate), or contacts on the pad move independently. lost: the
+method starts again."""
 
 
 @dataclass(frozen=True, slots=True)
 class RawScans:
-    """Scans as the sensor gave them.
+    """Scans in the sensor's own unit.
 
-    t_s: (scans,) sensor's clock in s, strictly increasing.
-    values: (scans, taxels) in the sensor's own unit; NaN where a taxel is missing in a scan.
+    t_s: (scans,), sensor's clock in s, strictly increasing.
+    values: (scans, taxels); NaN where a taxel is missing in a scan.
     """
 
     t_s: Floats
@@ -50,13 +51,12 @@ class RawScans:
 class Scans:
     """Conditioned scans: tared, in Pa (counts for a sensor without a scale), free of NaN.
 
-    t_s: (scans,). pressure: (scans, entries), 0 where a taxel is masked or missing; entries are the taxels of all
-    pads and groups (see `Layout`), and pads below are pads and groups.
-    noise: (entries,) standard deviation of one reading, same unit; 0 marks a masked taxel. A reading of exactly 0
-    has no noise: the taxel is masked or missing, or the sensor clips it there while it is idle. ceiling: (entries,),
-    a reading at or above it is saturated, the pressure may be larger; inf where no full scale is known.
+    t_s: (scans,). pressure: (scans, entries), 0 where a taxel is masked or missing.
+    noise: (entries,), standard deviation of one reading, same unit; 0 for a masked taxel. A reading of exactly 0 has no
+    noise: the taxel is masked, missing, or clipped by the sensor while it is idle.
+    ceiling: (entries,), a reading at or above it is saturated; inf where the full scale is unknown.
     contact: (scans, pads). complete: (scans, pads), False where a loaded taxel is missing in that scan, and in the
-    first scan after a gap in time or after a change of masks: no motion is to be followed from the scan before it.
+    first scan after a gap in time or a change of masks: no motion can be estimated from the previous scan.
     """
 
     t_s: Floats
@@ -71,19 +71,78 @@ class Scans:
 
 
 @dataclass(frozen=True, slots=True)
+class Footprint:
+    """Contact, border and load per scan and pad, which depend on scan and layout only.
+
+    t_s: (scans,). contact: (scans, pads). border: (scans, pads, 2), whether a loaded taxel lies at a border of the pad
+    that faces x (left, right), y. load: (scans, pads), sum of the pad's pressures, Pa (counts without a scale).
+    """
+
+    t_s: Floats
+    contact: Bools
+    border: Bools
+    load: Floats
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimates:
+    """Results of an estimator per scan and pad, in each pad's frame; NaN where unknown.
+
+    t_s: (scans,). displacement: (scans, pads, 3), since the pad's previous scan, m, m, rad. pose: (scans, pads, 3).
+    covariance: (scans, pads, 3, 3) of the pose. displacement_covariance: (scans, pads, 3, 3), from noise alone.
+    span_s: (scans, pads), duration of the displacement. lag_s: (scans, pads), age of the pose at t_s.
+    disturbance: (scans, pads), for methods without direction: evidence of slip in standard deviations of noise.
+    quality: (scans, pads), index in `QUALITY` where the method itself judges its pose, such as AMBIGUOUS for a
+    direction that it cannot observe; NO_POSE elsewhere, and the pipeline judges: ambiguous where the contact is cut by
+    the pad's border, else ok.
+    """
+
+    t_s: Floats
+    displacement: Floats
+    pose: Floats
+    covariance: Floats
+    displacement_covariance: Floats
+    span_s: Floats
+    lag_s: Floats
+    disturbance: Floats
+    quality: Bytes
+
+    @classmethod
+    def unknown(cls, scans: Scans) -> Estimates:
+        """Arrays of NaN for these scans, for an estimator to fill in."""
+        shape = scans.contact.shape
+        return cls(
+            t_s=scans.t_s,
+            displacement=_unknown(*shape, 3),
+            pose=_unknown(*shape, 3),
+            covariance=_unknown(*shape, 3, 3),
+            displacement_covariance=_unknown(*shape, 3, 3),
+            span_s=_unknown(*shape),
+            lag_s=_unknown(*shape),
+            disturbance=_unknown(*shape),
+            quality=np.zeros(shape, dtype=np.uint8),
+        )
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
 class Slips:
     """Motion of the object relative to the skin, per scan and pad, in each pad's frame.
 
     t_s: (scans,). contact: (scans, pads).
-    border: (scans, pads, 2), the contact reaches a border of the pad that faces x (left, right), y.
+    border: (scans, pads, 2), whether the contact reaches a border of the pad that faces x (left, right), y.
     displacement: (scans, pads, 3), since the pad's previous scan. pose: (scans, pads, 3).
     covariance: (scans, pads, 3, 3) of the pose.
-    displacement_covariance: (scans, pads, 3, 3), what noise alone makes of a still object.
-    span_s: (scans, pads), time in which the displacement happened. lag_s: (scans, pads), how much older than t_s
-    the pose is.
-    load: (scans, pads), sum of the pad's pressures, Pa. disturbance: (scans, pads), for methods without direction: a
-    sign of slip in standard deviations of what noise makes of a still object; NaN for all others.
-    quality: (scans, pads), place in `QUALITY`: how far the pose is to be trusted.
+    displacement_covariance: (scans, pads, 3, 3), of the estimate for an object at rest, from noise alone.
+    span_s: (scans, pads), duration of the displacement, s. lag_s: (scans, pads), age of the pose at t_s, s.
+    load: (scans, pads), sum of the pad's pressures, Pa (counts for a sensor without a scale).
+    disturbance: (scans, pads), for methods without direction: evidence of slip in standard deviations of noise; NaN for
+    all others. quality: (scans, pads), index in `QUALITY`.
     """
 
     t_s: Floats
@@ -100,25 +159,24 @@ class Slips:
     quality: Bytes
 
     @classmethod
-    def unknown(cls, scans: Scans, starts: NDArray[np.int64] | None = None) -> Slips:
-        """Contact as in `scans`, and the load if `starts` (`Layout.starts`) says which taxels are whose; else arrays of
-        NaN for an estimator to fill in.
-        """
-        shape = scans.contact.shape
-        load = _unknown(*shape) if starts is None else np.add.reduceat(scans.pressure, starts[:-1], axis=1)
+    def of(cls, footprint: Footprint, estimates: Estimates) -> Slips:
+        """Slips of the same scans: a pose that its method has not judged is ambiguous where its contact is cut."""
+        unjudged = (estimates.quality == NO_POSE) & np.isfinite(estimates.pose[..., 0])
+        cut_off = footprint.border.any(axis=-1)
+        quality: Bytes = np.where(unjudged, np.where(cut_off, AMBIGUOUS, OK), estimates.quality).astype(np.uint8)
         return cls(
-            t_s=scans.t_s,
-            contact=scans.contact,
-            border=np.zeros((*shape, 2), dtype=np.bool_),
-            displacement=_unknown(*shape, 3),
-            pose=_unknown(*shape, 3),
-            covariance=_unknown(*shape, 3, 3),
-            displacement_covariance=_unknown(*shape, 3, 3),
-            span_s=_unknown(*shape),
-            lag_s=_unknown(*shape),
-            load=load,
-            disturbance=_unknown(*shape),
-            quality=np.zeros(shape, dtype=np.uint8),
+            t_s=footprint.t_s,
+            contact=footprint.contact,
+            border=footprint.border,
+            displacement=estimates.displacement,
+            pose=estimates.pose,
+            covariance=estimates.covariance,
+            displacement_covariance=estimates.displacement_covariance,
+            span_s=estimates.span_s,
+            lag_s=estimates.lag_s,
+            load=footprint.load,
+            disturbance=estimates.disturbance,
+            quality=quality,
         )
 
     @property
@@ -129,7 +187,7 @@ class Slips:
 
     @property
     def valid(self) -> Bools:
-        """(scans, pads), True where the displacement is known."""
+        """(scans, pads), whether the displacement is known."""
         known: Bools = np.isfinite(self.displacement[..., 0])
         return known
 
@@ -141,10 +199,11 @@ class Slips:
 class Motions:
     """Motion of the object over the hand, one row per scan, in the hand frame.
 
-    t_s: (scans,). velocity: (scans, 3) of the object's point at the hand's origin, and its rate of turn.
-    velocity_covariance: (scans, 3, 3). rotor, rotor_std: (scans,), in 1/s. centre, centre_std: (scans, 2), the centre
-    of rotation. pose: (scans, 3), how far the point that lay at the hand's origin at first contact has moved, and the
-    turn since. pose_covariance: (scans, 3, 3). pads: (scans,), how many pads and groups the velocity is from.
+    t_s: (scans,). velocity: (scans, 3), of the object's point at the hand's origin, m/s, and turn rate, rad/s.
+    velocity_covariance: (scans, 3, 3). rotor, rotor_std: (scans,), curl of the field of velocities, 1/s.
+    centre, centre_std: (scans, 2), centre of rotation, m. pose: (scans, 3), displacement of the point that was at the
+    hand's origin at first contact, and rotation since then. pose_covariance: (scans, 3, 3).
+    pads: (scans,), number of pads and groups from which the velocity is computed.
     """
 
     t_s: Floats
@@ -164,14 +223,14 @@ class Motions:
 
 @dataclass(frozen=True, slots=True)
 class Contacts:
-    """What the contact of a pad is like, per scan and pad, in each pad's frame; NaN without contact, or where a loaded
-    taxel is missing.
+    """Features of the contact per scan and pad, in each pad's frame; NaN without contact, or where a loaded taxel is
+    missing.
 
     t_s: (scans,). contact: (scans, pads). force, force_std: (scans, pads), N, normal to the skin; NaN for a sensor
     without a scale. area: (scans, pads), m^2, of the taxels above the noise. peak: (scans, pads), Pa or counts.
-    centroid: (scans, pads, 2), m. axes: (scans, pads, 2), m, full length and width of the evenly filled ellipse with
-    the same second moments. eccentricity: (scans, pads), 0 round to 1 a line. orientation, orientation_std: (scans,
-    pads), rad, of the long axis, from -pi/2 to pi/2 anticlockwise from x; NaN where the contact is too round to tell.
+    centroid: (scans, pads, 2), m. axes: (scans, pads, 2), m, full length and width of the uniform ellipse with the
+    same second moments. eccentricity: (scans, pads), from 0 (circle) to 1 (line). orientation, orientation_std: (scans,
+    pads), rad, of the long axis, from -pi/2 to pi/2 anticlockwise from x; NaN where the contact is nearly round.
     """
 
     t_s: Floats
@@ -192,12 +251,12 @@ class Contacts:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened on a pad: `contact`, `release`, `slip_start` or `slip_stop`.
+    """An event on a pad: `contact`, `release`, `slip_start` or `slip_stop`.
 
-    t_s: time of the scan that told of it; in a recording, where slips are dated with hindsight, of the first scan after
-    it. onset_s: when it is thought to have happened.
-    direction_rad, speed_m_s, turn_rad_s: the slip's motion in the pad's frame, as far as known at its start, over all
-    of it at its end. NaN where unknown, and for contact and release.
+    t_s: time of the scan in which it was detected; in a recording, where slips are dated offline, of the first scan
+    after it. onset_s: its estimated time.
+    direction_rad, speed_m_s, turn_rad_s: motion of the slip in the pad's frame: the part known at slip_start, the mean
+    of the whole slip at slip_stop. NaN where unknown, and for contact and release.
     """
 
     t_s: float
@@ -211,14 +270,14 @@ class Event:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearnedPattern:
-    """Pressure of an object on a pad as it was learned over many scans, finer than the taxels.
+    """Pressure map of an object, estimated from many scans, finer than the taxels.
 
-    In the object's frame: a place u of it lies on the pad at pose_xy + R(theta) u, with the pose that `Slips` gives
-    (theta 0 where it is unknown); in a stream, with the last poses.
-    pad: name. t_first_s, t_last_s: first and last of the scans that it was learned from, `scans` of them.
-    x_m: (nx,), y_m: (ny,) places. pressure: (ny, nx), Pa (counts for a sensor without a scale), what a taxel there
-    would read; NaN where none ever looked. std: (ny, nx) of the pressure, if the poses are right.
-    turns: whether its turn can be seen. dead: taxels of the scan that did not answer to it and were masked.
+    In the object's frame: a point u of it lies on the pad at pose_xy + R(theta) u, with the pose of `Slips` (theta 0
+    where it is unknown); in a stream, with the last poses.
+    pad: name. t_first_s, t_last_s: times of the first and last of the `scans` scans that it is estimated from.
+    x_m: (nx,), y_m: (ny,), coordinates. pressure: (ny, nx), predicted reading of a taxel there, Pa (counts for a sensor
+    without a scale); NaN where no taxel has been. std: (ny, nx), standard deviation of the pressure for exact poses.
+    turns: whether its rotation is observable. dead: numbers of taxels in the scan that were masked as dead.
     """
 
     pad: str
@@ -238,14 +297,14 @@ _SHARED = ("noise", "ceiling")
 
 
 def no_scans(entries: int, pads: int, scans: int = 0) -> Scans:
-    """A block of no scans, or of some in which nothing is touched: what a session starts and ends with."""
-    noise, never = np.zeros(entries), np.full(entries, np.inf)
+    """A block of scans without contact, none by default: the start and end of a session."""
+    noise, ceiling = np.zeros(entries), np.full(entries, np.inf)
     untouched = np.zeros((scans, pads), dtype=np.bool_)
-    return Scans(np.zeros(scans), np.zeros((scans, entries)), noise, never, untouched, ~untouched)
+    return Scans(np.zeros(scans), np.zeros((scans, entries)), noise, ceiling, untouched, ~untouched)
 
 
 def joined(blocks: Sequence[Block]) -> Block:
-    """Blocks of one kind, at least one, as a single block. Scans must share one noise model."""
+    """One or more blocks of one kind as a single block. Scans must have the same noise and ceiling."""
     first = blocks[0]
     if len(blocks) == 1:
         return first
@@ -268,14 +327,7 @@ def cut(block: Block, start: int, stop: int) -> Block:
 
 
 def _unknown(*shape: int) -> Floats:
-    """NaN: `np.full` takes several times as long for a single scan."""
+    """Array of NaN; several times faster than `np.full` for a single scan."""
     array: Floats = np.empty(shape)
     array.fill(np.nan)
     return array
-
-
-def judged(pose: Floats, border: Bools) -> Bytes:
-    """Quality (scans, pads) as a centroid's poses (scans, pads, 3) deserve: ambiguous where the contact is cut."""
-    cut_off = border.any(axis=-1)
-    quality: Bytes = np.where(np.isfinite(pose[..., 0]), np.where(cut_off, AMBIGUOUS, OK), NO_POSE).astype(np.uint8)
-    return quality

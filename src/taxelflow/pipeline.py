@@ -1,9 +1,9 @@
-"""The paper on one screen: acquire, condition, estimate, fuse, monitor; what comes out is ready to publish."""
+"""The paper on one screen: acquire, condition, contacts, estimate, fuse, slip; what comes out is ready to publish."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, cast, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import CalibrationUnfit, NameUnknown, TaxelflowError
-from taxelflow.estimation.base import Learning, Mode
+from taxelflow.estimation.base import Calibratable, Learning, Mode
+from taxelflow.estimation.completion import SlipsSession
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.messages import (
@@ -20,33 +21,35 @@ from taxelflow.messages import (
     UNRESOLVED,
     Bools,
     Contacts,
+    Estimates,
     Event,
     Floats,
+    Footprint,
     LearnedPattern,
     Motions,
     RawScans,
-    Scans,
     Slips,
     cut,
     joined,
+    no_scans,
 )
 from taxelflow.sensors.calibration import Calibration
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from taxelflow.acquire.base import Reading, Recording
+    from taxelflow.condition.baseline import Baseline
     from taxelflow.condition.deduplicate import Counts
-    from taxelflow.condition.learn import Learned
-    from taxelflow.estimation.base import Calibratable, Estimator, EstimatorSession
-    from taxelflow.messages import Block
+    from taxelflow.estimation.base import Estimator, EstimatorSession
+    from taxelflow.messages import Block, Scans
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Output:
-    """One block of results: what every pad saw, whether it slips (scans, pads), the object's motion, events, and what
-    the contacts are like. All of the same scans.
+    """One block of results, all of the same scans: motion and quality of every pad, whether it slips (scans, pads), the
+    object's motion, what the contacts are like, and the events that these scans raised.
     """
 
     slips: Slips
@@ -57,6 +60,17 @@ class Output:
 
     def __len__(self) -> int:
         return len(self.slips)
+
+    @classmethod
+    def joined(cls, outputs: Sequence[Output]) -> Output:
+        """Consecutive blocks, at least one, as a single block."""
+        return cls(
+            joined([output.slips for output in outputs]),
+            np.concatenate([output.slipping for output in outputs]),
+            joined([output.motions for output in outputs]),
+            [event for output in outputs for event in output.events],
+            joined([output.contacts for output in outputs]),
+        )
 
 
 @dataclass(frozen=True)
@@ -77,12 +91,15 @@ class Pipeline:
             raise NameUnknown("mode", self.mode, get_args(Mode))
 
     def start(self, recording: Recording) -> Run:
-        """Learn what must be known first, compile what must be compiled; then iterate over the run."""
+        """Learn what must be known first and compile the kernels; then iterate over the run, or push scans into it."""
         return Run(self, recording)
 
 
 class Run:
-    """One pass of a recording through the stages, block by block."""
+    """One pass through the stages: iterate over it to read the recording, or call `step` and `finish` to push scans.
+
+    A batch has learned tare and noise from the whole recording when it starts; a stream learns them as scans come.
+    """
 
     def __init__(self, pipeline: Pipeline, recording: Recording) -> None:
         layout = recording.layout
@@ -92,16 +109,17 @@ class Run:
         lookahead = None if self._stream else recording.blocks()
         with announced():
             self._estimator = _started(pipeline, recording)
-            self._estimate = pipeline.smooth.around(self._estimator, layout, pipeline.mode)
+            self._estimate = pipeline.smooth.around(SlipsSession(self._estimator, layout), layout, pipeline.mode)
             self._condition = pipeline.condition.start(recording.sensor, recording.masked, lookahead)
             self._fuse = pipeline.fusion.start(layout)
-            self._describe = pipeline.features.begin(recording.sensor)
-            self._watch = pipeline.condition.watch(recording.sensor)
-        self._described: list[Contacts] = []
+            on, off = pipeline.condition.contact_on, pipeline.condition.contact_off
+            self._segment = pipeline.features.start(recording.sensor, on, off)
+        self._segmented: list[Contacts] = []
+        self._moved_apart: list[Bools] = []
         self._estimated: list[Slips] = []
-        self._parted: list[Bools] = []
         watch = pipeline.monitor.begin if self._stream else pipeline.monitor.look_back
-        self._monitor = watch(layout.pads)
+        self._slip = watch(layout.pads)
+        self._nothing = self._without_scans(no_scans(layout.entries, len(layout.pads)))
 
     @property
     def counts(self) -> Counts:
@@ -114,66 +132,93 @@ class Run:
         return self._condition.lag_s
 
     @property
-    def learned(self) -> Learned | None:
+    def learned(self) -> Baseline | None:
         """Tare, noise and masks, as far as they are known."""
-        return self._condition.learned
+        return self._condition.baseline
 
     @property
     def patterns(self) -> list[LearnedPattern]:
-        """What the estimator has learned of the object; none unless it learns."""
+        """Maps of the object's pressure that the estimator has learned; none unless it learns."""
         return list(self._estimator.patterns) if isinstance(self._estimator, Learning) else []
 
     @property
     def notes(self) -> list[str]:
         """What was found out about contacts, and by the estimator about the sensor."""
-        return [*self._watch.notes, *(self._estimator.notes if isinstance(self._estimator, Learning) else [])]
+        return [*self._segment.notes, *(self._estimator.notes if isinstance(self._estimator, Learning) else [])]
 
     @property
     def scatter(self) -> Floats:
         """(pads,), see `SlipSession.scatter`."""
-        return self._monitor.scatter
+        return self._slip.scatter
+
+    def step(self, raw: RawScans) -> Output:
+        """Results that are ready after these scans, which follow those of the last call; none, as a rule, until tare
+        and noise are known, and in a batch until contacts end.
+        """
+        return self._joined(self._through(raw))
+
+    def finish(self) -> Output:
+        """Results that were held back; no scan may follow."""
+        return self._joined(self._rest())
 
     def __iter__(self) -> Iterator[Output]:
         try:
             for block in self.reading:
                 for raw in _single(block) if self._stream else (block,):
-                    for scans in self._condition.step(raw):
-                        yield from self._step(scans)
+                    yield from self._through(raw)
         except (TaxelflowError, KeyboardInterrupt):  # what came before is given all the same
-            yield from self._give(*self._monitor.finish())
+            yield from self._judged(*self._slip.finish())
             raise
+        yield from self._rest()
+
+    def _through(self, raw: RawScans) -> Iterator[Output]:
+        for scans in self._condition.step(raw):
+            yield from self._segment_and_estimate(scans)
+
+    def _rest(self) -> Iterator[Output]:
         for scans in self._condition.finish():
-            yield from self._step(scans)
-        yield from self._finish(self._estimate.finish())
-        yield from self._give(*self._monitor.finish())
+            yield from self._segment_and_estimate(scans)
+        yield from self._detect(self._estimate.finish())
+        yield from self._judged(*self._slip.finish())
 
-    def _step(self, scans: Scans) -> Iterator[Output]:
-        self._described.append(self._describe.step(scans))
-        self._parted.append(self._watch.step(scans))
-        yield from self._finish(self._estimate.step(scans))
+    def _segment_and_estimate(self, scans: Scans) -> Iterator[Output]:
+        segmented = self._segment.step(scans)
+        self._segmented.append(segmented.contacts)
+        self._moved_apart.append(segmented.moved_apart)
+        yield from self._detect(self._estimate.step(segmented.scans))
 
-    def _finish(self, slips: Slips) -> Iterator[Output]:
+    def _detect(self, slips: Slips) -> Iterator[Output]:
         if not len(slips):
             return
         if self._condition.lag_s:
             slips = replace(slips, lag_s=slips.lag_s + self._condition.lag_s)
-        parted = np.concatenate(self._parted)
-        self._parted = [parted[len(slips) :]]
-        slips.quality[parted[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no one rigid object moves so
+        moved_apart = np.concatenate(self._moved_apart)
+        self._moved_apart = [moved_apart[len(slips) :]]
+        slips.quality[moved_apart[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no rigid object moves so
         self._estimated.append(slips)
-        yield from self._give(*self._monitor.step(slips))
+        yield from self._judged(*self._slip.step(slips))
 
-    def _give(self, slipping: Bools, events: list[Event]) -> Iterator[Output]:
-        """The oldest scans, as many as are judged."""
+    def _judged(self, slipping: Bools, events: list[Event]) -> Iterator[Output]:
+        """The oldest scans, as many as the slip detector has judged."""
         if not len(slipping):
             return
         slips, self._estimated = _split(self._estimated, len(slipping))
-        contacts, self._described = _split(self._described, len(slipping))
+        contacts, self._segmented = _split(self._segmented, len(slipping))
         yield Output(slips, slipping, self._fuse.step(slips), events, contacts)
+
+    def _joined(self, outputs: Iterable[Output]) -> Output:
+        return Output.joined([*outputs] or [self._nothing])
+
+    def _without_scans(self, scans: Scans) -> Output:
+        """An output of no scans."""
+        border = np.zeros((*scans.contact.shape, 2), dtype=np.bool_)
+        footprint = Footprint(scans.t_s, scans.contact, border, np.zeros(scans.contact.shape))
+        slips = Slips.of(footprint, Estimates.unknown(scans))
+        return Output(slips, slips.contact, self._fuse.step(slips), [], self._segment.step(scans).contacts)
 
 
 def _split(held: list[Block], count: int) -> tuple[Block, list[Block]]:
-    """The first `count` scans of blocks, and what is left; estimator and monitor may hold some back."""
+    """The first `count` scans of blocks, and what is left; estimator and detector may hold some back."""
     block = joined(held)
     return cut(block, 0, count), [cut(block, count, len(block))] if len(block) > count else []
 
@@ -183,11 +228,11 @@ def _started(pipeline: Pipeline, recording: Recording) -> EstimatorSession:
     estimator, calibration = pipeline.estimator, pipeline.calibration
     if calibration is None:
         return estimator.start(recording.layout, pipeline.mode)
-    if type(estimator) is not registry.find("estimator", calibration.method):
+    kind = registry.find("estimator", calibration.method)
+    if type(estimator) is not kind or not isinstance(estimator, Calibratable):
         raise CalibrationUnfit(f"method {calibration.method!r}", f"another, {type(estimator).__name__}")
     gains = calibration.gains(recording.sensor)
-    scalable: Calibratable = cast("Any", estimator)  # methods that can be calibrated are those of `score.calibrate`
-    return scalable.start(recording.layout, pipeline.mode, gains)
+    return estimator.start(recording.layout, pipeline.mode, gains)
 
 
 def _single(block: RawScans) -> Iterator[RawScans]:

@@ -1,4 +1,4 @@
-"""Every exchangeable part by name: the one place where a new reader, sensor model, estimator or sink is announced.
+"""Every exchangeable part by name: the one place where a new reader, writer, estimator or score is announced.
 
 Built-in parts stand in these tables and are imported on use; other packages add theirs as entry points
 of the group `taxelflow.<stage>`.
@@ -6,8 +6,11 @@ of the group `taxelflow.<stage>`.
 
 from __future__ import annotations
 
+import ast
 from importlib import import_module
 from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from taxelflow.errors import NameUnknown
@@ -39,6 +42,16 @@ PARTS: dict[str, dict[str, str]] = {
         "sum": "taxelflow.estimation.centroid.load_sum:Sum",
         "principal_axis": "taxelflow.estimation.centroid.principal_axis:PrincipalAxis",
     },
+    "score": {
+        "table1": "taxelflow.evaluation.table1:Table1",
+        "hard": "taxelflow.evaluation.hard:Hard",
+        "field": "taxelflow.evaluation.field:Field",
+        "slip": "taxelflow.evaluation.slip:Slip",
+        "limits": "taxelflow.evaluation.limits:Limits",
+        "peers": "taxelflow.evaluation.peers:Peers",
+        "contacts": "taxelflow.evaluation.contacts:Contacts",
+        "prediction": "taxelflow.evaluation.prediction:Prediction",
+    },
 }
 
 
@@ -56,6 +69,22 @@ def find(stage: str, name: str) -> Any:
     if name in plugins:
         return plugins[name].load()
     raise NameUnknown(stage, name, names(stage))
+
+
+def summary(stage: str, name: str) -> str:
+    """First line of a part's docstring, read from its source file: the part itself is not imported.
+
+    Empty if there is no source or no docstring.
+    """
+    where = PARTS[stage].get(name) or _plugins(stage)[name].value
+    module, _, attribute = where.partition(":")
+    found = find_spec(module)
+    if found is None or found.origin is None or not found.origin.endswith(".py"):
+        return ""
+    for node in ast.parse(Path(found.origin).read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == attribute:
+            return (ast.get_docstring(node) or "").partition("\n")[0]
+    return ""
 
 
 def _plugins(stage: str) -> dict[str, Any]:

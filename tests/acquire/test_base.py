@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 ONE = grid_sensor(1, 1)
 
 
-def read_until_fault(reading: Reading) -> tuple[list[float], Exception | None]:
+def read_until_error(reading: Reading) -> tuple[list[float], Exception | None]:
     seen: list[float] = []
     try:
         for block in reading:
@@ -59,7 +59,7 @@ def test_repeated_stamps_are_dropped_and_counted_and_the_first_of_them_stays(blo
 
 @pytest.mark.parametrize("block", [1, 2, 3, 100])
 def test_a_time_that_runs_backwards_is_an_error_after_what_came_before_it(block: int) -> None:
-    seen, error = read_until_fault(stamped([0.0, 0.1, 0.2, 0.15, 0.3], block).blocks())
+    seen, error = read_until_error(stamped([0.0, 0.1, 0.2, 0.15, 0.3], block).blocks())
     assert seen == [0.0, 0.1, 0.2]
     assert isinstance(error, TimesNotIncreasing)
     assert "scan 3 is at 0.150000 s after 0.200000 s" in str(error)
@@ -67,7 +67,7 @@ def test_a_time_that_runs_backwards_is_an_error_after_what_came_before_it(block:
 
 @pytest.mark.parametrize("block", [1, 2, 100])
 def test_the_scan_number_in_the_error_counts_dropped_scans(block: int) -> None:
-    _, error = read_until_fault(stamped([0.0, 0.0, 0.1, 0.05], block).blocks())
+    _, error = read_until_error(stamped([0.0, 0.0, 0.1, 0.05], block).blocks())
     assert "scan 3 " in str(error)
 
 
@@ -76,13 +76,13 @@ def test_the_scan_number_in_the_error_counts_dropped_scans(block: int) -> None:
 def test_a_time_that_is_no_finite_number_is_an_error(bad: float, place: int) -> None:
     t_s = [0.0, 0.1, 0.2, 0.3, 0.4]
     t_s[place] = bad
-    seen, error = read_until_fault(stamped(t_s, 2).blocks())
+    seen, error = read_until_error(stamped(t_s, 2).blocks())
     assert isinstance(error, TimesNotIncreasing)
     assert seen == [0.0, 0.1, 0.2, 0.3, 0.4][:place]
 
 
 def test_negative_and_large_times_are_fine() -> None:
-    seen, error = read_until_fault(stamped([-5.0, -1.0, 0.0, 1.7e9]).blocks())
+    seen, error = read_until_error(stamped([-5.0, -1.0, 0.0, 1.7e9]).blocks())
     assert error is None
     assert seen == [-5.0, -1.0, 0.0, 1.7e9]
 
@@ -153,12 +153,12 @@ def test_what_is_read_does_not_depend_on_how_the_source_cuts_it(steps: list[floa
     for blocks in ([raw], pieces(raw, [min(cut, len(raw)) for cut in cuts])):
         recording = Recording("memory", "memory", ONE, lambda blocks=blocks: iter(blocks))  # type: ignore[misc]
         reading = recording.blocks()
-        seen, error = read_until_fault(reading)
+        seen, error = read_until_error(reading)
         outcomes.append((seen, str(error), reading.scans, reading.repeated))
     assert outcomes[0] == outcomes[1]
 
 
 def test_a_recording_without_truth_says_so_when_it_is_asked_for() -> None:
     sensor = grid_sensor(1, 2)
-    with pytest.raises(RecordingCorrupt, match="carries no truth; use a recording of"):
+    with pytest.raises(RecordingCorrupt, match="holds no truth; use a recording of"):
         _ = recorded(np.zeros((3, 2)), sensor).known_truth

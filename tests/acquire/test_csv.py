@@ -71,7 +71,7 @@ def test_a_long_file_comes_in_blocks_and_twice_the_same(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["", "time,a,b,c\n0,1,2,3\n", "0,1,2,3\n1,1,2,3\n", "\n\n"])
 def test_a_wrong_header_is_shown_with_the_right_one(tmp_path: Path, text: str) -> None:
-    with pytest.raises(RecordingCorrupt, match=r"its header starts with .*a header row `t_s,"):
+    with pytest.raises(RecordingCorrupt, match=r"the header starts with .*a header row `t_s,"):
         open_csv(write(tmp_path / "a.csv", text), SENSOR)
 
 

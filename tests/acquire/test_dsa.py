@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from synthetic import DsaMatrix, dsa_words, dsa_xml, grid_sensor, write_dsa
-from taxelflow.acquire.dsa import open_dsa
+from taxelflow.acquire.dsa import _elements, open_dsa
 from taxelflow.api import estimate, read
 from taxelflow.errors import RecordingCorrupt, RecordingError, TaxelCountWrong, TimesNotIncreasing
 
@@ -48,9 +48,9 @@ def test_scans_times_and_layout_come_from_the_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(raw.values, scans)
     np.testing.assert_allclose(raw.t_s, 1.0 + 0.032 * np.arange(50), rtol=0, atol=1e-9)
     assert recording.scans == 50
-    assert [(pad.rows, pad.cols, pad.pitch_m) for pad in recording.sensor.pads] == [
-        (2, 3, (0.0034, 0.0035)),
-        (3, 2, (0.0034, 0.0035)),
+    assert [(pad.name, pad.rows, pad.cols, pad.pitch_m) for pad in recording.sensor.pads] == [
+        ("matrix0", 2, 3, (0.0034, 0.0035)),
+        ("matrix1", 3, 2, (0.0034, 0.0035)),
     ]
     assert (recording.sensor.unit, recording.sensor.full_scale) == ("count", 4095.0)
 
@@ -177,11 +177,27 @@ def test_damaged_bzip2_is_a_loss_of_what_follows_or_a_foreseen_error(tmp_path: P
     assert reading.loss is not None
 
 
-def test_frames_that_were_promised_but_are_not_there_are_a_loss(tmp_path: Path) -> None:
-    text = dsa_xml(SMALL, [(0, dsa_words([1] * 12))], promised=5)
+@pytest.mark.parametrize(("promised", "lost"), [(5, True), (2, True), (1, False)])
+def test_frames_that_were_promised_but_are_not_there_are_a_loss(tmp_path: Path, promised: int, lost: bool) -> None:
+    text = dsa_xml(SMALL, [(0, dsa_words([1] * 12))], promised=promised)
     reading = open_dsa(packed(tmp_path / "a.dsa", text), None).blocks()
     assert drain(reading) == 1
-    assert "1 of 5" in str(reading.loss)
+    assert (f"1 of {promised}" in str(reading.loss)) == lost
+
+
+def test_an_unfinished_xml_is_a_loss_even_if_nothing_was_promised(tmp_path: Path) -> None:
+    text = dsa_xml(SMALL, [(0, dsa_words([1] * 12))], promised=None)
+    reading = open_dsa(packed(tmp_path / "a.dsa", text.removesuffix("</data>\n</root>\n")), None).blocks()
+    assert drain(reading) == 1
+    assert "the file ends before its XML does" in str(reading.loss)
+
+
+def test_an_unfinished_bzip2_is_a_loss_even_if_its_xml_is_whole(tmp_path: Path) -> None:
+    path = packed(tmp_path / "a.dsa", dsa_xml(SMALL, [(0, dsa_words([1] * 12))], promised=1))
+    path.write_bytes(path.read_bytes()[:-4])
+    reading = open_dsa(path, None).blocks()
+    assert drain(reading) == 1
+    assert "the file ends before its XML does" in str(reading.loss)
 
 
 def hexed(*words: float) -> str:
@@ -270,6 +286,40 @@ def test_a_broken_layout_is_corrupt(tmp_path: Path, change: tuple[str, str]) -> 
     with pytest.raises(RecordingError) as caught:
         open_dsa(packed(tmp_path / "a.dsa", text.replace(*change)), None).load()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(0, 3), (2, 0), (1025, 3), (2, 1025)])
+def test_a_matrix_of_impossible_size_is_corrupt(tmp_path: Path, rows: int, cols: int) -> None:
+    """Its masks and its scan are of that size too."""
+    cells = rows * cols
+    text = dsa_xml([DsaMatrix(2, 3)], [(0, dsa_words([0] * cells))], promised=1)
+    text = text.replace("111\n111", "1" * cells).replace(">3</cells_x>", f">{cols}</cells_x>")
+    path = packed(tmp_path / "a.dsa", text.replace(">2</cells_y>", f">{rows}</cells_y>"))
+    with pytest.raises(RecordingCorrupt, match=f"a matrix of {rows} x {cols} cells"):
+        open_dsa(path, None)
+
+
+@pytest.mark.parametrize("digits", ["11111", "1111111"])
+def test_a_mask_of_another_size_is_corrupt(tmp_path: Path, digits: str) -> None:
+    text = dsa_xml([DsaMatrix(2, 3)], [(0, dsa_words([1] * 6))], promised=1).replace("111\n111", digits, 1)
+    with pytest.raises(RecordingCorrupt, match=f"<static_mask> has {len(digits)} digits for 6 cells"):
+        open_dsa(packed(tmp_path / "a.dsa", text), None)
+
+
+def test_what_follows_the_compressed_data_is_ignored(tmp_path: Path) -> None:
+    path = write_dsa(tmp_path / "a.dsa", random_scans(10), SMALL)
+    path.write_bytes(path.read_bytes() + bytes(200_000))
+    reading = open_dsa(path, None).blocks()
+    assert drain(reading) == 10
+    assert reading.loss is None
+
+
+def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:
+    angle = "<angle><time_stamp>1</time_stamp></angle>"
+    text = dsa_xml(SMALL, [(number, dsa_words([1] * 12)) for number in range(50)], promised=50)
+    path = packed(tmp_path / "a.dsa", text.replace("</root>", f"<joint_angles>{angle * 50}</joint_angles></root>"))
+    children = {element.tag: len(element) for element in _elements(path)}
+    assert (children["data"], children["joint_angles"]) == (1, 0)  # the frame count stays
 
 
 @pytest.mark.parametrize("full_scale", ["0", "-1", "nan", "inf"])

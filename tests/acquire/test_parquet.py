@@ -60,8 +60,8 @@ def test_a_long_file_comes_in_blocks(tmp_path: Path) -> None:
     [
         ({"t_s": [0.0], "a": ["x"], "b": [1]}, {}, "column 'a' holds string, not numbers"),
         ({"t_s": ["x"], "a": [1], "b": [1]}, {}, "column 't_s' holds string, not times"),
-        ({"time": [0.0], "a": [1], "b": [1]}, {}, "it has no column 't_s'"),
-        ({"t_s": [0.0], "a": [1], "b": [1]}, {"taxels": ("p*",)}, r"no column fits 'p\*'"),
+        ({"time": [0.0], "a": [1], "b": [1]}, {}, "no column 't_s'"),
+        ({"t_s": [0.0], "a": [1], "b": [1]}, {"taxels": ("p*",)}, r"no column matches 'p\*'"),
     ],
 )
 def test_columns_that_do_not_fit_are_named(

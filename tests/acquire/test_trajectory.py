@@ -31,7 +31,7 @@ def test_theta_is_allowed(tmp_path: Path) -> None:
     ("text", "seen"),
     [
         ("", "header"),
-        ("t,x,y\n0,1,2\n", "header is 't,x,y'"),
+        ("t,x,y\n0,1,2\n", "header 't,x,y'"),
         ("t_s,x_m,y_m\n", "0 rows"),
         ("t_s,x_m,y_m\n0,1,2\n", "1 rows"),
         ("t_s,x_m,y_m\n0,1,2\n1,2\n", "row 3"),

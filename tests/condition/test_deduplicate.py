@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from synthetic import assert_same, conditioned, dome, grid_sensor, pieces, raw_scans, recorded
 from taxelflow import registry
 from taxelflow.api import estimate, read
-from taxelflow.condition.deduplicate import Sifter
+from taxelflow.condition.deduplicate import Deduplicator
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,8 +36,8 @@ def logged(values: Floats, times: int, rate_hz: float = 30.0) -> tuple[Floats, F
     return stamps, np.repeat(values, times, axis=0)
 
 
-def sifted(t_s: Floats, values: Floats, *, passes: int = 2, **more: bool) -> tuple[Sifter, Floats]:
-    sifter = Sifter(values.shape[1], np.full(values.shape[1], np.inf), **{"drop": True, **more})
+def sifted(t_s: Floats, values: Floats, *, passes: int = 2, **more: bool) -> tuple[Deduplicator, Floats]:
+    sifter = Deduplicator(values.shape[1], np.full(values.shape[1], np.inf), **{"drop": True, **more})
     kept = np.zeros(0)
     for _ in range(passes):
         sifter.restart()
@@ -101,7 +101,7 @@ def test_repeats_can_be_kept() -> None:
 def test_what_is_dropped_does_not_depend_on_how_the_stream_is_cut(cuts: list[int]) -> None:
     t_s, values = logged(noisy_grasp(), 3)
     t_s[500:] += 1.0
-    whole, parts = Sifter(28, np.full(28, np.inf), drop=True), Sifter(28, np.full(28, np.inf), drop=True)
+    whole, parts = Deduplicator(28, np.full(28, np.inf), drop=True), Deduplicator(28, np.full(28, np.inf), drop=True)
     once = whole.step(t_s, values)
     again = [parts.step(piece.t_s, piece.values) for piece in pieces(raw_scans(values, t_s), cuts)]
     np.testing.assert_array_equal(once.t_s, np.concatenate([piece.t_s for piece in again]))

@@ -79,8 +79,8 @@ def test_a_contact_that_grows_slowly_is_not_taken_for_a_drift(mode: str) -> None
 def test_a_pad_never_tared_keeps_its_readings() -> None:
     values = noisy(3000) + dome(PALM, peak=40e3)
     scans, session = conditioned(values, PALM, drift="follow")
-    assert session.learned is not None
-    assert not session.learned.tared.any()
+    assert session.baseline is not None
+    assert not session.baseline.tared.any()
     np.testing.assert_array_equal(scans.pressure, values)
 
 

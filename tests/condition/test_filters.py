@@ -128,7 +128,7 @@ def test_the_lag_of_slips_tells_when_a_position_was_true(filtered: dict[str, flo
 
 
 def test_a_cut_off_above_half_the_rate_is_refused_with_the_rate() -> None:
-    with pytest.raises(ParameterInvalid, match=r"lowpass_hz is 5\.0; it lies below half the scan rate, here 5 Hz"):
+    with pytest.raises(ParameterInvalid, match=r"lowpass_hz must be below half the scan rate, here 5 Hz \(got 5\.0\)"):
         conditioned(grasp(), PALM, lowpass_hz=5.0)
 
 

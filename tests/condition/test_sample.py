@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import pieces, raw_scans
-from taxelflow.condition.sample import MOST_WINDOWS, WINDOW_SCANS, Sample
+from taxelflow.condition.sample import MAX_WINDOWS, WINDOW_SCANS, Sample
 from taxelflow.messages import Floats
 
 
@@ -37,20 +37,20 @@ def test_a_short_recording_is_kept_whole() -> None:
 @pytest.mark.parametrize("scans", [10_000, 100_000])
 def test_never_more_windows_are_kept_than_allowed(scans: int) -> None:
     sample = sampled(scans)
-    assert sample.windows.shape == (MOST_WINDOWS, WINDOW_SCANS, 1)
-    assert sample.seen == scans // WINDOW_SCANS
+    assert sample.windows.shape == (MAX_WINDOWS, WINDOW_SCANS, 1)
+    assert sample.windows_seen == scans // WINDOW_SCANS
 
 
 def test_every_window_is_of_consecutive_scans_and_none_is_kept_twice() -> None:
     windows = sampled(50_000).windows[:, :, 0]
     assert (np.diff(windows, axis=1) == 1).all()
-    assert len(np.unique(windows[:, 0])) == MOST_WINDOWS
+    assert len(np.unique(windows[:, 0])) == MAX_WINDOWS
 
 
 def test_windows_come_evenly_from_the_whole_recording() -> None:
     scans = 100_000
     share, _ = np.histogram(sampled(scans).windows[:, 0, 0], bins=8, range=(0, scans))
-    assert (np.abs(share - MOST_WINDOWS / 8) < 5 * (MOST_WINDOWS / 8) ** 0.5).all()
+    assert (np.abs(share - MAX_WINDOWS / 8) < 5 * (MAX_WINDOWS / 8) ** 0.5).all()
 
 
 @pytest.mark.parametrize("block", [5, 77, 20_000])
@@ -70,7 +70,7 @@ def test_the_sample_does_not_depend_on_how_scans_come(cuts: list[int], scans: in
     whole.add(raw.t_s, raw.values)
     for piece in pieces(raw, [min(cut, scans) for cut in cuts]):
         cut_up.add(piece.t_s, piece.values)
-    assert whole.wanted == cut_up.wanted
+    assert whole.remaining == cut_up.remaining
     whole.close()
     cut_up.close()
     np.testing.assert_array_equal(whole.windows, cut_up.windows)
@@ -82,11 +82,11 @@ def test_long_recordings_cut_differently_give_the_same_sample() -> None:
 
 def test_wanted_counts_down_to_the_next_full_window() -> None:
     sample = Sample(1)
-    assert sample.wanted == WINDOW_SCANS
+    assert sample.remaining == WINDOW_SCANS
     sample.add(*stamped(numbered(5)))
-    assert (sample.wanted, sample.seen) == (WINDOW_SCANS - 5, 0)
+    assert (sample.remaining, sample.windows_seen) == (WINDOW_SCANS - 5, 0)
     sample.add(*stamped(numbered(7)))
-    assert (sample.wanted, sample.seen) == (WINDOW_SCANS, 1)
+    assert (sample.remaining, sample.windows_seen) == (WINDOW_SCANS, 1)
 
 
 @pytest.mark.parametrize("scans", [1, 2, 11])

@@ -55,27 +55,27 @@ def test_readings_become_pascal(unit: str, more: dict[str, Any], factor: float, 
 def test_a_contact_begins_above_one_level_and_ends_below_another() -> None:
     idle = noisy(240)
     session = Conditioner(contact_on=6.0, contact_off=4.0).start(PALM, np.zeros(28, bool), [raw_scans(idle)])
-    assert session.learned is not None
+    assert session.baseline is not None
     levels = [0, 5, 5.9, 6.1, 5, 4.1, 3.9, 5, 6.1, 0]
-    values = [session.learned.offset + level * session.learned.noise for level in levels]
+    values = [session.baseline.offset + level * session.baseline.noise for level in levels]
     contact = next(session.step(raw_scans(values))).contact[:, 0]
     assert contact.tolist() == [False, False, False, True, True, True, False, False, True, False]
 
 
 def test_one_loud_taxel_in_a_pad_that_sums_to_nothing_is_no_contact() -> None:
     session = Conditioner().start(PALM, np.zeros(28, bool), [raw_scans(noisy(240))])
-    assert session.learned is not None
-    noise = session.learned.noise
+    assert session.baseline is not None
+    noise = session.baseline.noise
     value = -noise.copy()
     value[3] = 27 * noise[3]
-    contact = next(session.step(raw_scans([value + session.learned.offset]))).contact
+    contact = next(session.step(raw_scans([value + session.baseline.offset]))).contact
     assert not contact.any()
 
 
 def test_an_evenly_raised_pad_without_a_peak_is_no_contact() -> None:
     session = Conditioner().start(PALM, np.zeros(28, bool), [raw_scans(noisy(240))])
-    assert session.learned is not None
-    value = session.learned.offset + 3 * session.learned.noise
+    assert session.baseline is not None
+    value = session.baseline.offset + 3 * session.baseline.noise
     assert not next(session.step(raw_scans([value]))).contact.any()
 
 
@@ -99,8 +99,8 @@ def test_a_recording_shorter_than_a_window_works_in_both_modes_alike(scans: int)
 def test_a_short_recording_does_not_make_its_noise_look_smaller(scans: int) -> None:
     sensor = grid_sensor(10, 20)
     _, session = conditioned(50e3 + noisy(scans, 200), sensor)
-    assert session.learned is not None
-    assert 0.5 < np.median(session.learned.noise) / 100 < 1.5
+    assert session.baseline is not None
+    assert 0.5 < np.median(session.baseline.noise) / 100 < 1.5
 
 
 def test_an_empty_block_gives_an_empty_block_or_none() -> None:
@@ -211,8 +211,8 @@ def test_a_taxel_declared_off_reads_zero_and_says_so_by_its_noise(mode: str) -> 
     scans, session = conditioned(values, PALM, mode=mode, masked=masked)
     assert (scans.pressure[:, 5] == 0).all()
     assert (scans.noise == 0).tolist() == masked.tolist()
-    assert session.learned is not None
-    assert session.learned.masked.tolist() == masked.tolist()
+    assert session.baseline is not None
+    assert session.baseline.masked.tolist() == masked.tolist()
     assert scans.complete.all()
 
 

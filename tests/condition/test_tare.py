@@ -4,7 +4,161 @@ import numpy as np
 import pytest
 
 from synthetic import conditioned, dome, grid_sensor
-from taxelflow.messages import Floats
+from taxelflow.condition.tare import estimate_offset, is_unstructured
+from taxelflow.messages import Bools, Floats
+
+# The rules one by one, each just inside and just outside its threshold
+
+SQUARE = grid_sensor(6, 6).layout
+PAIRS = SQUARE.neighbours(0)
+ALL = np.zeros(36, dtype=np.bool_)
+CHECKERBOARD: Floats = np.where((SQUARE.row + SQUARE.col) % 2, 1.0, -1.0)
+STRIPES: Floats = np.where(SQUARE.col < 3, 1.0, -1.0)
+CORNER = 0
+
+
+def geary_ratio(offset: Floats) -> float:
+    one, other = offset[PAIRS].T
+    return float(((one - other) ** 2).mean() / 2 / offset.var())
+
+
+def of_roughness(least: float, most: float, corner_sigmas: float = 1 / 1.4826) -> Floats:
+    """18 offsets of 1 and 18 of -1 with a Geary ratio in this range. The median is 0, the robust standard deviation is
+    1.4826; one corner may lie farther out.
+    """
+    random = np.random.default_rng(0)
+    offset = np.where(np.arange(36) == CORNER, corner_sigmas * 1.4826, STRIPES)
+    for _ in range(1000):
+        if least <= geary_ratio(offset) <= most:
+            return offset
+        swapped = offset.copy()
+        swapped[random.choice(np.flatnonzero(offset == 1.0)[1:])] = -1.0
+        swapped[random.choice(np.flatnonzero(offset == -1.0))] = 1.0
+        if geary_ratio(swapped) <= most:
+            offset = swapped
+    raise AssertionError("no such offsets")
+
+
+def accepted(offset: Floats, std: float = 1e-3, masked: Bools = ALL) -> bool:
+    return is_unstructured(offset, masked, PAIRS, std)
+
+
+@pytest.mark.parametrize(("ratio", "unstructured"), [((0.46, 0.49), False), ((0.51, 0.54), True)])
+def test_neighbours_must_differ_by_half_of_what_random_taxels_do(
+    ratio: tuple[float, float], unstructured: bool
+) -> None:
+    assert accepted(of_roughness(*ratio)) == unstructured
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "ratio", "unstructured"),
+    [
+        (4.4, (0.55, 0.65), True),
+        (4.6, (0.55, 0.65), False),
+        (4.6, (0.77, 0.8), False),
+        (4.6, (0.8, 0.83), True),
+        (5.9, (0.8, 0.83), True),
+    ],
+)
+def test_a_pad_with_a_suspect_taxel_must_be_rougher(
+    sigmas: float, ratio: tuple[float, float], unstructured: bool
+) -> None:
+    assert accepted(of_roughness(*ratio, sigmas)) == unstructured
+
+
+@pytest.mark.parametrize("mean", [0.0, 500.0])
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("sigmas", "unstructured"), [(5.9, True), (6.1, False)])
+def test_an_outlier_is_beyond_six_robust_standard_deviations(
+    sigmas: float, unstructured: bool, sign: int, mean: float
+) -> None:
+    offset = CHECKERBOARD.copy()
+    offset[np.flatnonzero(offset == sign)[7]] = sign * sigmas * 1.4826
+    assert accepted(mean + offset) == unstructured
+
+
+@pytest.mark.parametrize(("sigmas", "unstructured"), [(5.9, True), (6.1, False)])
+def test_an_outlier_is_also_beyond_the_offsets_own_noise(sigmas: float, unstructured: bool) -> None:
+    offset = np.zeros(36)
+    offset[14] = sigmas
+    assert accepted(offset, std=1.0) == unstructured
+
+
+@pytest.mark.parametrize(("spread", "unstructured"), [(1.9, True), (2.1, False)])
+def test_an_offset_within_its_own_noise_is_flat_whatever_its_shape(spread: float, unstructured: bool) -> None:
+    assert accepted(STRIPES * spread, std=1.0) == unstructured
+
+
+@pytest.mark.parametrize(("taxels", "unstructured"), [(8, False), (9, True)])
+def test_a_pad_of_few_neighbours_cannot_be_judged_by_its_shape(taxels: int, unstructured: bool) -> None:
+    neighbours = np.stack([np.arange(taxels - 1), np.arange(1, taxels)], axis=1)
+    high = np.full(taxels, 100.0)
+    assert is_unstructured(high, np.zeros(taxels, dtype=np.bool_), neighbours, 1.0) == unstructured
+    masked = np.zeros(taxels + 1, dtype=np.bool_)
+    masked[-1] = True  # a pair with a masked taxel does not count
+    more = np.concatenate([neighbours, [[taxels - 1, taxels]]])
+    assert is_unstructured(np.append(high, -500.0), masked, more, 1.0) == unstructured
+
+
+@pytest.mark.parametrize(("level", "found"), [(5.9, True), (-5.9, True), (6.1, False), (-6.1, False)])
+def test_a_pad_of_few_neighbours_is_idle_only_within_its_noise(level: float, found: bool) -> None:
+    """Two windows of 12 scans; the standard deviation of the mean is that of the noisiest taxel."""
+    noise = np.array([0.1, 0.5, 1.0, 0.1])
+    windows = np.full((2, 12, 4), level / 24**0.5)
+    neighbours = np.array([[0, 1], [1, 2], [2, 3]])
+    offset = estimate_offset(windows, noise, np.zeros(4, dtype=np.bool_), neighbours, 1e3)
+    assert (offset is not None) == found
+
+
+def offset_of(windows: Floats, noise: float = 1.0, reference: float = 1e6) -> Floats | None:
+    return estimate_offset(windows, np.full(36, noise), ALL, PAIRS, reference)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("share", "found"), [(0.099, True), (0.101, False)])
+def test_an_offset_is_below_a_tenth_of_the_reference(share: float, found: bool, sign: int) -> None:
+    assert (offset_of(np.full((3, 12, 36), sign * share * 500.0), reference=500.0) is not None) == found
+
+
+@pytest.mark.parametrize(("sigmas", "used"), [(5.9, True), (6.1, False)])
+def test_windows_are_idle_within_six_standard_deviations_of_the_lowest_sum(sigmas: float, used: bool) -> None:
+    windows = np.full((2, 12, 36), 100.0)
+    more = sigmas * (36 / 12) ** 0.5 / 36  # standard deviation of a window's sum of means, shared by the taxels
+    windows[1] += more
+    offset = offset_of(windows)
+    assert offset is not None
+    np.testing.assert_allclose(offset, 100.0 + (more / 2 if used else 0.0), atol=1e-6)
+
+
+@pytest.mark.parametrize(("missing", "found"), [(5, True), (6, False)])
+def test_a_window_of_a_pad_never_complete_needs_most_readings_of_each_taxel(missing: int, found: bool) -> None:
+    windows = np.full((4, 12, 36), 100.0)
+    windows[:, :missing, 7] = np.nan
+    windows[:, missing:, 7] = 100.5
+    offset = offset_of(windows)
+    assert (offset is not None) == found
+    if offset is not None:
+        np.testing.assert_allclose(offset, np.where(np.arange(36) == 7, 100.5, 100.0))
+
+
+def test_complete_windows_come_before_patched_ones() -> None:
+    windows = np.full((2, 12, 36), 100.0)
+    windows[1] = 90.0
+    windows[1, 0, 3] = np.nan
+    np.testing.assert_allclose(offset_of(windows), np.full(36, 100.0))  # type: ignore[arg-type]
+
+
+def test_a_masked_taxel_has_no_offset_and_is_not_judged() -> None:
+    masked = ALL.copy()
+    masked[4:6] = True
+    windows = 100.0 + CHECKERBOARD + np.zeros((3, 12, 36))
+    windows[:, :, 4:6] = np.nan
+    offset = estimate_offset(windows, np.where(masked, 0.0, 1.0), masked, PAIRS, 1e6)
+    np.testing.assert_allclose(offset, np.where(masked, 0.0, 100.0 + CHECKERBOARD))  # type: ignore[arg-type]
+    assert accepted(np.where(masked, 1e4, CHECKERBOARD), masked=masked)
+
+
+# Whole recordings
 
 PADS = grid_sensor(4, 7, pads=2)
 OF = [PADS.layout.of_pad(pad) for pad in range(2)]
@@ -38,8 +192,8 @@ def grasps(pad: int, *, least: float = 0.0, most: float = 50e3, radius_m: float 
 def untouched(values: Floats, pad: int, mode: str = "batch") -> bool:
     """The pad's readings pass through as they are."""
     scans, session = conditioned(values, STREAM if mode == "stream" else PADS, mode=mode)
-    assert session.learned is not None
-    return not session.learned.tared[pad] and bool(np.array_equal(scans.pressure[:, OF[pad]], values[:, OF[pad]]))
+    assert session.baseline is not None
+    return not session.baseline.tared[pad] and bool(np.array_equal(scans.pressure[:, OF[pad]], values[:, OF[pad]]))
 
 
 @pytest.mark.parametrize("spread", [0.0, 300.0, 1500.0])
@@ -47,9 +201,9 @@ def test_idle_scans_take_an_offset_away_in_a_batch(spread: float) -> None:
     bias = offset(2000, spread)
     load = grasps(0)
     scans, session = conditioned(load + bias + noise(), PADS)
-    assert session.learned is not None
-    assert session.learned.tared.all()
-    np.testing.assert_allclose(session.learned.offset, bias, atol=20)
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
+    np.testing.assert_allclose(session.baseline.offset, bias, atol=20)
     np.testing.assert_allclose(scans.pressure, load, atol=20 * 6)
     touched = load[:, OF[0]].max(axis=1) > 2000
     assert scans.contact[touched, 0].all()
@@ -62,16 +216,16 @@ def test_an_idle_start_takes_an_offset_away_in_a_stream(spread: float) -> None:
     values = bias + noise()
     values[30:] += grasps(0)[:-30]
     scans, session = conditioned(values, STREAM, mode="stream")
-    assert session.learned is not None
-    assert session.learned.tared.all()
-    np.testing.assert_allclose(session.learned.offset, bias, atol=20 * 6 / 12**0.5)
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
+    np.testing.assert_allclose(session.baseline.offset, bias, atol=20 * 6 / 12**0.5)
     assert not scans.contact[:30].any()
 
 
 def test_a_negative_offset_is_taken_away_too() -> None:
     _, session = conditioned(grasps(0) - 2000 + noise(), PADS)
-    assert session.learned is not None
-    np.testing.assert_allclose(session.learned.offset, -2000, atol=20)
+    assert session.baseline is not None
+    np.testing.assert_allclose(session.baseline.offset, -2000, atol=20)
 
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
@@ -121,10 +275,10 @@ def test_pads_are_tared_independently(mode: str) -> None:
     values[30:] += grasps(1)[:-30]
     sensor = STREAM if mode == "stream" else PADS
     _, session = conditioned(values, sensor, mode=mode)
-    assert session.learned is not None
-    assert session.learned.tared.tolist() == [False, True]
-    np.testing.assert_array_equal(session.learned.offset[OF[0]], 0)
-    np.testing.assert_allclose(session.learned.offset[OF[1]], bias[OF[1]], atol=50)
+    assert session.baseline is not None
+    assert session.baseline.tared.tolist() == [False, True]
+    np.testing.assert_array_equal(session.baseline.offset[OF[0]], 0)
+    np.testing.assert_allclose(session.baseline.offset[OF[1]], bias[OF[1]], atol=50)
 
 
 def test_a_stream_without_a_full_scale_takes_nothing_away_that_might_be_a_load() -> None:
@@ -144,9 +298,9 @@ def test_a_declared_idle_start_is_taken_away_whatever_it_reads(mode: str) -> Non
     values = dome(PADS, peak=20e3) + noise()
     values[12:] += grasps(1)[12:]
     scans, session = conditioned(values, STREAM, mode=mode, tare="start")
-    assert session.learned is not None
-    assert session.learned.tared.all()
-    np.testing.assert_allclose(session.learned.offset, values[:12].mean(axis=0), rtol=1e-12)
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
+    np.testing.assert_allclose(session.baseline.offset, values[:12].mean(axis=0), rtol=1e-12)
     assert not scans.contact[:, 0].any()
 
 
@@ -155,24 +309,24 @@ def test_a_declared_idle_start_is_the_start_of_a_long_recording_too() -> None:
     values = np.random.default_rng(0).normal(5000, 10, (40_000, 2))
     values[:12] -= 4000
     _, session = conditioned(values, sensor, tare="start")
-    assert session.learned is not None
-    np.testing.assert_allclose(session.learned.offset, values[:12].mean(axis=0), rtol=1e-12)
+    assert session.baseline is not None
+    np.testing.assert_allclose(session.baseline.offset, values[:12].mean(axis=0), rtol=1e-12)
 
 
 def test_a_missing_reading_in_the_idle_start_is_left_out_of_its_mean() -> None:
     values = offset(500, 100) + noise(100)
     values[3, 5] = np.nan
     _, session = conditioned(values, PADS, tare="start")
-    assert session.learned is not None
-    np.testing.assert_allclose(session.learned.offset[5], np.nanmean(values[:12, 5]))
-    assert np.isfinite(session.learned.offset).all()
+    assert session.baseline is not None
+    np.testing.assert_allclose(session.baseline.offset[5], np.nanmean(values[:12, 5]))
+    assert np.isfinite(session.baseline.offset).all()
 
 
 def test_a_short_recording_declared_idle_gives_its_plain_mean() -> None:
     values = offset(500, 100) + noise(5)
     _, session = conditioned(values, PADS, tare="start")
-    assert session.learned is not None
-    np.testing.assert_allclose(session.learned.offset, values.mean(axis=0))
+    assert session.baseline is not None
+    np.testing.assert_allclose(session.baseline.offset, values.mean(axis=0))
 
 
 @pytest.mark.parametrize("missing", [np.nan, np.inf])
@@ -180,24 +334,24 @@ def test_a_dead_taxel_does_not_keep_a_pad_from_being_tared(missing: float) -> No
     values = grasps(0) + 1000 + noise()
     values[:, 3] = missing
     _, session = conditioned(values, PADS)
-    assert session.learned is not None
-    assert session.learned.tared.all()
-    assert session.learned.masked.tolist() == [taxel == 3 for taxel in range(TAXELS)]
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
+    assert session.baseline.masked.tolist() == [taxel == 3 for taxel in range(TAXELS)]
 
 
 def test_a_taxel_that_fails_now_and_then_does_not_keep_a_pad_from_being_tared() -> None:
     values = grasps(0) + 1000 + noise()
     values[np.random.default_rng(3).random(SCANS) < 0.2, 3] = np.nan
     _, session = conditioned(values, PADS)
-    assert session.learned is not None
-    assert session.learned.tared.all()
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
 
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_an_idle_recording_with_an_offset_is_no_contact(mode: str) -> None:
     scans, session = conditioned(offset(3000, 500) + noise(), STREAM, mode=mode)
-    assert session.learned is not None
-    assert session.learned.tared.all()
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
     assert not scans.contact.any()
 
 
@@ -206,6 +360,6 @@ def test_an_offset_small_against_full_scale_is_taken_away_even_if_loads_are_ligh
     values = offset(3000, 500) + noise()
     values[30:] += grasps(0, most=20e3)[:-30]
     scans, session = conditioned(values, STREAM, mode=mode)
-    assert session.learned is not None
-    assert session.learned.tared.all()
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
     assert not scans.contact[:30].any()

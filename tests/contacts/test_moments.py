@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from synthetic import dome, grid_sensor, recorded, scans_of
 from taxelflow.api import estimate, read
 from taxelflow.contacts.features import ContactFeatures
+from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ TAXEL = 0.002**2
 
 def described(pressure: Floats, sensor: Sensor = GRID, threshold: float = 4.0, **more: Any) -> Contacts:
     scans = scans_of(sensor, np.atleast_2d(pressure), **{"noise": 10.0, **more})
-    return ContactFeatures(threshold).begin(sensor).step(scans)
+    return FeatureExtractor(sensor, threshold).step(scans)
 
 
 def ellipse(length: float, width: float, angle: float, x: float = 0.0, y: float = 0.0, peak: float = 2e4) -> Floats:
@@ -143,7 +144,7 @@ def test_every_scan_of_a_result_has_its_features(mode: str) -> None:
 
 @pytest.mark.parametrize("threshold", [-1.0, float("nan"), float("inf")])
 def test_a_threshold_out_of_range_is_refused(threshold: float) -> None:
-    with pytest.raises(ParameterInvalid, match=r"features threshold is .*; it is 0 or more"):
+    with pytest.raises(ParameterInvalid, match=r"features.threshold must be 0 or more \(got .*\)"):
         ContactFeatures(threshold)
 
 

@@ -9,19 +9,19 @@ from rigged import rigged
 from synthetic import conditioned, dome, grid_sensor
 from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
+from taxelflow.contacts.rigidity import RigidityMonitor
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
-    from taxelflow.contacts.rigidity import Watch
     from taxelflow.messages import Bools
 
 
-def watched(recording: Recording) -> tuple[Bools, Watch]:
+def watched(recording: Recording) -> tuple[Bools, RigidityMonitor]:
     conditioner = Conditioner()
     session = conditioner.start(recording.sensor, recording.masked, None)
-    watch = conditioner.watch(recording.sensor)
+    watch = RigidityMonitor(recording.sensor.layout, conditioner.contact_on, conditioner.contact_off)
     scans = [scans for raw in recording.blocks() for scans in session.step(raw)]
     return np.concatenate([watch.step(block) for block in scans]), watch
 
@@ -77,7 +77,7 @@ def test_a_foot_that_lifts_and_another_that_comes_down_are_no_one_that_moved() -
     rows = [np.zeros(240)] * 12 + [load["still"] + load["first"]] * 20 + [load["still"] + load["next"]] * 20
     values = np.array(rows) + np.random.default_rng(0).normal(0, 100.0, (52, 240))
     scans, _ = conditioned(values, sensor, mode="stream")
-    watch = Conditioner().watch(sensor)
+    watch = RigidityMonitor(sensor.layout, Conditioner.contact_on, Conditioner.contact_off)
     assert not watch.step(scans).any()
     assert watch.notes == []
 
@@ -92,7 +92,7 @@ def test_feet_turned_and_slid_are_not_whatever_the_noise() -> None:
 
 
 def test_contacts_that_are_told_apart_are_not_watched() -> None:
-    parted, watch = watched(simulate(rigged("two-contacts", sensing={"rate_hz": 25.0})).told_apart(2))
+    parted, watch = watched(simulate(rigged("two-contacts", sensing={"rate_hz": 25.0})).with_contacts(2))
     assert parted.shape[1] == 3
     assert not parted.any()
     assert watch.notes == []

@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rigged import rigged
-from synthetic import assert_same, conditioned, dome, grid_sensor, pieces, raw_scans, slips_by
+from synthetic import assert_same, conditioned, dome, grid_sensor, slips_by
 from tabled import hexagonal, table_sensor
 from taxelflow import api
-from taxelflow.condition.parameters import Conditioner
-from taxelflow.messages import Floats, Scans, joined
+from taxelflow.messages import Floats, Scans
 from taxelflow.sensors.sensor import Sensor, with_contacts
 from taxelflow.simulation.simulate import simulate
 
@@ -210,8 +209,7 @@ def test_a_recording_in_one_block_and_a_stream_give_each_taxel_to_the_same_conta
     way = np.linspace(0.0, 0.035, 15)
     values = pressed(*[[(-0.05 + x, 0.0), (0.05 - x, 0.0, 0.7)] for x in way])
     sensor = with_contacts(GRID, 2)
-    session = Conditioner().start(sensor, np.zeros(240, dtype=np.bool_), [raw_scans(values)])
-    batch = joined([scans for piece in pieces(raw_scans(values), range(1, 27)) for scans in session.step(piece)])
+    batch, _ = conditioned(values, sensor, mode="batch", cuts=range(1, 27))
     once, _ = conditioned(values, sensor, mode="batch")
     assert_same(batch, once)
     stream, _ = conditioned(values, sensor, mode="stream")
@@ -241,4 +239,4 @@ def test_groups_stay_beside_contacts() -> None:
     np.testing.assert_array_equal(with_both.contact[:, :2], plain.contact)
     layout = with_contacts(sensor, 2).layout
     assert layout.pads == ("pad0", "left", "pad0#1", "pad0#2")
-    assert layout.apart.tolist() == [False, True, False, False]
+    assert layout.independent.tolist() == [False, True, False, False]

@@ -12,7 +12,8 @@ import pytest
 
 from rigged import rigged
 from taxelflow.errors import RecordingMissing
-from taxelflow.evaluation.bench import Bench, batch_centroids, bench
+from taxelflow.evaluation.bench import Bench, bench
+from taxelflow.evaluation.bench_throughput import batch_centroids
 from taxelflow.publish.summary import to_json
 from taxelflow.simulation.simulate import save
 
@@ -43,8 +44,8 @@ def hurried(patch: pytest.MonkeyPatch) -> list[list[str]]:
 
     patch.setattr("taxelflow.evaluation.bench._ROUNDS", 2)
     patch.setattr("taxelflow.evaluation.bench._LITERAL_BUDGET_S", 0.01)
-    patch.setattr("taxelflow.evaluation.bench._BATCH_BYTES", 200_000)
-    patch.setattr("taxelflow.evaluation.bench._BATCH_ROUNDS", 1)
+    patch.setattr("taxelflow.evaluation.bench_throughput._BATCH_BYTES", 200_000)
+    patch.setattr("taxelflow.evaluation.bench_throughput._BATCH_ROUNDS", 1)
     patch.setattr("taxelflow.evaluation.bench_peers._ROUNDS", 2)
     patch.setattr("taxelflow.evaluation.bench_peers._WARM", 1)
     patch.setattr("taxelflow.evaluation.bench.subprocess.run", run)

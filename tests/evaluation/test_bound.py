@@ -224,7 +224,7 @@ def test_a_rolling_scan_is_bounded_where_its_taxels_are_read() -> None:
 
 
 def test_the_hand_and_a_pad_that_is_not_there_are_refused() -> None:
-    with pytest.raises(ParameterInvalid, match="bounds are of one pad"):
+    with pytest.raises(ParameterInvalid, match="pad must be one pad"):
         bound_of(rigged("turn-over-hand"), np.zeros(1))
     with pytest.raises(NameUnknown, match="unknown pad 'plam'"):
         bound_of(rigged("stroke", pad="plam"), np.zeros(1))

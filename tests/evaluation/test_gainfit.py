@@ -8,7 +8,7 @@ import pytest
 from taxelflow.acquire.trajectory import Trajectory
 from taxelflow.errors import GainsUnknown
 from taxelflow.evaluation.gainfit import GainFit, Sightings, fit_gains
-from taxelflow.geometry import unplace
+from taxelflow.geometry import inverse_transform
 from taxelflow.messages import Floats
 
 PITCH = np.array([0.01, 0.01])
@@ -37,7 +37,7 @@ def made(way: Any = zigzag, *, seed: int = 0, averaged: bool = False, edge: Any 
     noise = (noise[1:] + noise[:-1]) / 2**0.5 if averaged else noise[1:]
     seen = Sightings(t_s, way(t_s) / GAIN + noise, np.full((200, 2), NOISE_M), np.broadcast_to(edge, (200, 2)) * 1.0)
     logged = np.arange(-2, 33, 0.02)
-    return seen, Trajectory(logged + OFFSET_S, unplace(FRAME, way(logged)))
+    return seen, Trajectory(logged + OFFSET_S, inverse_transform(FRAME, way(logged)))
 
 
 def scores(fit: GainFit) -> Floats:
@@ -73,7 +73,7 @@ def test_the_robots_frame_may_be_turned_at_will(turn: float) -> None:
     seen, _ = made()
     frame = np.array([-0.2, 0.1, turn])
     t_s = np.arange(-2, 33, 0.02)
-    fit = fit_gains(seen, Trajectory(t_s, unplace(frame, zigzag(t_s))), PITCH, 1.0)
+    fit = fit_gains(seen, Trajectory(t_s, inverse_transform(frame, zigzag(t_s))), PITCH, 1.0)
     np.testing.assert_allclose(fit.gain, GAIN, atol=0.005)
     assert np.cos(fit.T_pad_robot[2] - turn) > 0.9999
 

@@ -8,8 +8,9 @@ import pytest
 
 from taxelflow.api import conditioned
 from taxelflow.errors import NameUnknown, ParameterInvalid
-from taxelflow.evaluation import hard as hards
-from taxelflow.evaluation.hard import CASES, Hard, hard
+from taxelflow.evaluation import hard
+from taxelflow.evaluation.hard import Hard, HardReport
+from taxelflow.evaluation.hard_cases import CASES, INNER_TAXELS, dropped, with_dead
 from taxelflow.evaluation.strokes import trial, ungrouped
 from taxelflow.publish.summary import to_json
 from taxelflow.simulation.simulate import simulate
@@ -18,11 +19,11 @@ NAMES = [name for case in CASES for name, _ in case.rows]
 
 
 @pytest.fixture(scope="module")
-def flow() -> Hard:
-    return hard(2, seed=7, methods=("convolution",))
+def flow() -> HardReport:
+    return Hard(2, 7, ("convolution",)).run()
 
 
-def test_every_case_has_a_row_at_each_speed(flow: Hard) -> None:
+def test_every_case_has_a_row_at_each_speed(flow: HardReport) -> None:
     silent = (50, "convolution", "saturated, dropped")  # it follows from whole scan to whole scan
     assert flow.silent == [silent]
     there = [(speed, name) for speed in (25, 50) for name in NAMES if (speed, "convolution", name) != silent]
@@ -35,7 +36,7 @@ def test_every_case_has_a_row_at_each_speed(flow: Hard) -> None:
     assert set(counts.values()) == {4}
 
 
-def test_every_row_has_its_errors_and_its_bound(flow: Hard) -> None:
+def test_every_row_has_its_errors_and_its_bound(flow: HardReport) -> None:
     for row in flow.rows:
         assert 0 < row.bound_percent < row.rmse_percent
         assert row.standard_error_percent is not None
@@ -46,23 +47,25 @@ def test_every_row_has_its_errors_and_its_bound(flow: Hard) -> None:
     assert bound["smaller than a taxel"] > 1.5 * bound["as in Table I"]
 
 
-def test_strokes_that_are_far_off_are_named_by_the_seed_that_makes_them_again(flow: Hard) -> None:
+def test_strokes_that_are_far_off_are_named_by_the_seed_that_makes_them_again(flow: HardReport) -> None:
     assert {one.seed for one in flow.far} == {7, 8}
     one = flow.far[0]
     assert (one.nominal_mm_s, one.method, one.case, one.stroke) == (25, "convolution", "as in Table I", 1)
     recording = ungrouped(simulate(trial(one.seed, 25)))
-    (again, _) = hards._errors("convolution", recording, conditioned(recording), "batch", 25)
+    (again, _) = hard._errors("convolution", recording, conditioned(recording), "batch", 25)
     assert one.error_percent == pytest.approx(again)
     assert abs(again) > 1
 
 
-def test_later_strokes_keep_their_number(flow: Hard) -> None:
+def test_later_strokes_keep_their_number(flow: HardReport) -> None:
     numbers = {one.stroke for one in flow.far if one.case == "stream, 2nd to 4th"}
     assert numbers == {2, 3, 4}
 
 
-def test_the_template_is_far_below_the_flow_where_taxels_are_dead_or_streamed() -> None:
-    found = {(row.nominal_mm_s, row.case): row for row in hard(1, seed=7).rows}
+def test_the_template_is_far_below_the_flow_where_taxels_are_dead_or_streamed(monkeypatch: pytest.MonkeyPatch) -> None:
+    slow = {"smaller than a taxel", "rolling scan"}
+    monkeypatch.setattr(hard, "CASES", [case for case in CASES if case.rows[0][0] not in slow])
+    found = {(row.nominal_mm_s, row.case): row for row in Hard(1, 7).run().rows}
     for speed in (25, 50):
         assert found[speed, "as in Table I"].rmse_percent < 0.6
         assert found[speed, "2 unknown dead taxels"].rmse_percent < 1.0
@@ -76,24 +79,43 @@ def test_dropped_readings_are_those_that_saturate_and_no_others() -> None:
     scans = conditioned(ungrouped(simulate(replace(scenario, contact=replace(scenario.contact, peak_pa=200e3)))))
     saturated = scans.pressure >= scans.ceiling
     assert saturated.any()
-    dropped = hards._dropped(scans)
-    assert (dropped.pressure[saturated] == 0).all()
-    np.testing.assert_array_equal(dropped.pressure[~saturated], scans.pressure[~saturated])
-    np.testing.assert_array_equal(dropped.complete, scans.complete & ~saturated.any(axis=1)[:, np.newaxis])
+    found = dropped(scans)
+    assert (found.pressure[saturated] == 0).all()
+    np.testing.assert_array_equal(found.pressure[~saturated], scans.pressure[~saturated])
+    np.testing.assert_array_equal(found.complete, scans.complete & ~saturated.any(axis=1)[:, np.newaxis])
 
 
 def test_dead_taxels_are_two_of_those_under_the_object() -> None:
-    drawn = {hards._with_dead(trial(seed, 25)).sensing.dead for seed in range(20)}
+    drawn = {with_dead(trial(seed, 25)).sensing.dead for seed in range(20)}
     assert len(drawn) > 10
-    assert all(len(set(dead)) == 2 and set(dead) <= set(hards._INNER_TAXELS) for dead in drawn)
+    assert all(len(set(dead)) == 2 and set(dead) <= set(INNER_TAXELS) for dead in drawn)
 
 
-def test_json_makes_the_round_trip(flow: Hard) -> None:
-    assert msgspec.json.decode(to_json(flow), type=Hard) == flow
+def test_json_makes_the_round_trip(flow: HardReport) -> None:
+    assert msgspec.json.decode(to_json(flow), type=HardReport) == flow
 
 
 def test_what_cannot_be_scored_is_refused() -> None:
     with pytest.raises(NameUnknown, match="unknown estimator 'magic'"):
-        hard(1, methods=("magic",))
-    with pytest.raises(ParameterInvalid, match="'sum'; it gives no position"):
-        hard(1, methods=("sum",))
+        Hard(1, methods=("magic",)).run()
+    with pytest.raises(ParameterInvalid, match=r"methods must give a position.*'sum'"):
+        Hard(1, methods=("sum",)).run()
+
+
+def test_it_shows_every_case_and_names_strokes_that_are_far_off(
+    flow: HardReport, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flow.show()
+    shown = capsys.readouterr().out
+    for word in ("flow, 2 recordings a case, seed 7", "2 unknown dead taxels", "saturated, dropped", "bound", "median"):
+        assert word in shown
+    assert "flow, 25 mm/s, as in Table I: " in shown
+    assert "flow, 50 mm/s, saturated, dropped: no stroke has a velocity" in shown
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+def test_its_tables_hold_the_rows_and_the_strokes_far_off(flow: HardReport) -> None:
+    rows, far = flow.tables()
+    assert rows.columns[:5] == ("nominal_mm_s", "method", "case", "strokes", "rmse_percent")
+    assert [row[4] for row in rows.rows] == [row.rmse_percent for row in flow.rows]
+    assert len(far.rows) == len(flow.far)

@@ -12,8 +12,9 @@ from rigged import rigged
 from taxelflow import registry
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.evaluation.bound import Bound, bound_of
-from taxelflow.evaluation.limits import Errors, Limits, errors_of, limits
-from taxelflow.geometry import place
+from taxelflow.evaluation.limits import Limits, LimitsReport
+from taxelflow.evaluation.pose_errors import Errors, errors_of
+from taxelflow.geometry import transform
 from taxelflow.messages import AMBIGUOUS, LOST, OK, Scans, Slips
 from taxelflow.publish.summary import to_json
 from taxelflow.simulation.simulate import simulate
@@ -41,7 +42,7 @@ def perfect(scenario: Scenario, body: tuple[float, float, float] = (0.0, 0.0, 0.
     slips = Slips.unknown(scans)
     known = bound.scored
     slips.contact[known, pad] = True
-    slips.pose[known, pad, :2] = place(truth.pose, np.array(body[:2]))[known]
+    slips.pose[known, pad, :2] = transform(truth.pose, np.array(body[:2]))[known]
     slips.pose[known, pad, 2] = truth.pose[known, 2] + body[2]
     slips.covariance[known, pad] = np.eye(3) * np.nan_to_num(bound.known[known], nan=1.0)[:, :, np.newaxis] ** 2
     slips.lag_s[:, pad] = 0.0
@@ -157,9 +158,9 @@ class Oracle:
         )
 
 
-def oracle(monkeypatch: pytest.MonkeyPatch, kind: type[Oracle]) -> Limits:
+def oracle(monkeypatch: pytest.MonkeyPatch, kind: type[Oracle]) -> LimitsReport:
     monkeypatch.setitem(registry.PARTS["estimator"], "oracle", f"{__name__}:{kind.__name__}")
-    return limits("slide-and-turn", 1, methods=("oracle",))
+    return Limits("slide-and-turn", 1, methods=("oracle",)).run()
 
 
 @dataclass(frozen=True)
@@ -201,18 +202,22 @@ def test_one_that_errs_three_times_as_much_has_3_and_9(monkeypatch: pytest.Monke
 
 
 @pytest.fixture(scope="module")
-def stroke() -> Limits:
-    return limits("stroke", 2, seed=5)
+def stroke() -> LimitsReport:
+    """All registered methods, here those that compile fast."""
+    fast = {name: registry.PARTS["estimator"][name] for name in ("lnorm", "convolution", "sum", "principal_axis")}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(registry.PARTS, "estimator", fast)
+        return Limits("stroke", 2, seed=5).run()
 
 
-def test_every_method_with_a_position_is_scored(stroke: Limits) -> None:
+def test_every_method_with_a_position_is_scored(stroke: LimitsReport) -> None:
     assert {"lnorm", "convolution", "principal_axis"} <= {row.method for row in stroke.rows}
     assert "sum" in stroke.without
     assert (stroke.scenario, stroke.mode, stroke.seeds, stroke.seed) == ("stroke", "batch", 2, 5)
     assert 80 < stroke.scored < stroke.contact < 120
 
 
-def test_the_papers_methods_are_far_from_the_bound_on_a_stroke(stroke: Limits) -> None:
+def test_the_papers_methods_are_far_from_the_bound_on_a_stroke(stroke: LimitsReport) -> None:
     for row in stroke.rows:
         if row.axis == "x" and row.method in ("lnorm", "convolution"):
             assert row.over_known is not None
@@ -220,7 +225,7 @@ def test_the_papers_methods_are_far_from_the_bound_on_a_stroke(stroke: Limits) -
     assert {row.axis for row in stroke.rows if row.method in ("lnorm", "convolution")} == {"x", "y"}
 
 
-def test_errors_by_place_grow_towards_the_edge_and_never_pass_below_the_bound_by_much(stroke: Limits) -> None:
+def test_errors_by_place_grow_towards_the_edge_and_never_pass_below_the_bound_by_much(stroke: LimitsReport) -> None:
     own = {place.at_mm: place for place in stroke.places if place.method == "convolution"}
     assert {place.axis for place in own.values()} == {"x"}
     assert own[0.0].error_mm < 1 < own[35.0].error_mm
@@ -232,13 +237,16 @@ def test_errors_by_place_grow_towards_the_edge_and_never_pass_below_the_bound_by
 
 
 def test_streaming_is_scored_too() -> None:
-    found = limits("turn", 1, mode="stream", methods=("principal_axis",))
+    found = Limits("turn", 1, mode="stream", methods=("principal_axis",)).run()
     assert {row.axis for row in found.rows} == {"x", "y", "theta"}
     assert found.mode == "stream"
+    error = found.tables()[0]
+    units = {row[error.columns.index("axis")]: row[error.columns.index("unit")] for row in error.rows}
+    assert units == {"x": "mm", "y": "mm", "theta": "deg"}
 
 
-def test_json_makes_the_round_trip(stroke: Limits) -> None:
-    assert msgspec.json.decode(to_json(stroke), type=Limits) == stroke
+def test_json_makes_the_round_trip(stroke: LimitsReport) -> None:
+    assert msgspec.json.decode(to_json(stroke), type=LimitsReport) == stroke
     assert set(json.loads(to_json(stroke))["rows"][0]) == {
         "method", "scans", "axis", "count", "rms", "standard_error", "bound", "over_known", "over_unknown",
     }  # fmt: skip
@@ -246,8 +254,57 @@ def test_json_makes_the_round_trip(stroke: Limits) -> None:
 
 def test_what_is_unknown_is_refused_with_the_list() -> None:
     with pytest.raises(NameUnknown, match="unknown scenario 'strok'; known are stroke, fast-stroke"):
-        limits("strok", 1)
+        Limits("strok", 1).run()
     with pytest.raises(NameUnknown, match="unknown estimator 'magic'"):
-        limits("stroke", 1, methods=("magic",))
-    with pytest.raises(ParameterInvalid, match="'sum'; they give no position"):
-        limits("stroke", 1, methods=("lnorm", "sum"))
+        Limits("stroke", 1, methods=("magic",)).run()
+    with pytest.raises(ParameterInvalid, match=r"methods must give a position.*'sum'"):
+        Limits("stroke", 1, methods=("lnorm", "sum")).run()
+
+
+def test_it_shows_errors_over_the_bound_motion_and_consistency_in_80_columns(
+    stroke: LimitsReport, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stroke.show()
+    shown = capsys.readouterr().out
+    for word in ("stroke, batch, 2 seeds from 5", "x known", "x unknown", "NEES", "95 % band", "independent"):
+        assert word in shown
+    for word in ("motion since the first scan", "±%", "last", "recording, s: lnorm", "no position, so not scored: sum"):
+        assert word in shown
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+def test_without_a_joint_bound_it_shows_a_dash_and_leaves_the_cell_empty(capsys: pytest.CaptureFixture[str]) -> None:
+    press = Limits("press", 1, 4, ("convolution",)).run()
+    assert (press.scenario, press.seed, press.mode) == ("press", 4, "batch")
+    assert {row.over_unknown for row in press.rows} == {None}
+    press.show()
+    rows = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("convolution  all")]
+    assert rows[0][-1] == "-"
+    error = press.tables()[0]
+    assert dict(zip(error.columns, error.rows[0], strict=True))["error_over_bound_unknown"] is None
+
+
+def test_its_tables_name_the_run_and_the_unit_of_each_row(stroke: LimitsReport) -> None:
+    tables = {table.name: table for table in stroke.tables()}
+    assert set(tables) == {"error", "motion", "nees", "place", "time"}
+    for table in tables.values():
+        assert table.columns[:3] == ("scenario", "mode", "seeds")
+        assert {row[:3] for row in table.rows} == {("stroke", "batch", 2)}
+        assert {len(row) for row in table.rows} == {len(table.columns)}
+    for table in (tables["error"], tables["motion"]):
+        at = table.columns.index("axis")
+        assert table.columns[at + 1] == "unit"
+        assert {row[at : at + 2] for row in table.rows} == {("x", "mm"), ("y", "mm")}
+
+
+def test_contacts_of_the_elastic_solver_may_be_scored(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("tamaas")
+    Limits("turn", 1, methods=("convolution",), solver="elastic").run().show()
+    assert "elastic solver" in capsys.readouterr().out
+
+
+def test_a_scenario_over_the_whole_hand_is_refused() -> None:
+    with pytest.raises(ParameterInvalid, match="choose a scenario on a single pad"):
+        Limits("bulb-pull", 1).run()
+    with pytest.raises(ParameterInvalid, match=r"seeds must be at least 1 \(got 0\)"):
+        Limits(seeds=0)

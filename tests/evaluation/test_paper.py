@@ -7,7 +7,7 @@ import pytest
 
 from taxelflow.acquire.base import Truth
 from taxelflow.cli import main
-from taxelflow.evaluation.field import cuts_of, score_field, true_twist
+from taxelflow.evaluation.field import Field, cuts_of, true_twist
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def test_every_figure_of_the_paper_is_drawn(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four() -> None:
-    rows = {(row.scenario, row.cut): row for row in score_field(2).rows}
+    rows = {(row.scenario, row.cut): row for row in Field(2).run().rows}
     two, four = (rows["turn-over-hand", cut] for cut in ("tips of fingers 1, 2", "fingers 1, 2"))
     assert (two.vectors, four.vectors) == (2, 4)
     assert four.turn_percent < two.turn_percent < 12
@@ -34,7 +34,7 @@ def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four() 
 
 def test_each_cut_has_as_many_vectors_as_it_says() -> None:
     cuts = cuts_of(load_sensor("barretthand-162"))
-    assert [int(cut.sensor.layout.apart.sum()) >= 2 for cut in cuts] == [True] * len(cuts)
+    assert [int(cut.sensor.layout.independent.sum()) >= 2 for cut in cuts] == [True] * len(cuts)
     assert len({cut.name for cut in cuts}) == len(cuts)
 
 

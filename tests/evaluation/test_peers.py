@@ -9,10 +9,12 @@ import msgspec
 import numpy as np
 import pytest
 
+from rigged import refused
 from taxelflow.errors import ExtraMissing, ParameterInvalid
 from taxelflow.evaluation.pairs import peers
-from taxelflow.evaluation.peers import Peers, accumulated, score_peers
-from taxelflow.evaluation.table1 import METHODS, table1
+from taxelflow.evaluation.peers import Peers, PeersReport, accumulated
+from taxelflow.evaluation.strokes import PAPER_METHODS
+from taxelflow.evaluation.table1 import Table1
 from taxelflow.publish.summary import to_json
 
 if TYPE_CHECKING:
@@ -53,29 +55,29 @@ def test_each_peer_takes_the_palm_as_it_is(name: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def found() -> Peers:
+def found() -> PeersReport:
     for library in LIBRARIES:
         pytest.importorskip(library)
-    return score_peers(STROKES, 3, methods=METHODS)
+    return Peers(STROKES, 3, methods=PAPER_METHODS).run()
 
 
-def test_all_methods_stand_in_one_table(found: Peers) -> None:
-    assert [row.method for row in found.rows[::4]] == [*METHODS, *NAMES] * 2
-    assert (found.strokes, found.seed, found.ours, found.silent) == (STROKES, 3, METHODS, [])
+def test_all_methods_stand_in_one_table(found: PeersReport) -> None:
+    assert [row.method for row in found.rows[::4]] == [*PAPER_METHODS, *NAMES] * 2
+    assert (found.strokes, found.seed, found.ours, found.silent) == (STROKES, 3, PAPER_METHODS, [])
 
 
-def test_our_rows_are_those_of_table_1(found: Peers) -> None:
-    ours = [row for row in found.rows if row.method in METHODS]
-    assert ours == table1(STROKES, 3, methods=METHODS).ours
+def test_our_rows_are_those_of_table_1(found: PeersReport) -> None:
+    ours = [row for row in found.rows if row.method in PAPER_METHODS]
+    assert ours == Table1(STROKES, 3, methods=PAPER_METHODS).run().ours
 
 
-def test_the_bound_is_below_every_method(found: Peers) -> None:
+def test_the_bound_is_below_every_method(found: PeersReport) -> None:
     for bound in found.bounds:
         rows = [r for r in found.rows if (r.nominal_mm_s, r.scans) == (bound.nominal_mm_s, bound.scans)]
         assert 0.05 < bound.percent < min(row.rmse_percent for row in rows)
 
 
-def test_the_best_are_the_best_and_the_ratio_is_theirs(found: Peers) -> None:
+def test_the_best_are_the_best_and_the_ratio_is_theirs(found: PeersReport) -> None:
     assert len(found.best) == 8
     for best in found.best:
         rows = {
@@ -83,13 +85,13 @@ def test_the_best_are_the_best_and_the_ratio_is_theirs(found: Peers) -> None:
             for r in found.rows
             if (r.nominal_mm_s, r.scans, r.factor_standard_error > 0) == (best.nominal_mm_s, best.scans, best.fitted)
         }
-        assert rows[best.ours] == min(rows[name] for name in METHODS)
+        assert rows[best.ours] == min(rows[name] for name in PAPER_METHODS)
         assert rows[best.peer] == min(rows[name] for name in NAMES)
         assert best.ratio == pytest.approx(rows[best.peer] / rows[best.ours])
 
 
-def test_json_makes_the_round_trip(found: Peers) -> None:
-    assert msgspec.json.decode(to_json(found), type=Peers) == found
+def test_json_makes_the_round_trip(found: PeersReport) -> None:
+    assert msgspec.json.decode(to_json(found), type=PeersReport) == found
 
 
 # Failures
@@ -124,17 +126,17 @@ def test_a_new_contact_is_a_new_piece_and_no_failure() -> None:
 def test_a_peer_that_never_answers_is_named_and_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     nothing = (float("nan"), float("nan"))
     monkeypatch.setattr("taxelflow.evaluation.peers.peers", lambda: {"mute": lambda *_: nothing})
-    told = score_peers(2, 0, methods=METHODS)
+    told = Peers(2, 0, methods=PAPER_METHODS).run()
     assert told.silent == ["mute"]
-    assert {row.method for row in told.rows} == set(METHODS)
+    assert {row.method for row in told.rows} == set(PAPER_METHODS)
     assert [row.percent for row in told.failed] == [100.0]
     assert told.best == []
 
 
 @needs_all
 def test_a_method_of_ours_without_a_position_is_refused() -> None:
-    with pytest.raises(ParameterInvalid, match="'sum'; they give no position"):
-        score_peers(2, 0, methods=("sum",))
+    with pytest.raises(ParameterInvalid, match=r"methods must give a position.*'sum'"):
+        Peers(2, 0, methods=("sum",)).run()
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
@@ -149,3 +151,31 @@ def test_a_missing_library_is_asked_for_by_its_extra(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("taxelflow.evaluation.pairs.import_module", absent)
     with pytest.raises(ExtraMissing, match=rf"{library} is not installed; .*taxelflow\[bench\]"):
         peers()
+
+
+def test_it_shows_all_methods_the_bound_and_the_best(found: PeersReport, capsys: pytest.CaptureFixture[str]) -> None:
+    found.show()
+    shown = capsys.readouterr().out
+    for word in ("L norm", "flow", "DIS", "phaseCorrelate", "OpenPIV", "skimage", "Cramér-Rao bound", "failed", ": x "):
+        assert word in shown
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+def test_its_main_table_has_a_row_for_each_speed_and_method_and_the_bound(found: PeersReport) -> None:
+    rmse, best = found.tables()
+    assert rmse.columns[:3] == ("speed_mm_s", "method", "all_rmse_percent")
+    assert [row[:2] for row in rmse.rows] == [
+        (speed, name) for speed in (25, 50) for name in (*PAPER_METHODS, *NAMES, "Cramér-Rao bound")
+    ]
+    assert rmse.rows[0][2:6] == tuple(row.rmse_percent for row in (found.rows[k] for k in (0, 2, 1, 3)))
+    assert len(best.rows) == len(found.best)
+
+
+def test_without_the_extra_the_command_names_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def absent() -> None:
+        raise ExtraMissing("bench", "cv2")
+
+    monkeypatch.setattr("taxelflow.evaluation.peers.peers", absent)
+    assert "pip install 'taxelflow[bench]'" in refused(capsys, "score", "peers", "--strokes", 2)

@@ -1,17 +1,16 @@
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from rigged import rigged, svg_words
+from rigged import refused, rigged, svg_words
 from synthetic import dome, grid_sensor, recorded, scans_of
 from tabled import hexagonal, table_sensor
 from taxelflow import api
 from taxelflow.cli import main
-from taxelflow.evaluation.prediction import RealScore, _moved, score_real
+from taxelflow.evaluation.prediction import Prediction, PredictionReport, _moved, score_recordings
 from taxelflow.simulation.simulate import save
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ def turned(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_moving_object_is_predicted_better_than_no_motion() -> None:
-    (row,) = score_real([slide(np.linspace(-0.008, 0.008, 100))]).predictions
+    (row,) = score_recordings([slide(np.linspace(-0.008, 0.008, 100))]).predictions
     assert row.scans == 98
     assert row.registered_percent < 0.7 * row.no_motion_percent
     assert row.registered_percent < row.centroid_percent
@@ -46,7 +45,7 @@ def test_a_moving_object_is_predicted_better_than_no_motion() -> None:
 
 
 def test_a_still_object_is_predicted_to_the_noise() -> None:
-    (row,) = score_real([slide(np.zeros(60))]).predictions
+    (row,) = score_recordings([slide(np.zeros(60))]).predictions
     assert row.no_motion_percent == pytest.approx(np.sqrt(2) * row.noise_percent, rel=0.1)
     assert row.registered_percent < 1.1 * row.no_motion_percent  # a still object shows its pattern a few times only
     assert row.noise_percent == pytest.approx(
@@ -57,7 +56,7 @@ def test_a_still_object_is_predicted_to_the_noise() -> None:
 
 def test_a_jump_is_charged_to_the_template() -> None:
     way = np.repeat([-0.012, 0.012], 30)
-    still, jumped = (score_real([slide(x)]).predictions[0] for x in (np.full(60, -0.012), way))
+    still, jumped = (score_recordings([slide(x)]).predictions[0] for x in (np.full(60, -0.012), way))
     assert jumped.forecast_percent > 3 * still.forecast_percent
 
 
@@ -69,8 +68,12 @@ def test_taxels_in_no_grid_are_moved_where_they_lie() -> None:
     assert off < 0.5 * still
 
 
-def test_turns_stand_beside_the_axis(turned: Path) -> None:
-    scored = score_real([api.read(turned)])
+@pytest.fixture(scope="module")
+def scored(turned: Path) -> PredictionReport:
+    return Prediction((turned,)).run()
+
+
+def test_turns_stand_beside_the_axis(scored: PredictionReport) -> None:
     (turn,) = scored.turns
     assert turn.recording == "turn.npz"
     assert abs(turn.template_deg - turn.axis_deg) < 10
@@ -78,31 +81,31 @@ def test_turns_stand_beside_the_axis(turned: Path) -> None:
 
 
 def test_a_contact_too_short_to_predict_is_left_out() -> None:
-    assert score_real([slide(np.zeros(2))]) == RealScore([], [])
+    assert score_recordings([slide(np.zeros(2))]) == PredictionReport([], [])
 
 
-def test_the_command_prints_tables_or_json(turned: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["score", "real", str(turned)]) == 0
+def test_it_shows_predictions_and_turns_in_80_columns(
+    scored: PredictionReport, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scored.show()
     shown = capsys.readouterr().out
     for word in ("turn.npz", "forecast", "registered", "template deg"):
         assert word in shown
     assert max(map(len, shown.splitlines())) <= 80
-    assert main(["score", "real", str(turned), "--json"]) == 0
-    scored = json.loads(capsys.readouterr().out)
-    assert scored["predictions"][0]["scans"] > 100
+    assert scored.predictions[0].scans > 100
 
 
-def test_the_command_says_what_it_needs(turned: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["score", "real"]) == 2
-    assert "give at least one recording" in capsys.readouterr().err
-    assert main(["score", "field", str(turned)]) == 2
-    assert "leave it out: score field simulates its own" in capsys.readouterr().err
-    assert main(["score", "limits", "stroke", "turn"]) == 2
-    assert "score limits takes one at a time" in capsys.readouterr().err
-    assert main(["score", "limits", "--topic", "touch"]) == 2
-    assert "leave it out: score limits reads no recording" in capsys.readouterr().err
-    assert main(["score", "real", str(turned), "--topic", "touch"]) == 2
-    assert "it means nothing for .npz recordings" in capsys.readouterr().err
+def test_its_tables_are_predictions_and_turns(scored: PredictionReport) -> None:
+    scans, turn = scored.tables()
+    assert (scans.columns[:3], turn.columns[:3]) == (("recording", "pad", "scans"), ("recording", "pad", "from_s"))
+    assert (len(scans.rows), len(turn.rows)) == (len(scored.predictions), len(scored.turns))
+
+
+def test_the_command_needs_recordings_and_options_that_fit_them(
+    turned: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "recordings must name at least one recording" in refused(capsys, "score", "prediction")
+    assert "no meaning there" in refused(capsys, "score", "prediction", turned, "--topic", "touch")
 
 
 def test_a_learned_pattern_is_written_and_drawn(turned: Path, tmp_path: Path) -> None:
@@ -117,14 +120,14 @@ def test_a_learned_pattern_is_written_and_drawn(turned: Path, tmp_path: Path) ->
 
 
 def test_real_contacts_are_scored(recordings: Path) -> None:
-    scored = score_real([api.read(recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa")])
+    scored = score_recordings([api.read(recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa")])
     assert {row.pad for row in scored.predictions} == {"finger2_distal", "finger1_distal"}
     assert all(row.scans > 50 and row.no_motion_percent > row.noise_percent for row in scored.predictions)
 
 
 @pytest.mark.parametrize("name", ["slip_and_rotation_teapot_handle.dsa", "reactive_grasping.dsa"])
 def test_real_contacts_are_explained_better_than_by_the_scan_before(recordings: Path, name: str) -> None:
-    scored = score_real([api.read(recordings / "sdh-dsa" / name)])
+    scored = score_recordings([api.read(recordings / "sdh-dsa" / name)])
     assert scored.predictions
     for row in scored.predictions:
         assert row.registered_percent < min(row.no_motion_percent, row.centroid_percent)

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from rigged import rigged
 from taxelflow.api import conditioned
-from taxelflow.evaluation.strokes import bounds, cut, passes, rms_of, slope, trial, ungrouped
-from taxelflow.evaluation.table1 import strokes_by
+from taxelflow.evaluation.strokes import bounds, cut, passes, rms_of, slope, strokes_by, trial, ungrouped
 from taxelflow.simulation.simulate import simulate
 
 

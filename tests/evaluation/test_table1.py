@@ -14,8 +14,8 @@ from taxelflow.api import conditioned
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.estimation.centroid.convolution import Convolution
 from taxelflow.estimation.centroid.principal_axis import PrincipalAxis
-from taxelflow.evaluation.strokes import SPEEDS_MM_S, Row
-from taxelflow.evaluation.table1 import METHODS, PAPER, PaperRow, Table1, scored_methods, strokes_by, table1
+from taxelflow.evaluation.strokes import PAPER_METHODS, SPEEDS_MM_S, Row, scored_methods, strokes_by
+from taxelflow.evaluation.table1 import PAPER, PaperRow, Table1, Table1Report
 from taxelflow.messages import cut, joined
 from taxelflow.publish.summary import to_json
 from taxelflow.simulation.scenario import SCENARIOS
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from taxelflow.simulation.scenario import Scenario
 
 STROKES = 16
-by_method = pytest.mark.parametrize("method", METHODS)
+by_method = pytest.mark.parametrize("method", PAPER_METHODS)
 by_speed = pytest.mark.parametrize("speed", SPEEDS_MM_S)
 
 
@@ -41,17 +41,17 @@ def trials() -> list[Scenario]:
 
 
 @pytest.fixture(scope="module")
-def table(trials: list[Scenario]) -> Table1:
+def table(trials: list[Scenario]) -> Table1Report:
     def noted(scenario: Scenario) -> Recording:
         trials.append(scenario)
         return simulate(scenario)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("taxelflow.evaluation.table1.simulate", noted)
-        return table1(STROKES, 0, methods=METHODS)
+        return Table1(STROKES, 0, methods=PAPER_METHODS).run()
 
 
-def row(table: Table1, speed: int, method: str, scans: str, *, fitted: bool) -> Row:
+def row(table: Table1Report, speed: int, method: str, scans: str, *, fitted: bool) -> Row:
     found = [
         row
         for row in table.ours
@@ -61,9 +61,9 @@ def row(table: Table1, speed: int, method: str, scans: str, *, fitted: bool) -> 
     return found[0]
 
 
-def test_there_is_a_row_for_each_speed_method_set_of_scans_and_factor(table: Table1) -> None:
+def test_there_is_a_row_for_each_speed_method_set_of_scans_and_factor(table: Table1Report) -> None:
     for speed in SPEEDS_MM_S:
-        for method in METHODS:
+        for method in PAPER_METHODS:
             for scans in ("all", "interior"):
                 for fitted in (False, True):
                     row(table, speed, method, scans, fitted=fitted)
@@ -71,7 +71,7 @@ def test_there_is_a_row_for_each_speed_method_set_of_scans_and_factor(table: Tab
     assert (table.strokes, table.seed) == (STROKES, 0)
 
 
-def test_backward_is_negative_and_forward_positive_in_every_row(table: Table1) -> None:
+def test_backward_is_negative_and_forward_positive_in_every_row(table: Table1Report) -> None:
     for ours in table.ours:
         assert ours.backward_mm_s < -0.6 * ours.nominal_mm_s
         assert ours.forward_mm_s > 0.6 * ours.nominal_mm_s
@@ -80,7 +80,7 @@ def test_backward_is_negative_and_forward_positive_in_every_row(table: Table1) -
 
 
 @by_speed
-def test_the_flow_is_within_5_percent_inside_after_its_factor(table: Table1, speed: int) -> None:
+def test_the_flow_is_within_5_percent_inside_after_its_factor(table: Table1Report, speed: int) -> None:
     inside = row(table, speed, "convolution", "interior", fitted=True)
     assert inside.rmse_percent < 5
     assert abs(inside.bias_percent) < 3
@@ -89,14 +89,14 @@ def test_the_flow_is_within_5_percent_inside_after_its_factor(table: Table1, spe
 
 @by_speed
 @by_method
-def test_the_edge_makes_both_methods_clearly_too_slow(table: Table1, method: str, speed: int) -> None:
+def test_the_edge_makes_both_methods_clearly_too_slow(table: Table1Report, method: str, speed: int) -> None:
     everything = row(table, speed, method, "all", fitted=False)
     inside = row(table, speed, method, "interior", fitted=False)
     assert -30 < everything.bias_percent < -12
     assert abs(inside.bias_percent) < 6
 
 
-def test_inside_the_flow_beats_the_l_norm(table: Table1) -> None:
+def test_inside_the_flow_beats_the_l_norm(table: Table1Report) -> None:
     for speed in SPEEDS_MM_S:
         flow, lnorm = (row(table, speed, method, "interior", fitted=True) for method in ("convolution", "lnorm"))
         assert flow.rmse_mm_s < lnorm.rmse_mm_s
@@ -104,7 +104,7 @@ def test_inside_the_flow_beats_the_l_norm(table: Table1) -> None:
 
 @by_method
 @pytest.mark.parametrize("scans", ["all", "interior"])
-def test_one_factor_serves_both_speeds_and_scales_the_velocities(table: Table1, method: str, scans: str) -> None:
+def test_one_factor_serves_both_speeds_and_scales_the_velocities(table: Table1Report, method: str, scans: str) -> None:
     factors = {row(table, speed, method, scans, fitted=True).factor for speed in SPEEDS_MM_S}
     assert len(factors) == 1
     (factor,) = factors
@@ -117,7 +117,9 @@ def test_one_factor_serves_both_speeds_and_scales_the_velocities(table: Table1, 
 
 @by_method
 @pytest.mark.parametrize("scans", ["all", "interior"])
-def test_the_factor_is_near_but_not_the_one_that_fits_the_table_itself(table: Table1, method: str, scans: str) -> None:
+def test_the_factor_is_near_but_not_the_one_that_fits_the_table_itself(
+    table: Table1Report, method: str, scans: str
+) -> None:
     bare = row(table, 25, method, scans, fitted=False)
     mean = 25 * (1 + bare.bias_percent / 100)
     own = 25 * mean / (bare.rmse_mm_s**2 + 2 * 25 * mean - 25**2)  # least squares on the table's own strokes
@@ -126,7 +128,7 @@ def test_the_factor_is_near_but_not_the_one_that_fits_the_table_itself(table: Ta
     assert fitted != pytest.approx(own, rel=1e-6)
 
 
-def test_no_trial_is_used_twice(table: Table1, trials: list[Scenario]) -> None:
+def test_no_trial_is_used_twice(table: Table1Report, trials: list[Scenario]) -> None:
     assert len(trials) == 3 * STROKES // 2
     assert len({trial.seed for trial in trials}) == len(trials)
     slow = [trial for trial in trials if trial.motion.speed_m_s == 0.025]
@@ -135,7 +137,7 @@ def test_no_trial_is_used_twice(table: Table1, trials: list[Scenario]) -> None:
     assert all(row.strokes == STROKES for row in table.ours)
 
 
-def test_trials_differ_in_object_and_line_as_the_docs_say(table: Table1, trials: list[Scenario]) -> None:
+def test_trials_differ_in_object_and_line_as_the_docs_say(table: Table1Report, trials: list[Scenario]) -> None:
     assert table.ours
     radii = [trial.contact.radius_m for trial in trials]
     lines = [trial.motion.middle_m[1] for trial in trials]
@@ -148,7 +150,7 @@ def test_trials_differ_in_object_and_line_as_the_docs_say(table: Table1, trials:
     }
 
 
-def test_errors_fit_together(table: Table1) -> None:
+def test_errors_fit_together(table: Table1Report) -> None:
     for ours in table.ours:
         assert ours.rmse_percent == pytest.approx(100 * ours.rmse_mm_s / ours.nominal_mm_s)
         assert abs(ours.bias_percent) <= ours.rmse_percent + 1e-12
@@ -157,46 +159,47 @@ def test_errors_fit_together(table: Table1) -> None:
         assert ours.bias_percent == pytest.approx(100 * (mean / ours.nominal_mm_s - 1))
 
 
-def test_the_same_seed_gives_the_same_table_and_another_another(table: Table1) -> None:
-    assert table1(STROKES, 0, methods=METHODS) == table
-    other = table1(STROKES, 1000, methods=METHODS)
+def test_the_same_seed_gives_the_same_table_and_another_another(table: Table1Report) -> None:
+    assert Table1(STROKES, 0, methods=PAPER_METHODS).run() == table
+    other = Table1(STROKES, 1000, methods=PAPER_METHODS).run()
     assert all(one != two for one, two in zip(table.ours, other.ours, strict=True))
 
 
 def test_the_standard_error_falls_with_more_strokes() -> None:
-    few, many = table1(10, 5, methods=METHODS), table1(60, 5, methods=METHODS)
+    few, many = Table1(10, 5, methods=PAPER_METHODS).run(), Table1(60, 5, methods=PAPER_METHODS).run()
     one, two = (sum(row.standard_error_percent for row in table.ours) for table in (few, many))
     assert 1.5 < one / two < 4  # about the square root of 6
 
 
 @pytest.mark.parametrize("strokes", [2, 3, 7])
 def test_it_tells_how_many_strokes_it_ran(strokes: int) -> None:
-    told = table1(strokes, 0, methods=METHODS)
+    told = Table1(strokes, 0, methods=PAPER_METHODS).run()
     assert {row.strokes for row in told.ours if row.scans == "all"} == {told.strokes}
 
 
 def test_progress_may_be_watched() -> None:
     passed: list[int] = []
 
-    def watched(items: Iterable[int]) -> Iterable[int]:
+    def watched(items: Iterable[int], what: str) -> Iterable[int]:
+        assert what == "trials"
         for item in items:
             passed.append(item)
             yield item
 
-    assert table1(4, 0, watched, METHODS) == table1(4, 0, methods=METHODS)
+    assert Table1(4, 0, PAPER_METHODS).run(watched) == Table1(4, 0, methods=PAPER_METHODS).run()
     assert passed == list(range(6))
 
 
-def test_json_makes_the_round_trip(table: Table1) -> None:
+def test_json_makes_the_round_trip(table: Table1Report) -> None:
     text = to_json(table)
-    assert msgspec.json.decode(text, type=Table1) == table
+    assert msgspec.json.decode(text, type=Table1Report) == table
     whole = json.loads(text)
     assert set(whole) == {"strokes", "seed", "solver", "paper", "ours"}
     assert None not in whole["ours"][0].values()
 
 
 def test_any_method_with_a_position_may_be_scored_beside_them() -> None:
-    told = table1(4, 0, methods=("convolution", "principal_axis"))
+    told = Table1(4, 0, methods=("convolution", "principal_axis")).run()
     assert {row.method for row in told.ours} == {"convolution", "principal_axis"}
     axis = next(row for row in told.ours if row.method == "principal_axis" and row.scans == "interior")
     assert axis.rmse_percent < 10
@@ -205,10 +208,10 @@ def test_any_method_with_a_position_may_be_scored_beside_them() -> None:
 def test_the_papers_methods_come_first_and_ours_follow_when_they_are_registered(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setitem(registry.PARTS, "estimator", dict.fromkeys((*METHODS, "template", "sum"), ""))
+    monkeypatch.setitem(registry.PARTS, "estimator", dict.fromkeys((*PAPER_METHODS, "template", "sum"), ""))
     assert scored_methods() == ("lnorm", "convolution", "template")
-    monkeypatch.setitem(registry.PARTS, "estimator", dict.fromkeys((*METHODS, "sum"), ""))
-    assert scored_methods() == METHODS
+    monkeypatch.setitem(registry.PARTS, "estimator", dict.fromkeys((*PAPER_METHODS, "sum"), ""))
+    assert scored_methods() == PAPER_METHODS
 
 
 @dataclass(frozen=True)
@@ -230,7 +233,7 @@ class Held:
 
 def test_a_method_that_holds_its_slips_back_until_the_end_is_scored_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(registry.PARTS["estimator"], "held", f"{__name__}:{Held.__name__}")
-    told = table1(4, 0, methods=("principal_axis", "held"))
+    told = Table1(4, 0, methods=("principal_axis", "held")).run()
     own, held = ([row for row in told.ours if row.method == name] for name in ("principal_axis", "held"))
     assert [replace(row, method="principal_axis") for row in held] == own
 
@@ -251,13 +254,13 @@ def test_ours_are_weighted_by_their_variance_and_the_papers_are_not() -> None:
 
 
 def test_a_method_without_a_position_is_refused() -> None:
-    with pytest.raises(ParameterInvalid, match="'sum'; it gives no position"):
-        table1(2, 0, methods=("sum",))
+    with pytest.raises(ParameterInvalid, match=r"methods must give a position.*'sum'"):
+        Table1(2, 0, methods=("sum",)).run()
 
 
 def test_an_unknown_method_is_refused_with_the_list() -> None:
     with pytest.raises(NameUnknown, match="'magic'; known are lnorm, convolution"):
-        table1(2, 0, methods=("magic",))
+        Table1(2, 0, methods=("magic",)).run()
 
 
 # What the paper printed
@@ -273,6 +276,44 @@ def test_the_papers_rows_are_consistent(printed: PaperRow) -> None:
     )  # 11.85 is printed as 11.9
 
 
-def test_the_papers_rows_are_all_there(table: Table1) -> None:
+def test_the_papers_rows_are_all_there(table: Table1Report) -> None:
     assert table.paper == PAPER
-    assert {(row.nominal_mm_s, row.method) for row in PAPER} == {(s, m) for s in SPEEDS_MM_S for m in METHODS}
+    assert {(row.nominal_mm_s, row.method) for row in PAPER} == {(s, m) for s in SPEEDS_MM_S for m in PAPER_METHODS}
+
+
+# What is shown and written
+
+
+def test_it_shows_the_papers_table_and_ours(table: Table1Report, capsys: pytest.CaptureFixture[str]) -> None:
+    table.show()
+    shown = capsys.readouterr().out
+    for word in ("Table I as published", "-24.24", "20.88", "11.9", "46.46", "ours: 16 strokes a speed, seed 0"):
+        assert word in shown
+    for word in ("L norm", "flow", "all", "interior", "none", "backward", "forward", "RMSE", "bias"):
+        assert word in shown
+    assert "nan" not in shown
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+def test_its_tables_are_ours_and_the_papers(table: Table1Report) -> None:
+    ours, paper = table.tables()
+    assert ours.columns == Row.__struct_fields__
+    assert (len(ours.rows), len(paper.rows)) == (16, 4)
+    assert ours.rows[0][:3] == (25, "lnorm", "all")
+
+
+def test_contacts_of_the_elastic_solver_may_be_scored(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("tamaas")
+    Table1(2, methods=("convolution",), solver="elastic").run().show()
+    assert "elastic solver" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("strokes", [1, 0, -4])
+def test_it_needs_a_backward_and_a_forward_stroke(strokes: int) -> None:
+    with pytest.raises(ParameterInvalid, match=rf"strokes must be at least 2 \(got {strokes}\)"):
+        Table1(strokes)
+
+
+def test_a_negative_seed_is_refused() -> None:
+    with pytest.raises(ParameterInvalid, match="-1"):
+        Table1(4, -1)

@@ -5,7 +5,7 @@ import pytest
 
 from taxelflow.fusion.pose import Anchor, Body, follow_pose
 from taxelflow.fusion.twist import Row
-from taxelflow.geometry import place
+from taxelflow.geometry import transform
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, records, unknown
 
@@ -28,7 +28,7 @@ def followed(
 
 def seen(poses: Floats, points: Floats = POINTS) -> Floats:
     """Where contacts on an object lie at its poses (scans, 3)."""
-    return place(np.asarray(poses)[:, np.newaxis], points)
+    return transform(np.asarray(poses)[:, np.newaxis], points)
 
 
 def test_the_pose_is_that_of_the_object_and_0_in_the_first_scan() -> None:

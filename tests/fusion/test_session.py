@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from synthetic import assert_same
 from taxelflow.errors import ParameterInvalid
 from taxelflow.fusion.parameters import RigidField
-from taxelflow.geometry import place, unplace
+from taxelflow.geometry import inverse_transform, transform
 from taxelflow.messages import Floats, Motions, Slips, cut, joined
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.pads import Group, Pad, Patch
@@ -39,7 +39,7 @@ def slips_of(sensor: Sensor, poses: Floats, points: Floats, *, dt: float = 0.01,
     """What pads see of an object (poses (scans, 3) in the hand) whose point points[p] touches pad p."""
     layout = sensor.layout
     home = np.nan_to_num(layout.T_hand)
-    seen = unplace(home, place(poses[:, np.newaxis], points))
+    seen = inverse_transform(home, transform(poses[:, np.newaxis], points))
     scans, pads = seen.shape[:2]
     pose = np.full((scans, pads, 3), np.nan)
     pose[..., :2] = seen
@@ -87,7 +87,7 @@ def test_a_rigid_twist_comes_out_of_its_slip_vectors(vx: float, vy: float, omega
     v = np.array([vx, vy]) + omega * np.stack([-points[:, 1], points[:, 0]], axis=1)
     home = sensor.layout.T_hand.copy()
     home[:, :2] = 0
-    slips.displacement[1, :, :2] = unplace(home, 0.01 * v)
+    slips.displacement[1, :, :2] = inverse_transform(home, 0.01 * v)
     motions = fused(sensor, slips)
     np.testing.assert_allclose(motions.velocity[1], [vx, vy, omega], atol=1e-9)
     assert motions.rotor[1] == pytest.approx(2 * omega, abs=1e-8)
@@ -100,7 +100,7 @@ def test_a_pad_that_knows_one_direction_bends_no_rotor() -> None:
     slips = slips_of(sensor, np.zeros((2, 3)), points_of(sensor))
     home = sensor.layout.T_hand.copy()
     home[:, :2] = 0
-    slips.displacement[1, :, :2] = unplace(home, np.full((4, 2), 5e-4))
+    slips.displacement[1, :, :2] = inverse_transform(home, np.full((4, 2), 5e-4))
     slips.displacement[1, 3, 0] = 0.0
     slips.displacement_covariance[1, 3, 0, 0] = 0.05**2
     motions = fused(sensor, slips)

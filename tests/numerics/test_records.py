@@ -4,43 +4,55 @@ from typing import Annotated
 
 import numpy as np
 
+from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, Vector, record_dtype, records, unknown
 
 
 class Inner:
-    """A record in a record."""
-
-    x: float
-    y: float
+    weight: float
+    place: Vector
 
 
 class Outer:
-    """Fields of every kind."""
-
     count: int
     known: bool
-    place: Inner
-    pose: Vector
-    covariance: Annotated[Floats, 3, 3]
-    history: Annotated[Records, Inner, 2]
+    matrix: Annotated[Floats, 2, 3]
+    inner: Inner
+    rows: Annotated[Records, Inner, 4]
 
 
-def test_fields_have_the_types_and_shapes_of_the_annotations() -> None:
+@kernel
+def fill(outer: Outer) -> None:
+    outer.count, outer.known = 3, True
+    outer.matrix[1, 2] = 5.0
+    outer.inner.place[1] = 7.0
+    row: Inner = outer.rows[2]
+    row.weight = 9.0
+    outer.rows[3] = outer.rows[2]
+
+
+def test_a_class_describes_a_record_with_nested_records_and_arrays() -> None:
     dtype = record_dtype(Outer)
-    assert dtype.names == ("count", "known", "place", "pose", "covariance", "history")
-    assert dtype["count"] == np.int64
-    assert dtype["known"] == np.bool_
-    assert dtype["place"] == record_dtype(Inner)
-    assert dtype["pose"].shape == (3,)
-    assert dtype["covariance"].shape == (3, 3)
-    assert dtype["history"].shape == (2,)
-    assert record_dtype(Outer) is dtype
+    assert dtype.names == ("count", "known", "matrix", "inner", "rows")
+    assert dtype["matrix"].shape == (2, 3)
+    assert dtype["rows"].shape == (4,)
+    assert dtype["inner"] == dtype["rows"].base == record_dtype(Inner)
+    assert dtype.isalignedstruct
 
 
-def test_records_start_as_0_and_unknown_ones_as_nan() -> None:
-    assert not any(np.any(records(Outer, 4)[name].view(np.uint8)) for name in ("count", "known", "pose"))
+def test_a_kernel_writes_fields_by_name() -> None:
+    outer = records(Outer, 2)[1]
+    assert not outer["known"]
+    fill(outer)
+    assert (outer["count"], outer["known"], outer["matrix"][1, 2]) == (3, True, 5.0)
+    np.testing.assert_array_equal(outer["inner"]["place"], [0.0, 7.0, 0.0])
+    assert outer["rows"]["weight"].tolist() == [0.0, 0.0, 9.0, 9.0]
+
+
+def test_unknown_records_are_nan_in_every_field() -> None:
     held = unknown(Inner, 2, 3)
     assert held.shape == (2, 3)
-    assert np.isnan(held["y"]).all()
+    assert np.isnan(held["weight"]).all()
+    assert np.isnan(held["place"]).all()
     assert unknown(Inner, 0, 3).shape == (0, 3)

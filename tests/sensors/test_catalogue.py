@@ -87,15 +87,15 @@ def test_every_built_in_sensor_says_where_it_is_from() -> None:
 )
 def test_built_in_sensors_have_the_taxels_of_their_makers(name: str, pads: int, taxels: int, columns: int) -> None:
     sensor = load_sensor(name)
-    assert (len(sensor.pads), sensor.layout.taxels, sensor.wiring.columns) == (pads, taxels, columns)
+    assert (len(sensor.pads), sensor.layout.taxels, sensor.channel_map.columns) == (pads, taxels, columns)
 
 
 def test_the_bh280_reads_its_palm_from_the_right() -> None:
     sensor = load_sensor("barretthand-bh280-96")
     layout = sensor.layout
     palm = layout.of_pad(3)
-    first = int(np.argmin(sensor.wiring.column[palm]))
-    assert sensor.wiring.column[palm][first] == 72
+    first = int(np.argmin(sensor.channel_map.column[palm]))
+    assert sensor.channel_map.column[palm][first] == 72
     np.testing.assert_allclose([layout.x_m[palm][first], layout.y_m[palm][first]], [0.022, 0.0159])
     assert layout.area_m2[palm] == pytest.approx(9.7e-5)
     assert sensor.to_si == 1e4
@@ -113,13 +113,13 @@ def test_the_bh280s_fingers_are_unrolled_towards_the_tip() -> None:
 
 def test_an_icub_fingertip_counts_down_from_255() -> None:
     sensor = load_sensor("icub-fingertip-12")
-    np.testing.assert_array_equal(sensor.wiring.readings(np.full((1, 12), 245.0)), 10.0)
+    np.testing.assert_array_equal(sensor.channel_map.to_readings(np.full((1, 12), 245.0)), 10.0)
 
 
 def test_the_forearm_reads_no_temperatures_and_lies_on_its_arm() -> None:
     sensor = load_sensor("icub-forearm")
     layout = sensor.layout
-    assert not set(sensor.wiring.column % 12) & {6, 10}
+    assert not set(sensor.channel_map.column % 12) & {6, 10}
     np.testing.assert_allclose(np.linalg.norm(layout.normal, axis=1), 1.0, atol=1e-6)
     middle = layout.place_m.mean(axis=0)
     outwards = np.sum((layout.place_m - middle)[:, [0, 2]] * layout.normal[:, [0, 2]], axis=1)
@@ -129,7 +129,7 @@ def test_the_forearm_reads_no_temperatures_and_lies_on_its_arm() -> None:
 def test_inspires_palm_runs_up_its_columns() -> None:
     sensor = load_sensor("inspire-rh56dftp@3.0mm")
     raw = np.arange(1062.0)
-    palm = sensor.layout.grid(16, sensor.wiring.readings(raw[np.newaxis])[0])
+    palm = sensor.layout.grid(16, sensor.channel_map.to_readings(raw[np.newaxis])[0])
     np.testing.assert_array_equal(palm, raw[950:].reshape(14, 8).T[::-1])
     assert sensor.layout.pitch_m[16].tolist() == [0.003, 0.003]
 

@@ -21,7 +21,7 @@ from taxelflow.simulation.simulate import save
 def seen(raw: Any, rows: int, cols: int, **fields: Any) -> Any:
     """A source's numbers of one grid as its picture."""
     sensor = Sensor(name="a", unit="Pa", pads=(Pad(name="a", rows=rows, cols=cols, pitch_m=(1, 1), **fields),))
-    return sensor.layout.grid(0, sensor.wiring.readings(np.asarray(raw, dtype=float)[np.newaxis])[0]).tolist()
+    return sensor.layout.grid(0, sensor.channel_map.to_readings(np.asarray(raw, dtype=float)[np.newaxis])[0]).tolist()
 
 
 @pytest.mark.parametrize(
@@ -50,21 +50,23 @@ def test_missing_places_are_sent_or_not() -> None:
 def test_several_sensors_stand_in_one_stream() -> None:
     wide = Pad(name="wide", rows=1, cols=3, pitch_m=(1, 1))
     tip = Pad(name="tip", taxels=((0.0, 0.0), (1.0, 0.0)), index=(3, 1), channels=4, start=5)
-    wiring = Sensor(name="a", unit="Pa", pads=(wide, tip), channels=12).wiring
-    assert wiring.columns == 12
-    np.testing.assert_array_equal(wiring.readings(np.arange(12.0)[np.newaxis]), [[0, 1, 2, 8, 6]])
+    channel_map = Sensor(name="a", unit="Pa", pads=(wide, tip), channels=12).channel_map
+    assert channel_map.columns == 12
+    np.testing.assert_array_equal(channel_map.to_readings(np.arange(12.0)[np.newaxis]), [[0, 1, 2, 8, 6]])
 
 
 def test_the_normal_axis_is_chosen_of_three() -> None:
     raw = np.arange(12.0)[np.newaxis]
     for normal, first in (("x", 0), ("y", 1), ("z", 2)):
         sensor = grid_sensor(2, 2, axes=3, normal=normal)
-        np.testing.assert_array_equal(sensor.wiring.readings(raw), [np.arange(4) * 3 + first])
+        np.testing.assert_array_equal(sensor.channel_map.to_readings(raw), [np.arange(4) * 3 + first])
 
 
 def test_polarity_offset_and_gain_make_load_positive() -> None:
-    wiring = grid_sensor(1, 2, offset=255.0, polarity=-1, gain=(1.0, 2.0)).wiring
-    np.testing.assert_array_equal(wiring.readings(np.array([[255.0, 255.0], [205.0, 205.0]])), [[0, 0], [50, 100]])
+    channel_map = grid_sensor(1, 2, offset=255.0, polarity=-1, gain=(1.0, 2.0)).channel_map
+    np.testing.assert_array_equal(
+        channel_map.to_readings(np.array([[255.0, 255.0], [205.0, 205.0]])), [[0, 0], [50, 100]]
+    )
 
 
 @given(
@@ -78,16 +80,18 @@ def test_polarity_offset_and_gain_make_load_positive() -> None:
 def test_what_is_sent_is_read_back(rows: int, cols: int, order: Any, first: Any, axes: Any, polarity: Any) -> None:
     pad = Pad(name="a", rows=rows, cols=cols, pitch_m=(1, 1), order=order, first=first)
     gain = tuple(np.linspace(0.5, 2.0, rows * cols))
-    wiring = Sensor(name="a", unit="Pa", pads=(pad,), axes=axes, polarity=polarity, offset=7.0, gain=gain).wiring
+    channel_map = Sensor(
+        name="a", unit="Pa", pads=(pad,), axes=axes, polarity=polarity, offset=7.0, gain=gain
+    ).channel_map
     readings = np.random.default_rng(0).normal(0, 10, (3, rows * cols))
-    sent = wiring.sent(readings)
+    sent = channel_map.to_source(readings)
     assert sent.shape == (3, rows * cols * axes)
-    np.testing.assert_allclose(wiring.readings(sent), readings, atol=1e-12)
+    np.testing.assert_allclose(channel_map.to_readings(sent), readings, atol=1e-12)
 
 
 def test_a_plain_source_is_passed_on_untouched() -> None:
     values = np.ones((2, 4))
-    assert grid_sensor(2, 2).wiring.readings(values) is values
+    assert grid_sensor(2, 2).channel_map.to_readings(values) is values
 
 
 def test_a_recording_gives_readings_and_counts_the_numbers_that_its_source_sends() -> None:
@@ -101,13 +105,13 @@ def test_a_recording_gives_readings_and_counts_the_numbers_that_its_source_sends
 def test_what_the_source_sent_is_kept_for_files() -> None:
     sensor = grid_sensor(1, 2, axes=3, offset=100.0)
     sent = np.arange(18.0).reshape(3, 6)
-    (block,) = recorded(sent, sensor).sent()
+    (block,) = recorded(sent, sensor).source_blocks()
     np.testing.assert_array_equal(block.values, sent)
 
 
-def test_a_simulated_recording_of_a_wired_sensor_is_read_back(tmp_path: Path) -> None:
+def test_a_simulated_recording_of_a_sensor_with_a_channel_map_is_read_back(tmp_path: Path) -> None:
     scenario = Scenario(sensor="icub-fingertip-12", pad="fingertip", motion=Motion(travel_m=0.01, strokes=1))
     made = save(scenario, tmp_path / "tip.npz").load()
     again = read(tmp_path / "tip.npz")
     np.testing.assert_allclose(again.load().values, made.values, atol=1e-9)
-    assert next(again.sent()).values.max() <= 256
+    assert next(again.source_blocks()).values.max() <= 256

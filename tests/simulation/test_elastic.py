@@ -72,7 +72,7 @@ def test_every_shape_carries_its_force_with_about_its_peak(shape: Any) -> None:
 
 
 @pytest.mark.usefixtures("solver")
-def test_the_contact_grows_with_the_cube_root_of_the_force_without_being_told() -> None:
+def test_the_contact_grows_with_the_cube_root_of_the_force() -> None:
     (one, cell), (eight, larger_cell) = field(Contact("hertz")), field(Contact("hertz"), 8.0)
     assert np.sum(eight > 0) * larger_cell == pytest.approx(4 * np.sum(one > 0) * cell, rel=0.1)
     assert eight.max() == pytest.approx(2 * one.max(), rel=0.05)

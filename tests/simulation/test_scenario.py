@@ -1,49 +1,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from taxelflow.errors import ParameterInvalid
-from taxelflow.simulation.parameters import Contact, Load, Motion, Second, Sensing
-from taxelflow.simulation.scenario import DESCRIPTIONS, SCENARIOS, Scenario
+from taxelflow.simulation.scenario import DESCRIPTIONS, SCENARIOS
 from taxelflow.simulation.simulate import simulate
-
-
-@pytest.mark.parametrize(
-    ("kind", "values", "message"),
-    [
-        (Contact, {"radius_m": 0.0}, r"contact radius_m is 0\.0; it is above 0"),
-        (Contact, {"feet": 0}, r"contact feet is 0; it lies between 1 and 10000"),
-        (Contact, {"texture": 1.5}, r"contact texture is 1\.5; it lies between 0 and 1"),
-        (Contact, {"deform_1_m": -1.0}, r"contact deform_1_m is -1\.0; it is 0 or more"),
-        (Motion, {"interval_s": (0.4, 0.1)}, r"motion interval_s .*not below the first"),
-        (Motion, {"kind": "stick-slip", "travel_m": 0.01}, r"motion travel_m is 0\.01; stick and slip need 0\.012 m"),
-        (Motion, {"rest_s": -1.0}, r"motion rest_s is -1\.0; it is 0 or more"),
-        (Load, {"growth": 0.7}, r"load growth is 0\.7; it lies between 0 and 0\.5"),
-        (Load, {"multiples": (0.0, 1.0)}, r"load multiples is 0\.0; it is above 0"),
-        (Load, {"tilt": float("nan")}, r"load tilt is nan; it lies between -1 and 1"),
-        (Sensing, {"scan_share": 1.1}, r"sensing scan_share is 1\.1; it lies between 0 and 1"),
-        (Sensing, {"jitter_s": -0.1}, r"sensing jitter_s is -0\.1; it is 0 or more"),
-        (Scenario, {"load": Load(lift_s=9.0)}, r"load lift_s is 9\.0; it is at most motion rest_s, 3"),
-        (Scenario, {"contact": Contact("feet"), "load": Load(roll_m=0.01)}, r"load roll_m is 0\.01; feet do not roll"),
-        (Scenario, {"solver": "elastic", "contact": Contact(deform_1_m=1.0)}, r"it is 0 with solver elastic"),
-        (Load, {"steps": -1}, r"load steps is -1; it lies between 0 and 10000"),
-        (Scenario, {"load": Load(steps=3)}, r"load steps is 3; it is 0 but for contact shape feet, solver analytic"),
-        (Scenario, {"pad": "hand", "second": Second(there=True)}, r"two objects lie on a pad, not on the hand"),
-        (Scenario, {"second": Second(load=Load(lift_s=9.0))}, r"load lift_s is 9\.0; it is at most motion rest_s, 3"),
-        (
-            Scenario,
-            {"solver": "elastic", "contact": Contact("bulb"), "load": Load(roll_m=0.01)},
-            r"only smooth shapes roll",
-        ),
-    ],
-)
-def test_bad_values_are_refused_with_what_is_allowed(kind: type, values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterInvalid, match=message):
-        kind(**values)
 
 
 def test_every_scenario_is_described() -> None:
@@ -56,7 +19,8 @@ def test_every_scenario_runs_within_full_scale_and_touches(name: str) -> None:
     motion = replace(scenario.motion, stick_slip_s=1.0)
     if name.startswith("hold"):
         motion = replace(motion, turn_s=2.0)
-    recording = simulate(replace(scenario, motion=motion))
+    sensing = replace(scenario.sensing, rate_hz=min(20.0, scenario.sensing.rate_hz))
+    recording = simulate(replace(scenario, motion=motion, sensing=sensing))
     values, truth = recording.load().values, recording.truth
     assert truth is not None
     assert truth.slipping is not None
@@ -75,6 +39,6 @@ def test_the_bulb_and_the_object_on_the_hand_touch_what_the_figures_show() -> No
 
 
 def test_the_papers_stroke_is_what_it_always_was() -> None:
-    # docs/accuracy.md rests on these scans: a new fault must not draw from their generator
+    # docs/accuracy.md rests on these scans: a new sensor error must not draw from their generator
     raw = simulate(SCENARIOS["stroke"]).load()
     assert (raw.t_s[0], raw.values.sum()) == pytest.approx((0.0909945267602, 77738.5923754), rel=1e-9)

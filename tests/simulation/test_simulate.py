@@ -9,7 +9,7 @@ import pytest
 from taxelflow.acquire.base import HAND
 from taxelflow.api import read
 from taxelflow.errors import NameUnknown, ParameterInvalid
-from taxelflow.geometry import place
+from taxelflow.geometry import transform
 from taxelflow.simulation.contact import taxel_pressure
 from taxelflow.simulation.load import state_at
 from taxelflow.simulation.motion import move
@@ -55,7 +55,7 @@ def test_an_object_on_a_finger_is_the_same_through_the_hand(pad: str) -> None:
     home = layout.T_hand[number]
     through = replace(
         on_pad.motion,
-        middle_m=tuple(place(home, np.array(motion.middle_m))),
+        middle_m=tuple(transform(home, np.array(motion.middle_m))),
         direction_rad=motion.direction_rad + home[2],
         angle_rad=motion.angle_rad + home[2],
     )
@@ -71,7 +71,9 @@ def test_a_hand_needs_a_pad_with_a_place(tmp_path: Path) -> None:
     file = tmp_path / "two.toml"
     pads = "".join(f'[[pads]]\nname = "{name}"\nrows = 4\ncols = 4\npitch_m = [0.01, 0.01]\n' for name in "ab")
     file.write_text(f'name = "two"\nunit = "Pa"\n{pads}')
-    with pytest.raises(ParameterInvalid, match=r"pad is 'hand'; no pad of .*two\.toml has a place .* origin_m"):
+    with pytest.raises(
+        ParameterInvalid, match=r"pad must name a pad: no pad of .*two\.toml has a position .* origin_m"
+    ):
         simulate(Scenario(sensor=str(file), pad=HAND))
     with pytest.raises(NameUnknown, match=r"unknown pad 'c'; known are a, b, hand"):
         simulate(Scenario(sensor=str(file), pad="c"))
@@ -128,7 +130,7 @@ def test_truth_and_delays_are_saved_and_truth_comes_back(tmp_path: Path, pad: st
     np.testing.assert_allclose(read(tmp_path / "a.npz").layout.delay_s[:162], 0.5 / 7 * np.arange(162) / 162)
 
 
-def test_two_objects_press_as_much_as_each_alone_and_both_are_told_of(tmp_path: Path) -> None:
+def test_two_objects_press_as_much_as_each_alone_and_both_have_a_truth(tmp_path: Path) -> None:
     two = replace(SCENARIOS["two-contacts"], sensing=EXACT)
     first = simulate(replace(two, second=Second()))
     both = simulate(two)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import replace
 from typing import Any
@@ -10,50 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthetic import pieces
-from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.slip import still_slips
-from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Event, Floats, Slips
+from sliding import NAN, RATE_HZ, STD, kinds, noise, slid, slips_of, watched
+from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Event, Floats, Slips
 from taxelflow.slip.parameters import SlipMonitor
-from taxelflow.slip.session import SlipSession
-
-STD = np.array([2e-5, 2e-5, 1e-3])
-RATE_HZ = 100.0
-NAN = float("nan")
-
-
-def noise(scans: int, seed: int = 0) -> Floats:
-    drawn: Floats = STD * np.random.default_rng(seed).standard_normal((scans, 3))
-    return drawn
-
-
-def slips_of(pose: Floats, *, load: Any = None, theta: bool = True, t_s: Any = None) -> Slips:
-    """One pad's slips from its poses (scans, 3), whose noise is STD."""
-    times = np.arange(len(pose)) / RATE_HZ if t_s is None else t_s
-    slips = still_slips(times, pose, STD, np.full(3, NAN))
-    if load is not None:
-        slips = replace(slips, load=np.asarray(load, dtype=float)[:, np.newaxis])
-    if not theta:
-        slips.displacement[..., 2] = NAN
-        slips.displacement_covariance[..., 2, :] = slips.displacement_covariance[..., :, 2] = NAN
-    return slips
-
-
-def slid(velocity: tuple[float, float, float], *, scans: int = 300, begin: int = 100, end: int = 200) -> Floats:
-    """Poses that move from scan `begin` to scan `end`, with noise."""
-    moved = np.clip(np.arange(scans) - begin, 0, end - begin)[:, np.newaxis] / RATE_HZ * velocity
-    return noise(scans) + moved
-
-
-def watched(*blocks: Slips, monitor: SlipMonitor | None = None) -> tuple[Bools, list[Event], SlipSession]:
-    session = (monitor or SlipMonitor()).begin(tuple(f"pad{k}" for k in range(blocks[0].contact.shape[1])))
-    found = [session.step(block) for block in blocks]
-    flags = np.concatenate([slipping for slipping, _ in found])
-    return flags, [event for _, events in found for event in events], session
-
-
-def kinds(events: list[Event]) -> list[str]:
-    return [event.event for event in events]
 
 
 @pytest.mark.parametrize("speed_m_s", [0.003, 0.015, 0.1])
@@ -140,24 +98,6 @@ def test_a_turn_that_is_known_only_now_and_then_does_not_alarm() -> None:
     assert kinds(watched(slips)[1]) == ["contact"]
 
 
-@given(
-    velocity=st.tuples(*[st.floats(-0.03, 0.03)] * 2, st.floats(-1, 1)),
-    seed=st.integers(0, 99),
-    cuts=st.lists(st.integers(0, 120), max_size=8),
-)
-@settings(max_examples=25)
-def test_what_is_seen_does_not_depend_on_how_slips_are_cut(
-    velocity: tuple[float, float, float], seed: int, cuts: list[int]
-) -> None:
-    slips = slips_of(slid(velocity, scans=120, begin=40, end=80) + noise(120, seed))
-    slips.contact[(seed + np.arange(120)) % 50 == 0] = False
-    whole_flags, whole_events, whole = watched(slips)
-    flags, events, session = watched(*pieces(slips, cuts))
-    np.testing.assert_array_equal(flags, whole_flags)
-    np.testing.assert_array_equal(session.scatter, whole.scatter)
-    assert events == whole_events
-
-
 @given(unit_m=st.floats(0.1, 10), clock=st.floats(0.2, 5))
 @settings(max_examples=20)
 def test_with_nothing_but_noise_neither_unit_nor_clock_matter(unit_m: float, clock: float) -> None:
@@ -171,28 +111,6 @@ def test_with_nothing_but_noise_neither_unit_nor_clock_matter(unit_m: float, clo
         for each, monitor in ((slips, replace(parameters, alarms_per_hour=60.0)), (scaled, parameters))
     ]
     assert starts[0] == starts[1]
-
-
-def test_a_pads_answer_does_not_depend_on_the_other_pads() -> None:
-    one, other = slips_of(slid((0.01, 0.0, 0.0))), slips_of(noise(300, 1))
-    names = ("contact", "border", "displacement", "pose", "covariance", "displacement_covariance")
-    names += ("span_s", "lag_s", "load", "disturbance", "quality")
-    both = replace(one, **{name: np.concatenate([getattr(other, name), getattr(one, name)], axis=1) for name in names})
-    flags, events, _ = watched(both)
-    np.testing.assert_array_equal(flags[:, 1], watched(one)[0][:, 0])
-    assert not flags[:, 0].any()
-    assert [event.t_s for event in events] == sorted(event.t_s for event in events)
-
-
-@pytest.mark.parametrize("scale", [0.6, 1.7, 3.0])
-def test_the_scatter_is_learned(scale: float) -> None:
-    _, events, session = watched(slips_of(scale * noise(6000)))
-    assert session.scatter[0] == pytest.approx(scale, rel=0.06)
-    assert kinds(events) == ["contact"]
-
-
-def test_before_any_pose_the_scatter_is_1() -> None:
-    assert SlipMonitor().begin(("a", "b")).scatter.tolist() == [1.0, 1.0]
 
 
 def test_motion_that_follows_the_load_is_no_slip() -> None:
@@ -338,51 +256,3 @@ def test_a_disturbance_counts_where_there_is_no_displacement() -> None:
     assert flags[:, 0].nonzero()[0].tolist() == [100, 101, 102]
     assert events[1] == Event(1.0, "pad0", "slip_start", 1.0)
     assert np.isnan(events[1].speed_m_s)
-
-
-def test_a_contact_in_the_first_scan_is_an_event_and_no_contact_is_none() -> None:
-    slips = slips_of(noise(3))
-    assert watched(slips)[1] == [Event(0.0, "pad0", "contact")]
-    slips.contact[...] = False
-    assert watched(slips)[1] == []
-
-
-def test_a_slip_that_ends_by_lift_off_stops_before_the_release() -> None:
-    slips = slips_of(slid((0.02, 0.0, 0.0)))
-    slips.contact[150:] = False
-    slips.displacement[150:] = NAN
-    _, events, _ = watched(slips)
-    assert kinds(events) == ["contact", "slip_start", "slip_stop", "release"]
-    assert events[2].t_s == events[2].onset_s == events[3].t_s
-    assert np.isnan(events[2].speed_m_s)
-
-
-def test_events_of_a_pad_alternate_and_agree_with_the_flags() -> None:
-    random = np.random.default_rng(0)
-    slips = slips_of(noise(3000) + np.cumsum(random.choice([0.0, 2e-4], (3000, 1), p=[0.5, 0.5]) * [1, 0, 0], axis=0))
-    slips.contact[random.random(3000) < 0.02] = False
-    flags, events, _ = watched(slips)
-    for pair in ({"contact", "release"}, {"slip_start", "slip_stop"}):
-        order = [kind for kind in kinds(events) if kind in pair]
-        assert len(order) > 10
-        assert all(one != other for one, other in itertools.pairwise(order))
-    told = np.zeros(3001)
-    for event in events:
-        told[round(event.t_s * RATE_HZ)] += {"slip_start": 1, "slip_stop": -1}.get(event.event, 0)
-    np.testing.assert_array_equal(np.cumsum(told)[:-1], flags[:, 0])
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"alarms_per_hour": 0.0}, r"monitor alarms_per_hour is 0\.0; it is above 0"),
-        ({"alarms_per_hour": NAN}, "monitor alarms_per_hour is nan; it is above 0"),
-        ({"creep_m_s": -1.0}, r"monitor creep_m_s is -1\.0; it is 0 or more"),
-        ({"load_m": math.inf}, "monitor load_m is inf; it is 0 or more"),
-        ({"settle_s": -0.1}, r"monitor settle_s is -0\.1; it is 0 or more"),
-    ],
-    ids=str,
-)
-def test_parameters_that_cannot_work_are_refused(parameters: dict[str, float], message: str) -> None:
-    with pytest.raises(ParameterInvalid, match=message):
-        SlipMonitor(**parameters)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import pieces
-from taxelflow.evaluation.slip import still_slips
+from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import LOST, UNRESOLVED, Event, Floats, Slips
 from taxelflow.slip.parameters import SlipMonitor
 

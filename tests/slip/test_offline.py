@@ -9,17 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sliding import RATE_HZ, STD, kinds, slips_of
 from synthetic import pieces
-from taxelflow.evaluation.slip import still_slips
 from taxelflow.messages import Bools, Event, Floats, Slips
 from taxelflow.slip.parameters import SlipMonitor
-
-STD = np.array([2e-5, 2e-5, 1e-3])
-RATE_HZ = 100.0
-
-
-def slips_of(pose: Floats) -> Slips:
-    return still_slips(np.arange(len(pose)) / RATE_HZ, pose, STD, np.full(3, np.nan))
 
 
 def slid(*intervals: tuple[float, float], speed_m_s: float = 0.01, scans: int = 400, seed: int = 0) -> Floats:
@@ -35,10 +28,6 @@ def seen(*blocks: Slips) -> tuple[Bools, list[Event]]:
     session = SlipMonitor().look_back(("pad",))
     found = [*(session.step(block) for block in blocks), session.finish()]
     return np.concatenate([flags for flags, _ in found]), [event for _, events in found for event in events]
-
-
-def kinds(events: list[Event]) -> list[str]:
-    return [event.event for event in events]
 
 
 @pytest.mark.parametrize("speed_m_s", [0.003, 0.015])

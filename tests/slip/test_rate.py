@@ -8,45 +8,50 @@ from scipy.signal import lfilter
 from scipy.stats import poisson
 
 from taxelflow.compiling import kernel
-from taxelflow.evaluation.slip import still_slips
+from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import Floats
-from taxelflow.slip.onset import MOST_RAMPS, RAMP, REACH, SLIP, T_0, WEIGHT, thinned, threshold, weigh
+from taxelflow.numerics.records import records
+from taxelflow.slip.detector import PadState
+from taxelflow.slip.measurement import Measurement, Parameters
+from taxelflow.slip.onset import REACH, alarm_threshold, prune, shiryaev_roberts
 from taxelflow.slip.parameters import SlipMonitor
-from taxelflow.slip.rest_filter import ENERGY, FREEDOM, STEP, STILL, innovate, settle
+from taxelflow.slip.rest_filter import start_rest, update_rest
 
 STD = np.array([2e-5, 2e-5, 1e-3])
 
 
 @kernel
-def leaps(trials: int, components: int, levels: Floats, shares: Floats) -> None:
+def overshoots(
+    trials: int, levels: Floats, shares: Floats, measurement: Measurement, parameters: Parameters, state: PadState
+) -> None:
     """Add to shares (levels,) each level over the sum that first exceeds it, when a slip as the test expects it begins.
 
     The change of measure that makes the sum a martingale gives the rate of false alarms at threshold h as the mean of
     1 / sum over slips drawn from the test's own prior: rare events are counted where they are common.
+    measurement: its covariance is that of every pose, NaN where a coordinate is unknown.
     """
     np.random.seed(1)  # numba's own generator  # noqa: NPY002
-    prior, step, slip = np.array([1.0, 0.02]), np.empty(STEP), np.empty(SLIP)
-    m, ramps = np.zeros(STILL), np.zeros((MOST_RAMPS, RAMP))
-    y, noise, v = np.empty(3), np.empty(6), np.empty(3)
+    y, v, rest, onset = measurement.position, np.empty(3), state.rest, state.onset
+    yaw_variance = measurement.covariance.variance[2]
     still = 60
     for _ in range(trials):
-        m[:] = 0.0
-        m[FREEDOM] = m[ENERGY] = 2900.0
+        rest.product_sum = rest.mean_log_load = rest.load_variance = 0.0
+        rest.components = rest.square_sum = 2900.0
         for axis in range(3):
             v[axis] = REACH * np.random.standard_normal()  # noqa: NPY002
             y[axis] = np.random.standard_normal()  # noqa: NPY002
-        settle(y, 1.0, 0.0, prior, m)
-        count = passed = 0
+        start_rest(y, 1.0, 0.0, parameters, rest)
+        onset.count = passed = 0
         for scan in range(1, still + 200):
             for axis in range(3):
                 y[axis] = np.random.standard_normal() + v[axis] * max(0, scan - still)  # noqa: NPY002
-            noise[:3], noise[3:] = 1.0, 0.0
-            noise[components:3] = np.nan
-            innovate(1.0, y, noise, 0.0, prior, m, step)
-            whole = weigh(float(scan), scan - 1.0, step, m, count, ramps, slip)
-            count = thinned(float(scan), count + 1, ramps)
-            while scan > still and passed < len(levels) and whole > levels[passed]:
-                shares[passed] += levels[passed] / whole
+            measurement.covariance.variance[2] = yaw_variance
+            measurement.previous_s, measurement.t_s = scan - 1.0, float(scan)
+            update_rest(measurement, parameters, rest)
+            statistic = shiryaev_roberts(measurement, rest, onset)
+            prune(float(scan), onset)
+            while scan > still and passed < len(levels) and statistic > levels[passed]:
+                shares[passed] += levels[passed] / statistic
                 passed += 1
             if passed == len(levels):
                 break
@@ -55,22 +60,14 @@ def leaps(trials: int, components: int, levels: Floats, shares: Floats) -> None:
 @pytest.mark.parametrize("components", [1, 2, 3])
 def test_the_threshold_is_the_one_that_a_simulation_of_the_test_gives(components: int) -> None:
     asked = 10.0 ** np.arange(2.5, 7.1, 0.5)  # scans between false alarms
-    levels = np.array([threshold(scans, 1.0, float(components)) for scans in asked])
+    levels = np.array([alarm_threshold(scans, 1.0, components) for scans in asked])
     shares, trials = np.zeros(len(levels)), 4000
-    leaps(trials, components, levels, shares)
+    measurement, parameters, state = (records(fields, 1)[0] for fields in (Measurement, Parameters, PadState))
+    measurement["covariance"]["variance"] = np.where(np.arange(3) < components, 1.0, np.nan)
+    parameters["load_m"], parameters["creep_m_s"] = 1.0, 0.02
+    overshoots(trials, levels, shares, measurement, parameters, state)
     rate = shares / trials / levels
     np.testing.assert_allclose(asked * rate, 1, atol=0.3)
-
-
-def test_ramps_reach_back_a_bounded_time_and_weigh_no_more() -> None:
-    ramps, count, oldest = np.zeros((MOST_RAMPS, RAMP)), 0, []
-    for scan in range(1, 2000):
-        ramps[count, [T_0, WEIGHT]] = scan - 1.0, 1.0
-        count = thinned(float(scan), count + 1, ramps)
-        age = scan - ramps[:count, T_0]
-        assert ramps[:count, WEIGHT].sum() < 100
-        oldest.append(age[0])
-    assert 40 < min(oldest[100:]) < max(oldest) < 70
 
 
 def alarms(pose: Floats, rate_hz: float, monitor: SlipMonitor, std: Floats = STD) -> int:

@@ -1,1 +1,1 @@
-"""World -> RawScans: readers of recordings and the simulated rig."""
+"""Readers and writers of recordings: files to `RawScans` and back."""

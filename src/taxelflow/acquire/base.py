@@ -1,4 +1,4 @@
-"""What every source of scans is: a recording that can be read again and again, block by block."""
+"""The recording that every reader returns: scans of one sensor, read block by block as often as needed."""
 
 from __future__ import annotations
 
@@ -21,24 +21,25 @@ Item = TypeVar("Item")
 Block = TypeVar("Block")
 
 BLOCK_SCANS = 1024
-"""Scans in a block: large enough to be fast, small enough to hold many sensors' blocks in memory."""
+"""Scans in a block: large enough for array operations, small enough that blocks of many sensors fit in memory."""
 
 _SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
-"""Rates outside of these come of times in a wrong unit."""
+"""Scan rates of tactile sensors; a rate outside suggests times in a wrong unit."""
 
-_ENOUGH_STEPS = 5
+_RATE_SCANS = 5
+"""Scans from which the rate is estimated; a median of fewer steps is not robust."""
 
 HAND = "hand"
-"""Stands for a pad's name where truth is in the hand frame."""
+"""Name in place of a pad's where truth is in the hand frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """Where the object really was, in the frame of one pad, or of the hand (pad is then `hand`).
+    """Ground truth: pose of the object in the frame of one pad, or in the hand frame (pad is then `hand`).
 
-    t_s: (times,). pose: (times, 3), x, y in m and theta in rad. slipping: (times,), whether it really slid or turned
-    relative to the skin at that time, if known. second: (times, 3), pose of a second object on the same pad, if there
-    is one; slipping is of the first.
+    t_s: (times,). pose: (times, 3), x, y in m and theta in rad. slipping: (times,), whether the object slid or turned
+    relative to the skin at that time, if known. second: (times, 3), pose of a second object on the same pad, if any;
+    slipping is that of the first.
     """
 
     pad: str
@@ -50,12 +51,12 @@ class Truth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """Scans of one sensor, read lazily: `blocks()` starts again at each call.
+    """Scans of one sensor, read lazily: `blocks()` starts from the beginning at each call.
 
-    source: the file, or what made the scans. scans: how many the source promises, None if it does not say.
-    masked: (taxels,), taxels that the recording itself declares switched off. truth: if known. notes: what a user
-    should know of how it is read.
-    read: opens the source and yields its blocks as they stand there.
+    source: the file, or a description of what generates the scans. format: name of the format.
+    read: opens the source and yields its blocks unchanged. scans: number that the source declares, None if unknown.
+    masked: (taxels,), taxels that the recording itself declares switched off. truth: if known.
+    notes: remarks to the user on how it is read.
     """
 
     source: Path | str
@@ -71,50 +72,56 @@ class Recording:
         if not len(self.masked):
             object.__setattr__(self, "masked", np.zeros(self.layout.taxels, dtype=np.bool_))
 
+    @classmethod
+    def live(cls, sensor: Sensor, source: str = "live") -> Recording:
+        """A recording without scans: what a run is started with into which a device's scans are pushed."""
+        return cls(source, "live", sensor, lambda: iter(()))
+
     @property
     def layout(self) -> Layout:
-        """Taxel arrays of the sensor."""
+        """Layout of the sensor."""
         return self.sensor.layout
 
-    def told_apart(self, contacts: int | str | Mapping[str, int] | None) -> Recording:
-        """The same recording with so many contacts to be told apart; see `sensor.with_contacts`. None: as it is."""
+    def with_contacts(self, contacts: int | str | Mapping[str, int] | None) -> Recording:
+        """The recording with a number of separate contacts, see `sensor.with_contacts`; itself for None."""
         return self if contacts is None else replace(self, sensor=with_contacts(self.sensor, contacts))
 
     @property
     def known_truth(self) -> Truth:
-        """The truth. Raises RecordingCorrupt where a recording has none, as only those of the rig surely do."""
+        """The truth. Raises RecordingCorrupt for a recording without truth."""
         if self.truth is None:
-            raise RecordingCorrupt(self.source, "it carries no truth", "use a recording of `taxelflow simulate`")
+            raise RecordingCorrupt(self.source, "it holds no truth", "use a recording of `taxelflow simulate`")
         return self.truth
 
     def blocks(self) -> Reading:
-        """Checked blocks of scans, from the start."""
+        """Checked blocks of readings, from the start."""
         return Reading(self)
 
-    def sent(self) -> Reading:
-        """The same as the source sends them, not yet picked and scaled by the sensor's wiring: to be written again."""
-        return Reading(self, wired=False)
+    def source_blocks(self) -> Reading:
+        """Checked blocks in the source's columns, before the sensor's channel map, for writers."""
+        return Reading(self, mapped=False)
 
     def load(self) -> RawScans:
-        """The whole recording in memory. Raises what `Reading` raises; a truncated one gives what is there."""
+        """The whole recording in memory, of a truncated one the scans before the damage. Raises as `Reading` does."""
         blocks = list(self.blocks())
         return joined(blocks) if blocks else RawScans(np.zeros(0), np.zeros((0, self.layout.taxels)))
 
 
 class Reading:
-    """One pass over a recording: checks counts and times, drops repeated stamps, remembers what was lost.
+    """One pass over a recording: checks numbers of columns and times, and drops scans with a repeated time stamp.
 
-    Iterating raises TaxelCountWrong, TimesNotIncreasing and RecordingCorrupt. A recording that ends too early
-    simply ends; `loss` then says how much is missing. `notes` are the recording's, and one if its rate is odd.
+    Iterating raises TaxelCountWrong, TimesNotIncreasing and RecordingCorrupt. The iteration ends normally where a
+    recording is truncated; `loss` is then that error. scans, repeated: numbers of scans delivered and dropped so far.
+    notes: those of the recording, and one if the scan rate is implausible.
     """
 
-    def __init__(self, recording: Recording, *, wired: bool = True) -> None:
+    def __init__(self, recording: Recording, *, mapped: bool = True) -> None:
         self.scans = 0
         self.repeated = 0
         self.loss: RecordingTruncated | None = None
         self.notes = list(recording.notes)
-        self._recording, self._wired = recording, wired
-        self._fault: TimesNotIncreasing | None = None
+        self._recording, self._mapped = recording, mapped
+        self._disorder: TimesNotIncreasing | None = None
         self._last_s = -np.inf
         self._blocks = recording.read()
 
@@ -123,8 +130,8 @@ class Reading:
 
     def __next__(self) -> RawScans:
         while True:
-            if self._fault is not None:
-                raise self._fault
+            if self._disorder is not None:
+                raise self._disorder
             try:
                 block = self._checked(next(self._blocks))
             except RecordingTruncated as loss:
@@ -143,43 +150,46 @@ class Reading:
         return RecordingCorrupt(self._recording.source, f"no scan is readable: {seen}", "record or copy it again")
 
     def _checked(self, block: RawScans) -> RawScans:
-        wiring = self._recording.sensor.wiring
-        if block.values.shape[1] != wiring.columns:
+        sensor = self._recording.sensor
+        if block.values.shape[1] != sensor.channel_map.columns:
             seen = block.values.shape[1]
-            raise TaxelCountWrong(self._recording.source, seen, self._recording.sensor.name, wiring.columns)
-        if self._wired:
-            block = RawScans(block.t_s, wiring.readings(block.values))
-        before = np.concatenate([[self._last_s], block.t_s[:-1]])
-        finite = np.isfinite(block.t_s)
-        fresh = (block.t_s > before) & finite
-        repeated = (block.t_s == before) & finite
-        if not np.all(fresh | repeated):
-            wrong = int(np.argmin(fresh | repeated))
-            number = self.scans + self.repeated + wrong
-            self._fault = TimesNotIncreasing(
-                self._recording.source, number, float(before[wrong]), float(block.t_s[wrong])
-            )
-            fresh[wrong:] = repeated[wrong:] = False  # what came before it still stands
-        self.repeated += int(repeated.sum())
-        if not fresh.all():
-            block = RawScans(block.t_s[fresh], block.values[fresh])
-        if not self.scans and len(block) >= _ENOUGH_STEPS:
-            self._judge_rate(1 / float(np.median(np.diff(block.t_s))))
+            raise TaxelCountWrong(self._recording.source, seen, sensor.name, sensor.channel_map.columns)
+        if self._mapped:
+            block = RawScans(block.t_s, sensor.channel_map.to_readings(block.values))
+        block = self._in_order(block)
+        if not self.scans and len(block) >= _RATE_SCANS:
+            self._check_rate(1 / float(np.median(np.diff(block.t_s))))
         self.scans += len(block)
         if len(block):
             self._last_s = float(block.t_s[-1])
         return block
 
-    def _judge_rate(self, rate_hz: float) -> None:
+    def _in_order(self, block: RawScans) -> RawScans:
+        """The scans with increasing times; those before a decreasing or unknown time, which is raised afterwards."""
+        before = np.concatenate([[self._last_s], block.t_s[:-1]])
+        finite = np.isfinite(block.t_s)
+        increasing = (block.t_s > before) & finite
+        repeated = (block.t_s == before) & finite
+        if not np.all(increasing | repeated):
+            wrong = int(np.argmin(increasing | repeated))
+            number = self.scans + self.repeated + wrong
+            self._disorder = TimesNotIncreasing(
+                self._recording.source, number, float(before[wrong]), float(block.t_s[wrong])
+            )
+            increasing[wrong:] = repeated[wrong:] = False
+        self.repeated += int(repeated.sum())
+        return block if increasing.all() else RawScans(block.t_s[increasing], block.values[increasing])
+
+    def _check_rate(self, rate_hz: float) -> None:
         if not _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
             self.notes.append(
-                f"{rate_hz:.3g} scans a second is not what tactile sensors do: are times in s? "
-                "(of a table, --columns.time-unit says so)"
+                f"a rate of {rate_hz:.3g} Hz is implausible for a tactile sensor: check that times are in s "
+                "(--columns.time-unit for a table)"
             )
 
 
 def in_blocks(items: Iterable[Item], made: Callable[[list[Item]], Block]) -> Iterator[Block]:
-    """Blocks of BLOCK_SCANS items, as `made` makes them; what comes before a RecordingError is given first."""
+    """Blocks of BLOCK_SCANS items, each built by `made`; items before a RecordingError are delivered first."""
     block: list[Item] = []
     try:
         for item in items:

@@ -1,4 +1,4 @@
-"""Where time and taxels stand in a table: the mapping for csv files and text logs of any shape, and for Parquet."""
+"""Columns of time and taxels in a table: the mapping for csv files and text logs of any shape, and for Parquet."""
 
 from __future__ import annotations
 
@@ -15,50 +15,51 @@ REMEDY = (
     "a recording has a header row `t_s,...` and then one row per scan: time in s, a number per taxel; "
     "for other shapes see --columns in --help"
 )
-"""What to do about a table that is none."""
+"""Remedy for a file that is not such a table."""
 
 SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 @dataclass(frozen=True)
 class Columns:
-    """How a csv, text or Parquet file is laid out. As it stands: a header row with `t_s` in s and a column a taxel."""
+    """Structure of a csv, text or Parquet file. Default: a header row, a column `t_s` in s, and a column per taxel."""
 
     file: Path | None = None
-    """A TOML file with the fields below; what is given beside it comes first."""
+    """TOML file with the fields below; options given beside it take precedence."""
     time: str = "t_s"
-    """The column with the time: its name, or its number counted from 0."""
+    """Column with the time: its name, or its number counted from 0."""
     time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    """Unit of the time column."""
     rate_hz: float | None = None
-    """Scans a second of a log without times; `time` is not looked for then."""
+    """Scan rate of a log without times, Hz; `time` is then ignored."""
     taxels: tuple[str, ...] = ("*",)
-    """The taxels' columns in the sensor's order: names with wildcards, re:REGEX, or numbers such as 5 or 14-73, counted
-    from 0. The column with the time is never among them."""
+    """Columns of the taxels in the sensor's order: names with wildcards, re:REGEX, or numbers such as 5 or 14-73,
+    counted from 0. The column with the time is excluded."""
     order: Literal["file", "number"] | None = None
-    """Columns that one pattern finds: as they stand in the file, or by the numbers in their names. Must be said where
+    """Order of the columns that one pattern matches: that of the file, or by the numbers in their names. Required where
     the two differ."""
     delimiter: str | None = None
-    """What stands between fields: a character, tab or space (any white space). If left out, a comma in .csv, tab in
-    .tsv, white space in .txt."""
+    """Separator of fields: a character, tab or space (any white space). Default: comma in .csv, tab in .tsv, white
+    space in .txt."""
     header: bool = True
-    """The first row names the columns."""
+    """Whether the first row holds the names of the columns."""
     skip: int = 0
-    """Lines before it that are not read."""
+    """Number of lines to skip before it."""
     rows_per_scan: int = 1
-    """Lines that make up a scan; their fields count as one row. Only without a header."""
+    """Lines per scan, whose fields are read as one row. Only without a header."""
 
     def __post_init__(self) -> None:
         for name, value, least in (("skip", self.skip, 0), ("rows_per_scan", self.rows_per_scan, 1)):
             if value < least:
-                raise ParameterInvalid(f"columns.{name}", value, f"it is {least} or more")
+                raise ParameterInvalid(f"columns.{name}", value, f"be at least {least}")
         if self.rate_hz is not None and not 0 < self.rate_hz < float("inf"):
-            raise ParameterInvalid("columns.rate_hz", self.rate_hz, "it is above 0")
+            raise ParameterInvalid("columns.rate_hz", self.rate_hz, "be a finite number above 0, in Hz")
         if self.header and self.rows_per_scan > 1:
             raise ParameterInvalid(
-                "columns.rows_per_scan", self.rows_per_scan, "with several rows a scan, say no header"
+                "columns.rows_per_scan", self.rows_per_scan, "be 1 for a file with a header: add --columns.no-header"
             )
         if self.delimiter is not None and self.delimiter not in ("tab", "space") and len(self.delimiter) != 1:
-            raise ParameterInvalid("columns.delimiter", self.delimiter, "it is one character, tab or space")
+            raise ParameterInvalid("columns.delimiter", self.delimiter, "be one character, tab or space")
 
     @property
     def seconds(self) -> float:
@@ -66,7 +67,7 @@ class Columns:
         return SECONDS_PER[self.time_unit]
 
     def resolved(self) -> Columns:
-        """With what stands in `file`. Raises ParameterInvalid."""
+        """The fields of `file`, overridden by those that are not defaults here. Raises ParameterInvalid."""
         if self.file is None:
             return self
         import msgspec
@@ -76,34 +77,35 @@ class Columns:
         try:
             table = tomllib.loads(self.file.read_text(encoding="utf-8"))
             if unknown := table.keys() - set(known):
-                raise ParameterInvalid(f"{self.file}", ", ".join(sorted(unknown)), f"its fields are {', '.join(known)}")
-            said = msgspec.convert(table, Columns)
+                duty = f"have only the fields {', '.join(known)}"
+                raise ParameterInvalid(f"{self.file}", ", ".join(sorted(unknown)), duty)
+            from_file = msgspec.convert(table, Columns)
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
-            raise ParameterInvalid("columns.file", str(self.file), f"it cannot be read: {error}") from error
-        return replace(said, **given)
+            raise ParameterInvalid("columns.file", str(self.file), f"be a readable TOML file: {error}") from error
+        return replace(from_file, **given)
 
     def find(self, path: Path, names: list[str]) -> tuple[int | None, list[int]]:
-        """Numbers of the column with the time (None if there is none) and of the taxels'. Raises RecordingCorrupt."""
-        when = None if self.rate_hz is not None else self._one(path, names)
+        """Numbers of the columns of the time (None if there is none) and of the taxels. Raises RecordingCorrupt."""
+        time = None if self.rate_hz is not None else self._time_column(path, names)
         chosen: list[int] = []
         for pattern in self.taxels:
-            found = [number for number in _matching(pattern, names) if number != when]
+            found = [number for number in _matching(pattern, names) if number != time]
             if not found:
                 raise RecordingCorrupt(
-                    path, f"no column fits {pattern!r} among {_listed(names)}", "set --columns.taxels"
+                    path, f"no column matches {pattern!r} among {_listed(names)}", "set --columns.taxels"
                 )
             chosen += self._ordered(path, names, found)
         if len(set(chosen)) < len(chosen):
             twice = next(names[number] for number in chosen if chosen.count(number) > 1)
-            raise RecordingCorrupt(path, f"column {twice!r} is chosen twice", "set --columns.taxels to other patterns")
-        return when, chosen
+            raise RecordingCorrupt(path, f"column {twice!r} is matched twice", "set --columns.taxels to other patterns")
+        return time, chosen
 
-    def _one(self, path: Path, names: list[str]) -> int:
+    def _time_column(self, path: Path, names: list[str]) -> int:
         if self.time in names:
             return names.index(self.time)
         if self.time.isdecimal() and int(self.time) < len(names):
             return int(self.time)
-        seen = f"it has no column {self.time!r}: its header starts with {','.join(names[:3])!r}"
+        seen = f"no column {self.time!r}: the header starts with {','.join(names[:3])!r}"
         raise RecordingCorrupt(path, seen[:300], REMEDY)
 
     def _ordered(self, path: Path, names: list[str], found: list[int]) -> list[int]:
@@ -113,13 +115,13 @@ class Columns:
         by_number = sorted(found, key=lambda number: keys[number])
         if self.order is None and by_number != found:
             first = next(number for number, sorted_one in zip(found, by_number, strict=True) if number != sorted_one)
-            seen = f"columns are mixed up: {names[first]!r} stands before a column of a smaller number"
-            raise RecordingCorrupt(path, seen, "say which order is the sensor's: --columns.order number, or file")
+            seen = f"columns are not sorted: {names[first]!r} comes before a smaller number"
+            raise RecordingCorrupt(path, seen, "choose the sensor's order: --columns.order number, or file")
         return by_number if self.order == "number" else found
 
 
 def _matching(pattern: str, names: list[str]) -> list[int]:
-    """Numbers of the columns that fit, in the file's order."""
+    """Numbers of the columns that match, in the file's order."""
     if pattern in names:
         return [names.index(pattern)]
     if span := re.fullmatch(r"(\d+)(?:-(\d+))?", pattern):
@@ -129,7 +131,7 @@ def _matching(pattern: str, names: list[str]) -> list[int]:
         try:
             compiled = re.compile(pattern.removeprefix("re:"))
         except re.error as error:
-            raise ParameterInvalid("columns.taxels", pattern, f"it is no regular expression: {error}") from error
+            raise ParameterInvalid("columns.taxels", pattern, f"be a regular expression after re:, {error}") from error
         return [number for number, name in enumerate(names) if compiled.fullmatch(name)]
     return [number for number, name in enumerate(names) if fnmatchcase(name, pattern)]
 

@@ -1,9 +1,9 @@
-"""`.npz` recordings: `t` (scans,) in s and `pressure` (scans, taxels) in the sensor's unit, as its source
-sends it (`wiring`).
+"""`.npz` recordings: `t` (scans,) in s and `pressure` (scans, columns) in the sensor's unit, in the columns of its
+source (`channels`).
 
 Optional members: `sensor` (JSON text with the fields of a sensor file), `masked` (taxels,), `truth_pad` (a pad, or
 `hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,), `truth_second` (times, 3). The rig also writes
-`parameters` (JSON text of how the scans were made), which is not read back.
+`parameters` (JSON text of its scenario), which is not read back.
 Pickled objects are never loaded.
 """
 
@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 from numpy.lib import format as npy
 
-from taxelflow.acquire.base import BLOCK_SCANS, Recording
+from taxelflow.acquire.base import BLOCK_SCANS, Recording, Truth
 from taxelflow.acquire.metadata import checked_truth
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
 from taxelflow.messages import Bools, RawScans
@@ -31,53 +31,45 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from taxelflow.acquire.base import Truth
     from taxelflow.sensors.sensor import Sensor
 
 _REMEDY = "write it with numpy.savez(path, t=..., pressure=...), t in s (scans,), pressure (scans, taxels)"
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError, ValueError, KeyError)
 _MOST_EXTRA_BYTES = 1 << 28
+"""Largest member besides the scans: they are read at once."""
+_TRUTH = {"truth_pad", "truth_t_s", "truth_pose", "truth_slipping", "truth_second"}
+_EXTRAS = {"sensor", "masked", *_TRUTH}
+
+Members = dict[str, np.ndarray[Any, Any]]
 
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """What a member declares of its array."""
+    """Declaration of a member's array."""
 
     shape: tuple[int, ...]
     fortran: bool
     dtype: np.dtype[Any]
 
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of the array's data."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
+    def __str__(self) -> str:
+        return f"{self.dtype} {self.shape}"
+
 
 def open_npz(path: Path, sensor: Sensor | None) -> Recording:
     """Open an `.npz` recording. Raises RecordingCorrupt, SensorNeeded, TaxelCountWrong, SensorFileInvalid."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = {name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")}
-            if not {"t", "pressure"} <= members:
-                raise RecordingCorrupt(path, f"it holds {', '.join(sorted(members)) or 'nothing'}", _REMEDY)
-            with archive.open("t.npy") as member:
-                times = _header(member)
-            with archive.open("pressure.npy") as member:
-                pressure = _header(member)
-            extras = {name: _extra(archive, name) for name in _EXTRAS & members}
-    except _DAMAGE as error:
-        raise RecordingCorrupt(path, str(error) or type(error).__name__, _REMEDY) from error
-    if (
-        len(times.shape) != 1
-        or len(pressure.shape) != 2
-        or times.shape[0] != pressure.shape[0]
-        or times.dtype.kind not in "fiu"
-        or pressure.dtype.kind not in "fiu"
-    ):
-        seen = f"t is {times.dtype} {times.shape} and pressure {pressure.dtype} {pressure.shape}"
-        raise RecordingCorrupt(path, seen, _REMEDY)
+    times, pressure, extras = _contents(path)
     if sensor is None:
         if "sensor" not in extras:
             raise SensorNeeded(path, builtin_sensors())
         sensor = _sensor(path, str(extras["sensor"]))
     scans, columns = pressure.shape
-    if columns != sensor.wiring.columns:
-        raise TaxelCountWrong(path, columns, sensor.name, sensor.wiring.columns)
+    if columns != sensor.channel_map.columns:
+        raise TaxelCountWrong(path, columns, sensor.name, sensor.channel_map.columns)
     return Recording(
         path,
         "npz",
@@ -89,8 +81,24 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
     )
 
 
-_TRUTH = {"truth_pad", "truth_t_s", "truth_pose", "truth_slipping", "truth_second"}
-_EXTRAS = {"sensor", "masked", *_TRUTH}
+def _contents(path: Path) -> tuple[_Header, _Header, Members]:
+    """Headers of times and pressures, and the members besides them. Raises RecordingCorrupt."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = {name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")}
+            if not {"t", "pressure"} <= names:
+                raise RecordingCorrupt(path, f"it holds {', '.join(sorted(names)) or 'nothing'}", _REMEDY)
+            with archive.open("t.npy") as member:
+                times = _header(member)
+            with archive.open("pressure.npy") as member:
+                pressure = _header(member)
+            extras = {name: _extra(archive, name) for name in _EXTRAS & names}
+    except _DAMAGE as error:
+        raise RecordingCorrupt(path, str(error) or type(error).__name__, _REMEDY) from error
+    shaped = len(times.shape) == 1 and len(pressure.shape) == 2 and times.shape[0] == pressure.shape[0]
+    if not shaped or times.dtype.kind not in "fiu" or pressure.dtype.kind not in "fiu":
+        raise RecordingCorrupt(path, f"t is {times} and pressure {pressure}", _REMEDY)
+    return times, pressure, extras
 
 
 def _header(member: IO[bytes]) -> _Header:
@@ -100,12 +108,12 @@ def _header(member: IO[bytes]) -> _Header:
 
 
 def _extra(archive: zipfile.ZipFile, name: str) -> np.ndarray[Any, Any]:
-    """A member that is not scans; what it declares is believed only as far as the archive holds it."""
+    """A member besides the scans. Raises ValueError if it declares more data than the archive holds."""
     entry = archive.getinfo(f"{name}.npy")
     with archive.open(entry) as member:
         header = _header(member)
-    if math.prod(header.shape) * header.dtype.itemsize > min(entry.file_size, _MOST_EXTRA_BYTES):
-        raise ValueError(f"member {name} declares {header.shape} of {header.dtype} in {entry.file_size} bytes")
+    if header.size_bytes > min(entry.file_size, _MOST_EXTRA_BYTES):
+        raise ValueError(f"member {name} declares {header} in {entry.file_size} bytes")
     with archive.open(entry) as member:
         array: np.ndarray[Any, Any] = npy.read_array(member, allow_pickle=False)
         return array
@@ -118,27 +126,27 @@ def _sensor(path: Path, text: str) -> Sensor:
         raise RecordingCorrupt(path, f"member sensor: {error}", _REMEDY) from error
 
 
-def _mask(path: Path, extras: dict[str, np.ndarray[Any, Any]], taxels: int) -> Bools:
+def _mask(path: Path, extras: Members, taxels: int) -> Bools:
     masked = extras.get("masked", np.zeros(taxels, dtype=np.bool_))
     if masked.shape != (taxels,) or masked.dtype.kind not in "biu":
         seen = f"member masked is {masked.dtype} {masked.shape}"
-        raise RecordingCorrupt(path, seen, f"it holds a flag for each of the {taxels} taxels")
+        raise RecordingCorrupt(path, seen, f"give a flag for each of the {taxels} taxels")
     return masked.astype(np.bool_)
 
 
-def _truth(path: Path, extras: dict[str, np.ndarray[Any, Any]], sensor: Sensor) -> Truth | None:
+def _truth(path: Path, extras: Members, sensor: Sensor) -> Truth | None:
     if not _TRUTH & extras.keys():
         return None
     t_s, pose = extras.get("truth_t_s", np.zeros(0)), extras.get("truth_pose", np.zeros(0))
-    more = extras.get("truth_slipping"), extras.get("truth_second")
-    return checked_truth(path, sensor, str(extras.get("truth_pad", "")), t_s, pose, *more)
+    slipping, second = extras.get("truth_slipping"), extras.get("truth_second")
+    return checked_truth(path, sensor, Truth(str(extras.get("truth_pad", "")), t_s, pose, slipping, second))
 
 
 def _read(path: Path, times: _Header, pressure: _Header) -> Iterator[RawScans]:
     scans, taxels = pressure.shape
     start = 0
     try:
-        if pressure.fortran:  # column-major on disk cannot be read scan by scan: the one case that needs it all
+        if pressure.fortran:  # a column-major array cannot be read scan by scan
             yield _whole(path, times, pressure)
             return
         with ExitStack() as stack:
@@ -160,8 +168,8 @@ def _whole(path: Path, times: _Header, pressure: _Header) -> RawScans:
     with zipfile.ZipFile(path) as archive:
         for name, header in (("t", times), ("pressure", pressure)):
             held = archive.getinfo(f"{name}.npy").file_size
-            if math.prod(header.shape) * header.dtype.itemsize > held:
-                raise EOFError(f"member {name} declares {header.shape} of {header.dtype} in {held} bytes")
+            if header.size_bytes > held:
+                raise EOFError(f"member {name} declares {header} in {held} bytes")
         with archive.open("t.npy") as t, archive.open("pressure.npy") as p:
             seconds, values = npy.read_array(t, allow_pickle=False), npy.read_array(p, allow_pickle=False)
     return RawScans(seconds.astype(np.float64), np.ascontiguousarray(values, dtype=np.float64))
@@ -175,23 +183,14 @@ def _exactly(member: IO[bytes], size: int) -> bytes:
 
 
 def write_npz(recording: Recording, path: Path, blocks: Iterable[RawScans], **members: str) -> None:
-    """Write these blocks of a recording, with sensor, masked taxels and truth; further members are texts.
+    """Write blocks of a recording, with sensor, masked taxels and truth; members: further texts by name.
 
-    Scans go to the file block by block. As an array's header tells its length, the recording is read once more, before,
-    for its times.
+    Scans are written block by block. An array's header contains its length, so the recording is first read for its
+    times.
     """
     t_s = np.concatenate([block.t_s for block in recording.blocks()])
-    arrays: dict[str, Any] = {"t": t_s, "sensor": msgspec.json.encode(recording.sensor).decode(), **members}
-    if recording.masked.any():
-        arrays["masked"] = recording.masked
-    truth = recording.truth
-    if truth is not None:
-        arrays |= {"truth_pad": truth.pad, "truth_t_s": truth.t_s, "truth_pose": truth.pose}
-        if truth.slipping is not None:
-            arrays["truth_slipping"] = truth.slipping
-        if truth.second is not None:
-            arrays["truth_second"] = truth.second
-    header = {"descr": "<f8", "fortran_order": False, "shape": (len(t_s), recording.sensor.wiring.columns)}
+    arrays = {"t": t_s, **_extras_of(recording), **members}
+    header = {"descr": "<f8", "fortran_order": False, "shape": (len(t_s), recording.sensor.channel_map.columns)}
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
@@ -200,3 +199,16 @@ def write_npz(recording: Recording, path: Path, blocks: Iterable[RawScans], **me
             npy.write_array_header_1_0(member, header)
             for block in blocks:
                 member.write(np.ascontiguousarray(block.values, dtype="<f8").tobytes())
+
+
+def _extras_of(recording: Recording) -> dict[str, Any]:
+    """Members of a recording besides its scans."""
+    extras: dict[str, Any] = {"sensor": msgspec.json.encode(recording.sensor).decode()}
+    if recording.masked.any():
+        extras["masked"] = recording.masked
+    truth = recording.truth
+    if truth is not None:
+        extras |= {"truth_pad": truth.pad, "truth_t_s": truth.t_s, "truth_pose": truth.pose}
+        optional = {"truth_slipping": truth.slipping, "truth_second": truth.second}
+        extras |= {name: array for name, array in optional.items() if array is not None}
+    return extras

@@ -1,10 +1,12 @@
-"""`.parquet` recordings: a column with the time and one per taxel, laid out as `Columns` says.
+"""`.parquet` recordings: a column with the time and one per taxel, in the structure of `Columns`.
 
-What `write_parquet` writes also carries sensor, masked taxels and truth, as JSON texts in the schema's metadata.
+Files by `write_parquet` also hold sensor, masked taxels and truth, as JSON texts in the schema's metadata.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,9 +24,10 @@ if TYPE_CHECKING:
 
     from taxelflow.sensors.sensor import Sensor
 
-_REMEDY = "write it again, or copy it again whole: the end of a Parquet file says what is in it"
+_REMEDY = "write or copy it again: a Parquet file is readable only with its end"
 _PREFIX = "taxelflow."
 _GROUP_SCANS = 4 * BLOCK_SCANS
+"""Scans in a row group: each group adds some bytes per column."""
 
 
 def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = None) -> Recording:
@@ -39,39 +42,55 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
                 for key, value in (schema.metadata or {}).items()
                 if key.startswith(_PREFIX.encode())
             }
-    except Exception as error:  # whatever a file that is none makes of the parser
+    except Exception as error:  # the parser's errors for a file that is not Parquet
         raise RecordingCorrupt(path, " ".join(str(error).split()), _REMEDY) from error
-    when, taxels = asked.find(path, schema.names)
+    table = _table(path, schema, asked)
+    sensor = sensor or sensor_in(path, texts)
+    if sensor is None:
+        raise SensorNeeded(path, builtin_sensors())
+    if len(table.taxels) != sensor.channel_map.columns:
+        raise TaxelCountWrong(path, len(table.taxels), sensor.name, sensor.channel_map.columns)
+    notes = () if table.time else (f"times computed from the rate of {asked.rate_hz:g} Hz: the log has none",)
+    masked = masked_in(path, texts, sensor.layout.taxels)
+    truth = truth_in(path, texts, sensor)
+    return Recording(
+        path, "parquet", sensor, lambda: _read(table, scans), scans=scans, masked=masked, truth=truth, notes=notes
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """Names of the columns that are read. seconds: factor from times to s. rate_hz: of a file without times."""
+
+    path: Path
+    time: str | None
+    taxels: tuple[str, ...]
+    seconds: float
+    rate_hz: float
+
+
+def _table(path: Path, schema: Any, asked: Columns) -> _Table:
+    """The columns to read, checked against the file's schema. Raises RecordingCorrupt."""
+    arrow = _arrow()
+    time, taxels = asked.find(path, schema.names)
     for number in taxels:
         if not _numeric(arrow, schema.types[number]):
             seen = f"column {schema.names[number]!r} holds {schema.types[number]}, not numbers"
             raise RecordingCorrupt(path, seen, "choose others with --columns.taxels")
-    sensor = sensor or sensor_in(path, texts)
-    if sensor is None:
-        raise SensorNeeded(path, builtin_sensors())
-    if len(taxels) != sensor.wiring.columns:
-        raise TaxelCountWrong(path, len(taxels), sensor.name, sensor.wiring.columns)
-    names = [schema.names[number] for number in taxels]
     seconds = asked.seconds
-    if when is not None and arrow.types.is_timestamp(schema.types[when]):
-        seconds = SECONDS_PER[schema.types[when].unit]
-    elif when is not None and not _numeric(arrow, schema.types[when]):
-        seen = f"column {schema.names[when]!r} holds {schema.types[when]}, not times"
+    if time is not None and arrow.types.is_timestamp(schema.types[time]):
+        seconds = SECONDS_PER[schema.types[time].unit]
+    elif time is not None and not _numeric(arrow, schema.types[time]):
+        seen = f"column {schema.names[time]!r} holds {schema.types[time]}, not times"
         raise RecordingCorrupt(path, seen, "choose another with --columns.time")
-
-    def read() -> Iterator[RawScans]:
-        return _read(path, None if when is None else schema.names[when], seconds, asked.rate_hz, names, scans)
-
-    notes = () if when is not None else (f"times are counted at {asked.rate_hz:g} Hz: the log has none",)
-    masked = masked_in(path, texts, sensor.layout.taxels)
-    truth = truth_in(path, texts, sensor)
-    return Recording(path, "parquet", sensor, read, scans=scans, masked=masked, truth=truth, notes=notes)
+    names = tuple(schema.names[number] for number in taxels)
+    return _Table(path, None if time is None else schema.names[time], names, seconds, asked.rate_hz or np.nan)
 
 
 def write_parquet(recording: Recording, path: Path, blocks: Iterable[RawScans]) -> None:
-    """Write these blocks of a recording, with sensor, masked taxels and truth. Raises ExtraMissing."""
+    """Write blocks of a recording, with sensor, masked taxels and truth. Raises ExtraMissing."""
     arrow = _arrow()
-    names = ["t_s", *(f"value{number}" for number in range(recording.sensor.wiring.columns))]
+    names = ["t_s", *(f"value{number}" for number in range(recording.sensor.channel_map.columns))]
     texts = {f"{_PREFIX}{name}": text for name, text in texts_of(recording).items()}
     schema = arrow.schema([(name, arrow.float64()) for name in names], metadata=texts)
     with arrow.parquet.ParquetWriter(path, schema) as writer:
@@ -81,7 +100,7 @@ def write_parquet(recording: Recording, path: Path, blocks: Iterable[RawScans]) 
 
 
 def _groups(blocks: Iterable[RawScans]) -> Iterator[RawScans]:
-    """Larger blocks: a row group costs some bytes a column."""
+    """Blocks joined to the size of a row group."""
     held: list[RawScans] = []
     for block in blocks:
         held.append(block)
@@ -92,30 +111,31 @@ def _groups(blocks: Iterable[RawScans]) -> Iterator[RawScans]:
         yield joined(held)
 
 
-def _read(
-    path: Path, when: str | None, seconds: float, rate_hz: float | None, names: list[str], scans: int
-) -> Iterator[RawScans]:
+def _read(table: _Table, scans: int) -> Iterator[RawScans]:
     arrow = _arrow()
-    wanted = names if when is None else [when, *names]
+    columns = [*table.taxels] if table.time is None else [table.time, *table.taxels]
     done = 0
     try:
-        with arrow.parquet.ParquetFile(path) as file:
-            for batch in file.iter_batches(batch_size=BLOCK_SCANS, columns=wanted):
-                values = np.empty((len(batch), len(names)))
-                for number, name in enumerate(names):
-                    values[:, number] = _floats(batch.column(name))
-                if when is None:
-                    t_s = np.arange(done, done + len(batch)) / (rate_hz or np.nan)
-                else:
-                    t_s = _floats(batch.column(when)) * seconds
-                yield RawScans(t_s, values)
+        with arrow.parquet.ParquetFile(table.path) as file:
+            for batch in file.iter_batches(batch_size=BLOCK_SCANS, columns=columns):
+                yield _scans(table, batch, done)
                 done += len(batch)
-    except Exception as error:  # whatever a damaged file makes of the parser
-        raise RecordingTruncated(path, done, scans, " ".join(str(error).split())) from error
+    except Exception as error:  # the parser's errors for a damaged file
+        raise RecordingTruncated(table.path, done, scans, " ".join(str(error).split())) from error
+
+
+def _scans(table: _Table, batch: Any, done: int) -> RawScans:
+    """A batch as scans. done: number of scans before it."""
+    values = np.empty((len(batch), len(table.taxels)))
+    for number, name in enumerate(table.taxels):
+        values[:, number] = _floats(batch.column(name))
+    if table.time is None:
+        return RawScans(np.arange(done, done + len(batch)) / table.rate_hz, values)
+    return RawScans(_floats(batch.column(table.time)) * table.seconds, values)
 
 
 def _floats(column: Any) -> Floats:
-    """(rows,), NaN where there is no value."""
+    """(rows,), NaN where a value is missing."""
     import pyarrow
 
     if pyarrow.types.is_timestamp(column.type):
@@ -130,8 +150,8 @@ def _numeric(arrow: Any, kind: Any) -> bool:
 
 def _arrow() -> Any:
     try:
-        import pyarrow
-        import pyarrow.parquet
+        arrow = import_module("pyarrow")
+        import_module("pyarrow.parquet")  # becomes its attribute
     except ModuleNotFoundError as error:
         raise ExtraMissing("tables", "pyarrow") from error
-    return pyarrow
+    return arrow

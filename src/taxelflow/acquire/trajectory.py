@@ -1,4 +1,4 @@
-"""A robot's log of where it held the object: csv `t_s,x_m,y_m[,theta_rad]`, in the robot's frame and on its clock."""
+"""A robot's log of the object's position: csv `t_s,x_m,y_m[,theta_rad]`, in the robot's frame and on its clock."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def read_trajectory(path: Path) -> Trajectory:
         raise TruthInvalid(path, str(error)) from error
     header = [name.strip() for name in rows[0]] if rows else []
     if header not in _COLUMNS:
-        raise TruthInvalid(path, f"its header is {','.join(header)[:80]!r}")
+        raise TruthInvalid(path, f"header {','.join(header)[:80]!r}")
     numbers = []
     for line, row in enumerate(rows[1:], 2):
         try:
@@ -48,8 +48,8 @@ def read_trajectory(path: Path) -> Trajectory:
             raise TruthInvalid(path, f"row {line} is {','.join(row)[:80]!r}")
     table = np.array(numbers)
     if len(table) < 2:
-        raise TruthInvalid(path, f"it has {len(table)} rows of numbers")
+        raise TruthInvalid(path, f"{len(table)} rows of numbers")
     if not (np.diff(table[:, 0]) > 0).all():
         line = int(np.argmin(np.diff(table[:, 0]) > 0)) + 3
-        raise TruthInvalid(path, f"the time in row {line} is not above the one before")
+        raise TruthInvalid(path, f"the time in row {line} is not above the previous one")
     return Trajectory(table[:, 0], table[:, 1:3])

@@ -1,70 +1,66 @@
-"""What a scan is worth before it is used: a new one, or the last one again; in time, or after a gap.
+"""Detection of duplicate scans and of gaps in time.
 
 Loggers that run faster than their sensor write its last scan again, bit for bit, under a new stamp. An idle sensor that
-clips to its lowest value repeats itself too, and so does a still contact under a coarse converter. What tells them
-apart is the noise of loaded readings. A reading of pure noise turns back (goes down after up, or up after down)
-in 2 of 3 scans, a smooth one hardly ever; if a share s of fresh readings are equal to the last one, it turns back in
-about 2/3 (1 - s)^2. So the turns of each taxel, counted over scans that differ, say how likely a fresh reading is to
-repeat itself, and a whole scan is taken for a repeated one only if its loaded readings together would have done so
-less than once in a thousand times. A smooth load has too little noise to tell; but a logger keeps time: if scans come
-in runs of equal ones whose lengths add up as evenly as clocks do, which chance does not, each of them repeats.
-Where nothing is loaded there is no evidence, and the scan is kept.
+clips to its lowest value repeats itself too, and so does a still contact under a coarse converter. A repeated scan is
+dropped only on evidence from its loaded readings, of either kind:
 
-A gap is a time step far above the usual one: the median of those before it.
+- Noise. A reading of pure noise reverses (rises, then falls, or the opposite) in 2 of 3 scans, a smooth one hardly
+  ever. If a share s of new readings equals the last one, it reverses in about 2/3 (1 - s)^2. So the reversals of a
+  taxel, counted over scans that differ, bound the probability that a new reading equals the last.
+- Periodicity. If runs of equal scans have lengths that add up as evenly as clocks do, each of them repeats one scan.
+
+Without evidence the scan is kept. A gap is a time step far above the usual one: the median of the steps before it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records, record, records
 
-GAP = 3.0
-"""A time step longer than so many usual ones is a gap."""
+GAP_RATIO = 3.0
+"""A time step longer than this many usual ones is a gap: 3 lost scans are one, jitter and a single lost scan are not.
+"""
+_STEPS = 15
+"""Time steps whose median is the usual one."""
+_MIN_STEPS = 3
+"""Fewer steps have no usual one."""
 
-_CHANCE = 1e-3
-_RESTLESS = 0.25
-"""A taxel that turns back in fewer of its scans than this may be as quiet as it is smooth: it is no witness."""
-_SUREST = 0.05
-_NEW = 4.0
-"""Scans without a turn that each taxel is credited with before it has been seen."""
-_RING = 15
-_BEATS = 48
-"""Runs of equal scans that make a beat: so many in a row,"""
-_LEAST_BEAT, _OFF_BEAT = 1.5, 2.0
-"""... on average at least so long, and never more than so many scans ahead of the mean or behind it."""
-_FEWEST_LOADED = 3
+_MAX_REPEAT_PROBABILITY = 1e-3
+"""A repeated scan is dropped if a new one would be equal with at most this probability."""
+_MIN_REVERSAL_RATE = 0.25
+"""A taxel that reverses in a smaller share of its scans may be quiet because its load is smooth: it is no evidence."""
+_MIN_TAXEL_PROBABILITY = 0.05
+"""Evidence of one taxel is worth no more than this: its reversal rate is an estimate."""
+_PRIOR_SCANS = 4.0
+"""Scans without a reversal that each taxel is credited with in advance."""
+
+_RUNS = 48
+"""Consecutive runs of equal scans that are tested for periodicity."""
+_MIN_MEAN_RUN = 1.5
+"""A logger repeats scans if runs are on average this long, scans;"""
+_MAX_RUN_DEVIATION = 2.0
+"""... and the sum of any number of runs deviates from its mean by at most this many scans: two clocks do that."""
+_MIN_LOADED_TAXELS = 3
 """Loaded taxels that a scan must have for its run to count."""
-_FEWEST_STEPS = 3
-
-# Memory per taxel: lowest reading; the last reading and the step that led to it; for how many differing scans it has
-# been loaded (0 to 2); turns and the scans in which there could have been one.
-_LOWEST, _VALUE, _STEP, _RUN, _TURNS, _COULD, _TAXEL = range(7)
-# Of the stream: time of the last stamp and of the last scan kept (NaN before the first), a gap not yet told of, scans
-# dropped since the last kept one, and whether that would have betrayed a repetition; whether any repetition has ever
-# been seen; scans dropped in all, gaps, the longest of them in s; number and mean of the steps from stamp to stamp, and
-# sum of their squares from it; sum and number of the steps between scans that would have betrayed a repetition; the
-# length of the run of equal scans, whether it is loaded, and whether there is a beat; how much the rings hold that
-# follow: two of time steps, one of runs.
-_STAMP, _KEPT, _PENDING, _BETWEEN, _WITNESS, _REPEATS, _DROPPED, _GAPS, _LONGEST, _STEPS, _MEAN, _SQUARES = range(12)
-_SUM, _COUNT, _EQUAL, _LOADED, _BEAT, _STAMPS, _FRESH, _RUNS, _RINGS = range(12, 21)
-_STREAM = _RINGS + 2 * _RING + _BEATS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sifted:
-    """Scans that are new. t_s: (scans,). values: (scans, taxels). gap: (scans,), time was lost before this one."""
+class NewScans:
+    """New scans. t_s: (scans,). values: (scans, taxels). gap: (scans,), time was lost before this one."""
 
     t_s: Floats
     values: Floats
     gap: Bools
 
-    def part(self, start: int, stop: int) -> Sifted:
+    def part(self, start: int, stop: int) -> NewScans:
         """Scans `start` to `stop` (excluded), as views."""
-        return Sifted(self.t_s[start:stop], self.values[start:stop], self.gap[start:stop])
+        return NewScans(self.t_s[start:stop], self.values[start:stop], self.gap[start:stop])
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -84,189 +80,260 @@ class Counts:
     usual_s: float
 
 
-class Sifter:
-    """Drops repeated scans, marks gaps, scan by scan. ceiling: (taxels,), a reading at or above it is no evidence."""
+class TaxelHistory:
+    """Readings of one taxel: the lowest of all, the last one, and the step that led to it.
+
+    loaded_scans: consecutive differing scans in which it was loaded, at most 2. reversals: of the steps, among
+    judged_scans: scans in which there could have been one.
+    """
+
+    lowest: float
+    value: float
+    step: float
+    loaded_scans: int
+    reversals: int
+    judged_scans: int
+
+
+class StreamState:
+    """State of a stream.
+
+    last_stamp_s, last_kept_s: time of the last scan, and of the last one kept; NaN before the first. gap_pending: time
+    was lost since the last scan kept. dropped_since_kept: scans. kept_is_evidence: a repetition of the last scan kept
+    would be recognised. repeats_seen: any scan has been dropped.
+    dropped, gaps, longest_gap_s: totals. steps, step_mean_s, step_squares_s2: number, mean, and sum of squared
+    deviations of the steps from stamp to stamp. new_steps, new_steps_s: number and sum of the steps between scans whose
+    repetition would be recognised.
+    run_scans, run_is_loaded: length of the current run of equal scans, less 1, and whether it counts. periodic: runs
+    are.
+    recent_steps_s, recent_new_steps_s, recent_runs: ring buffers, of which stamps, new_stamps and runs entries have
+    been written in all.
+    """
+
+    last_stamp_s: float
+    last_kept_s: float
+    gap_pending: bool
+    dropped_since_kept: int
+    kept_is_evidence: bool
+    repeats_seen: bool
+    dropped: int
+    gaps: int
+    longest_gap_s: float
+    steps: int
+    step_mean_s: float
+    step_squares_s2: float
+    new_steps: int
+    new_steps_s: float
+    run_scans: int
+    run_is_loaded: bool
+    periodic: bool
+    stamps: int
+    new_stamps: int
+    runs: int
+    recent_steps_s: Annotated[Floats, _STEPS]
+    recent_new_steps_s: Annotated[Floats, _STEPS]
+    recent_runs: Annotated[Floats, _RUNS]
+
+
+class Deduplicator:
+    """Drops duplicate scans and marks gaps, scan by scan."""
 
     def __init__(self, taxels: int, ceiling: Floats, *, drop: bool) -> None:
+        """ceiling: (taxels,), a reading at or above it is no evidence. drop: False keeps duplicates."""
         self._ceiling, self._drop = ceiling, drop
-        self._taxels = np.zeros((_TAXEL, taxels))
-        self._taxels[_LOWEST] = np.inf
-        self._stream = np.zeros(_STREAM)
+        self._histories = records(TaxelHistory, taxels)
+        self._histories["lowest"] = np.inf
+        self._streams = records(StreamState, 1)
+        self._stream = record(StreamState, self._streams)
         self.restart()
 
     def restart(self) -> None:
-        """The same recording from its start; what has been seen of its taxels stays."""
-        known = self._stream[[_REPEATS, _BEAT]]
-        self._stream[:] = 0.0
-        self._stream[[_STAMP, _KEPT]] = np.nan
-        self._stream[[_REPEATS, _BEAT]] = known
-        self._taxels[_RUN] = 0.0
+        """Read the same recording from its start; what is known of its taxels stays."""
+        repeats_seen, periodic = self._stream.repeats_seen, self._stream.periodic
+        self._streams[:] = records(StreamState, 1)
+        self._stream.last_stamp_s = self._stream.last_kept_s = np.nan
+        self._stream.repeats_seen, self._stream.periodic = repeats_seen, periodic
+        self._histories["loaded_scans"] = 0
 
     @property
     def counts(self) -> Counts:
-        """What has been seen since the start."""
+        """Duplicates and gaps since the start."""
         s = self._stream
-        mean = float(s[_MEAN]) if s[_STEPS] else float("nan")
+        mean = float(s.step_mean_s) if s.steps else float("nan")
         return Counts(
-            repeated=int(s[_DROPPED]),
-            gaps=int(s[_GAPS]),
-            longest_gap_s=float(s[_LONGEST]),
+            repeated=int(s.dropped),
+            gaps=int(s.gaps),
+            longest_gap_s=float(s.longest_gap_s),
             step_s=mean,
-            step_std_s=float(np.sqrt(s[_SQUARES] / s[_STEPS])) if s[_STEPS] else float("nan"),
-            usual_s=float(s[_SUM] / s[_COUNT]) if s[_COUNT] else mean,
+            step_std_s=float(np.sqrt(s.step_squares_s2 / s.steps)) if s.steps else float("nan"),
+            usual_s=float(s.new_steps_s / s.new_steps) if s.new_steps else mean,
         )
 
-    def step(self, t_s: Floats, values: Floats) -> Sifted:
+    def step(self, t_s: Floats, values: Floats) -> NewScans:
         """Scans (scans, taxels) in time order -> the new ones among them."""
         keep = np.ones(len(t_s), dtype=np.bool_)
         gap = np.zeros(len(t_s), dtype=np.bool_)
-        new = sift(t_s, values, self._ceiling, self._drop, self._taxels, self._stream, keep, gap)
+        new = deduplicate(t_s, values, self._ceiling, self._drop, self._histories, self._streams, keep, gap)
         if new == len(t_s):
-            return Sifted(t_s, values, gap)
-        return Sifted(t_s[keep], values[keep], gap[keep])
+            return NewScans(t_s, values, gap)
+        return NewScans(t_s[keep], values[keep], gap[keep])
 
 
 @kernel
-def sift(
-    t: Floats, values: Floats, ceiling: Floats, drop: bool, taxels: Floats, stream: Floats, keep: Bools, gap: Bools
+def deduplicate(
+    t: Floats,
+    values: Floats,
+    ceiling: Floats,
+    drop: bool,
+    histories: Records,
+    streams: Records,
+    keep: Bools,
+    gap: Bools,
 ) -> int:
-    """Clear keep (scans,) where a scan is the last one again, set gap (scans,); how many are new. Others are memory."""
+    """Clear keep (scans,) where a scan repeats the last one, set gap (scans,), and bring the records up to date.
+
+    Returns how many scans are new. histories: `TaxelHistory` (taxels,). streams: `StreamState` (1,).
+    """
+    stream: StreamState = streams[0]
     new = len(t)
     for scan in range(len(t)):
-        again = False
-        if not np.isnan(stream[_STAMP]):
-            _judge_stamp(t[scan] - stream[_STAMP], stream)
-            again = _same(values[scan], taxels)
-            stream[_EQUAL] += 1.0
-            if drop and again and _betrays(values[scan], ceiling, taxels, stream):
-                stream[_STAMP] = t[scan]
-                stream[_BETWEEN] += 1.0
-                stream[_DROPPED] += 1.0
-                stream[_REPEATS] = 1.0
+        repeats = False
+        if not np.isnan(stream.last_stamp_s):
+            _judge_stamp(t[scan] - stream.last_stamp_s, stream)
+            repeats = _equals_last(values[scan], histories)
+            stream.run_scans += 1
+            if drop and repeats and _is_evidence(values[scan], ceiling, histories, stream):
+                stream.last_stamp_s = t[scan]
+                stream.dropped_since_kept += 1
+                stream.dropped += 1
+                stream.repeats_seen = True
                 keep[scan] = False
                 new -= 1
                 continue
-        witness = stream[_REPEATS] > 0.0 and _betrays(values[scan], ceiling, taxels, stream)
-        if witness and stream[_WITNESS] > 0.0:
-            _judge_fresh(t[scan] - stream[_KEPT], stream)
-        gap[scan] = stream[_PENDING] > 0.0
-        stream[_STAMP] = stream[_KEPT] = t[scan]
-        stream[_PENDING] = stream[_BETWEEN] = 0.0
-        stream[_WITNESS] = 1.0 if witness else 0.0
-        if not again:
+        evidence = stream.repeats_seen and _is_evidence(values[scan], ceiling, histories, stream)
+        if evidence and stream.kept_is_evidence:
+            _judge_new_step(t[scan] - stream.last_kept_s, stream)
+        gap[scan] = stream.gap_pending
+        stream.last_stamp_s = stream.last_kept_s = t[scan]
+        stream.gap_pending, stream.dropped_since_kept, stream.kept_is_evidence = False, 0, evidence
+        if not repeats:
             _end_run(stream, gap[scan])
-            stream[_LOADED] = 1.0 if _learn(values[scan], ceiling, taxels) >= _FEWEST_LOADED else 0.0
+            stream.run_is_loaded = _update(values[scan], ceiling, histories) >= _MIN_LOADED_TAXELS
     return new
 
 
 @kernel
-def _judge_stamp(step: float, stream: Floats) -> None:
-    """Whether stamps lie too far apart."""
-    usual = _median(stream[_RINGS : _RINGS + _RING], int(stream[_STAMPS]))
-    if step > GAP * usual:
-        _add_gap(step, stream)
-    else:  # mean and sum of squares from it, after Welford
-        stream[_STEPS] += 1.0
-        off = step - stream[_MEAN]
-        stream[_MEAN] += off / stream[_STEPS]
-        stream[_SQUARES] += off * (step - stream[_MEAN])
-    stream[_RINGS + int(stream[_STAMPS]) % _RING] = step
-    stream[_STAMPS] += 1.0
+def _judge_stamp(step_s: float, stream: StreamState) -> None:
+    """Recognise a gap between stamps; mean and variance of the other steps (Welford's algorithm)."""
+    if step_s > GAP_RATIO * _median(stream.recent_steps_s, stream.stamps):
+        _add_gap(step_s, stream)
+    else:
+        stream.steps += 1
+        deviation = step_s - stream.step_mean_s
+        stream.step_mean_s += deviation / stream.steps
+        stream.step_squares_s2 += deviation * (step_s - stream.step_mean_s)
+    stream.recent_steps_s[stream.stamps % _STEPS] = step_s
+    stream.stamps += 1
 
 
 @kernel
-def _judge_fresh(step: float, stream: Floats) -> None:
-    """Whether a sensor hung while its logger went on: between two scans that would both have betrayed a repetition."""
-    ring = stream[_RINGS + _RING : _RINGS + 2 * _RING]
-    if stream[_BETWEEN] > 0.0 and stream[_PENDING] == 0.0 and step > GAP * _median(ring, int(stream[_FRESH])):
-        _add_gap(step, stream)
-    ring[int(stream[_FRESH]) % _RING] = step
-    stream[_FRESH] += 1.0
-    if stream[_PENDING] == 0.0:
-        stream[_SUM] += step
-        stream[_COUNT] += 1.0
+def _judge_new_step(step_s: float, stream: StreamState) -> None:
+    """Recognise a sensor that hung while its logger went on. Both scans of the step are evidence."""
+    hung = step_s > GAP_RATIO * _median(stream.recent_new_steps_s, stream.new_stamps)
+    if hung and stream.dropped_since_kept > 0 and not stream.gap_pending:
+        _add_gap(step_s, stream)
+    stream.recent_new_steps_s[stream.new_stamps % _STEPS] = step_s
+    stream.new_stamps += 1
+    if not stream.gap_pending:
+        stream.new_steps_s += step_s
+        stream.new_steps += 1
 
 
 @kernel
-def _add_gap(step: float, stream: Floats) -> None:
-    stream[_PENDING] = 1.0
-    stream[_GAPS] += 1.0
-    stream[_LONGEST] = max(stream[_LONGEST], step)
+def _add_gap(step_s: float, stream: StreamState) -> None:
+    stream.gap_pending = True
+    stream.gaps += 1
+    stream.longest_gap_s = max(stream.longest_gap_s, step_s)
 
 
 @kernel
-def _median(ring: Floats, seen: int) -> float:
-    """Of the last steps; infinite while there are too few."""
-    if seen < _FEWEST_STEPS:
+def _median(ring: Floats, written: int) -> float:
+    """Median of the recent steps; infinite while there are too few."""
+    if written < _MIN_STEPS:
         return np.inf
-    return float(np.median(ring[: min(seen, _RING)]))
+    return float(np.median(ring[: min(written, _STEPS)]))
 
 
 @kernel
-def _same(values: Floats, taxels: Floats) -> bool:
+def _equals_last(values: Floats, histories: Records) -> bool:
+    """Whether all readings equal the last ones; a missing one equals a missing one."""
     for k in range(len(values)):
-        last = taxels[_VALUE, k]
+        last = histories[k].value
         if values[k] != last and not (np.isnan(values[k]) and np.isnan(last)):
             return False
     return True
 
 
 @kernel
-def _end_run(stream: Floats, gap: bool) -> None:
-    """A new scan: note how often the last one stood, if it was loaded, and listen for a beat."""
-    ring = stream[_RINGS + 2 * _RING :]
-    if stream[_LOADED] > 0.0 and not gap:
-        ring[int(stream[_RUNS]) % _BEATS] = stream[_EQUAL]
-        stream[_RUNS] += 1.0
-        mean = ring.mean()
-        if stream[_BEAT] == 0.0 and stream[_RUNS] >= _BEATS and mean >= _LEAST_BEAT:
-            ahead = most = 0.0
-            for k in range(_BEATS):
-                ahead += ring[(int(stream[_RUNS]) + k) % _BEATS] - mean
-                most = max(most, abs(ahead))
-            stream[_BEAT] = 1.0 if most <= _OFF_BEAT else 0.0
-    stream[_EQUAL] = 0.0
+def _end_run(stream: StreamState, gap: bool) -> None:
+    """A new scan: note the length of the last run, if it was loaded, and test the runs for periodicity."""
+    if stream.run_is_loaded and not gap:
+        stream.recent_runs[stream.runs % _RUNS] = stream.run_scans
+        stream.runs += 1
+        stream.periodic = stream.periodic or (stream.runs >= _RUNS and _is_periodic(stream))
+    stream.run_scans = 0
 
 
 @kernel
-def _betrays(values: Floats, ceiling: Floats, taxels: Floats, stream: Floats) -> bool:
-    """Whether this scan, were it equal to the last one, would surely be no new one."""
+def _is_periodic(stream: StreamState) -> bool:
+    mean = stream.recent_runs.mean()
+    deviation = largest = 0.0
+    for k in range(_RUNS):
+        deviation += stream.recent_runs[(stream.runs + k) % _RUNS] - mean
+        largest = max(largest, abs(deviation))
+    return bool(mean >= _MIN_MEAN_RUN and largest <= _MAX_RUN_DEVIATION)
+
+
+@kernel
+def _is_evidence(values: Floats, ceiling: Floats, histories: Records, stream: StreamState) -> bool:
+    """Whether this scan, if it is equal to the last one, cannot be a new one."""
     loaded = False
     for k in range(len(values)):
-        loaded = loaded or taxels[_LOWEST, k] < values[k] < ceiling[k]
-    return loaded and (stream[_BEAT] > 0.0 or _chance(values, ceiling, taxels) < _CHANCE)
+        loaded = loaded or histories[k].lowest < values[k] < ceiling[k]
+    return loaded and (stream.periodic or _repeat_probability(values, ceiling, histories) < _MAX_REPEAT_PROBABILITY)
 
 
 @kernel
-def _chance(values: Floats, ceiling: Floats, taxels: Floats) -> float:
-    """How likely a fresh scan would be equal to the one before it, from its loaded taxels."""
-    chance = 1.0
+def _repeat_probability(values: Floats, ceiling: Floats, histories: Records) -> float:
+    """Probability that a new scan equals the last one, by its loaded taxels; not exact below the threshold."""
+    probability = 1.0
     for k in range(len(values)):
-        if taxels[_LOWEST, k] < values[k] < ceiling[k]:
-            turns = taxels[_TURNS, k] / (taxels[_COULD, k] + _NEW)
-            if turns >= _RESTLESS:
-                chance *= max(1.0 - np.sqrt(1.5 * turns), _SUREST)
-                if chance < _CHANCE:
-                    break
-    return chance
+        taxel: TaxelHistory = histories[k]
+        if not taxel.lowest < values[k] < ceiling[k]:
+            continue
+        reversal_rate = taxel.reversals / (taxel.judged_scans + _PRIOR_SCANS)
+        if reversal_rate >= _MIN_REVERSAL_RATE:
+            probability *= max(1.0 - np.sqrt(1.5 * reversal_rate), _MIN_TAXEL_PROBABILITY)
+            if probability < _MAX_REPEAT_PROBABILITY:
+                break
+    return probability
 
 
 @kernel
-def _learn(values: Floats, ceiling: Floats, taxels: Floats) -> int:
-    """Count the turns of loaded taxels in a scan that differs from the last; how many are loaded."""
-    lowest, last, before = taxels[_LOWEST], taxels[_VALUE], taxels[_STEP]
-    run, turns, could = taxels[_RUN], taxels[_TURNS], taxels[_COULD]
-    loaded = 0
-    for k in range(len(values)):  # without branches: readings are as good as random
+def _update(values: Floats, ceiling: Floats, histories: Records) -> int:
+    """Count the reversals of loaded taxels in a scan that differs from the last one. Returns how many are loaded."""
+    loaded_taxels = 0
+    for k in range(len(values)):  # without branches, which noise would make unpredictable
+        taxel: TaxelHistory = histories[k]
         value = values[k]
-        here = lowest[k] < value < ceiling[k]
-        step = value - last[k]
-        judged = here and run[k] >= 2.0
-        could[k] += judged
-        turns[k] += judged and step * before[k] < 0.0
-        before[k] = step
-        run[k] = min(run[k] + 1.0, 2.0) if here else 0.0
-        lowest[k] = np.fmin(lowest[k], value)  # a missing reading is none
-        last[k] = value
-        loaded += here
-    return loaded
+        loaded = taxel.lowest < value < ceiling[k]
+        step = value - taxel.value
+        judged = loaded and taxel.loaded_scans >= 2
+        taxel.judged_scans += judged
+        taxel.reversals += judged and step * taxel.step < 0.0
+        taxel.step = step
+        taxel.loaded_scans = min(taxel.loaded_scans + 1, 2) if loaded else 0
+        taxel.lowest = np.fmin(taxel.lowest, value)  # ignores a missing reading
+        taxel.value = value
+        loaded_taxels += loaded
+    return loaded_taxels

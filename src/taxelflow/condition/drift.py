@@ -1,10 +1,10 @@
-"""The offset of idle pads as it creeps, followed without ever following a contact.
+"""Following the offset drift of idle pads, without following a contact.
 
-A pad may drift only while it is surely idle: it was tared once, it has not been in contact for a whole spell of scans,
-no reading was missing and no time lost, nothing came suddenly, and what the offset has drifted by in all, that spell
-included, has no shape, as the tare demands (`tare.py`). A contact, however light or slow, has one, unless it covers the
-whole pad evenly; and a pad in contact keeps its offset for as long as the contact lasts. What can be followed is about
-a standard deviation of noise in 250 scans.
+The offset of a pad is updated only after a block of scans in which it was idle: the pad is tared, has not been in
+contact, no reading was missing, no time lost, no taxel changed suddenly, and the total drift, that block included, has
+no spatial structure by the test of the tare (`tare.py`). A contact, however light or slow, has one, unless it covers
+the whole pad evenly; and a pad in contact keeps its offset for as long as the contact lasts. What can be followed is
+about one standard deviation of noise in 250 scans.
 """
 
 from __future__ import annotations
@@ -14,63 +14,68 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.condition.tare import shapeless
+from taxelflow.condition.tare import is_unstructured
 
 if TYPE_CHECKING:
-    from taxelflow.condition.learn import Learned
+    from taxelflow.condition.baseline import Baseline
     from taxelflow.messages import Bools, Floats, Scans
     from taxelflow.sensors.layout import Layout
 
-SPELL_SCANS = 64
-_SHARE = 0.5
-"""Of a spell's mean that the offset takes up: what noise leaves in the mean hardly moves it."""
-_SUDDEN = 8.0
-"""A spell in which some taxel's mean is off by more than so many of its standard deviations came too suddenly."""
+BLOCK_SCANS = 64
+"""Scans of a block: the standard deviation of its mean is an eighth of that of a reading."""
+_UPDATE_SHARE = 0.5
+"""Share of a block's mean that is added to the offset: the noise left in the mean hardly moves it."""
+_MAX_CHANGE_SIGMAS = 8.0
+"""A block in which some taxel's mean differs from 0 by more standard deviations of the mean changed too suddenly."""
 
 
-class Drift:
-    """Collects spells of tared readings, at most SPELL_SCANS long, and says what the offsets become."""
+class DriftTracker:
+    """Collects blocks of tared readings, at most BLOCK_SCANS long, and updates the offsets of idle pads."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
-        self._spell = np.zeros((SPELL_SCANS, layout.taxels))
+        self._block = np.zeros((BLOCK_SCANS, layout.taxels))
         self._scans = 0
         self._idle = np.ones(layout.pad_count, dtype=np.bool_)
         self._tare: Floats | None = None
         taxels = np.zeros((len(layout.pads), layout.taxels), dtype=np.bool_)
-        for part, own in enumerate(taxels):
-            own[layout.source[layout.of_pad(part)]] = True
-        self._feels = (taxels[: layout.pad_count].astype(int) @ taxels.T) > 0  # (pads, pads and groups) that share some
+        for pad, own in enumerate(taxels):
+            own[layout.source[layout.of_pad(pad)]] = True
+        self._overlap = (taxels[: layout.pad_count].astype(int) @ taxels.T) > 0  # (pads, pads and groups), share taxels
 
     @property
-    def wanted(self) -> int:
-        """Scans until the spell is full."""
-        return SPELL_SCANS - self._scans
+    def remaining(self) -> int:
+        """Scans until the block is full."""
+        return BLOCK_SCANS - self._scans
 
-    def take(self, scans: Scans, gap: Bools, learned: Learned) -> Learned:
-        """Take at most `wanted` scans; what is known then, with new offsets if a spell has ended idle."""
+    def update(self, scans: Scans, gap: Bools, baseline: Baseline) -> Baseline:
+        """Take at most `remaining` scans. Returns the baseline, with new offsets if a block has ended idle."""
         if self._tare is None:
-            self._tare = learned.offset
-        layout = self._layout
-        self._spell[self._scans : self._scans + len(scans)] = scans.pressure[:, : layout.taxels]
+            self._tare = baseline.offset
+        self._block[self._scans : self._scans + len(scans)] = scans.pressure[:, : self._layout.taxels]
         self._scans += len(scans)
         quiet = ~scans.contact & scans.complete & ~gap[:, np.newaxis]
-        self._idle &= (quiet.all(axis=0) | ~self._feels).all(axis=1)
-        if self.wanted:
-            return learned
-        offset = learned.offset.copy()
-        for pad in np.flatnonzero(self._idle & learned.tared):
-            own = layout.of_pad(int(pad))
-            masked = learned.masked[own]
-            if masked.all():
-                continue
-            mean = self._spell[:, own].mean(axis=0)
-            settled = learned.noise[own] / SPELL_SCANS**0.5
-            if (np.abs(mean) > _SUDDEN * settled)[~masked].any():
-                continue
-            drifted = learned.offset[own] + mean - self._tare[own]
-            if shapeless(drifted, masked, layout.neighbours(int(pad)), float(settled.max())):
-                offset[own] += np.where(masked, 0.0, _SHARE * mean)
+        self._idle &= (quiet.all(axis=0) | ~self._overlap).all(axis=1)
+        if self.remaining:
+            return baseline
+        offset = baseline.offset.copy()
+        for pad in np.flatnonzero(self._idle & baseline.tared):
+            offset[self._layout.of_pad(int(pad))] += self._drift_of(int(pad), baseline, self._tare)
         self._scans = 0
         self._idle[:] = True
-        return learned if np.array_equal(offset, learned.offset) else replace(learned, offset=offset)
+        return baseline if np.array_equal(offset, baseline.offset) else replace(baseline, offset=offset)
+
+    def _drift_of(self, pad: int, baseline: Baseline, tare: Floats) -> Floats:
+        """(taxels of the pad,), what to add to its offset after an idle block: 0 if it may be a contact."""
+        own = self._layout.of_pad(pad)
+        live = ~baseline.masked[own]
+        mean = self._block[:, own].mean(axis=0)
+        mean_std = baseline.noise[own] / BLOCK_SCANS**0.5
+        total = baseline.offset[own] + mean - tare[own]
+        if (
+            not live.any()
+            or (np.abs(mean) > _MAX_CHANGE_SIGMAS * mean_std)[live].any()
+            or not is_unstructured(total, ~live, self._layout.neighbours(pad), float(mean_std.max()))
+        ):
+            return np.zeros(len(live))
+        return np.where(live, _UPDATE_SHARE * mean, 0.0)

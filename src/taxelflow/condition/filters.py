@@ -1,106 +1,132 @@
-"""Low-pass and median over time, taxel by taxel, causal: what they take from the noise they add to the lag.
+"""Low-pass and median over time, taxel by taxel, causal: less noise for more lag.
 
 The low-pass is a Butterworth filter of second order at the usual scan rate; the median is of the last few scans and
-comes first. Both begin anew after a gap, as if the first reading had always been there.
+comes first. Both start again after a gap, in the steady state of the first reading.
 """
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records, record, records
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+_TRIAL_SCANS, _TRIAL_TAXELS, _TRIAL_SETTLING_SCANS = 20_000, 8, 2_000
+"""White noise that is filtered to measure the noise gain, to 1 %."""
+_MIN_NOISE_SHARE = 0.01
+"""A filtered reading below this share of the noise is 0 where the sensor reads 0: clipped taxels have no noise."""
 
-_TRIAL_SCANS, _TRIAL_TAXELS, _SETTLING = 20_000, 8, 2_000
-_NOTHING = 0.01
-"""A filtered reading below this share of the noise is 0 again where the sensor says 0: clipped taxels have no noise."""
+
+class Biquad:
+    """Coefficients of y + a1 y' + a2 y'' = b0 x + b1 x' + b2 x'' (a prime is one scan back)."""
+
+    b0: float
+    b1: float
+    b2: float
+    a1: float
+    a2: float
+
+
+class FilterState:
+    """State of one taxel: readings since the start, and that of the low-pass in transposed direct form II."""
+
+    readings: int
+    z1: float
+    z2: float
 
 
 class Filters:
-    """A running filter and its memory. noise_gain: standard deviation of white noise after it over that before.
-    lag_s: how much older than its scan the filtered reading is, for slow changes.
+    """A running filter.
+
+    noise_gain: standard deviation of white noise after the filter over that before. lag_s: how much older than its scan
+    a filtered reading is, for slow changes.
     """
 
     def __init__(self, taxels: int, lowpass_hz: float, median_scans: int, usual_s: float) -> None:
         """lowpass_hz 0 and median_scans 1: off. usual_s: time from scan to scan. Raises ParameterInvalid."""
-        self._sos = _butterworth(lowpass_hz, usual_s)
+        self._biquads = _butterworth(lowpass_hz, usual_s)
         self._median = median_scans
-        self.lag_s = usual_s * (_delay(self._sos) + 0.5 * (median_scans - 1))
-        self._begin(_TRIAL_TAXELS)
+        self.lag_s = usual_s * (_delay(record(Biquad, self._biquads)) + 0.5 * (median_scans - 1))
+        self._reset(_TRIAL_TAXELS)
         noise = np.random.default_rng(0).normal(size=(_TRIAL_SCANS, _TRIAL_TAXELS))
-        calm = self.step(noise, np.zeros(_TRIAL_SCANS, dtype=np.bool_), np.zeros(_TRIAL_TAXELS))
-        self.noise_gain = float(calm[_SETTLING:].std())
-        self._begin(taxels)
+        filtered = self.step(noise, np.zeros(_TRIAL_SCANS, dtype=np.bool_), np.zeros(_TRIAL_TAXELS))
+        self.noise_gain = float(filtered[_TRIAL_SETTLING_SCANS:].std())
+        self._reset(taxels)
 
-    def _begin(self, taxels: int) -> None:
-        self._last, self._seen = np.zeros((taxels, self._median)), np.zeros(taxels, dtype=np.int64)
-        self._state = np.zeros((taxels, 2))
+    def _reset(self, taxels: int) -> None:
+        self._recent, self._states = np.zeros((taxels, self._median)), records(FilterState, taxels)
 
     def step(self, values: Floats, gap: Bools, noise: Floats) -> Floats:
         """Filtered readings (scans, taxels); a missing one stays missing. noise: (taxels,) before the filter."""
-        out = np.empty_like(values)
-        run_filters(values, gap, noise, self._sos, self._last, self._seen, self._state, out)
-        return out
+        filtered = np.empty_like(values)
+        run_filters(values, gap, noise, self._biquads, self._recent, self._states, filtered)
+        return filtered
 
 
-def _butterworth(lowpass_hz: float, usual_s: float) -> Floats:
-    """(5,) b0, b1, b2, a1, a2; all pass if lowpass_hz is 0."""
+def _butterworth(lowpass_hz: float, usual_s: float) -> Records:
+    """`Biquad` (1,); all pass if lowpass_hz is 0."""
+    biquads = records(Biquad, 1)
     if not lowpass_hz:
-        return np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+        biquads["b0"] = 1.0
+        return biquads
     if not lowpass_hz * usual_s < 0.4999:
         raise ParameterInvalid(
-            "condition lowpass_hz", lowpass_hz, f"it lies below half the scan rate, here {0.5 / usual_s:.3g} Hz"
+            "condition.lowpass_hz", lowpass_hz, f"be below half the scan rate, here {0.5 / usual_s:.3g} Hz"
         )
     from scipy.signal import butter
 
-    section = np.asarray(butter(2, lowpass_hz, fs=1.0 / usual_s, output="sos"), dtype=np.float64)[0]
-    return np.delete(section, 3)  # a0 is 1
+    b0, b1, b2, _, a1, a2 = butter(2, lowpass_hz, fs=1.0 / usual_s, output="sos")[0]  # a0 is 1
+    biquads[0] = (b0, b1, b2, a1, a2)
+    return biquads
 
 
-def _delay(sos: Floats) -> float:
-    """Delay of slow changes, in scans: the group delay at 0 Hz."""
-    b, a = sos[:3], np.array([1.0, *sos[3:]])
+def _delay(f: Biquad) -> float:
+    """Group delay at 0 Hz, in scans: the delay of slow changes."""
+    b, a = np.array([f.b0, f.b1, f.b2]), np.array([1.0, f.a1, f.a2])
     powers = np.arange(3.0)
     return float(powers @ b / b.sum() - powers @ a / a.sum())
 
 
 @kernel
 def run_filters(
-    values: Floats,
-    gap: Bools,
-    noise: Floats,
-    sos: Floats,
-    last: Floats,
-    seen: NDArray[np.int64],
-    state: Floats,
-    out: Floats,
+    values: Floats, gap: Bools, noise: Floats, biquads: Records, recent: Floats, states: Records, filtered: Floats
 ) -> None:
-    """Fill out (scans, taxels). last: (taxels, n) readings of the median, seen: (taxels,) how many came since the
-    start, state: (taxels, 2) of the low-pass, transposed direct form II.
+    """Fill filtered (scans, taxels).
+
+    gap: (scans,). noise: (taxels,). biquads: `Biquad` (1,). recent: (taxels, scans of the median), ring buffers of the
+    last readings. states: `FilterState` (taxels,).
     """
-    n = last.shape[1]
     for scan in range(len(values)):
         for k in range(values.shape[1]):
             x = values[scan, k]
-            out[scan, k] = np.nan
+            state: FilterState = states[k]
             if gap[scan]:
-                seen[k] = 0
+                state.readings = 0
             if np.isnan(x):
+                filtered[scan, k] = np.nan
                 continue
-            last[k, seen[k] % n] = x
-            seen[k] += 1
-            middle = np.median(last[k, : min(seen[k], n)]) if n > 1 else x
-            if seen[k] == 1:  # the state in which it would be, had this reading always been there
-                settled = middle * (sos[0] + sos[1] + sos[2]) / (1.0 + sos[3] + sos[4])
-                state[k, 1] = sos[2] * middle - sos[4] * settled
-                state[k, 0] = sos[1] * middle - sos[3] * settled + state[k, 1]
-            y = sos[0] * middle + state[k, 0]
-            state[k, 0] = sos[1] * middle - sos[3] * y + state[k, 1]
-            state[k, 1] = sos[2] * middle - sos[4] * y
-            out[scan, k] = 0.0 if x == 0.0 and abs(y) < _NOTHING * noise[k] else y
+            y = _low_pass(_running_median(x, recent[k], state), biquads[0], state)
+            filtered[scan, k] = 0.0 if x == 0.0 and abs(y) < _MIN_NOISE_SHARE * noise[k] else y
+
+
+@kernel
+def _running_median(x: float, recent: Floats, state: FilterState) -> float:
+    """Median of the last readings, this one included."""
+    n = len(recent)
+    recent[state.readings % n] = x
+    state.readings += 1
+    return float(np.median(recent[: min(state.readings, n)])) if n > 1 else x
+
+
+@kernel
+def _low_pass(x: float, f: Biquad, state: FilterState) -> float:
+    if state.readings == 1:  # the steady state for this reading
+        steady = x * (f.b0 + f.b1 + f.b2) / (1.0 + f.a1 + f.a2)
+        state.z2 = f.b2 * x - f.a2 * steady
+        state.z1 = f.b1 * x - f.a1 * steady + state.z2
+    y = f.b0 * x + state.z1
+    state.z1 = f.b1 * x - f.a1 * y + state.z2
+    state.z2 = f.b2 * x - f.a2 * y
+    return y

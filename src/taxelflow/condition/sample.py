@@ -1,4 +1,4 @@
-"""A sample of a recording that is small whatever its length: windows of consecutive scans, drawn evenly."""
+"""A random sample of a recording, of bounded size: windows of consecutive scans, drawn uniformly."""
 
 from __future__ import annotations
 
@@ -8,25 +8,29 @@ from taxelflow.messages import Floats
 
 WINDOW_SCANS = 12
 """Long enough for noise and a steady mean, short enough that an object at rest between motions fills some."""
-MOST_WINDOWS = 512
+MAX_WINDOWS = 512
+"""Windows kept at most: enough for the quantiles of noise, and 1 MB for 20 taxels."""
 
 
 class Sample:
-    """Reservoir of windows: each window of the stream is kept with equal probability (Vitter's algorithm R)."""
+    """Reservoir of windows: each window of the stream is kept with equal probability.
+
+    Algorithm R of J. S. Vitter, Random Sampling with a Reservoir, ACM Transactions on Mathematical Software 11, 1985.
+    """
 
     def __init__(self, taxels: int) -> None:
-        self.seen = 0
+        self.windows_seen = 0
         self._random = np.random.default_rng(0)  # a replay draws the same windows
         self.first = np.zeros((0, taxels))
-        """The first window of all, (WINDOW_SCANS, taxels), whatever else is kept."""
+        """The first window of all, (WINDOW_SCANS, taxels), kept in any case."""
         self._windows = np.zeros((0, WINDOW_SCANS, taxels))
         self._starts_s = np.zeros(0)
         self._open, self._open_s = np.zeros((0, taxels)), 0.0
 
     @property
     def windows(self) -> Floats:
-        """(windows, WINDOW_SCANS, taxels), in the order drawn; at most MOST_WINDOWS."""
-        return self._windows[: min(self.seen, MOST_WINDOWS)]
+        """(windows, WINDOW_SCANS, taxels), in the order drawn; at most MAX_WINDOWS."""
+        return self._windows[: min(self.windows_seen, MAX_WINDOWS)]
 
     @property
     def starts_s(self) -> Floats:
@@ -39,7 +43,7 @@ class Sample:
         return self._open_s, self._open
 
     @property
-    def wanted(self) -> int:
+    def remaining(self) -> int:
         """Scans until the next window is full."""
         return WINDOW_SCANS - len(self._open)
 
@@ -57,21 +61,21 @@ class Sample:
 
     def close(self) -> None:
         """No more scans: a recording shorter than one window becomes one that ends in NaN."""
-        if not self.seen and len(self._open):
-            patched = np.concatenate([self._open, np.full((self.wanted, self._open.shape[1]), np.nan)])
+        if not self.windows_seen and len(self._open):
+            patched = np.concatenate([self._open, np.full((self.remaining, self._open.shape[1]), np.nan)])
             self._keep(self._open_s, patched)
             self._open = self._open[:0]
 
     def _keep(self, start_s: float, window: Floats) -> None:
-        if not self.seen:
+        if not self.windows_seen:
             self.first = window.copy()
-        place = self.seen
-        if self.seen >= MOST_WINDOWS:
-            place = int(self._random.integers(self.seen + 1))
-        elif self.seen >= len(self._windows):
+        place = self.windows_seen
+        if self.windows_seen >= MAX_WINDOWS:
+            place = int(self._random.integers(self.windows_seen + 1))
+        elif self.windows_seen >= len(self._windows):
             room = np.zeros((max(16, len(self._windows)), *window.shape))
             self._windows = np.concatenate([self._windows, room])
             self._starts_s = np.concatenate([self._starts_s, room[:, 0, 0]])
-        if place < MOST_WINDOWS:
+        if place < MAX_WINDOWS:
             self._windows[place], self._starts_s[place] = window, start_s
-        self.seen += 1
+        self.windows_seen += 1

@@ -1,4 +1,4 @@
-"""A running conditioner: new scans only, in SI, filtered, tared, with noise, missing taxels, gaps and contact."""
+"""A running conditioner: new scans only, in SI units, filtered, tared, with noise, missing taxels, gaps and contact."""
 
 from __future__ import annotations
 
@@ -9,202 +9,208 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.condition.deduplicate import Counts, Sifted, Sifter
-from taxelflow.condition.learn import Learned, learn, masked_too, relearn
+from taxelflow.condition.baseline import Baseline, estimate_baseline, update_baseline, with_masked
+from taxelflow.condition.deduplicate import Counts, Deduplicator, NewScans
 from taxelflow.condition.sample import Sample
-from taxelflow.condition.units import SATURATED, full_scale, in_si
+from taxelflow.condition.units import SATURATED_SHARE, full_scale, in_si
 from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, Floats, RawScans, Scans
+from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from numpy.typing import NDArray
-
-    from taxelflow.condition.drift import Drift
+    from taxelflow.condition.base import ConditionSettings
+    from taxelflow.condition.drift import DriftTracker
     from taxelflow.condition.filters import Filters
-    from taxelflow.condition.parameters import Conditioner
-    from taxelflow.contacts.split import Separator
+    from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 
 
-class Session:
+class PadContact:
+    """Contact detection on a pad with entries start to stop.
+
+    on, off: standard deviations of noise above which contact starts, and below which it ends.
+    """
+
+    start: int
+    stop: int
+    on: float
+    off: float
+    in_contact: bool
+
+
+class ConditionSession:
     """Conditions scan after scan.
 
-    learned: what it has found out so far. foreseen: repeats and gaps of the lookahead, which drops fewer repeats than
-    the pass that follows, as it learns to tell them while it goes.
+    baseline: what is known of the sensor so far. lookahead_counts: duplicates and gaps of the first pass over a
+    recording, which drops fewer duplicates than the second one: it collects the evidence while it reads.
     """
 
     def __init__(
-        self, parameters: Conditioner, sensor: Sensor, masked: Bools, lookahead: Iterable[RawScans] | None
+        self, parameters: ConditionSettings, sensor: Sensor, masked: Bools, lookahead: Iterable[RawScans] | None
     ) -> None:
         self._parameters, self._sensor, self._layout = parameters, sensor, sensor.layout
-        self._masked = masked_too(masked, parameters.off)
-        self._top = SATURATED * full_scale(sensor)
-        self._sifter = Sifter(self._layout.taxels, self._top, drop=parameters.repeats == "drop")
+        self._masked = with_masked(masked, parameters.off)
+        self._ceiling = SATURATED_SHARE * full_scale(sensor)
+        self._deduplicator = Deduplicator(self._layout.taxels, self._ceiling, drop=parameters.repeats == "drop")
         self.sample = Sample(self._layout.taxels)
         self._causal = lookahead is None
-        self._held: list[Sifted] = []
-        self._in_contact = np.zeros(len(self._layout.pads), dtype=np.bool_)
+        self._held: list[NewScans] = []
+        self._pads = _pad_contacts(self._layout, parameters)
         self._last = np.zeros(self._layout.entries)
-        self._changed: Bools | None = None
-        self._known_noise = self._spread_noise = np.zeros(0)
-        self._known_offset = self._tared_ceiling = np.zeros(0)
+        self._mask_changed: Bools | None = None
         self._filters: Filters | None = None
-        self._drift: Drift | None = None
+        self._drift: DriftTracker | None = None
         if parameters.drift == "follow":
-            from taxelflow.condition.drift import Drift
+            from taxelflow.condition.drift import DriftTracker
 
-            self._drift = Drift(self._layout)
-        self._separate: Separator | None = None
-        if (self._layout.contact_of >= 0).any():
-            from taxelflow.contacts.split import Separator
-
-            self._separate = Separator(self._layout, parameters.contact_on, parameters.contact_off)
-        self.learned: Learned | None = None
-        self.foreseen: Counts | None = None
+            self._drift = DriftTracker(self._layout)
+        self.baseline: Baseline | None = None
+        self._entry_offset = self._entry_noise = self._entry_ceiling = np.zeros(0)
+        self.lookahead_counts: Counts | None = None
         if lookahead is not None:
-            with suppress(RecordingError):  # the second pass meets the same damage, after the scans before it
-                for raw in lookahead:
-                    fresh = self._sifter.step(raw.t_s, in_si(raw.values, sensor))
-                    self.sample.add(fresh.t_s, fresh.values)
-            self.sample.close()
-            self.foreseen = self._sifter.counts
-            self._sifter.restart()
-            self._learn(self.foreseen.usual_s)
+            self._look_ahead(lookahead)
+
+    def _look_ahead(self, blocks: Iterable[RawScans]) -> None:
+        with suppress(RecordingError):  # the second pass meets the same damage, after the scans before it
+            for raw in blocks:
+                new = self._deduplicator.step(raw.t_s, in_si(raw.values, self._sensor))
+                self.sample.add(new.t_s, new.values)
+        self.sample.close()
+        self.lookahead_counts = self._deduplicator.counts
+        self._deduplicator.restart()
+        self._estimate_baseline(self.lookahead_counts.usual_s)
 
     @property
     def counts(self) -> Counts:
-        """Repeats and gaps so far, lookahead left out."""
-        return self._sifter.counts
+        """Duplicates and gaps so far, lookahead left out."""
+        return self._deduplicator.counts
 
     @property
     def lag_s(self) -> float:
-        """How much older than its scan a pressure is, from the filters alone."""
+        """How much older than its scan a pressure is, by the filters alone."""
         return self._filters.lag_s if self._filters else 0.0
 
     def step(self, raw: RawScans) -> Iterator[Scans]:
         """Conditioned scans, all that are ready, in blocks of one noise model each."""
-        fresh = self._sifter.step(raw.t_s, in_si(raw.values, self._sensor))
+        new = self._deduplicator.step(raw.t_s, in_si(raw.values, self._sensor))
         if not self._causal:
-            yield from self._condition(fresh)
+            yield from self._condition(new)
             return
-        while len(fresh):
-            count = min(len(fresh), self.sample.wanted)
-            piece, fresh = fresh.part(0, count), fresh.part(count, len(fresh))
-            full = self.sample.wanted == count
+        while len(new):
+            count = min(len(new), self.sample.remaining)
+            piece, new = new.part(0, count), new.part(count, len(new))
+            full = self.sample.remaining == count
             self.sample.add(piece.t_s, piece.values)
-            if self.learned is None:
+            if self.baseline is None:
                 self._held.append(piece)
                 if full:
                     yield from self.finish()
                 continue
             yield from self._condition(piece)
-            if full and self.sample.seen.bit_count() == 1:  # after 2, 4, 8, ... windows: bounded work for ever
-                self._relearn(self.learned)
+            if full and self.sample.windows_seen.bit_count() == 1:  # after 2, 4, 8, ... windows: bounded work
+                self._update_baseline(self.baseline)
 
     def finish(self) -> Iterator[Scans]:
-        """What a stream still holds back: its first scans, if it ended before there were enough to learn from."""
+        """The first scans of a stream, if it ended before there were enough for a baseline."""
         if self._held:
             self.sample.close()
-            names = ("t_s", "values", "gap")
-            held = Sifted(*(np.concatenate([getattr(piece, name) for piece in self._held]) for name in names))
+            held = NewScans(
+                np.concatenate([piece.t_s for piece in self._held]),
+                np.concatenate([piece.values for piece in self._held]),
+                np.concatenate([piece.gap for piece in self._held]),
+            )
             self._held = []
-            self._learn(float(np.median(np.diff(held.t_s))) if len(held) > 1 else float("nan"))
+            self._estimate_baseline(float(np.median(np.diff(held.t_s))) if len(held) > 1 else float("nan"))
             yield from self._condition(held)
 
     def sampled(self) -> Iterator[Scans]:
-        """The windows of the sample and its tail, tared, with contact, each at the time of its first scan. The stream
-        goes on as if this had not been asked for.
+        """The windows of the sample and its tail, tared, with contact, each at the time of its first scan.
+
+        The state of the stream is unchanged.
         """
-        memory = self._in_contact, self._last
-        self._in_contact, self._last = np.zeros_like(memory[0]), np.zeros_like(memory[1])
+        state = self._pads, self._last
+        self._pads, self._last = _pad_contacts(self._layout, self._parameters), np.zeros_like(self._last)
         for start_s, window in (*zip(self.sample.starts_s, self.sample.windows, strict=True), self.sample.tail):
             values = window[np.isfinite(window).any(axis=1)]
-            yield self._tared(Sifted(np.full(len(values), start_s), values, np.zeros(len(values), dtype=np.bool_)))
-        self._in_contact, self._last = memory
+            yield self._tare(NewScans(np.full(len(values), start_s), values, np.zeros(len(values), dtype=np.bool_)))
+        self._pads, self._last = state
 
-    def _learn(self, usual_s: float) -> None:
-        """Learn from the sample. usual_s: time from one new scan to the next, NaN if unknown."""
-        asked = self._parameters
-        self.learned = learn(asked, self._sensor, self.sample, self._masked, causal=self._causal)
-        if (asked.lowpass_hz or asked.median_scans > 1) and usual_s > 0:
+    def _estimate_baseline(self, usual_s: float) -> None:
+        """Estimate the baseline from the sample. usual_s: time from one new scan to the next, NaN if unknown."""
+        parameters = self._parameters
+        baseline = estimate_baseline(parameters, self._sensor, self.sample, self._masked, causal=self._causal)
+        if (parameters.lowpass_hz or parameters.median_scans > 1) and usual_s > 0:
             from taxelflow.condition.filters import Filters
 
-            self._filters = Filters(self._layout.taxels, asked.lowpass_hz, asked.median_scans, usual_s)
+            self._filters = Filters(self._layout.taxels, parameters.lowpass_hz, parameters.median_scans, usual_s)
+        self._set_baseline(baseline)
 
-    def _relearn(self, before: Learned) -> None:
-        self.learned = relearn(self._parameters, self._sensor, self.sample, before)
-        fewer = self.learned.masked & ~before.masked
-        if fewer.any():
-            self._changed = np.logical_or.reduceat(fewer[self._layout.source], self._layout.starts[:-1])
+    def _update_baseline(self, before: Baseline) -> None:
+        baseline = update_baseline(self._parameters, self._sensor, self.sample, before)
+        newly_masked = baseline.masked & ~before.masked
+        if newly_masked.any():
+            self._mask_changed = np.logical_or.reduceat(newly_masked[self._layout.source], self._layout.starts[:-1])
+        self._set_baseline(baseline)
 
-    def _entry_noise(self, noise: Floats) -> Floats:
-        """(entries,) after the filters, one and the same array until the noise is learned anew."""
-        if self._known_noise is not noise:
-            self._known_noise = noise
-            self._spread_noise = noise[self._layout.source] * (self._filters.noise_gain if self._filters else 1.0)
-        return self._spread_noise
+    def _set_baseline(self, baseline: Baseline) -> None:
+        """Use this baseline from the next scan on, with offset, noise after the filters, and ceiling by entry."""
+        before, self.baseline, source = self.baseline, baseline, self._layout.source
+        if before is None or baseline.noise is not before.noise:
+            self._entry_noise = baseline.noise[source] * (self._filters.noise_gain if self._filters else 1.0)
+        if before is None or baseline.offset is not before.offset:
+            self._entry_offset = baseline.offset[source]
+            self._entry_ceiling = (self._ceiling - baseline.offset)[source]
 
-    def _ceiling(self, offset: Floats) -> Floats:
-        """(entries,), where readings saturate, half a part in a thousand below full scale; tared like them."""
-        if self._known_offset is not offset:
-            self._known_offset = offset
-            self._tared_ceiling = (self._top - offset)[self._layout.source]
-        return self._tared_ceiling
-
-    def _condition(self, fresh: Sifted) -> Iterator[Scans]:
-        """Conditioned scans, cut where idle pads have followed their drift."""
-        if self._filters and self.learned:
-            values = self._filters.step(fresh.values, fresh.gap, self.learned.noise)
-            fresh = replace(fresh, values=values)
+    def _condition(self, new: NewScans) -> Iterator[Scans]:
+        """Conditioned scans, cut where the offsets of idle pads are updated."""
+        if self._filters and self.baseline:
+            values = self._filters.step(new.values, new.gap, self.baseline.noise)
+            new = replace(new, values=values)
         if self._drift is None:
-            yield self._told_apart(self._tared(fresh))
+            yield self._tare(new)
             return
-        while len(fresh):
-            count = min(len(fresh), self._drift.wanted)
-            piece, fresh = fresh.part(0, count), fresh.part(count, len(fresh))
-            scans = self._told_apart(self._tared(piece))
+        while len(new):
+            count = min(len(new), self._drift.remaining)
+            piece, new = new.part(0, count), new.part(count, len(new))
+            scans = self._tare(piece)
             yield scans
-            if self.learned is not None:
-                self.learned = self._drift.take(scans, piece.gap, self.learned)
+            if self.baseline is not None:
+                self._set_baseline(self._drift.update(scans, piece.gap, self.baseline))
 
-    def _told_apart(self, scans: Scans) -> Scans:
-        """The same scans, each contact that is told apart with its own taxels."""
-        if self._separate is not None:
-            self._separate.step(scans)
-        return scans
-
-    def _tared(self, fresh: Sifted) -> Scans:
-        if self.learned is None:
-            raise RuntimeError("a scan was conditioned before anything was learned")
-        layout, parameters = self._layout, self._parameters
-        values, offset = fresh.values, self.learned.offset
-        noise, ceiling = self._entry_noise(self.learned.noise), self._ceiling(offset)
+    def _tare(self, new: NewScans) -> Scans:
+        if self.baseline is None:
+            raise RuntimeError("a scan was conditioned before there was a baseline")
+        layout, values = self._layout, new.values
         if layout.entries > layout.taxels:
             values = np.take(values, layout.source, axis=1)  # row by row, as all kernels are compiled for
-            offset = offset[layout.source]
         pressure = np.empty_like(values)
-        contact = np.empty((len(fresh), len(layout.pads)), dtype=np.bool_)
+        contact = np.empty((len(new), len(layout.pads)), dtype=np.bool_)
         complete = np.empty_like(contact)
         condition(
             values,
-            fresh.gap,
-            offset,
-            noise,
-            layout.starts,
-            parameters.contact_on,
-            parameters.contact_off,
-            self._in_contact,
+            new.gap,
+            self._entry_offset,
+            self._entry_noise,
             self._last,
+            self._pads,
             pressure,
             contact,
             complete,
         )
-        if self._changed is not None and len(fresh):
-            complete[0, self._changed] = False  # a taxel that is masked from here on must not look like motion
-            self._changed = None
-        return Scans(fresh.t_s, pressure, noise, ceiling, contact, complete)
+        if self._mask_changed is not None and len(new):
+            complete[0, self._mask_changed] = False  # a newly masked taxel must not look like motion
+            self._mask_changed = None
+        return Scans(new.t_s, pressure, self._entry_noise, self._entry_ceiling, contact, complete)
+
+
+def _pad_contacts(layout: Layout, parameters: ConditionSettings) -> Records:
+    """`PadContact` (pads,), none in contact."""
+    pads = records(PadContact, len(layout.pads))
+    pads["start"], pads["stop"] = layout.starts[:-1], layout.starts[1:]
+    pads["on"], pads["off"] = parameters.contact_on, parameters.contact_off
+    return pads
 
 
 @kernel
@@ -213,41 +219,48 @@ def condition(
     gap: Bools,
     offset: Floats,
     noise: Floats,
-    starts: NDArray[np.int64],
-    on: float,
-    off: float,
-    in_contact: Bools,
     last: Floats,
+    pads: Records,
     pressure: Floats,
     contact: Bools,
     complete: Bools,
 ) -> None:
-    """Fill pressure (scans, taxels), contact and complete (scans, pads) from readings in SI.
+    """Fill pressure (scans, entries), contact and complete (scans, pads) from readings in SI.
 
-    in_contact (pads,) and last (taxels,) are the memory from scan to scan. A masked taxel (noise 0) reads 0.
-    A missing one (not finite) reads 0 as well; if its last reading was a load, the pad's scan is incomplete. So are all
-    pads' where gap (scans,) is set.
+    values: (scans, entries). gap: (scans,), time was lost before this scan: no pad is complete in it. offset, noise:
+    (entries,). last: (entries,), the last known reading. pads: `PadContact` (pads,).
     """
     for scan in range(values.shape[0]):
-        for pad in range(len(starts) - 1):
-            total = 0.0
-            variance = 0.0
-            peak = 0.0
-            whole = not gap[scan]
-            for taxel in range(starts[pad], starts[pad + 1]):
+        for number in range(len(pads)):
+            pad: PadContact = pads[number]
+            whole = _condition_pad(values[scan], offset, noise, last, pad, pressure[scan])
+            contact[scan, number] = pad.in_contact
+            complete[scan, number] = whole and not gap[scan]
+
+
+@kernel
+def _condition_pad(
+    values: Floats, offset: Floats, noise: Floats, last: Floats, pad: PadContact, pressure: Floats
+) -> bool:
+    """Fill pressure (entries,) of one pad and bring its contact up to date. Returns False if a loaded taxel is missing.
+
+    A masked taxel (noise 0) reads 0. A missing one (not finite) reads 0 as well; it is loaded if it was last.
+    """
+    total = variance = peak = 0.0
+    whole = True
+    for k in range(pad.start, pad.stop):
+        reading = 0.0
+        if noise[k] > 0.0:
+            reading = values[k] - offset[k]
+            if np.isfinite(reading):
+                last[k] = reading
+                total += reading
+                variance += noise[k] ** 2 if reading != 0.0 else 0.0
+                peak = max(peak, reading / noise[k])
+            else:
                 reading = 0.0
-                if noise[taxel] > 0.0:
-                    reading = values[scan, taxel] - offset[taxel]
-                    if np.isfinite(reading):
-                        last[taxel] = reading
-                        total += reading
-                        variance += noise[taxel] ** 2 if reading != 0.0 else 0.0
-                        peak = max(peak, reading / noise[taxel])
-                    else:
-                        reading = 0.0
-                        whole = whole and last[taxel] <= off * noise[taxel]
-                pressure[scan, taxel] = reading
-            level = off if in_contact[pad] else on
-            in_contact[pad] = peak > level and total > level * np.sqrt(variance)
-            contact[scan, pad] = in_contact[pad]
-            complete[scan, pad] = whole
+                whole = whole and last[k] <= pad.off * noise[k]
+        pressure[k] = reading
+    level = pad.off if pad.in_contact else pad.on
+    pad.in_contact = peak > level and total > level * np.sqrt(variance)
+    return whole

@@ -1,4 +1,4 @@
-"""Readings in the sensor's own unit become SI, here and nowhere else."""
+"""Conversion of readings from the sensor's own unit to SI units; no other module converts readings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from taxelflow.messages import Floats
 if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
-SATURATED = 0.9995
+SATURATED_SHARE = 0.9995
 """A reading above this share of full scale is saturated: converters stop a step short of it."""
 
 
@@ -25,7 +25,7 @@ def in_si(values: Floats, sensor: Sensor) -> Floats:
 
 def full_scale(sensor: Sensor) -> Floats:
     """(taxels,) in the same unit, where each taxel's reading saturates; inf if unknown."""
-    gain = sensor.wiring.gain  # a gain is in the readings, but not in what the sensor file calls full scale
+    gain = sensor.channel_map.gain  # a gain is in the readings, but not in what the sensor file calls full scale
     return (sensor.full_scale or np.inf) * gain * sensor.to_si
 
 

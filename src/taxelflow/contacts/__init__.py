@@ -1,1 +1,1 @@
-"""Which loaded taxels belong to which contact, whether contacts move apart, and what each is like."""
+"""Contact segmentation: split and track the contacts of a pad, check that they are rigid, describe each."""

@@ -1,4 +1,4 @@
-"""What a contact is like, pad by pad: force, area, peak, place, shape."""
+"""Parameters of the contact stage."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
-    from taxelflow.contacts.moments import ShapeSession
+    from taxelflow.contacts.session import ContactSession
     from taxelflow.sensors.sensor import Sensor
 
 
@@ -17,14 +17,14 @@ class ContactFeatures:
     """Force, area, peak, centroid and principal axes of each pad's contact."""
 
     threshold: float = 4.0
-    """A taxel belongs to the contact when it reads above so many standard deviations of its noise."""
+    """A taxel belongs to the contact if it reads above this many standard deviations of its noise."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.threshold < float("inf"):
-            raise ParameterInvalid("features threshold", self.threshold, "it is 0 or more")
+            raise ParameterInvalid("features.threshold", self.threshold, "be 0 or more")
 
-    def begin(self, sensor: Sensor) -> ShapeSession:
-        """Begin a session for this sensor."""
-        from taxelflow.contacts.moments import ShapeSession
+    def start(self, sensor: Sensor, contact_on: float, contact_off: float) -> ContactSession:
+        """Begin a session of the contact stage; the thresholds are those of `Conditioner`."""
+        from taxelflow.contacts.session import ContactSession
 
-        return ShapeSession(self, sensor)
+        return ContactSession(sensor, self.threshold, contact_on, contact_off)

@@ -1,110 +1,126 @@
-"""Zeroth, first and second moments of the taxels in contact, and what they say of its size and shape.
+"""Moments of the taxels in contact: force, centroid, size and orientation of a contact.
 
 With weights p_i, sum s and centroid c over the taxels above the threshold, M = sum p_i (r_i - c)(r_i - c)^T / s, plus
-what the extent of a taxel adds, a square of its area evenly loaded: a_i / 12 along each axis. The eigenvalues
-l1 >= l2 of M give the full axes of the ellipse that, evenly filled, has the same moments: 4 sqrt(l). The orientation is
-that of the first eigenvector; its standard deviation is what noise does to it, to first order (as `estimation.axis`).
+the second moment of an evenly loaded square taxel, area / 12 along each axis. The eigenvalues l1 >= l2 of M give the
+full axes 4 sqrt(l) of the evenly filled ellipse with the same moments. The orientation is that of the first
+eigenvector; its standard deviation is that of noise, to first order.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Bools, Contacts, Floats, Scans, no_scans
+from taxelflow.numerics.records import Records, record_dtype
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.contacts.features import ContactFeatures
     from taxelflow.sensors.sensor import Sensor
 
-FORCE, AREA, PEAK, X, Y, MAJOR, MINOR, ECCENTRICITY, ORIENTATION, STD_FORCE, STD_ORIENTATION, COLUMNS = range(12)
-_ROUND = 1e-9
-"""Rounding makes a round contact no rounder than this."""
-_MOST_STD_RAD = 0.5
-"""An axis less certain than this is none."""
+_MIN_ASPHERICITY = 1e-9
+"""Relative difference of the eigenvalues below which a contact is round: rounding errors are of this size."""
+_MAX_ORIENTATION_STD_RAD = 0.5
+"""An orientation less certain than this is not reported: it is linear in the noise no more."""
 
 
-class ShapeSession:
+class Features:
+    """Features of one contact, see `Contacts`; force per Pa, so in N or in counts m^2. axis 1 is the longer one."""
+
+    force: float
+    force_std: float
+    area: float
+    peak: float
+    centroid: Annotated[Floats, 2]
+    axes: Annotated[Floats, 2]
+    eccentricity: float
+    orientation: float
+    orientation_std: float
+
+
+class FeatureExtractor:
     """Features scan by scan; nothing is remembered."""
 
-    def __init__(self, parameters: ContactFeatures, sensor: Sensor) -> None:
+    def __init__(self, sensor: Sensor, threshold: float) -> None:
         layout = sensor.layout
-        self._threshold, self._starts = parameters.threshold, layout.starts
-        self._places = np.stack([layout.x_m, layout.y_m])
+        self._threshold, self._starts = threshold, layout.starts
+        self._xy = np.stack([layout.x_m, layout.y_m])
         self._area = layout.area_m2
         self._newton = 1.0 if sensor.si_unit == "Pa" else np.nan  # counts are no force
         self.step(no_scans(layout.entries, len(layout.pads)))  # compiles
 
     def step(self, scans: Scans) -> Contacts:
         """Features of all pads."""
-        rows = np.full((*scans.contact.shape, COLUMNS), np.nan)
-        describe(
+        found = _unknown(*scans.contact.shape)
+        extract_features(
             scans.pressure,
             scans.noise,
             scans.contact,
             scans.complete,
-            self._places,
+            self._xy,
             self._area,
             self._starts,
             self._threshold,
-            rows,
+            found,
         )
         return Contacts(
             t_s=scans.t_s,
             contact=scans.contact,
-            force=self._newton * rows[..., FORCE],
-            area=rows[..., AREA],
-            peak=rows[..., PEAK],
-            centroid=rows[..., X : Y + 1],
-            axes=rows[..., MAJOR : MINOR + 1],
-            eccentricity=rows[..., ECCENTRICITY],
-            orientation=rows[..., ORIENTATION],
-            force_std=self._newton * rows[..., STD_FORCE],
-            orientation_std=rows[..., STD_ORIENTATION],
+            force=self._newton * found["force"],
+            area=found["area"],
+            peak=found["peak"],
+            centroid=found["centroid"],
+            axes=found["axes"],
+            eccentricity=found["eccentricity"],
+            orientation=found["orientation"],
+            force_std=self._newton * found["force_std"],
+            orientation_std=found["orientation_std"],
         )
 
 
+def _unknown(scans: int, pads: int) -> Records:
+    """`Features` (scans, pads), every field NaN."""
+    dtype = record_dtype(Features)
+    return np.full((scans, pads, dtype.itemsize // 8), np.nan).view(dtype)[..., 0]
+
+
 @kernel
-def describe(
+def extract_features(
     pressure: Floats,
     noise: Floats,
     contact: Bools,
     complete: Bools,
-    places: Floats,
+    xy: Floats,
     area: Floats,
     starts: NDArray[np.int64],
     threshold: float,
-    rows: Floats,
+    features: Records,
 ) -> None:
-    """Fill rows (scans, pads, COLUMNS), which come in as NaN, where a pad is in contact and its scan complete.
+    """Fill features (scans, pads), which come in as NaN, where a pad is in contact and its scan complete.
 
-    pressure: (scans, entries). noise, area: (entries,). contact, complete: (scans, pads). places: (2, entries).
+    pressure: (scans, entries). noise, area: (entries,). contact, complete: (scans, pads). xy: (2, entries), m.
     """
     for scan in range(pressure.shape[0]):
         for pad in range(len(starts) - 1):
             if contact[scan, pad] and complete[scan, pad]:
                 own = slice(starts[pad], starts[pad + 1])
-                _describe_pad(
-                    pressure[scan, own],
-                    noise[own],
-                    places[0, own],
-                    places[1, own],
-                    area[own],
-                    threshold,
-                    rows[scan, pad],
+                _extract(
+                    pressure[scan, own], noise[own], xy[0, own], xy[1, own], area[own], threshold, features[scan, pad]
                 )
 
 
 @kernel
-def _describe_pad(p: Floats, noise: Floats, x: Floats, y: Floats, area: Floats, threshold: float, row: Floats) -> None:
+def _extract(
+    p: Floats, noise: Floats, x: Floats, y: Floats, area: Floats, threshold: float, features: Features
+) -> None:
+    """Features of one contact from the readings p of its pad."""
     s = sx = sy = sxx = syy = sxy = extent = force = force_var = covered = peak = 0.0
     x0, y0 = x[0], y[0]
     for k in range(len(p)):
-        force += p[k] * area[k]  # below the threshold too: noise sums to nothing, a light edge does not
+        force += p[k] * area[k]  # below the threshold too: noise averages out, a light edge does not
         force_var += (noise[k] * area[k]) ** 2 if p[k] != 0.0 else 0.0
         if p[k] > threshold * noise[k]:
             dx, dy = x[k] - x0, y[k] - y0
@@ -117,17 +133,18 @@ def _describe_pad(p: Floats, noise: Floats, x: Floats, y: Floats, area: Floats, 
             extent += p[k] * area[k] / 12.0
             covered += area[k]
             peak = max(peak, p[k])
-    row[FORCE], row[STD_FORCE], row[AREA], row[PEAK] = force, np.sqrt(force_var), covered, peak
+    features.force, features.force_std = force, np.sqrt(force_var)
+    features.area, features.peak = covered, peak
     if s <= 0.0:
         return
     cx, cy = sx / s, sy / s
-    row[X], row[Y] = x0 + cx, y0 + cy
+    features.centroid[0], features.centroid[1] = x0 + cx, y0 + cy
     xx, yy, xy = max(sxx / s - cx * cx, 0.0), max(syy / s - cy * cy, 0.0), sxy / s - cx * cy
     half, apart = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
     large, small = half + apart + extent / s, max(half - apart, 0.0) + extent / s
-    row[MAJOR], row[MINOR] = 4.0 * np.sqrt(large), 4.0 * np.sqrt(small)
-    row[ECCENTRICITY] = np.sqrt(1.0 - small / large)
-    if apart <= _ROUND * large:
+    features.axes[0], features.axes[1] = 4.0 * np.sqrt(large), 4.0 * np.sqrt(small)
+    features.eccentricity = np.sqrt(1.0 - small / large)
+    if apart <= _MIN_ASPHERICITY * large:
         return
     u, v, variance = xx - yy, 2.0 * xy, 0.0
     for k in range(len(p)):
@@ -135,5 +152,5 @@ def _describe_pad(p: Floats, noise: Floats, x: Floats, y: Floats, area: Floats, 
             dx, dy = x[k] - x0 - cx, y[k] - y0 - cy
             slope = 0.5 * (u * (2.0 * dx * dy - v) - v * (dx * dx - dy * dy - u)) / (s * (u * u + v * v))
             variance += (noise[k] * slope) ** 2
-    if variance <= _MOST_STD_RAD**2:
-        row[ORIENTATION], row[STD_ORIENTATION] = 0.5 * np.arctan2(v, u), np.sqrt(variance)
+    if variance <= _MAX_ORIENTATION_STD_RAD**2:
+        features.orientation, features.orientation_std = 0.5 * np.arctan2(v, u), np.sqrt(variance)

@@ -1,223 +1,303 @@
-"""Whether contacts on one pad move apart, where nobody has asked to tell them apart.
+"""Rigidity check: whether contacts on one pad move relative to each other, on pads whose contacts are not split.
 
-However a rigid object moves, its feet keep their distances. So the blobs of a pad (`blobs.py`) are followed, and the
-distance between the centroids of any two is held against what it was at first. If it has changed for some scans by
-more than noise, sampling and the pad's map explain, they are no parts of one rigid object, for as long as the pad is
-touched.
+The feet of a rigid object keep their distances. So the contacts of a pad are tracked (`segmentation.py`), and the
+distance between the centroids of any two is compared with what it was at first. If it has changed for some scans by
+more than noise, sampling and the flattening of the pad explain, the contacts are not parts of one rigid object, for as
+long as the pad is touched.
 
-Centroids also move where feet merge, part, are cut by the border, lift while others come down, or where load shifts
-within them. So a pair begins anew where one of the two is not one blob that overlaps what it was, or touches another.
-A distance counts only where neither touches the border and both are as wide as they were, and a change of it only if
-it is large beside them.
+Centroids also move where feet merge, part, are cut by the border, lift while others touch down, or where load shifts
+within them. So a pair starts again where one of the two is not one component, does not overlap its previous self, or
+comes near another contact. A distance counts only where neither contact touches the border and both are as wide as they
+were, and its change only if it is large compared with their widths.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.contacts.segmentation import NEAR, Follower
+from taxelflow.contacts.segmentation import NEAR, ContactState, ContactTracker, Labels
 from taxelflow.messages import Bools, Floats, no_scans
+from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from taxelflow.messages import Scans
     from taxelflow.sensors.layout import Layout
 
 _SLOTS = 4
-_FIRST, _LASTING = 5, 5
-"""Scans whose mean is a pair's distance at first, and for which another one must last."""
-_SIGMAS, _PITCHES, _WIDTHS = 6.0, 0.5, 0.25
-"""A distance has changed if it differs by so many standard deviations, so many pitches, and so much of the sum of the
-two widths. Feet on the rig, whatever their size, noise and growth, stay below 0.13 of it."""
-_SAME = 1.25
-"""Factor within which a width (radius of gyration) is the same."""
-_COUNT, _MEAN, _LONG, _WIDE, _OTHER, _PAIR = range(6)
-_VARIANCE, _WIDTH = 2, 3
+"""Contacts tracked on a pad at most: 6 pairs."""
+_REFERENCE_SCANS = 5
+"""Scans whose mean is the reference distance of a pair."""
+_MIN_CHANGED_SCANS = 5
+"""Scans in a row for which a distance must have changed: a load that shifts for a moment moves a centroid too."""
+_CHANGE_SIGMAS, _CHANGE_PITCHES, _CHANGE_WIDTHS = 6.0, 0.5, 0.25
+"""A distance has changed if it differs by this many standard deviations, this many pitches (sampling moves centroids by
+less), and this share of the sum of the two widths. On the rig, feet of any size, noise and growth stay below 0.13 of
+it."""
+_WIDTH_RATIO = 1.25
+"""Largest ratio of two widths (radius of gyration) that count as the same: a contact that grows moves its centroid."""
 
 
-class Watch:
-    """Watches the pads whose contacts are not told apart."""
+class CheckedPad:
+    """A pad that is checked. start, stop: its taxels. pitch_m: the larger pitch. stretch: see `Layout.stretch`.
+
+    moved_apart: whether contacts have, since the pad was touched. change_m: largest significant change of a distance.
+    """
+
+    pad: int
+    start: int
+    stop: int
+    pitch_m: float
+    stretch: float
+    moved_apart: bool
+    change_m: float
+
+
+class Pair:
+    """Two contacts of a pad. scans: of the reference, at most `_REFERENCE_SCANS`. distance_m, width_m, other_width_m:
+    mean distance and widths in these scans. changed_scans: consecutive scans in which the distance differs.
+    """
+
+    scans: int
+    distance_m: float
+    width_m: float
+    other_width_m: float
+    changed_scans: int
+
+
+class Shape:
+    """A contact in the current scan: centroid (m), variance of each coordinate (m^2) and radius of gyration (m).
+
+    measured: whether its distances count in this scan.
+    """
+
+    measured: bool
+    x: float
+    y: float
+    variance: float
+    width_m: float
+
+
+class Place:
+    """A taxel's place on its pad (m), whether it lies at the border, and its label in the previous scan."""
+
+    x: float
+    y: float
+    border: bool
+    last_label: int
+
+
+class Memory(NamedTuple):
+    """State of the check: `CheckedPad` (pads,), `Pair` (pads, slots, slots), `Place` (taxels,), `Shape` (slots,)."""
+
+    pads: Records
+    pairs: Records
+    places: Records
+    shapes: Records
+
+
+class RigidityMonitor:
+    """Checks the pads whose contacts are not split."""
 
     def __init__(self, layout: Layout, on: float, off: float) -> None:
         """on, off: see `Conditioner.contact_on` and `contact_off`."""
         self._layout = layout
-        self._pads = np.setdiff1d(np.arange(layout.pad_count), layout.contact_of)
-        slots = np.full(len(self._pads), _SLOTS)
-        self._follower = Follower(layout, self._pads, slots, on, off) if len(self._pads) else None
-        self._places = np.stack([layout.x_m[: layout.taxels], layout.y_m[: layout.taxels]])
-        self._border: Bools = np.asarray(layout.border[: layout.taxels].any(axis=1))
-        self._memory = np.zeros((len(self._pads), _SLOTS, _SLOTS, _PAIR))
-        self._before = np.zeros(layout.taxels, dtype=np.int8)
-        self._apart_m = np.zeros(len(self._pads))
-        self._parted = np.zeros(len(self._pads), dtype=np.bool_)
+        pads = np.setdiff1d(np.arange(layout.pad_count), layout.contact_of)
+        self._tracker = ContactTracker(layout, pads, np.full(len(pads), _SLOTS), on, off) if len(pads) else None
+        self._memory = Memory(
+            pads=records(CheckedPad, len(pads)),
+            pairs=records(Pair, len(pads), _SLOTS, _SLOTS),
+            places=records(Place, layout.taxels),
+            shapes=records(Shape, _SLOTS),
+        )
+        own, places = self._memory.pads, self._memory.places
+        own["pad"], own["start"], own["stop"] = pads, layout.starts[pads], layout.starts[pads + 1]
+        own["pitch_m"], own["stretch"] = layout.pitch_m[pads].max(axis=1), layout.stretch[pads]
+        places["x"], places["y"] = layout.x_m[: layout.taxels], layout.y_m[: layout.taxels]
+        places["border"] = layout.border[: layout.taxels].any(axis=1)
         self.step(no_scans(layout.entries, len(layout.pads)))  # compiles
 
     @property
     def notes(self) -> list[str]:
         """A sentence for each pad on which contacts have moved apart."""
-        names = [self._layout.pads[pad] for pad in self._pads]
+        names = [self._layout.pads[pad] for pad in self._memory.pads["pad"]]
         return [
-            f"{name}: contacts moved apart or together by {1e3 * apart_m:.2g} mm, which feet of one rigid object do "
+            f"{name}: contacts moved apart or together by {1e3 * change_m:.2g} mm, which feet of one rigid object do "
             f"not; if they move independently, --contacts {name}=2 tells them apart"
-            for name, apart_m in zip(names, self._apart_m.tolist(), strict=True)
-            if apart_m > 0
+            for name, change_m in zip(names, self._memory.pads["change_m"].tolist(), strict=True)
+            if change_m > 0
         ]
 
     def step(self, scans: Scans) -> Bools:
         """(scans, pads, groups and contacts), where contacts have moved apart since the pad was touched; these scans
         follow those of the last call.
         """
-        parted = np.zeros(scans.contact.shape, dtype=np.bool_)
-        if self._follower is None:
-            return parted
-        followed = self._follower.step(scans)
-        watch(
+        moved_apart = np.zeros(scans.contact.shape, dtype=np.bool_)
+        if self._tracker is None:
+            return moved_apart
+        found = self._tracker.step(scans)
+        check_rigidity(
             scans.pressure,
             scans.noise,
             scans.contact,
             scans.complete,
-            followed.labels,
-            followed.room,
-            followed.whole,
-            self._pads,
-            self._layout.starts,
-            self._places,
-            self._border,
-            self._layout.pitch_m,
-            self._layout.stretch,
+            found.labels,
+            found.contacts,
             self._memory,
-            self._before,
-            self._apart_m,
-            self._parted,
-            parted,
+            moved_apart,
         )
-        return parted
+        return moved_apart
 
 
 @kernel
-def watch(
+def check_rigidity(
     pressure: Floats,
     noise: Floats,
     contact: Bools,
     complete: Bools,
-    labels: NDArray[np.int8],
-    room: NDArray[np.int8],
-    whole: Bools,
-    pads: NDArray[np.int64],
-    starts: NDArray[np.int64],
-    places: Floats,
-    border: Bools,
-    pitch_m: Floats,
-    stretch: Floats,
-    memory: Floats,
-    before: NDArray[np.int8],
-    apart_m: Floats,
-    moved: Bools,
-    parted: Bools,
+    labels: Labels,
+    contacts: Records,
+    memory: Memory,
+    moved_apart: Bools,
 ) -> None:
-    """Raise apart_m (pads watched,) where the distance of two contacts has changed, and set parted (scans, pads) from
-    there on. Memory: before (taxels,), labels of the last scan; moved (pads watched,), whether it has; memory (pads
-    watched, slots, slots, 5), of each pair how many scans its first distance is from, that distance, how long another
-    one lasts, and how wide the two were at first.
+    """Set moved_apart (scans, pads), which comes in False; bring memory up to date.
+
+    pressure: (scans, entries). noise: (entries,). contact, complete: (scans, pads). labels, contacts: see
+    `Segmentation`.
     """
-    slots = memory.shape[1]
-    place, free = np.zeros((slots, 4)), np.zeros(slots, dtype=np.bool_)
     for scan in range(len(pressure)):
-        for number in range(len(pads)):
-            pad = pads[number]
-            low, high = starts[pad], starts[pad + 1]
-            if not contact[scan, pad]:
-                moved[number] = False
-                memory[number, :, :, :] = 0.0
-                before[low:high] = 0
-                continue
-            parted[scan, pad] = moved[number]
-            if not complete[scan, pad]:
-                memory[number, :, :, _LONG] = 0.0
-                continue
-            for s in range(slots):
-                same = whole[scan, number, s] and room[scan, number, s] >= NEAR
-                overlaps, cut = _look(labels[scan], before, s + 1, low, high, border)
-                same &= overlaps
-                free[s] = same and not cut
-                if free[s]:
-                    _measure(pressure[scan], noise, labels[scan], s + 1, low, high, places, place[s])
-                elif same:
-                    memory[number, s, :, _LONG] = memory[number, :, s, _LONG] = 0.0
-                else:
-                    memory[number, s] = memory[number, :, s] = 0.0
-            before[low:high] = labels[scan, low:high]
-            for s in range(slots):
-                for r in range(s):
-                    if free[s] and free[r]:
-                        far = _compare(place[s], place[r], pitch_m[pad], stretch[pad], memory[number, s, r])
-                        apart_m[number] = max(apart_m[number], far)
-                        moved[number] |= far > 0.0
-            parted[scan, pad] = moved[number]
+        for number in range(len(memory.pads)):
+            pad: CheckedPad = memory.pads[number]
+            if not contact[scan, pad.pad]:
+                _reset(number, memory)
+            elif complete[scan, pad.pad]:
+                _measure_contacts(pressure[scan], noise, labels[scan], contacts[scan, number], number, memory)
+                _compare_pairs(number, memory)
+            else:
+                _interrupt_all(memory.pairs[number])
+            moved_apart[scan, pad.pad] = pad.moved_apart
 
 
 @kernel
-def _look(
-    labels: NDArray[np.int8], before: NDArray[np.int8], label: int, low: int, high: int, border: Bools
-) -> tuple[bool, bool]:
-    """Whether a contact loads a taxel that it loaded before, and whether it reaches the pad's border."""
+def _reset(number: int, memory: Memory) -> None:
+    """The pad is not in contact."""
+    pad: CheckedPad = memory.pads[number]
+    pad.moved_apart = False
+    for k in range(pad.start, pad.stop):
+        memory.places[k].last_label = 0
+    for slot in range(_SLOTS):
+        _forget(slot, memory.pairs[number])
+
+
+@kernel
+def _forget(slot: int, pairs: Records) -> None:
+    """The pairs of one contact start again. pairs: (slots, slots), the later slot first."""
+    for other in range(_SLOTS):
+        pair: Pair = pairs[max(slot, other), min(slot, other)]
+        pair.scans = pair.changed_scans = 0
+        pair.distance_m = pair.width_m = pair.other_width_m = 0.0
+
+
+@kernel
+def _interrupt_all(pairs: Records) -> None:
+    """No contact can be measured in this scan: every pair's change must last again."""
+    for slot in range(_SLOTS):
+        _interrupt(slot, pairs)
+
+
+@kernel
+def _interrupt(slot: int, pairs: Records) -> None:
+    """The distances of one contact do not count in this scan."""
+    for other in range(_SLOTS):
+        pairs[max(slot, other), min(slot, other)].changed_scans = 0
+
+
+@kernel
+def _measure_contacts(
+    reading: Floats, noise: Floats, labels: Labels, contacts: Records, number: int, memory: Memory
+) -> None:
+    """Measure the contacts of one pad whose distances count; the pairs of others are interrupted or start again."""
+    pad, pairs = memory.pads[number], memory.pairs[number]
+    for slot in range(_SLOTS):
+        state: ContactState = contacts[slot]
+        shape: Shape = memory.shapes[slot]
+        overlaps, cut = _find_overlap(slot + 1, labels, pad, memory.places)
+        same = state.connected and state.clearance >= NEAR and overlaps
+        shape.measured = same and not cut
+        if shape.measured:
+            _measure(slot + 1, reading, noise, labels, pad, memory.places, shape)
+        elif same:
+            _interrupt(slot, pairs)
+        else:
+            _forget(slot, pairs)
+    for k in range(pad.start, pad.stop):
+        memory.places[k].last_label = labels[k]
+
+
+@kernel
+def _find_overlap(label: int, labels: Labels, pad: CheckedPad, places: Records) -> tuple[bool, bool]:
+    """Whether a contact loads a taxel that it loaded in the previous scan, and whether it reaches the pad's border."""
     overlaps = cut = False
-    for k in range(low, high):
+    for k in range(pad.start, pad.stop):
         if labels[k] == label:
-            overlaps |= before[k] == label
-            cut |= border[k]
+            overlaps |= places[k].last_label == label
+            cut |= places[k].border
     return overlaps, cut
 
 
 @kernel
 def _measure(
-    reading: Floats,
-    noise: Floats,
-    labels: NDArray[np.int8],
-    label: int,
-    low: int,
-    high: int,
-    places: Floats,
-    out: Floats,
+    label: int, reading: Floats, noise: Floats, labels: Labels, pad: CheckedPad, places: Records, shape: Shape
 ) -> None:
-    """Fill out (4,) with a contact's centroid, the variance of each of its coordinates, and its radius of gyration."""
+    """Centroid, its variance by noise, and width of one contact."""
     total = x = y = variance = spread = 0.0
-    for k in range(low, high):
+    for k in range(pad.start, pad.stop):
         if labels[k] == label:
             total += reading[k]
-            x += reading[k] * places[0, k]
-            y += reading[k] * places[1, k]
-    out[0], out[1] = x / total, y / total
-    for k in range(low, high):
+            x += reading[k] * places[k].x
+            y += reading[k] * places[k].y
+    shape.x, shape.y = x / total, y / total
+    for k in range(pad.start, pad.stop):
         if labels[k] == label:
-            arm2 = (places[0, k] - out[0]) ** 2 + (places[1, k] - out[1]) ** 2
+            arm2 = (places[k].x - shape.x) ** 2 + (places[k].y - shape.y) ** 2
             variance += 0.5 * arm2 * (noise[k] / total) ** 2
             spread += arm2 * reading[k] / total
-    out[_VARIANCE], out[_WIDTH] = variance, np.sqrt(spread)
+    shape.variance, shape.width_m = variance, np.sqrt(spread)
 
 
 @kernel
-def _compare(one: Floats, other: Floats, pitch_m: Floats, stretch: float, m: Floats) -> float:
-    """How much the distance of two contacts (4,) has surely changed, m; 0 if it may be the same. m: the pair's (5,)."""
-    distance = np.hypot(one[0] - other[0], one[1] - other[1])
-    if m[_COUNT] < _FIRST:
-        m[_COUNT] += 1.0
-        m[_MEAN] += (distance - m[_MEAN]) / m[_COUNT]
-        m[_WIDE] += (one[_WIDTH] - m[_WIDE]) / m[_COUNT]
-        m[_OTHER] += (other[_WIDTH] - m[_OTHER]) / m[_COUNT]
+def _compare_pairs(number: int, memory: Memory) -> None:
+    pad: CheckedPad = memory.pads[number]
+    for slot in range(_SLOTS):
+        for other in range(slot):
+            if memory.shapes[slot].measured and memory.shapes[other].measured:
+                pair = memory.pairs[number, slot, other]
+                change_m = _significant_change(memory.shapes[slot], memory.shapes[other], pad, pair)
+                pad.change_m = max(pad.change_m, change_m)
+                pad.moved_apart |= change_m > 0.0
+
+
+@kernel
+def _significant_change(one: Shape, other: Shape, pad: CheckedPad, pair: Pair) -> float:
+    """How much the distance of two contacts has changed, m; 0 if noise, sampling or load may explain it."""
+    distance_m = np.hypot(one.x - other.x, one.y - other.y)
+    if pair.scans < _REFERENCE_SCANS:
+        pair.scans += 1
+        pair.distance_m += (distance_m - pair.distance_m) / pair.scans
+        pair.width_m += (one.width_m - pair.width_m) / pair.scans
+        pair.other_width_m += (other.width_m - pair.other_width_m) / pair.scans
         return 0.0
-    same = _alike(one[_WIDTH], m[_WIDE]) and _alike(other[_WIDTH], m[_OTHER])
-    changed = abs(distance - m[_MEAN])
-    noise = _SIGMAS * np.sqrt(one[_VARIANCE] + other[_VARIANCE])
-    least = max(noise, _PITCHES * max(pitch_m[0], pitch_m[1]), _WIDTHS * (m[_WIDE] + m[_OTHER])) + stretch * m[_MEAN]
-    m[_LONG] = m[_LONG] + 1.0 if same and changed > least else 0.0
-    return changed if m[_LONG] >= _LASTING else 0.0
+    same = _same_width(one.width_m, pair.width_m) and _same_width(other.width_m, pair.other_width_m)
+    change_m = abs(distance_m - pair.distance_m)
+    by_noise_m = _CHANGE_SIGMAS * np.sqrt(one.variance + other.variance)
+    by_width_m = _CHANGE_WIDTHS * (pair.width_m + pair.other_width_m)
+    least_m = max(by_noise_m, _CHANGE_PITCHES * pad.pitch_m, by_width_m) + pad.stretch * pair.distance_m
+    pair.changed_scans = pair.changed_scans + 1 if same and change_m > least_m else 0
+    return change_m if pair.changed_scans >= _MIN_CHANGED_SCANS else 0.0
 
 
 @kernel
-def _alike(one: float, other: float) -> bool:
-    return bool(one <= _SAME * other and other <= _SAME * one)
+def _same_width(one: float, other: float) -> bool:
+    return bool(one <= _WIDTH_RATIO * other and other <= _WIDTH_RATIO * one)

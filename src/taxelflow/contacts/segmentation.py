@@ -1,13 +1,8 @@
-"""Contacts of a pad followed from scan to scan: which loaded taxel belongs to which of them.
+"""Contacts of a pad, tracked from scan to scan: which loaded taxel belongs to which of them.
 
-A blob is a connected set of loaded taxels. A contact keeps its number from scan to scan: it goes on in the blobs that
-hold at least a quarter of what it loaded before, else in the nearest new one. Two contacts that meet in one blob are
-cut: the cores that they had, all above half of their peaks in it, grow over the blob from its highest taxel to its
-lowest, a watershed. A contact without a blob frees its number, a new blob takes the lowest free one; if that was in
-use in the scan before, this scan counts as without contact, so that no two contacts look like one that leaps. Parts of
-a contact that have been apart for some scans become two, if a number is free; contacts that meet while one is still
-young are one, and so are those of which one has for some scans had no peak, but lain on the other's flank: it has
-lifted there.
+In each scan: connected components of loaded taxels, association of components with tracked contacts, and a watershed
+where several contacts share a component. A contact keeps its number for as long as it lasts; a new one takes the lowest
+free number.
 """
 
 from __future__ import annotations
@@ -16,435 +11,198 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taxelflow.compiling import kernel
+from taxelflow.contacts.adjacency import Adjacency, Indices, adjacency
+from taxelflow.contacts.association import associate
+from taxelflow.contacts.connected_components import label_components
+from taxelflow.contacts.tracks import Component, Memory, SegmentedPad, Taxel, Track
+from taxelflow.contacts.watershed import label_taxels, merge_peakless
 from taxelflow.messages import Bools, Floats, no_scans
+from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from taxelflow.messages import Scans
     from taxelflow.sensors.layout import Layout
 
-    Indices = NDArray[np.int64]
+Labels = NDArray[np.int8]
 
-ABSENT, TOUCHING, NEAR, FREE = range(4)
-_SHARE = 0.25
-"""Of what a contact loaded before, that a blob must hold to be its continuation."""
-_CORE = 0.5
-_YOUNG, _APART = 5, 3
-"""Scans after which a contact is sure to be one, and for which parts of one must be apart to be two, or one of two
-without a peak to be gone."""
-_REACH = 3.0
-"""A contact is looked for within so many pitches, if there are others."""
+ABSENT, TOUCHING, NEAR, SEPARATE = range(4)
+"""Clearance of a contact: there is no contact; it lies beside a loaded taxel of another; beside an unloaded one that
+counts as another's (it lies beside both, and the other's is more loaded there); beside neither."""
 
 
-@dataclass(frozen=True, slots=True)
-class Followed:
-    """labels: (scans, taxels) of the sensor, n for a loaded taxel of contact n of its pad, from 1; -n for one beside
-    it, which is not loaded; 0 for all others. room: (scans, pads followed, slots), how far contact n lies from the
-    others: ABSENT, TOUCHING (loaded taxels lie side by side), NEAR (one taxel between), FREE. whole: (scans, pads
-    followed, slots), whether it is one blob.
+class ContactState:
+    """A contact in one scan. clearance: from the other contacts. connected: it is one component."""
+
+    clearance: int
+    connected: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Segmentation:
+    """labels: (scans, taxels) of the sensor, n for a loaded taxel of contact n of its pad, from 1; -n for an unloaded
+    taxel beside it; 0 for all others. contacts: `ContactState` (scans, pads segmented, slots).
     """
 
-    labels: NDArray[np.int8]
-    room: NDArray[np.int8]
-    whole: Bools
+    labels: Labels
+    contacts: Records
 
 
-class Follower:
-    """Follows up to slots (pads,) contacts on each of some pads; keeps what the next scan needs."""
+class ContactTracker:
+    """Tracks contacts on some pads; keeps what the next scan needs."""
 
     def __init__(self, layout: Layout, pads: Indices, slots: Indices, on: float, off: float) -> None:
-        """on, off: standard deviations of noise above which a blob becomes a contact, and a taxel is loaded."""
-        self._layout, self._pads, self._slots = layout, pads, slots
-        self._levels = on, off
-        self._first, self._next = beside(layout, pads)
-        pitch = np.repeat(np.sqrt(layout.pitch_m.prod(axis=1)), np.diff(layout.starts))[: layout.taxels]
-        self._places = np.stack([layout.x_m[: layout.taxels], layout.y_m[: layout.taxels]]) / pitch
-        self._most = int(slots.max())
-        self._label = np.zeros(layout.taxels, dtype=np.int8)
-        self._reading = np.zeros(layout.taxels)
-        self._age = np.zeros((len(pads), self._most), dtype=np.int64)
-        self._apart, self._flank = np.zeros_like(self._age), np.zeros_like(self._age)
+        """slots: (pads,) contacts on each pad at most. on, off: see `SegmentedPad`."""
+        self._taxels = layout.taxels
+        self._adjacency = adjacency(layout, pads)
+        starts = layout.starts
+        pitch = np.repeat(np.sqrt(layout.pitch_m.prod(axis=1)), np.diff(starts))[: layout.taxels]
+        self._memory = Memory(
+            pads=records(SegmentedPad, len(pads)),
+            tracks=records(Track, len(pads), int(slots.max())),
+            taxels=records(Taxel, layout.taxels),
+            components=records(Component, int(np.diff(starts)[pads].max()) + 1),
+        )
+        own = self._memory.pads
+        own["pad"], own["start"], own["stop"], own["slots"] = pads, starts[pads], starts[pads + 1], slots
+        own["contact_on"], own["contact_off"] = on, off
+        self._memory.taxels["x"] = layout.x_m[: layout.taxels] / pitch
+        self._memory.taxels["y"] = layout.y_m[: layout.taxels] / pitch
         self.step(no_scans(layout.entries, len(layout.pads)))  # compiles
 
-    def step(self, scans: Scans) -> Followed:
+    def step(self, scans: Scans) -> Segmentation:
         """The contacts of these scans, which follow those of the last call."""
-        labels = np.zeros((len(scans), self._layout.taxels), dtype=np.int8)
-        room = np.zeros((len(scans), len(self._pads), self._most), dtype=np.int8)
-        whole = np.zeros(room.shape, dtype=np.bool_)
-        follow(
+        labels = np.zeros((len(scans), self._taxels), dtype=np.int8)
+        contacts = records(ContactState, len(scans), *self._memory.tracks.shape)
+        segment(
             scans.pressure,
             scans.noise,
             scans.contact,
             scans.complete,
-            self._pads,
-            self._slots,
-            self._layout.starts,
-            self._first,
-            self._next,
-            self._places,
-            *self._levels,
-            self._label,
-            self._reading,
-            self._age,
-            self._apart,
-            self._flank,
+            self._memory,
+            self._adjacency,
             labels,
-            room,
-            whole,
+            contacts,
         )
-        return Followed(labels, room, whole)
-
-
-def beside(layout: Layout, pads: Indices) -> tuple[Indices, Indices]:
-    """Taxels beside each taxel of these pads: those of taxel k are next[first[k] : first[k + 1]].
-
-    In a grid those that share a side or a corner with it, else its neighbours by `Layout.neighbours`.
-    """
-    pairs = [np.zeros((0, 2), dtype=np.int64)]
-    for pad in pads.tolist():
-        own = layout.of_pad(pad)
-        if layout.tables[pad]:
-            pairs.append(layout.neighbours(pad) + own.start)
-        else:
-            row, col = layout.row[own], layout.col[own]
-            near = np.maximum(np.abs(row[:, np.newaxis] - row), np.abs(col[:, np.newaxis] - col)) == 1
-            pairs.append(np.argwhere(np.triu(near)) + own.start)
-    one_way = np.concatenate(pairs)
-    both = np.concatenate([one_way, one_way[:, ::-1]])
-    both = both[np.lexsort((both[:, 1], both[:, 0]))]
-    first = np.searchsorted(both[:, 0], np.arange(layout.taxels + 1))
-    return first.astype(np.int64), np.ascontiguousarray(both[:, 1])
+        return Segmentation(labels, contacts)
 
 
 @kernel
-def follow(
+def segment(
     pressure: Floats,
     noise: Floats,
     contact: Bools,
     complete: Bools,
-    pads: Indices,
-    slots: Indices,
-    starts: Indices,
-    first: Indices,
-    beside: Indices,
-    places: Floats,
-    on: float,
-    off: float,
-    label: NDArray[np.int8],
-    before: Floats,
-    age: NDArray[np.int64],
-    apart: NDArray[np.int64],
-    flank: NDArray[np.int64],
-    labels: NDArray[np.int8],
-    room: NDArray[np.int8],
-    whole: Bools,
+    memory: Memory,
+    adjacency: Adjacency,
+    labels: Labels,
+    contacts: Records,
 ) -> None:
-    """Fill labels, room and whole (see `Followed`). label, before: (taxels,) of the scan before, and age, apart and
-    flank: (pads, slots), in scans, are memory; contacts of age 0 are none.
+    """Fill labels and contacts, which come in as 0; see `Segmentation`.
+
+    pressure: (scans, entries). noise: (entries,). contact, complete: (scans, pads of the sensor).
     """
-    blob = np.zeros(len(label), dtype=np.int64)
     for scan in range(len(pressure)):
-        for number in range(len(pads)):
-            pad = pads[number]
-            low, high = starts[pad], starts[pad + 1]
-            if not contact[scan, pad]:
-                label[low:high] = 0
-                age[number] = 0
-                apart[number] = 0
-                flank[number] = 0
-                continue
-            reading = pressure[scan]
-            blobs = _find(reading, noise, not complete[scan, pad], off, low, high, first, beside, blob)
-            if slots[number] == 1:
-                label[low:high] = (blob[low:high] > 0).astype(np.int8)
-                age[number, 0] = 1
+        for number in range(len(memory.pads)):
+            pad: SegmentedPad = memory.pads[number]
+            if contact[scan, pad.pad]:
+                _segment_pad(pressure[scan], noise, not complete[scan, pad.pad], number, memory, adjacency)
+                _keep_scan(pressure[scan], pad, memory, labels[scan])
+                _find_clearance(pressure[scan], number, memory, adjacency, labels[scan], contacts[scan, number])
+                _find_connected(number, memory, contacts[scan, number])
             else:
-                own_age, own_apart = age[number, : slots[number]], apart[number, : slots[number]]
-                owner = _own(reading, noise, on, low, high, places, blob, blobs, label, before, own_age, own_apart)
-                if _cut(reading, low, high, first, beside, blob, owner, label, before):
-                    _join_flanks(reading, low, high, first, beside, label, own_age, flank[number])
-            before[low:high] = reading[low:high]
-            labels[scan, low:high] = label[low:high]
-            _surround(reading, low, high, first, beside, labels[scan], age[number], room[scan, number])
-            _count(blob[low:high], label[low:high], age[number], whole[scan, number])
+                _reset(number, memory)
 
 
 @kernel
-def _find(
-    reading: Floats,
-    noise: Floats,
-    lacks: bool,
-    off: float,
-    low: int,
-    high: int,
-    first: Indices,
-    beside: Indices,
-    blob: Indices,
-) -> int:
-    """Number the connected loaded taxels from 1 in blob, 0 elsewhere; how many there are. A taxel that says nothing
-    (masked, or missing where the scan lacks some) counts as loaded between two that are.
-    """
-    for k in range(low, high):
-        blob[k] = -1 if reading[k] > off * noise[k] > 0.0 else 0
-    for k in range(low, high):
-        if noise[k] == 0.0 or (lacks and reading[k] == 0.0):
-            near = 0
-            for j in beside[first[k] : first[k + 1]]:
-                near += 1 if blob[j] == -1 else 0
-            if near > 1:
-                blob[k] = -2
-    blobs, stack = 0, np.empty(high - low, dtype=np.int64)
-    for k in range(low, high):
-        if blob[k] >= 0:
-            continue
-        blobs += 1
-        blob[k], stack[0], left = blobs, k, 1
-        while left > 0:
-            left -= 1
-            j = stack[left]
-            for i in beside[first[j] : first[j + 1]]:
-                if blob[i] < 0:
-                    blob[i], stack[left] = blobs, i
-                    left += 1
-    return blobs
+def _keep_scan(reading: Floats, pad: SegmentedPad, memory: Memory, labels: Labels) -> None:
+    """Keep the scan's readings for the next one, and write its labels."""
+    for k in range(pad.start, pad.stop):
+        memory.taxels[k].last_reading = reading[k]
+        labels[k] = memory.taxels[k].label
 
 
 @kernel
-def _own(
-    reading: Floats,
-    noise: Floats,
-    on: float,
-    low: int,
-    high: int,
-    places: Floats,
-    blob: Indices,
-    blobs: int,
-    label: NDArray[np.int8],
-    before: Floats,
-    age: NDArray[np.int64],
-    apart: NDArray[np.int64],
-) -> Bools:
-    """(blobs + 1, slots + 1), which contacts each blob belongs to, both from 1; age, apart are brought up to date."""
-    slots = len(age)
-    votes = np.zeros((blobs + 1, slots + 1))
-    is_now, was = np.zeros((blobs + 1, 3)), np.zeros((slots + 1, 3))  # load, then centroid
-    peak = np.zeros(blobs + 1)
-    for k in range(low, high):
-        b, s = blob[k], label[k]
-        if s > 0:
-            _add(was[s], before[k], places[:, k])
-        if b > 0:
-            _add(is_now[b], reading[k], places[:, k])
-            peak[b] = max(peak[b], reading[k] / noise[k] if noise[k] > 0.0 else 0.0)
-            votes[b, s] += before[k] if s > 0 else 0.0
-    owner = np.zeros((blobs + 1, slots + 1), dtype=np.bool_)
-    for b in range(1, blobs + 1):
-        for s in range(1, slots + 1):
-            owner[b, s] = votes[b, s] > 0.0 and votes[b, s] >= _SHARE * was[s, 0]
-        if not owner[b].any() and votes[b].max() > 0.0:
-            owner[b, np.argmax(votes[b])] = True
-    for s in range(1, slots + 1):  # one that is nowhere may have moved far
-        if was[s, 0] > 0.0 and not owner[:, s].any():
-            nearest = _nearest(is_now, was[s], owner, False, _REACH if owner.any() else np.inf)
-            owner[nearest, s] = nearest > 0
-    _unite(owner, age)
-    for s in range(1, slots + 1):
-        age[s - 1] = age[s - 1] + 1 if owner[:, s].any() else 0
-    _number(owner, is_now[:, 0], peak, on, was[:, 0], age)
-    _part(owner, is_now[:, 0], peak, on, was[:, 0], age, apart)
-    owned = owner.copy()
-    for b in range(1, blobs + 1):  # what is too faint, or one too many, goes to the nearest
-        if not owned[b].any():
-            nearest = _nearest(is_now, is_now[b], owned, True, np.inf)
-            if nearest > 0:
-                owner[b, np.argmax(owned[nearest])] = True
-    return owner
+def _reset(number: int, memory: Memory) -> None:
+    """The pad is not in contact: no track, no label."""
+    pad: SegmentedPad = memory.pads[number]
+    for k in range(pad.start, pad.stop):
+        memory.taxels[k].label = 0
+    for slot in range(memory.tracks.shape[1]):
+        track: Track = memory.tracks[number, slot]
+        track.age = track.parted_scans = track.peakless_scans = 0
 
 
 @kernel
-def _add(sums: Floats, load: float, place: Floats) -> None:
-    """One more taxel in sums (3,): load, and centroid."""
-    sums[0] += load
-    sums[1] += load / sums[0] * (place[0] - sums[1]) if sums[0] > 0.0 else 0.0
-    sums[2] += load / sums[0] * (place[1] - sums[2]) if sums[0] > 0.0 else 0.0
-
-
-@kernel
-def _nearest(blobs: Floats, place: Floats, owner: Bools, owned: bool, reach: float) -> int:
-    """The blob of blobs (blobs + 1, 3) nearest to place (3,), of those that have an owner or of those that have none;
-    0 if none is within reach.
-    """
-    nearest = 0
-    for b in range(1, len(blobs)):
-        far = np.hypot(blobs[b, 1] - place[1], blobs[b, 2] - place[2])
-        if owner[b].any() == owned and far < reach:
-            nearest, reach = b, far
-    return nearest
-
-
-@kernel
-def _unite(owner: Bools, age: NDArray[np.int64]) -> None:
-    """Contacts that meet in a blob while one is young are one: the older one, which takes all of the other's."""
-    for b in range(1, len(owner)):
-        for s in range(len(age), 0, -1):
-            if not owner[b, s] or age[s - 1] >= _YOUNG:
-                continue
-            for r in range(1, len(age) + 1):
-                older = age[r - 1] > age[s - 1] or (age[r - 1] == age[s - 1] and r < s)
-                if owner[b, r] and older:
-                    owner[:, r] |= owner[:, s]
-                    owner[:, s] = False
-                    break
-
-
-@kernel
-def _number(owner: Bools, load: Floats, peak: Floats, on: float, was: Floats, age: NDArray[np.int64]) -> None:
-    """New blobs become contacts: the most loaded one takes the lowest free number. was: (slots + 1,), loads of the scan
-    before; a number that was in use then is of age 0 in this one.
-    """
-    for s in range(1, len(age) + 1):
-        new = 0
-        for b in range(1, len(owner)):
-            if not owner[b].any() and peak[b] > on and (new == 0 or load[b] > load[new]):
-                new = b
-        if new > 0 and not owner[:, s].any():
-            owner[new, s], age[s - 1] = True, 0 if was[s] > 0.0 else 1
-
-
-@kernel
-def _part(
-    owner: Bools, load: Floats, peak: Floats, on: float, was: Floats, age: NDArray[np.int64], apart: NDArray[np.int64]
+def _segment_pad(
+    reading: Floats, noise: Floats, incomplete: bool, number: int, memory: Memory, adjacency: Adjacency
 ) -> None:
-    """Contacts whose blobs have been apart for long become two, if a number is free: the larger part keeps its own."""
-    blobs, slots = owner.shape[0] - 1, owner.shape[1] - 1
-    for s in range(1, slots + 1):
-        largest = second = 0
-        for b in range(1, blobs + 1):
-            if owner[b, s] and owner[b].sum() == 1 and peak[b] > on:
-                if largest == 0 or load[b] > load[largest]:
-                    largest, second = b, largest
-                elif second == 0 or load[b] > load[second]:
-                    second = b
-        apart[s - 1] = apart[s - 1] + 1 if second > 0 else 0
-        free = 0
-        for r in range(slots, 0, -1):
-            free = r if not owner[:, r].any() else free
-        if apart[s - 1] >= _APART and free > 0:
-            owner[second, s], owner[second, free] = False, True
-            age[free - 1], apart[s - 1] = 0 if was[free] > 0.0 else 1, 0
+    """Bring the labels and tracks of one pad up to date. reading, noise: (entries,)."""
+    pad: SegmentedPad = memory.pads[number]
+    taxels, tracks = memory.taxels, memory.tracks[number]
+    components = label_components(reading, noise, incomplete, pad, taxels, adjacency)
+    if pad.slots == 1:
+        tracks[0].age = 1
+        for k in range(pad.start, pad.stop):
+            taxels[k].label = 1 if taxels[k].component > 0 else 0
+        return
+    owner = associate(reading, noise, pad, number, components, memory)
+    if label_taxels(reading, pad, owner, taxels, adjacency):
+        merge_peakless(reading, pad, tracks, taxels, adjacency)
 
 
 @kernel
-def _cut(
-    reading: Floats,
-    low: int,
-    high: int,
-    first: Indices,
-    beside: Indices,
-    blob: Indices,
-    owner: Bools,
-    label: NDArray[np.int8],
-    before: Floats,
-) -> bool:
-    """Bring label up to date: all of a blob to its only owner; among several, from their cores downhill. Whether there
-    was such a blob.
-    """
-    slots = owner.shape[1] - 1
-    top = np.zeros((len(owner), slots + 1))
-    for k in range(low, high):
-        if label[k] > 0:
-            top[blob[k], label[k]] = max(top[blob[k], label[k]], before[k])
-    shared = False
-    for k in range(low, high):
-        b, s = blob[k], label[k]
-        owners = owner[b].sum()
-        core = s > 0 and owner[b, s] and before[k] >= _CORE * top[b, s]
-        shared |= owners > 1
-        label[k] = (s if core else 0) if owners > 1 else np.argmax(owner[b])
-    while shared:
-        best, highest, of = -1, -np.inf, 0
-        for k in range(low, high):
-            if owner[blob[k]].any() and label[k] == 0 and reading[k] > highest:
-                steepest, mine = -np.inf, 0
-                for j in beside[first[k] : first[k + 1]]:
-                    if label[j] > 0 and blob[j] == blob[k] and reading[j] > steepest:
-                        steepest, mine = reading[j], label[j]
-                if mine > 0:
-                    best, highest, of = k, reading[k], mine
-        if best < 0:
-            break
-        label[best] = of
-    return shared
-
-
-@kernel
-def _join_flanks(
-    reading: Floats,
-    low: int,
-    high: int,
-    first: Indices,
-    beside: Indices,
-    label: NDArray[np.int8],
-    age: NDArray[np.int64],
-    flank: NDArray[np.int64],
+def _find_clearance(
+    reading: Floats, number: int, memory: Memory, adjacency: Adjacency, labels: Labels, contacts: Records
 ) -> None:
-    """End contacts whose highest taxel has for long lain beside a higher one of another, which takes theirs."""
-    for s in range(1, len(age) + 1):
-        top, highest, other = -1, 0.0, 0
-        for k in range(low, high):
-            if label[k] == s and reading[k] > highest:
-                top, highest = k, reading[k]
-        if top >= 0:
-            for j in beside[first[top] : first[top + 1]]:
-                if label[j] > 0 and label[j] != s and reading[j] > highest:
-                    other = label[j]
-        flank[s - 1] = flank[s - 1] + 1 if other > 0 else 0
-        if flank[s - 1] >= _APART:
-            age[s - 1] = flank[s - 1] = 0
-            for k in range(low, high):
-                if label[k] == s:
-                    label[k] = other
-
-
-@kernel
-def _surround(
-    reading: Floats,
-    low: int,
-    high: int,
-    first: Indices,
-    beside: Indices,
-    labels: NDArray[np.int8],
-    age: NDArray[np.int64],
-    room: NDArray[np.int8],
-) -> None:
-    """Give taxels beside a contact to it, the more loaded one first, and set room (slots,)."""
-    for s in range(len(age)):
-        room[s] = FREE if age[s] > 0 else ABSENT
-    for k in range(low, high):
+    """Label the unloaded taxels beside contacts, and set the clearance of contacts (slots,)."""
+    pad: SegmentedPad = memory.pads[number]
+    for slot in range(memory.tracks.shape[1]):
+        contacts[slot].clearance = SEPARATE if memory.tracks[number, slot].age > 0 else ABSENT
+    for k in range(pad.start, pad.stop):
         if labels[k] == 0:
-            most = 0.0
-            for j in beside[first[k] : first[k + 1]]:
-                if labels[j] > 0 and reading[j] > most:
-                    most, labels[k] = reading[j], -labels[j]
-    for k in range(low, high):
+            labels[k] = -_strongest_neighbour(k, reading, adjacency, labels)
+    for k in range(pad.start, pad.stop):
         if labels[k] > 0:
-            for j in beside[first[k] : first[k + 1]]:
-                if labels[j] != 0 and abs(labels[j]) != labels[k]:
-                    near = TOUCHING if labels[j] > 0 else NEAR
-                    room[labels[k] - 1] = min(room[labels[k] - 1], near)
+            own: ContactState = contacts[labels[k] - 1]
+            own.clearance = min(own.clearance, _clearance_of(k, adjacency, labels))
 
 
 @kernel
-def _count(blob: Indices, label: NDArray[np.int8], age: NDArray[np.int64], whole: Bools) -> None:
-    """Set whole (slots,) for contacts whose taxels all lie in one blob."""
-    only = np.zeros(len(age), dtype=np.int64)
-    for s in range(len(age)):
-        whole[s] = age[s] > 0
-    for k in range(len(blob)):
-        s = label[k] - 1
-        if s >= 0:
-            whole[s] &= only[s] in (0, blob[k])
-            only[s] = blob[k]
+def _strongest_neighbour(k: int, reading: Floats, adjacency: Adjacency, labels: Labels) -> int:
+    """The contact of the most loaded taxel beside this one; 0 if there is none."""
+    most, label = 0.0, 0
+    for i in range(adjacency.first[k], adjacency.first[k + 1]):
+        j = adjacency.taxels[i]
+        if labels[j] > 0 and reading[j] > most:
+            most, label = reading[j], labels[j]
+    return label
+
+
+@kernel
+def _clearance_of(k: int, adjacency: Adjacency, labels: Labels) -> int:
+    """Clearance of a loaded taxel from other contacts."""
+    clearance = SEPARATE
+    for i in range(adjacency.first[k], adjacency.first[k + 1]):
+        j = adjacency.taxels[i]
+        if labels[j] != 0 and abs(labels[j]) != labels[k]:
+            clearance = min(clearance, TOUCHING if labels[j] > 0 else NEAR)
+    return clearance
+
+
+@kernel
+def _find_connected(number: int, memory: Memory, contacts: Records) -> None:
+    """Set whether each contact (slots,) is one component."""
+    pad: SegmentedPad = memory.pads[number]
+    component = np.zeros(len(contacts), dtype=np.int64)
+    for slot in range(len(contacts)):
+        contacts[slot].connected = memory.tracks[number, slot].age > 0
+    for k in range(pad.start, pad.stop):
+        taxel: Taxel = memory.taxels[k]
+        slot = taxel.label - 1
+        if slot >= 0:
+            own: ContactState = contacts[slot]
+            own.connected &= component[slot] in (0, taxel.component)
+            component[slot] = taxel.component

@@ -1,82 +1,82 @@
-"""Contacts that move independently on one pad, told apart: each becomes a pad of its own, with its own taxels.
+"""Contacts that move independently on one pad, split: each becomes a pad of its own, with its own taxels.
 
-To all that follows a contact is one more pad, which holds all of the pad's taxels. What other contacts load, and the
+To all later stages a contact is one more pad, which holds all of the pad's taxels. What other contacts load, and the
 taxels beside that, reads 0 on it. Where a loaded taxel of a contact lies beside those, some of its load may be
-hidden, and readings of 0 are missing ones: the scan is not complete for it. All taxels that no contact has are read by
-every one, so that a contact which is alone reads what its pad reads.
+hidden, and readings of 0 are missing ones: the scan is not complete for it. Taxels that belong to no contact are read
+by every one, so that a contact which is alone reads what its pad reads.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.contacts.segmentation import ABSENT, FREE, Follower
+from taxelflow.contacts.segmentation import ABSENT, SEPARATE, ContactState, ContactTracker, Labels
 from taxelflow.messages import Bools, Floats, no_scans
+from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from taxelflow.messages import Scans
     from taxelflow.sensors.layout import Layout
 
-    Indices = NDArray[np.int64]
+
+class SplitContact:
+    """A contact of a pad. home: its pad; number: of that pad among those segmented; slot: its place there.
+
+    pad: its own number in the layout. start, stop: its entries; home_start: the first taxel of its pad.
+    """
+
+    home: int
+    number: int
+    slot: int
+    pad: int
+    start: int
+    stop: int
+    home_start: int
 
 
-class Separator:
-    """Tells the contacts of pads apart, scan by scan."""
+class ContactSplitter:
+    """Splits the contacts of the pads for which the layout has contacts, scan by scan."""
 
     def __init__(self, layout: Layout, on: float, off: float) -> None:
         """on, off: see `Conditioner.contact_on` and `contact_off`."""
-        told = np.flatnonzero(layout.contact_of >= 0)
-        self._pads, first, self._slots = np.unique(layout.contact_of[told], return_index=True, return_counts=True)
-        self._contacts, self._starts = told[first], layout.starts
-        self._follower = Follower(layout, self._pads, self._slots, on, off)
+        pads = np.flatnonzero(layout.contact_of >= 0)
+        home = layout.contact_of[pads]
+        homes, first, number, slots = np.unique(home, return_index=True, return_inverse=True, return_counts=True)
+        self._tracker = ContactTracker(layout, homes, slots, on, off)
+        self._contacts = records(SplitContact, len(pads))
+        own = self._contacts
+        own["home"], own["number"], own["slot"], own["pad"] = home, number, np.arange(len(pads)) - first[number], pads
+        own["start"], own["stop"], own["home_start"] = layout.starts[pads], layout.starts[pads + 1], layout.starts[home]
         self.step(no_scans(layout.entries, len(layout.pads)))  # compiles
 
-    def step(self, scans: Scans) -> None:
-        """Leave each contact its own taxels, in place; these scans follow those of the last call."""
-        followed = self._follower.step(scans)
-        share_out(
-            followed.labels,
-            followed.room,
-            self._pads,
-            self._slots,
-            self._contacts,
-            self._starts,
-            scans.pressure,
-            scans.contact,
-            scans.complete,
-        )
+    def step(self, scans: Scans) -> Scans:
+        """The scans, which follow those of the last call, with each contact's own taxels; the input is unchanged."""
+        found = self._tracker.step(scans)
+        pressure, contact, complete = scans.pressure.copy(), scans.contact.copy(), scans.complete.copy()
+        split(found.labels, found.contacts, self._contacts, pressure, contact, complete)
+        return replace(scans, pressure=pressure, contact=contact, complete=complete)
 
 
 @kernel
-def share_out(
-    labels: NDArray[np.int8],
-    room: NDArray[np.int8],
-    pads: Indices,
-    slots: Indices,
-    contacts: Indices,
-    starts: Indices,
-    pressure: Floats,
-    contact: Bools,
-    complete: Bools,
+def split(
+    labels: Labels, states: Records, contacts: Records, pressure: Floats, contact: Bools, complete: Bools
 ) -> None:
     """Fill pressure (scans, entries), contact and complete (scans, pads) of the contacts from those of their pads.
 
-    labels, room: see `Followed`. contacts: (pads followed,), the first contact of each; its others come next.
+    labels, states: see `Segmentation`. contacts: `SplitContact`.
     """
     for scan in range(len(pressure)):
-        for number in range(len(pads)):
-            low, high = starts[pads[number]], starts[pads[number] + 1]
-            for slot in range(slots[number]):
-                to = contacts[number] + slot
-                for k in range(high - low):
-                    label = abs(labels[scan, low + k])
-                    own = label == 0 or label == slot + 1
-                    pressure[scan, starts[to] + k] = pressure[scan, low + k] if own else 0.0
-                contact[scan, to] = room[scan, number, slot] > ABSENT
-                hidden = contact[scan, to] and room[scan, number, slot] < FREE
-                complete[scan, to] = complete[scan, pads[number]] and not hidden
+        for k in range(len(contacts)):
+            own: SplitContact = contacts[k]
+            state: ContactState = states[scan, own.number, own.slot]
+            for entry in range(own.start, own.stop):
+                taxel = own.home_start + entry - own.start
+                label = abs(labels[scan, taxel])
+                pressure[scan, entry] = pressure[scan, taxel] if label in (0, own.slot + 1) else 0.0
+            contact[scan, own.pad] = state.clearance > ABSENT
+            hidden = contact[scan, own.pad] and state.clearance < SEPARATE
+            complete[scan, own.pad] = complete[scan, own.home] and not hidden

@@ -1,4 +1,4 @@
-"""What an estimator is: frozen parameters that start a session, which turns scans into slips."""
+"""What an estimator is: frozen parameters that start a session, which turns scans into estimates."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from taxelflow.messages import Floats, LearnedPattern, Scans, Slips
+    from taxelflow.messages import Estimates, Floats, LearnedPattern, Scans, Slips
     from taxelflow.sensors.layout import Layout
 
 Mode = Literal["batch", "stream"]
@@ -16,16 +16,28 @@ Mode = Literal["batch", "stream"]
 class EstimatorSession(Protocol):
     """An estimator at work, with its memory."""
 
-    def step(self, scans: Scans) -> Slips:
-        """Slips of all pads for these scans, which follow those of the last call.
+    def step(self, scans: Scans) -> Estimates:
+        """Estimates of all pads for these scans, which follow those of the last call.
 
-        However the stream is cut into blocks, the slips are the same. A session that needs the whole contact
-        (batch) may return fewer rows than scans, even none, and give the rest later or at `finish`.
+        However the stream is cut into blocks, the estimates are the same. A session that needs the whole contact
+        (batch) may return fewer rows than scans, even none, and return the others later or at `finish`.
         """
         ...
 
+    def finish(self) -> Estimates:
+        """Estimates still held back at the end of the stream; none for a causal estimator."""
+        ...
+
+
+class SlipSource(Protocol):
+    """Scans in, slips out: an estimator's session completed by what depends on scan and layout only."""
+
+    def step(self, scans: Scans) -> Slips:
+        """Slips of all pads; fewer rows than scans where the estimator holds some back."""
+        ...
+
     def finish(self) -> Slips:
-        """Slips still held back at the end of the stream; none for a causal estimator."""
+        """Slips still held back at the end of the stream."""
         ...
 
 
@@ -35,7 +47,7 @@ class Learning(Protocol):
 
     @property
     def patterns(self) -> Sequence[LearnedPattern]:
-        """Patterns of the object, one per contact that has ended, oldest first; all after `finish`."""
+        """Maps of the object's pressure, one per contact that has ended, oldest first; all after `finish`."""
         ...
 
     @property
@@ -52,8 +64,14 @@ class Estimator(Protocol):
         ...
 
 
+@runtime_checkable
 class Calibratable(Estimator, Protocol):
-    """A method whose index a calibration may scale."""
+    """A method whose positions a calibration may scale; `isinstance` is true where pitches_per_index is there."""
+
+    @property
+    def pitches_per_index(self) -> float:
+        """Pitches that one unit of the method's index (the paper's n) stands for; a class attribute will do."""
+        ...
 
     def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> EstimatorSession:
         """Begin a session. calibrated: (pads, 2), factors on positions along x and y, pad by pad and group by group."""

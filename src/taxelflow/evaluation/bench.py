@@ -15,13 +15,16 @@ import msgspec
 import numpy as np
 
 from taxelflow import api
-from taxelflow.compiling import announced, kernel
+from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
-from taxelflow.estimation.centroid.convolution_kernel import weighted_sums
+from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.estimation.centroid.paper_reference import convolution_index
-from taxelflow.evaluation.bench_peers import PeerBench, bench_peers
+from taxelflow.estimation.completion import start_slips
+from taxelflow.evaluation.base import table_of
+from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency, bench_peers, last_of
 from taxelflow.evaluation.bench_reading import ReadingRate, reading_rates
+from taxelflow.evaluation.bench_throughput import Throughput, throughput
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.messages import RawScans, Scans, cut
 from taxelflow.publish.tables import Tables
@@ -37,12 +40,11 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.base import Recording
     from taxelflow.estimation.centroid.session import CentroidSession
+    from taxelflow.evaluation.base import Table
     from taxelflow.messages import Floats
 
 _ROUNDS = 300
 _LITERAL_BUDGET_S = 4.0
-_BATCH_BYTES = 256_000_000
-_BATCH_ROUNDS = 7
 
 
 class Latency(msgspec.Struct, frozen=True):
@@ -54,16 +56,6 @@ class Latency(msgspec.Struct, frozen=True):
     p99_us: float
     times_faster: float
     """Median of the literal equations over this median."""
-
-
-class Throughput(msgspec.Struct, frozen=True):
-    """Batch estimation of many scans at once, on one core, against reading memory and nothing else."""
-
-    array: str
-    what: str
-    gb_per_s: float
-    share_of_read: float
-    million_scans_per_s: float
 
 
 class Share(msgspec.Struct, frozen=True):
@@ -94,11 +86,22 @@ class Bench(msgspec.Struct, frozen=True):
     readings: list[ReadingRate]
     starts: list[Start]
 
+    def tables(self) -> list[Table]:
+        """Steps, other software, throughput, stages of one run, reading, start of a process."""
+        return [
+            table_of("steps", self.latencies, Latency),
+            table_of("peers", self.peers.rows, PeerLatency),
+            table_of("throughput", self.throughputs, Throughput),
+            table_of("stages", self.shares, Share),
+            table_of("reading", self.readings, ReadingRate),
+            table_of("start", self.starts, Start),
+        ]
+
 
 def bench(recording: Path | None) -> Bench:
     """Run everything; `recording` is what the shares are measured on (default: a simulated one of its length)."""
     latencies = [row for sensor in _sensors() for row in _latencies(sensor)]
-    throughputs = [row for size in (16, 32, 64) for row in _throughput(size)]
+    throughputs = [row for size in (16, 32, 64) for row in throughput(size)]
     with tempfile.TemporaryDirectory() as folder:
         if recording is None:
             recording = Path(folder) / "simulated.npz"
@@ -168,9 +171,9 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     """What a live loop does per scan, stage by stage and together."""
     masked = np.zeros(values.shape[1], dtype=np.bool_)
     condition = Conditioner(tare="none").start(sensor, masked, [RawScans(np.arange(16.0), values)])
-    estimate = api.estimator("convolution").start(sensor.layout, "stream")
+    estimate = start_slips(api.estimator("convolution"), sensor.layout, "stream")
     monitor, fuse = SlipMonitor().begin(sensor.layout.pads), RigidField().start(sensor.layout)
-    describe = ContactFeatures().begin(sensor)
+    describe = FeatureExtractor(sensor, ContactFeatures().threshold)
     raw = [RawScans(np.array([0.01 * k]), values[k : k + 1]) for k in range(16)]
     scans = [next(condition.step(scan)) for scan in raw]
     slips = [estimate.step(scan) for scan in scans]
@@ -191,59 +194,6 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     }
 
 
-def _throughput(size: int) -> list[Throughput]:
-    """Centroids alone, and the whole batch step with covariances, of arrays of size x size."""
-    scans = _BATCH_BYTES // (8 * size * size)
-    layout = Sensor("grid", "kPa", (Pad("grid", size, size, (0.002, 0.002)),)).layout
-    pressure = np.random.default_rng(0).uniform(1.0, 2.0, (scans, size * size))
-    contact = np.ones((scans, 1), dtype=np.bool_)
-    never = np.full(size * size, np.inf)
-    block = Scans(np.linspace(0.0, 1.0, scans), pressure, np.full(size * size, 0.1), never, contact, contact)
-    session = cast("CentroidSession", api.estimator("convolution").start(layout, "batch"))
-    rows = session.room(scans)
-    x, y, centroids = layout.x_m, layout.y_m, np.empty((scans, 2))
-    flat = pressure.reshape(-1)
-    read_s, centroid_s, step_s = _fastest(
-        lambda: read_sum(flat),
-        lambda: batch_centroids(pressure, x, y, size, centroids),
-        lambda: session.run(block, rows),
-    )
-    return [
-        Throughput(f"{size}x{size}", what, pressure.nbytes / s / 1e9, read_s / s, scans / s / 1e6)
-        for what, s in (("reading", read_s), ("centroids", centroid_s), ("batch step", step_s))
-    ]
-
-
-def _fastest(*jobs: Callable[[], object]) -> list[float]:
-    """Shortest of several times of each, in turn."""
-    taken = [[0.0] * _BATCH_ROUNDS for _ in jobs]
-    for job in jobs:
-        job()
-    for k in range(_BATCH_ROUNDS):
-        for number, job in enumerate(jobs):
-            start = perf_counter()
-            job()
-            taken[number][k] = perf_counter() - start
-    return [min(times) for times in taken]
-
-
-@kernel
-def read_sum(values: Floats) -> float:
-    """Sum of an array: as fast as one core reads memory."""
-    total = 0.0
-    for k in range(len(values)):
-        total += values[k]
-    return total
-
-
-@kernel
-def batch_centroids(pressure: Floats, x: Floats, y: Floats, cols: int, centroids: Floats) -> None:
-    """Centroids (scans, 2) of full grids (scans, taxels) with rows of length cols, by the estimator's own sums."""
-    for scan in range(len(pressure)):
-        s, sx, sy, _ = weighted_sums(pressure[scan], x, y, cols)
-        centroids[scan, 0], centroids[scan, 1] = sx / s, sy / s
-
-
 def _in_turn(steps: dict[str, Callable[[int], object]]) -> dict[str, Floats]:
     """Time the steps one after the other, round by round, so that a slow moment of the machine hits all alike."""
     for step in steps.values():
@@ -257,11 +207,7 @@ def _in_turn(steps: dict[str, Callable[[int], object]]) -> dict[str, Floats]:
     try:
         for k in range(rounds):
             for what, step in steps.items():
-                for inner in range(4):  # the first ones refill the caches that the others emptied
-                    start = perf_counter()
-                    step(k + inner)
-                    end = perf_counter()
-                taken[what].append(end - start)
+                taken[what].append(last_of(step, k, 4))  # the first ones refill the caches that the others emptied
     finally:
         gc.enable()
     return {what: np.array(times) for what, times in taken.items()}
@@ -285,9 +231,9 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
     start = timed("conditioning", start)
     blocks = list(recording.blocks())
     start = timed("parsing", start)
-    estimate = api.estimator("convolution").start(recording.layout, "batch")
+    estimate = start_slips(api.estimator("convolution"), recording.layout, "batch")
     monitor, fuse = SlipMonitor().begin(recording.layout.pads), RigidField().start(recording.layout)
-    describe = ContactFeatures().begin(recording.sensor)
+    describe = FeatureExtractor(recording.sensor, ContactFeatures().threshold)
     with Tables(out, recording.layout.pads) as tables:
         for raw in blocks:
             start = perf_counter()

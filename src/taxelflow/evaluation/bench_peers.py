@@ -138,6 +138,35 @@ def _correlations(cv2: Any, layout: Layout, scans: list[Scans]) -> Callable[[int
     return lambda k: [cv2.phaseCorrelate(*pair) for pair in zip(images[k - 1], images[k], strict=True)]
 
 
+def last_of(step: Callable[[int], object], first: int, count: int) -> float:
+    """Seconds of the last of `count` steps from number `first` on; the others warm the caches."""
+    for k in range(first, first + count - 1):
+        step(k)
+    start = perf_counter()
+    step(first + count - 1)
+    return perf_counter() - start
+
+
+def _round(
+    steps: dict[str, Callable[[int], object]],
+    learning: dict[str, Callable[[], bool]],
+    taken: dict[str, list[float]],
+    number: int,
+    warm: int,
+) -> bool:
+    """Time each step once; whether some step learned meanwhile."""
+    learned = False
+    for what, step in steps.items():
+        busy = what in learning and learning[what]()
+        spent_s = last_of(step, _INNER * number, _INNER)
+        if what in learning and (busy or learning[what]()):
+            learned = True
+            taken[f"{what}, while it learns"].append(spent_s)
+        elif number >= warm:
+            taken[what].append(spent_s)
+    return learned
+
+
 def _in_turn(
     steps: dict[str, Callable[[int], object]], learning: dict[str, Callable[[], bool]], warm: int, rounds: int
 ) -> dict[str, Floats]:
@@ -154,19 +183,7 @@ def _in_turn(
     gc.disable()
     try:
         for round_ in range(warm + rounds):
-            learned = False
-            for what, step in steps.items():
-                busy = what in learning and learning[what]()
-                for k in range(_INNER * round_, _INNER * (round_ + 1)):
-                    start = perf_counter()
-                    step(k)
-                    end = perf_counter()
-                if what in learning and (busy or learning[what]()):
-                    learned = True
-                    taken[f"{what}, while it learns"].append(end - start)
-                elif round_ >= warm:
-                    taken[what].append(end - start)
-            if learned:
+            if _round(steps, learning, taken, round_, warm):
                 sleep(_INNER / _RATE_HZ)
     finally:
         gc.enable()

@@ -97,7 +97,7 @@ def bound_of(scenario: Scenario, t_s: Floats, *, jointly: bool = True) -> Bound:
     pads = layout.pads[: layout.pad_count]
     if scenario.pad not in pads:
         if scenario.pad == "hand":
-            raise ParameterInvalid("pad", scenario.pad, "bounds are of one pad: choose a scenario on one")
+            raise ParameterInvalid("pad", scenario.pad, "be one pad: choose a scenario on a single pad")
         raise NameUnknown("pad", scenario.pad, pads)
     pad = pads.index(scenario.pad)
     pitch = layout.pitch_m[pad]

@@ -11,16 +11,19 @@ a bias, which is alike in stroke after stroke, so that standard errors are wide 
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow import __version__, api
+from taxelflow import api, registry
 from taxelflow.acquire.trajectory import Trajectory
 from taxelflow.compiling import announced
 from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
+from taxelflow.estimation.base import Calibratable
+from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.gainfit import GainFit, Sightings, fit_gains
-from taxelflow.messages import Scans, Slips
+from taxelflow.messages import Scans, Slips, joined
 from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
 
 if TYPE_CHECKING:
@@ -28,8 +31,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
 
-INDEX_SHARE = {"lnorm": 1.0, "convolution": 0.5}
-"""Pitches that one unit of the method's index stands for; the methods that have one."""
 _INTERIOR = 0.05
 """A scan that the edge may move by less than this share of a pitch counts as interior."""
 
@@ -46,16 +47,16 @@ def calibrate(
 ) -> Calibration:
     """Gains per pad and axis from a known trajectory; the recording's own truth if none is given.
 
-    pad: that one only; else the pad of the recording's truth, or all that can be calibrated. search_s: the clocks agree
-    within so much. edge: times the standard deviation by the edge; 0 trusts cut contacts. within_m: use only positions
-    at most that far from the pad's centre along each axis.
+    method: one that is `Calibratable`, built in or from an entry point. pad: that one only; else the pad of the
+    recording's truth, or all that can be calibrated. search_s: largest offset between the clocks, s. edge: factor on
+    the standard deviation by the edge; 0 trusts cut contacts. within_m: use only positions at most this far from the
+    pad's centre along each axis, m.
     Raises GainsUnknown, NameUnknown, ParameterInvalid and what reading raises.
     """
-    if method not in INDEX_SHARE:
-        raise NameUnknown("method with an index", method, INDEX_SHARE)
+    estimator = _calibratable(method)
     for name, value in (("search_s", search_s), ("edge", edge), ("within_m", 1.0 if within_m is None else within_m)):
         if not 0 <= value < float("inf"):
-            raise ParameterInvalid(name, value, "it is a number, 0 or more")
+            raise ParameterInvalid(name, value, "be 0 or more")
     layout = recording.layout
     names = layout.pads[: layout.pad_count]
     if pad is not None and pad not in names:
@@ -65,7 +66,7 @@ def calibrate(
             raise GainsUnknown(f"{recording.source} holds no truth", "name the robot's trajectory with --truth FILE")
         truth = Trajectory(recording.truth.t_s, recording.truth.pose[:, :2])
         pad = pad or recording.truth.pad
-    scans, slips = _seen(recording, method)
+    scans, slips = _estimated(recording, estimator)
     found, failed = [], []
     for number, name in enumerate(names):
         if pad in (None, name):
@@ -75,16 +76,27 @@ def calibrate(
             except GainsUnknown as error:
                 failed.append(f"{name}: {error}")
                 continue
-            found.append(_entry(name, fit, sightings, layout.pitch_m[number], INDEX_SHARE[method]))
+            found.append(_entry(name, fit, sightings, layout.pitch_m[number], estimator.pitches_per_index))
     if not found:
         raise GainsUnknown("; ".join(failed[:3]), "none of these pads can be calibrated by this recording")
-    return Calibration(method, recording.sensor.name, fingerprint(recording.sensor), __version__, tuple(found))
+    return Calibration(method, recording.sensor.name, fingerprint(recording.sensor), version("taxelflow"), tuple(found))
 
 
-def _seen(recording: Recording, method: str) -> tuple[Scans, Slips]:
+def _calibratable(method: str) -> Calibratable:
+    """The estimator of that name with its usual parameters. Raises NameUnknown, ParameterInvalid."""
+    estimator = api.estimator(method)
+    if not isinstance(estimator, Calibratable):
+        able = [name for name in registry.names("estimator") if isinstance(api.estimator(name), Calibratable)]
+        raise ParameterInvalid("method", method, f"be one that can be calibrated: {', '.join(able)}")
+    return estimator
+
+
+def _estimated(recording: Recording, estimator: Calibratable) -> tuple[Scans, Slips]:
+    """All scans, conditioned, and their slips at gain 1."""
     scans = api.conditioned(recording)
     with announced():
-        return scans, api.estimator(method).start(recording.layout, "batch").step(scans)
+        session = start_slips(estimator, recording.layout, "batch")
+        return scans, joined([session.step(scans), session.finish()])
 
 
 def _sightings(layout: Layout, pad: int, scans: Scans, slips: Slips, edge: float, within_m: float | None) -> Sightings:
@@ -108,7 +120,7 @@ def edge_reach(layout: Layout, pad: int, pressure: Floats, noise: Floats) -> Flo
     own = layout.of_pad(pad)
     p = np.clip(pressure[:, own], 0.0, None) * (pressure[:, own] > 6.0 * noise[own])
     total = np.where(p.sum(axis=1) > 0, p.sum(axis=1), 1.0)
-    beside = layout.beside[own]
+    beside = layout.adjacent[own]
     reach = np.zeros((len(p), 2))
     for axis, r in enumerate((layout.x_m[own], layout.y_m[own])):
         centre = (p @ r) / total

@@ -10,15 +10,16 @@ import numpy as np
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.condition.units import full_scale, in_si
 from taxelflow.contacts.features import ContactFeatures
+from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.errors import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from taxelflow.acquire.base import Reading, Recording
+    from taxelflow.condition.baseline import Baseline
     from taxelflow.condition.health import Finding
-    from taxelflow.condition.learn import Learned
-    from taxelflow.condition.session import Session
+    from taxelflow.condition.session import ConditionSession
     from taxelflow.messages import RawScans
     from taxelflow.sensors.sensor import Sensor
 
@@ -74,8 +75,8 @@ class PadCheckup(msgspec.Struct, frozen=True):
     """Largest force in the sample, N; None for a sensor without a scale."""
     findings: list[TaxelFinding]
     picture: list[list[float | None]]
-    """Highest reading of each taxel less its offset, row by row from the top; None where there is no taxel, or nothing
-    was heard of it."""
+    """Highest reading of each taxel less its offset, row by row from the top; None where there is no taxel, or no
+    reading was known."""
     marks: list[str]
     """One letter a place, row by row: o well, . never loaded, F reached full scale, ! not well, x masked; blank where
     there is no taxel."""
@@ -114,7 +115,7 @@ def check_up(recording: Recording, watched: Callable[[Iterable[RawScans]], Itera
     session = Conditioner().start(recording.sensor, recording.masked, tally.count(watched(tally.reading)))
     if tally.fault is not None:
         raise tally.fault
-    counts, learned = session.foreseen, session.learned
+    counts, learned = session.lookahead_counts, session.baseline
     if counts is None or learned is None:
         raise RuntimeError("a lookahead always teaches")
     seen = _Sampled(session, recording)
@@ -140,7 +141,7 @@ def check_up(recording: Recording, watched: Callable[[Iterable[RawScans]], Itera
     )
 
 
-def _pad(number: int, sensor: Sensor, learned: Learned, tally: _Tally, seen: _Sampled) -> PadCheckup:
+def _pad(number: int, sensor: Sensor, learned: Baseline, tally: _Tally, seen: _Sampled) -> PadCheckup:
     layout, to_si = sensor.layout, sensor.to_si
     own = layout.of_pad(number)
     live = ~learned.masked[own]
@@ -197,10 +198,10 @@ def _finding(found: Finding, sensor: Sensor) -> TaxelFinding:
 class _Sampled:
     """Contact, load and idle level of each pad in the sample that noise and tare were learned from."""
 
-    def __init__(self, session: Session, recording: Recording) -> None:
+    def __init__(self, session: ConditionSession, recording: Recording) -> None:
         layout = recording.layout
         pads = layout.pad_count
-        describe = ContactFeatures().begin(recording.sensor)
+        describe = FeatureExtractor(recording.sensor, ContactFeatures().threshold)
         contact, scans = np.zeros(pads), 0
         self.load_n = np.full(pads, np.nan)
         starts_s, levels = [], []

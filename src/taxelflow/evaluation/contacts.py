@@ -1,36 +1,41 @@
-"""Contacts on one pad: two objects told apart, not told apart, and each alone; feet of one object that lift.
+"""Score contacts: two objects on one pad, split, not split, and each alone; feet of one object that lift.
 
-Errors are what is left of poses when the constant body offset and angle that fit best were taken off, contact by
-contact, as in `limits`; all scans of a contact count alike.
+Errors are those of pose_errors; all scans of a contact count alike.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
+from rich.console import Console
 
 from taxelflow import api
-from taxelflow.evaluation.limits import without_frame
+from taxelflow.evaluation.base import Table, at_least, unwatched
+from taxelflow.evaluation.cells import caption
 from taxelflow.evaluation.nees import SPANS, Consistency, consistency
+from taxelflow.evaluation.pose_errors import FEWEST, without_frame
 from taxelflow.messages import LOST, OK
+from taxelflow.publish.quiet import quiet_table
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import of_second, simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from rich.table import Table as Shown
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.estimation.base import Mode
+    from taxelflow.estimation.base import Estimator, Mode
+    from taxelflow.evaluation.base import Cell, Watch
     from taxelflow.messages import Bools, Floats
     from taxelflow.simulation.scenario import Scenario
 
 TWO = ("two-contacts", "two-contacts-meet")
 LIFT = "feet-lift"
 METHODS = ("template", "lnorm")
-_FEWEST = 3
 
 
 class ContactRow(msgspec.Struct, frozen=True):
@@ -56,69 +61,157 @@ class ContactRow(msgspec.Struct, frozen=True):
     """Over 1, 20 and 100 scans, of all poses that are not lost."""
 
 
-class ContactScore(msgspec.Struct, frozen=True):
-    """All rows, and the share of recordings, by scenario, whose notes say that contacts move apart."""
+@dataclass(frozen=True)
+class Contacts:
+    """Measure two objects on one pad, and feet that lift.
+
+    Each object is estimated alone, with --contacts 2, and as one contact with the other.
+    """
+
+    seeds: int = 10
+    """Recordings of each scenario, 1 or more."""
+    seed: int = 0
+    """Seed of the first recording, 0 or more; the others count up from it."""
+    methods: tuple[str, ...] = METHODS
+    """Estimators to score; template in both modes."""
+
+    def __post_init__(self) -> None:
+        at_least("seeds", self.seeds, 1)
+        at_least("seed", self.seed, 0)
+
+    def run(self, watched: Watch = unwatched) -> ContactsReport:
+        """Simulate, estimate, compare. Raises NameUnknown."""
+        kinds = {method: api.estimator(method) for method in self.methods}
+        found: dict[Key, list[_Contact]] = {}
+        noted = dict.fromkeys((*TWO, LIFT), 0)
+        for number in watched(range(self.seed, self.seed + self.seeds), "seeds"):
+            for case in _cases(number):
+                noted[case.scenario] += _add(found, case, kinds) and case.seen == "as one"
+        rows = [_row(key, own) for key, own in sorted(found.items(), key=lambda item: _place(item[0], kinds))]
+        shares = {scenario: count / self.seeds for scenario, count in noted.items()}
+        return ContactsReport(self.seeds, self.seed, rows, shares)
+
+
+class ContactsReport(msgspec.Struct, frozen=True):
+    """All rows, and the share of recordings, by scenario, whose notes report contacts that move apart."""
 
     seeds: int
     seed: int
     rows: list[ContactRow]
     noted: dict[str, float]
 
+    def tables(self) -> list[Table]:
+        """The rows with the NEES of each span, then the share of recordings with a note."""
+        columns = ("method", "object", "seen", "known_percent", "ok_percent", "rms_mm", "rms_deg")
+        rows: list[tuple[Cell, ...]] = []
+        for row in self.rows:
+            run = (row.scenario, row.mode, self.seeds, row.method, row.object, row.seen)
+            nees = (found.nees for found in row.consistency)
+            rows.append((*run, 100 * row.known, 100 * row.ok, row.rms_mm, row.rms_deg, *nees))
+        noted: list[tuple[Cell, ...]] = [(scenario, 100 * share) for scenario, share in self.noted.items()]
+        return [
+            Table("rows", ("scenario", "mode", "seeds", *columns, *(f"nees_{over}" for over in SPANS)), rows),
+            Table("noted", ("scenario", "noted_percent"), noted),
+        ]
 
-def score_contacts(
-    seeds: int,
-    *,
-    seed: int = 0,
-    methods: Sequence[str] = (),
-    watched: Callable[[Iterable[int]], Iterable[int]] = iter,
-) -> ContactScore:
-    """Score methods, `METHODS` if none is named, on both modes where they differ. Raises NameUnknown."""
-    kinds = {method: api.estimator(method) for method in methods or METHODS}
-    found: dict[tuple[str, str, Mode, str, str], list[_Seen]] = {}
-    noted = dict.fromkeys((*TWO, LIFT), 0)
-    for number in watched(range(seed, seed + seeds)):
-        for case, recording, pads, truths in _cases(number):
-            scenario, seen = case
-            noted_here = False
-            for method, kind in kinds.items():
-                for mode in _modes(method):
-                    result = api.estimate(recording, kind, mode=mode)
-                    noted_here = any("moved apart" in note for note in result.summary.notes)
-                    for pad, (name, true) in zip(pads, truths, strict=True):
-                        own = _seen(result, result.pads.index(pad), true)
-                        found.setdefault((scenario, method, mode, name, seen), []).append(own)
-            noted[scenario] += noted_here and seen == "as one"
-    rows = [_row(key, own) for key, own in sorted(found.items(), key=lambda item: _place(item[0], kinds))]
-    return ContactScore(seeds, seed, rows, {scenario: count / seeds for scenario, count in noted.items()})
+    def show(self) -> None:
+        """Errors and consistency of each object, by how its contact was estimated."""
+        console = Console(markup=False)
+        for scenario, mode in dict.fromkeys((row.scenario, row.mode) for row in self.rows):
+            console.print(self._shown(scenario, mode))
+            console.print()
+        for scenario, share in self.noted.items():
+            console.print(f"{scenario}, as one: {share:.0%} of runs note that contacts move apart", highlight=False)
+        caption(
+            console,
+            "alone: the other object is not there. told apart: --contacts 2. as one: without.\n"
+            "known: share of the contact's scans with a pose that is not lost; ok: with\n"
+            "quality ok. mm, deg: RMS of place and turn, each contact's best constant offset\n"
+            "taken off. 1, 20, 100: NEES a degree of freedom over that number of scans.",
+        )
+
+    def _shown(self, scenario: str, mode: str) -> Shown:
+        title = f"{scenario}, {mode}, {self.seeds} seeds from {self.seed}"
+        spans = map(str, SPANS)
+        table = quiet_table("method:", "object:", "seen:", "known", "ok", "mm", "deg", *spans, title=title)
+        for row in self.rows:
+            if (row.scenario, row.mode) == (scenario, mode):
+                shares = (f"{row.known:.0%}", f"{row.ok:.0%}")
+                errors = (_number(row.rms_mm, 3), _number(row.rms_deg, 2))
+                table.add_row(
+                    row.method,
+                    row.object,
+                    row.seen,
+                    *shares,
+                    *errors,
+                    *(_number(one.nees, 1) for one in row.consistency),
+                )
+        return table
 
 
-def _modes(method: str) -> tuple[Mode, ...]:
-    return ("batch", "stream") if method == "template" else ("batch",)
+def _number(value: float | None, digits: int) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.{digits}f}" if value < 1e3 else f"{value:.0e}"
 
 
-def _place(key: tuple[str, str, str, str, str], kinds: Iterable[str]) -> tuple[int, int, str, str, int]:
-    scenario, method, mode, name, seen = key
-    ways = ("alone", "told apart", "as one")
-    return ((*TWO, LIFT).index(scenario), list(kinds).index(method), mode, name, ways.index(seen))
+class Key(NamedTuple):
+    """What a row is of: scenario, method, mode, object, and how its contact was estimated."""
+
+    scenario: str
+    method: str
+    mode: Mode
+    object: str
+    seen: str
 
 
-Case = tuple[tuple[str, str], "Recording", list[str], list[tuple[str, "Floats"]]]
+class Case(NamedTuple):
+    """A recording. pads: to score, one for each of objects: their names and true poses (scans, 3)."""
+
+    scenario: str
+    seen: str
+    recording: Recording
+    pads: list[str]
+    objects: list[tuple[str, Floats]]
 
 
 def _cases(seed: int) -> Iterator[Case]:
-    """Scenario and how it is seen; its recording; pads to score, and the object and true poses (scans, 3) of each."""
+    """Every scenario with this seed, in every way in which its contacts are estimated."""
     for scenario in TWO:
         drawn = replace(SCENARIOS[scenario], seed=seed)
         first, second = _objects(drawn)
         both = simulate(drawn)
         truths = [("first", both.known_truth.pose), ("second", _second(both))]
         pad = drawn.pad
-        yield (scenario, "alone"), first, [pad], truths[:1]
-        yield (scenario, "alone"), second, [pad], [("second", second.known_truth.pose)]
-        yield (scenario, "told apart"), both.told_apart(2), [f"{pad}#1", f"{pad}#2"], truths
-        yield (scenario, "as one"), both, [pad, pad], truths
+        yield Case(scenario, "alone", first, [pad], truths[:1])
+        yield Case(scenario, "alone", second, [pad], [("second", second.known_truth.pose)])
+        yield Case(scenario, "told apart", both.with_contacts(2), [f"{pad}#1", f"{pad}#2"], truths)
+        yield Case(scenario, "as one", both, [pad, pad], truths)
     lifting = simulate(replace(SCENARIOS[LIFT], seed=seed))
-    yield (LIFT, "as one"), lifting, [SCENARIOS[LIFT].pad], [("feet", lifting.known_truth.pose)]
+    yield Case(LIFT, "as one", lifting, [SCENARIOS[LIFT].pad], [("feet", lifting.known_truth.pose)])
+
+
+def _add(found: dict[Key, list[_Contact]], case: Case, kinds: Mapping[str, Estimator]) -> bool:
+    """Estimate a case by every method; whether the notes of the last one report contacts that move apart."""
+    noted = False
+    for method, kind in kinds.items():
+        for mode in _modes(method):
+            result = api.estimate(case.recording, kind, mode=mode)
+            noted = any("moved apart" in note for note in result.summary.notes)
+            for pad, (name, true) in zip(case.pads, case.objects, strict=True):
+                key = Key(case.scenario, method, mode, name, case.seen)
+                found.setdefault(key, []).append(_contact(result, result.pads.index(pad), true))
+    return noted
+
+
+def _modes(method: str) -> tuple[Mode, ...]:
+    return ("batch", "stream") if method == "template" else ("batch",)
+
+
+def _place(key: Key, kinds: Iterable[str]) -> tuple[int, int, str, str, int]:
+    """Where a row stands in the table."""
+    ways = ("alone", "told apart", "as one")
+    return (*TWO, LIFT).index(key.scenario), list(kinds).index(key.method), key.mode, key.object, ways.index(key.seen)
 
 
 def _objects(scenario: Scenario) -> tuple[Recording, Recording]:
@@ -134,15 +227,18 @@ def _second(recording: Recording) -> Floats:
     return second
 
 
-class _Seen:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Contact:
     """One contact of one run: errors (scans, 3), covariances (scans, 3, 3), touched, known and ok (scans,)."""
 
-    def __init__(self, error: Floats, covariance: Floats, touched: Bools, known: Bools, ok: Bools) -> None:
-        self.error, self.covariance = error, covariance
-        self.touched, self.known, self.ok = touched, known, ok
+    error: Floats
+    covariance: Floats
+    touched: Bools
+    known: Bools
+    ok: Bools
 
 
-def _seen(result: api.Result, pad: int, true: Floats) -> _Seen:
+def _contact(result: api.Result, pad: int, true: Floats) -> _Contact:
     slips = result.slips
     pose, quality, touched = slips.pose[:, pad], slips.quality[:, pad], slips.contact[:, pad]
     known = np.isfinite(pose[:, :2]).all(axis=1) & (quality != LOST)
@@ -150,22 +246,17 @@ def _seen(result: api.Result, pad: int, true: Floats) -> _Seen:
     piece = np.cumsum(~touched | (quality == LOST))
     for number in np.unique(piece[known]):
         own = np.flatnonzero(known & (piece == number))
-        if len(own) >= _FEWEST:
+        if len(own) >= FEWEST:
             error[own] = without_frame(pose[own], true[own], np.ones((len(own), 3)))
-    return _Seen(error, slips.covariance[:, pad], touched, known, quality == OK)
+    return _Contact(error, slips.covariance[:, pad], touched, known, quality == OK)
 
 
-def _row(key: tuple[str, str, Mode, str, str], own: list[_Seen]) -> ContactRow:
-    scenario, method, mode, name, seen = key
+def _row(key: Key, own: list[_Contact]) -> ContactRow:
     error = np.concatenate([one.error for one in own])
     touched = sum(int(one.touched.sum()) for one in own)
     far, turn = error[np.isfinite(error[:, 0]), :2], error[np.isfinite(error[:, 2]), 2]
     return ContactRow(
-        scenario=scenario,
-        method=method,
-        mode=mode,
-        object=name,
-        seen=seen,
+        **key._asdict(),
         scans=touched,
         known=sum(int((one.known & one.touched).sum()) for one in own) / max(touched, 1),
         ok=sum(int((one.ok & one.touched).sum()) for one in own) / max(touched, 1),

@@ -1,4 +1,4 @@
-"""Translation and rotation of an object over the whole hand, against truth, by number of slip vectors.
+"""Score field: translation and rotation of an object over the whole hand, against truth, by number of slip vectors.
 
 The paper's claim: more slip vectors (more groups) give a more accurate rotation. Each variant cuts the same scans of
 the same hand into other pads and groups.
@@ -6,23 +6,26 @@ the same hand into other pads and groups.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
+from rich.console import Console
 
 from taxelflow import api
+from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.cells import caption, number
+from taxelflow.publish.quiet import quiet_table
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
     from taxelflow.acquire.base import Recording, Truth
+    from taxelflow.evaluation.base import Table, Watch
     from taxelflow.messages import Floats
 
 SCENES = ("turn-over-hand", "slide-and-turn-over-hand")
@@ -53,26 +56,66 @@ class _Cut(NamedTuple):
     sensor: Sensor
 
 
-class FieldScore(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class Field:
+    """Measure motion over the hand by number of slip vectors.
+
+    An object turns, or slides and turns, over the whole hand.
+    """
+
+    seeds: int = 10
+    """Recordings of each scenario, 1 or more; seeds 0, 1, ..."""
+
+    def __post_init__(self) -> None:
+        at_least("seeds", self.seeds, 1)
+
+    def run(self, watched: Watch = unwatched) -> FieldReport:
+        """Run the recordings of every scenario through every cut of the hand."""
+        rows = []
+        for scene in SCENES:
+            errors: dict[str, list[tuple[Floats, Floats]]] = {}
+            cuts: list[_Cut] = []
+            for seed in watched(range(self.seeds), "seeds"):
+                recording = simulate(replace(SCENARIOS[scene], seed=seed))
+                cuts = cuts_of(recording.sensor)
+                for cut in cuts:
+                    errors.setdefault(cut.name, []).append(_twists(replace(recording, sensor=cut.sensor)))
+            rows += [_row(scene, cut, *map(np.concatenate, zip(*errors[cut.name], strict=True))) for cut in cuts]
+        return FieldReport(self.seeds, rows)
+
+
+class FieldReport(msgspec.Struct, frozen=True):
     """All rows."""
 
     seeds: int
     rows: list[FieldRow]
 
+    def tables(self) -> list[Table]:
+        """The rows."""
+        return [table_of("rows", self.rows, FieldRow)]
 
-def score_field(seeds: int, watched: Callable[[Iterable[int]], Iterable[int]] = iter) -> FieldScore:
-    """Run every scenario with `seeds` seeds through every cut."""
-    rows = []
-    for scene in SCENES:
-        errors: dict[str, list[tuple[Floats, Floats]]] = {}
-        cuts: list[_Cut] = []
-        for seed in watched(range(seeds)):
-            recording = simulate(replace(SCENARIOS[scene], seed=seed))
-            cuts = cuts_of(recording.sensor)
-            for cut in cuts:
-                errors.setdefault(cut.name, []).append(_twists(replace(recording, sensor=cut.sensor)))
-        rows += [_row(scene, cut, *map(np.concatenate, zip(*errors[cut.name], strict=True))) for cut in cuts]
-    return FieldScore(seeds, rows)
+    def show(self) -> None:
+        """Errors of translation and rotation, a table for each scenario."""
+        console = Console(markup=False)
+        for scenario in dict.fromkeys(row.scenario for row in self.rows):
+            title = f"{scenario}, {self.seeds} seeds"
+            table = quiet_table("vectors", "hand:", "direction deg", "speed %", "turn %", "turn bias %", title=title)
+            for row in self.rows:
+                if row.scenario == scenario:
+                    table.add_row(
+                        str(row.vectors),
+                        row.cut,
+                        number(row.direction_deg, 1),
+                        number(row.speed_percent, 1),
+                        f"{row.turn_percent:.1f}",
+                        f"{row.turn_bias_percent:+.1f}",
+                    )
+            console.print(table)
+            console.print()
+        caption(
+            console,
+            "direction: median; speed and turn: RMSE over the RMS of the true one; at the hand's origin",
+        )
 
 
 def cuts_of(hand: Sensor) -> list[_Cut]:

@@ -1,4 +1,4 @@
-"""The gains of one pad from where a method saw the object and where a robot says it was.
+"""The gains of one pad from the positions of a method and those of a robot.
 
 Model, for scan k and axis a of the pad:  m_ka = p_ka / g_a + error,  p_k = R(phi) q(t_k + offset) + s,  with m the
 method's position at gain 1, q the robot's trajectory, (s, phi) the pose of the robot's frame in the pad's and offset
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from taxelflow.errors import GainsUnknown
-from taxelflow.geometry import place, rotation
+from taxelflow.geometry import rotation, transform
 
 if TYPE_CHECKING:
     from taxelflow.acquire.trajectory import Trajectory
@@ -145,7 +145,7 @@ class _Problem:
 
     def along(self, fit: _Solution) -> Floats:
         """(2,) standard deviations of the way along the pad's axes."""
-        spread: Floats = place(fit.pose, self._robot(fit.offset_s)).std(axis=0)
+        spread: Floats = transform(fit.pose, self._robot(fit.offset_s)).std(axis=0)
         return spread
 
     def refuse_mirror(self, offset: float) -> None:
@@ -213,12 +213,12 @@ class _Problem:
     def _left(self, x: Floats) -> Floats:
         """(scans, 2) what the model leaves of the positions seen, m."""
         gain, phi, s, offset = x[:-4], x[-4], x[-3:-1], x[-1]
-        p = place(np.array([*(0.01 * s), phi]), self._robot(float(offset)))
+        p = transform(np.array([*(0.01 * s), phi]), self._robot(float(offset)))
         left: Floats = self._seen.place_m - p / gain
         return left
 
     def _residuals(self, x: Floats, limit: float) -> Floats:
-        """All in standard deviations; the last says that the offset lies within the search."""
+        """All in standard deviations; the last holds the offset within the search."""
         return np.append((self._left(x) / self._deviation).ravel(), x[-1] / limit)
 
 

@@ -1,41 +1,45 @@
-"""Strokes that are harder than those of Table I: streamed, with dead or saturated taxels, of small objects.
+"""Score hard: strokes that are harder than those of Table I: streamed, with dead or saturated taxels, of small objects.
 
 The objects and lines are those of Table I's trials. Every case has the same ones, and its own bound.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from rich.console import Console
 
 from taxelflow import api
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.strokes import SPEEDS_MM_S, bounds, rms_of, trial, ungrouped
-from taxelflow.evaluation.table1 import strokes_by
+from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.cells import caption, number, short, solved_by
+from taxelflow.evaluation.hard_cases import CASES
+from taxelflow.evaluation.strokes import SPEEDS_MM_S, bounds, rms_of, strokes_by, trial, ungrouped
+from taxelflow.publish.quiet import quiet_table
+from taxelflow.simulation.scenario import Solver
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
+
+    from rich.table import Table as Shown
 
     from taxelflow.acquire.base import Recording
     from taxelflow.estimation.base import Mode
+    from taxelflow.evaluation.base import Table, Watch
+    from taxelflow.evaluation.hard_cases import Case
     from taxelflow.messages import Floats, Scans
-    from taxelflow.simulation.scenario import Scenario, Solver
+    from taxelflow.simulation.scenario import Scenario
 
 METHODS = ("template",)
 _FAR_PERCENT = 1.0
-_STREAMED = 4
-_SMALL_M = 0.004
-"""Eight millimetres across, on taxels of ten."""
-_SATURATING_PA = 200e3
-"""The sensor's full scale is 140 kPa."""
-_INNER_TAXELS = (*range(144, 149), *range(151, 156))
-"""Of the palm's two middle rows, between which the object slides, without those at the rows' ends."""
-_DEAD = 2
+"""Strokes whose speed is further off are named."""
+_MOST_FAR = 6
+"""Strokes that are named, of each case."""
 
 
 class HardRow(msgspec.Struct, frozen=True):
@@ -68,7 +72,41 @@ class Far(msgspec.Struct, frozen=True):
     error_percent: float | None
 
 
-class Hard(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class Hard:
+    """Measure the velocity of strokes harder than Table I's.
+
+    They are streamed, with dead or saturated taxels, with a rolling scan, or of an object smaller than a taxel.
+    """
+
+    seeds: int = 10
+    """Recordings of each case and speed, 1 or more."""
+    seed: int = 0
+    """Seed of the first recording, 0 or more; the others count up from it."""
+    methods: tuple[str, ...] = METHODS
+    """Estimators to score."""
+    solver: Solver = "analytic"
+    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `sim`)."""
+
+    def __post_init__(self) -> None:
+        at_least("seeds", self.seeds, 1)
+        at_least("seed", self.seed, 0)
+
+    def run(self, watched: Watch = unwatched) -> HardReport:
+        """Simulate every case, estimate, compare. Raises NameUnknown, ParameterInvalid, ExtraMissing (elastic)."""
+        found = _Found()
+        for count in watched(range(self.seeds), "seeds"):
+            for speed, case in product(SPEEDS_MM_S, CASES):
+                scenario = case.change(trial(self.seed + count, speed, self.solver))
+                found.add(case, speed, scenario.seed, *_measured(scenario, case, self.methods, speed))
+        rows = found.rows()
+        for method in self.methods:
+            if method not in {row.method for row in rows}:
+                raise ParameterInvalid("methods", method, "give a position: leave this method out")
+        return HardReport(self.seeds, self.seed, self.solver, rows, found.far(), found.silent())
+
+
+class HardReport(msgspec.Struct, frozen=True):
     """All of one run."""
 
     seeds: int
@@ -79,58 +117,94 @@ class Hard(msgspec.Struct, frozen=True):
     silent: list[tuple[int, str, str]]
     """Speed, method and case of which no stroke has a velocity; they have no row."""
 
+    def tables(self) -> list[Table]:
+        """The rows, then the strokes that are far off."""
+        return [table_of("rows", self.rows, HardRow), table_of("far", self.far, Far)]
 
-def _as_it_is(scans: Scans) -> Scans:
-    return scans
+    def show(self) -> None:
+        """Errors by what makes the strokes hard, then the strokes that are furthest off."""
+        console = Console(markup=False)
+        far: dict[tuple[int, str, str], list[Far]] = {}
+        for one in self.far:
+            far.setdefault((one.nominal_mm_s, one.method, one.case), []).append(one)
+        for method in dict.fromkeys(row.method for row in self.rows):
+            console.print(self._shown(method, far))
+        for (speed, method, case), strokes in sorted(far.items()):
+            console.print(f"{short(method)}, {speed} mm/s, {case}: {_furthest(strokes)}", highlight=False)
+        for speed, method, case in self.silent:
+            console.print(f"{short(method)}, {speed} mm/s, {case}: no stroke has a velocity", highlight=False)
+        caption(
+            console,
+            "All scans in contact, no factor. ±: standard error of the RMSE. median: of the\n"
+            "error's absolute value. bound: Cramér-Rao, each scan by itself, pattern known\n"
+            "(without saturated and dead taxels). far: strokes over 1 % off; below, the\n"
+            "furthest as seed/stroke and error in %.",
+        )
+
+    def _shown(self, method: str, far: dict[tuple[int, str, str], list[Far]]) -> Shown:
+        title = f"{short(method)}, {self.seeds} recordings a case, seed {self.seed}{solved_by(self.solver)}"
+        table = quiet_table("mm/s", "strokes:", "n", "RMSE %", "±", "median", "bias", "bound", "far", title=title)
+        own = sorted((row for row in self.rows if row.method == method), key=lambda row: row.nominal_mm_s)
+        last = {row.nominal_mm_s: row for row in own}
+        for row in own:
+            table.add_row(
+                str(row.nominal_mm_s),
+                row.case,
+                str(row.strokes),
+                f"{row.rmse_percent:.3f}",
+                number(row.standard_error_percent, 3),
+                f"{row.median_percent:.3f}",
+                f"{row.bias_percent:+.3f}",
+                f"{row.bound_percent:.3f}",
+                str(len(far.get((row.nominal_mm_s, method, row.case), ()))),
+                end_section=row is last[row.nominal_mm_s],
+            )
+        return table
 
 
-@dataclass(frozen=True)
-class _Case:
-    """What is changed in a trial and how it is read; rows: names for some of its strokes each."""
+def _furthest(strokes: Sequence[Far]) -> str:
+    """The strokes that are furthest off, those without a velocity first."""
+    worst = sorted(strokes, key=lambda one: -abs(one.error_percent or float("inf")))
+    named = [
+        f"{one.seed}/{one.stroke} " + ("none" if one.error_percent is None else f"{one.error_percent:+.2f}")
+        for one in worst[:_MOST_FAR]
+    ]
+    return ", ".join(named) + (", ..." if len(worst) > _MOST_FAR else "")
 
-    change: Callable[[Scenario], Scenario]
-    rows: tuple[tuple[str, slice], ...]
-    mode: Mode = "batch"
-    prepared: Callable[[Scans], Scans] = _as_it_is
 
+class _Found:
+    """Errors of all strokes by speed, method and case, recording by recording."""
 
-def hard(
-    seeds: int,
-    *,
-    seed: int = 0,
-    methods: Sequence[str] = (),
-    solver: Solver = "analytic",
-    watched: Callable[[Iterable[int]], Iterable[int]] = iter,
-) -> Hard:
-    """Score `seeds` recordings of each case and speed. methods: the template if left out.
+    def __init__(self) -> None:
+        self._errors: dict[tuple[int, str, str], list[Floats]] = {}
+        self._bounds: dict[tuple[int, str], list[Floats]] = {}
+        self._far: list[Far] = []
 
-    Raises NameUnknown, ParameterInvalid, ExtraMissing (solver elastic).
-    """
-    chosen = tuple(methods) or METHODS
-    errors: dict[tuple[int, str, str], list[Floats]] = {}
-    limits: dict[tuple[int, str], list[Floats]] = {}
-    far: list[Far] = []
-    for number in watched(range(seeds)):
-        for speed in SPEEDS_MM_S:
-            for case in CASES:
-                scenario = case.change(trial(seed + number, speed, solver))
-                limit, found = _measured(scenario, case, chosen, speed)
-                for name, own in case.rows:
-                    limits.setdefault((speed, name), []).append(limit[own])
-                    for method, error in found.items():
-                        errors.setdefault((speed, method, name), []).append(error[own])
-                        far += [Far(speed, method, name, scenario.seed, *one) for one in _far(error, own)]
-    silent = [key for key, own in errors.items() if not np.isfinite(own).any()]
-    rows = [_row(*key, own, limits[key[0], key[2]]) for key, own in errors.items() if key not in silent]
-    for method in chosen:
-        if method not in {row.method for row in rows}:
-            raise ParameterInvalid("methods", method, "it gives no position: leave it out")
-    far = [one for one in far if (one.nominal_mm_s, one.method, one.case) not in silent]
-    return Hard(seeds, seed, solver, rows, far, silent)
+    def add(self, case: Case, speed: int, seed: int, bound: Floats, errors: dict[str, Floats]) -> None:
+        """Count one recording. bound, errors by method: (strokes,), percent of the speed."""
+        for name, own in case.rows:
+            self._bounds.setdefault((speed, name), []).append(bound[own])
+            for method, error in errors.items():
+                self._errors.setdefault((speed, method, name), []).append(error[own])
+                self._far += [Far(speed, method, name, seed, *one) for one in _far(error, own)]
+
+    def silent(self) -> list[tuple[int, str, str]]:
+        """Speed, method and case without any velocity."""
+        return [key for key, own in self._errors.items() if not np.isfinite(own).any()]
+
+    def rows(self) -> list[HardRow]:
+        """A row for each speed, method and case with a velocity."""
+        silent = self.silent()
+        return [_row(*key, own, self._bounds[key[0], key[2]]) for key, own in self._errors.items() if key not in silent]
+
+    def far(self) -> list[Far]:
+        """Strokes that are far off, in cases with a velocity."""
+        silent = self.silent()
+        return [one for one in self._far if (one.nominal_mm_s, one.method, one.case) not in silent]
 
 
 def _measured(
-    scenario: Scenario, case: _Case, methods: Sequence[str], speed_mm_s: int
+    scenario: Scenario, case: Case, methods: Sequence[str], speed_mm_s: int
 ) -> tuple[Floats, dict[str, Floats]]:
     """(strokes,) of one recording: the bound of its velocities, and by method their errors, percent of the speed."""
     recording = ungrouped(simulate(scenario))
@@ -167,53 +241,3 @@ def _row(speed: int, method: str, name: str, error: list[Floats], limit: list[Fl
         bias_percent=float(known.mean()),
         bound_percent=float(np.sqrt(np.mean(np.square(limit)))),
     )
-
-
-def _plain(scenario: Scenario) -> Scenario:
-    return scenario
-
-
-def _repeated(scenario: Scenario) -> Scenario:
-    return replace(scenario, motion=replace(scenario.motion, strokes=_STREAMED))
-
-
-def _with_dead(scenario: Scenario) -> Scenario:
-    dead = np.random.default_rng([scenario.seed, _DEAD]).choice(_INNER_TAXELS, _DEAD, replace=False)
-    return replace(scenario, sensing=replace(scenario.sensing, dead=tuple(dead.tolist())))
-
-
-def _small(scenario: Scenario) -> Scenario:
-    return replace(scenario, contact=replace(scenario.contact, radius_m=_SMALL_M))
-
-
-def _rolling(scenario: Scenario) -> Scenario:
-    return replace(scenario, sensing=replace(scenario.sensing, scan_share=1.0))
-
-
-def _saturating(scenario: Scenario) -> Scenario:
-    return replace(scenario, contact=replace(scenario.contact, peak_pa=_SATURATING_PA))
-
-
-def _dropped(scans: Scans) -> Scans:
-    """Scans in which saturated readings are missing instead."""
-    saturated = scans.pressure >= scans.ceiling
-    return replace(
-        scans,
-        pressure=np.where(saturated, 0.0, scans.pressure),
-        complete=scans.complete & ~saturated.any(axis=1, keepdims=True),
-    )
-
-
-def _all(name: str) -> tuple[tuple[str, slice], ...]:
-    return ((name, slice(None)),)
-
-
-CASES = (
-    _Case(_plain, _all("as in Table I")),
-    _Case(_repeated, (("stream, 1st stroke", slice(1)), ("stream, 2nd to 4th", slice(1, None))), "stream"),
-    _Case(_with_dead, _all("2 unknown dead taxels")),
-    _Case(_small, _all("smaller than a taxel")),
-    _Case(_rolling, _all("rolling scan")),
-    _Case(_saturating, _all("saturated, censored")),
-    _Case(_saturating, _all("saturated, dropped"), prepared=_dropped),
-)

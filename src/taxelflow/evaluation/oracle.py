@@ -1,9 +1,9 @@
-"""How well slips can be called live at a given rate of false alarms: by one who knows all but when.
+"""How well slips can be detected live at a given rate of false alarms: by an oracle that knows all but the time.
 
 It knows where the object rests, how fast and where to it will slip, and that errors are independent and as large as the
-method's covariance says. It begins a slip when the sum of Shiryaev and Roberts over all times at which it may have
+method's covariance. It begins a slip when the sum of Shiryaev and Roberts over all times at which it may have
 begun exceeds what the rate allows, and calls scans still as soon as that is likelier than not. Where errors are as
-large as the covariance says, that is close to the best there is.
+large as the covariance, that is close to the best there is.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     Pair = Callable[[Floats, Floats], tuple[float, float]]
 
 _UPSAMPLED = 8
-"""DIS wants images, not a handful of pixels: so many pixels a taxel."""
+"""Pixels a taxel in the images for DIS, which cannot work on a few pixels."""
 _LEAST = 1e-6
 _UNKNOWN = (float("nan"), float("nan"))
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from taxelflow import api
 from taxelflow.estimation.centroid.paper_reference import convolution_matrix
-from taxelflow.evaluation.field import score_field, true_twist
-from taxelflow.evaluation.limits import limits
-from taxelflow.evaluation.strokes import Row
-from taxelflow.evaluation.table1 import METHODS, PaperRow, table1
-from taxelflow.geometry import place
+from taxelflow.evaluation.field import Field, true_twist
+from taxelflow.evaluation.limits import Limits
+from taxelflow.evaluation.strokes import PAPER_METHODS, Row
+from taxelflow.evaluation.table1 import PaperRow, Table1
+from taxelflow.geometry import transform
 from taxelflow.publish.figures import strokes_of
 from taxelflow.publish.plots.curve import curve_figure, table_figure
 from taxelflow.publish.plots.hand import Moment, field_figure, layout_figure
@@ -124,11 +124,11 @@ def _position() -> Figure:
     truth = recording.known_truth
     pad = recording.layout.pads.index(truth.pad)
     tracks = [_track(recording, method, pad) for method in ("lnorm", "convolution")]
-    return position_figure(tracks, (truth.t_s, truth.pose[:, :2]), strokes_of(truth))
+    return position_figure(tracks, (truth.t_s, truth.pose[:, :2]), strokes_of(truth.t_s, truth.pose))
 
 
 def _table1(strokes: int) -> Figure:
-    scored = table1(strokes, seed=0, methods=METHODS)
+    scored = Table1(strokes, methods=PAPER_METHODS).run()
     names = {"lnorm": "L norm", "convolution": "optical flow"}
     scored_rows: list[tuple[Row | PaperRow, str, str, int]] = [
         (row, "paper, one trial", "10.5 mm", 1) for row in scored.paper
@@ -154,7 +154,7 @@ def _table1(strokes: int) -> Figure:
 
 def _curve(seeds: int) -> Figure:
     curves: dict[str, list[tuple[int, float]]] = {}
-    for row in score_field(seeds).rows:
+    for row in Field(seeds).run().rows:
         curves.setdefault(row.scenario, []).append((row.vectors, row.turn_percent))
     caption = (
         f"Error of the rate of turn by number of slip vectors, {seeds} seeds a scenario (taxelflow score field). Four "
@@ -164,7 +164,7 @@ def _curve(seeds: int) -> Figure:
 
 
 def _limits(seeds: int) -> Figure:
-    scored = limits("stroke", seeds)
+    scored = Limits(seeds=seeds).run()
     errors: dict[str, list[tuple[float, float]]] = {}
     known: dict[float, float] = {}
     unknown: dict[float, float] = {}
@@ -193,8 +193,8 @@ def _moments(recording: Recording, times_s: list[float]) -> list[Moment]:
     moments = []
     for t_s in times_s:
         k = int(np.searchsorted(slips.t_s, t_s))
-        unused = ~(slips.valid[k] & layout.apart)
-        places, vectors = place(layout.T_hand, slips.pose[k, :, :2]), place(turn, slips.velocity[k, :, :2])
+        unused = ~(slips.valid[k] & layout.independent)
+        places, vectors = transform(layout.T_hand, slips.pose[k, :, :2]), transform(turn, slips.velocity[k, :, :2])
         places[unused] = vectors[unused] = np.nan
         true = true_twist(truth, slips.t_s[k - 2 : k - 1], slips.t_s[k : k + 1])[0]
         title = f"{slips.t_s[k] - slips.t_s[0]:.2f} s"

@@ -1,31 +1,41 @@
-"""Recordings without truth: how well the next scan is predicted, and the template's turn beside the principal axis.
+"""Score prediction: recordings without truth, how well the next scan is predicted, and the template's turn beside the
+principal axis.
 
-Everything is causal. Forecasts know scans up to k: `forecast` moves the learned pattern on at its last velocity,
-`no motion` repeats scan k. Registrations know where scan k + 1 is, too: `registered` fits pose and gain of the pattern,
-which was learned up to scan k, `centroid` moves scan k by the step of the centroid. Where the template gives up a
-pattern at scan k + 1, its registration counts as bad as its forecast.
+Everything is causal. Forecasts use scans up to k: `forecast` moves the learned map on at its last velocity, `no motion`
+repeats scan k. Registrations use the pose of scan k + 1, too: `registered` fits pose and gain of the map, which was
+learned up to scan k; `centroid` moves scan k by the step of the centroid. Where the template gives up its map at scan
+k + 1, its registration counts as bad as its forecast.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from rich.console import Console
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.ndimage import shift
+from tyro.conf import Positional
 
 from taxelflow import api
-from taxelflow.condition.parameters import Conditioner
+from taxelflow.errors import ParameterInvalid
+from taxelflow.estimation.template.online.session import StreamSession
 from taxelflow.estimation.template.parameters import Template
+from taxelflow.evaluation.base import table_of, unwatched
+from taxelflow.evaluation.cells import caption
 from taxelflow.messages import LOST, OK, cut
+from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
+
+    from rich.table import Table as Shown
 
     from taxelflow.acquire.base import Recording
+    from taxelflow.evaluation.base import Table, Watch
     from taxelflow.messages import Floats, Scans
     from taxelflow.sensors.layout import Layout
 
@@ -36,7 +46,7 @@ _LOADED = 0.25
 """Share of the contact's largest load."""
 
 
-class Prediction(msgspec.Struct, frozen=True):
+class PredictionRow(msgspec.Struct, frozen=True):
     """Errors on one pad of a recording: RMS over taxels and scans, in percent of the RMS of the readings."""
 
     recording: str
@@ -48,14 +58,14 @@ class Prediction(msgspec.Struct, frozen=True):
     registered_percent: float
     centroid_percent: float
     noise_percent: float
-    """What the sensor's own noise makes of the best prediction."""
+    """Error of the best prediction by the sensor's own noise."""
     lost: int
-    """Scans at which the template gave up its pattern."""
+    """Scans at which the template gave up its map."""
 
 
 class Turn(msgspec.Struct, frozen=True):
     """Turn of a contact by the template (batch) and by the principal axis, over scans in which both are known, with at
-    least a quarter of the contact's largest load: one that is hardly touched has no axis to speak of.
+    least a quarter of the contact's largest load: with less, the principal axis is noise.
     """
 
     recording: str
@@ -69,14 +79,91 @@ class Turn(msgspec.Struct, frozen=True):
     apart_deg: float
     """RMS of their difference, less its median."""
     ok_percent: float
-    """Scans for whose pose the template vouches."""
+    """Scans whose pose by the template has quality ok."""
 
 
-class RealScore(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class Prediction:
+    """Predict the next scan of recordings without truth.
+
+    A template learned up to a scan predicts the one after it. Its's turn is compared with the principal axis, too.
+    """
+
+    recordings: Positional[tuple[Path, ...]] = ()
+    """One recording or more, in any format that `taxelflow estimate` reads."""
+    sensor: str | None = None
+    """A built-in sensor (see `taxelflow sensors`) or a TOML file; not needed where the recording names its own."""
+    topic: str | None = None
+    """Topic of a bag or .mcap; not needed where only one fits."""
+
+    def __post_init__(self) -> None:
+        if not self.recordings:
+            raise ParameterInvalid("recordings", "nothing", "name at least one recording")
+
+    def run(self, watched: Watch = unwatched) -> PredictionReport:
+        """Read and score the recordings. Raises what `api.read` raises."""
+        opened = [api.read(path, self.sensor, topic=self.topic) for path in self.recordings]
+        return score_recordings(opened, watched)
+
+
+class PredictionReport(msgspec.Struct, frozen=True):
     """All recordings."""
 
-    predictions: list[Prediction]
+    predictions: list[PredictionRow]
     turns: list[Turn]
+
+    def tables(self) -> list[Table]:
+        """Prediction errors, then turns."""
+        return [table_of("scans", self.predictions, PredictionRow), table_of("turn", self.turns, Turn)]
+
+    def show(self) -> None:
+        """Prediction errors, then turns, a block per recording."""
+        console = Console(markup=False, highlight=False)
+        for name in dict.fromkeys(row.recording for row in self.predictions):
+            console.print(name, style="bold")
+            console.print(_errors_shown([row for row in self.predictions if row.recording == name]))
+            if turns := [turn for turn in self.turns if turn.recording == name]:
+                console.print(_turns_shown(turns))
+            console.print()
+        if not self.predictions:
+            console.print("no contact is long enough to predict a scan of it")
+        caption(
+            console,
+            "Errors of the next scan, RMS, in % of its readings. forecast: the template,\n"
+            "causal, moved on at its last velocity. no motion: the last scan again.\n"
+            "registered: the template at the pose of that scan. centroid: the last scan,\n"
+            "moved as far as the centroid did. noise: the sensor's own. Turns: the longest\n"
+            "contact that shows one, while it has a quarter of its load or more; the template\n"
+            "as a batch.",
+        )
+
+
+def _errors_shown(rows: Sequence[PredictionRow]) -> Shown:
+    table = quiet_table("pad:", "scans", "forecast", "no motion", "registered", "centroid", "noise", "lost")
+    for row in rows:
+        errors = (row.forecast_percent, row.no_motion_percent, row.registered_percent, row.centroid_percent)
+        numbers = [f"{error:.1f}" for error in (*errors, row.noise_percent)]
+        table.add_row(row.pad, str(row.scans), *numbers, str(row.lost))
+    return table
+
+
+def _turns_shown(turns: Sequence[Turn]) -> Shown:
+    table = quiet_table("pad:", "from s", "scans", "template deg", "axis deg", "apart deg", "ok %")
+    for turn in turns:
+        angles = (f"{turn.template_deg:+.1f}", f"{turn.axis_deg:+.1f}")
+        table.add_row(
+            turn.pad, f"{turn.from_s:.2f}", str(turn.scans), *angles, f"{turn.apart_deg:.1f}", f"{turn.ok_percent:.0f}"
+        )
+    return table
+
+
+def score_recordings(recordings: Sequence[Recording], watched: Watch = unwatched) -> PredictionReport:
+    """Score recordings that are open, simulated ones too; their truth is not used."""
+    predictions, turns = [], []
+    for recording in watched(recordings, "recordings"):
+        predictions += _predictions(recording)
+        turns += _turns(recording)
+    return PredictionReport(predictions, turns)
 
 
 @dataclass(slots=True)
@@ -90,21 +177,10 @@ class _Sums:
     errors: dict[str, float] = field(default_factory=lambda: dict.fromkeys(_PREDICTIONS, 0.0))
 
 
-def score_real(
-    recordings: Sequence[Recording], watched: Callable[[Iterable[Recording]], Iterable[Recording]] = iter
-) -> RealScore:
-    """Score recordings, simulated ones too; their truth is not looked at."""
-    predictions, turns = [], []
-    for recording in watched(recordings):
-        predictions += _predictions(recording)
-        turns += _turns(recording)
-    return RealScore(predictions, turns)
-
-
-def _predictions(recording: Recording) -> list[Prediction]:
+def _predictions(recording: Recording) -> list[PredictionRow]:
     layout = recording.layout
     sums = [_Sums() for _ in range(layout.pad_count)]
-    session: Any = Template().start(layout, "stream")
+    session = StreamSession(layout, Template().latency_s)
     before: Scans | None = None
     touched = np.zeros(layout.pad_count, dtype=np.int64)
     for scan in _single_scans(recording):
@@ -132,10 +208,8 @@ def _predictions(recording: Recording) -> list[Prediction]:
 
 def _single_scans(recording: Recording) -> Iterator[Scans]:
     """Scan by scan, conditioned as a recording is: tare and noise are no part of the comparison."""
-    session = Conditioner().start(recording.sensor, recording.masked, recording.blocks())
-    for blocks in (*map(session.step, recording.blocks()), session.finish()):
-        for scans in blocks:
-            yield from (cut(scans, k, k + 1) for k in range(len(scans)))
+    for scans in api.segmented(recording):
+        yield from (cut(scans, k, k + 1) for k in range(len(scans)))
 
 
 def _count(sums: _Sums, seen: Floats, noise: Floats, guesses: dict[str, Floats], *, lost: bool) -> None:
@@ -170,9 +244,9 @@ def _centroid(pressure: Floats, noise: Floats, places: Floats) -> Floats:
     return centre
 
 
-def _row(name: str, pad: str, sums: _Sums) -> Prediction:
+def _row(name: str, pad: str, sums: _Sums) -> PredictionRow:
     percent = {key: 100.0 * float(np.sqrt(error / sums.readings)) for key, error in sums.errors.items()}
-    return Prediction(
+    return PredictionRow(
         recording=name,
         pad=pad,
         scans=sums.scans,

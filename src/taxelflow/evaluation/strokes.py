@@ -1,7 +1,8 @@
 """Many strokes of an airbag over the palm, each the paper's experiment with an object, line and phase of its own.
 
-What Table I and the comparison with other software share: the trials, the velocity of a stroke, and the rows.
-Velocity is the slope of a straight line through the positions of a stroke, as in the paper.
+Shared by the scores table1, hard and peers: the trials, the velocity of a stroke by a method, and the rows. Velocity is
+the slope of a straight line through the positions of a stroke, as in the paper. For methods that are not the paper's,
+whose variance differs from scan to scan, each position has the weight 1 / variance.
 """
 
 from __future__ import annotations
@@ -12,17 +13,28 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from taxelflow import api, registry
+from taxelflow.compiling import announced
+from taxelflow.estimation.completion import start_slips
+from taxelflow.evaluation.base import unwatched
 from taxelflow.evaluation.bound import bound_of
+from taxelflow.messages import LOST, joined
 from taxelflow.simulation.scenario import SCENARIOS, Scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from taxelflow.acquire.base import Recording, Truth
-    from taxelflow.messages import Bools, Floats
+    from taxelflow.estimation.base import Mode
+    from taxelflow.evaluation.base import Watch
+    from taxelflow.messages import Bools, Floats, Scans, Slips
     from taxelflow.simulation.scenario import Solver
+
+PAPER_METHODS = ("lnorm", "convolution")
+OUR_METHODS = ("template",)
+"""Scored beside the paper's where they are registered."""
 
 SPEEDS_MM_S = (25, 50)
 SETS = ("all", "interior")
@@ -56,7 +68,7 @@ class Row(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Stroke:
-    """Velocity of one stroke as a method sees it, in mm/s, by set of scans; NaN where too few scans are left."""
+    """Velocity of one stroke by a method, mm/s, by set of scans; NaN where too few scans are left."""
 
     backward: bool
     all: float
@@ -71,14 +83,14 @@ def run_trials(
     strokes: int,
     seed: int,
     measure: Callable[[Scenario], dict[str, list[Stroke]]],
-    watched: Callable[[Iterable[int]], Iterable[int]],
     solver: Solver = "analytic",
+    watched: Watch = unwatched,
 ) -> Seen:
     """Measure `strokes` strokes at each speed, and as many again at 25 mm/s to fit the factors, two a trial."""
     trials = (strokes + 1) // 2
     first = {"fit": seed, 25: seed + trials, 50: seed + 2 * trials}  # no trial is used twice
     seen: Seen = {}
-    for number in watched(range(3 * trials)):
+    for number in watched(range(3 * trials), "trials"):
         which: str | int = ("fit", *SPEEDS_MM_S)[number // trials]
         speed = which if isinstance(which, int) else SPEEDS_MM_S[0]
         scenario = trial(first[which] + number % trials, speed, solver)
@@ -103,6 +115,31 @@ def trial(seed: int, speed_mm_s: int, solver: Solver = "analytic") -> Scenario:
 def ungrouped(recording: Recording) -> Recording:
     """The recording on its sensor's pads alone: groups that lie on them would be estimated beside them, for nothing."""
     return replace(recording, sensor=msgspec.structs.replace(recording.sensor, groups=()))
+
+
+def scored_methods() -> tuple[str, ...]:
+    """The paper's methods and those of ours that are registered."""
+    return (*PAPER_METHODS, *(method for method in OUR_METHODS if method in registry.names("estimator")))
+
+
+def strokes_by(method: str, recording: Recording, scans: Scans, mode: Mode = "batch") -> list[Stroke]:
+    """The strokes of one recording, given its conditioned scans, by an estimator."""
+    truth = recording.known_truth
+    pad = recording.layout.pads.index(truth.pad)
+    with announced():
+        session = start_slips(api.estimator(method), recording.layout, mode)
+        slips = joined([session.step(scans), session.finish()])
+    weight = None if method in PAPER_METHODS else _weight(slips, pad)
+    return list(cut(truth, slips.pose[:, pad, 0], weight, np.cumsum(slips.quality[:, pad] == LOST)))
+
+
+def _weight(slips: Slips, pad: int) -> Floats | None:
+    """(scans,): 1 / variance of x; None if some position has no variance."""
+    variance = slips.covariance[:, pad, 0, 0]
+    known = np.isfinite(slips.pose[:, pad, 0])
+    if not (variance[known] > 0).all():
+        return None
+    return 1 / np.where(known, variance, np.inf)
 
 
 def passes(truth: Truth) -> list[tuple[bool, Bools]]:

@@ -1,36 +1,33 @@
-"""Table I of the paper beside ours: velocity of many strokes of an airbag over the palm, by its methods and ours.
+"""Score table1: the paper's Table I beside ours, the velocity of many strokes of an airbag over the palm.
 
 Each trial is the paper's: backward along -x, then forward, at 7 Hz, with object, line and phase drawn at random.
-Velocity is the slope of a straight line through the positions of a stroke, as in the paper; methods of ours, whose
-variance differs from scan to scan, weigh each position by 1 / variance.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from rich.console import Console
 
-from taxelflow import api, registry
-from taxelflow.compiling import announced
+from taxelflow import api
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.strokes import Row, Stroke, cut, rows_of, run_trials, ungrouped
-from taxelflow.messages import LOST, joined
+from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.cells import caption, decimals, short, solved_by
+from taxelflow.evaluation.strokes import Row, Stroke, rows_of, run_trials, scored_methods, strokes_by, ungrouped
+from taxelflow.publish.quiet import quiet_table
+from taxelflow.simulation.scenario import Solver
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Sequence
 
-    from taxelflow.acquire.base import Recording
-    from taxelflow.estimation.base import Mode
-    from taxelflow.messages import Floats, Scans, Slips
-    from taxelflow.simulation.scenario import Solver
+    from rich.table import Table as Shown
 
-METHODS = ("lnorm", "convolution")
-"""The paper's."""
-OURS = ("template",)
-"""Scored beside them where they are registered."""
+    from taxelflow.evaluation.base import Table, Watch
+    from taxelflow.simulation.scenario import Scenario
 
 
 class PaperRow(msgspec.Struct, frozen=True):
@@ -52,7 +49,48 @@ PAPER = (
 )
 
 
-class Table1(msgspec.Struct, frozen=True):
+@dataclass(frozen=True)
+class Table1:
+    """Compare the velocity of strokes with the paper's Table I.
+
+    An airbag is slid over the palm, backward and forward, with object, line and phase drawn at random.
+    """
+
+    strokes: int = 1000
+    """Strokes at each speed, 2 or more; half of them go backward, so an odd number is rounded up."""
+    seed: int = 0
+    """Seed of the first trial, 0 or more; the others count up from it."""
+    methods: tuple[str, ...] = ()
+    """Estimators to score; lnorm, convolution and template if left out."""
+    solver: Solver = "analytic"
+    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `sim`)."""
+
+    def __post_init__(self) -> None:
+        at_least("strokes", self.strokes, 2)
+        at_least("seed", self.seed, 0)
+
+    def run(self, watched: Watch = unwatched) -> Table1Report:
+        """Simulate and estimate the strokes, and as many again at 25 mm/s to fit the factors.
+
+        Raises NameUnknown, ParameterInvalid, ExtraMissing (solver elastic).
+        """
+        chosen = self.methods or scored_methods()
+        seen = run_trials(self.strokes, self.seed, lambda scenario: _measured(scenario, chosen), self.solver, watched)
+        for method in chosen:
+            if not any(np.isfinite(stroke.all) for stroke in seen["fit", method]):
+                raise ParameterInvalid("methods", method, "give a position: leave this method out")
+        strokes = self.strokes + self.strokes % 2
+        return Table1Report(strokes, self.seed, self.solver, PAPER, rows_of(seen, chosen))
+
+
+def _measured(scenario: Scenario, methods: Sequence[str]) -> dict[str, list[Stroke]]:
+    """The strokes of one trial by each method."""
+    recording = ungrouped(simulate(scenario))
+    scans = api.conditioned(recording)
+    return {method: strokes_by(method, recording, scans) for method in methods}
+
+
+class Table1Report(msgspec.Struct, frozen=True):
     """The paper's rows and ours."""
 
     strokes: int
@@ -61,52 +99,59 @@ class Table1(msgspec.Struct, frozen=True):
     paper: tuple[PaperRow, ...]
     ours: list[Row]
 
+    def tables(self) -> list[Table]:
+        """Our rows, then the paper's."""
+        return [table_of("ours", self.ours, Row), table_of("paper", self.paper, PaperRow)]
 
-def table1(
-    strokes: int,
-    seed: int,
-    watched: Callable[[Iterable[int]], Iterable[int]] = iter,
-    methods: Sequence[str] = (),
-    solver: Solver = "analytic",
-) -> Table1:
-    """Run `strokes` strokes at each speed, and as many again at 25 mm/s to fit the factors.
-
-    methods: the paper's and ours if left out. Raises NameUnknown, ParameterInvalid, ExtraMissing (solver elastic).
-    """
-    chosen = tuple(methods) or scored_methods()
-    seen = run_trials(strokes, seed, lambda scenario: _measured(simulate(scenario), chosen), watched, solver)
-    for method in chosen:
-        if not any(np.isfinite(stroke.all) for stroke in seen["fit", method]):
-            raise ParameterInvalid("methods", method, "it gives no position: leave it out")
-    return Table1(strokes + strokes % 2, seed, solver, PAPER, rows_of(seen, chosen))
-
-
-def scored_methods() -> tuple[str, ...]:
-    """The paper's methods and those of ours that are registered."""
-    return (*METHODS, *(method for method in OURS if method in registry.names("estimator")))
+    def show(self) -> None:
+        """The paper's Table I, then ours, in its columns."""
+        console = Console(markup=False)
+        console.print(_paper_table(self.paper))
+        console.print()
+        console.print(_our_table(self))
+        caption(
+            console,
+            "all: every scan in contact. interior: the object's centre at most 22 mm\n"
+            "from the palm's. factor: one per method and set of scans, fitted at 25 mm/s\n"
+            "on strokes that are not in the table, in brackets the standard error of its\n"
+            "last digits. RMSE in mm/s and %, ± the standard error of the latter; bias in %.",
+        )
 
 
-def _measured(recording: Recording, methods: Sequence[str]) -> dict[str, list[Stroke]]:
-    recording = ungrouped(recording)
-    scans = api.conditioned(recording)
-    return {method: strokes_by(method, recording, scans) for method in methods}
+def _paper_table(rows: Sequence[PaperRow]) -> Shown:
+    title = "Table I as published: one trial"
+    table = quiet_table("mm/s", "method:", "backward", "forward", "RMSE mm/s", "RMSE %", title=title)
+    for row in rows:
+        numbers = (row.backward_mm_s, row.forward_mm_s, row.rmse_mm_s)
+        table.add_row(
+            str(row.nominal_mm_s), short(row.method), *(f"{value:.2f}" for value in numbers), f"{row.rmse_percent:.1f}"
+        )
+    return table
 
 
-def strokes_by(method: str, recording: Recording, scans: Scans, mode: Mode = "batch") -> list[Stroke]:
-    """The strokes of one recording's conditioned scans as an estimator sees them."""
-    truth = recording.known_truth
-    pad = recording.layout.pads.index(truth.pad)
-    with announced():
-        session = api.estimator(method).start(recording.layout, mode)
-        slips = joined([session.step(scans), session.finish()])
-    weight = None if method in METHODS else _weight(slips, pad)
-    return list(cut(truth, slips.pose[:, pad, 0], weight, np.cumsum(slips.quality[:, pad] == LOST)))
+def _our_table(report: Table1Report) -> Shown:
+    title = f"ours: {report.strokes} strokes a speed, seed {report.seed}" + solved_by(report.solver)
+    table = quiet_table("mm/s", "method:", "scans:", "factor", "back", "forth", "RMSE", "%", "±", "bias", title=title)
+    last = {row.nominal_mm_s: row for row in report.ours}
+    for row in report.ours:
+        digits = decimals(row.rmse_percent)
+        table.add_row(
+            str(row.nominal_mm_s),
+            short(row.method),
+            row.scans,
+            "none" if row.factor == 1.0 else _factor(row),
+            f"{row.backward_mm_s:.2f}",
+            f"{row.forward_mm_s:.2f}",
+            f"{row.rmse_mm_s:.{digits}f}",
+            f"{row.rmse_percent:.{digits}f}",
+            f"{row.standard_error_percent:.{digits}f}",
+            f"{row.bias_percent:+.{digits - 1}f}",
+            end_section=row is last[row.nominal_mm_s],
+        )
+    return table
 
 
-def _weight(slips: Slips, pad: int) -> Floats | None:
-    """(scans,): 1 / variance of x; None if some position has no variance."""
-    variance = slips.covariance[:, pad, 0, 0]
-    known = np.isfinite(slips.pose[:, pad, 0])
-    if not (variance[known] > 0).all():
-        return None
-    return 1 / np.where(known, variance, np.inf)
+def _factor(row: Row) -> str:
+    """A factor, in brackets the standard error of its last digits."""
+    digits = 4 if row.factor_standard_error < 99.5e-4 else 3
+    return f"{row.factor:.{digits}f}({10**digits * row.factor_standard_error:.0f})"

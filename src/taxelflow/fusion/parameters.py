@@ -22,10 +22,10 @@ class RigidField:
 
     def __post_init__(self) -> None:
         if not 0 <= self.edge_doubt < float("inf"):
-            raise ParameterInvalid("edge_doubt", self.edge_doubt, "it is 0 or more")
+            raise ParameterInvalid("edge_doubt", self.edge_doubt, "be 0 or more")
 
     def start(self, layout: Layout) -> FieldSession:
         """Begin a session."""
         from taxelflow.fusion.session import FieldSession
 
-        return FieldSession(self, layout)
+        return FieldSession(layout, self.edge_doubt)

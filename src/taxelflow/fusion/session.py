@@ -17,19 +17,19 @@ from taxelflow.messages import Bools, Floats, Motions, Slips
 from taxelflow.numerics.records import records, unknown
 
 if TYPE_CHECKING:
-    from taxelflow.fusion.parameters import RigidField
     from taxelflow.sensors.layout import Layout
 
 
 class FieldSession:
     """Fuses block by block; remembers where each contact lay on the object."""
 
-    def __init__(self, parameters: RigidField, layout: Layout) -> None:
-        self._doubt = parameters.edge_doubt
+    def __init__(self, layout: Layout, edge_doubt: float) -> None:
+        """edge_doubt: see `RigidField`."""
+        self._doubt = edge_doubt
         placed: Bools = np.asarray(np.isfinite(layout.T_hand).all(axis=1))
         self._turns = bool(placed.any())  # where no pad has a place, the mean translation is all there is
         home = np.where(placed[:, np.newaxis], layout.T_hand, 0.0)
-        self._used: Bools = layout.apart & (placed if self._turns else True)
+        self._used: Bools = layout.independent & (placed if self._turns else True)
         self._R, self._origin = rotation(home[:, 2]), home[:, :2]
         self._pitch_m = layout.pitch_m
         self._anchors, self._body = records(Anchor, len(layout.pads)), records(Body, 1)

@@ -27,7 +27,7 @@ def add_square(
 
     weight: (width * width,) on the square of knots from `first`.
     """
-    for qy in range(width):
+    for qy in range(width):  # noqa: PLR1702  pairs of knots, each in two directions
         for qx in range(width):
             wq = factor * weight[qy * width + qx]
             if wq == 0.0:
@@ -44,15 +44,16 @@ def multiply(stencil: Floats, nx: int, vector: Floats, out: Floats) -> None:
     """Fill out (knots,) with the symmetric matrix times vector."""
     n, width = stencil.shape[:2]
     out[:] = 0.0
-    for j in range(n):
+    for j in range(n):  # noqa: PLR1702  knots, and offsets in two directions
         for dy in range(width):
             for k in range(stencil.shape[2]):
                 v = stencil[j, dy, k]
-                if v != 0.0:
-                    i = j + dy * nx + k - width + 1
-                    out[i] += v * vector[j]
-                    if i != j:
-                        out[j] += v * vector[i]
+                if v == 0.0:
+                    continue
+                i = j + dy * nx + k - width + 1
+                out[i] += v * vector[j]
+                if i != j:
+                    out[j] += v * vector[i]
 
 
 @kernel
@@ -60,12 +61,11 @@ def to_band(stencil: Floats, nx: int, band: Floats) -> None:
     """Fill the lower band (offsets, knots) that `scipy.linalg.cholesky_banded` takes."""
     n, width = stencil.shape[:2]
     band[:] = 0.0
-    for j in range(n):
+    for j in range(n):  # noqa: PLR1702  knots, and offsets in two directions
         for dy in range(width):
             for k in range(stencil.shape[2]):
-                offset = dy * nx + k - width + 1
                 if stencil[j, dy, k] != 0.0:
-                    band[offset, j] = stencil[j, dy, k]
+                    band[dy * nx + k - width + 1, j] = stencil[j, dy, k]
 
 
 def smoothness(shape: tuple[int, int], width: int) -> Floats:
@@ -118,11 +118,12 @@ def solve_band(factor: Floats, right: Floats) -> None:
     for row in range(len(right)):
         x = right[row]
         for j in range(knots):
-            if x[j] != 0.0:
-                value = x[j] / factor[j, 0]
-                x[j] = value
-                for k in range(1, min(band, knots - j)):
-                    x[j + k] -= factor[j, k] * value
+            if x[j] == 0.0:
+                continue
+            value = x[j] / factor[j, 0]
+            x[j] = value
+            for k in range(1, min(band, knots - j)):
+                x[j + k] -= factor[j, k] * value
         for j in range(knots - 1, -1, -1):
             value = x[j]
             for k in range(1, min(band, knots - j)):

@@ -159,7 +159,7 @@ def spread(
     cos, sin = shrink * np.cos(state[THETA]), shrink * np.sin(state[THETA])
     share = 1.0 / len(points)
     margin = (width - _BASIS) // 2 + 1
-    for i in range(places.shape[1]):
+    for i in range(places.shape[1]):  # noqa: PLR1702  points of a taxel, knots in two directions
         px, py = places[0, i] - state[X], places[1, i] - state[Y]
         if bend.shape[1]:
             px -= bend[0, i]
@@ -190,11 +190,12 @@ def gather(first: NDArray[np.int64], weight: Floats, values: Floats, nx: int, ou
     first: (taxels,), weight: (taxels, 16), both from `spread` with width 4. nx: knots in a row of the lattice.
     """
     for i in range(len(first)):
-        if first[i] >= 0:
-            for a in range(4):
-                for b in range(4):
-                    for row in range(len(values)):
-                        out[row, first[i] + a * nx + b] += weight[i, 4 * a + b] * values[row, i]
+        if first[i] < 0:
+            continue
+        for k in range(16):
+            knot = first[i] + k // 4 * nx + k % 4
+            for row in range(len(values)):
+                out[row, knot] += weight[i, k] * values[row, i]
 
 
 def in_object(places: Floats, state: Floats) -> Floats:

@@ -8,7 +8,7 @@ records are still in use. Scratch values are fields of a state instead.
 from __future__ import annotations
 
 from functools import cache
-from typing import Annotated, Any, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, cast, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from taxelflow.messages import Floats
 
 Records = NDArray[np.void]
+Fields = TypeVar("Fields")
 Vector = Annotated[Floats, 3]
 """(3,) floats along x, y, theta."""
 
@@ -48,3 +49,8 @@ def unknown(fields: type, *shape: int) -> Records:
     held: Records = np.empty(shape, dtype=record_dtype(fields))
     held.view(np.float64).fill(np.nan)
     return held
+
+
+def record(fields: type[Fields], held: Records, number: int = 0) -> Fields:
+    """One record of an array, by attribute, for code outside kernels. Writing to a field writes to the array."""
+    return cast("Fields", held.view(np.recarray)[number])

@@ -1,4 +1,4 @@
-"""A sensor drawn in the terminal: its pads with the numbers of their taxels, its groups, its wiring."""
+"""A sensor drawn in the terminal: its pads with the numbers of their taxels, its groups, its channels."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def draw_sensor(sensor: Sensor) -> None:
     console.print(f"{sensor.name}  {layout.taxels} taxels in {pads}, {sensor.unit}", style="bold")
     if sensor.note:
         console.print(sensor.note)
-    if said := _wiring(sensor):
+    if said := _channels(sensor):
         console.print(said)
     for index, pad in enumerate(sensor.pads):
         console.print(f"\n{pad.name}  {_size(pad, layout, index)}", style="bold")
@@ -53,17 +53,17 @@ def _size(pad: Pad, layout: Layout, index: int) -> str:
     return f"{pad.count} taxels, {1e3 * layout.pitch_m[index, 0]:.3g} mm apart{curved}"
 
 
-def _wiring(sensor: Sensor) -> str:
+def _channels(sensor: Sensor) -> str:
     """What the source sends, where it is not the readings as they stand."""
-    wiring = sensor.wiring
-    if wiring.plain:
+    channels = sensor.channel_map
+    if channels.identity:
         return ""
-    said = [f"the source sends {wiring.columns} numbers a scan"]
+    said = [f"the source sends {channels.columns} numbers a scan"]
     if sensor.axes > 1:
         said.append(f"{sensor.axes} per taxel, of which {sensor.normal} is normal to the skin")
     if sensor.offset or sensor.polarity < 0:
         said.append(f"{sensor.offset:g} without load, {'less' if sensor.polarity < 0 else 'more'} under load")
-    if bool(np.any(np.diff(wiring.column) < 0)):
+    if bool(np.any(np.diff(channels.column) < 0)):
         said.append("in an order of its own")
     if sensor.gain:
         said.append("with a gain for each taxel")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 from rich.columns import Columns
 from rich.text import Text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.console import RenderableType
 
 _RAMP = ("#30123b", "#4145ab", "#4675ed", "#39a2fc", "#1bcfd4", "#24eca6", "#61fc6c", "#a4fc3c", "#d1e834", "#f3c63a")
@@ -17,7 +19,31 @@ _WIDE = 40
 MEANINGS = {".": "never loaded", "F": "full scale", "!": "not well", "x": "masked"}
 
 
-def pressure_maps(pads: list[Any], unit: str) -> tuple[RenderableType, str]:
+class PadPicture(Protocol):
+    """A pad with the largest reading of each place of its picture, and a mark or a space for each."""
+
+    @property
+    def name(self) -> str:
+        """Of the pad."""
+        ...
+
+    @property
+    def cols(self) -> int:
+        """Columns of the picture."""
+        ...
+
+    @property
+    def picture(self) -> Sequence[Sequence[float | None]]:
+        """(rows, cols), in the sensor's unit; None where no taxel is."""
+        ...
+
+    @property
+    def marks(self) -> Sequence[str]:
+        """A letter per place, row by row."""
+        ...
+
+
+def pressure_maps(pads: Sequence[PadPicture], unit: str) -> tuple[RenderableType, str]:
     """Pads of a `Checkup` side by side, and what their digits and letters mean."""
     largest = max((value for pad in pads for row in pad.picture for value in row if value is not None), default=0.0)
     maps = Columns([_map(pad, largest) for pad in pads], padding=(1, 3))
@@ -26,7 +52,7 @@ def pressure_maps(pads: list[Any], unit: str) -> tuple[RenderableType, str]:
     return maps, "; ".join([f"digits: the most ever read, in tenths of {largest:.4g} {unit}", *used])
 
 
-def _map(pad: Any, largest: float) -> Text:
+def _map(pad: PadPicture, largest: float) -> Text:
     text = Text(pad.name, style="bold")
     gap = " " if pad.cols <= _WIDE else ""
     for marks, values in zip(pad.marks, pad.picture, strict=True):

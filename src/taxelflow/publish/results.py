@@ -31,7 +31,7 @@ _FLAGS = ("contact", "slipping")
 class Track:
     """What one method saw on one pad: arrays over scans, columns of slips.csv by name, NaN where unknown.
 
-    flags: contact, slipping, and ok, where the method vouches for the pose.
+    flags: contact, slipping, and ok, where the quality of the pose is ok.
     """
 
     method: str

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 _KNOWN = 0.5
-"""Standard deviation, in pitches, up to which a displacement says something."""
+"""Standard deviation, in pitches, up to which a displacement counts as known."""
 
 
 class PadSummary(msgspec.Struct, frozen=True):
@@ -34,8 +34,8 @@ class PadSummary(msgspec.Struct, frozen=True):
     """Share of contact scans that touch a border of the pad, where the paper's methods are biased."""
     slips: int
     scatter: float
-    """How many times larger than its covariance says the pose of a still object scattered, as the slip monitor learned;
-    1 if it learned nothing."""
+    """Scatter of the pose of a still object over the standard deviation of its covariance, learned by the slip
+    detector; 1 if it learned nothing."""
 
 
 class Summary(msgspec.Struct, frozen=True):

@@ -10,15 +10,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn, track
 from rich.text import Text
 
-from taxelflow.publish.pressure_map import pressure_maps
 from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sized
     from pathlib import Path
-    from typing import Any
-
-    from rich.table import Table
 
     from taxelflow.publish.summary import Summary
     from taxelflow.sensors.calibration import Calibration
@@ -63,81 +59,6 @@ def say(summary: Summary, directory: Path) -> None:
     console.print(f"results in {directory}", highlight=False, soft_wrap=True)
     for note in (*summary.notes, *([summary.loss] if summary.loss else [])):
         print(f"taxelflow: {note}", file=sys.stderr)  # noqa: T201
-
-
-def show_checkup(checkup: Any) -> None:
-    """A `Checkup`: the recording in lines, the pads in a table and in pictures, then what is not well."""
-    console = Console(markup=False, highlight=False)
-    promised = "" if checkup.scans_promised in (None, checkup.scans) else f" of {checkup.scans_promised} promised"
-    console.print(f"{checkup.file} ({checkup.format})", style="bold", soft_wrap=True)
-    console.print(f"sensor  {checkup.sensor}, values in {checkup.unit}")
-    stamps = f", {checkup.repeated_scans} repeated stamps dropped" if checkup.repeated_scans else ""
-    console.print(f"scans   {checkup.scans}{promised} in {checkup.duration_s:.2f} s{stamps}")
-    if checkup.rate_hz:
-        gaps = f"{checkup.gaps} gaps, the longest {checkup.longest_gap_s:.3f} s" if checkup.gaps else "no gaps"
-        console.print(f"rate    {checkup.rate_hz:.2f} Hz, jitter {1e3 * checkup.jitter_s:.1f} ms, {gaps}")
-    if checkup.repeated_values:
-        console.print(
-            f"repeats {checkup.repeated_values} scans are the one before again, bit for bit: "
-            f"{checkup.new_rate_hz:.2f} Hz are new",
-            style="yellow",
-        )
-    table, meanings = _pads_table(checkup)
-    console.print(table)
-    if any(pad.contact_scans or pad.findings for pad in checkup.pads):
-        touched = [pad for pad in checkup.pads if pad.contact_scans or pad.findings]
-        maps, digits = pressure_maps(touched, checkup.unit)
-        console.print()
-        console.print(maps)
-        meanings = f"{meanings}\n{digits}"
-    console.print(meanings, style="dim")
-    for finding in (finding for pad in checkup.pads for finding in pad.findings):
-        console.print(f"not well: {finding.words}", style="yellow", soft_wrap=True)
-
-
-def _pads_table(checkup: Any) -> tuple[Table, str]:
-    """One row a pad, with the columns that have something to say, and what they mean."""
-    pads = checkup.pads
-    columns: list[tuple[str, list[str], str]] = [
-        ("grid", [str(pad.taxels) if pad.table else f"{pad.rows}x{pad.cols}" for pad in pads], ""),
-        ("range", [_range(pad.lowest, pad.highest) for pad in pads], ""),
-        ("noise", [_short(pad.noise) for pad in pads], ""),
-        (
-            "drift",
-            [_doubtful(pad.idle_drift, pad.idle_drift_std) for pad in pads],
-            "drift: of the idle pad's mean, start to end",
-        ),
-        ("load N", [_short(pad.load_n) for pad in pads], ""),
-        ("contact", [str(pad.contact_scans) for pad in pads], "contact: scans"),
-        ("taxels", [str(pad.taxels) for pad in pads], ""),
-        ("idle", [str(len(pad.idle_taxels)) for pad in pads], "idle: taxels never loaded"),
-        ("full", [str(len(pad.saturated_taxels)) for pad in pads], "full: taxels that reached full scale"),
-        ("masked", [str(pad.masked) for pad in pads], "masked: taxels"),
-        ("missing", [str(pad.missing_readings) for pad in pads], "missing: readings"),
-    ]
-    told = [column for column in columns if column[0] not in _OPTIONAL or set(column[1]) - {"0", "-"}]
-    table = quiet_table("pad:", *(heading for heading, _, _ in told))
-    for pad, *cells in zip(pads, *(column[1] for column in told), strict=True):
-        table.add_row(pad.name, *cells)
-    return table, "; ".join(meaning for _, _, meaning in told if meaning)
-
-
-_OPTIONAL = ("drift", "load N", "full", "masked", "missing")
-
-
-def _short(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
-
-
-def _doubtful(value: float | None, std: float | None) -> str:
-    """A value that may be nothing: 0 within four of its standard errors."""
-    if value is None or std is None:
-        return "-"
-    return f"{value:+.3g}" if abs(value) > 4 * std else "0"
-
-
-def _range(lowest: float | None, highest: float | None) -> str:
-    return "-" if lowest is None or highest is None else f"{lowest:.4g}..{highest:.4g}"
 
 
 def list_sensors(sensors: list[tuple[str, Sensor]]) -> None:
@@ -185,48 +106,3 @@ def show_calibration(calibration: Calibration, path: Path) -> None:
         if pad.note:
             console.print(f"{pad.name}: {pad.note}")
     console.print(f"written to {path}")
-
-
-def show_bench(figures: Any) -> None:
-    """Tables of a `Bench`."""
-    console = Console(markup=False)
-    title = "one step of a whole hand, every pad loaded"
-    steps = quiet_table("sensor:", "what:", "p50 us", "p99 us", "x literal", title=title)
-    for row in figures.latencies:
-        steps.add_row(row.sensor, row.what, f"{row.p50_us:.1f}", f"{row.p99_us:.1f}", f"{row.times_faster:.1f}")
-    console.print(steps)
-    console.print()
-    if figures.peers.skipped:
-        console.print(f"other software is not timed: {figures.peers.skipped}", style="dim")
-    else:
-        rivals = quiet_table(
-            "what:", "p50 us", "p99 us", "x p50", "x p99", title="one streaming step of the 162-taxel hand"
-        )
-        for row in figures.peers.rows:
-            times = (f"{row.p50_us:.1f}", f"{row.p99_us:.1f}", f"{row.p50_over_peer:.2f}", f"{row.p99_over_peer:.2f}")
-            rivals.add_row(row.what, *times)
-        console.print(rivals)
-    console.print()
-    batch = quiet_table("array:", "what:", "GB/s", "x read", "Mscans/s", title="many scans at once, one core")
-    for row in figures.throughputs:
-        rates = (f"{row.gb_per_s:.1f}", f"{row.share_of_read:.2f}", f"{row.million_scans_per_s:.2f}")
-        batch.add_row(row.array, row.what, *rates)
-    console.print(batch)
-    console.print()
-    title = f"estimate, {figures.scans} scans of {figures.recording}"
-    shares = quiet_table("stage:", "ms", "share", title=title)
-    for row in figures.shares:
-        shares.add_row(row.stage, f"{1e3 * row.seconds:.0f}", f"{100 * row.share:.1f} %")
-    console.print(shares)
-    console.print()
-    title = f"reading, the same {figures.scans} scans in each format"
-    readings = quiet_table("format:", "MB", "scans/s", "MB/s", "plain library:", "scans/s", "x library", title=title)
-    for row in figures.readings:
-        ours = (f"{row.megabytes:.1f}", f"{row.scans_per_s:.0f}", f"{row.mb_per_s:.0f}")
-        readings.add_row(row.format, *ours, row.library, f"{row.library_scans_per_s:.0f}", f"{row.ratio:.2f}")
-    console.print(readings)
-    console.print()
-    starts = quiet_table("command:", "ms", "x import numpy", title="start of a process")
-    for row in figures.starts:
-        starts.add_row(row.command, f"{1e3 * row.seconds:.0f}", f"{row.over_import_numpy:.2f}")
-    console.print(starts)

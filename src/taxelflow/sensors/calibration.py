@@ -1,4 +1,4 @@
-"""The calibration file: what `taxelflow calibrate` writes, and the factors that `estimate` takes from it."""
+"""The calibration file that `taxelflow calibrate` writes, and the gains that `estimate` reads from it."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ Deviation = Annotated[float, Meta(ge=0)]
 
 
 class PadCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What was found for one pad. A standard deviation that is absent: not observable, the number is assumed."""
+    """Calibration of one pad. Without its standard deviation a gain was not observable, and 1 is assumed."""
 
     name: str
     gain_x: Gain
-    """Factor on the index along x, without unit; it stands beside a method's own `gain`."""
+    """Factor on the index along x, dimensionless; it multiplies the method's own `gain`."""
     gain_y: Gain
     mm_per_index_x: float
-    """The factor in mm on the paper's index, its 10.5."""
+    """Factor on the paper's index, mm; 10.5 mm in the paper."""
     mm_per_index_y: float
     T_pad_robot: tuple[float, float, float]
     """Pose x, y, theta (m, m, rad) of the robot's frame in the pad's."""
     std_pad_robot: tuple[Deviation, Deviation, Deviation]
     time_offset_s: float
-    """Robot's clock less the sensor's."""
+    """Robot's clock minus the sensor's, s."""
     std_time_offset_s: Deviation
     scans: int
     """Scans with a position that were used."""
     interior_scans: int
-    """Those of them that the border can hardly do anything to, along the axes whose gain was observed."""
+    """Those of them far from the border, along the axes whose gain was observable."""
     residual_mm: Deviation
-    """Root mean square of what the fit leaves of interior positions (of all, if there are none)."""
+    """Root mean square residual of interior positions (of all positions if there are none), mm."""
     std_x: Deviation | None = None
     std_y: Deviation | None = None
     note: str = ""
@@ -55,14 +55,14 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     method: str
     sensor: str
     fingerprint: str
-    """Of the pads' layout: a calibration is refused for another."""
+    """Hash of the pads' layout: a calibration is refused for another layout."""
     taxelflow: str
     pads: Annotated[tuple[PadCalibration, ...], Meta(min_length=1)]
 
     def gains(self, sensor: Sensor) -> Floats:
-        """(pads, 2) along x, y, pads and groups of the sensor; 1 for pads that were not calibrated.
+        """(pads, 2) gains along x, y of the sensor's pads, groups and contacts; 1 for pads without a calibration.
 
-        A group has the gain of its pad; one across pads the mean over its taxels, alike along both axes.
+        A group has the gain of its pad; one across pads has the mean over its taxels along both axes.
         Raises CalibrationUnfit.
         """
         if (self.sensor, self.fingerprint) != (sensor.name, fingerprint(sensor)):
@@ -83,7 +83,7 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def fingerprint(sensor: Sensor) -> str:
-    """Of all that a gain depends on: names, grids, pitches, missing taxels and tables of the pads."""
+    """Hash of the names, grids, pitches, missing taxels and tables of the pads, on which gains depend."""
     parts = [
         (pad.name, pad.rows, pad.cols, pad.pitch_m, sorted(pad.missing), *((pad.taxels,) if pad.is_table else ()))
         for pad in sensor.pads
@@ -97,7 +97,7 @@ def load_calibration(path: str | Path) -> Calibration:
     try:
         return msgspec.convert(tomllib.loads(text.decode()), Calibration)
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise CalibrationInvalid(path, f"it is not TOML ({error})") from error
+        raise CalibrationInvalid(path, f"invalid TOML ({error})") from error
     except msgspec.ValidationError as error:
         seen = str(error).replace("`$.", "`").replace("Object", "table").replace("object", "table")
         raise CalibrationInvalid(path, seen[:1].lower() + seen[1:]) from error
@@ -111,7 +111,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
 
 
 def to_toml(calibration: Calibration) -> str:
-    """TOML text; what is not known is left out."""
+    """TOML text; unknown values are left out."""
     table = msgspec.to_builtins(calibration)
     pads = table.pop("pads")
     blocks = [table, *pads]

@@ -1,7 +1,7 @@
 """Sensors by name: those that come with taxelflow, plain grids, and files.
 
-A sensor whose pitch its maker does not publish is asked for with it, as `inspire-rh56dftp@3.0mm`; a plain grid is
-`grid:16x16@4mm` (rows x cols at a pitch, or `grid:4x7@10x10.6mm` for two), of counts, or `grid:16x16@4mm,kPa`.
+A sensor whose maker does not publish the pitch is named with it, as in `inspire-rh56dftp@3.0mm`. A plain grid is
+`grid:16x16@4mm` (rows x cols at a pitch, in counts), `grid:4x7@10x10.6mm` (pitch along x, y) or `grid:16x16@4mm,kPa`.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ def builtin_sensors() -> list[str]:
 
 
 def known_sensors() -> list[str]:
-    """What `load_sensor` takes, for people."""
+    """Names and patterns that `load_sensor` accepts, for error messages."""
     return [*builtin_sensors(), *_WAYS]
 
 
 def catalogue() -> list[tuple[str, Sensor]]:
-    """All built-in sensors, unchecked, by the name to ask for; where the user says the pitch, it is 1 mm here."""
+    """All built-in sensors, unchecked, by name; a pitch that the user has to give is 1 mm here."""
     listed = []
     for name in builtin_sensors():
         table = _declared(name)
-        wants = _wants_pitch(table)
-        sensor = unchecked(_pitched(name, table, "1mm" if wants else ""), f"{name}.toml", _folder())
-        listed.append((f"{name}@PITCHmm" if wants else name, sensor))
+        needed = _needs_pitch(table)
+        sensor = unchecked(_pitched(name, table, "1mm" if needed else ""), f"{name}.toml", _folder())
+        listed.append((f"{name}@PITCHmm" if needed else name, sensor))
     return listed
 
 
@@ -66,7 +66,7 @@ def _declared(name: str) -> dict[str, Any]:
     return parse_toml((_folder() / f"{name}.toml").read_bytes(), f"{name}.toml")
 
 
-def _wants_pitch(table: dict[str, Any]) -> bool:
+def _needs_pitch(table: dict[str, Any]) -> bool:
     return any("rows" in pad and "pitch_m" not in pad for pad in table["pads"])
 
 
@@ -75,11 +75,11 @@ def _builtin(name: str, at: str) -> Sensor:
 
 
 def _pitched(name: str, table: dict[str, Any], at: str) -> dict[str, Any]:
-    """What a built-in sensor declares, at the pitch that the user says."""
-    wants, given = _wants_pitch(table), _AT.fullmatch(at)
-    if wants and not given:
+    """The declaration of a built-in sensor, with the pitch that the user has given."""
+    needed, given = _needs_pitch(table), _AT.fullmatch(at)
+    if needed and not given:
         raise PitchNeeded(name, at)
-    if at and not wants:
+    if at and not needed:
         raise NameUnknown("sensor", f"{name}@{at}", [name, "whose pitch is known"])
     if given:
         for pad in table["pads"]:

@@ -1,4 +1,4 @@
-"""From the numbers that a source sends to the readings of taxels: order, axis, zero, polarity and gain, in one place.
+"""Map from the numbers that a source sends to the readings of taxels: order, axis, offset, polarity and gain.
 
 A source's scan has `channels` places, each of one number or of three (x, y, z), of which the one normal to the skin is
 read. A reading is  polarity (number - offset) gain,  in the sensor's unit, and grows with load.
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxelflow.messages import Floats
-from taxelflow.sensors.layout import present_of
+from taxelflow.sensors.pad_geometry import present_taxels
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,11 +24,12 @@ Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Wiring:
-    """How a source's scan becomes readings.
+class ChannelMap:
+    """Map between a source's scans and readings.
 
-    columns: numbers in a source's scan. column: (taxels,), the one that a taxel is read from. gain: (taxels,). plain:
-    whether a source's scan is the readings as they stand.
+    columns: numbers in a source's scan. column: (taxels,), the one that a taxel is read from.
+    offset, polarity, gain (taxels,): as in the equation at the top.
+    identity: whether a source's scan is the readings without any change.
     """
 
     columns: int
@@ -36,59 +37,59 @@ class Wiring:
     offset: float
     polarity: int
     gain: Floats
-    plain: bool = field(init=False)
+    identity: bool = field(init=False)
 
     def __post_init__(self) -> None:
-        straight = np.array_equal(self.column, np.arange(self.columns))
-        alike = self.offset == 0.0 and self.polarity == 1 and bool((self.gain == 1.0).all())
-        object.__setattr__(self, "plain", straight and alike)
+        in_order = np.array_equal(self.column, np.arange(self.columns))
+        unscaled = self.offset == 0.0 and self.polarity == 1 and bool((self.gain == 1.0).all())
+        object.__setattr__(self, "identity", in_order and unscaled)
 
-    def readings(self, values: Floats) -> Floats:
+    def to_readings(self, values: Floats) -> Floats:
         """(scans, columns) as the source sends them -> (scans, taxels) in the order of the layout, load positive."""
-        if self.plain:
+        if self.identity:
             return values
-        picked: Floats = (values[:, self.column] - self.offset) * (self.polarity * self.gain)
-        return picked
+        readings: Floats = (values[:, self.column] - self.offset) * (self.polarity * self.gain)
+        return readings
 
-    def sent(self, readings: Floats) -> Floats:
-        """The inverse of `readings`: (scans, taxels) -> (scans, columns); what no taxel is read from shows no load."""
-        if self.plain:
+    def to_source(self, readings: Floats) -> Floats:
+        """Inverse of `to_readings`: (scans, taxels) -> (scans, columns), columns of no taxel at the offset."""
+        if self.identity:
             return readings
         values = np.full((len(readings), self.columns), self.offset)
         values[:, self.column] += self.polarity * readings / self.gain
         return values
 
 
-def wire(pads: Sequence[Pad], channels: int | None, axes: int, axis: int) -> tuple[int, Indices]:
-    """Columns of a source's scan, and the column of each taxel (taxels,).
+def assign_columns(pads: Sequence[Pad], channels: int | None, axes: int, axis: int) -> tuple[int, Indices]:
+    """Number of columns of a source's scan, and the column of each taxel (taxels,).
 
-    Raises ValueError, saying what is wrong, if a number is asked for twice or lies outside the scan.
+    channels: places in a scan, as many as the pads need if None. axes: numbers per place; axis: the one that is read.
+    Raises ValueError, with the cause and after a colon the remedy, if two taxels read one number or one lies outside.
     """
-    places, behind = [], 0
+    places, end = [], 0
     for pad in pads:
-        begin = behind if pad.start is None else pad.start
-        own = _places(pad)
-        if own.max(initial=-1) >= (pad.channels or pad.count):
-            seen = f"pad {pad.name} asks for its number {own.max()} and has {pad.channels or pad.count}, from 0"
-            raise ValueError(f"{seen}: give it more channels, or another index")
+        begin = end if pad.start is None else pad.start
+        own = _places_of(pad)
+        size = pad.channels or pad.count
+        if own.max(initial=-1) >= size:
+            seen = f"a taxel of pad {pad.name} reads number {own.max()} of {size}, counted from 0"
+            raise ValueError(f"{seen}: give the pad more channels, or the taxel another index")
         places.append(begin + own)
-        behind = begin + (pad.channels or pad.count)
+        end = begin + size
     place = np.concatenate(places)
-    total = channels if channels is not None else max(behind, int(place.max(initial=-1)) + 1)
+    total = channels if channels is not None else max(end, int(place.max(initial=-1)) + 1)
     numbers, times = np.unique(place, return_counts=True)
     if times.max(initial=0) > 1:
-        raise ValueError(
-            f"number {numbers[times.argmax()]} of the scan is read by {times.max()} taxels: mend start, index"
-        )
+        seen = f"{times.max()} taxels read number {numbers[times.argmax()]} of the scan"
+        raise ValueError(f"{seen}: correct start or index")
     if len(numbers) and numbers[-1] >= total:
-        raise ValueError(
-            f"a taxel reads number {numbers[-1]} of a scan of {total}, from 0: mend channels, start, index"
-        )
+        seen = f"a taxel reads number {numbers[-1]} of a scan of {total}, counted from 0"
+        raise ValueError(f"{seen}: correct channels, start or index")
     return total * axes, place * axes + axis
 
 
-def _places(pad: Pad) -> Indices:
-    """(taxels,): which of the pad's numbers each taxel is."""
+def _places_of(pad: Pad) -> Indices:
+    """(taxels,): number of each taxel among those that the source sends for the pad."""
     if pad.index:
         return np.array(pad.index, dtype=np.int64)
     if pad.is_table:
@@ -97,8 +98,8 @@ def _places(pad: Pad) -> Indices:
     sent = number.reshape(pad.rows, pad.cols) if pad.order == "row-major" else number.reshape(pad.cols, pad.rows).T
     sent = sent[::-1] if pad.first.startswith("bottom") else sent
     sent = sent[:, ::-1] if pad.first.endswith("right") else sent
-    own = sent[present_of(pad)]
+    own = sent[present_taxels(pad)]
     if pad.channels is not None and pad.channels > pad.count:
-        return own  # missing places are sent too
+        return own  # the source also sends a number for each missing taxel
     rank: Indices = np.argsort(np.argsort(own))
     return rank

@@ -1,11 +1,12 @@
-"""Curved skin laid flat, as the earth on a map: places and normals in space to coordinates on a plane.
+"""Curved skin flattened to a plane: positions and normals in space to 2-D coordinates that keep distances.
 
-The way over the skin between two taxels is taken from their places and normals. With d the straight line between them
+The geodesic distance between two taxels is estimated from their positions and normals. With d the vector between them
 and a the angle between the normals, the part of d along the difference of the normals is the chord of an arc of that
-angle, and the rest is straight:  way^2 = |d|^2 - chord^2 + (chord (a / 2) / sin(a / 2))^2. On a plane, a cylinder and
-a sphere this is exact. The map is the set of points of the plane whose distances are closest to these ways (least
-squares of relative errors, by majorisation: de Leeuw's SMACOF), so a plane and a cylinder are mapped without
-distortion; what can not be flat, such as a dome, is stretched as little as possible, near neighbours least.
+angle, and the rest is straight:  geodesic^2 = |d|^2 - chord^2 + (chord (a / 2) / sin(a / 2))^2.  On a plane, a cylinder
+and a sphere this is exact. The coordinates are those whose distances are closest to the geodesic ones: least squares
+of relative errors by majorisation (SMACOF; de Leeuw 1977), from classical multidimensional scaling. A plane and a
+cylinder are thus mapped without distortion; a surface that cannot be flat, such as a dome, is distorted as little as
+possible, least between near neighbours.
 """
 
 from __future__ import annotations
@@ -18,103 +19,115 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 MOST_CURVED = 2048
+"""Taxels of a curved pad: memory and time grow with the square of their number."""
 _FLAT_M = 1e-6
-_STEPS = 500
+"""A skin whose height varies by less is a plane."""
+_FLAT_NORMAL = 1e-6
+"""Largest difference of components between the unit normals of a plane."""
+_LEAST_MEAN_NORMAL = 0.1
+"""Norm of the mean unit normal below which the skin has no outside that one view shows."""
+_MOST_STEPS = 500
+"""Steps of SMACOF: the built-in sensors need at most about 100."""
+_CONVERGED_M = 1e-10
+"""Largest step of a coordinate at which SMACOF has converged."""
+_LEAST_GEODESIC_M = 1e-9
+"""Guards the weight 1 / geodesic^2 of coincident taxels."""
+_NEIGHBOUR = 1.6
+"""Taxels closer than this many median spacings are neighbours, as in `triangulation`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Chart:
-    """xy: (taxels, 2) on the map, m, x along the table's x axis, y to the left of it seen from outside, mean at 0.
+class Flattening:
+    """xy: (taxels, 2) in the plane, m, mean at 0; x along the table's x axis, y to the left of it seen from outside.
 
-    stretch: largest relative error of a distance between near neighbours.
+    stretch: largest relative error of a distance between neighbours.
     """
 
     xy: Floats
     stretch: float
 
 
-def lay_flat(places: Floats, normals: Floats) -> Chart:
-    """A chart of taxels at places (taxels, 3) in m with unit normals (taxels, 3) out of the skin.
+def flatten(positions: Floats, normals: Floats) -> Flattening:
+    """Flatten taxels at positions (taxels, 3) in m with unit normals (taxels, 3) out of the skin.
 
-    Raises ValueError, saying what is wrong, for skin that closes around and for too many taxels.
+    Raises ValueError, with the cause and after a colon the remedy, for skin that closes around and for too many taxels.
     """
     outwards = normals.mean(axis=0)
-    if np.linalg.norm(outwards) < 0.1:
-        raise ValueError(
-            "the normals point all around, so that the skin closes upon itself: split it into several pads"
-        )
-    across = _axes(outwards / np.linalg.norm(outwards))
-    seen = (places - places.mean(axis=0)) @ across.T
-    if np.ptp(seen[:, 2]) < _FLAT_M and np.abs(normals - normals[:1]).max() < 1e-6:
-        return Chart(seen[:, :2], 0.0)
-    if len(places) > MOST_CURVED:
-        raise ValueError(f"a curved pad has at most {MOST_CURVED} taxels, this one {len(places)}: split it")
-    ways = _ways(places, normals)
-    xy = _turned_like(_spread(ways, seen[:, :2]), seen[:, :2])
-    return Chart(xy - xy.mean(axis=0), _stretch(xy, ways))
+    if np.linalg.norm(outwards) < _LEAST_MEAN_NORMAL:
+        raise ValueError("the normals point in all directions, the skin is closed: split it into several pads")
+    axes = _tangent_frame(outwards / np.linalg.norm(outwards))
+    projected = (positions - positions.mean(axis=0)) @ axes.T
+    if np.ptp(projected[:, 2]) < _FLAT_M and np.abs(normals - normals[:1]).max() < _FLAT_NORMAL:
+        return Flattening(projected[:, :2], 0.0)
+    if len(positions) > MOST_CURVED:
+        raise ValueError(f"a curved pad has at most {MOST_CURVED} taxels, this one {len(positions)}: split it")
+    geodesic = _geodesic_distances(positions, normals)
+    xy = _aligned(_smacof(geodesic, projected[:, :2]), projected[:, :2])
+    return Flattening(xy - xy.mean(axis=0), _stretch(xy, geodesic))
 
 
-def _axes(z: Floats) -> Floats:
-    """(3, 3): rows x, y, z of the tangent frame, x along the x axis where it lies in the skin, else along y."""
-    along = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    x = along - (along @ z) * z
+def _tangent_frame(z: Floats) -> Floats:
+    """(3, 3): rows x, y, z; x along the x axis where that is tangential, else along the y axis."""
+    reference = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    x = reference - (reference @ z) * z
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z])
 
 
-def _ways(places: Floats, normals: Floats) -> Floats:
-    """(taxels, taxels) lengths over the skin."""
-    line = places[:, np.newaxis] - places
+def _geodesic_distances(positions: Floats, normals: Floats) -> Floats:
+    """(taxels, taxels), m; the equation at the top."""
+    d = positions[:, np.newaxis] - positions
     bend = normals[:, np.newaxis] - normals
     size = np.linalg.norm(bend, axis=2)
-    chord = np.abs(np.einsum("ijk,ijk->ij", line, bend)) / np.where(size > 0, size, 1.0)
+    chord = np.abs(np.einsum("ijk,ijk->ij", d, bend)) / np.where(size > 0, size, 1.0)
     sine = np.clip(size / 2, 0.0, 1.0)  # of half the angle: |bend| = 2 sin(a / 2)
     arc = chord * np.where(sine > 0, np.arcsin(sine) / np.where(sine > 0, sine, 1.0), 1.0)
-    squares = np.sum(line**2, axis=2) - chord**2 + arc**2
-    ways: Floats = np.sqrt(np.maximum(squares, 0.0))
-    return ways
+    squares = np.sum(d**2, axis=2) - chord**2 + arc**2
+    geodesic: Floats = np.sqrt(np.maximum(squares, 0.0))
+    return geodesic
 
 
-def _spread(ways: Floats, start: Floats) -> Floats:
-    """Points (taxels, 2) whose distances are closest to the ways, each weighed by 1 / way^2."""
+def _smacof(geodesic: Floats, fallback: Floats) -> Floats:
+    """(taxels, 2): minimises the sum of (distance - geodesic)^2 / geodesic^2. fallback: (taxels, 2) to start from."""
     from scipy.linalg import cho_factor, cho_solve
 
-    count = len(ways)
-    weights = 1.0 / np.maximum(ways, 1e-9) ** 2
+    count = len(geodesic)
+    weights = 1.0 / np.maximum(geodesic, _LEAST_GEODESIC_M) ** 2
     np.fill_diagonal(weights, 0.0)
     weights /= weights.max()
     laplacian = np.diag(weights.sum(axis=1)) - weights + np.ones((count, count)) * weights.mean()
     factor = cho_factor(laplacian)
-    xy = _classical(ways, start)
-    for _ in range(_STEPS):
-        apart = np.linalg.norm(xy[:, np.newaxis] - xy, axis=2)
-        pull = weights * ways / np.where(apart > 0, apart, 1.0)
+    xy = _classical_scaling(geodesic, fallback)
+    for _ in range(_MOST_STEPS):
+        distance = np.linalg.norm(xy[:, np.newaxis] - xy, axis=2)
+        pull = weights * geodesic / np.where(distance > 0, distance, 1.0)
         np.fill_diagonal(pull, 0.0)
         better = cho_solve(factor, np.diag(pull.sum(axis=1)) @ xy - pull @ xy)
-        moved, xy = np.abs(better - xy).max(), better
-        if moved < 1e-10:
+        step, xy = np.abs(better - xy).max(), better
+        if step < _CONVERGED_M:
             break
     return xy
 
 
-def _classical(ways: Floats, start: Floats) -> Floats:
-    """Where to begin: classical scaling, exact where the skin can be flat."""
-    centred = ways**2
+def _classical_scaling(geodesic: Floats, fallback: Floats) -> Floats:
+    """Classical multidimensional scaling (Torgerson 1952), exact where the skin can be flat."""
+    centred = geodesic**2
     centred = centred - centred.mean(axis=0) - centred.mean(axis=1)[:, np.newaxis] + centred.mean()
     values, vectors = np.linalg.eigh(-0.5 * centred)
     xy: Floats = vectors[:, -2:] * np.sqrt(np.maximum(values[-2:], 0.0))
-    return xy if np.ptp(xy, axis=0).min() > _FLAT_M else start
+    return xy if np.ptp(xy, axis=0).min() > _FLAT_M else fallback
 
 
-def _turned_like(xy: Floats, seen: Floats) -> Floats:
-    """Turned and, if need be, mirrored to lie as it is seen from outside."""
-    left, _, right = np.linalg.svd((xy - xy.mean(axis=0)).T @ seen)
-    turned: Floats = xy @ (left @ right)
-    return turned
+def _aligned(xy: Floats, projected: Floats) -> Floats:
+    """Rotated, and mirrored if necessary, to match the view from outside (orthogonal Procrustes problem)."""
+    left, _, right = np.linalg.svd((xy - xy.mean(axis=0)).T @ projected)
+    rotated: Floats = xy @ (left @ right)
+    return rotated
 
 
-def _stretch(xy: Floats, ways: Floats) -> float:
-    apart = np.linalg.norm(xy[:, np.newaxis] - xy, axis=2)
-    far = ways + np.diag(np.full(len(ways), np.inf))
-    near = far < 1.6 * np.median(far.min(axis=1))
-    return float(np.max(np.abs(apart[near] / ways[near] - 1.0), initial=0.0))
+def _stretch(xy: Floats, geodesic: Floats) -> float:
+    """Largest relative error of a distance between neighbours."""
+    distance = np.linalg.norm(xy[:, np.newaxis] - xy, axis=2)
+    others = geodesic + np.diag(np.full(len(geodesic), np.inf))
+    near = others < _NEIGHBOUR * np.median(others.min(axis=1))
+    return float(np.max(np.abs(distance[near] / geodesic[near] - 1.0), initial=0.0))

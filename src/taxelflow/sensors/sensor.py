@@ -1,4 +1,4 @@
-"""A tactile sensor, as a TOML file declares it: pads in the order of the scans, unit, wiring."""
+"""A tactile sensor as a TOML file declares it: pads in the order of the scans, unit, channels."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import msgspec
 from msgspec import Meta
 
 from taxelflow.errors import NameUnknown, ParameterInvalid, SensorFileInvalid
-from taxelflow.sensors import validation as faults
-from taxelflow.sensors.channels import Wiring, wire
+from taxelflow.sensors import validation
+from taxelflow.sensors.channels import ChannelMap, assign_columns
 from taxelflow.sensors.layout import Layout, layout_of
 from taxelflow.sensors.pads import MOST_CONTACTS, Channels, Group, Name, Number, Pad, Positive
 from taxelflow.sensors.taxel_table import with_table
@@ -36,22 +36,22 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash
     scale_pa: Positive | None = None
     """Pa per count, for unit `count`, if known."""
     full_scale: Positive | None = None
-    """Largest reading at gain 1, in `unit`, if known: there a taxel saturates."""
+    """Reading at gain 1 at which a taxel saturates, in `unit`, if known."""
     groups: tuple[Group, ...] = ()
     delay_s: tuple[Delay, ...] = ()
-    """How long after its scan's time stamp each taxel is read, s, in the order of the layout; at once if left out."""
+    """Time from the scan's time stamp to the reading of each taxel, s, in the order of the layout; 0 if left out."""
     gain: tuple[Positive, ...] = ()
-    """Factor on each taxel's reading, in the order of the layout, to make all alike; 1 if left out."""
+    """Factor that equalises each taxel's reading, in the order of the layout; 1 if left out."""
     offset: Number = 0.0
-    """What the source sends without load, in `unit`; a reading is polarity (sent - offset) gain."""
+    """Number that the source sends without load, in `unit`; a reading is polarity (number - offset) gain."""
     polarity: Literal[1, -1] = 1
-    """-1 for a source whose numbers fall under load."""
+    """-1 for a source whose numbers decrease under load."""
     axes: Literal[1, 3] = 1
-    """Numbers that the source sends per taxel: 3 for x, y, z of a three-axis taxel, side by side."""
+    """Numbers that the source sends per taxel: 3 for x, y, z of a three-axis taxel, in sequence."""
     normal: Literal["x", "y", "z"] = "z"
-    """Which of three axes is normal to the skin; the others are not used."""
+    """The one of three axes that is normal to the skin; the others are not used."""
     channels: Channels | None = None
-    """How many taxels' numbers a scan of the source has, if more than the pads read."""
+    """Places for taxels in a scan of the source, if more than the pads read."""
     note: str = ""
 
     @property
@@ -72,9 +72,9 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash
         return _layout(self)
 
     @property
-    def wiring(self) -> Wiring:
-        """How a source's scan becomes readings, computed once."""
-        return _wiring(self)
+    def channel_map(self) -> ChannelMap:
+        """Map from a source's scans to readings, computed once."""
+        return _channel_map(self)
 
 
 @cache
@@ -83,12 +83,12 @@ def _layout(sensor: Sensor) -> Layout:
 
 
 @cache
-def _wiring(sensor: Sensor) -> Wiring:
+def _channel_map(sensor: Sensor) -> ChannelMap:
     import numpy as np
 
-    columns, column = wire(sensor.pads, sensor.channels, sensor.axes, _axis(sensor))
+    columns, column = assign_columns(sensor.pads, sensor.channels, sensor.axes, _axis(sensor))
     gain = np.array(sensor.gain or [1.0] * len(column))
-    return Wiring(columns, column, sensor.offset, sensor.polarity, gain)
+    return ChannelMap(columns, column, sensor.offset, sensor.polarity, gain)
 
 
 def _axis(sensor: Sensor) -> int:
@@ -96,9 +96,9 @@ def _axis(sensor: Sensor) -> int:
 
 
 def with_contacts(sensor: Sensor, asked: int | str | Mapping[str, int]) -> Sensor:
-    """The sensor with so many contacts to be told apart on every pad, or on some, by name.
+    """The sensor with a number of separate contacts on every pad, or on some pads by name.
 
-    asked: 2, or {"palm": 2}, or as text, 2 or palm=2,thumb=3. Raises ParameterInvalid, NameUnknown.
+    asked: 2, or {"palm": 2}, or text such as 2 or palm=2,thumb=3. Raises ParameterInvalid, NameUnknown.
     """
     names = [pad.name for pad in sensor.pads]
     if isinstance(asked, str):
@@ -108,21 +108,21 @@ def with_contacts(sensor: Sensor, asked: int | str | Mapping[str, int]) -> Senso
         if name not in names:
             raise NameUnknown("pad", name, names)
         if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_CONTACTS:
-            raise ParameterInvalid("contacts", count, f"it is a whole number from 1 to {MOST_CONTACTS}")
+            raise ParameterInvalid("contacts", count, f"be a whole number from 1 to {MOST_CONTACTS}")
     pads = tuple(msgspec.structs.replace(pad, contacts=counts.get(pad.name, pad.contacts)) for pad in sensor.pads)
     taken = {*names, *(group.name for group in sensor.groups)} & {name for pad in pads for name in pad.contact_names}
     if taken:
-        raise ParameterInvalid("contacts", asked, f"a pad or group is already called {min(taken)}: rename it")
+        raise ParameterInvalid(
+            "contacts", asked, f"leave the name {min(taken)} free: rename the pad or group of that name"
+        )
     return msgspec.structs.replace(sensor, pads=pads)
 
 
 def _counts(asked: str) -> dict[str, int]:
-    """Of text such as palm=2,thumb=3. Raises ParameterInvalid."""
+    """Numbers of contacts from text such as palm=2,thumb=3. Raises ParameterInvalid."""
     parts = [part.rpartition("=") for part in asked.split(",")]
     if not all(name and count.strip().isdecimal() for name, _, count in parts):
-        raise ParameterInvalid(
-            "contacts", asked, "it is a number such as 2, or one for each of some pads: palm=2,thumb=3"
-        )
+        raise ParameterInvalid("contacts", asked, "be a number such as 2, or a number per pad as in palm=2,thumb=3")
     return {name.strip(): int(count) for name, _, count in parts}
 
 
@@ -132,12 +132,12 @@ def read_sensor(path: Path) -> Sensor:
 
 
 def parse_sensor(text: bytes, source: str, folder: Traversable | None = None) -> Sensor:
-    """A sensor from TOML text. source: its name in errors. folder: where its tables are. Raises SensorFileInvalid."""
+    """A sensor from TOML text. source: its name in errors. folder: of its tables. Raises SensorFileInvalid."""
     return sensor_of(parse_toml(text, source), source, folder)
 
 
 def parse_toml(text: bytes, source: str) -> dict[str, object]:
-    """What TOML text holds. Raises SensorFileInvalid."""
+    """The mapping in TOML text. Raises SensorFileInvalid."""
     try:
         return tomllib.loads(text.decode())
     except UnicodeDecodeError as error:
@@ -147,41 +147,42 @@ def parse_toml(text: bytes, source: str) -> dict[str, object]:
 
 
 def sensor_of(table: object, source: str, folder: Traversable | None = None) -> Sensor:
-    """A sensor from the mapping that TOML or JSON holds; else as `parse_sensor`. Raises SensorFileInvalid."""
+    """A sensor from the mapping in TOML or JSON, completely checked. Raises SensorFileInvalid."""
     sensor = unchecked(table, source, folder)
-    faults.check_pads(sensor.pads, source)
-    faults.check_groups(sensor.groups, sensor.pads, source)
+    validation.check_pads(sensor.pads, source)
+    validation.check_groups(sensor.groups, sensor.pads, source)
     _check(sensor, source)
     return sensor
 
 
 def unchecked(table: object, source: str, folder: Traversable | None = None) -> Sensor:
-    """`sensor_of`, but only its fields are checked, not whether its taxels can be laid out, which takes time."""
+    """`sensor_of` without the checks that compute the layout, which take time: only types and ranges of fields."""
     try:
         sensor = msgspec.convert(table, Sensor)
     except msgspec.ValidationError as error:
-        raise faults.schema_error(source, str(error)) from error
+        raise validation.schema_error(source, str(error)) from error
     pads = tuple(
-        with_table(pad, folder, source, faults.pad_at(number, pad.name)) for number, pad in enumerate(sensor.pads, 1)
+        with_table(pad, folder, source, validation.pad_at(number, pad.name))
+        for number, pad in enumerate(sensor.pads, 1)
     )
     return msgspec.structs.replace(sensor, pads=pads)
 
 
 def _check(sensor: Sensor, source: str) -> None:
     if sensor.scale_pa is not None and sensor.unit != "count":
-        seen, remedy = f"given for unit {sensor.unit!r}", "leave it out: only counts need a scale"
+        seen, remedy = f"given for unit {sensor.unit!r}", "leave it out: only counts have a scale"
         raise SensorFileInvalid(source, "top level, field scale_pa", seen, remedy)
     taxels = sum(pad.count for pad in sensor.pads)
     for field, numbers in (("delay_s", sensor.delay_s), ("gain", sensor.gain)):
         if numbers and len(numbers) != taxels:
             what = field.removesuffix("_s")
             seen = f"{len(numbers)} {what}s for {taxels} taxels"
-            raise SensorFileInvalid(source, f"top level, field {field}", seen, "give one for each taxel, or none")
+            raise SensorFileInvalid(source, f"top level, field {field}", seen, "give one per taxel, or none")
     try:
-        wire(sensor.pads, sensor.channels, sensor.axes, _axis(sensor))
+        assign_columns(sensor.pads, sensor.channels, sensor.axes, _axis(sensor))
     except ValueError as error:
-        raise SensorFileInvalid(source, "order of the source", *str(error).split(": ", 1)) from error
+        raise SensorFileInvalid(source, "order of the source's numbers", *str(error).split(": ", 1)) from error
     area = sensor.layout.area_m2
     if sensor.unit == "N" and area.min() < 0.999 * area.max():
-        seen = f"it is N, and taxels have {area.min():.3g} to {area.max():.3g} m2"
-        raise SensorFileInvalid(source, "top level, field unit", seen, "give pressures, or one area_m2 for all")
+        seen = f"N, with taxels of {area.min():.3g} to {area.max():.3g} m2"
+        raise SensorFileInvalid(source, "top level, field unit", seen, "choose a unit of pressure, or give one area_m2")

@@ -1,7 +1,7 @@
-"""Tables of taxels in CSV files: places, normals, areas, order.
+"""Tables of taxels in CSV files: positions, normals, areas, order.
 
-Columns, in any order: `x_m`, `y_m`; for a curved pad also `z_m` and `nx`, `ny`, `nz`; if need be `area_m2` and `index`,
-which of the pad's numbers in the source's scan the taxel is. Lengths may be in mm (`x_mm`, `area_mm2`).
+Columns, in any order: `x_m`, `y_m`; for a curved pad also `z_m` and `nx`, `ny`, `nz`; optionally `area_m2` and `index`,
+the taxel's place among those of the pad in the source's scan. Lengths may be in mm (`x_mm`, `area_mm2`).
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ _UNITS = {
     "index": 1.0,
 }
 _MOST = 1e6
-_REMEDY = "its header is x_m,y_m or x_m,y_m,z_m,nx,ny,nz (or in mm: x_mm), if need be also area_m2 and index"
+"""Largest absolute value of a field, as in a sensor file (`pads.Number`)."""
+_REMEDY = "the header must be x_m,y_m or x_m,y_m,z_m,nx,ny,nz (or in mm: x_mm), optionally with area_m2 and index"
 
 
 def with_table(pad: Pad, folder: Traversable | None, source: str, where: str) -> Pad:
@@ -44,14 +45,14 @@ def with_table(pad: Pad, folder: Traversable | None, source: str, where: str) ->
     where = f"{where}, field taxels"
     if folder is None:
         raise SensorFileInvalid(
-            source, where, f"it names the file {pad.taxels!r}", "here the rows themselves must stand"
+            source, where, f"file {pad.taxels!r}, but the sensor is not read from a file", "give the rows themselves"
         )
     try:
         text = folder.joinpath(pad.taxels).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError, ValueError) as error:
         seen = f"the table {pad.taxels!r} cannot be read ({getattr(error, 'strerror', None) or error})"
         raise SensorFileInvalid(
-            source, where, seen, "give the path of a CSV file, from the folder of the sensor file"
+            source, where, seen, "give the path of a CSV file relative to the sensor file"
         ) from error
     try:
         columns = _columns(text.splitlines())
@@ -64,7 +65,7 @@ def with_table(pad: Pad, folder: Traversable | None, source: str, where: str) ->
     if "index" in columns:
         fields["index"] = tuple(int(number) for number in columns["index"])
     if both := [name for name in ("area_m2", "index") if name in fields and getattr(pad, name)]:
-        seen = f"table {pad.taxels!r} has {both[0]}, and so has the sensor file"
+        seen = f"{both[0]} is in the table {pad.taxels!r} and in the sensor file"
         raise SensorFileInvalid(source, where, seen, "give it once")
     return replace(pad, **fields)
 
@@ -74,12 +75,12 @@ def _columns(lines: Iterable[str]) -> dict[str, list[float]]:
     rows = [row for row in csv.reader(lines) if row]
     header = [name.strip() for name in rows[0]] if rows else []
     if unknown := [name for name in header if name not in _UNITS]:
-        raise ValueError(f"there is no column {unknown[0]!r}")
+        raise ValueError(f"unknown column {unknown[0]!r}")
     names = [name.split("_")[0] for name in header]
     if len(set(names)) < len(names) or not {"x", "y"} <= set(names):
-        raise ValueError(f"its columns are {','.join(header) or 'none'}")
+        raise ValueError(f"the columns are {','.join(header) or 'missing'}")
     if not rows[1:]:
-        raise ValueError("it has no rows")
+        raise ValueError("no rows")
     columns: dict[str, list[float]] = {name: [] for name in names}
     for number, row in enumerate(rows[1:], 1):
         if len(row) != len(header):
@@ -93,9 +94,9 @@ def _number(field: str, row: int, name: str) -> float:
     try:
         value = float(field)
     except ValueError:
-        raise ValueError(f"row {row}, column {name}: {field!r} is no number") from None
+        raise ValueError(f"row {row}, column {name}: {field!r} is not a number") from None
     if not abs(value) < _MOST or (name == "index" and (value < 0 or value != int(value))):
-        raise ValueError(f"row {row}, column {name}: {field} will not do")
+        raise ValueError(f"row {row}, column {name}: {field} is out of range")
     if name.startswith("area") and value <= 0:
-        raise ValueError(f"row {row}, column {name}: {field} is no area")
+        raise ValueError(f"row {row}, column {name}: {field} is not an area above 0")
     return value

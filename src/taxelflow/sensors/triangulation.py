@@ -1,4 +1,4 @@
-"""Taxels scattered over a plane: how far apart they are, which lie side by side, and a raster to show them on."""
+"""Taxels scattered over a plane: their spacing, Delaunay edges, adjacent taxels, and a raster for display."""
 
 from __future__ import annotations
 
@@ -10,8 +10,14 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_NEIGHBOUR, _BESIDE = 1.6, 1.4
+_NEIGHBOUR = 1.6
+"""Longest edge in spacings: beyond the diagonal of a square grid (1.41), short of every second taxel in a row (2)."""
+_ADJACENT = 1.4
+"""Largest distance in spacings of an adjacent taxel: below the diagonal of a square grid (1.41)."""
 _CONE = np.cos(np.radians(46.0))
+"""Cosine of the largest angle between an axis and the direction to an adjacent taxel: every direction has one."""
+_CELL = 0.999
+"""Cell of the raster over the largest one in which no two taxels can be."""
 
 
 def spacing_m(xy: Floats) -> float:
@@ -37,7 +43,7 @@ def nearest_m(xy: Floats) -> Floats:
 def neighbours(xy: Floats, spacing: float) -> Indices:
     """(pairs, 2): edges of the Delaunay triangulation of (taxels, 2) shorter than 1.6 spacings.
 
-    Of fewer than four taxels, or taxels on a line, which have none: all pairs so close.
+    Fewer than four taxels, and taxels on a line, have no triangulation: then all pairs closer than that.
     """
     from scipy.spatial import Delaunay, QhullError, cKDTree
 
@@ -56,36 +62,36 @@ def neighbours(xy: Floats, spacing: float) -> Indices:
     return short
 
 
-def beside(xy: Floats, spacing: float) -> Indices:
-    """(taxels, 2, 2): the nearest other one of the taxels (taxels, 2) to the left, right (x), below, above (y), or -1.
+def adjacent(xy: Floats, spacing: float) -> Indices:
+    """(taxels, 2, 2): number of the nearest of the taxels (taxels, 2) to the left, right (x), below, above (y), or -1.
 
-    To a side means within 1.4 spacings and 46 degrees of that direction: in a square grid the next taxel of the row or
-    column, in a hexagonal one those beside it.
+    A taxel is adjacent within 1.4 spacings and 46 degrees of that direction: in a square grid the next one of the row
+    or column, in a hexagonal grid any of the six around it.
     """
     from scipy.spatial import cKDTree
 
-    pairs = cKDTree(xy).query_pairs(_BESIDE * spacing, output_type="ndarray").reshape(-1, 2)
+    pairs = cKDTree(xy).query_pairs(_ADJACENT * spacing, output_type="ndarray").reshape(-1, 2)
     both = np.concatenate([pairs, pairs[:, ::-1]])
-    way = xy[both[:, 1]] - xy[both[:, 0]]
-    reach = np.linalg.norm(way, axis=1)
-    far_first = np.argsort(-reach, kind="stable")
-    both, way, reach = both[far_first], way[far_first], reach[far_first]
+    vector = xy[both[:, 1]] - xy[both[:, 0]]
+    distance = np.linalg.norm(vector, axis=1)
+    far_first = np.argsort(-distance, kind="stable")  # nearer ones overwrite farther ones below
+    both, vector, distance = both[far_first], vector[far_first], distance[far_first]
     found = np.full((len(xy), 2, 2), -1)
     for axis in range(2):
         for side, sign in enumerate((-1.0, 1.0)):
-            there = sign * way[:, axis] >= _CONE * reach
-            found[both[there, 0], axis, side] = both[there, 1]
+            inside = sign * vector[:, axis] >= _CONE * distance
+            found[both[inside, 0], axis, side] = both[inside, 1]
     return found
 
 
 def raster(xy: Floats) -> tuple[Indices, Indices, tuple[int, int]]:
-    """row, col (taxels,) and shape of a raster that shows (taxels, 2), no two in one cell, row 0 on top.
+    """row, col (taxels,) and shape of a raster that shows taxels (taxels, 2), no two in one cell, row 0 on top.
 
-    Cells are as small as the closest two taxels ask for.
+    The diagonal of a cell is just shorter than the smallest distance of two taxels.
     """
     if len(xy) == 1:
         return np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64), (1, 1)
-    cell = 0.999 * closest_m(xy) / sqrt(2.0)
+    cell = _CELL * closest_m(xy) / sqrt(2.0)
     col = np.floor((xy[:, 0] - xy[:, 0].min()) / cell).astype(np.int64)
     row = np.floor((xy[:, 1].max() - xy[:, 1]) / cell).astype(np.int64)
     return row, col, (int(row.max()) + 1, int(col.max()) + 1)

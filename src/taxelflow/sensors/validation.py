@@ -1,4 +1,4 @@
-"""What can be wrong in a sensor file beyond its syntax: each fault named with file, table and field."""
+"""Checks of a sensor file beyond its syntax; each error names file, table and field."""
 
 from __future__ import annotations
 
@@ -8,118 +8,123 @@ from math import dist, isfinite
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import SensorFileInvalid
-from taxelflow.sensors.layout import chosen_of, skin_of
+from taxelflow.sensors.pad_geometry import geometry_of, patch_taxels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from taxelflow.sensors.pads import Group, Pad, Patch
 
-_HAS = (
+_SCHEMA = (
     "a sensor has name, unit (Pa, kPa, psi, N/cm2, N or count) and [[pads]] with name and either rows, cols, "
     "pitch_m = [x, y] or taxels = a table"
 )
-_ROWS = "give rows [x, y] or [x, y, z, nx, ny, nz], all alike, in m"
-_LENGTH = 0.01
+_ROWS = "give all rows as [x, y], or all as [x, y, z, nx, ny, nz], in m"
+_NORMAL_TOLERANCE = 0.01
+"""Largest error of a normal's length: tables are rounded to a few digits."""
+_QUATERNION_TOLERANCE = 1e-3
+"""Largest error of a quaternion's length."""
 _GRID_FIELDS = ("rows", "cols", "missing")
 
 
 def schema_error(source: str, message: str) -> SensorFileInvalid:
-    """Turn msgspec's `... - at `$.pads[0].rows`` into the words of TOML."""
+    """An error from msgspec's message `... - at `$.pads[0].rows``, in the terms of TOML."""
     what, _, path = message.partition(" - at `$")
     seen = what.replace("Object", "table").replace("object", "table").replace("`array`", "a list")
     table = re.match(r"\.(pads|groups)\[(\d+)\]", path)
     field = re.sub(r"^\.(pads|groups)\[\d+\]", "", path.rstrip("`")).lstrip(".")
     where = f"table [[{table[1]}]] number {int(table[2]) + 1}" if table else "top level"
-    return SensorFileInvalid(source, where + (f", field {field}" if field else ""), seen[:1].lower() + seen[1:], _HAS)
+    return SensorFileInvalid(
+        source, where + (f", field {field}" if field else ""), seen[:1].lower() + seen[1:], _SCHEMA
+    )
 
 
 def pad_at(number: int, name: str) -> str:
-    """Where a pad stands in its file; number from 1."""
+    """Position of a pad in its file, for errors; number counts from 1."""
     return f"table [[pads]] number {number} ({name})"
 
 
 def check_pads(pads: Sequence[Pad], source: str) -> None:
-    """Raises SensorFileInvalid for the first pad that can be none."""
+    """Check each pad by itself. Raises SensorFileInvalid for the first that is invalid."""
     for number, pad in enumerate(pads, 1):
         for field, seen, remedy in (*(_of_table(pad) if pad.is_table else _of_grid(pad)), *_of_any(pad)):
             raise SensorFileInvalid(source, f"{pad_at(number, pad.name)}, field {field}", seen, remedy)
         try:
-            skin_of(pad)
+            geometry_of(pad)
         except ValueError as error:
             seen, _, remedy = str(error).partition(": ")
             where = f"{pad_at(number, pad.name)}, field taxels"
-            raise SensorFileInvalid(source, where, seen, remedy or "give each its own") from error
+            raise SensorFileInvalid(source, where, seen, remedy) from error
 
 
 def _of_grid(pad: Pad) -> Iterator[tuple[str, str, str]]:
-    """Faults of a grid: field, what was seen, what to do."""
+    """Errors of a grid: field, what was seen, what to do."""
     for field in ("rows", "cols"):
         if not getattr(pad, field):
-            yield field, "it is missing or 0", _HAS
+            yield field, "it is missing or 0", _SCHEMA
     if pad.pitch_m is None:
-        yield "pitch_m", "it is missing", _HAS
+        yield "pitch_m", "it is missing", _SCHEMA
     for row, col in pad.missing:
         if row >= pad.rows or col >= pad.cols:
-            seen = f"[{row}, {col}] lies outside {pad.rows} rows and {pad.cols} cols"
+            seen = f"[{row}, {col}] is outside {pad.rows} rows and {pad.cols} cols"
             yield "missing", seen, "count rows and cols from 0"
     if len(set(pad.missing)) != len(pad.missing):
-        yield "missing", "a place is listed twice", "list each place once"
+        yield "missing", "a cell is listed twice", "list each cell once"
     if len(pad.missing) == pad.rows * pad.cols:
         yield "missing", "no taxel is left", "a pad has at least one taxel"
     if pad.channels not in (None, pad.count, pad.rows * pad.cols) and not pad.index:
-        seen = f"{pad.channels} numbers for {pad.count} taxels on {pad.rows * pad.cols} places"
-        yield "channels", seen, "give one of the two, or an index for each taxel"
+        seen = f"{pad.channels} numbers for {pad.count} taxels in {pad.rows * pad.cols} cells"
+        yield "channels", seen, "give the number of taxels or of cells, or an index for each taxel"
 
 
 def _of_table(pad: Pad) -> Iterator[tuple[str, str, str]]:
-    """Faults of a table."""
+    """Errors of a table, as `_of_grid`."""
     for field in _GRID_FIELDS:
         if getattr(pad, field):
-            yield field, "it stands beside a table of taxels", "a pad is a grid or a table, not both"
+            yield field, "given beside a table of taxels", "a pad is a grid or a table, not both"
     if pad.order != "row-major" or pad.first != "top-left":
-        yield "order and first", "they stand beside a table of taxels", "a table has an index instead"
+        yield "order and first", "given beside a table of taxels", "give an index instead"
     rows = [row for row in pad.taxels if not isinstance(row, str)]
     widths = Counter(len(row) for row in rows)
     if len(widths) > 1 or not set(widths) <= {2, 6}:
         seen = f"rows have {', '.join(map(str, sorted(widths)))} numbers"
-        yield "taxels", seen + (", a place in space without its normal" if set(widths) == {3} else ""), _ROWS
+        yield "taxels", seen + (", a position without a normal" if set(widths) == {3} else ""), _ROWS
     elif 6 in widths:
         length = min((dist(row[3:], (0.0, 0.0, 0.0)) for row in rows), key=lambda long: -abs(long - 1.0))
         if length == 0.0:
-            yield "taxels", "a normal is 0, 0, 0", "leave absent taxels out, and give the others an index"
-        elif abs(length - 1.0) > _LENGTH:
-            yield "taxels", f"a normal has length {length:.3g}", "its length is 1; are columns mixed up?"
+            yield "taxels", "a normal is 0, 0, 0", "leave out absent taxels, and give the others an index"
+        elif abs(length - 1.0) > _NORMAL_TOLERANCE:
+            yield "taxels", f"a normal has length {length:.3g}", "its length must be 1: check the order of the columns"
     if pad.channels not in (None, pad.count) and not pad.index:
         seen = f"{pad.channels} numbers for {pad.count} taxels"
-        yield "channels", seen, "say with index which of them each taxel is"
+        yield "channels", seen, "give the index of each taxel among them"
 
 
 def _of_any(pad: Pad) -> Iterator[tuple[str, str, str]]:
-    """Faults of any pad."""
+    """Errors of any pad, as `_of_grid`."""
     if isinstance(pad.area_m2, tuple) and len(pad.area_m2) != pad.count:
-        yield "area_m2", f"{len(pad.area_m2)} areas for {pad.count} taxels", "give one for all, or one for each taxel"
+        yield "area_m2", f"{len(pad.area_m2)} areas for {pad.count} taxels", "give one for all, or one per taxel"
     if pad.index and len(pad.index) != pad.count:
-        yield "index", f"{len(pad.index)} numbers for {pad.count} taxels", "give one for each taxel"
+        yield "index", f"{len(pad.index)} numbers for {pad.count} taxels", "give one per taxel"
     if pad.index and (pad.order != "row-major" or pad.first != "top-left"):
-        yield "index", "it stands beside order or first", "say the order once"
+        yield "index", "given beside order or first", "give one of them"
     if pad.pose is not None:
         length = dist(pad.pose[3:], (0.0, 0.0, 0.0, 0.0))
-        if not isfinite(length) or abs(length - 1.0) > 1e-3:
+        if not isfinite(length) or abs(length - 1.0) > _QUATERNION_TOLERANCE:
             yield (
                 "pose",
-                f"its quaternion has length {length:.3g}",
+                f"quaternion of length {length:.3g}",
                 "give x, y, z in m, then qx, qy, qz, qw of length 1",
             )
 
 
 def check_groups(groups: Sequence[Group], pads: Sequence[Pad], source: str) -> None:
-    """Raises SensorFileInvalid for names that stand twice and for the first group that can be none."""
+    """Check names and groups. Raises SensorFileInvalid for a repeated name and for the first invalid group."""
     contacts = [name for pad in pads for name in pad.contact_names]
     for name, times in Counter([pad.name for pad in pads] + [group.name for group in groups] + contacts).items():
         if times > 1:
-            where, seen = "tables [[pads]] and [[groups]], field name", f"{name!r} stands {times} times"
-            remedy = "name each pad and each group once" + (", and none as a contact" if name in contacts else "")
+            where, seen = "tables [[pads]] and [[groups]], field name", f"{name!r} is used {times} times"
+            remedy = "give each pad and group a name of its own" + (", unlike a contact's" if name in contacts else "")
             raise SensorFileInvalid(source, where, seen, remedy)
     known = {pad.name: pad for pad in pads}
     for number, group in enumerate(groups, 1):
@@ -129,24 +134,24 @@ def check_groups(groups: Sequence[Group], pads: Sequence[Pad], source: str) -> N
                 raise SensorFileInvalid(source, where, seen, remedy)
         members = {patch.pad for patch in group.patches}
         if len(members) > 1 and any(known[name].origin_m is None for name in members):
-            seen = "it spans pads whose place in the hand is unknown"
+            seen = "the group spans pads whose position in the hand is unknown"
             raise SensorFileInvalid(source, where, seen, "give those pads origin_m = [x, y] and angle_rad")
 
 
 def _of_patch(patch: Patch, pads: dict[str, Pad]) -> Iterator[tuple[str, str]]:
-    """Faults of a patch: what was seen, what to do."""
+    """Errors of a patch: what was seen, what to do."""
     pad = pads.get(patch.pad)
     if pad is None:
-        yield f"there is no pad {patch.pad!r}", f"the pads are {', '.join(pads)}"
+        yield f"unknown pad {patch.pad!r}", f"the pads are {', '.join(pads)}"
         return
     spans = [(name, span) for name, span in (("rows", patch.rows), ("cols", patch.cols)) if span is not None]
     if spans and (pad.is_table or patch.taxels):
-        yield f"{spans[0][0]} of {patch.pad}, with a table or a list of taxels", "choose with taxels = [...] alone"
+        yield f"{spans[0][0]} of {patch.pad}, with a table or a list of taxels", "select with taxels = [...] alone"
     for name, span in spans:
         size = getattr(pad, name)
         if not span[0] <= span[1] < size:
             yield f"{name} {list(span)} of {patch.pad}", f"give the first and the last, between 0 and {size - 1}"
     if patch.taxels and (max(patch.taxels) >= pad.count or len(set(patch.taxels)) < len(patch.taxels)):
         yield f"taxels of {patch.pad}", f"list each once, between 0 and {pad.count - 1}"
-    if not len(chosen_of(patch, pad)):
-        yield f"no taxel of {patch.pad} lies in it", "choose others"
+    if not len(patch_taxels(patch, pad)):
+        yield f"no taxel of {patch.pad} is selected", "select others"

@@ -1,1 +1,1 @@
-"""The simulated rig: a known object, moved in a known way, over taxels with known faults."""
+"""The simulated rig: a known object, moved in a known way, over taxels with known errors."""

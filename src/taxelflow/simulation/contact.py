@@ -1,4 +1,4 @@
-"""Pressure of a contact, averaged over the sensitive area of each taxel."""
+"""Mean pressure of a contact over the sensitive area of each taxel."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ if TYPE_CHECKING:
     from taxelflow.simulation.pattern import Pattern
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+"""Nodes and weights of Gauss-Legendre quadrature on [-1, 1], used along each axis of a taxel."""
 
 
 def taxel_pressure(
     pattern: Pattern, pose: Floats, state: State, x_m: Floats, y_m: Floats, size_m: tuple[float, float]
 ) -> Floats:
-    """Mean pressure (scans, taxels) over rectangles of size_m around (x_m, y_m), each (taxels,).
+    """Mean pressure (scans, taxels) in Pa over rectangles of size_m centred at x_m, y_m (taxels,), in the pad's frame.
 
-    pose: (scans, taxels, 3) in the pad's frame, and state (scans, taxels), each taxel's at the time when it is read;
-    (scans, 1, 3) and (scans, 1) where all are read at once. Gauss-Legendre quadrature with 6 x 6 points a taxel.
+    pose: (scans, taxels, 3) of the object in the pad's frame, and state (scans, taxels), each at the time at which the
+    taxel is read; (scans, 1, 3) and (scans, 1) where all taxels are read at once.
     """
     cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     total = np.zeros((len(pose), len(x_m)))

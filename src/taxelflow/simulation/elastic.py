@@ -1,8 +1,8 @@
 """Pressure of a contact by a boundary-element solver (tamaas): a rigid surface pressed on an elastic half-space.
 
-Nothing here knows the formulas of `pattern`, only the force that they amount to: profiles are chosen so that the same
-force gives about the contact's peak and radius, and the pressure is what elasticity makes of it. The scale of
-stiffness is free, for pressure and height scale together; E* is 1 Pa below, and pressures are over the peak.
+Only the total force is from the formulas of `pattern`. The profile of the surface is chosen so that this force gives
+about the nominal peak and radius; the pressure follows from elasticity. The stiffness is arbitrary, since pressure and
+height scale together: E* is 1 Pa below, and pressures are relative to the peak.
 """
 
 from __future__ import annotations
@@ -24,17 +24,24 @@ if TYPE_CHECKING:
     from taxelflow.simulation.parameters import Contact
 
 _LEVELS = 7
-"""Loads at which the contact is solved when the load changes."""
+"""Forces at which the contact is solved if the force changes; fields are interpolated between them."""
 _FEWEST, _MOST = 256, 1024
-"""Points of the grid along each axis."""
+"""Points of the grid along each axis, a power of 2."""
+_CELLS = 8
+"""Cells of the grid per pitch, and per radius of the object, where `_MOST` allows it."""
+_BOX, _BOX_FEET = 4.0, 2.6
+"""Side of the periodic box over the reach of the object, and of one on feet."""
 _QUARTIC = 0.6525
 """A punch of profile 0.6525 p0 r^4 / (E* a^3) touches up to r = a under the force of the airbag p0 exp(-(r/a)^4), and
 its pressure (1 + 2 r^2/a^2) sqrt(1 - r^2/a^2) peaks at 1.04 p0 (from Sneddon's solution, 1965)."""
 _TOLERANCE = 1e-6
+"""Relative error at which the solver stops."""
+_CONVERGED = 100 * _TOLERANCE
+"""Relative error below which a solution is accepted."""
 
 
 class Elastic:
-    """Pressure interpolated in fields (levels, n, n) that were solved once, moved rigidly with the object."""
+    """Pressure interpolated in fields (levels, n, n) that are solved once and move rigidly with the object."""
 
     def __init__(self, contact: Contact, load: Load, seed: int, pitch_m: float) -> None:
         self._contact, self._load = contact, load
@@ -45,33 +52,32 @@ class Elastic:
         self._fields = np.stack([solved(contact, seed, force, box_m, points) for force in self._forces])
 
     def __call__(self, along: Floats, across: Floats, state: State) -> Floats:
-        """Pressure in Pa at points in the object's frame, with all that the state does to it."""
+        """See `Pattern`."""
         rolled = roll(self._load, along, across, state)
         middle = (self._fields.shape[1] - 1) / 2
         level = np.zeros(())
         if len(self._forces) > 1:
             level = (state.force - self._forces[0]) / (self._forces[1] - self._forces[0])
-        places = np.broadcast_arrays(level, *(coordinate / self._cell_m + middle for coordinate in rolled))
-        field = map_coordinates(self._fields, np.stack(places), order=1, mode="grid-constant", cval=0.0)
+        indices = np.broadcast_arrays(level, *(coordinate / self._cell_m + middle for coordinate in rolled))
+        field = map_coordinates(self._fields, np.stack(indices), order=1, mode="grid-constant", cval=0.0)
         pressure: Floats = self._contact.peak_pa * np.where(state.force > 0, field, 0.0)
         return tilted(self._contact, self._load, pressure, rolled, state)
 
 
 def grid_of(contact: Contact, most_force: float, pitch_m: float) -> tuple[float, int]:
-    """Side of the periodic box in m, wide enough for its images not to matter, and points along it.
+    """Side of the periodic box in m, large enough that its images do not interact, and points along it.
 
-    A cell is at most an eighth of a taxel, and of the object's radius, unless that takes more points than are solved
-    in a few seconds.
+    most_force: largest multiple of the nominal force.
     """
-    free = 2.6 if contact.shape == "feet" else 4.0
-    box_m = free * contact.reach_m * max(1.0, most_force) ** (1 / 3)
-    wanted = box_m / (min(pitch_m, contact.radius_m) / 8)
+    box = _BOX_FEET if contact.shape == "feet" else _BOX
+    box_m = box * contact.reach_m * max(1.0, most_force) ** (1 / 3)
+    wanted = box_m / (min(pitch_m, contact.radius_m) / _CELLS)
     return box_m, int(np.clip(2 ** np.ceil(np.log2(wanted)), _FEWEST, _MOST))
 
 
 @lru_cache(maxsize=16)
 def solved(contact: Contact, seed: int, force: float, box_m: float, points: int) -> Floats:
-    """Pressure over the peak (points, points), first axis along the object, under a multiple of the force."""
+    """Pressure (points, points) over the peak, first axis along the object, for a multiple of the nominal force."""
     along, across = _grid(box_m, points)
     still = State(*(np.array(number) for number in (1.0, 0.0, 0.0, 0.0, 0.0)))
     mean = float(Analytic(contact, Load(), seed)(along, across, still).mean()) / contact.peak_pa
@@ -79,7 +85,7 @@ def solved(contact: Contact, seed: int, force: float, box_m: float, points: int)
 
 
 def profile(contact: Contact, seed: int, along: Floats, across: Floats) -> Floats:
-    """Height of the object's surface towards the skin at points of its frame, in m where E* is the contact's peak."""
+    """Height (...) of the object's surface towards the skin at points of its frame, in m if E* is `peak_pa`."""
     radius = contact.radius_m
     if contact.shape == "feet":
         return _caps(contact, along, across)
@@ -97,12 +103,12 @@ def profile(contact: Contact, seed: int, along: Floats, across: Floats) -> Float
 
 
 def _caps(contact: Contact, along: Floats, across: Floats) -> Floats:
-    """Paraboloids side by side, each so high that its own peak is what its height says."""
-    places, heights = feet_of(contact)
+    """Paraboloids, each of such a height that its pressure peaks as `feet_of` gives it."""
+    positions, peaks = feet_of(contact)
     surface: Floats = np.full(along.shape, -np.inf)
-    for (x, y), height in zip(places, heights, strict=True):
+    for (x, y), peak in zip(positions, peaks, strict=True):
         r2 = ((along - x) ** 2 + (across - y) ** 2) / contact.radius_m**2
-        surface = np.maximum(surface, np.pi / 2 * contact.radius_m * (height**2 - r2 / 2))
+        surface = np.maximum(surface, np.pi / 2 * contact.radius_m * (peak**2 - r2 / 2))
     return surface
 
 
@@ -113,23 +119,25 @@ def _grid(box_m: float, points: int) -> tuple[Floats, Floats]:
 
 
 def _solve(surface: Floats, mean: float, box_m: float) -> Floats:
-    """Pressure (n, n) for E* = 1 under a mean pressure, by Polonsky and Keer's conjugate gradients (1999)."""
+    """Pressure (n, n) for E* = 1 Pa and a mean pressure, by the conjugate gradients of Polonsky and Keer (1999).
+
+    Raises ExtraMissing, and ParameterInvalid without convergence.
+    """
     try:
         import tamaas
     except ImportError as error:
         raise ExtraMissing("sim", "tamaas") from error
-    before = tamaas.get_log_level()
+    log_level = tamaas.get_log_level()
     tamaas.set_log_level(tamaas.LogLevel.error)
     try:
         model = tamaas.ModelFactory.createModel(tamaas.model_type.basic_2d, [box_m, box_m], list(surface.shape))
         model.E, model.nu = 1.0, 0.0
         solver = tamaas.PolonskyKeerRey(model, np.ascontiguousarray(surface), _TOLERANCE)
-        left = solver.solve(mean)
+        residual = solver.solve(mean)
         pressure: Floats = np.array(model.traction, dtype=np.float64)
     finally:
-        tamaas.set_log_level(before)
-    if not left <= 100 * _TOLERANCE:
-        raise ParameterInvalid(
-            "solver", "elastic", f"this contact did not converge ({left:.1g}): choose a smoother one"
-        )
+        tamaas.set_log_level(log_level)
+    if not residual <= _CONVERGED:
+        duty = f"be analytic, or the contact smoother: the solver has not converged (residual {residual:.1g})"
+        raise ParameterInvalid("solver", "elastic", duty)
     return pressure

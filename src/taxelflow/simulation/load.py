@@ -1,4 +1,4 @@
-"""What happens to the pressure over time without any slip: load, tilt, rolling, deformation, lifting off."""
+"""Changes of the contact over time without slip: force, tilt, rolling, deformation, lift-off."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """State of the contact, each (...) of a shape that broadcasts against the points where pressure is asked for.
+    """State of the contact; each field (...) broadcasts against the points at which the pressure is computed.
 
-    force: over that which gives the contact's peak; 0 while the object is lifted off. tilt: share of the pressure
-    that is skewed. roll_m: how far the pressure has moved on the object. deformed: cycles of deformation so far.
-    stepped: how many feet have lifted and come down so far.
+    force: multiple of the nominal force, 0 without contact. tilt: relative change of the pressure at the object's edge.
+    roll_m: displacement of the pressure on the object, m. deformed: cycles of deformation so far.
+    stepped: number of steps of the feet so far, with the fraction of the current one.
     """
 
     force: Floats
@@ -29,7 +29,7 @@ class State:
 
 
 def state_at(load: Load, motion: Motion, t_s: Floats, deformed: Floats) -> State:
-    """The state at times of any shape; it changes between the two rests of the motion."""
+    """The state at times t_s (...); it changes between the two rests of the motion. deformed: (...), see `State`."""
     phase = np.clip((t_s - motion.rest_s) / motion.moving_s, 0.0, 1.0)
     first, second = load.multiples
     if load.kind == "constant":

@@ -1,4 +1,4 @@
-"""Where the object is at any time: strokes to and fro, turns about a point, stick and slip."""
+"""Pose of the object at any time: back-and-forth strokes, rotation about a point, stick-slip."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ if TYPE_CHECKING:
     from taxelflow.simulation.parameters import Motion
 
 SEED_STICK_SLIP = 1
+"""Number of the random generator of holds and slips, beside the scenario's seed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """The object's way, at times of any shape (...).
+    """Path of the object at times of any shape (...).
 
-    pose: (..., 3), x, y in m and theta in rad, in the frame of the scenario. travelled_m: (...), length of the way so
-    far, turns counted at the arm that was asked for. slipping: (...), whether it really slides or turns.
+    pose: (..., 3), x, y in m and theta in rad, in the frame of the scenario. travelled_m: (...), distance travelled so
+    far, of a rotation that at the lever arm. slipping: (...), whether the object slides or turns.
     """
 
     pose: Floats
@@ -31,7 +32,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """Motion without its frame: shift (..., 2) in m, turn (...) in rad, distances so far in m and rad, slipping."""
+    """Motion relative to its start: shift (..., 2) in m, turn (...) in rad, distances so far in m and rad, slipping."""
 
     shift: Floats
     turn: Floats
@@ -41,7 +42,7 @@ class _Plan:
 
 
 def move(motion: Motion, t_s: Floats, seed: int = 0, arm_m: float = 0.0) -> Path:
-    """The object's path at times of any shape; arm_m: lever at which a turn counts as distance travelled."""
+    """Path at times t_s (...). arm_m: lever arm at which a rotation counts as distance travelled, m."""
     plan = _stick_slip(motion, t_s, seed) if motion.kind == "stick-slip" else _strokes(motion, t_s)
     pose = np.empty((*t_s.shape, 3))
     pose[..., 0] = motion.middle_m[0] + plan.shift[..., 0]
@@ -55,16 +56,16 @@ def move(motion: Motion, t_s: Floats, seed: int = 0, arm_m: float = 0.0) -> Path
 
 
 def _strokes(motion: Motion, t_s: Floats) -> _Plan:
-    """Rest, strokes to and fro, rest."""
+    """Rest, strokes back and forth, rest."""
     stroke_s = motion.stroke_s
     progress = (t_s - motion.rest_s) / stroke_s
     strokes = np.clip(progress, 0.0, motion.strokes)
-    there_and_back = 1.0 - np.abs(strokes % 2.0 - 1.0)  # 0, up to 1 after one stroke, 0 again after two
-    along = (there_and_back - 0.5) * motion.travel_m
+    position = 1.0 - np.abs(strokes % 2.0 - 1.0)  # triangle wave: 0 at the start, 1 after one stroke, 0 after two
+    along = (position - 0.5) * motion.travel_m
     moves = motion.travel_m > 0 or motion.turn_rad_s != 0
     return _Plan(
         shift=np.stack([along * np.cos(motion.direction_rad), along * np.sin(motion.direction_rad)], axis=-1),
-        turn=there_and_back * stroke_s * motion.turn_rad_s,
+        turn=position * stroke_s * motion.turn_rad_s,
         slid_m=strokes * motion.travel_m,
         turned_rad=strokes * stroke_s * abs(motion.turn_rad_s),
         slipping=(progress > 0) & (progress < motion.strokes) & moves,
@@ -72,7 +73,7 @@ def _strokes(motion: Motion, t_s: Floats) -> _Plan:
 
 
 def _stick_slip(motion: Motion, t_s: Floats, seed: int) -> _Plan:
-    """Holds and slips in turn, each slip straight and at one speed."""
+    """Alternating holds and slips; a slip is straight at constant speed and turn rate."""
     random = np.random.default_rng([seed, SEED_STICK_SLIP])
     end_s = motion.rest_s + motion.stick_slip_s
     knots = [np.array([motion.rest_s, 0.0, 0.0, 0.0, 0.0, 0.0])]  # t, shift x, shift y, turn, slid, turned
@@ -94,12 +95,12 @@ def _stick_slip(motion: Motion, t_s: Floats, seed: int) -> _Plan:
     )
 
 
-def _slip(motion: Motion, place: Floats, lasts_s: float, random: np.random.Generator) -> Floats:
-    """One slip as a step of the knots; one that would lead too far out heads for the middle instead."""
+def _slip(motion: Motion, position: Floats, lasts_s: float, random: np.random.Generator) -> Floats:
+    """One slip as a step of the knots; one that would leave the range of travel is directed to the middle."""
     length = random.uniform(*motion.slip_m_s) * lasts_s
     direction = random.uniform(-np.pi, np.pi)
     turn = random.uniform(-1.0, 1.0) * motion.turn_rad_s * lasts_s
     step = length * np.array([np.cos(direction), np.sin(direction)])
-    if np.hypot(*(place + step)) > motion.travel_m / 2:
-        step = -length * place / np.hypot(*place)
+    if np.hypot(*(position + step)) > motion.travel_m / 2:
+        step = -length * position / np.hypot(*position)
     return np.array([lasts_s, *step, turn, length, abs(turn)])

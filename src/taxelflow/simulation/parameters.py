@@ -1,4 +1,4 @@
-"""Parameters of the rig: what touches the skin, how it moves, how hard it is pressed, what the sensor does to it."""
+"""Parameters of the rig: the object in contact, its motion, its load, and the errors of the sensor."""
 
 from __future__ import annotations
 
@@ -10,59 +10,65 @@ from taxelflow.errors import ParameterInvalid
 
 Shape = Literal["airbag", "hertz", "elongated", "feet", "textured", "bulb"]
 LONG = ("elongated", "bulb")
+"""Shapes with a long axis, `aspect` times the width."""
 TEXTURED = ("textured", "bulb")
+"""Shapes with a random texture."""
+_MOST = 1e6
+"""Largest absolute value of an angle, a turn rate or a position."""
+_MOST_COUNT = 10_000
+"""Largest number of feet, cycles or steps."""
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A compliant object pressed on the skin: its pressure, in a frame whose x axis is the object's long one."""
+    """A compliant object pressed on the skin; its frame has the x axis along the object's long axis."""
 
     shape: Shape = "airbag"
-    """airbag: super-Gaussian, flat with soft edges. hertz: the dome of an elastic sphere. elongated: an airbag whose
-    length is `aspect` times its width. feet: small soft domes, unequally high. textured: an airbag with a random smooth
-    texture. bulb: elongated and textured."""
+    """Pressure distribution. airbag: super-Gaussian, flat with soft edges. hertz: Hertz contact of an elastic sphere.
+    elongated: an airbag `aspect` times as long as wide. feet: small airbags of different peaks. textured: an airbag
+    with a smooth random texture. bulb: elongated and textured."""
     radius_m: float = 0.015
-    """Radius, or half the width of a long contact, or the radius of one foot, m."""
+    """Radius, m; half the width of elongated and bulb; radius of one foot of feet."""
     aspect: float = 2.5
-    """Length over width of a long contact (elongated, bulb)."""
+    """Length divided by width, of elongated and bulb."""
     peak_pa: float = 80e3
-    """Largest pressure, Pa; a texture comes on top."""
+    """Largest pressure without texture, Pa."""
     feet: int = 3
     """Number of feet."""
     feet_on: Literal["ring", "disc"] = "ring"
-    """ring: feet evenly around the object's centre. disc: spread evenly over the whole disc, in no lattice."""
+    """Arrangement of the feet. ring: evenly on a circle. disc: evenly over the disc, without a lattice."""
     ring_m: float = 0.012
-    """Radius of the ring or disc on which the feet's centres lie, m."""
+    """Radius of the ring or disc through the feet's centres, m."""
     feet_at_m: tuple[tuple[float, float], ...] = ()
-    """Places of the feet in the object's frame, m; if given, number and ring count for nothing."""
+    """Positions of the feet in the object's frame, m; replaces `feet`, `feet_on` and `ring_m`."""
     texture: float = 0.3
-    """Standard deviation of the texture (textured, bulb) over the pressure without it."""
+    """Standard deviation of the texture relative to the pressure, of textured and bulb."""
     wavelength_m: float = 0.012
-    """Typical wavelength of the texture, m; the seed draws waves between 0.7 and 1.5 times it."""
+    """Wavelength of the texture, m; wavelengths are drawn between 0.7 and 1.5 times this."""
     deform_1_m: float = 0.0
-    """Cycles of deformation per metre travelled: the width swings by 10 % and the texture's waves drift through their
-    phases; 0 is an object whose pattern never changes."""
+    """Deformation of the object, cycles per metre travelled: the width varies by 10 %, and the phases of the texture
+    drift. 0: a rigid pattern."""
 
     def __post_init__(self) -> None:
         if self.shape not in get_args(Shape):
-            raise ParameterInvalid("contact shape", self.shape, f"it is one of {', '.join(get_args(Shape))}")
-        _positive("contact radius_m", self.radius_m)
-        _positive("contact aspect", self.aspect)
-        _positive("contact peak_pa", self.peak_pa)
-        _positive("contact wavelength_m", self.wavelength_m)
-        _within("contact feet", self.feet, 1, 10_000)
-        _within("contact texture", self.texture, 0.0, 1.0)
-        _not_negative("contact ring_m", self.ring_m)
-        _not_negative("contact deform_1_m", self.deform_1_m)
+            raise ParameterInvalid("contact.shape", self.shape, f"be one of {', '.join(get_args(Shape))}")
+        _positive("contact.radius_m", self.radius_m)
+        _positive("contact.aspect", self.aspect)
+        _positive("contact.peak_pa", self.peak_pa)
+        _positive("contact.wavelength_m", self.wavelength_m)
+        _within("contact.feet", self.feet, 1, _MOST_COUNT)
+        _within("contact.texture", self.texture, 0.0, 1.0)
+        _not_negative("contact.ring_m", self.ring_m)
+        _not_negative("contact.deform_1_m", self.deform_1_m)
 
     @property
     def length_m(self) -> float:
-        """Half the length along the object's long axis; of one foot, its radius."""
+        """Half the length along the object's long axis, m; radius of one foot of feet."""
         return self.radius_m * (self.aspect if self.shape in LONG else 1.0)
 
     @property
     def reach_m(self) -> float:
-        """From the object's centre to its furthest edge."""
+        """Distance from the object's centre to its farthest edge, m."""
         if self.shape == "feet":
             return max((hypot(*place) for place in self.feet_at_m), default=self.ring_m) + self.radius_m
         return max(self.length_m, self.radius_m)
@@ -70,117 +76,117 @@ class Contact:
 
 @dataclass(frozen=True)
 class Motion:
-    """A robot moves the object: strokes to and fro along a line, turning it as it goes, or stick and slip.
+    """Motion of the object: back-and-forth strokes along a line with a rotation, or stick-slip.
 
-    Coordinates are those of the scenario's pad, or of the hand.
+    Coordinates are in the frame of the scenario's pad, or in the hand frame.
     """
 
     kind: Literal["strokes", "stick-slip"] = "strokes"
-    """strokes: to and fro; one stroke is a pull. stick-slip: holds and slips take turns, drawn from the seed."""
+    """strokes: back and forth; a single stroke is a pull. stick-slip: alternating random holds and slips."""
     speed_m_s: float = 0.025
     """Speed along the line, m/s."""
     direction_rad: float = 3.141592653589793
-    """Direction of the first stroke, rad; pi is along -x, as in the paper."""
+    """Direction of the first stroke, rad; pi (along -x) as in the paper."""
     travel_m: float = 0.175
-    """Length of a stroke, m, centred on the line's middle; 0 turns the object in place. Stick and slip stay within
-    half of it from the middle."""
+    """Length of a stroke, m, centred at `middle_m`; 0 rotates the object in place. Stick-slip stays within half of this
+    distance from the middle."""
     strokes: int = 2
-    """Strokes, each back along the one before."""
+    """Number of strokes; each reverses the previous one."""
     turn_rad_s: float = 0.0
-    """Rate of turn during the strokes, rad/s; it changes sign with the stroke. A slip's rate is drawn up to it."""
+    """Turn rate during strokes, rad/s; its sign alternates with the strokes. In stick-slip: largest turn rate of a
+    slip."""
     turn_s: float = 2.0
     """Duration of a stroke without travel, s."""
     centre_m: tuple[float, float] | None = None
-    """The object turns about this point, which slides along with it, m; about its own centre if left out."""
+    """Centre of rotation at the middle of the line, m; it moves with the object. Default: the object's centre."""
     angle_rad: float = 0.0
     """Angle of the object's long axis at the start, rad."""
     middle_m: tuple[float, float] = (0.0, 0.005)
-    """Middle of the line, m; y = 5 mm is the palm's second row."""
+    """Middle of the line, m; y = 0.005 is the second row of the palm."""
     rest_s: float = 3.0
-    """Rest before the motion and after it, s."""
+    """Duration of the rest before and after the motion, s."""
     stick_slip_s: float = 10.0
-    """Duration of stick and slip, s."""
+    """Duration of the stick-slip motion, s."""
     interval_s: tuple[float, float] = (0.15, 0.4)
-    """Shortest and longest hold or slip, s."""
+    """Shortest and longest duration of a hold or slip, s."""
     slip_m_s: tuple[float, float] = (0.003, 0.015)
-    """Slowest and fastest slip, m/s."""
+    """Lowest and highest speed of a slip, m/s."""
 
     def __post_init__(self) -> None:
         for name in ("speed_m_s", "turn_s", "strokes", "stick_slip_s"):
-            _positive(f"motion {name}", getattr(self, name))
+            _positive(f"motion.{name}", getattr(self, name))
         for name in ("rest_s", "travel_m"):
-            _not_negative(f"motion {name}", getattr(self, name))
+            _not_negative(f"motion.{name}", getattr(self, name))
         for number in (self.direction_rad, self.turn_rad_s, self.angle_rad, *self.middle_m):
-            _within("motion direction_rad, turn_rad_s, angle_rad or middle_m", number, -1e6, 1e6)
-        _ordered("motion interval_s", self.interval_s)
-        _ordered("motion slip_m_s", self.slip_m_s)
+            _within("each of motion.direction_rad, turn_rad_s, angle_rad and middle_m", number, -_MOST, _MOST)
+        _ordered("motion.interval_s", self.interval_s)
+        _ordered("motion.slip_m_s", self.slip_m_s)
         if self.kind == "stick-slip" and self.travel_m < 2 * self.interval_s[1] * self.slip_m_s[1]:
-            allowed = f"stick and slip need {2 * self.interval_s[1] * self.slip_m_s[1]:.4g} m: twice the longest slip"
-            raise ParameterInvalid("motion travel_m", self.travel_m, allowed)
+            duty = f"be at least {2 * self.interval_s[1] * self.slip_m_s[1]:.4g} m, twice the longest slip"
+            raise ParameterInvalid("motion.travel_m", self.travel_m, duty)
 
     @property
     def stroke_s(self) -> float:
-        """Duration of one stroke."""
+        """Duration of one stroke, s."""
         return self.travel_m / self.speed_m_s or self.turn_s
 
     @property
     def moving_s(self) -> float:
-        """Duration between the two rests."""
+        """Duration between the two rests, s."""
         return self.stick_slip_s if self.kind == "stick-slip" else self.strokes * self.stroke_s
 
     @property
     def duration_s(self) -> float:
-        """From the first scan to the last."""
+        """Duration of the recording, s."""
         return 2 * self.rest_s + self.moving_s
 
 
 @dataclass(frozen=True)
 class Load:
-    """How hard the object is pressed between the two rests, and how its pressure shifts without any slip."""
+    """Normal force during the motion, and changes of the pressure without slip: tilt, roll, lifting feet, lift-off."""
 
     kind: Literal["constant", "ramp", "cycles"] = "constant"
-    """constant: the force that gives the contact's peak. ramp: from the first to the second multiple of that force.
-    cycles: to and fro between them."""
+    """Force over time. constant: the nominal force, which gives `contact.peak_pa`. ramp: linear from the first to the
+    second multiple of it. cycles: sinusoidal between the two multiples."""
     multiples: tuple[float, float] = (1.0, 1.0)
-    """Multiples of the force for ramp and cycles."""
+    """First and second multiple of the nominal force, for ramp and cycles."""
     cycles: int = 3
     """Number of cycles."""
     growth: float = 0.0
-    """The contact's radius grows as the force to this power, 1/3 for a Hertz contact, and its peak as what is left of
-    it; 0 leaves all to the peak. The elastic solver finds its own."""
+    """Exponent g: the radius grows as force^g, the peak as force^(1 - 2 g); 1/3 for a Hertz contact, 0 for a constant
+    radius. Ignored by the elastic solver."""
     tilt: float = 0.0
-    """Tilt at the end: pressure at the contact's edge rises by this share on one side and falls on the other."""
+    """Relative change of the pressure at the object's edge at the end of the motion: + on one side, - on the other."""
     roll_m: float = 0.0
-    """The object rolls without slip, and its pressure moves this far; a texture stays where it touches, m."""
+    """Distance by which the pressure moves as the object rolls without slip, m; the texture does not move."""
     towards_rad: float = 0.0
-    """Direction of tilt and roll, from the object's long axis, rad."""
+    """Direction of tilt and roll in the object's frame, rad."""
     steps: int = 0
-    """Feet (of a contact of feet) lift one by one and come down again, the first one first, so many in all while the
-    object moves; it stays rigid."""
+    """Number of times that a foot lifts and lands during the motion, one after the other; for contact.shape feet."""
     lift_s: float = 0.0
-    """Time at the start and at the end during which the object is off the skin, s; the sensor is idle then."""
+    """Duration without contact at the start and at the end, s; at most motion.rest_s."""
 
     def __post_init__(self) -> None:
         for multiple in self.multiples:
-            _positive("load multiples", multiple)
-        _within("load cycles", self.cycles, 1, 10_000)
-        _within("load growth", self.growth, 0.0, 0.5)
-        _within("load tilt", self.tilt, -1.0, 1.0)
-        _not_negative("load lift_s", self.lift_s)
-        _within("load steps", self.steps, 0, 10_000)
+            _positive("load.multiples", multiple)
+        _within("load.cycles", self.cycles, 1, _MOST_COUNT)
+        _within("load.growth", self.growth, 0.0, 0.5)
+        _within("load.tilt", self.tilt, -1.0, 1.0)
+        _not_negative("load.lift_s", self.lift_s)
+        _within("load.steps", self.steps, 0, _MOST_COUNT)
 
     @property
     def extremes(self) -> tuple[float, float]:
-        """Smallest and largest multiple of the force while in contact."""
+        """Smallest and largest multiple of the nominal force during contact."""
         return (1.0, 1.0) if self.kind == "constant" else (min(self.multiples), max(self.multiples))
 
 
 @dataclass(frozen=True)
 class Second:
-    """A second object on the same pad, which moves as it likes."""
+    """A second, independent object on the same pad."""
 
     there: bool = False
-    """Whether there is one."""
+    """Add the second object."""
     contact: Contact = field(default_factory=Contact)
     motion: Motion = field(default_factory=Motion)
     load: Load = field(default_factory=Load)
@@ -188,65 +194,63 @@ class Second:
 
 @dataclass(frozen=True)
 class Sensing:
-    """What the sensor makes of the pressure. Defaults are those of the paper's kit, its faults estimated."""
+    """Properties and errors of the sensor. Defaults: the paper's sensor, with estimated errors."""
 
     rate_hz: float = 7.0
-    """Scans per second."""
+    """Scan rate, Hz."""
     noise_pa: float = 750.0
-    """Standard deviation of a reading, Pa."""
+    """Standard deviation of the noise of a reading, Pa."""
     gain_spread: float = 0.0
-    """Standard deviation of the taxels' gains around 1."""
+    """Standard deviation of the taxels' gains, mean 1."""
     gain_wobble: float = 0.0
-    """Standard deviation, from scan to scan, of a gain that all taxels share."""
+    """Standard deviation of a gain common to all taxels, drawn for each scan, mean 1."""
     baseline_pa: tuple[float, float] = (1e3, 4e3)
-    """Range of the taxels' offsets, Pa."""
+    """Smallest and largest offset of a taxel, Pa."""
     drift_pa_s: float = 0.0
-    """Drift of the offsets, Pa/s; each taxel has a rate of its own, 30 % around it."""
+    """Mean drift rate of the offsets, Pa/s; rates of taxels have a standard deviation of 30 % of it."""
     scan_share: float = 0.0
-    """Share of the scan period over which the taxels are read one after the other; times are those of the scan's
-    start. 0 reads all at once."""
+    """Share of the scan period, 0 to 1, during which the taxels are read in sequence (rolling scan); the time stamp is
+    that of the start. 0: all taxels at once."""
     jitter_s: float = 0.0
-    """Standard deviation of the reported times around the true ones, s; never beyond 0.45 of a period."""
+    """Standard deviation of the time stamps' error, s; limited to 0.45 scan periods."""
     bits: int = 10
-    """Resolution over the full scale."""
+    """Resolution of the full scale, bits."""
     full_scale_pa: float = 140e3
-    """Readings saturate here, Pa, and at 0."""
+    """Full scale, Pa: readings are clipped to 0 and to this."""
     active_share: float = 0.9
-    """Share of the pitch that is sensitive, along each axis."""
+    """Side of a taxel's sensitive area divided by the pitch, above 0 and at most 1."""
     dead: tuple[int, ...] = ()
-    """Taxels, by their number in the scan, that read only noise around their offset."""
+    """Numbers of dead taxels in the scan, which read offset and noise only."""
 
     def __post_init__(self) -> None:
-        _positive("sensing rate_hz", self.rate_hz)
-        _positive("sensing full_scale_pa", self.full_scale_pa)
+        _positive("sensing.rate_hz", self.rate_hz)
+        _positive("sensing.full_scale_pa", self.full_scale_pa)
         for name in ("noise_pa", "gain_spread", "gain_wobble", "jitter_s"):
-            _not_negative(f"sensing {name}", getattr(self, name))
+            _not_negative(f"sensing.{name}", getattr(self, name))
         low, high = self.baseline_pa
         if not float("-inf") < low <= high < float("inf"):
-            raise ParameterInvalid(
-                "sensing baseline_pa", self.baseline_pa, "two numbers, the second not below the first"
-            )
-        _within("sensing scan_share", self.scan_share, 0.0, 1.0)
-        _within("sensing bits", self.bits, 1, 32)
+            raise ParameterInvalid("sensing.baseline_pa", self.baseline_pa, "be two numbers in Pa, smaller first")
+        _within("sensing.scan_share", self.scan_share, 0.0, 1.0)
+        _within("sensing.bits", self.bits, 1, 32)
         if not 0 < self.active_share <= 1:
-            raise ParameterInvalid("sensing active_share", self.active_share, "it lies above 0, up to 1")
+            raise ParameterInvalid("sensing.active_share", self.active_share, "be above 0 and at most 1")
 
 
 def _positive(name: str, value: float) -> None:
     if not 0 < value < float("inf"):
-        raise ParameterInvalid(name, value, "it is above 0")
+        raise ParameterInvalid(name, value, "be a finite number above 0")
 
 
 def _not_negative(name: str, value: float) -> None:
     if not 0 <= value < float("inf"):
-        raise ParameterInvalid(name, value, "it is 0 or more")
+        raise ParameterInvalid(name, value, "be 0 or more")
 
 
 def _within(name: str, value: float, low: float, high: float) -> None:
     if not low <= value <= high:
-        raise ParameterInvalid(name, value, f"it lies between {low:g} and {high:g}")
+        raise ParameterInvalid(name, value, f"be between {low:g} and {high:g}")
 
 
 def _ordered(name: str, span: tuple[float, float]) -> None:
     if not 0 < span[0] <= span[1]:
-        raise ParameterInvalid(name, span, "the first is above 0, the second not below the first")
+        raise ParameterInvalid(name, span, "be two numbers above 0, smaller first")

@@ -1,4 +1,4 @@
-"""Scenarios of the rig: named sets of parameters, each of which makes one recording."""
+"""Scenarios of the rig: named sets of parameters, each of one recording."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ Solver = Literal["analytic", "elastic"]
 
 @dataclass(frozen=True)
 class Scenario:
-    """One simulated recording; the seed makes it repeatable."""
+    """Parameters of one simulated recording."""
 
     sensor: str = "barretthand-162"
-    """A built-in sensor or a TOML file."""
+    """Name of a built-in sensor, or path of a TOML file."""
     pad: str = "palm"
-    """The pad that is touched; all others see their offsets and noise. `hand`: the object lies on the hand laid flat
-    and touches every pad whose place on it is known; poses are then in the hand frame."""
+    """Pad in contact; all others read offset and noise. hand: the object moves over the flattened hand and touches all
+    pads with a known position in it; poses are then in the hand frame."""
     seed: int = 0
+    """Seed of all random numbers, 0 or more; the same seed gives the same recording."""
     solver: Solver = "analytic"
     """analytic: pressure by formula. elastic: by a boundary-element solver of elastic contact (extra `sim`)."""
     contact: Contact = field(default_factory=Contact)
@@ -34,24 +35,29 @@ class Scenario:
 
     def __post_init__(self) -> None:
         if self.seed < 0:
-            raise ParameterInvalid("seed", self.seed, "it is 0 or more")
-        if self.motion.duration_s * self.sensing.rate_hz < 1:
-            allowed = f"a motion of {self.motion.duration_s:.3g} s needs at least {1 / self.motion.duration_s:.3g} Hz"
-            raise ParameterInvalid("sensing rate_hz", self.sensing.rate_hz, allowed)
+            raise ParameterInvalid("seed", self.seed, "be 0 or more")
+        motion_s = self.motion.duration_s
+        if motion_s * self.sensing.rate_hz < 1:
+            duty = f"be at least {1 / motion_s:.3g} Hz, for one scan in a motion of {motion_s:.3g} s"
+            raise ParameterInvalid("sensing.rate_hz", self.sensing.rate_hz, duty)
         for motion, load in ((self.motion, self.load), (self.second.motion, self.second.load)):
             if load.lift_s > motion.rest_s:
-                allowed = f"it is at most motion rest_s, {motion.rest_s:g}: a moving object is in contact"
-                raise ParameterInvalid("load lift_s", load.lift_s, allowed)
+                duty = f"be at most motion.rest_s, {motion.rest_s:g} s: a moving object is in contact"
+                raise ParameterInvalid("load.lift_s", load.lift_s, duty)
         if self.load.steps and (self.contact.shape != "feet" or self.solver == "elastic"):
-            raise ParameterInvalid("load steps", self.load.steps, "it is 0 but for contact shape feet, solver analytic")
+            raise ParameterInvalid(
+                "load.steps", self.load.steps, "be 0, except for contact.shape feet with solver analytic"
+            )
         if self.second.there and self.pad == "hand":
-            raise ParameterInvalid("second there", self.second.there, "two objects lie on a pad, not on the hand")
+            raise ParameterInvalid(
+                "second.there", self.second.there, "be False for pad hand: two objects need a single pad"
+            )
         if self.load.roll_m and self.contact.shape == "feet":
-            raise ParameterInvalid("load roll_m", self.load.roll_m, "feet do not roll: it is 0, or use load tilt")
+            raise ParameterInvalid("load.roll_m", self.load.roll_m, "be 0 for contact.shape feet: use load.tilt")
         if self.solver == "elastic" and self.contact.deform_1_m:
-            raise ParameterInvalid("contact deform_1_m", self.contact.deform_1_m, "it is 0 with solver elastic")
+            raise ParameterInvalid("contact.deform_1_m", self.contact.deform_1_m, "be 0 with solver elastic")
         if self.solver == "elastic" and self.load.roll_m and self.contact.shape in TEXTURED:
-            raise ParameterInvalid("load roll_m", self.load.roll_m, "with solver elastic only smooth shapes roll")
+            raise ParameterInvalid("load.roll_m", self.load.roll_m, "be 0 for a textured contact with solver elastic")
 
 
 _PAPER = Scenario()
@@ -77,7 +83,7 @@ _OVER_HAND = Scenario(
         "feet",
         radius_m=0.0065,
         peak_pa=100e3,
-        # two on each phalange of fingers 1 and 2, one on each side of the palm; none leaves its pad or group
+        # two on each phalanx of fingers 1 and 2, one on each side of the palm; none leaves its pad or group
         feet_at_m=(
             *((x, 0.0) for x in (-0.124, -0.106, -0.082, -0.064, 0.064, 0.082, 0.106, 0.124)),
             (-0.02, 0.0),
@@ -206,28 +212,28 @@ SCENARIOS = {
 }
 
 DESCRIPTIONS = {
-    "stroke": "The paper's experiment: an airbag slid back and forth over the palm at 25 mm/s.",
-    "fast-stroke": "The same at 50 mm/s.",
-    "hertz-stroke": "The same with an elastic sphere, whose pressure is a Hertz dome.",
-    "turn": "An elongated object turned in place on a Schunk finger.",
-    "slide-and-turn": "The same, turned while it slides.",
-    "bar-on-grid": "An elongated object turned by 120 degrees while it slides over a 16x16 grid: 150 scans.",
-    "feet-on-grid": "The same of an object on three feet.",
-    "texture-on-grid": "A textured object slid 20 mm and turned by 23 degrees over a 32x32 grid: 200 scans.",
-    "bulb-pull": "The paper's Fig. 4: a compliant bulb pulled from left to right over all pads of the hand.",
-    "turn-over-hand": "The paper's Fig. 7: an object on ten feet turned to and fro over two fingers and palm.",
-    "slide-and-turn-over-hand": "The same, turned while it slides.",
-    "stick-slip": "A textured object that sticks and slips by turns on a 16x16 grid, at 100 Hz.",
-    "stick-slip-bar": "The same of an elongated object, which turns as it slips.",
-    "stick-slip-feet": "The same of an object on three feet, which turns as it slips.",
-    "feet-lift": "A rigid object on four feet, slid and turned, whose feet lift one by one and come down again.",
-    "two-contacts": "Two objects on one pad, slid past each other.",
-    "two-contacts-meet": "Two objects on one pad, one of which comes until they touch, and goes again.",
-    "press": "An elastic sphere pressed up to five times as hard, without slip.",
-    "roll": "An airbag that rolls 5 mm on the palm, without slip.",
-    "tilt": "An airbag that tilts on the palm, without slip.",
-    "hold-pressed": "The object of stick-slip held still for a minute, pressed five times as hard every two seconds.",
-    "hold-at-edge": "An elastic sphere held at the border of a 16x16 grid, grown and shrunk by five times the load.",
-    "hold-drifting": "The object of stick-slip held still while the offsets drift from 0 to 4 kPa.",
-    "hold-wobbling": "The object of stick-slip held still while the gain wobbles by 2 % from scan to scan.",
+    "stroke": "The paper's experiment: an airbag slides back and forth over the palm at 25 mm/s.",
+    "fast-stroke": "As stroke, at 50 mm/s.",
+    "hertz-stroke": "As stroke, with an elastic sphere (Hertz contact).",
+    "turn": "An elongated object turns in place on a Schunk finger.",
+    "slide-and-turn": "As turn, with sliding.",
+    "bar-on-grid": "An elongated object slides and turns by 120 degrees on a 16x16 grid: 150 scans.",
+    "feet-on-grid": "As bar-on-grid, with an object on three feet.",
+    "texture-on-grid": "A textured object slides 20 mm and turns by 23 degrees on a 32x32 grid: 200 scans.",
+    "bulb-pull": "The paper's Fig. 4: a compliant bulb is pulled from left to right over all pads of the hand.",
+    "turn-over-hand": "The paper's Fig. 7: an object on ten feet turns back and forth over two fingers and the palm.",
+    "slide-and-turn-over-hand": "As turn-over-hand, with sliding.",
+    "stick-slip": "A textured object sticks and slips on a 16x16 grid, at 100 Hz.",
+    "stick-slip-bar": "As stick-slip, with an elongated object that turns as it slips.",
+    "stick-slip-feet": "As stick-slip, with an object on three feet that turns as it slips.",
+    "feet-lift": "A rigid object on four feet slides and turns; its feet lift and land one after the other.",
+    "two-contacts": "Two objects on one pad slide past each other.",
+    "two-contacts-meet": "Two objects on one pad; one of them approaches until they touch, and returns.",
+    "press": "An elastic sphere is pressed with up to five times the force, without slip.",
+    "roll": "An airbag rolls by 5 mm on the palm, without slip.",
+    "tilt": "An airbag tilts on the palm, without slip.",
+    "hold-pressed": "The object of stick-slip at rest for 60 s; the force varies fivefold every two seconds.",
+    "hold-at-edge": "An elastic sphere at rest at the border of a 16x16 grid; the force varies fivefold.",
+    "hold-drifting": "The object of stick-slip at rest while the offsets drift from 0 to 4 kPa.",
+    "hold-wobbling": "The object of stick-slip at rest; a common gain varies by 2 % from scan to scan.",
 }

@@ -1,6 +1,6 @@
-"""What the sensor makes of pressure and time: gains, offsets, noise, drift, clock, one taxel after the other.
+"""Model of the sensor: gains, offsets, noise, drift, time stamps, rolling scan.
 
-Every fault beyond the first few draws from a generator of its own, so that switching it on changes nothing else.
+Jitter, drift and common gain have random generators of their own, so that one of them changes no other random number.
 """
 
 from __future__ import annotations
@@ -14,20 +14,22 @@ if TYPE_CHECKING:
     from taxelflow.simulation.parameters import Sensing
 
 SEED_JITTER, SEED_DRIFT, SEED_WOBBLE = 3, 4, 5
+"""Numbers of these generators, beside the scenario's seed."""
 _DRIFT_SPREAD = 0.3
+"""Standard deviation of the taxels' drift rates over their mean."""
 _MOST_JITTER = 0.45
-"""Of a scan period: two neighbours that both err this far still come in their order."""
+"""Largest error of a time stamp in scan periods: below 0.5, so that time stamps increase."""
 
 
 def clock(sensing: Sensing, duration_s: float, random: np.random.Generator) -> Floats:
-    """True scan times (scans,) from 0, in s; where in a scan the robot starts is chance."""
+    """True times (scans,) of the scans, s; the motion starts at a random phase of the first scan period."""
     rate_hz = sensing.rate_hz
     t_s = (np.arange(int(duration_s * rate_hz), dtype=np.float64) + random.uniform()) / rate_hz
     return np.asarray(t_s, dtype=np.float64)
 
 
 def reported(sensing: Sensing, t_s: Floats, seed: int) -> Floats:
-    """Times as the sensor reports them (scans,): the true ones, jittered, still increasing."""
+    """Time stamps (scans,) in s: the true times with jitter, still increasing."""
     if not sensing.jitter_s:
         return t_s
     most = _MOST_JITTER / sensing.rate_hz
@@ -37,13 +39,16 @@ def reported(sensing: Sensing, t_s: Floats, seed: int) -> Floats:
 
 
 def delays(sensing: Sensing, taxels: int) -> Floats:
-    """How long after the scan's start each taxel is read (taxels,), s."""
-    late: Floats = sensing.scan_share / sensing.rate_hz * np.arange(taxels) / taxels
-    return late
+    """Time (taxels,) from the start of the scan to the reading of each taxel, s."""
+    delay_s: Floats = sensing.scan_share / sensing.rate_hz * np.arange(taxels) / taxels
+    return delay_s
 
 
 def sense(sensing: Sensing, pressure_pa: Floats, t_s: Floats, random: np.random.Generator, seed: int = 0) -> Floats:
-    """Readings in Pa of pressures (scans, taxels) at times (scans,): gain, offset, noise, saturation, quantisation."""
+    """Readings (scans, taxels) in Pa of pressures (scans, taxels) in Pa at times (scans,) in s.
+
+    With gain, offset, noise, drift, saturation and quantisation.
+    """
     scans, taxels = pressure_pa.shape
     gain = np.ones(taxels) + sensing.gain_spread * random.standard_normal(taxels)
     gain[list(sensing.dead)] = 0.0

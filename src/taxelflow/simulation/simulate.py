@@ -1,4 +1,4 @@
-"""A scenario carried out: scans with known faults of a known motion."""
+"""Simulation of a scenario: scans of a known motion with known sensor errors."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from taxelflow.acquire.base import BLOCK_SCANS, HAND, Recording, Truth
 from taxelflow.acquire.npz import write_npz
 from taxelflow.errors import NameUnknown, ParameterInvalid
-from taxelflow.geometry import unplace
+from taxelflow.geometry import inverse_transform
 from taxelflow.messages import RawScans, cut
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.contact import taxel_pressure
@@ -37,21 +37,21 @@ if TYPE_CHECKING:
 def simulate(scenario: Scenario) -> Recording:
     """The scenario's recording, with truth, in memory. Raises NameUnknown, ParameterInvalid, ExtraMissing.
 
-    Truth stands at the true times of the scans' starts, the scans at those that the sensor reports.
+    Times of the truth are the true times of the scans' starts; times of the scans are the sensor's time stamps.
     """
     sensor = load_sensor(scenario.sensor)
     layout = sensor.layout
     touched = _touched(scenario, layout)
     for taxel in scenario.sensing.dead:
         if not 0 <= taxel < layout.taxels:
-            raise ParameterInvalid("sensing dead", taxel, f"taxels run from 0 to {layout.taxels - 1}")
+            raise ParameterInvalid("sensing.dead", taxel, f"list taxels between 0 and {layout.taxels - 1}")
     random = np.random.default_rng(scenario.seed)
     t_s = clock(scenario.sensing, scenario.motion.duration_s, random)
     pressure = pressures(scenario, layout, touched, t_s)
     if scenario.second.there:
         pressure = pressure + pressures(of_second(scenario), layout, touched, t_s)
     values = sense(scenario.sensing, pressure, t_s, random, scenario.seed) / sensor.to_si
-    scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), sensor.wiring.sent(values))
+    scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), sensor.channel_map.to_source(values))
 
     def read() -> Iterator[RawScans]:
         for start in range(0, len(scans), BLOCK_SCANS):
@@ -67,17 +67,17 @@ def simulate(scenario: Scenario) -> Recording:
 
 
 def of_second(scenario: Scenario) -> Scenario:
-    """The second object alone; its seed is another."""
+    """The scenario of the second object alone, with a seed of its own."""
     second = scenario.second
     alone = replace(scenario, contact=second.contact, motion=second.motion, load=second.load, second=Second())
     return replace(alone, seed=scenario.seed + 1)
 
 
 def save(scenario: Scenario, path: Path) -> Recording:
-    """Simulate and write an `.npz` recording with truth and every parameter in it; whole or not at all."""
+    """Simulate, and write an `.npz` recording with truth and all parameters; atomically."""
     recording = simulate(scenario)
     part = path.with_name(path.name + ".part")
-    write_npz(recording, part, recording.sent(), parameters=json.dumps(asdict(scenario)))
+    write_npz(recording, part, recording.source_blocks(), parameters=json.dumps(asdict(scenario)))
     part.replace(path)
     return recording
 
@@ -85,23 +85,24 @@ def save(scenario: Scenario, path: Path) -> Recording:
 def pressures(
     scenario: Scenario, layout: Layout, touched: list[int], t_s: Floats, shift: Floats | None = None
 ) -> Floats:
-    """Pressure in Pa (scans, taxels) on the touched pads, each taxel read at its own time after the scan's start.
+    """Pressure in Pa (scans, taxels) on the touched pads, of each taxel at the time at which it is read.
 
-    shift: (3,), added to the object's pose in every scan, for derivatives.
+    touched: numbers of pads. t_s: (scans,), true times of the scans' starts. shift: (3,), added to the object's pose in
+    every scan, for derivatives.
     """
-    late = delays(scenario.sensing, layout.taxels) if scenario.sensing.scan_share else None
+    delay_s = delays(scenario.sensing, layout.taxels) if scenario.sensing.scan_share else None
     pressure = np.zeros((len(t_s), layout.taxels))
     pattern = _pattern(scenario, layout, touched)
     for pad in touched:
         own = layout.of_pad(pad)
-        when = t_s[:, np.newaxis] if late is None else t_s[:, np.newaxis] + late[own]
-        path = move(scenario.motion, when, scenario.seed, scenario.contact.reach_m)
-        state = state_at(scenario.load, scenario.motion, when, scenario.contact.deform_1_m * path.travelled_m)
+        read_s = t_s[:, np.newaxis] if delay_s is None else t_s[:, np.newaxis] + delay_s[own]
+        path = move(scenario.motion, read_s, scenario.seed, scenario.contact.reach_m)
+        state = state_at(scenario.load, scenario.motion, read_s, scenario.contact.deform_1_m * path.travelled_m)
         pose = _in_pad(path.pose, layout.T_hand[pad]) if _on_hand(scenario, layout) else path.pose
         pose = pose if shift is None else pose + shift
         size = scenario.sensing.active_share * layout.pitch_m[pad]
         new, which = _distinct(pose, state)
-        seen = taxel_pressure(
+        distinct = taxel_pressure(
             pattern,
             pose[new],
             State(*(getattr(state, item.name)[new] for item in fields(state))),
@@ -109,12 +110,12 @@ def pressures(
             layout.y_m[own],
             (float(size[0]), float(size[1])),
         )
-        pressure[:, own] = seen[which]
+        pressure[:, own] = distinct[which]
     return pressure
 
 
 def _distinct(pose: Floats, state: State) -> tuple[Bools, NDArray[np.int64]]:
-    """Scans (scans,) in which anything differs from the scan before, and for each scan which of those it is like."""
+    """Whether a scan (scans,) differs from the previous one, and the number (scans,) of the last one that did."""
     numbers = [pose.reshape(len(pose), -1), *(getattr(state, item.name) for item in fields(state))]
     new = np.ones(len(pose), dtype=np.bool_)
     new[1:] = np.any([np.any(values[1:] != values[:-1], axis=1) for values in numbers], axis=0)
@@ -127,8 +128,8 @@ def _touched(scenario: Scenario, layout: Layout) -> list[int]:
     if _on_hand(scenario, layout):
         placed = [number for number in range(len(pads)) if np.isfinite(layout.T_hand[number]).all()]
         if not placed:
-            allowed = f"no pad of {scenario.sensor} has a place in the hand: give them origin_m = [x, y], or name a pad"
-            raise ParameterInvalid("pad", HAND, allowed)
+            duty = f"name a pad: no pad of {scenario.sensor} has a position in the hand, origin_m = [x, y]"
+            raise ParameterInvalid("pad", HAND, duty)
         return placed
     if scenario.pad not in pads:
         raise NameUnknown("pad", scenario.pad, [*pads, HAND])
@@ -136,7 +137,7 @@ def _touched(scenario: Scenario, layout: Layout) -> list[int]:
 
 
 def _on_hand(scenario: Scenario, layout: Layout) -> bool:
-    """Whether the object lies on the whole hand; a pad of that name comes first."""
+    """Whether the object moves over the whole hand; a pad of that name takes precedence."""
     return scenario.pad == HAND and HAND not in layout.pads
 
 
@@ -149,6 +150,8 @@ def _pattern(scenario: Scenario, layout: Layout, touched: list[int]) -> Pattern:
 
 
 def _in_pad(pose: Floats, T_hand_pad: Floats) -> Floats:
-    """Poses (..., 3) of the object in the hand frame, in the frame of a pad."""
-    moved: Floats = np.concatenate([unplace(T_hand_pad, pose[..., :2]), pose[..., 2:] - T_hand_pad[2]], axis=-1)
+    """Poses (..., 3) of the object in the hand frame, mapped to the frame of a pad."""
+    moved: Floats = np.concatenate(
+        [inverse_transform(T_hand_pad, pose[..., :2]), pose[..., 2:] - T_hand_pad[2]], axis=-1
+    )
     return moved

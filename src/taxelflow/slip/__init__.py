@@ -1,1 +1,1 @@
-"""Slips -> events: contact and slip."""
+"""Slips -> events: contact, release, begin and end of a slip."""

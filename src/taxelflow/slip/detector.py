@@ -1,4 +1,4 @@
-"""Every pad's poses through the two tests, scan by scan: is it still, does it slip, and what changed."""
+"""Slip detector of one pad, scan by scan: at rest the onset detector runs, during a slip the end detector."""
 
 from __future__ import annotations
 
@@ -7,326 +7,227 @@ from math import erfc
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Bytes, Floats
-from taxelflow.slip.ending import (
-    AT,
-    AT_VAR,
-    BEGAN,
-    DOUBT,
-    FROM,
-    LOST_TURN,
-    RESTS,
-    SINCE,
-    SLIDE,
-    SPEED,
-    has_leapt,
-    set_off,
-    slide,
+from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records, Vector
+from taxelflow.slip.covariance import multiply, translation_variance
+from taxelflow.slip.ending import SlideState, start_slide, start_stopped, stop_odds
+from taxelflow.slip.jump import LOAD_JUMP, JumpState, jump_p_value, start_jump, store_rest, track_jump
+from taxelflow.slip.measurement import (
+    Measurement,
+    Observation,
+    Parameters,
+    has_pose,
+    measure,
+    measure_pose,
+    raise_to_mean,
 )
-from taxelflow.slip.jump import (
-    ARRIVED_S,
-    BEFORE,
-    BEFORE_S,
-    FALLEN,
-    JUMP,
-    LATEST,
-    LEAP,
-    by_chance,
-    goes_by,
-    load_falls,
-    rests_at,
-)
-from taxelflow.slip.onset import BEGIN, ENERGY_OF, SLIP, VELOCITY, thinned, threshold, weigh
-from taxelflow.slip.rest_filter import (
-    AXES,
-    ENERGY,
-    STEP,
-    STILL,
-    TURN_COUNTS,
-    TURNS,
-    P,
-    forget,
-    innovate,
-    scale,
-    settle,
-    spread,
-)
+from taxelflow.slip.onset import OnsetState, alarm_threshold, prune, shiryaev_roberts
+from taxelflow.slip.rest_filter import RestState, discount_noise_scale, noise_scale, start_rest, update_rest
 
 NEW, RESTING, SLIPPING = range(3)
-"""Modes: in contact for too short a time to judge; still; slipping."""
+"""Modes of a pad: no contact, or one that is too young to be judged; at rest; slipping."""
+_MIN_POSES = 3
+"""Poses of a contact before it is judged."""
+_STOP_ODDS, _RESUME_ODDS, _FINAL_ODDS = 3.0, 0.02, 30.0
+"""Odds of a stop above which it is reported, below which the report is withdrawn, and above which it is final."""
+_END_SIGMAS = 2.5
+"""A method without displacement stops slipping below this disturbance, standard deviations: 1 % of a still object's
+scans exceed it."""
+_MIN_DURATION_S = 1e-9
+"""Lower limit of the duration of a slip, against division by 0."""
 
-# Memory per pad: mode, time of the last scan and of the last pose used, logarithm of the load or 0, poses since the
-# contact began or began anew, when that was, how many ramps are followed, whether it is what is left of one that was
-# let go, accumulated displacement (3), usual variance of its poses (3); `still`'s, `halt`'s and `leap`'s.
-MODE, LAST, USED, LOAD, KNOWN, FIRST, RAMPS, LEFT, Y, USUAL = *range(9), 11
-CALM = 14
-MOVED = CALM + STILL
-AWAY = MOVED + SLIDE
-MEMORY = AWAY + LEAP
-# What changed: when a slip began or ended, s, and its velocity along x, y, theta.
-WHEN, MOTION, NOTE = 0, 1, 4
-# Parameters, see `SlipMonitor.numbers`.
-ALARM_S, LOAD_M, CREEP_M_S, SETTLE_S = range(4)
 
-_UNSURE = 9.0
-"""Factor on the variance of a pose that does not fit what the method knows."""
-_UNKNOWN, _UNKNOWN_M = 100.0, 0.005
-"""A place that is known so many times worse along one axis than along the other, and so badly, is told along that one
-only. A centroid on a line of taxels is known exactly across it: that says nothing against what it is along it."""
-_FRESH, _MOST_FRESH = 0.05, 4.0
-"""What a pose counts for in the usual variance, and how many times as large it counts at most: one may be far off."""
-_FEWEST = 3
-"""Poses that a still object must have had."""
-_FLOOR_M, _FLOOR_RAD = 1e-6, 1e-5
-"""No pose is better known than this; some methods say 0."""
-_STOPS, _GOES_ON, _SURE = 3.0, 0.02, 30.0
-"""Odds of a stop at which it is told, at which the slip goes on after all, and that end the doubt."""
-_CALM_SIGMAS = 2.5
-"""A method without direction has stopped slipping when its sign of slip is below so many standard deviations."""
+class PadState:
+    """State of the detector of one pad."""
+
+    mode: int
+    last_s: float
+    """Time of the last scan."""
+    first_s: float
+    poses: int
+    """First scan of the contact, and its scans since then."""
+    partial: bool
+    """The contact is what remained after a sudden loss of load."""
+    mean_variance: Vector
+    """Mean variance of the poses at rest; 0 where there is none yet."""
+    measurement: Measurement
+    rest: RestState
+    onset: OnsetState
+    slide: SlideState
+    jump: JumpState
+
+
+class Change:
+    """Begin or end of a slip, or a report that is withdrawn; NaN if there is none in a scan."""
+
+    onset_s: float
+    velocity: Vector
+    """m/s, m/s, rad/s; NaN where unknown."""
 
 
 @kernel
-def follow(
-    t: Floats,
-    contact: Bools,
-    displacement: Floats,
-    covariance: Floats,
-    pose: Floats,
-    pose_covariance: Floats,
-    lag: Floats,
-    load: Floats,
-    disturbance: Floats,
-    quality: Bytes,
-    numbers: Floats,
-    memory: Floats,
-    ramps: Floats,
-    stops: Floats,
-    slipping: Bools,
-    notes: Floats,
-) -> None:
-    """Fill slipping (scans, pads) and, where a slip begins or ends, notes (scans, pads, NOTE).
+def follow(observations: Records, parameters: Parameters, states: Records, slipping: Bools, changes: Records) -> None:
+    """Process a block of scans: fill `slipping` (scans, pads) and `changes` (scans, pads) of `Change`.
 
-    The first ten: fields of `Slips`, covariance that of the displacement. numbers: `SlipMonitor.numbers`.
-    memory: (pads, MEMORY), ramps: (pads, MOST_RAMPS, RAMP), stops: (pads, MOST_STOPS, STOP), kept from block to block.
+    observations: (scans, pads) of `Observation`. states: (pads,) of `PadState`, kept from block to block.
     """
-    y, noise, placed = np.empty(3), np.empty(6), np.empty(6)
-    for pad in range(contact.shape[1]):
-        m = memory[pad]
-        for scan in range(len(t)):
-            d, now = displacement[scan, pad], t[scan]
-            senses = not np.isnan(disturbance[scan, pad])
-            _take_load(load[scan, pad], contact[scan, pad], m)
-            # What is left may be no contact at all but what has drifted: it must be worth something.
-            worth = quality[scan, pad] == OK or (quality[scan, pad] == AMBIGUOUS and _along(covariance[scan, pad]))
-            blind = np.isnan(d[0]) or quality[scan, pad] == LOST or (m[LEFT] > 0.0 and not worth)
-            goes_by(now, pose[scan, pad], quality[scan, pad], m[LOAD], m[AWAY:])
-            if not contact[scan, pad] or (not senses and blind):
-                m[MODE], m[KNOWN] = NEW, 0.0
-            else:
-                if m[KNOWN] == 0.0:
-                    m[FIRST], m[USED] = now, -np.inf
-                    forget(m[CALM : CALM + STILL])
-                m[KNOWN] += 1.0
-                # A pose that is the mean of two scans shares one with the next: only every second one is new.
-                shared = lag[scan, pad] > 0.0
-                if senses:
-                    _sense(now, disturbance[scan, pad], numbers, m, notes[scan, pad])
-                else:
-                    for axis in range(3):
-                        m[Y + axis] += d[axis] if not np.isnan(d[axis]) else 0.0
-                        y[axis] = m[Y + axis]
-                    if not shared or now - 2.0 * lag[scan, pad] > m[USED] + 1e-9:
-                        doubt = _UNSURE if quality[scan, pad] == UNRESOLVED else 1.0
-                        _spread(covariance[scan, pad], doubt * (1.0 if shared else 0.5), noise)
-                        _single_out(noise)
-                        _judge(now, y, noise, numbers, m, ramps[pad], stops[pad], notes[scan, pad])
-                        _spread(pose_covariance[scan, pad], doubt * scale(m[CALM:]), placed)
-                        _compare(now, y, noise, pose[scan, pad], placed, numbers, m, stops[pad], notes[scan, pad])
-                        m[USED] = now
-            m[LAST] = now
-            slipping[scan, pad] = m[MODE] == SLIPPING and m[MOVED + DOUBT] == 0.0
+    for pad in range(observations.shape[1]):
+        state: PadState = states[pad]
+        for scan in range(observations.shape[0]):
+            _process(observations[scan, pad], parameters, state, changes[scan, pad])
+            slipping[scan, pad] = state.mode == SLIPPING and not state.slide.stop_reported
 
 
 @kernel
-def _take_load(load: float, touched: bool, m: Floats) -> None:
-    """Remember the load; one that leaps is another contact: touched or let go, all or a part of it."""
-    if not touched:
-        m[LOAD] = m[LEFT] = m[AWAY + FALLEN] = 0.0
-    elif load > 0.0:
-        rise = np.log(load) - m[LOAD] if m[LOAD] != 0.0 else 0.0
-        m[LOAD] = np.log(load)
-        if abs(rise) > JUMP:
-            if m[MODE] == RESTING and rise < 0.0:
-                load_falls(m[LOAD], m[AWAY:])
-            m[MODE], m[KNOWN] = NEW, 0.0
-            m[LEFT] = 1.0 if rise < 0.0 else 0.0
-
-
-@kernel
-def _spread(covariance: Floats, share: float, noise: Floats) -> None:
-    """Covariance (6,) of one pose: `share` of one (3, 3), a displacement's or its own, and no less than the floor."""
-    noise[0] = share * covariance[0, 0] + _FLOOR_M**2
-    noise[1] = share * covariance[1, 1] + _FLOOR_M**2
-    noise[2] = share * covariance[2, 2] + _FLOOR_RAD**2
-    noise[3] = share * covariance[0, 1]
-    noise[4] = share * covariance[0, 2]
-    noise[5] = share * covariance[1, 2]
-
-
-@kernel
-def _along(covariance: Floats) -> bool:
-    """Whether one of x and y is known, and the other is not."""
-    xx, yy = covariance[0, 0], covariance[1, 1]
-    return _unknown(xx, yy) or _unknown(yy, xx)
-
-
-@kernel
-def _unknown(own: float, other: float) -> bool:
-    """Whether a place is not known along an axis, by its variance along it and along the other."""
-    return bool(own > max(_UNKNOWN**2 * other, _UNKNOWN_M**2))
-
-
-@kernel
-def _single_out(noise: Floats) -> None:
-    """Let x or y, of a covariance (6,), count for nothing if it is known so much worse than the other."""
-    for axis in range(2):
-        if _unknown(noise[axis], noise[1 - axis]):
-            noise[axis], noise[3], noise[4 + axis] = np.nan, 0.0, 0.0
-
-
-@kernel
-def _level(noise: Floats, m: Floats) -> None:
-    """Raise a covariance (6,) to the mean over the last poses of an object that does not move, axis by axis.
-
-    A covariance is that of the place where the pose came to lie. Where it differs much from place to place, one that
-    noise has thrown off claims to be known well there; an object that rests has one place, and one covariance.
-    """
-    usual, fresh = m[USUAL : USUAL + 3], max(1.0 / m[KNOWN], _FRESH)
-    if m[KNOWN] == 1.0:
-        usual[:] = 0.0
-    raised = np.ones(3)
+def _process(scan: Observation, parameters: Parameters, state: PadState, change: Change) -> None:
+    """One scan of one pad."""
+    change.onset_s = np.nan
     for axis in range(3):
-        if not np.isnan(noise[axis]):
-            before = usual[axis] if usual[axis] > 0.0 else noise[axis]
-            usual[axis] = before + fresh * (min(noise[axis], _MOST_FRESH * before) - before)
-            raised[axis] = np.sqrt(max(usual[axis] / noise[axis], 1.0))
-            noise[axis] *= raised[axis] * raised[axis]
-    noise[3] *= raised[0] * raised[1]
-    noise[4] *= raised[0] * raised[2]
-    noise[5] *= raised[1] * raised[2]
-
-
-@kernel
-def _judge(
-    t: float, y: Floats, noise: Floats, numbers: Floats, m: Floats, ramps: Floats, stops: Floats, note: Floats
-) -> None:
-    """One pose of one pad, independent of the last one."""
-    if m[MODE] != SLIPPING:
-        _level(noise, m)
-    if m[MODE] == NEW:
-        calm = m[CALM : CALM + STILL]
-        variance = spread(noise) * scale(calm)
-        turns = not np.isnan(noise[2]) and (m[KNOWN] == 1.0 or calm[TURNS] > 0.0)
-        settle(y, variance, m[LOAD], numbers[LOAD_M : CREEP_M_S + 1], calm)
-        if not turns:
-            calm[TURNS] = 0.0
-        m[RAMPS] = 0.0
-        if m[KNOWN] >= _FEWEST and t - m[FIRST] >= numbers[SETTLE_S]:
-            m[MODE] = RESTING
-    elif m[MODE] == RESTING:
-        _rests(t, y, noise, numbers, m, ramps, note)
+        change.velocity[axis] = np.nan
+    _update_load(scan, state)
+    track_jump(scan, state.measurement.log_load, state.jump)
+    undirected = not np.isnan(scan.disturbance)
+    if not scan.contact or not (undirected or has_pose(scan, state.partial)):
+        state.mode, state.poses = NEW, 0
     else:
-        _slips(t, y, noise, numbers, m, stops, note)
+        if state.poses == 0:
+            state.first_s, state.measurement.previous_s = scan.t_s, -np.inf
+            discount_noise_scale(state.rest)
+        state.poses += 1
+        if undirected:
+            _test_disturbance(scan, parameters, state, change)
+        elif measure(scan, state.measurement):
+            _judge(parameters, state, change)
+            _test_jump(scan, parameters, state, change)
+            state.measurement.previous_s = scan.t_s
+    state.last_s = scan.t_s
 
 
 @kernel
-def _compare(
-    t: float,
-    y: Floats,
-    noise: Floats,
-    pose: Floats,
-    placed: Floats,
-    numbers: Floats,
-    m: Floats,
-    stops: Floats,
-    note: Floats,
-) -> None:
-    """An object that rests at a pose (3,), with covariance placed (6,): has it slipped here from where it rested before
-    its load fell?
+def _update_load(scan: Observation, state: PadState) -> None:
+    """Update the log load. A sudden change makes a new contact: an object, or a part of it, was grasped or released."""
+    if not scan.contact:
+        state.measurement.log_load = 0.0
+        state.partial = state.jump.load_fell = False
+    elif scan.load > 0.0:
+        before, log_load = state.measurement.log_load, np.log(scan.load)
+        rise = log_load - before if before != 0.0 else 0.0
+        state.measurement.log_load = log_load
+        if abs(rise) > LOAD_JUMP:
+            if state.mode == RESTING and rise < 0.0:
+                start_jump(log_load, state.jump)
+            state.mode, state.poses, state.partial = NEW, 0, rise < 0.0
 
-    y: (3,), noise: (6,), its accumulated displacement and that one's covariance.
-    """
-    away = m[AWAY:]
-    if m[MODE] == SLIPPING:
-        away[FALLEN] = 0.0  # what it does from here on is no leap
-    if m[MODE] != RESTING:
+
+@kernel
+def _judge(parameters: Parameters, state: PadState, change: Change) -> None:
+    """Process a measurement that is independent of the one before."""
+    if state.mode == SLIPPING:
+        _slip(parameters, state, change)
         return
-    stayed = by_chance(t, placed, m[LOAD], numbers[LOAD_M], numbers[SETTLE_S], away)
-    if stayed < (t - m[LAST]) / numbers[ALARM_S]:
-        m[MODE] = SLIPPING
-        way, moved = away[LATEST : LATEST + 2] - away[BEFORE : BEFORE + 2], m[MOVED : MOVED + SLIDE]
-        has_leapt(y, way, away[BEFORE_S], away[ARRIVED_S], t - m[LAST], spread(noise), moved, stops)
-        _tell(moved[BEGAN], moved[SPEED : SPEED + 3], False, note)
-    if away[FALLEN] == 0.0:
-        rests_at(t, pose, placed, m[LOAD], away)
+    raise_to_mean(state.poses, state.mean_variance, state.measurement.covariance)
+    if state.mode == RESTING:
+        _rest(parameters, state, change)
+        return
+    measurement, rest = state.measurement, state.rest
+    variance = translation_variance(measurement.covariance) * noise_scale(rest)
+    yaw_known = not np.isnan(measurement.covariance.variance[2]) and (state.poses == 1 or rest.yaw_poses > 0)
+    _start_rest(measurement.position, variance, yaw_known, parameters, state)
+    if state.poses >= _MIN_POSES and measurement.t_s - state.first_s >= parameters.settle_s:
+        state.mode = RESTING
 
 
 @kernel
-def _rests(t: float, y: Floats, noise: Floats, numbers: Floats, m: Floats, ramps: Floats, note: Floats) -> None:
-    """One more pose of a still object, which may begin to slip."""
-    calm, moved = m[CALM : CALM + STILL], m[MOVED : MOVED + SLIDE]
-    step, slip = np.empty(STEP), np.empty(SLIP)
-    innovate(t - m[USED], y, noise, m[LOAD], numbers[LOAD_M : CREEP_M_S + 1], calm, step)
-    count = int(m[RAMPS])
-    whole = weigh(t, m[USED], step, calm, count, ramps, slip)
-    m[RAMPS] = thinned(t, count + 1, ramps)
-    if whole > threshold(numbers[ALARM_S], t - m[USED], step[AXES] + step[TURN_COUNTS]):
-        m[MODE] = SLIPPING
-        set_off(t, m[USED], slip, calm[P], moved)
-        calm[ENERGY] = max(calm[ENERGY] - slip[ENERGY_OF], 0.0)  # the slip's part of the scatter is explained
-        _tell(slip[BEGIN], slip[VELOCITY : VELOCITY + 3], step[TURN_COUNTS] > 0.0, note)
+def _start_rest(position: Floats, variance: float, yaw_known: bool, parameters: Parameters, state: PadState) -> None:
+    """Start the rest filter at a position (3,) of this variance, m^2, and the onset detector."""
+    start_rest(position, variance, state.measurement.log_load, parameters, state.rest)
+    if not yaw_known:
+        state.rest.yaw_poses = 0
+    state.onset.count = 0
 
 
 @kernel
-def _slips(t: float, y: Floats, noise: Floats, numbers: Floats, m: Floats, stops: Floats, note: Floats) -> None:
-    """One more pose of a slipping object, which may stop."""
-    calm, moved = m[CALM : CALM + STILL], m[MOVED : MOVED + SLIDE]
-    rests = np.empty(RESTS)
-    turns = not np.isnan(noise[2]) and moved[LOST_TURN] == 0.0
-    if not turns:  # what it turned by in between is unknown
-        moved[LOST_TURN], noise[2] = 1.0, np.nan
-    noise *= scale(calm)
-    odds = slide(t, y, noise, m[USED], numbers[CREEP_M_S], moved, stops, rests)
-    if odds > _STOPS and moved[DOUBT] == 0.0:
-        moved[DOUBT] = 1.0
-        mean = (rests[AT : AT + 3] - moved[FROM : FROM + 3]) / max(rests[SINCE] - moved[BEGAN], 1e-9)
-        _tell(rests[SINCE], mean, turns, note)
-    elif odds < _GOES_ON and moved[DOUBT] > 0.0:
-        moved[DOUBT] = 0.0
-        _tell(moved[BEGAN], moved[SPEED : SPEED + 3], turns, note)
-    if odds > _SURE:
-        m[MODE], m[RAMPS] = RESTING, 0.0
-        m[USUAL : USUAL + 3] = 0.0  # that of another place
-        settle(rests[AT : AT + 3], rests[AT_VAR], m[LOAD], numbers[LOAD_M : CREEP_M_S + 1], calm)
-        if not turns:
-            calm[TURNS] = 0.0
+def _rest(parameters: Parameters, state: PadState, change: Change) -> None:
+    """One more measurement of an object at rest: does a slip begin?"""
+    measurement, rest, onset, step = state.measurement, state.rest, state.onset, state.rest.innovation
+    update_rest(measurement, parameters, rest)
+    statistic = shiryaev_roberts(measurement, rest, onset)
+    prune(measurement.t_s, onset)
+    components = step.axes + (1 if step.yaw_used else 0)
+    if statistic > alarm_threshold(parameters.alarm_interval_s, measurement.t_s - measurement.previous_s, components):
+        state.mode = SLIPPING
+        start_slide(measurement, onset.slip, rest.p_aa, state.slide)
+        rest.square_sum = max(rest.square_sum - onset.slip.explained, 0.0)  # the slip's part is not noise
+        _report(onset.slip.start_s, onset.slip.velocity, step.yaw_used, change)
 
 
 @kernel
-def _tell(when_s: float, velocity: Floats, turns: bool, note: Floats) -> None:
-    note[WHEN] = when_s
+def _slip(parameters: Parameters, state: PadState, change: Change) -> None:
+    """One more measurement of a slipping object: has it stopped?"""
+    measurement, slide, stop = state.measurement, state.slide, state.slide.stop
+    covariance = measurement.covariance
+    yaw_known = not np.isnan(covariance.variance[2]) and not slide.yaw_lost
+    if not yaw_known:  # the turn while theta was unknown is unknown
+        slide.yaw_lost, covariance.variance[2] = True, np.nan
+    multiply(covariance, noise_scale(state.rest))
+    odds = stop_odds(measurement, parameters.creep_m_s, slide)
+    if odds > _STOP_ODDS and not slide.stop_reported:
+        slide.stop_reported = True
+        duration_s = max(stop.since_s - slide.start_s, _MIN_DURATION_S)
+        for axis in range(3):
+            slide.residual[axis] = (stop.position[axis] - slide.origin[axis]) / duration_s
+        _report(stop.since_s, slide.residual, yaw_known, change)
+    elif odds < _RESUME_ODDS and slide.stop_reported:
+        slide.stop_reported = False
+        _report(slide.start_s, slide.velocity, yaw_known, change)
+    if odds > _FINAL_ODDS:
+        state.mode = RESTING
+        for axis in range(3):
+            state.mean_variance[axis] = 0.0  # that of another place
+        _start_rest(stop.position, stop.variance, yaw_known, parameters, state)
+
+
+@kernel
+def _test_jump(scan: Observation, parameters: Parameters, state: PadState, change: Change) -> None:
+    """Has an object that rests now jumped here since its load fell?"""
+    measurement, jump = state.measurement, state.jump
+    if state.mode == SLIPPING:
+        jump.load_fell = False  # a motion from here on is no jump
+    if state.mode != RESTING:
+        return
+    measure_pose(scan, noise_scale(state.rest), measurement)
+    dt_s = scan.t_s - state.last_s
+    if jump_p_value(measurement, parameters, jump) < dt_s / parameters.alarm_interval_s:
+        state.mode = SLIPPING
+        # The slip began after the last pose at rest and ended before the first one here.
+        start_s, end_s = jump.rest_s + 0.25 * dt_s, jump.arrival_s - 0.25 * dt_s
+        way = (jump.x - jump.rest_x, jump.y - jump.rest_y)
+        start_stopped(measurement, way, start_s, end_s, dt_s, state.slide)
+        _report(start_s, state.slide.velocity, False, change)
+    if not jump.load_fell:
+        store_rest(scan, measurement, jump)
+
+
+@kernel
+def _test_disturbance(scan: Observation, parameters: Parameters, state: PadState, change: Change) -> None:
+    """One scan of a method without displacement: it slips if noise makes such a disturbance less often than accepted.
+
+    The disturbance is Gaussian with standard deviation 1 while the object rests.
+    """
+    p_value = erfc(scan.disturbance / np.sqrt(2.0))
+    if state.mode == SLIPPING:
+        if scan.disturbance < _END_SIGMAS:
+            state.mode = RESTING
+            change.onset_s = scan.t_s
+        return
+    settled = scan.t_s - state.first_s >= parameters.settle_s
+    if settled and p_value < (scan.t_s - state.last_s) / parameters.alarm_interval_s:
+        state.mode, state.slide.stop_reported = SLIPPING, False
+        change.onset_s = scan.t_s
+
+
+@kernel
+def _report(onset_s: float, velocity: Floats, yaw_known: bool, change: Change) -> None:
+    change.onset_s = onset_s
     for axis in range(3):
-        note[MOTION + axis] = velocity[axis] if axis < 2 or turns else np.nan
-
-
-@kernel
-def _sense(t: float, sigmas: float, numbers: Floats, m: Floats, note: Floats) -> None:
-    """One scan of a method without direction: it alarms if chance does so more seldom than was asked for."""
-    chance = erfc(sigmas / np.sqrt(2.0))
-    if m[MODE] == SLIPPING:
-        if sigmas < _CALM_SIGMAS:
-            m[MODE] = RESTING
-            note[WHEN] = t
-    elif t - m[FIRST] >= numbers[SETTLE_S] and chance < (t - m[LAST]) / numbers[ALARM_S]:
-        m[MODE], m[MOVED + DOUBT] = SLIPPING, 0.0
-        note[WHEN] = t
+        change.velocity[axis] = velocity[axis] if axis < 2 or yaw_known else np.nan

@@ -1,141 +1,221 @@
-"""When a slip ends: the odds that the object has stopped against those that it goes on, from its poses.
+"""End of a slip: the posterior odds that the object has stopped against that it still slips.
 
-Going on is a Kalman filter of place and velocity; stopped since scan j is a place that no longer moves. A stop may come
-at any time, at a rate that is about one over the duration of a slip: with L_j the likelihood ratio of a stop after scan
-j, the odds are sum_j rate dt_j L_j (Shiryaev). A stop told late costs a scan or two; one told too early may be taken
-back: until the odds are clear the slip goes on in doubt.
+Slipping is a Kalman filter of position and velocity. Hypothesis j is that the object stopped after scan j: its position
+is constant since. A stop occurs at a constant rate, about one over the duration of a slip. With L_j the likelihood
+ratio of hypothesis j to slipping, the odds are sum over j of rate (t_j+1 - t_j) L_j (Shiryaev). A late report of a stop
+costs a scan or two; an early one can be withdrawn until the odds are clear.
 """
 
 from __future__ import annotations
 
 from math import exp, log
+from typing import Annotated
 
 import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
-from taxelflow.slip.onset import BEGIN, LATE, PLACE_NOW, VARIANCE, VELOCITY, nearest
-from taxelflow.slip.rest_filter import axes_of, factor, spread, whiten
+from taxelflow.numerics.records import Records, Vector
+from taxelflow.slip.covariance import (
+    Cholesky,
+    factorize,
+    translation_axes,
+    translation_variance,
+    whiten,
+)
+from taxelflow.slip.hypotheses import merge_closest
+from taxelflow.slip.measurement import Measurement
+from taxelflow.slip.onset import MAX_EXPONENT, SlipEstimate
 
-# Memory per pad. PLACE, SPEED: (3,) along x, y, theta. Q: their covariance pp, pv, vv of a translation, m^2, m^2/s...
-# BEGAN, FROM: when and where (3,). STOPS: how many are followed. DOUBT: it may have stopped. LOST_TURN: the turn was
-# not known all the time, so that it does not count.
-PLACE, SPEED, Q, BEGAN, FROM, STOPS, DOUBT, LOST_TURN, SLIDE = 0, 3, 6, 9, 10, 13, 14, 15, 16
-# A stop: after which scan, its share of the odds without L, log L, place (3), its variance.
-T_0, WEIGHT, LOG_L, REST, REST_VAR, STOP = 0, 1, 2, 3, 6, 7
-# Where it rests: since when, place (3), its variance.
-SINCE, AT, AT_VAR, RESTS = 0, 1, 4, 5
-_RATE = 3.0
-"""Stops per second of slip."""
-_AGILITY = 0.002
-"""Standard deviation by which a slip's velocity changes in a second, m/s; in other times as their root."""
-_ERRS = 0.1
-"""Share of an object's way by which its pose errs, beyond the noise of a still one."""
-MOST_STOPS, _YOUNG = 12, 6
+_STOP_RATE_HZ = 3.0
+"""Prior rate of a stop: a slip lasts a third of a second."""
+_VELOCITY_WALK = 0.002
+"""Random walk of the velocity of a slip, m/s per root s."""
+_PATH_ERROR = 0.1
+"""Error of a displacement as a share of its length, beyond the noise of an object at rest."""
+_MIN_SPEED_CREEPS = 3.0
+"""A slip is faster than this multiple of the creep of `SlipMonitor`."""
+MAX_STOPS = 12
+"""Stops that are tested at a time."""
+_RECENT_STOPS = 6
+"""The latest stops, which are never merged."""
+
+
+class Stop:
+    """Hypothesis that the object stopped after a scan."""
+
+    start_s: float
+    """Time of that scan."""
+    weight: float
+    """Prior probability; of merged hypotheses the sum."""
+    log_ratio: float
+    """log L."""
+    position: Vector
+    variance: float
+    """Of the position, m^2."""
+
+
+class StopEstimate:
+    """Where and since when the object rests, by the most likely hypothesis."""
+
+    since_s: float
+    position: Vector
+    variance: float
+    """Of the position, m^2."""
+
+
+class SlideState:
+    """State of a slipping object on one pad."""
+
+    position: Vector
+    """m, m, rad."""
+    velocity: Vector
+    """m/s, m/s, rad/s."""
+    q_pp: float
+    q_pv: float
+    q_vv: float
+    """Covariance of position and velocity of a translation, m^2, m^2/s, m^2/s^2."""
+    start_s: float
+    origin: Vector
+    """Time and position of the onset."""
+    stop_reported: bool
+    """A stop is reported, but its odds do not exclude that the slip continues."""
+    yaw_lost: bool
+    """Theta was unknown at some time since the onset and is not used."""
+    factor: Cholesky
+    residual: Vector
+    """Scratch values of `stop_odds`."""
+    count: int
+    """Stops in use, oldest first."""
+    stops: Annotated[Records, Stop, MAX_STOPS]
+    stop: StopEstimate
 
 
 @kernel
-def set_off(t: float, before_s: float, slip: Floats, variance: float, m: Floats) -> None:
-    """The object slips, at t, as `onset.weigh` has found.
+def start_slide(measurement: Measurement, slip: SlipEstimate, variance: float, slide: SlideState) -> None:
+    """Start from the slip that the onset detector found.
 
-    before_s: time of the pose before. variance: of the place, but for the velocity's part.
+    variance: of the position, m^2, without the part of the velocity.
     """
-    m[BEGAN], m[STOPS], m[DOUBT], m[LOST_TURN] = slip[BEGIN], 0.0, 0.0, 0.0
+    t_s, start_s = measurement.t_s, slip.start_s
+    slide.start_s, slide.count = start_s, 0
+    slide.stop_reported = slide.yaw_lost = False
     for axis in range(3):
-        m[PLACE + axis], m[SPEED + axis] = slip[PLACE_NOW + axis], slip[VELOCITY + axis]
-        m[FROM + axis] = slip[PLACE_NOW + axis] - (t - slip[BEGIN]) * slip[VELOCITY + axis]
-    behind_s = slip[LATE] / slip[VARIANCE]
-    m[Q], m[Q + 1], m[Q + 2] = variance + behind_s * slip[LATE], slip[LATE], slip[VARIANCE]
-    unsure = 0.5 * (t - before_s) / (t - slip[BEGIN])  # it began somewhere between two poses
-    m[Q + 2] += (unsure * unsure) * (m[SPEED] ** 2 + m[SPEED + 1] ** 2)
+        slide.position[axis], slide.velocity[axis] = slip.position[axis], slip.velocity[axis]
+        slide.origin[axis] = slip.position[axis] - (t_s - start_s) * slip.velocity[axis]
+    lag_s = slip.cross_covariance / slip.velocity_variance
+    slide.q_pp, slide.q_pv = variance + lag_s * slip.cross_covariance, slip.cross_covariance
+    unsure = 0.5 * (t_s - measurement.previous_s) / (t_s - start_s)  # the slip started between two poses
+    slide.q_vv = slip.velocity_variance + (unsure * unsure) * (slide.velocity[0] ** 2 + slide.velocity[1] ** 2)
 
 
 @kernel
-def has_leapt(
-    y: Floats, way: Floats, rested_s: float, arrived_s: float, dt: float, variance: float, m: Floats, stops: Floats
+def start_stopped(
+    measurement: Measurement, way: tuple[float, float], start_s: float, end_s: float, dt_s: float, slide: SlideState
 ) -> None:
-    """The object has slipped, as `leap` has found, and rests again: a stop is all that it can have come to.
+    """Start from a slip that is over, as the jump test found it: one hypothesis of a stop, at the measurement.
 
-    y: (3,), where it is, known with this variance. way: (2,) from where it was. rested_s, arrived_s: of the last pose
-    there and the first here; scans are dt apart. It began a quarter of dt after the one and ended as long before the
-    other.
+    way: (x, y) of the slip, m. dt_s: between scans.
     """
-    began_s, ended_s = rested_s + 0.25 * dt, arrived_s - 0.25 * dt
-    m[BEGAN], m[STOPS], m[DOUBT], m[LOST_TURN] = began_s, 1.0, 0.0, 1.0
-    m[PLACE + 2] = m[FROM + 2] = y[2]
-    m[SPEED + 2] = 0.0
+    y, variance = measurement.position, translation_variance(measurement.covariance)
+    slide.start_s, slide.count = start_s, 1
+    slide.stop_reported, slide.yaw_lost = False, True
+    slide.position[2] = slide.origin[2] = y[2]
+    slide.velocity[2] = 0.0
     for axis in range(2):
-        m[PLACE + axis], m[FROM + axis] = y[axis], y[axis] - way[axis]
-        m[SPEED + axis] = way[axis] / (ended_s - began_s)
-    m[Q], m[Q + 1], m[Q + 2] = variance, 0.0, 0.0
-    stop = stops[0]
-    stop[T_0], stop[WEIGHT], stop[LOG_L], stop[REST_VAR] = ended_s - 0.5 * dt, _RATE * dt, 0.0, variance
-    stop[REST : REST + 3] = y
+        slide.position[axis], slide.origin[axis] = y[axis], y[axis] - way[axis]
+        slide.velocity[axis] = way[axis] / (end_s - start_s)
+    slide.q_pp, slide.q_pv, slide.q_vv = variance, 0.0, 0.0
+    stop: Stop = slide.stops[0]
+    stop.start_s, stop.weight, stop.log_ratio = end_s - 0.5 * dt_s, _STOP_RATE_HZ * dt_s, 0.0
+    stop.variance = variance
+    for axis in range(3):
+        stop.position[axis] = y[axis]
 
 
 @kernel
-def slide(
-    t: float, y: Floats, noise: Floats, before_s: float, creep_m_s: float, m: Floats, stops: Floats, rests: Floats
-) -> float:
-    """One more pose of an object that slipped so far: the odds that it has stopped.
+def stop_odds(measurement: Measurement, creep_m_s: float, slide: SlideState) -> float:
+    """Odds that the object has stopped, after one more measurement; infinite if the slip is slower than creep.
 
-    y: (3,), noise: (6,), NaN where one does not count, as `still.innovate`, but scaled to what is seen. before_s:
-    time of the pose before. creep_m_s: a slip is faster than three times this. m: (SLIDE,), stops: (MOST_STOPS, STOP),
-    kept from scan to scan. rests: (RESTS,), filled from the likeliest stop.
+    Fills `slide.stop` from the most likely stop. The covariance of the measurement includes the learned scale.
     """
-    dt, own = t - before_s, spread(noise)
-    root, e = np.empty(6), np.zeros(3)
-    turns = factor(noise, root)
-    axes = axes_of(noise) + (1.0 if turns else 0.0)
-    count = _one_more(t, before_s, m, stops)
-    pp, pv, vv = m[Q], m[Q + 1], m[Q + 2] + _AGILITY**2 * dt
-    way = dt * np.hypot(m[SPEED], m[SPEED + 1])
-    pp, pv = pp + 2.0 * dt * pv + dt * dt * vv + (_ERRS * way) ** 2, pv + dt * vv
-    total = pp + own
-    for axis in range(3):
-        m[PLACE + axis] += dt * m[SPEED + axis]
-    for axis in range(3):
-        e[axis] = y[axis] - m[PLACE + axis] if not np.isnan(noise[axis]) else 0.0
-        m[PLACE + axis] += pp / total * e[axis]
-        m[SPEED + axis] += pv / total * e[axis]
-    m[Q], m[Q + 1], m[Q + 2] = pp * own / total, pv * own / total, vv - pv * pv / total
-    going = -0.5 * whiten(root, e) * own / total - 0.5 * axes * log(total / own)
-    rests[SINCE], rests[AT_VAR] = t, m[Q]
-    rests[AT : AT + 3] = m[PLACE : PLACE + 3]
+    t_s, noise, stop = measurement.t_s, measurement.covariance, slide.stop
+    own = translation_variance(noise)
+    yaw_used = factorize(noise, slide.factor)
+    axes = translation_axes(noise) + (1 if yaw_used else 0)
+    _start_stop(t_s, measurement.previous_s, slide)
+    slipping = _update_slide(measurement, own, axes, slide)
+    _estimate_stop(t_s, slide.q_pp, slide.position, stop)
     odds = most = 0.0
-    for j in range(count):
-        stop = stops[j]
-        total = stop[REST_VAR] + own
-        for axis in range(3):
-            e[axis] = y[axis] - stop[REST + axis] if not np.isnan(noise[axis]) else 0.0
-            stop[REST + axis] += stop[REST_VAR] / total * e[axis]
-        stop[LOG_L] += -0.5 * whiten(root, e) * own / total - 0.5 * axes * log(total / own) - going
-        stop[REST_VAR] *= own / total
-        share = stop[WEIGHT] * exp(min(stop[LOG_L], 600.0))
+    for j in range(slide.count):
+        each: Stop = slide.stops[j]
+        _update_stop(measurement, own, axes, slipping, each, slide)
+        share = each.weight * exp(min(each.log_ratio, MAX_EXPONENT))
         odds += share
         if share > most:
-            most, rests[SINCE], rests[AT_VAR] = share, stop[T_0] + 0.5 * stop[WEIGHT] / _RATE, stop[REST_VAR]
-            rests[AT : AT + 3] = stop[REST : REST + 3]
-    turn_m = m[SPEED + 2] * np.sqrt(own / noise[2]) if turns else 0.0
-    speed = np.sqrt(m[SPEED] ** 2 + m[SPEED + 1] ** 2 + turn_m**2) + np.sqrt(m[Q + 2])
-    return odds if speed > 3.0 * creep_m_s else np.inf
+            most = share
+            _estimate_stop(each.start_s + 0.5 * each.weight / _STOP_RATE_HZ, each.variance, each.position, stop)
+    turn_m = slide.velocity[2] * np.sqrt(own / noise.variance[2]) if yaw_used else 0.0
+    speed = np.sqrt(slide.velocity[0] ** 2 + slide.velocity[1] ** 2 + turn_m**2) + np.sqrt(slide.q_vv)
+    return odds if speed > _MIN_SPEED_CREEPS * creep_m_s else np.inf
 
 
 @kernel
-def _one_more(t: float, before_s: float, m: Floats, stops: Floats) -> int:
-    """A stop after the pose before, somewhere on the way to this one; gives how many are followed now."""
-    count, dt = int(m[STOPS]), t - before_s
-    if count == MOST_STOPS:
-        drop = nearest(t, count, _YOUNG, stops)
-        stops[drop + 1, WEIGHT] += stops[drop, WEIGHT]
-        for j in range(drop, count - 1):
-            stops[j, :] = stops[j + 1, :]
-        count -= 1
-    stop = stops[count]
-    stop[T_0], stop[WEIGHT], stop[LOG_L] = before_s, _RATE * dt, 0.0
-    way = dt * np.hypot(m[SPEED], m[SPEED + 1])
-    stop[REST_VAR] = m[Q] + way * way / 12.0
+def _update_slide(measurement: Measurement, own: float, axes: int, slide: SlideState) -> float:
+    """Kalman filter of position and velocity; the log likelihood of the measurement, relative to its noise."""
+    dt, e = measurement.t_s - measurement.previous_s, slide.residual
+    pp, pv, vv = slide.q_pp, slide.q_pv, slide.q_vv + _VELOCITY_WALK**2 * dt
+    way = dt * np.hypot(slide.velocity[0], slide.velocity[1])
+    pp, pv = pp + 2.0 * dt * pv + dt * dt * vv + (_PATH_ERROR * way) ** 2, pv + dt * vv
+    total = pp + own
     for axis in range(3):
-        stop[REST + axis] = m[PLACE + axis] + 0.5 * dt * m[SPEED + axis]
-    m[STOPS] = count + 1
-    return count + 1
+        slide.position[axis] += dt * slide.velocity[axis]
+        known = not np.isnan(measurement.covariance.variance[axis])
+        e[axis] = measurement.position[axis] - slide.position[axis] if known else 0.0
+        slide.position[axis] += pp / total * e[axis]
+        slide.velocity[axis] += pv / total * e[axis]
+    slide.q_pp, slide.q_pv, slide.q_vv = pp * own / total, pv * own / total, vv - pv * pv / total
+    return _log_likelihood(slide.factor, e, own, total, axes)
+
+
+@kernel
+def _update_stop(
+    measurement: Measurement, own: float, axes: int, slipping: float, stop: Stop, slide: SlideState
+) -> None:
+    """Kalman filter of a constant position, and its likelihood ratio. slipping: log likelihood that it slips."""
+    total, e = stop.variance + own, slide.residual
+    for axis in range(3):
+        known = not np.isnan(measurement.covariance.variance[axis])
+        e[axis] = measurement.position[axis] - stop.position[axis] if known else 0.0
+        stop.position[axis] += stop.variance / total * e[axis]
+    stop.log_ratio += _log_likelihood(slide.factor, e, own, total, axes) - slipping
+    stop.variance *= own / total
+
+
+@kernel
+def _log_likelihood(factor: Cholesky, residual: Floats, own: float, total: float, axes: int) -> float:
+    """Log likelihood of a residual (3,) of variance `total` with noise `own`; the residual is whitened in place."""
+    return float(-0.5 * whiten(factor, residual) * own / total - 0.5 * axes * log(total / own))
+
+
+@kernel
+def _estimate_stop(since_s: float, variance: float, position: Floats, stop: StopEstimate) -> None:
+    stop.since_s, stop.variance = since_s, variance
+    for axis in range(3):
+        stop.position[axis] = position[axis]
+
+
+@kernel
+def _start_stop(t_s: float, previous_s: float, slide: SlideState) -> None:
+    """Add a stop between the measurement before and this one; its position is uniform over the path in between."""
+    dt = t_s - previous_s
+    if slide.count == MAX_STOPS:
+        merge_closest(t_s, slide.count, _RECENT_STOPS, slide.stops)
+        slide.count -= 1
+    stop: Stop = slide.stops[slide.count]
+    stop.start_s, stop.weight, stop.log_ratio = previous_s, _STOP_RATE_HZ * dt, 0.0
+    way = dt * np.hypot(slide.velocity[0], slide.velocity[1])
+    stop.variance = slide.q_pp + way * way / 12.0
+    for axis in range(3):
+        stop.position[axis] = slide.position[axis] + 0.5 * dt * slide.velocity[axis]
+    slide.count += 1

@@ -1,11 +1,11 @@
-"""A slip faster than the scans: the object breaks away, almost loses touch, and is held again elsewhere.
+"""Jump test: a slip that is faster than the scans, during which the load almost vanishes.
 
-A load that leaps is another contact to `watch`, which forgets where the object was; a hand that opens and closes looks
-no different scan by scan. But no hand does so within half a second. A contact that was never let go entirely, whose
-load fell at once and rose again in that time, and which then rests too far away for what load does to a place, has
-slipped.
+A sudden change of load is a new contact to the detector, which discards the position at rest. A hand that opens and
+closes looks the same from scan to scan, but takes longer than half a second. So a contact has slipped if its load fell
+at once and rose again within that time, without release, and if it then rests farther from its former pose than noise
+and load explain. The test is a chi-square test of the displacement with 2 degrees of freedom.
 
-Places are absolute poses: a method that lost its pattern on the way knows no displacement.
+Poses are absolute: a method that lost its map on the way knows no displacement.
 """
 
 from __future__ import annotations
@@ -13,62 +13,87 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.messages import LOST, Floats
+from taxelflow.messages import LOST
+from taxelflow.slip.measurement import Measurement, Observation, Parameters
 
-# Memory per pad. BEFORE_S: time of the last pose of an object that rested. BEFORE: it (x, y) and its covariance
-# (xx, yy, xy). HELD: its load's logarithm. FALLEN: whether its load has fallen at once since. LEAST: the least load's
-# logarithm since. ARRIVED_S, STRIDE, LATEST: when the place made its largest step, its size, and the last place (x, y).
-BEFORE_S, BEFORE, HELD, FALLEN, LEAST, ARRIVED_S, STRIDE, LATEST, LEAP = 0, 1, 6, 7, 8, 9, 10, 11, 13
-JUMP = 0.7
-"""A load that grows or falls by more than e to this power from one scan to the next is another contact."""
-_LONGEST = 5.0
-"""How many times longer than a contact takes to settle, at least, a hand takes to let go, hold again, and settle."""
+LOAD_JUMP = 0.7
+"""Change of the log load from one scan to the next that makes a new contact: a factor of 2."""
+_MAX_SETTLING_TIMES = 5.0
+"""Longest duration of a jump, in settling times of a contact: a hand needs longer to release, grasp and settle."""
 
 
-@kernel
-def rests_at(t: float, place: Floats, noise: Floats, load: float, m: Floats) -> None:
-    """The object rests here: pose (3,) and its covariance (6: xx, yy, tt, xy, xt, yt), logarithm of the load."""
-    m[BEFORE_S], m[HELD] = t, load
-    m[BEFORE], m[BEFORE + 1] = place[0], place[1]
-    m[BEFORE + 2], m[BEFORE + 3], m[BEFORE + 4] = noise[0], noise[1], noise[3]
+class JumpState:
+    """State of the jump test of one pad."""
 
-
-@kernel
-def load_falls(load: float, m: Floats) -> None:
-    """The load of an object that rested so far falls at once to this logarithm."""
-    m[FALLEN], m[LEAST], m[STRIDE] = 1.0, load, 0.0
-    m[LATEST], m[LATEST + 1] = m[BEFORE], m[BEFORE + 1]
-
-
-@kernel
-def goes_by(t: float, pose: Floats, quality: int, load: float, m: Floats) -> None:
-    """One more pose (3,) on the way, if the load has fallen and the pose can be believed."""
-    if m[FALLEN] > 0.0:
-        m[LEAST] = min(m[LEAST], load)
-        stride = np.hypot(pose[0] - m[LATEST], pose[1] - m[LATEST + 1])
-        if quality != LOST and not np.isnan(stride):
-            m[LATEST], m[LATEST + 1] = pose[0], pose[1]
-            if stride > m[STRIDE]:
-                m[STRIDE], m[ARRIVED_S] = stride, t
+    rest_s: float
+    rest_x: float
+    rest_y: float
+    rest_xx: float
+    rest_yy: float
+    rest_xy: float
+    """Time, position (m) and covariance (m^2) of the last absolute pose at rest."""
+    rest_log_load: float
+    load_fell: bool
+    """The load has fallen at once since then."""
+    min_log_load: float
+    """Smallest log load since it fell."""
+    arrival_s: float
+    largest_step_m: float
+    """When the position made its largest step since the load fell, and that step."""
+    x: float
+    y: float
+    """Last position, m."""
 
 
 @kernel
-def by_chance(t: float, noise: Floats, load: float, load_m: float, settle_s: float, m: Floats) -> float:
-    """How probable it is that noise and load alone put an object that rests so far from where it rested before.
+def store_rest(scan: Observation, measurement: Measurement, jump: JumpState) -> None:
+    """The object rests at the absolute pose of this scan."""
+    covariance = measurement.pose_covariance
+    jump.rest_s, jump.rest_log_load = scan.t_s, measurement.log_load
+    jump.rest_x, jump.rest_y = scan.pose[0], scan.pose[1]
+    jump.rest_xx, jump.rest_yy, jump.rest_xy = covariance.variance[0], covariance.variance[1], covariance.xy
 
-    1 as long as it is not held again. Asked once: then, or when it takes so long that it may have been let go, FALLEN
-    is over. noise: (6,), as in `rests_at`. load: its logarithm. load_m, settle_s: as in `SlipMonitor`.
+
+@kernel
+def start_jump(log_load: float, jump: JumpState) -> None:
+    """The load of an object at rest falls at once."""
+    jump.load_fell, jump.min_log_load, jump.largest_step_m = True, log_load, 0.0
+    jump.x, jump.y = jump.rest_x, jump.rest_y
+
+
+@kernel
+def track_jump(scan: Observation, log_load: float, jump: JumpState) -> None:
+    """Follow load and pose after the load has fallen; a lost or unknown pose is skipped."""
+    if not jump.load_fell:
+        return
+    jump.min_log_load = min(jump.min_log_load, log_load)
+    step_m = np.hypot(scan.pose[0] - jump.x, scan.pose[1] - jump.y)
+    if scan.quality == LOST or np.isnan(step_m):
+        return
+    jump.x, jump.y = scan.pose[0], scan.pose[1]
+    if step_m > jump.largest_step_m:
+        jump.largest_step_m, jump.arrival_s = step_m, scan.t_s
+
+
+@kernel
+def jump_p_value(measurement: Measurement, parameters: Parameters, jump: JumpState) -> float:
+    """Probability that noise and load displace an object at rest by as much as observed.
+
+    1 until the load has risen again. Evaluated once: then, or after the longest duration of a jump, `load_fell` is
+    reset.
     """
-    if m[FALLEN] == 0.0:
+    if not jump.load_fell:
         return 1.0
-    late = t - m[BEFORE_S] > _LONGEST * settle_s
-    held = load - m[LEAST] > JUMP
+    late = measurement.t_s - jump.rest_s > _MAX_SETTLING_TIMES * parameters.settle_s
+    held = measurement.log_load - jump.min_log_load > LOAD_JUMP
     if late or held:
-        m[FALLEN] = 0.0
+        jump.load_fell = False
     if late or not held:
         return 1.0
-    by_load = (load_m * (max(m[HELD], load) - m[LEAST])) ** 2
-    x, y = m[LATEST] - m[BEFORE], m[LATEST + 1] - m[BEFORE + 1]
-    xx, yy = m[BEFORE + 2] + noise[0] + by_load, m[BEFORE + 3] + noise[1] + by_load
-    xy = m[BEFORE + 4] + noise[3]
+    largest = max(jump.rest_log_load, measurement.log_load)
+    by_load = (parameters.load_m * (largest - jump.min_log_load)) ** 2
+    noise = measurement.pose_covariance
+    x, y = jump.x - jump.rest_x, jump.y - jump.rest_y
+    xx, yy = jump.rest_xx + noise.variance[0] + by_load, jump.rest_yy + noise.variance[1] + by_load
+    xy = jump.rest_xy + noise.xy
     return float(np.exp(-0.5 * (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)))

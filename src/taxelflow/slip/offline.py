@@ -1,10 +1,9 @@
-"""Slips of a recording: when each began and ended, dated from the scans before and after.
+"""Offline change-point refinement: begin and end of each slip of a recording, from the scans before and after.
 
-A stream must call a slip from what it has seen so far, a scan or two late. In a recording the scans that follow are
-known too: around each begin and end the path of the object is at rest on one side and at one speed on the other, with a
-bend between them whose time is found by least squares, to a fraction of a scan. What counts as a slip is decided by the
-live monitor, but for one thing: what comes back at once to where it was, was a pose gone wrong. So there are never more
-false alarms than live.
+A stream reports a slip from the scans so far, a scan or two late. In a recording the scans that follow are known. Near
+each begin and end the path is constant on one side and has a constant velocity on the other; least squares estimates
+the time of the change to a fraction of a scan. The detector decides what is a slip, with one exception: a short slip
+that returns to its start was an outlier. So a recording has no more false alarms than a stream.
 """
 
 from __future__ import annotations
@@ -18,189 +17,191 @@ from taxelflow.messages import Bools, Event, Floats, Slips
 from taxelflow.slip.session import SlipSession
 
 if TYPE_CHECKING:
-    from taxelflow.slip.parameters import SlipMonitor
+    from taxelflow.slip.measurement import Parameters
 
-_BACK, _AHEAD = 64, 20
-"""A change is dated at most so many scans before the one that told of it, with what was seen up to so many after it."""
-_SIDE = 20
-"""Scans on each side of a bend that are looked at."""
-_SEARCH, _STEPS = 8.0, 10
-"""A bend is looked for within so many scans of where the monitor thinks it is, in steps of a scan over the second."""
-_FEWEST = 2
-"""Scans that there must be on each side of a bend."""
-_AWAY = 4.0
-"""A short slip ends at least so many standard deviations from where it began."""
+_LOOKBACK_SCANS, _LOOKAHEAD_SCANS = 64, 20
+"""A change lies at most this many scans before its report, and the fit uses at most this many scans after the report.
+64 is the largest age of a ramp of the onset detector."""
+_SIDE_SCANS, _MIN_SIDE_SCANS = 20, 2
+"""Most and fewest scans on each side of a change that the fit uses."""
+_SEARCH_SCANS, _STEPS_PER_SCAN = 8.0, 10
+"""The change is searched within this many scans of the detector's estimate, on a grid of this many points per scan."""
+_RETURN_SIGMAS = 4.0
+"""A short slip counts if its end is this many standard deviations away from its start."""
+_MIN_VARIANCE = 1e-12
+"""Lower limit of a variance in the weights, m^2 or rad^2: below any pose's."""
 
 
 @dataclass(slots=True, eq=False)
-class _Pad:
-    """What was told of a pad and is not dated yet, each with its scan; what is dated; the last date; does it slip?
+class _PadEvents:
+    """Events of one pad on their way to the output."""
 
-    leapt: its slip was over before it was told.
-    """
-
-    told: list[tuple[int, Event]] = field(default_factory=list)
-    dated: list[Event] = field(default_factory=list)
+    pending: list[tuple[int, Event]] = field(default_factory=list)
+    """Reported by the detector, not refined yet, each with its scan."""
+    refined: list[Event] = field(default_factory=list)
+    """Refined, not given yet."""
     last_s: float = -np.inf
+    """Time of the last refined event."""
     slipping: bool = False
-    leapt: bool = False
+    """After the last event given."""
+    jumped: bool = False
+    """The slip was over before it was reported."""
 
 
-class HindsightSession:
-    """Like `SlipSession`, but what is said of a scan is said later, and does not change with how scans are cut."""
+class OfflineSlipSession:
+    """Slip detection in a recording: like `SlipSession`, with a delay. The result does not depend on the blocks."""
 
-    def __init__(self, parameters: SlipMonitor, pads: tuple[str, ...]) -> None:
-        self._live = SlipSession(parameters, pads)
+    def __init__(self, pads: tuple[str, ...], parameters: Parameters) -> None:
+        self._detector = SlipSession(pads, parameters)
         self._numbers = {name: number for number, name in enumerate(pads)}
-        self._pads = [_Pad() for _ in pads]
-        # Of the scans from `_first` on: time, of the pose (pads,) too, displacement and pose's variance (pads, 3).
-        self._first = self._given = 0
-        self._t, self._when = np.zeros(0), np.zeros((0, len(pads)))
+        self._pads = [_PadEvents() for _ in pads]
+        self._first = self._given = 0  # number of the first scan held, and of scans given
+        # Of the scans held: time, time of the pose (pads,), displacement and variance of the pose (pads, 3).
+        self._t, self._pose_t = np.zeros(0), np.zeros((0, len(pads)))
         self._moved, self._variance = np.zeros((0, len(pads), 3)), np.zeros((0, len(pads), 3))
 
     @property
     def scatter(self) -> Floats:
         """(pads,), see `SlipSession.scatter`."""
-        return self._live.scatter
+        return self._detector.scatter
 
     def step(self, slips: Slips) -> tuple[Bools, list[Event]]:
-        """Slipping (scans, pads) of the next scans that nothing to come can change, which may be none; and what began
-        or ended in them. `t_s` of a slip's events is the first scan that does, or no longer does, slip.
+        """Slipping (scans, pads) of the next scans that are final, possibly none, and their events in time order.
+
+        `t_s` of a slip's event is the first scan that slips, or no longer slips.
         """
-        _, events = self._live.step(slips)
-        seen = (
+        _, events = self._detector.step(slips)
+        new = (
             slips.t_s,
             slips.t_s[:, np.newaxis] - np.nan_to_num(slips.lag_s),
             np.where(slips.contact[..., np.newaxis], slips.displacement, np.nan),
             np.einsum("kpii,kp->kpi", slips.displacement_covariance, np.where(slips.lag_s > 0, 1.0, 0.5)),
         )
-        held = (self._t, self._when, self._moved, self._variance)
-        self._t, self._when, self._moved, self._variance = map(np.concatenate, zip(held, seen, strict=True))
+        held = (self._t, self._pose_t, self._moved, self._variance)
+        self._t, self._pose_t, self._moved, self._variance = map(np.concatenate, zip(held, new, strict=True))
         for event in events:
             scan = self._first + int(np.searchsorted(self._t, event.t_s))
-            self._pads[self._numbers[event.pad]].told.append((scan, event))
-        return self._settle(self._first + len(self._t))
+            self._pads[self._numbers[event.pad]].pending.append((scan, event))
+        return self._advance(self._first + len(self._t))
 
     def finish(self) -> tuple[Bools, list[Event]]:
-        """What `step` has held back."""
-        return self._settle(self._first + len(self._t) + _BACK + _AHEAD)
+        """The scans and events that `step` has held back."""
+        return self._advance(self._first + len(self._t) + _LOOKBACK_SCANS + _LOOKAHEAD_SCANS)
 
-    def _settle(self, seen: int) -> tuple[Bools, list[Event]]:
-        """Date what is due after so many scans, and give the scans that nothing to come can change."""
+    def _advance(self, seen: int) -> tuple[Bools, list[Event]]:
+        """Refine the events that are due after this many scans, and give the scans that are final."""
         for number, pad in enumerate(self._pads):
-            while pad.told and pad.told[0][0] + _AHEAD < seen:
-                self._date(number, pad)
-        start, stop = self._given, max(seen - _BACK - _AHEAD, self._given)
+            while pad.pending and pad.pending[0][0] + _LOOKAHEAD_SCANS < seen:
+                self._refine(number, pad)
+        start, stop = self._given, max(seen - _LOOKBACK_SCANS - _LOOKAHEAD_SCANS, self._given)
         times = self._t[start - self._first : stop - self._first]
         slipping = np.zeros((len(times), len(self._pads)), dtype=np.bool_)
         found: list[tuple[int, int, Event]] = []
         for number, pad in enumerate(self._pads):
             done = 0
-            while pad.dated and len(times) and pad.dated[0].onset_s <= times[-1]:
-                event = pad.dated.pop(0)
+            while pad.refined and len(times) and pad.refined[0].onset_s <= times[-1]:
+                event = pad.refined.pop(0)
                 scan = int(np.searchsorted(times, event.onset_s))
                 slipping[done:scan, number], done = pad.slipping, scan
-                found.append((scan, number, _as_told(event, float(times[scan]))))
+                found.append((scan, number, _at_scan(event, float(times[scan]))))
                 pad.slipping = {"slip_start": True, "slip_stop": False}.get(event.event, pad.slipping)
             slipping[done:, number] = pad.slipping
         self._given = stop
-        self._forget(stop - _BACK - _SIDE)
+        self._drop_before(stop - _LOOKBACK_SCANS - _SIDE_SCANS)
         return slipping, [event for _, _, event in sorted(found, key=lambda one: one[:2])]
 
-    def _forget(self, scan: int) -> None:
-        """Drop what was seen before this scan."""
+    def _drop_before(self, scan: int) -> None:
+        """Drop the scans held before this one."""
         old = max(scan - self._first, 0)
         self._first += old
-        self._t, self._when = self._t[old:], self._when[old:]
+        self._t, self._pose_t = self._t[old:], self._pose_t[old:]
         self._moved, self._variance = self._moved[old:], self._variance[old:]
 
-    def _date(self, number: int, pad: _Pad) -> None:
-        """Date the oldest thing told of a pad; a stop that is soon taken back was none.
+    def _refine(self, number: int, pad: _PadEvents) -> None:
+        """Refine the oldest pending event of a pad, or drop it with the one that cancels it.
 
-        A slip that was over before it was told is one of `leap`, faster than the scans: there is no way to be dated by.
+        A slip that was over before it was reported is one of the jump test: it has no path to be refined by.
         """
-        scan, event = pad.told.pop(0)
-        later = [(k, other) for k, other in pad.told if k <= scan + _AHEAD]
+        scan, event = pad.pending.pop(0)
+        later = [(k, other) for k, other in pad.pending if k <= scan + _LOOKAHEAD_SCANS]
         if event.event in ("contact", "release"):
-            pad.dated.append(replace(event, onset_s=event.t_s))
+            pad.refined.append(replace(event, onset_s=event.t_s))
             pad.last_s = event.t_s
             return
-        taken_back = event.event == "slip_stop" and later and later[0][1].onset_s < event.onset_s
-        if taken_back or (event.event == "slip_start" and later and self._returns(number, scan, event, later[0])):
-            pad.told.pop(0)
+        withdrawn = event.event == "slip_stop" and later and later[0][1].onset_s < event.onset_s
+        if withdrawn or (event.event == "slip_start" and later and self._returns(number, scan, event, later[0][1])):
+            pad.pending.pop(0)
             return
-        until = later[0][1].onset_s if later else np.inf
+        next_s = later[0][1].onset_s if later else np.inf
         starts = event.event == "slip_start"
-        leapt = until < event.t_s if starts else pad.leapt
-        pad.leapt = starts and leapt
-        as_told = leapt or np.isnan(event.speed_m_s)
-        when = event.onset_s if as_told else self._bend(number, scan, event, pad.last_s, until)
-        earliest = self._t[max(scan - _BACK - self._first, 0)]
-        pad.last_s = float(max(when, earliest, pad.last_s))
-        pad.dated.append(replace(event, onset_s=pad.last_s))
+        jumped = next_s < event.t_s if starts else pad.jumped
+        pad.jumped = starts and jumped
+        keep = jumped or np.isnan(event.speed_m_s)
+        onset_s = event.onset_s if keep else self._change_point(number, scan, event, pad.last_s, next_s)
+        earliest = self._t[max(scan - _LOOKBACK_SCANS - self._first, 0)]
+        pad.last_s = float(max(onset_s, earliest, pad.last_s))
+        pad.refined.append(replace(event, onset_s=pad.last_s))
 
-    def _returns(self, number: int, scan: int, start: Event, end: tuple[int, Event]) -> bool:
-        """Whether a short slip has led nowhere: what was told at a scan, and its stop."""
-        if np.isnan(start.speed_m_s) or np.isnan(end[1].speed_m_s):
+    def _returns(self, number: int, scan: int, start: Event, end: Event) -> bool:
+        """Whether a short slip, reported at a scan, ended where it started."""
+        if np.isnan(start.speed_m_s) or np.isnan(end.speed_m_s):
             return False
-        when, first = self._when[:, number], self._first
-        low = max(scan - _BACK - first, 0)
-        begin, stop = (int(np.searchsorted(when, one.onset_s, side="right")) for one in (start, end[1]))
-        last = min(scan + _AHEAD + 1 - first, len(when))
+        t, first = self._pose_t[:, number], self._first
+        low = max(scan - _LOOKBACK_SCANS - first, 0)
+        begin, stop = (int(np.searchsorted(t, one.onset_s, side="right")) for one in (start, end))
+        last = min(scan + _LOOKAHEAD_SCANS + 1 - first, len(t))
         moved, variance = self._moved[:, number], self._variance[:, number]
-        before, after = slice(max(begin - _SIDE, low), begin), slice(stop, last)
+        before, after = slice(max(begin - _SIDE_SCANS, low), begin), slice(stop, last)
         if (
-            begin - before.start < _FEWEST
-            or last - stop < _FEWEST
+            begin - before.start < _MIN_SIDE_SCANS
+            or last - stop < _MIN_SIDE_SCANS
             or np.isnan(moved[before.start + 1 : last, :2]).any()
         ):
             return False
-        place = np.cumsum(np.where(np.arange(last)[:, np.newaxis] > before.start, moved[:last], 0.0), axis=0)
-        away = place[after].mean(axis=0) - place[before].mean(axis=0)
-        unsure = sum(variance[side].mean(axis=0) / len(place[side]) for side in (before, after))
-        known = np.isfinite(away) & np.isfinite(unsure)
-        return bool((np.abs(away[known]) < _AWAY * np.sqrt(unsure[known])).all())
+        path = np.cumsum(np.where(np.arange(last)[:, np.newaxis] > before.start, moved[:last], 0.0), axis=0)
+        distance = path[after].mean(axis=0) - path[before].mean(axis=0)
+        noise = sum(variance[side].mean(axis=0) / len(path[side]) for side in (before, after))
+        known = np.isfinite(distance) & np.isfinite(noise)
+        return bool((np.abs(distance[known]) < _RETURN_SIGMAS * np.sqrt(noise[known])).all())
 
-    def _bend(self, number: int, scan: int, event: Event, since_s: float, until_s: float) -> float:
-        """Where a pad's path bends, near the onset_s of an event told at a scan; it did not before since_s, it does
-        again at until_s.
-        """
-        start, stop = max(scan - _BACK - self._first, 0), scan + _AHEAD + 1 - self._first
-        when, moved = self._when[start:stop, number], self._moved[start:stop, number]
-        near = int(np.searchsorted(when, event.onset_s))
+    def _change_point(self, number: int, scan: int, event: Event, since_s: float, until_s: float) -> float:
+        """Time of an event that was reported at a scan, s, by the path between the events before and after it."""
+        start, stop = max(scan - _LOOKBACK_SCANS - self._first, 0), scan + _LOOKAHEAD_SCANS + 1 - self._first
+        t, moved = self._pose_t[start:stop, number], self._moved[start:stop, number]
+        near = int(np.searchsorted(t, event.onset_s))
         broken = np.flatnonzero(np.isnan(moved[:, 0]))
-        low = max(near - _SIDE, int(np.searchsorted(when, since_s)), *broken[broken <= near].tolist(), 0)
-        high = min(near + _SIDE, int(np.searchsorted(when, until_s)), *broken[broken > near].tolist(), len(when))
-        if near - low < _FEWEST or high - near < _FEWEST:
+        low = max(near - _SIDE_SCANS, int(np.searchsorted(t, since_s)), *broken[broken <= near].tolist(), 0)
+        high = min(near + _SIDE_SCANS, int(np.searchsorted(t, until_s)), *broken[broken > near].tolist(), len(t))
+        if near - low < _MIN_SIDE_SCANS or high - near < _MIN_SIDE_SCANS:
             return event.onset_s
         here = slice(low, high)
-        place = np.cumsum(np.where(np.arange(high - low)[:, np.newaxis] > 0, moved[here], 0.0), axis=0)
-        weight = 1.0 / np.maximum(self._variance[start:stop, number][here], 1e-12)
-        known = np.isfinite(place).all(axis=0) & np.isfinite(weight).all(axis=0)
-        return _bent(
-            when[here], place[:, known], weight[:, known], event.onset_s, 1 if event.event == "slip_start" else -1
-        )
+        path = np.cumsum(np.where(np.arange(high - low)[:, np.newaxis] > 0, moved[here], 0.0), axis=0)
+        weight = 1.0 / np.maximum(self._variance[start:stop, number][here], _MIN_VARIANCE)
+        known = np.isfinite(path).all(axis=0) & np.isfinite(weight).all(axis=0)
+        side = 1 if event.event == "slip_start" else -1
+        return _fit_change_point(t[here], path[:, known], weight[:, known], event.onset_s, side)
 
 
-def _bent(t: Floats, place: Floats, weight: Floats, near_s: float, side: int) -> float:
-    """Time at which a path (scans, axes) that rests, and moves at one speed after it (side 1) or before it (-1), bends.
+def _fit_change_point(t: Floats, path: Floats, weight: Floats, near_s: float, side: int) -> float:
+    """Time, s, at which a path (scans, axes) changes between rest and a constant velocity, by weighted least squares.
 
-    For each time tried, what the speed explains of the weighted squares has a closed form.
+    side: 1 if it moves after the change, -1 if before. At each time of the grid the fit of rest position and velocity
+    has a closed form; the best time explains most of the weighted squares. `near_s` if nothing is explained.
     """
     scan_s = float(np.median(np.diff(t)))
-    tries = near_s + scan_s * np.arange(-_SEARCH, _SEARCH + 0.5 / _STEPS, 1.0 / _STEPS)
-    tries = tries[(tries >= t[0]) & (tries <= t[-1])]
-    ramp = np.maximum(side * (t - tries[:, np.newaxis]), 0.0)
+    grid = near_s + scan_s * np.arange(-_SEARCH_SCANS, _SEARCH_SCANS + 0.5 / _STEPS_PER_SCAN, 1.0 / _STEPS_PER_SCAN)
+    grid = grid[(grid >= t[0]) & (grid <= t[-1])]
+    ramp = np.maximum(side * (t - grid[:, np.newaxis]), 0.0)
     total = weight.sum(axis=0)
     mean = ramp @ weight / total
-    along = ramp @ (weight * place) - mean * (weight * place).sum(axis=0)
-    spread = ramp**2 @ weight - mean**2 * total
-    explained = (along**2 / np.where(spread > 0, spread, np.inf)).sum(axis=1)
-    return float(tries[np.argmax(explained)]) if len(tries) and explained.max() > 0 else near_s
+    cross = ramp @ (weight * path) - mean * (weight * path).sum(axis=0)
+    square = ramp**2 @ weight - mean**2 * total
+    explained = (cross**2 / np.where(square > 0, square, np.inf)).sum(axis=1)
+    return float(grid[np.argmax(explained)]) if len(grid) and explained.max() > 0 else near_s
 
 
-def _as_told(event: Event, t_s: float) -> Event:
-    """An event as it is given: at the first scan that is different; contact and release have no onset of their own."""
+def _at_scan(event: Event, t_s: float) -> Event:
+    """The event at its first scan; contact and release have no onset of their own."""
     if event.event in ("contact", "release"):
         return Event(t_s, event.pad, event.event)
     return replace(event, t_s=t_s)

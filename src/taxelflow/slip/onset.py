@@ -1,155 +1,198 @@
-"""When a still object begins to slip: a test whose mean time between false alarms is what the user asks for.
+"""Onset of a slip: a Shiryaev-Roberts change detector on the innovations of the rest filter.
 
-A slip after scan j with velocity v adds v f_jk to the innovations u_k of `still`, where f_jk is how the filter answers
-a ramp that begins at t_j (Willsky & Jones 1976), over the innovation's standard deviation. With v integrated out, which
-is N(0, (s reach / dt)^2) along every axis of u, and s too, the likelihood ratio of that slip is
-    L_j = (1 + F_j / g)^(-n/2) (1 - Q_j / E)^(-nu/2),   F_j = sum f^2, h_j = sum f u, g = (dt / reach)^2,
-    Q_j = |h_j|^2 / (F_j + g),   E = sum |u|^2 over nu components; n = 1 to 3 components to a pose.
-The alarm is that of Shiryaev and Roberts: the sum over j of L_j times the time since the scan before. While the object
-is still each L_j has mean 1, so the sum less the time that has passed is a martingale, and the mean time to a false
-alarm is at least the threshold, whatever the rate of scans (Pollak 1987); `threshold` makes "at least" "about".
+A slip that starts at t_j with velocity v adds v f_jk to the whitened innovation u_k, where f_jk is the response of the
+filter's innovation to a unit ramp from t_j, over the standard deviation of the innovation (Willsky and Jones, 1976).
+With prior v ~ N(0, (s reach / dt)^2) along each axis of u, and both v and s integrated out, the likelihood ratio is
+
+    L_j = (1 + F_j / g)^(-n/2) (1 - Q_j / E)^(-nu/2),   F_j = sum f^2,  h_j = sum f u,  g = (dt / reach)^2,
+    Q_j = |h_j|^2 / (F_j + g),   E = sum |u|^2 over nu components,   n = 1 to 3 components of a pose.
+
+The alarm is raised when R = sum over j of (t_j+1 - t_j) L_j exceeds a threshold, s. At rest each L_j has mean 1, so R
+minus the elapsed time is a martingale, and the mean time to a false alarm is at least the threshold at any scan rate
+(Pollak, 1987). `alarm_threshold` corrects for the overshoot.
 """
 
 from __future__ import annotations
 
 from math import exp, log
+from typing import Annotated
 
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.messages import Floats
-from taxelflow.slip.rest_filter import (
-    AXES,
-    FREEDOM,
-    GAIN,
-    KEEP,
-    NARROW,
-    RISE,
-    ROOT,
-    SPREAD,
-    TURN_COUNTS,
-    WHITE,
-    A,
-    drawn_out,
-    scale,
-)
-
-# A ramp: begin, weight, the filter's answer to it (a, b, c), F for place and turn, h (3), g, F if nothing answered.
-T_0, WEIGHT, ANSWER, F, H, G, WHOLE, RAMP = 0, 1, 2, 5, 7, 10, 11, 12
-# A slip: begin, place now (3), velocity (3), the velocity's variance along an axis and covariance with the place, Q.
-BEGIN, PLACE_NOW, VELOCITY, VARIANCE, LATE, ENERGY_OF, SLIP = 0, 1, 4, 7, 8, 9, 10
+from taxelflow.numerics.records import Records, Vector
+from taxelflow.slip.hypotheses import merge_closest, remove
+from taxelflow.slip.measurement import Measurement
+from taxelflow.slip.rest_filter import RestState, correlation_inflation, noise_scale
 
 REACH = 2.0
-"""A usual slip moves by so many standard deviations of a pose from scan to scan; others are found too."""
-_SEEN = 0.1
-"""Least share of a slip's F that the filter must leave: a third of its way. What is left of one that it takes for what
-load does follows the scatter of the load, which has something in common with the pose's.
-"""
-MOST_RAMPS, _YOUNG = 20, 8
-"""Ramps followed at a time, and how many of the last are never merged."""
-_OLDEST_S, _OLDEST_SCANS = 2.0, 64
+"""Prior standard deviation of a slip's motion from scan to scan, in standard deviations of a pose. Slower and faster
+slips are found too, a few scans later."""
+MAX_RAMPS = 20
+"""Start times that are tested at a time."""
+_RECENT_RAMPS = 8
+"""The latest start times, which are never merged."""
+_MAX_AGE_S, _MAX_AGE_SCANS = 2.0, 64
+"""The oldest start time is dropped at the larger of these ages, in s and in mean scans of the time between the last
+two. Merged instead, it would gain weight as long as the object rests, and so would the rate of alarms."""
+_MIN_VISIBLE_SHARE = 0.1
+"""Smallest share of F that the rest filter must leave of a ramp: a third of its path. The rest of a slip that the
+filter attributes to the load follows the noise of the load, which correlates with that of the pose."""
+_MIN_UNEXPLAINED = 1e-12
+"""Lower limit of 1 - Q / E, against division by 0."""
+MAX_EXPONENT = 600.0
+"""Upper limit of a log likelihood ratio: exp is finite up to 709."""
+_OVERSHOOT = ((0.235, 0.050), (0.143, 0.052), (0.130, 0.066))
+"""(c, p) for 1, 2, 3 components of a pose: R exceeds a threshold of h scans by far, so that false alarms come every
+h / (c h^-p) scans. Fitted to a simulation of the test, see tests/slip/test_rate.py."""
+
+
+class Ramp:
+    """Hypothesis that a slip started at a time."""
+
+    start_s: float
+    weight: float
+    """Time since the scan before, s; of merged hypotheses the sum."""
+    response_a: float
+    response_b: float
+    response_c: float
+    """State (a, b, c) of the rest filter after a ramp of 1 m/s: s, s, 1."""
+    information: float
+    """F of a translation, s^2: information on the velocity in units of the noise's."""
+    yaw_information: float
+    """F of theta, s^2: without poses at which theta is not used."""
+    raw_information: float
+    """F of a translation if the rest filter did not respond, s^2."""
+    prior_information: float
+    """g, s^2."""
+    score: Vector
+    """h, s."""
+
+
+class SlipEstimate:
+    """Maximum a posteriori motion of the most likely ramp."""
+
+    start_s: float
+    position: Vector
+    """Now; m, m, rad."""
+    velocity: Vector
+    """m/s, m/s, rad/s."""
+    velocity_variance: float
+    """Of a translation, m^2/s^2."""
+    cross_covariance: float
+    """Of position and velocity, m^2/s."""
+    explained: float
+    """Q: part of the sum of u^2 that the slip explains."""
+
+
+class OnsetState:
+    """State of the change detector of one pad."""
+
+    count: int
+    """Ramps in use, oldest first."""
+    ramps: Annotated[Records, Ramp, MAX_RAMPS]
+    slip: SlipEstimate
 
 
 @kernel
-def likelihood(ramp: Floats, energy: float, freedom: float, axes: float) -> tuple[float, float]:
-    """L of one ramp, and Q. axes: how many of x and y are known."""
-    place, turn, g = ramp[F], ramp[F + 1], ramp[G]
-    q = (ramp[H] * ramp[H] + ramp[H + 1] * ramp[H + 1]) / (place + g) + ramp[H + 2] * ramp[H + 2] / (turn + g)
-    left = max(1.0 - q / energy, 1e-12)
-    power = -0.5 * axes * log(1.0 + place / g) - 0.5 * log(1.0 + turn / g) - 0.5 * freedom * log(left)
-    return exp(min(power, 600.0)), q
+def likelihood_ratio(ramp: Ramp, square_sum: float, components: float, axes: int) -> tuple[float, float]:
+    """L and Q of one ramp. square_sum: E; components: nu; axes: how many of x and y are known."""
+    place, yaw, g = ramp.information, ramp.yaw_information, ramp.prior_information
+    h = ramp.score
+    q = (h[0] * h[0] + h[1] * h[1]) / (place + g) + h[2] * h[2] / (yaw + g)
+    left = max(1.0 - q / square_sum, _MIN_UNEXPLAINED)
+    power = -0.5 * axes * log(1.0 + place / g) - 0.5 * log(1.0 + yaw / g) - 0.5 * components * log(left)
+    return exp(min(power, MAX_EXPONENT)), q
 
 
 @kernel
-def weigh(t: float, before_s: float, step: Floats, m: Floats, count: int, ramps: Floats, slip: Floats) -> float:
-    """One more pose at t, and what `still.innovate` made of it: the sum of Shiryaev and Roberts, s.
+def shiryaev_roberts(measurement: Measurement, rest: RestState, onset: OnsetState) -> float:
+    """Shiryaev-Roberts statistic R, s, after one more update of the rest filter.
 
-    before_s: time of the pose before. count: ramps so far; one more begins. slip: (SLIP,), filled from the likeliest.
+    Starts a ramp at the measurement before and fills `onset.slip` from the most likely ramp. Needs a free ramp: call
+    `prune` afterwards.
     """
-    dt, keep, narrow = t - before_s, step[KEEP], step[NARROW]
-    energy = m[FREEDOM] * scale(m) * drawn_out(m)
-    ramps[count, :] = 0.0
-    ramps[count, T_0], ramps[count, WEIGHT], ramps[count, G] = before_s, dt, (dt / REACH) ** 2
-    whole = most = 0.0
+    t_s, dt_s = measurement.t_s, measurement.t_s - measurement.previous_s
+    square_sum = rest.components * noise_scale(rest) * correlation_inflation(rest)
+    _start_ramp(measurement.previous_s, dt_s, onset.ramps[onset.count])
+    onset.count += 1
+    statistic = most = 0.0
     likeliest = 0
-    for j in range(count + 1):
-        ramp = ramps[j]
-        ramp[ANSWER] += step[RISE] * ramp[ANSWER + 1] + dt * ramp[ANSWER + 2]
-        ramp[ANSWER + 1] *= keep
-        ramp[ANSWER + 2] *= keep
-        f = t - ramp[T_0] - ramp[ANSWER]
-        for k in range(3):
-            ramp[ANSWER + k] += step[GAIN + k] * f
-        f *= narrow
-        ramp[F] += f * f
-        ramp[WHOLE] += ((t - ramp[T_0]) * narrow) ** 2
-        ramp[F + 1] += f * f * step[TURN_COUNTS]
-        for axis in range(3):
-            ramp[H + axis] += f * step[WHITE + axis]
-        ratio, q = likelihood(ramp, energy, m[FREEDOM], step[AXES])
-        ratio *= ramp[WEIGHT] if ramp[F] > _SEEN * ramp[WHOLE] else 0.0
-        whole += ratio
+    for j in range(onset.count):
+        ramp: Ramp = onset.ramps[j]
+        _extend(t_s, dt_s, rest, ramp)
+        ratio, q = likelihood_ratio(ramp, square_sum, rest.components, rest.innovation.axes)
+        ratio *= ramp.weight if ramp.information > _MIN_VISIBLE_SHARE * ramp.raw_information else 0.0
+        statistic += ratio
         if ratio > most:
-            most, likeliest, slip[ENERGY_OF] = ratio, j, q
-    _describe(t, ramps[likeliest], step, m, slip)
-    return whole
+            most, likeliest, onset.slip.explained = ratio, j, q
+    _estimate(t_s, onset.ramps[likeliest], rest, onset.slip)
+    return statistic
 
 
 @kernel
-def _describe(t: float, ramp: Floats, step: Floats, m: Floats, slip: Floats) -> None:
-    """Fill slip (SLIP,) from a ramp, but for Q."""
-    g, root = ramp[G], step[ROOT : ROOT + 6]
-    vx, vy, vt = ramp[H] / (ramp[F] + g), ramp[H + 1] / (ramp[F] + g), ramp[H + 2] / (ramp[F + 1] + g)
-    slip[BEGIN] = ramp[T_0]
-    slip[VELOCITY] = root[0] * vx if root[0] < np.inf else 0.0
-    slip[VELOCITY + 1] = root[1] * vx + root[2] * vy if root[2] < np.inf else 0.0
-    slip[VELOCITY + 2] = root[3] * vx + root[4] * vy + root[5] * vt if root[5] < np.inf else 0.0
-    slip[VARIANCE] = step[SPREAD] / (ramp[F] + g)
-    behind_s = t - ramp[T_0] - ramp[ANSWER]  # the still object's place has followed the slip, but so late
-    slip[LATE] = behind_s * slip[VARIANCE]
+def _start_ramp(start_s: float, dt_s: float, ramp: Ramp) -> None:
+    ramp.start_s, ramp.weight, ramp.prior_information = start_s, dt_s, (dt_s / REACH) ** 2
+    ramp.response_a = ramp.response_b = ramp.response_c = 0.0
+    ramp.information = ramp.yaw_information = ramp.raw_information = 0.0
     for axis in range(3):
-        slip[PLACE_NOW + axis] = m[A + axis] + behind_s * slip[VELOCITY + axis]
+        ramp.score[axis] = 0.0
 
 
 @kernel
-def threshold(alarm_s: float, dt: float, components: float) -> float:
-    """What the sum must exceed, s, for one false alarm in alarm_s at scans dt apart; components: of a pose, 1 to 3.
-
-    The sum leaps over a threshold of h scans to many times h, so that alarms come every h / (c h^-p) scans; c and p
-    are from a simulation of the test itself, see `tests/monitor/test_rate.py`.
-    """
-    c, p = (0.130, 0.066) if components == 3.0 else (0.143, 0.052) if components == 2.0 else (0.235, 0.050)
-    return float(dt * (c * alarm_s / dt) ** (1.0 / (1.0 + p)))
+def _extend(t_s: float, dt_s: float, rest: RestState, ramp: Ramp) -> None:
+    """Add the last innovation to a ramp: run the rest filter on a unit ramp and correlate."""
+    step = rest.innovation
+    ramp.response_a += step.load_change * ramp.response_b + dt_s * ramp.response_c
+    ramp.response_b *= step.decay
+    ramp.response_c *= step.decay
+    f = t_s - ramp.start_s - ramp.response_a
+    ramp.response_a += step.gain_a * f
+    ramp.response_b += step.gain_b * f
+    ramp.response_c += step.gain_c * f
+    f *= step.std_ratio
+    ramp.information += f * f
+    ramp.raw_information += ((t_s - ramp.start_s) * step.std_ratio) ** 2
+    if step.yaw_used:
+        ramp.yaw_information += f * f
+    for axis in range(3):
+        ramp.score[axis] += f * step.whitened[axis]
 
 
 @kernel
-def thinned(t: float, count: int, ramps: Floats) -> int:
-    """Room for one more: the oldest goes if it is too old, else two old neighbours become one, which weighs as both.
+def _estimate(t_s: float, ramp: Ramp, rest: RestState, slip: SlipEstimate) -> None:
+    """Fill in the motion of a slip along a ramp. The velocity is L h / (F + g) with the Cholesky factor L."""
+    step, root, h, g = rest.innovation, rest.innovation.factor, ramp.score, ramp.prior_information
+    vx, vy, vt = h[0] / (ramp.information + g), h[1] / (ramp.information + g), h[2] / (ramp.yaw_information + g)
+    slip.start_s = ramp.start_s
+    slip.velocity[0] = root.xx * vx if root.xx < np.inf else 0.0
+    slip.velocity[1] = root.yx * vx + root.yy * vy if root.yy < np.inf else 0.0
+    slip.velocity[2] = root.tx * vx + root.ty * vy + root.tt * vt if root.tt < np.inf else 0.0
+    slip.velocity_variance = step.variance / (ramp.information + g)
+    lag_s = t_s - ramp.start_s - ramp.response_a  # the rest filter has followed the slip, but late
+    slip.cross_covariance = lag_s * slip.velocity_variance
+    for axis in range(3):
+        slip.position[axis] = rest.position[axis] + lag_s * slip.velocity[axis]
 
-    Were the oldest merged, it would never grow older, and weigh more the longer an object is still: so would alarms.
+
+@kernel
+def alarm_threshold(interval_s: float, dt_s: float, components: int) -> float:
+    """Threshold of R, s, for a mean time between false alarms of `interval_s` at scans `dt_s` apart.
+
+    components: of a pose, 1 to 3.
     """
-    if count < MOST_RAMPS:
-        return count
-    if t - ramps[0, T_0] > max(_OLDEST_S, _OLDEST_SCANS * (t - ramps[count - 1, T_0])):
-        drop = 0
+    c, p = _OVERSHOOT[components - 1]
+    return float(dt_s * (c * interval_s / dt_s) ** (1.0 / (1.0 + p)))
+
+
+@kernel
+def prune(t_s: float, onset: OnsetState) -> None:
+    """Make room for one more ramp: drop the oldest if it is too old, else merge two."""
+    if onset.count < MAX_RAMPS:
+        return
+    count, ramps = onset.count, onset.ramps
+    if t_s - ramps[0].start_s > max(_MAX_AGE_S, _MAX_AGE_SCANS * (t_s - ramps[count - 1].start_s)):
+        remove(0, count, ramps)
     else:
-        drop = nearest(t, count, _YOUNG, ramps)
-        ramps[drop + 1, WEIGHT] += ramps[drop, WEIGHT]
-    for j in range(drop, count - 1):
-        ramps[j, :] = ramps[j + 1, :]
-    return count - 1
-
-
-@kernel
-def nearest(t: float, count: int, young: int, changes: Floats) -> int:
-    """Which of the rows, that begin with a time, leaves the smallest gap beside its age; not the first, nor one of the
-    `young` last.
-
-    Dropped again and again, these leave rows that stand as far apart as they are old.
-    """
-    drop, closest = 1, np.inf
-    for j in range(1, count - young - 1):
-        apart = (changes[j + 1, 0] - changes[j - 1, 0]) / (t - changes[j + 1, 0])
-        if apart < closest:
-            drop, closest = j, apart
-    return drop
+        merge_closest(t_s, count, _RECENT_RAMPS, ramps)
+    onset.count -= 1

@@ -1,55 +1,48 @@
-"""When a pad is touched, let go, and slipped over."""
+"""Options of the slip detector."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
-    from taxelflow.slip.offline import HindsightSession
+    from taxelflow.slip.offline import OfflineSlipSession
     from taxelflow.slip.session import SlipSession
 
 
 @dataclass(frozen=True)
 class SlipMonitor:
-    """Slip = a motion that noise, load and creep explain more seldom than so many times an hour."""
+    """Slip detector. The threshold is set by the accepted false-alarm rate (alarms per hour)."""
 
     alarms_per_hour: float = 1.0
-    """False alarms that noise may make of a still object, per hour of contact and per pad. Fewer cost a later onset."""
+    """Accepted false alarms of an object at rest, per hour of contact and pad. A lower rate delays detection."""
     creep_m_s: float = 1e-4
-    """Usual speed of what is not to count as a slip, m/s; a slip is several times faster."""
+    """Standard deviation of the creep of an object at rest, m/s. A slip ends below three times this speed."""
     load_m: float = 1e-3
-    """How far a still object seems to move when the load grows by a factor of e, m; what it really does is learned."""
+    """Prior standard deviation of the apparent displacement of an object at rest when the load grows by a factor of e,
+    m. The displacement itself is estimated."""
     settle_s: float = 0.1
-    """A contact younger than this is not judged, s."""
+    """Age of a contact from which on slips are detected, s."""
 
     def __post_init__(self) -> None:
         if not 0 < self.alarms_per_hour < float("inf"):
-            raise ParameterInvalid("monitor alarms_per_hour", self.alarms_per_hour, "it is above 0")
+            raise ParameterInvalid("monitor.alarms_per_hour", self.alarms_per_hour, "be a finite number above 0")
         for name in ("creep_m_s", "load_m", "settle_s"):
             if not 0 <= getattr(self, name) < float("inf"):
-                raise ParameterInvalid(f"monitor {name}", getattr(self, name), "it is 0 or more")
-
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """Mean time between false alarms in s, then the other fields, as `watch.follow` takes them."""
-        return (
-            3600.0 / self.alarms_per_hour,
-            self.load_m,
-            self.creep_m_s,
-            self.settle_s,
-        )
+                raise ParameterInvalid(f"monitor.{name}", getattr(self, name), "be 0 or more")
 
     def begin(self, pads: tuple[str, ...]) -> SlipSession:
-        """Begin a session over pads of these names: what it says of a scan, it says at once."""
+        """Start a session for a stream over pads of these names: each scan is decided at once."""
+        from taxelflow.slip.measurement import parameter_record
         from taxelflow.slip.session import SlipSession
 
-        return SlipSession(self, pads)
+        return SlipSession(pads, parameter_record(**asdict(self)))
 
-    def look_back(self, pads: tuple[str, ...]) -> HindsightSession:
-        """Begin a session for a recording: slips are dated from the scans after them, too."""
-        from taxelflow.slip.offline import HindsightSession
+    def look_back(self, pads: tuple[str, ...]) -> OfflineSlipSession:
+        """Start a session for a recording: onsets and ends are also estimated from the scans after them."""
+        from taxelflow.slip.measurement import parameter_record
+        from taxelflow.slip.offline import OfflineSlipSession
 
-        return HindsightSession(self, pads)
+        return OfflineSlipSession(pads, parameter_record(**asdict(self)))

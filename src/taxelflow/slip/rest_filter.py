@@ -1,9 +1,13 @@
-"""What is known of a still object: where it is, what load and creep do to it, and how its pose scatters.
+"""Kalman filter of an object at rest: position, displacement by load, creep, and the scale of the pose noise.
 
-The pose is a place a, plus b times the change of the load's logarithm, plus c times the time, plus noise. That is a
-Kalman filter; its innovations, each over the Cholesky factor of its covariance, are u ~ N(0, s^2 I), independent if the
-noise is. s^2 and the correlation of consecutive u are learned. All axes share the filter's gains: noise that is k
-times larger along one axis makes the place k times less sure there.
+Per axis x, y, theta, with l the logarithm of the load and r[k] the variance of the pose z[k]:
+
+    a[k] = a[k-1] + b[k-1] (l[k] - l[k-1]) + c[k-1] (t[k] - t[k-1]),      z[k] = a[k] + v[k],    v[k] ~ N(0, s^2 r[k]).
+
+a is the position, b the displacement per unit of l, c the creep. b and c are first-order Gauss-Markov processes of mean
+0. All axes share one state covariance and one gain: noise that is k times larger along one axis makes the position k
+times less certain there. Innovations, whitened by the covariance of the noise, are u ~ N(0, s^2 I). s^2 and the lag-1
+autocorrelation of u are learned.
 """
 
 from __future__ import annotations
@@ -14,216 +18,239 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
+from taxelflow.numerics.records import Vector
+from taxelflow.slip.covariance import Cholesky, factorize, translation_axes, translation_variance, whiten
+from taxelflow.slip.measurement import Measurement, Parameters
 
-# Memory per pad. A, B, C: (3,) each along x, y, theta. P: covariance aa, ab, ac, bb, bc, cc of a translation, m^2, ...
-# ENERGY, FREEDOM: sum of |u|^2 and of its components. TURNS: poses in a row whose turn is known, up to _TURNS.
-# SERIAL: sum of u' times the u before; WAITING, FRESH: what is not yet in it; POSES: in FRESH; U: the last u (3,).
-# MEAN_LOAD, UNSTEADY: mean of the load's logarithm, and its variance.
-A, B, C, P, LOG_LOAD, ENERGY, FREEDOM, TURNS, SERIAL, WAITING, FRESH, POSES, U, MEAN_LOAD, UNSTEADY, STILL = (
-    *(0, 3, 6, 9, 15, 16, 17, 18, 19, 20, 21, 22, 23, 26, 27),
-    28,
-)
-# What a pose amounts to: rise of the load's logarithm, what is left of b and c, gains of a, b, c, deviation of the
-# noise over the innovation's, its variance (see `spread`), whether the turn counts, u (3), the noise's factor (6), how
-# many of x and y count.
-RISE, KEEP, GAIN, NARROW, SPREAD, TURN_COUNTS, WHITE, ROOT, AXES, STEP = 0, 1, 2, 5, 6, 7, 8, 11, 17, 18
+PRIOR_COMPONENTS = 20.0
+"""Weight of the reported covariance in the scale s^2, in components of u: about seven poses."""
+MEMORY_COMPONENTS = 3000.0
+"""Components of u over which s^2 is averaged: about a thousand poses."""
+MAX_SCALE = 25.0
+"""Upper limit of s^2: a covariance too small by more than a factor of 5 in standard deviation is not learned."""
+_MIN_SCALE = 0.9
+"""Lower limit of s^2 as applied: a covariance that is too large is corrected by 5 % in standard deviation only."""
+_MIN_MEAN_SQUARE = 0.01
+"""Lower limit of s^2 as learned, so that a method that repeats its pose recovers from it."""
+_MAX_LOAD_VARIANCE = 0.05
+"""Variance of the log load below which s^2 may be less than 1. A covariance that is too large under high load may be
+right under low load."""
+_BLOCK_POSES = 16
+"""Products of consecutive u count one block of poses later: the last block may contain a slip not detected yet."""
+_MAX_CORRELATION, _MAX_INFLATION = 0.8, 9.0
+"""Autocorrelation from which on the variance inflation is constant, and that constant: (1 + 0.8) / (1 - 0.8)."""
+_RELAXATION_S = 1.0
+"""Time constant of the Gauss-Markov processes b and c."""
+_YAW_POSES = 20
+"""Poses in a row at which theta must be known before it is used again."""
 
-_LEAST_SEEN, _LEAST_SCALE, MOST_SCALE = 0.01, 0.9, 25.0
-"""The scatter is learned between the first and the last times the variance that comes with a pose; below the second it
-does not count."""
-_STEADY = 0.05
-"""Variance of the load's logarithm up to which a scatter smaller than the covariance says counts."""
-_PRIOR = 20.0
-"""Components for which the covariance that comes with a pose counts."""
-_BLOCK, _MEMORY = 16, 3000.0
-"""Poses after which a correlation counts: before, it may be a slip's. Components that are remembered."""
-_MOST_SERIAL, _MOST_DRAWN_OUT = 0.8, 9.0
-_RELAX_S = 1.0
-"""What load and creep do is forgotten in this time."""
-_TURNS = 20.0
-"""A turn that was unknown for a while counts again when it has been known for so many poses."""
+
+class Innovation:
+    """What the last pose added to the rest filter."""
+
+    load_change: float
+    """Change of the log load since the pose before."""
+    decay: float
+    """Factor by which b and c decayed since the pose before."""
+    gain_a: float
+    gain_b: float
+    gain_c: float
+    """Kalman gains of a (1), b (1) and c (1/s)."""
+    std_ratio: float
+    """Standard deviation of the noise over that of the innovation."""
+    variance: float
+    """s^2 r: variance of the noise of a translation, m^2."""
+    axes: int
+    """How many of x and y are known."""
+    yaw_used: bool
+    """Theta is used."""
+    factor: Cholesky
+    """Cholesky factor of the covariance of the noise."""
+    whitened: Vector
+    """u."""
+
+
+class RestState:
+    """State of the rest filter of one pad."""
+
+    position: Vector
+    """a, m, m, rad."""
+    load_gain: Vector
+    """b, m, m, rad per unit of log load."""
+    creep: Vector
+    """c, m/s, m/s, rad/s."""
+    p_aa: float
+    p_ab: float
+    p_ac: float
+    p_bb: float
+    p_bc: float
+    p_cc: float
+    """Covariance of (a, b, c) of a translation, m^2 and m^2/s, m^2/s^2."""
+    log_load: float
+    """Log load at the last pose."""
+    yaw_poses: int
+    """Poses in a row at which theta was known, at most `_YAW_POSES`; theta is used from there on."""
+    square_sum: float
+    """Sum of u^2 with exponential forgetting; over `components` it is s^2."""
+    components: float
+    """Number of components in `square_sum`; 0 before the first pose."""
+    product_sum: float
+    """Sum of the products u[k]'u[k-1] of completed blocks but the last, with the same forgetting."""
+    last_block: float
+    """The same sum over the last completed block, which is not in `product_sum` yet."""
+    this_block: float
+    block_poses: int
+    """The same sum over the block that is not completed, and its number of poses."""
+    previous: Vector
+    """u[k-1]."""
+    mean_log_load: float
+    load_variance: float
+    """Mean and variance of the log load, with exponential forgetting."""
+    innovation: Innovation
 
 
 @kernel
-def scale(m: Floats) -> float:
-    """Variance of the scatter seen over that which the covariance says.
-
-    Below 1 only while the load is steady: a covariance that is too large under high load may be right under low load.
-    """
-    if m[FREEDOM] == 0.0:
+def noise_scale(rest: RestState) -> float:
+    """s^2: variance of the observed noise over that of the reported covariance. Below 1 only at steady load."""
+    if rest.components == 0.0:
         return 1.0
-    least = _LEAST_SCALE if m[UNSTEADY] < _STEADY else 1.0
-    return float(min(max(m[ENERGY] / m[FREEDOM], least), MOST_SCALE))
+    least = _MIN_SCALE if rest.load_variance < _MAX_LOAD_VARIANCE else 1.0
+    return float(min(max(rest.square_sum / rest.components, least), MAX_SCALE))
 
 
 @kernel
-def drawn_out(m: Floats) -> float:
-    """How many times larger the noise's mean over many poses varies than if they were independent, 1 or more.
+def correlation_inflation(rest: RestState) -> float:
+    """Variance of a mean of many u over that of independent u: (1 + r) / (1 - r) for an autocorrelation r, at least 1.
 
-    From the correlation r of consecutive innovations, (1 + r) / (1 - r), less what chance makes of independent ones.
+    r is reduced by one standard deviation of its estimate from independent noise.
     """
-    r = m[SERIAL] / m[ENERGY] - 1.0 / np.sqrt(m[FREEDOM])
+    r = rest.product_sum / rest.square_sum - 1.0 / np.sqrt(rest.components)
     if r <= 0.0:
         return 1.0
-    return float((1.0 + r) / (1.0 - r)) if r < _MOST_SERIAL else _MOST_DRAWN_OUT
+    return float((1.0 + r) / (1.0 - r)) if r < _MAX_CORRELATION else _MAX_INFLATION
 
 
 @kernel
-def settle(y: Floats, variance: float, load: float, prior: Floats, m: Floats) -> None:
-    """The object is at y (3,), known with this variance, m^2; what load and creep do to it is unknown."""
+def start_rest(position: Floats, variance: float, log_load: float, parameters: Parameters, rest: RestState) -> None:
+    """The object rests at a position (3,) of this variance, m^2; b and c have their prior."""
     for axis in range(3):
-        m[A + axis], m[B + axis], m[C + axis] = y[axis], 0.0, 0.0
-    m[P : P + 6] = 0.0
-    m[P], m[P + 3], m[P + 5] = variance, prior[0] ** 2, prior[1] ** 2
-    m[LOG_LOAD], m[TURNS] = load, _TURNS
-    m[WAITING] = m[FRESH] = m[POSES] = 0.0
-    m[U : U + 3] = 0.0
-    if m[FREEDOM] == 0.0:
-        m[ENERGY] = m[FREEDOM] = _PRIOR
+        rest.position[axis], rest.load_gain[axis], rest.creep[axis] = position[axis], 0.0, 0.0
+        rest.previous[axis] = 0.0
+    rest.p_ab = rest.p_ac = rest.p_bc = 0.0
+    rest.p_aa, rest.p_bb, rest.p_cc = variance, parameters.load_m**2, parameters.creep_m_s**2
+    rest.log_load, rest.yaw_poses = log_load, _YAW_POSES
+    rest.last_block, rest.this_block, rest.block_poses = 0.0, 0.0, 0
+    if rest.components == 0.0:
+        rest.square_sum = rest.components = PRIOR_COMPONENTS
 
 
 @kernel
-def forget(m: Floats) -> None:
-    """Another contact, or a pattern begun anew: the scatter counts for little, unless it was larger than said."""
-    m[ENERGY] = _PRIOR * max(scale(m), 1.0)
-    m[FREEDOM] = _PRIOR
-    m[SERIAL] = m[MEAN_LOAD] = m[UNSTEADY] = 0.0
+def discount_noise_scale(rest: RestState) -> None:
+    """Reduce what was learned of the noise to the weight of the prior; keep s^2 only if it is above 1."""
+    rest.square_sum = PRIOR_COMPONENTS * max(noise_scale(rest), 1.0)
+    rest.components = PRIOR_COMPONENTS
+    rest.product_sum = rest.mean_log_load = rest.load_variance = 0.0
 
 
 @kernel
-def turn_counts(theta: float, noise: Floats, m: Floats) -> bool:
-    """Whether the turn was known for long enough; if not, its place is the mean so far, and noise's tt becomes NaN."""
-    if np.isnan(noise[2]):
-        m[TURNS] = 0.0
+def update_rest(measurement: Measurement, parameters: Parameters, rest: RestState) -> None:
+    """Predict to the time of a measurement, fill `rest.innovation`, update.
+
+    Where theta is known but not used yet, its variance in the measurement becomes NaN.
+    """
+    step, noise = rest.innovation, measurement.covariance
+    step.load_change = measurement.log_load - rest.log_load
+    rest.log_load = measurement.log_load
+    _predict(measurement.t_s - measurement.previous_s, parameters, rest)
+    step.variance, step.axes = translation_variance(noise) * noise_scale(rest), translation_axes(noise)
+    total = rest.p_aa + step.variance
+    step.gain_a, step.gain_b, step.gain_c = rest.p_aa / total, rest.p_ab / total, rest.p_ac / total
+    step.std_ratio = np.sqrt(step.variance / total)
+    _update_load_statistics(measurement.log_load, rest)
+    step.yaw_used = _use_yaw(measurement, rest)
+    factorize(noise, step.factor)
+    _correct(measurement, rest)
+    _update_noise_statistics(whiten(step.factor, step.whitened), rest)
+
+
+@kernel
+def _predict(dt_s: float, parameters: Parameters, rest: RestState) -> None:
+    """Time update of state and covariance; b and c decay towards their prior."""
+    change = rest.innovation.load_change
+    keep = exp(-dt_s / _RELAXATION_S)
+    fresh = 1.0 - keep * keep
+    rest.innovation.decay = keep
+    for axis in range(3):
+        rest.position[axis] += change * rest.load_gain[axis] + dt_s * rest.creep[axis]
+        rest.load_gain[axis] *= keep
+        rest.creep[axis] *= keep
+    aa, ab, ac, bb, bc, cc = rest.p_aa, rest.p_ab, rest.p_ac, rest.p_bb, rest.p_bc, rest.p_cc
+    to_b, to_c = ab + change * bb + dt_s * bc, ac + change * bc + dt_s * cc
+    rest.p_aa = aa + change * ab + dt_s * ac + change * to_b + dt_s * to_c
+    rest.p_ab, rest.p_ac, rest.p_bc = keep * to_b, keep * to_c, keep * keep * bc
+    rest.p_bb = keep * keep * bb + fresh * parameters.load_m**2
+    rest.p_cc = keep * keep * cc + fresh * parameters.creep_m_s**2
+
+
+@kernel
+def _correct(measurement: Measurement, rest: RestState) -> None:
+    """Measurement update of state and covariance; `whitened` becomes the innovation, not whitened yet."""
+    step, noise = rest.innovation, measurement.covariance
+    for axis in range(3):
+        known = not np.isnan(noise.variance[axis])
+        residual = measurement.position[axis] - rest.position[axis] if known else 0.0
+        step.whitened[axis] = residual * step.std_ratio
+        rest.position[axis] += step.gain_a * residual
+        rest.load_gain[axis] += step.gain_b * residual
+        rest.creep[axis] += step.gain_c * residual
+    aa, ab, ac = rest.p_aa, rest.p_ab, rest.p_ac
+    rest.p_aa -= step.gain_a * aa
+    rest.p_ab -= step.gain_a * ab
+    rest.p_ac -= step.gain_a * ac
+    rest.p_bb -= step.gain_b * ab
+    rest.p_bc -= step.gain_b * ac
+    rest.p_cc -= step.gain_c * ac
+
+
+@kernel
+def _use_yaw(measurement: Measurement, rest: RestState) -> bool:
+    """Whether theta was known for long enough to be used; until then its position is the mean since it is known."""
+    variance = measurement.covariance.variance
+    if np.isnan(variance[2]):
+        rest.yaw_poses = 0
         return False
-    if m[TURNS] == _TURNS:
+    if rest.yaw_poses == _YAW_POSES:
         return True
-    m[TURNS] += 1.0
-    m[A + 2] += (theta - m[A + 2]) / m[TURNS]
-    noise[2] = np.nan
+    rest.yaw_poses += 1
+    rest.position[2] += (measurement.position[2] - rest.position[2]) / rest.yaw_poses
+    variance[2] = np.nan
     return False
 
 
 @kernel
-def spread(n: Floats) -> float:
-    """Variance of a place, from a pose's covariance (6): the mean of x and y, or that of the one that is known."""
-    if np.isnan(n[0]):
-        return float(n[1])
-    return float(n[0] if np.isnan(n[1]) else 0.5 * (n[0] + n[1]))
+def _update_load_statistics(log_load: float, rest: RestState) -> None:
+    """Mean and variance of the log load, with the memory of the noise scale at two components a pose."""
+    if rest.components == PRIOR_COMPONENTS:
+        rest.mean_log_load = log_load
+    weight, residual = 2.0 / MEMORY_COMPONENTS, log_load - rest.mean_log_load
+    rest.mean_log_load += weight * residual
+    rest.load_variance = (1.0 - weight) * (rest.load_variance + weight * residual * residual)
 
 
 @kernel
-def axes_of(n: Floats) -> float:
-    """How many of x and y are known."""
-    return 1.0 if np.isnan(n[0]) or np.isnan(n[1]) else 2.0
-
-
-@kernel
-def factor(n: Floats, root: Floats) -> bool:
-    """Cholesky factor (6: xx, yx, yy, tx, ty, tt) of a covariance (6: xx, yy, tt, xy, xt, yt); is the turn known?
-
-    xx, yy or tt is NaN if it is not; then the factor is infinite, so that it counts for nothing.
-    """
-    root[0] = np.inf if np.isnan(n[0]) else np.sqrt(n[0])
-    root[1] = n[3] / root[0]
-    root[2] = np.inf if np.isnan(n[1]) else np.sqrt(n[1] - root[1] * root[1])
-    if np.isnan(n[2]):
-        root[3], root[4], root[5] = 0.0, 0.0, np.inf
-        return False
-    root[3] = n[4] / root[0]
-    root[4] = (n[5] - root[3] * root[1]) / root[2]
-    root[5] = np.sqrt(n[2] - root[3] * root[3] - root[4] * root[4])
-    return True
-
-
-@kernel
-def whiten(root: Floats, e: Floats) -> float:
-    """e (3,) over its covariance's factor, in place; gives its square. What is unknown becomes 0."""
-    e[0] /= root[0]
-    e[1] = (e[1] - root[1] * e[0]) / root[2]
-    e[2] = (e[2] - root[3] * e[0] - root[4] * e[1]) / root[5]
-    return float(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
-
-
-@kernel
-def innovate(dt: float, y: Floats, noise: Floats, load: float, prior: Floats, m: Floats, step: Floats) -> None:
-    """One more pose of a still object, dt after the last: fill step (STEP,), go on.
-
-    y: (3,), what is unknown is any number. noise: (6,), its covariance, xx, yy or tt NaN if unknown. load: its
-    logarithm, as before if unknown. prior: (2,), usual size of b and c. m: (STILL,).
-    """
-    step[RISE] = load - m[LOG_LOAD]
-    m[LOG_LOAD] = load
-    step[KEEP] = _predict(dt, step[RISE], prior, m)
-    step[SPREAD], step[AXES] = spread(noise) * scale(m), axes_of(noise)
-    total = m[P] + step[SPREAD]
-    for k in range(3):
-        step[GAIN + k] = m[P + k] / total
-    step[NARROW] = np.sqrt(step[SPREAD] / total)
-    _watch_load(load, m)
-    root, u, e = step[ROOT : ROOT + 6], step[WHITE : WHITE + 3], np.zeros(3)
-    turns = turn_counts(y[2], noise, m)
-    step[TURN_COUNTS] = 1.0 if turns else 0.0
-    factor(noise, root)
+def _update_noise_statistics(square: float, rest: RestState) -> None:
+    """Scale and autocorrelation of the noise, from the last u and its squared length."""
+    step = rest.innovation
+    components = step.axes + (1 if step.yaw_used else 0)
+    keep = 1.0 - components / MEMORY_COMPONENTS
+    rest.components = keep * rest.components + components
+    total = keep * rest.square_sum + square
+    rest.square_sum = min(max(total, _MIN_MEAN_SQUARE * rest.components), MAX_SCALE * rest.components)
+    rest.product_sum *= keep
     for axis in range(3):
-        e[axis] = y[axis] - m[A + axis] if not np.isnan(noise[axis]) else 0.0
-    for axis in range(3):
-        u[axis] = e[axis] * step[NARROW]
-    _learn(whiten(root, u), u, step[AXES] + step[TURN_COUNTS], m)
-    gain_a, gain_b, gain_c = step[GAIN], step[GAIN + 1], step[GAIN + 2]
-    for axis in range(3):
-        m[A + axis] += gain_a * e[axis]
-        m[B + axis] += gain_b * e[axis]
-        m[C + axis] += gain_c * e[axis]
-    aa, ab, ac = m[P], m[P + 1], m[P + 2]
-    m[P] -= gain_a * aa
-    m[P + 1] -= gain_a * ab
-    m[P + 2] -= gain_a * ac
-    m[P + 3] -= gain_b * ab
-    m[P + 4] -= gain_b * ac
-    m[P + 5] -= gain_c * ac
-
-
-@kernel
-def _predict(dt: float, rise: float, prior: Floats, m: Floats) -> float:
-    """State and covariance after dt: b and c fade towards what is usual; gives what is left of them."""
-    keep = exp(-dt / _RELAX_S)
-    fresh = 1.0 - keep * keep
-    for axis in range(3):
-        m[A + axis] += rise * m[B + axis] + dt * m[C + axis]
-        m[B + axis] *= keep
-        m[C + axis] *= keep
-    aa, ab, ac, bb, bc, cc = m[P], m[P + 1], m[P + 2], m[P + 3], m[P + 4], m[P + 5]
-    to_b, to_c = ab + rise * bb + dt * bc, ac + rise * bc + dt * cc
-    m[P] = aa + rise * ab + dt * ac + rise * to_b + dt * to_c
-    m[P + 1], m[P + 2], m[P + 4] = keep * to_b, keep * to_c, keep * keep * bc
-    m[P + 3] = keep * keep * bb + fresh * prior[0] ** 2
-    m[P + 5] = keep * keep * cc + fresh * prior[1] ** 2
-    return keep
-
-
-@kernel
-def _watch_load(load: float, m: Floats) -> None:
-    """Mean and variance of the load's logarithm, over as long as the scale's memory."""
-    if m[FREEDOM] == _PRIOR:
-        m[MEAN_LOAD] = load
-    fresh, off = 2.0 / _MEMORY, load - m[MEAN_LOAD]
-    m[MEAN_LOAD] += fresh * off
-    m[UNSTEADY] = (1.0 - fresh) * (m[UNSTEADY] + fresh * off * off)
-
-
-@kernel
-def _learn(square: float, u: Floats, components: float, m: Floats) -> None:
-    """Scale and correlation of the noise, from one more u (3,) and its square."""
-    fade = 1.0 - components / _MEMORY
-    m[FREEDOM] = fade * m[FREEDOM] + components
-    energy = fade * m[ENERGY] + square
-    m[ENERGY] = min(max(energy, _LEAST_SEEN * m[FREEDOM]), MOST_SCALE * m[FREEDOM])
-    m[SERIAL] *= fade
-    for axis in range(3):
-        m[FRESH] += u[axis] * m[U + axis]
-        m[U + axis] = u[axis]
-    m[POSES] += 1.0
-    if m[POSES] == _BLOCK:
-        m[SERIAL] += m[WAITING]
-        m[WAITING], m[FRESH], m[POSES] = m[FRESH], 0.0, 0.0
+        rest.this_block += step.whitened[axis] * rest.previous[axis]
+        rest.previous[axis] = step.whitened[axis]
+    rest.block_poses += 1
+    if rest.block_poses == _BLOCK_POSES:
+        rest.product_sum += rest.last_block
+        rest.last_block, rest.this_block, rest.block_poses = rest.this_block, 0.0, 0

@@ -5,7 +5,7 @@ import pytest
 
 from synthetic import dome, grid_sensor
 from taxelflow.estimation.centroid.convolution_kernel import Memory, convolution_flow, noise_sums, weighted_sums
-from taxelflow.estimation.centroid.records import Row, pads_of
+from taxelflow.estimation.centroid.records import Row, ScanBlock, pads_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, records, unknown
 
@@ -25,7 +25,8 @@ def rows_of(
     rows = unknown(Row, len(values), 1)
     sums, memory = noise_sums(deviations, places, pads), records(Memory, 1)
     t_s, always = np.arange(float(len(values))), np.ones((len(values), 1), np.bool_)
-    convolution_flow(t_s, values, deviations, always, np.array(flags), places, pads, sums, memory, rows)
+    block = ScanBlock(t_s, values, deviations, always, np.array(flags))
+    convolution_flow(block, places, pads, sums, memory, rows)
     return rows[:, 0]
 
 

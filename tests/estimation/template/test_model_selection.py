@@ -7,8 +7,7 @@ import pytest
 
 from rigged import rigged
 from taxelflow import api
-from taxelflow.evaluation.strokes import trial, ungrouped
-from taxelflow.evaluation.table1 import strokes_by
+from taxelflow.evaluation.strokes import strokes_by, trial, ungrouped
 from taxelflow.simulation.simulate import simulate
 
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from rigged import rigged
 from taxelflow import api
-from taxelflow.evaluation.limits import without_frame
 from taxelflow.evaluation.nees import consistency
+from taxelflow.evaluation.pose_errors import without_frame
 from taxelflow.messages import OK
 from taxelflow.simulation.simulate import simulate
 

@@ -41,7 +41,7 @@ def test_a_pattern_stands_beside_a_scan_its_way_and_its_turn(contact: Contact, t
     seen = words(contact, tmp_path)
     for word in ("one scan", "pattern from 20 scans", "way over the pad", "pressure in kPa", "20 mm", "turn in deg"):
         assert word in seen
-    assert {"template", "principal axis", "truth", "not vouched for"} <= set(seen)
+    assert {"template", "principal axis", "truth", "quality not ok"} <= set(seen)
 
 
 def test_what_is_not_known_is_not_drawn(contact: Contact, tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_what_is_not_known_is_not_drawn(contact: Contact, tmp_path: Path) -> Non
     assert "one scan" not in seen
     assert "pressure in kPa" in seen
     unknown = replace(contact, axis_rad=np.full(20, np.nan), true=None, ok=np.ones(20, dtype=np.bool_))
-    assert not {"principal axis", "truth", "not vouched for"} & set(words(unknown, tmp_path))
+    assert not {"principal axis", "truth", "quality not ok"} & set(words(unknown, tmp_path))
 
 
 def test_counts_stay_counts_and_small_pressures_pascals(contact: Contact, tmp_path: Path) -> None:

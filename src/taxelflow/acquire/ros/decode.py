@@ -1,4 +1,4 @@
-"""Bytes of messages -> stamps and readings, many at once where the messages are built alike."""
+"""Bytes of messages to stamps and readings, many at once where all messages have the same binary form."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Decoder:
-    """Reads the messages of one topic. Raises what the file's own message text, if broken, makes of `rosbags`."""
+    """Decodes the messages of one topic. Raises the errors of `rosbags` for an invalid message definition."""
 
     def __init__(self, topic: Topic, kind: Kind) -> None:
         store = _store(topic.message_type, topic.definition, topic.language, kind.definition)
@@ -32,12 +32,12 @@ class Decoder:
         self._form: _Form | None = None
 
     def one(self, content: bytes) -> tuple[float, list[Floats]]:
-        """Stamp in s (NaN if the message has none) and readings per part, as they stand in the message."""
+        """Stamp in s (NaN if the message has none) and readings per part, in the order of the message."""
         stamp, parts = self._fields(content)
         return stamp, [part.astype(np.float64) for part in parts]
 
     def block(self, contents: Sequence[bytes]) -> tuple[Floats, Floats] | None:
-        """Stamps (messages,) and readings (messages, cells); None if the messages are not all built alike."""
+        """Stamps (messages,) and readings (messages, cells); None if the messages differ in their binary form."""
         if self._form is None or not self._form.fits(contents):
             self._form = self._formed(contents[0])
             if self._form is None or not self._form.fits(contents):
@@ -53,7 +53,7 @@ class Decoder:
         return (_seconds(stamps[0]) if stamps else np.nan), found
 
     def _formed(self, content: bytes) -> _Form | None:
-        """None where readings or stamp are not found in the bytes themselves."""
+        """The binary form of a message; None if readings or stamp are not contiguous in its bytes."""
         stamp, parts = self._fields(content)
         whole = np.frombuffer(content, np.uint8)
         base = whole.__array_interface__["data"][0]
@@ -78,7 +78,11 @@ class Decoder:
 
 @dataclass(frozen=True, slots=True)
 class _Form:
-    """How messages of one length are built: where the readings stand, and what else must be the same in all."""
+    """Binary form of messages of one length.
+
+    fixed, frame: positions and values of the bytes that are equal in all. spans: start, stop and type of the readings
+    per part. stamp: field of the stamp, stamp_at: position of its 8 bytes, None without one.
+    """
 
     length: int
     fixed: NDArray[np.int64]
@@ -88,13 +92,13 @@ class _Form:
     stamp_at: int | None
 
     def fits(self, contents: Sequence[bytes]) -> bool:
-        """Whether all are built so."""
+        """Whether all messages have this form."""
         if any(len(content) != self.length for content in contents):
             return False
         return bool((self._stacked(contents)[:, self.fixed] == self.frame).all())
 
     def read(self, contents: Sequence[bytes]) -> tuple[Floats, Floats]:
-        """Stamps and readings of messages that fit."""
+        """Stamps (messages,) and readings (messages, cells) of messages of this form."""
         stacked = self._stacked(contents)
         parts = [stacked[:, start:stop].copy().view(kind) for start, stop, kind in self.spans]
         values = np.concatenate(parts, axis=1, dtype=np.float64) if parts else np.zeros((len(contents), 0))
@@ -107,7 +111,7 @@ class _Form:
 
 
 def _stamps(stacked: Bytes, at: int, stamp: str) -> Floats:
-    """(messages,) s: a float64, or seconds and nanoseconds as uint32."""
+    """Stamps (messages,) in s, stored as a float64 or as seconds and nanoseconds in uint32."""
     own = stacked[:, at : at + 8].copy()
     if stamp == "t_s":
         number: Floats = own.view("<f8")[:, 0]
@@ -122,7 +126,7 @@ def _seconds(stamp: Any) -> float:
 
 
 def _follow(message: Any, path: str) -> list[Any]:
-    """What stands at a path of `Kind`. Raises AttributeError where the message has no such field."""
+    """Values at a path of `Kind`. Raises AttributeError where the message has no such field."""
     found = [message]
     for name in path.split("."):
         found = [getattr(one, own) for one in found for own in name.removesuffix("[]").split(",")]
@@ -133,7 +137,7 @@ def _follow(message: Any, path: str) -> list[Any]:
 
 @lru_cache(maxsize=64)
 def _store(message_type: str, definition: str, language: str, fallback: str) -> Typestore:
-    """A type and what it is made of, by the file's own text or else by ours."""
+    """Store with a message type and those it contains, from the file's definition, else from `fallback`."""
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
     if not language:

@@ -1,4 +1,4 @@
-"""The table of messages: how each type carries a scan. The next message is one more entry.
+"""The table of messages: which fields of each type hold a scan. A new message type is one more entry.
 
 Sources: ipa320/schunk_modular_robotics (schunk_sdh), ubi-agni/tactile_toolbox (tactile_msgs),
 RobotnikAutomation/barrett_hand (bhand_controller), mcsix/xela_server_ros2, std_msgs.
@@ -13,25 +13,25 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Kind:
-    """One entry: where in a message stamp and values stand, and which sensor it is of."""
+    """A message type: its fields with stamp and readings, and its sensor."""
 
     types: tuple[str, ...]
-    """Names `package/msg/Name`, with wildcards, as ROS 2 writes them."""
+    """Names `package/msg/Name` as in ROS 2, with wildcards."""
     values: tuple[str, ...]
-    """Fields that hold the readings, pad after pad: dots go into a field, `[]` through a list, commas
-    stand between fields of which all are taken."""
+    """Paths of the fields that hold the readings, pad by pad: a dot enters a field, `[]` iterates over a list, commas
+    separate fields that are all read."""
     stamp: str = ""
-    """Field with the time: a ROS time, or a number in s. Empty: the message has none."""
+    """Path of the time: a ROS time, or a number in s. Empty: the message has none."""
     sensors: tuple[str, ...] = ()
-    """Built-in sensors that may be meant; the one whose number of cells fits is."""
+    """Built-in sensors of this message; the first whose number of cells matches is used."""
     unit: Literal["", "Pa", "count"] = ""
-    """Unit of the message where it is not that of the built-in sensor."""
+    """Unit of the readings where it differs from that of the built-in sensor."""
     pads: tuple[str, ...] = ()
-    """Order of the sensor's pads in the message where it is not the sensor's own."""
+    """Order of the sensor's pads in the message where it differs from the sensor's."""
     definition: str = ""
-    """Message text for files that carry none (ROS 2 with sqlite3); `{package}` is the type's own."""
+    """Message definition for files without one (ROS 2 with sqlite3); `{package}` is replaced by the type's package."""
     note: str = ""
-    """What a user should know."""
+    """Remark to the user."""
 
 
 _SUB = "\n" + 80 * "=" + "\nMSG: "
@@ -43,7 +43,7 @@ SCAN = Kind(
     stamp="t_s",
     definition="float64 t_s\nfloat64[] values\n",
 )
-"""What `taxelflow convert` writes: exact, in the sensor's own unit and order."""
+"""Message of `taxelflow convert`: exact, in the sensor's own unit and order."""
 
 KINDS = (
     SCAN,
@@ -67,7 +67,7 @@ KINDS = (
         definition="std_msgs/Header header\n{package}/PressureArray[] pressure_list"
         + _SUB
         + "{package}/PressureArray\nstring sensor_name\nuint16 cells_x\nuint16 cells_y\nfloat64[] pressure\n",
-        note="pressures taken as Pa; some versions of the message say N/mm2: for these give a sensor file by --sensor",
+        note="pressures are read as Pa; some versions of the message use N/mm2: then give a sensor file with --sensor",
     ),
     Kind(
         types=("schunk_sdh/msg/PressureArray",),
@@ -111,5 +111,5 @@ KINDS = (
 
 
 def kind_of(message_type: str) -> Kind | None:
-    """The entry that a type `package/msg/Name` has in the table."""
+    """The entry of a type `package/msg/Name` in the table; None if it has none."""
     return next((kind for kind in KINDS if any(fnmatchcase(message_type, name) for name in kind.types)), None)

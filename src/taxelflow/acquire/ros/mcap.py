@@ -1,4 +1,4 @@
-"""MCAP files by the `mcap` package's streaming reader, which also reads what is left of a truncated one."""
+"""MCAP files by the streaming reader of the `mcap` package, which also reads truncated files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mcap.summary import Summary
 
 METADATA = "taxelflow"
-"""Name of the metadata record by `taxelflow convert`."""
+"""Name of the metadata record that `taxelflow convert` writes."""
 
 _LANGUAGES: dict[str, Literal["msg", "idl", ""]] = {
     "ros1msg": "msg",
@@ -24,10 +24,11 @@ _LANGUAGES: dict[str, Literal["msg", "idl", ""]] = {
     "ros2idl": "idl",
 }
 _MOST_CHUNK_BYTES = 1 << 30
+"""Largest decompressed chunk: a larger one is taken as damage, not as a reason to allocate memory."""
 
 
 class McapSource:
-    """Reads an MCAP file from its start, in constant memory; the summary at its end only spares a pass."""
+    """Reads an MCAP file from its start, in constant memory; the summary at its end saves one pass."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -50,7 +51,7 @@ class McapSource:
                 if isinstance(record, Message) and record.channel_id in wanted:
                     yield record.log_time, record.data
                     read += 1
-        except Exception as error:  # whatever a damaged file makes of the parsers
+        except Exception as error:  # the parsers' errors for a damaged file
             raise RecordingTruncated(self._path, read, topic.messages, seen(error)) from error
 
     def _records(self) -> Iterator[McapRecord]:
@@ -68,7 +69,7 @@ class McapSource:
                     yield record
 
     def _metadata(self) -> dict[str, str]:
-        """Ours stands before the first chunk. Raises what is wrong with a file's very start."""
+        """Our metadata record, which precedes the first chunk. Raises the parser's error for a damaged start."""
         from mcap.records import Chunk, Message, Metadata
         from mcap.stream_reader import StreamReader
 
@@ -87,7 +88,7 @@ class McapSource:
         with self._path.open("rb") as file:
             try:
                 return SeekingReader(file, record_size_limit=self._path.stat().st_size).get_summary()
-            except Exception:  # a truncated file has none: then it is read through
+            except Exception:  # a truncated file has no summary
                 return None
 
     def _topics_by_reading(self) -> list[Topic]:
@@ -106,19 +107,19 @@ class McapSource:
                 elif isinstance(record, Schema):
                     schemas[record.id] = record
             whole = True
-        except Exception:  # where it ends too early is said again, with the count, when messages are read
+        except Exception:  # a truncated file: `messages` raises the error again, with the count
             if not channels:
                 raise
         return _topics(channels, schemas, counts, whole=whole)
 
 
 def seen(error: Exception) -> str:
-    """A library's error in a line."""
+    """Message of a library's error as one line."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def _check_size(chunk: Chunk) -> None:
-    """Believe what a chunk declares only as far as it can be true. Raises ValueError."""
+    """Raises ValueError if a chunk declares an implausible size."""
     import zstandard
 
     size = chunk.uncompressed_size
@@ -129,7 +130,7 @@ def _check_size(chunk: Chunk) -> None:
 
 
 def _topics(channels: dict[int, Channel], schemas: dict[int, Schema], counts: Any, *, whole: bool) -> list[Topic]:
-    """One per name and type: several channels may serve it. Counts are told only if the file is whole."""
+    """Topics by name and type, each of one or more channels; with counts only if the file is complete (`whole`)."""
     groups: dict[tuple[str, str, str], list[Channel]] = {}
     for channel in channels.values():
         schema = schemas.get(channel.schema_id)

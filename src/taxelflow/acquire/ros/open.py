@@ -1,7 +1,8 @@
-"""A topic of a bag as a recording: which sensor it is of, whose clock to believe, blocks of scans."""
+"""A topic of a bag as a recording: its sensor, the clock that its times are from, and its blocks of scans."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +38,11 @@ if TYPE_CHECKING:
 
 _REMEDY = "give a ROS 1 bag (.bag), a ROS 2 bag (its directory, or a .db3 of it) or an .mcap file"
 _PROBED = 256
-"""Messages that decide whose clock is believed."""
+"""Messages from which the clock is chosen."""
+_RATE_MESSAGES = 10
+"""Messages from which the rate of the stamps is compared with that of the receipt times."""
+_RATE_FACTOR = 2.0
+"""Largest factor between the two: receipt is delayed, but a clock in another unit is off by 1000."""
 
 
 def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Recording:
@@ -48,7 +53,7 @@ def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Rec
         decoder = Decoder(chosen, kind)
     except (TaxelflowError, OSError):
         raise
-    except Exception as error:  # whatever a file that is none makes of the parsers
+    except Exception as error:  # the parsers' errors for a file that is no bag
         remedy = "read one of its .mcap or .db3 files alone" if path.is_dir() else _REMEDY
         raise RecordingCorrupt(path, seen(error), remedy) from error
     received_s, stamps_s, parts = _probe(path, source, chosen, decoder)
@@ -56,10 +61,10 @@ def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Rec
     sensor = sensor or sensor_in(path, source.metadata) or _sensor(path, kind, cells)
     columns = _columns(sensor, kind, cells)
     if columns is None:
-        raise TaxelCountWrong(path, sum(cells), sensor.name, sensor.wiring.columns)
-    distrust = "" if kind is SCAN else _distrust(stamps_s, received_s)
-    reader = _Reader(path, source, chosen, decoder, columns, cells, believed=not distrust)
-    notes = [f"{distrust}: times are those of receipt"] if distrust else []
+        raise TaxelCountWrong(path, sum(cells), sensor.name, sensor.channel_map.columns)
+    doubt = "" if kind is SCAN else _stamp_error(stamps_s, received_s)
+    reader = _Reader(path, source, chosen, decoder, columns, sum(cells), use_stamps=not doubt)
+    notes = [f"{doubt}: times are those of receipt"] if doubt else []
     notes += [kind.note] if kind.note else []
     return Recording(
         path,
@@ -79,7 +84,7 @@ def _format(path: Path, topic: Topic) -> str:
 
 
 def _probe(path: Path, source: Source, topic: Topic, decoder: Decoder) -> tuple[Floats, Floats, list[Floats]]:
-    """Times of receipt and stamps of the first messages, and the parts of the first."""
+    """Times of receipt and stamps (messages,) of the first messages, and the readings of the first one per part."""
     received_s: list[float] = []
     stamps: list[float] = []
     first: list[Floats] = []
@@ -100,12 +105,12 @@ def _probe(path: Path, source: Source, topic: Topic, decoder: Decoder) -> tuple[
 def _decoded(path: Path, number: int, decoder: Decoder, content: bytes) -> tuple[float, list[Floats]]:
     try:
         return decoder.one(content)
-    except Exception as error:  # a message that is not what its type says
+    except Exception as error:  # a message that does not match its type
         raise RecordingCorrupt(path, f"message {number}: {seen(error)}", "record or copy it again") from error
 
 
 def _sensor(path: Path, kind: Kind, cells: list[int]) -> Sensor:
-    """The built-in one that the message is of. Raises SensorNeeded."""
+    """The built-in sensor of this kind of message whose number of cells matches. Raises SensorNeeded."""
     for name in kind.sensors:
         if name in builtin_sensors():
             sensor = load_sensor(name)
@@ -122,25 +127,25 @@ def _in_unit(sensor: Sensor, kind: Kind) -> Sensor:
 
 
 def _columns(sensor: Sensor, kind: Kind, cells: list[int]) -> NDArray[np.int64] | None:
-    """(taxels,): the cell of a message that each taxel of the sensor is; None if they do not fit.
+    """(taxels,): cell of the message that each taxel of the sensor is read from; None if they do not match.
 
-    A message may also carry the places of the grids where there is no taxel.
+    cells: number of cells per part. A message may also contain the cells of grids without a taxel.
     """
-    layout, wiring = sensor.layout, sensor.wiring
-    if not wiring.plain:
-        return np.arange(wiring.columns) if sum(cells) == wiring.columns else None
+    layout, channel_map = sensor.layout, sensor.channel_map
+    if not channel_map.identity:
+        return np.arange(channel_map.columns) if sum(cells) == channel_map.columns else None
     own = [layout.of_pad(pad) for pad in range(layout.pad_count)]
     order = list(range(layout.pad_count))
     if kind.pads and set(kind.pads) == set(layout.pads[: layout.pad_count]):
         order = [layout.pads.index(name) for name in kind.pads]
     grids = zip(layout.shapes, layout.tables, own, strict=False)
-    places = [one.stop - one.start if table else rows * cols for (rows, cols), table, one in grids]
+    all_cells = [one.stop - one.start if table else rows * cols for (rows, cols), table, one in grids]
     if sum(cells) == layout.taxels:
-        there = [np.arange(one.stop - one.start) for one in own]
-        sizes = [len(one) for one in there]
-    elif sum(cells) == sum(places):
-        there = [layout.row[one] * layout.shapes[pad][1] + layout.col[one] for pad, one in enumerate(own)]
-        sizes = places
+        cell_of = [np.arange(one.stop - one.start) for one in own]
+        sizes = [len(one) for one in cell_of]
+    elif sum(cells) == sum(all_cells):
+        cell_of = [layout.row[one] * layout.shapes[pad][1] + layout.col[one] for pad, one in enumerate(own)]
+        sizes = all_cells
     else:
         return None
     if len(cells) == len(order) and cells != [sizes[pad] for pad in order]:
@@ -148,87 +153,88 @@ def _columns(sensor: Sensor, kind: Kind, cells: list[int]) -> NDArray[np.int64] 
     columns = np.zeros(layout.taxels, dtype=np.int64)
     start = 0
     for pad in order:
-        columns[own[pad]] = start + there[pad]
+        columns[own[pad]] = start + cell_of[pad]
         start += sizes[pad]
     return columns
 
 
-def _distrust(stamps_s: Floats, received_s: Floats) -> str:
-    """Why the stamps in the messages are not to be believed; empty if they are."""
+def _stamp_error(stamps_s: Floats, received_s: Floats) -> str:
+    """Why the stamps in the messages are not used; empty if they are."""
     if np.isnan(stamps_s).all():
-        return "messages carry no stamp"
+        return "messages have no stamp"
     steps = np.diff(stamps_s)
     if not np.isfinite(stamps_s).all() or not stamps_s.any():
         return "stamps of messages are not set"
     if len(steps) and not steps.any():
-        return "stamps of messages stand still"
+        return "stamps of messages are constant"
     if (steps < 0).any():
-        return "stamps of messages run backwards"
-    span_s, waited_s = stamps_s[-1] - stamps_s[0], received_s[-1] - received_s[0]
-    if len(stamps_s) >= 10 and waited_s > 0 and not 0.5 < span_s / waited_s < 2:
-        return f"stamps of messages run {span_s / waited_s:.3g} times as fast as their receipt"
+        return "stamps of messages decrease"
+    span_s, receipt_s = stamps_s[-1] - stamps_s[0], received_s[-1] - received_s[0]
+    known = len(stamps_s) >= _RATE_MESSAGES and receipt_s > 0
+    if known and not 1 / _RATE_FACTOR < span_s / receipt_s < _RATE_FACTOR:
+        return f"stamps of messages advance {span_s / receipt_s:.3g} times as fast as the receipt times"
     return ""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class _Reader:
-    """Makes scans of messages, block by block."""
+    """Decodes messages to scans, block by block.
 
-    def __init__(
-        self,
-        path: Path,
-        source: Source,
-        topic: Topic,
-        decoder: Decoder,
-        columns: NDArray[np.int64],
-        cells: list[int],
-        *,
-        believed: bool,
-    ) -> None:
-        self._path, self._source, self._topic, self._decoder = path, source, topic, decoder
-        self._cells, self._believed = sum(cells), believed
-        self._columns = None if np.array_equal(columns, np.arange(self._cells)) else columns
+    columns: (taxels,), cell of a message that each taxel is read from. cells: number of cells in a message.
+    use_stamps: times are the stamps in the messages, not those of receipt.
+    """
+
+    path: Path
+    source: Source
+    topic: Topic
+    decoder: Decoder
+    columns: NDArray[np.int64]
+    cells: int
+    use_stamps: bool
 
     def blocks(self) -> Iterator[RawScans]:
-        """From the start. A message that cannot be read ends it, after what came before."""
+        """Blocks from the start. A message that cannot be read raises after the scans before it."""
         done = 0
-        for block in in_blocks(self._source.messages(self._topic), list):
+        for block in in_blocks(self.source.messages(self.topic), list):
             yield from self._scans(block, done)
             done += len(block)
 
     def _scans(self, block: list[tuple[int, bytes]], done: int) -> Iterator[RawScans]:
         received_s = np.array([received_ns for received_ns, _ in block]) * 1e-9
         contents = [content for _, content in block]
-        alike = self._alike(contents)
-        if alike is not None:
-            yield self._placed(received_s, *alike)
+        uniform = self._uniform(contents)
+        if uniform is not None:
+            yield self._in_order(received_s, *uniform)
             return
         stamps: list[float] = []
         rows: list[Any] = []
         fault: TaxelflowError | None = None
         for number, content in enumerate(contents, done):
             try:
-                stamp, parts = _decoded(self._path, number, self._decoder, content)
+                stamp, parts = _decoded(self.path, number, self.decoder, content)
                 found = sum(map(len, parts))
-                if found != self._cells:
-                    seen_here = f"message {number} has {found} values, the first one {self._cells}"
-                    raise RecordingCorrupt(self._path, seen_here, "record it with one sensor a topic")
+                if found != self.cells:
+                    seen_here = f"message {number} has {found} values, the first one {self.cells}"
+                    raise RecordingCorrupt(self.path, seen_here, "record each sensor on a topic of its own")
             except RecordingCorrupt as error:
                 fault = error
                 break
             stamps.append(stamp)
             rows.append(np.concatenate(parts) if parts else np.zeros(0))
         if rows:
-            yield self._placed(received_s[: len(rows)], np.array(stamps), np.array(rows))
+            yield self._in_order(received_s[: len(rows)], np.array(stamps), np.array(rows))
         if fault is not None:
             raise fault
 
-    def _alike(self, contents: list[bytes]) -> tuple[Floats, Floats] | None:
+    def _uniform(self, contents: list[bytes]) -> tuple[Floats, Floats] | None:
+        """Stamps and values of messages of one binary form; None if they have to be decoded one by one."""
         try:
-            found = self._decoder.block(contents)
-        except Exception:  # a message is broken: which one is found one by one
+            found = self.decoder.block(contents)
+        except Exception:  # a damaged message: decoding one by one finds which
             return None
-        return found if found is not None and found[1].shape[1] == self._cells else None
+        return found if found is not None and found[1].shape[1] == self.cells else None
 
-    def _placed(self, received_s: Floats, stamps_s: Floats, values: Floats) -> RawScans:
-        chosen = values if self._columns is None else values[:, self._columns]
-        return RawScans(stamps_s if self._believed else received_s, chosen)
+    def _in_order(self, received_s: Floats, stamps_s: Floats, values: Floats) -> RawScans:
+        """Scans in the order of the sensor's taxels."""
+        identity = np.array_equal(self.columns, np.arange(self.cells))
+        return RawScans(stamps_s if self.use_stamps else received_s, values if identity else values[:, self.columns])

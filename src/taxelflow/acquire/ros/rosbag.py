@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 
-_REINDEX = "the recorder was not closed, or the file is cut: run `rosbag reindex {}` on a copy and read that"
+_REINDEX = "the recorder was not closed, or the file is truncated: run `rosbag reindex {}` on a copy and read the copy"
 
 
 class RosbagSource:
-    """Reads through the bag's index."""
+    """Reads a bag by its index."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -43,7 +43,7 @@ class RosbagSource:
                 for _, received_ns, content in reader.messages(connections=own):
                     yield received_ns, content
                     read += 1
-        except Exception as error:  # whatever a damaged file makes of the parsers
+        except Exception as error:  # the parsers' errors for a damaged file
             raise RecordingTruncated(self._path, read, topic.messages, seen(error)) from error
 
     def _open(self) -> Reader1 | Reader2:
@@ -57,7 +57,7 @@ class RosbagSource:
 
 
 def _topics(reader: Reader1 | Reader2, encoding: str) -> list[Topic]:
-    """One per name and type: several publishers may serve it."""
+    """Topics by name and type, each of one or more connections."""
     from rosbags.interfaces import MessageDefinitionFormat
 
     languages: dict[MessageDefinitionFormat, Literal["msg", "idl", ""]] = {

@@ -1,4 +1,4 @@
-"""What a bag holds, whatever file it is: topics, and the choice of one."""
+"""Topics of a bag, independent of its file format, and the choice of one."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 class Topic:
     """A topic and the type of its messages, `package/msg/Name`.
 
-    messages: how many there are, None if the file does not tell. definition: the text of the message as the file has
-    it, in that language. channels: what its source knows it by.
+    messages: their number, None if the file does not contain it. encoding: of the messages' bytes. definition: of the
+    message in the file, in `language`. channels: identifiers of the topic in its source.
     """
 
     name: str
@@ -31,19 +31,19 @@ class Topic:
 
     @property
     def kind(self) -> Kind | None:
-        """Its entry in the table of messages, if its bytes can be read at all."""
+        """Its entry in the table of messages; None if type or encoding is unknown."""
         return kind_of(self.message_type) if self.encoding in ("ros1", "cdr") else None
 
 
 class Source(Protocol):
-    """An opened bag, read anew at each call of `messages`.
+    """An open bag, read from the start at each call of `messages`.
 
-    metadata: texts by name that `taxelflow convert` left in the file.
+    metadata: texts by name that `taxelflow convert` wrote to the file.
     """
 
     @property
     def topics(self) -> list[Topic]:
-        """All of them, known or not."""
+        """All topics, of known types or not."""
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -54,17 +54,17 @@ class Source(Protocol):
 
 
 def _shown(topic: Topic) -> str:
-    """Name and type in a line: names come from files."""
+    """Name and type as one line."""
     return " ".join(f"{topic.name} ({topic.message_type})".split())
 
 
 def choose(path: Path, topics: list[Topic], name: str | None) -> tuple[Topic, Kind]:
-    """The topic of that name, or the only one that fits. Raises TopicUnclear, which lists them."""
+    """The topic of that name, or the only one of a known type. Raises TopicUnclear, which lists them."""
     listed = [_shown(topic) for topic in topics]
     if name is not None:
         fitting = [topic for topic in topics if topic.name.strip("/") == name.strip("/")]
         if not fitting:
-            raise TopicUnclear(path, f"it has no topic {name}", listed)
+            raise TopicUnclear(path, f"no topic {name}", listed)
         if fitting[0].kind is None:
             known = ", ".join(one.split("/")[-1] for kind in KINDS for one in kind.types)
             seen = f"{_shown(fitting[0])} is of no known type ({known}) or encoding ({fitting[0].encoding!r})"

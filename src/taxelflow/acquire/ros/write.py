@@ -1,7 +1,6 @@
 """Recordings as MCAP: messages `taxelflow_msgs/msg/Scan` in CDR on the topic `/scans`, exact to the bit.
 
-Sensor, masked taxels and truth stand before them in a metadata record `taxelflow`, so that what is left of a file that
-was cut can still be read.
+Sensor, masked taxels and truth precede them in a metadata record `taxelflow`, so that a truncated file can be read.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ TOPIC = "/scans"
 
 
 def write_mcap(recording: Recording, path: Path, blocks: Iterable[RawScans]) -> None:
-    """Write these blocks of a recording. A message is logged at its scan's time, at 0 if that is before 1970."""
+    """Write blocks of a recording. The log time of a message is its scan's time, 0 if that is before 1970."""
     from mcap.writer import Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 

@@ -18,8 +18,8 @@ from typing import Annotated
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.centroid.records import Pad, Place, Row
-from taxelflow.messages import Bools, Floats
+from taxelflow.estimation.centroid.records import Pad, Place, Row, ScanBlock
+from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, records
 
 
@@ -52,11 +52,7 @@ class Memory:
 
 @kernel
 def convolution_flow(
-    t: Floats,
-    pressure: Floats,
-    noise: Floats,
-    contact: Bools,
-    complete: Bools,
+    block: ScanBlock,
     places: Floats,
     pads: Records,
     noise_sums: Records,
@@ -65,11 +61,11 @@ def convolution_flow(
 ) -> None:
     """Fill rows (scans, pads) of `Row`, which come in as NaN.
 
-    t: (scans,), s. pressure: (scans, taxels). noise: (taxels,). contact, complete: (scans, pads). places: (2, taxels),
-    m. pads, noise_sums, memory: (pads,) of `Pad`, `NoiseSums` and `Memory`; memory is kept from block to block.
-    The index needs two usable scans in a row, the slip vector three; a scan without contact, or with a missing
-    loaded taxel, begins again, so that nothing jumps at lift-off and re-contact.
+    places: (2, taxels), m. pads, noise_sums, memory: (pads,) of `Pad`, `NoiseSums` and `Memory`; memory is kept from
+    block to block. The index needs two usable scans in a row, the slip vector three; a scan without contact, or with a
+    missing loaded taxel, begins again, so that nothing jumps at lift-off and re-contact.
     """
+    t, pressure, noise, contact, complete = block
     for number in range(len(pads)):
         pad: Pad = pads[number]
         m: Memory = memory[number]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from taxelflow.errors import ParameterInvalid
 
@@ -21,9 +21,12 @@ class LNorm:
     gain: float = 1.0
     """Factor on the taxel's place, to calibrate it like Method II; 1 takes one column for one pitch."""
 
+    pitches_per_index: ClassVar[float] = 1.0
+    """Pitches that one unit of the paper's index stands for."""
+
     def __post_init__(self) -> None:
         if not 0 < self.gain < float("inf"):
-            raise ParameterInvalid("gain", self.gain, "it is a number above 0, and 1 when uncalibrated")
+            raise ParameterInvalid("gain", self.gain, "be a finite number above 0, and 1 where it is not calibrated")
 
     def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> CentroidSession:
         """Begin a session. calibrated: (pads, 2), factors along x, y besides `gain`."""

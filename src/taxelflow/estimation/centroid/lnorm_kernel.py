@@ -7,8 +7,8 @@ from math import erfc
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.centroid.records import Pad, Place, Row
-from taxelflow.messages import Bools, Floats
+from taxelflow.estimation.centroid.records import Pad, Place, Row, ScanBlock
+from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
 
 _TIE_SIGMAS = 6.0
@@ -25,11 +25,7 @@ class Memory:
 
 @kernel
 def peak_flow(
-    t: Floats,
-    pressure: Floats,
-    noise: Floats,
-    contact: Bools,
-    complete: Bools,
+    block: ScanBlock,
     places: Floats,
     pads: Records,
     memory: Records,
@@ -40,6 +36,7 @@ def peak_flow(
     Equal maxima: the first in scan order. Variance of the pose: that of a place unknown within its taxel (pitch^2 /
     12), plus that of a tie. The displacement of a still object has the variance of the ties only.
     """
+    t, pressure, noise, contact, complete = block
     for number in range(len(pads)):
         pad: Pad = pads[number]
         m: Memory = memory[number]

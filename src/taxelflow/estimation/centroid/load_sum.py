@@ -25,7 +25,7 @@ class Sum:
 
     def __post_init__(self) -> None:
         if not 0 < self.cutoff_hz < float("inf"):
-            raise ParameterInvalid("cutoff_hz", self.cutoff_hz, "it is a number above 0")
+            raise ParameterInvalid("cutoff_hz", self.cutoff_hz, "be a finite number above 0, in Hz")
 
     def start(self, layout: Layout, mode: Mode) -> CentroidSession:
         """Begin a session."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.centroid.records import Pad, Row
-from taxelflow.messages import Bools, Floats
+from taxelflow.estimation.centroid.records import Pad, Row, ScanBlock
+from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
 
 
@@ -29,11 +29,7 @@ class Memory:
 
 @kernel
 def load_change(
-    t: Floats,
-    pressure: Floats,
-    noise: Floats,
-    contact: Bools,
-    complete: Bools,
+    block: ScanBlock,
     _places: Floats,
     pads: Records,
     cutoff_hz: float,
@@ -44,6 +40,7 @@ def load_change(
 
     It needs two usable scans in a row, and begins again at lift-off; memory is kept from block to block.
     """
+    t, pressure, noise, contact, complete = block
     tau = 1.0 / (2.0 * np.pi * cutoff_hz)
     for number in range(len(pads)):
         pad: Pad = pads[number]

@@ -26,7 +26,7 @@ def convolution_index(before: Floats, now: Floats) -> tuple[float, float]:
     M, N = now.shape
     C = convolution_matrix(before, now)  # (1)
     column_means, row_means = C.mean(axis=0), C.mean(axis=1)  # E[C, 1] and E[C, 2]
-    A, B = np.arange(1, 2 * N), np.arange(1, 2 * M)
+    A, B = np.arange(1, 2 * N), np.arange(1, 2 * M)  # (4) and (5): a column of A, a row of B, has its number
     with np.errstate(divide="ignore", invalid="ignore"):
         i = (A @ column_means) / column_means.sum()  # (2)
         j = (B @ row_means) / row_means.sum()  # (3)

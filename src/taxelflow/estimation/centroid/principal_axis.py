@@ -30,11 +30,11 @@ class PrincipalAxis:
 
     def __post_init__(self) -> None:
         if not 0 < self.most_std_rad < float("inf"):
-            raise ParameterInvalid("most_std_rad", self.most_std_rad, "it is a number above 0")
+            raise ParameterInvalid("most_std_rad", self.most_std_rad, "be a finite number above 0, in rad")
         if not 0 <= self.sigmas < float("inf"):
-            raise ParameterInvalid("sigmas", self.sigmas, "it is a number, 0 or more")
+            raise ParameterInvalid("sigmas", self.sigmas, "be 0 or more")
         if not 0 <= self.least_anisotropy < 1:
-            raise ParameterInvalid("least_anisotropy", self.least_anisotropy, "it lies from 0 up to, not including, 1")
+            raise ParameterInvalid("least_anisotropy", self.least_anisotropy, "be at least 0 and below 1")
 
     def start(self, layout: Layout, mode: Mode) -> CentroidSession:
         """Begin a session."""

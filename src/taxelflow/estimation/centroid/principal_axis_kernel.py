@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.centroid.records import Estimate, Pad, Row
-from taxelflow.messages import Bools, Floats
+from taxelflow.estimation.centroid.records import Estimate, Pad, Row, ScanBlock
+from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
 
 
@@ -59,11 +59,7 @@ class Memory:
 
 @kernel
 def axis_motion(
-    t: Floats,
-    pressure: Floats,
-    noise: Floats,
-    contact: Bools,
-    complete: Bools,
+    block: ScanBlock,
     places: Floats,
     pads: Records,
     bounds: Records,
@@ -75,6 +71,7 @@ def axis_motion(
     bounds: (1,) of `Bounds`. A scan with a missing loaded taxel interrupts displacement, not the turn; a lift-off ends
     both.
     """
+    t, pressure, noise, contact, complete = block
     for number in range(len(pads)):
         pad: Pad = pads[number]
         m: Memory = memory[number]

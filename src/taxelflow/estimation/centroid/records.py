@@ -5,18 +5,30 @@ Lengths in m, angles in rad, in the pad's frame (y up, against the row index). N
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
     from taxelflow.sensors.layout import Layout
 
 _LONG_ROW = 16
 """Taxels in a row from which on a loop over each row is faster than one over the pad."""
+
+
+class ScanBlock(NamedTuple):
+    """Scans as a kernel gets them: t (scans,), s; pressure (scans, taxels); noise (taxels,); contact and complete
+    (scans, pads).
+    """
+
+    t: Floats
+    pressure: Floats
+    noise: Floats
+    contact: Bools
+    complete: Bools
 
 
 class Pad:
@@ -58,7 +70,7 @@ class Estimate:
 
 
 class Row:
-    """What a method estimates of one scan on one pad; fields as in `Slips`."""
+    """What a method estimates of one scan on one pad; fields as in `Estimates`."""
 
     pose: Estimate
     displacement: Estimate

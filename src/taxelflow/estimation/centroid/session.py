@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.compiling import kernel
-from taxelflow.estimation.centroid.records import Estimate, Row, pads_of
-from taxelflow.messages import Floats, Scans, Slips, judged, no_scans
+from taxelflow.estimation.centroid.records import Estimate, Row, ScanBlock, pads_of
+from taxelflow.messages import Estimates, Floats, Scans, no_scans
 from taxelflow.numerics.records import Records, records, unknown
-from taxelflow.sensors.border import Boundary
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,7 +29,7 @@ class CentroidSession:
         gains: Floats | None = None,
         prepare: Callable[[Floats, Floats, Records], Records] | None = None,
     ) -> None:
-        """kernel: called with (t, pressure, noise, contact, complete, places, pads, *constants, memory, rows), as
+        """kernel: called with (block, places, pads, *constants, memory, rows), as
         `convolution_flow`. memory: the class of its records (pads,), which start as 0. gains: (pads, 2), factors on
         positions along x, y. prepare: called with (noise, places, pads) when the noise changes; what it returns becomes
         the kernel's last constant.
@@ -42,7 +41,6 @@ class CentroidSession:
         self._constants, self._prepared = constants, constants
         self._noise: Floats | None = None
         self._memory = records(memory, count)
-        self._boundary = Boundary(layout)
         self._nothing = no_scans(layout.entries, count)
         self.step(self._nothing)  # compiles the kernels, or loads them from the cache, before the loop begins
 
@@ -57,43 +55,29 @@ class CentroidSession:
             self._noise = noise
             if self._prepare:
                 self._prepared = (*self._constants, self._prepare(noise, self._places, self._pads))
-        self._kernel(
-            scans.t_s,
-            scans.pressure,
-            noise,
-            scans.contact,
-            scans.complete,
-            self._places,
-            self._pads,
-            *self._prepared,
-            self._memory,
-            rows,
-        )
+        block = ScanBlock(scans.t_s, scans.pressure, noise, scans.contact, scans.complete)
+        self._kernel(block, self._places, self._pads, *self._prepared, self._memory, rows)
 
-    def step(self, scans: Scans) -> Slips:
-        """Slips of all pads; see `EstimatorSession.step`."""
+    def step(self, scans: Scans) -> Estimates:
+        """Estimates of all pads; see `EstimatorSession.step`."""
         rows = self.room(len(scans))
         self.run(scans, rows)
         pose, displacement = np.empty((2, *rows.shape, 3))
         covariance, displacement_covariance = np.empty((2, *rows.shape, 3, 3))
         unpack(rows, pose, covariance, displacement, displacement_covariance)
-        border, load = self._boundary.step(scans)
-        return Slips(
+        return Estimates(
             t_s=scans.t_s,
-            contact=scans.contact,
-            border=border,
             displacement=displacement,
             pose=pose,
             covariance=covariance,
             displacement_covariance=displacement_covariance,
             span_s=rows["span_s"],
             lag_s=rows["lag_s"],
-            load=load,
             disturbance=rows["disturbance"],
-            quality=judged(pose, border),
+            quality=np.zeros(rows.shape, dtype=np.uint8),
         )
 
-    def finish(self) -> Slips:
+    def finish(self) -> Estimates:
         """Nothing is held back."""
         return self.step(self._nothing)
 
@@ -108,7 +92,7 @@ def pad_gains(layout: Layout, gain: float, calibrated: Floats | None) -> Floats:
 def unpack(
     rows: Records, pose: Floats, covariance: Floats, displacement: Floats, displacement_covariance: Floats
 ) -> None:
-    """Fill pose ... displacement_covariance, arrays of `Slips`, from rows (scans, pads)."""
+    """Fill pose ... displacement_covariance, arrays of `Estimates`, from rows (scans, pads)."""
     for scan in range(rows.shape[0]):
         for pad in range(rows.shape[1]):
             row: Row = rows[scan, pad]

@@ -66,8 +66,8 @@ class Interpolant(NamedTuple):
         low, high = places.min(axis=1), places.max(axis=1)
         if np.prod(high - low + 7.0) > _MOST_KNOTS:
             size = " x ".join(f"{side:.0f}" for side in high - low)
-            allowed = f"registration needs a pad or group within {_MOST_KNOTS} square pitches: leave this group out"
-            raise ParameterInvalid(f"extent of {name}", f"{size} pitches", allowed)
+            duty = f"cover at most {_MOST_KNOTS} square pitches: leave this group out"
+            raise ParameterInvalid(f"extent of {name}", f"{size} pitches", duty)
         usual = float(np.median(variance[live])) if live.any() else 1.0
         relative = variance / usual
         trust = np.divide(1.0, relative, out=np.zeros_like(relative), where=live)

@@ -31,7 +31,7 @@ from taxelflow.estimation.scan_matching.uncertainty import (
     turn_observability,
     turn_variance,
 )
-from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Floats
+from taxelflow.messages import AMBIGUOUS, LOST, NO_POSE, UNRESOLVED, Bools, Floats
 from taxelflow.numerics.bspline import GAIN, STATE, THETA
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import Records, Vector
@@ -56,15 +56,12 @@ _BLURRED = 0.25
 
 
 class Block(NamedTuple):
-    """Scans of one pad: t_s, contact, complete, and whether the contact is cut by a border, each (scans,); pressure
-    (scans, taxels); ceiling (taxels,).
-    """
+    """Scans of one pad: t_s, contact and complete, each (scans,); pressure (scans, taxels); ceiling (taxels,)."""
 
     t_s: Floats
     pressure: Floats
     contact: Bools
     complete: Bools
-    cut_off: Bools
     ceiling: Floats
 
 
@@ -221,7 +218,7 @@ def advance(
     matrix, step_matrix = out.covariance[k], out.displacement_covariance[k]
     forget_unobservable(spline.unobservable, begins, taxels.units, own, matrix, step_matrix)
     is_blurred = eigenvalues2(own[0, 0], own[1, 1], own[0, 1])[1] > _BLURRED**2
-    out.quality[k] = AMBIGUOUS if block.cut_off[k] or is_blurred else OK
+    out.quality[k] = AMBIGUOUS if is_blurred else NO_POSE  # where it does not judge, the pipeline does
     if misfit > freedom * gate(1.0, freedom):
         out.quality[k] = UNRESOLVED
     keep_gains(g, points.taxel, last.gains)
@@ -321,10 +318,9 @@ def propagate(own: Floats, earlier: Floats, last: Last, total: Floats, step: Flo
         for b in range(3):
             mine = mixed = 0.0
             for i in range(len(last.reading)):
-                if last.reading[i] != 0.0:
-                    mine += earlier[a, i] * earlier[b, i] * last.variance[i]
-                    mixed += last.gains[a, i] * earlier[b, i] * last.variance[i]
-                    mixed += last.gains[b, i] * earlier[a, i] * last.variance[i]
+                variance = last.variance[i] if last.reading[i] != 0.0 else 0.0
+                mine += earlier[a, i] * earlier[b, i] * variance
+                mixed += (last.gains[a, i] * earlier[b, i] + last.gains[b, i] * earlier[a, i]) * variance
             step[a, b] = own[a, b] + mine
             total[a, b] += own[a, b] + mine - mixed
 

@@ -8,9 +8,8 @@ import numpy as np
 
 from taxelflow.estimation.scan_matching.interpolant import Interpolant
 from taxelflow.estimation.scan_matching.odometry import Block, Last, Steps, Taxels, Track, follow
-from taxelflow.messages import Scans, Slips
+from taxelflow.messages import Estimates, Scans
 from taxelflow.numerics.records import Records, records
-from taxelflow.sensors.border import border_of, mark_border
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -36,41 +35,38 @@ class RegistrationSession:
         self._places = np.stack([layout.x_m, layout.y_m]) / np.repeat(self._pitch_m, np.diff(layout.starts))
         self._noise: Floats | None = None
         self._pads: list[_Pad] = []
-        self._edge = border_of(layout)
         self._compile()
 
-    def step(self, scans: Scans) -> Slips:
-        """Slips of all pads; see `EstimatorSession.step`."""
-        slips = Slips.unknown(scans, self._layout.starts)
-        mark_border(scans.pressure, scans.noise, scans.contact, *self._edge, slips.border)
+    def step(self, scans: Scans) -> Estimates:
+        """Estimates of all pads; see `EstimatorSession.step`."""
+        estimates = Estimates.unknown(scans)
         if self._noise is None or not np.array_equal(scans.noise, self._noise):
             self._learn(scans.noise)
         for number, pad in enumerate(self._pads):
             if scans.contact[:, number].any() or pad.tracks["running"][0]:
-                self._follow(number, pad, scans, slips)
-        slips.lag_s[np.isfinite(slips.pose[..., 0])] = 0.0
-        return slips
+                self._follow(number, pad, scans, estimates)
+        estimates.lag_s[np.isfinite(estimates.pose[..., 0])] = 0.0
+        return estimates
 
-    def finish(self) -> Slips:
+    def finish(self) -> Estimates:
         """Nothing is held back."""
         return self.step(self._blank(0))
 
-    def _follow(self, number: int, pad: _Pad, scans: Scans, slips: Slips) -> None:
+    def _follow(self, number: int, pad: _Pad, scans: Scans, estimates: Estimates) -> None:
         block = Block(
             scans.t_s,
             scans.pressure[:, pad.own],
             scans.contact[:, number],
             scans.complete[:, number],
-            slips.border[:, number, 0] | slips.border[:, number, 1],
             scans.ceiling[pad.own],
         )
         steps = Steps(
-            slips.pose[:, number],
-            slips.covariance[:, number],
-            slips.displacement[:, number],
-            slips.displacement_covariance[:, number],
-            slips.span_s[:, number],
-            slips.quality[:, number],
+            estimates.pose[:, number],
+            estimates.covariance[:, number],
+            estimates.displacement[:, number],
+            estimates.displacement_covariance[:, number],
+            estimates.span_s[:, number],
+            estimates.quality[:, number],
         )
         follow(block, pad.taxels, pad.spline, pad.tracks, pad.last, steps)
 

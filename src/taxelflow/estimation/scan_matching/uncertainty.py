@@ -115,8 +115,8 @@ def covariance(g: Floats, points: Points, excess: float) -> Floats:
         for a in range(3):
             g[a, j] *= factor
     for j in range(len(points.reading)):
-        if points.reading[j] != 0.0:
-            for a in range(3):
-                for b in range(3):
-                    part[a, b] += g[a, j] * g[b, j] * points.variance[j]
+        variance = points.variance[j] if points.reading[j] != 0.0 else 0.0
+        for a in range(3):
+            for b in range(3):
+                part[a, b] += g[a, j] * g[b, j] * variance
     return part

@@ -8,20 +8,45 @@ A pose without theta measures x and y alone.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Annotated
 
 import numpy as np
 
 from taxelflow.compiling import kernel
-
-if TYPE_CHECKING:
-    from taxelflow.messages import Bools, Floats
+from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records
 
 STATES = 6
-RUN, TAU, STATE, COVARIANCE, MEMORY = 0, 1, 2, 8, 44
-"""Memory of a track: whether it runs, the time of its last pose, state and covariance."""
-_SPEED, _SPIN, _ANY_TURN = 1.0, 100.0, 10.0
-"""Standard deviations at a track's start: velocity in m/s and rad/s, and a turn that is not known."""
+_VELOCITY_STD, _SPIN_STD = 1.0, 100.0
+"""Standard deviations of a velocity at a track's start, m/s and rad/s: above what a hand can do."""
+_UNKNOWN_TURN_STD = 10.0
+"""Standard deviation of an unknown turn at a track's start, rad: more than a full turn."""
+
+
+class Memory:
+    """What the filter keeps of a track: whether it runs, the time of its last pose, state and covariance then."""
+
+    running: bool
+    tau_s: float
+    state: Annotated[Floats, STATES]
+    covariance: Annotated[Floats, STATES, STATES]
+
+
+class Smoothed:
+    """What filter or smoother estimate at one pose; NaN where there is none.
+
+    begins: a track begins here. state, covariance: after all poses so far (filter), or all of the track (smoother).
+    before, before_covariance: of the pose before, given this one. moved_covariance: of the displacement since then,
+    span_s: the time since then.
+    """
+
+    begins: bool
+    span_s: float
+    state: Annotated[Floats, STATES]
+    covariance: Annotated[Floats, STATES, STATES]
+    before: Annotated[Floats, STATES]
+    before_covariance: Annotated[Floats, STATES, STATES]
+    moved_covariance: Annotated[Floats, 3, 3]
 
 
 @kernel
@@ -38,88 +63,78 @@ def transition(dt: float, density: Floats, F: Floats, Q: Floats) -> None:
 
 @kernel
 def update(x: Floats, P: Floats, pose: Floats, noise: Floats) -> None:
-    """Take in a pose (3,) with noise (3, 3), in Joseph's form."""
-    seen = 2 if np.isnan(pose[2]) or np.isnan(noise[2, 2]) else 3
-    S = P[:seen, :seen] + noise[:seen, :seen]
-    K = np.linalg.solve(S, np.ascontiguousarray(P[:seen])).T
-    x += K @ (pose[:seen] - x[:seen])
+    """Measurement update by a pose (3,) with noise (3, 3), in Joseph's form."""
+    known = 2 if np.isnan(pose[2]) or np.isnan(noise[2, 2]) else 3
+    S = P[:known, :known] + noise[:known, :known]
+    K = np.linalg.solve(S, np.ascontiguousarray(P[:known])).T
+    x += K @ (pose[:known] - x[:known])
     A = np.eye(STATES)
-    A[:, :seen] -= K
-    P[:] = A @ P @ A.T + K @ np.ascontiguousarray(noise[:seen, :seen]) @ K.T
+    A[:, :known] -= K
+    P[:] = A @ P @ A.T + K @ np.ascontiguousarray(noise[:known, :known]) @ K.T
     P[:] = 0.5 * (P + P.T)
 
 
 @kernel
 def run_filter(
-    tau: Floats,
-    pose: Floats,
-    noise: Floats,
-    touched: Bools,
-    density: Floats,
-    memory: Floats,
-    x: Floats,
-    P: Floats,
-    begins: Bools,
-    back: Floats,
-    back_P: Floats,
-    moved_P: Floats,
-    span: Floats,
+    tau: Floats, pose: Floats, noise: Floats, touched: Bools, density: Floats, memory: Records, rows: Records
 ) -> None:
-    """Fill x (n, 6), P (n, 6, 6) after each pose, where a track begins, and what it says of the pose before: back (n,
-    6), back_P (n, 6, 6); moved_P (n, 3, 3) of the displacement; span (n,) since then. Rows without a pose stay NaN.
+    """Fill rows (n,) of `Smoothed`, which come in as NaN; rows without a pose stay so.
 
-    tau: (n,) when poses are, pose (n, 3), noise (n, 3, 3), touched (n,): in contact. memory: (MEMORY,).
+    tau: (n,) when poses are, s; pose: (n, 3), noise: (n, 3, 3), touched: (n,), in contact. memory: (1,) of `Memory`.
     """
-    m, F, Q = memory, np.empty((STATES, STATES)), np.empty((STATES, STATES))
+    m: Memory = memory[0]
+    F, Q = np.empty((STATES, STATES)), np.empty((STATES, STATES))
     for k in range(len(tau)):
+        row: Smoothed = rows[k]
         if not touched[k]:
-            m[RUN] = 0.0
+            m.running = False
         if not touched[k] or np.isnan(pose[k, 0]) or np.isnan(noise[k, 0, 0]):
             continue
-        state, cov = m[STATE:COVARIANCE].copy(), m[COVARIANCE:].copy().reshape((STATES, STATES))
-        begins[k] = m[RUN] == 0.0
-        if begins[k]:
-            state[:], cov[:] = 0.0, 0.0
-            known = not np.isnan(pose[k, 2])
-            for a in range(3):
-                state[a] = pose[k, a] if a < 2 or known else 0.0
-                for b in range(3):
-                    if known or (a < 2 and b < 2):
-                        cov[a, b] = noise[k, a, b]
-                cov[a + 3, a + 3] = _SPEED**2 if a < 2 else _SPIN**2
-            if not known:
-                cov[2, 2] = _ANY_TURN**2
+        row.begins = not m.running
+        if row.begins:
+            begin(pose[k], noise[k], m.state, m.covariance)
         else:
-            span[k] = tau[k] - m[TAU]
-            transition(span[k], density, F, Q)
-            old, old_P = state.copy(), cov.copy()
-            ahead, ahead_P = F @ state, F @ cov @ F.T + Q
-            state[:], cov[:] = ahead, ahead_P
-            update(state, cov, pose[k], noise[k])
-            step_back(old, old_P, F, ahead, ahead_P, state, cov, back[k], back_P[k], moved_P[k])
-        x[k], P[k] = state, cov
-        m[RUN], m[TAU] = 1.0, tau[k]
-        m[STATE:COVARIANCE] = state
-        m[COVARIANCE:] = cov.ravel()
+            row.span_s = tau[k] - m.tau_s
+            transition(row.span_s, density, F, Q)
+            old, old_P = m.state.copy(), m.covariance.copy()
+            ahead, ahead_P = F @ old, F @ old_P @ F.T + Q
+            m.state[:], m.covariance[:, :] = ahead, ahead_P
+            update(m.state, m.covariance, pose[k], noise[k])
+            predicted = (old, old_P, F, ahead, ahead_P)
+            step_back(predicted, m.state, m.covariance, row.before, row.before_covariance, row.moved_covariance)
+        row.state[:], row.covariance[:, :] = m.state, m.covariance
+        m.running, m.tau_s = True, tau[k]
+
+
+@kernel
+def begin(pose: Floats, noise: Floats, state: Floats, covariance: Floats) -> None:
+    """State (6,) and covariance (6, 6) of a track that begins with a pose (3,)."""
+    state[:], covariance[:, :] = 0.0, 0.0
+    known = 2 if np.isnan(pose[2]) else 3
+    for a in range(3):
+        covariance[a + 3, a + 3] = _VELOCITY_STD**2 if a < 2 else _SPIN_STD**2
+    for a in range(known):
+        state[a] = pose[a]
+        for b in range(known):
+            covariance[a, b] = noise[a, b]
+    if known < 3:
+        covariance[2, 2] = _UNKNOWN_TURN_STD**2
 
 
 @kernel
 def step_back(
-    old: Floats,
-    old_P: Floats,
-    F: Floats,
-    ahead: Floats,
-    ahead_P: Floats,
+    predicted: tuple[Floats, Floats, Floats, Floats, Floats],
     later: Floats,
     later_P: Floats,
     out: Floats,
     out_P: Floats,
     moved_P: Floats,
 ) -> None:
-    """Fill out (6,), out_P (6, 6): the state before, given all that the later one knows; moved_P: of their difference.
+    """Fill out (6,), out_P (6, 6): the state before, given all that the later one holds; moved_P: of their difference.
 
-    old: the state before by itself; ahead: what it predicts for the later time.
+    predicted: the state before by itself and its covariance, F, and what they predict for the later time.
     """
+    old, old_P, F, ahead, ahead_P = predicted
     G = np.linalg.solve(ahead_P, F @ old_P).T
     out[:] = old + G @ (later - ahead)
     P = old_P + G @ (later_P - ahead_P) @ G.T
@@ -131,18 +146,20 @@ def step_back(
 
 
 @kernel
-def run_smoother(tau: Floats, density: Floats, x: Floats, P: Floats, begins: Bools, moved_P: Floats) -> None:
-    """Turn what `run_filter` gave into what all poses of each track say together."""
+def run_smoother(tau: Floats, density: Floats, rows: Records) -> None:
+    """Turn what `run_filter` gave into the estimates from all poses of each track."""
     F, Q = np.empty((STATES, STATES)), np.empty((STATES, STATES))
     out, out_P = np.empty(STATES), np.empty((STATES, STATES))
-    later = -1
+    next_pose = -1
     for k in range(len(tau) - 1, -1, -1):
-        if np.isnan(x[k, 0]):
+        row: Smoothed = rows[k]
+        if np.isnan(row.state[0]):
             continue
-        if later >= 0 and not begins[later]:
-            transition(tau[later] - tau[k], density, F, Q)
-            old, old_P = x[k].copy(), P[k].copy()
-            ahead, ahead_P = F @ old, F @ old_P @ F.T + Q
-            step_back(old, old_P, F, ahead, ahead_P, x[later], P[later], out, out_P, moved_P[later])
-            x[k], P[k] = out, out_P
-        later = k
+        if next_pose >= 0 and not rows[next_pose].begins:
+            later: Smoothed = rows[next_pose]
+            transition(tau[next_pose] - tau[k], density, F, Q)
+            old, old_P = row.state.copy(), row.covariance.copy()
+            predicted = (old, old_P, F, F @ old, F @ old_P @ F.T + Q)
+            step_back(predicted, later.state, later.covariance, out, out_P, later.moved_covariance)
+            row.state[:], row.covariance[:, :] = out, out_P
+        next_pose = k

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.base import EstimatorSession, Mode
+    from taxelflow.estimation.base import Mode, SlipSource
     from taxelflow.sensors.layout import Layout
 
 NOTE = "smoothed: poses and displacements hold what a constant velocity adds, information that is not in the scans"
@@ -27,11 +27,11 @@ class Smoothing:
 
     def __post_init__(self) -> None:
         if not 0 <= self.acceleration_m_s2 < float("inf"):
-            allowed = "it is a number, 0 (no smoothing) or more"
-            raise ParameterInvalid("smooth acceleration_m_s2", self.acceleration_m_s2, allowed)
+            duty = "be 0 (no smoothing) or more, in m/s^2"
+            raise ParameterInvalid("smooth.acceleration_m_s2", self.acceleration_m_s2, duty)
 
-    def around(self, session: EstimatorSession, layout: Layout, mode: Mode) -> EstimatorSession:
-        """The session with its poses smoothed; itself if there is no smoothing."""
+    def around(self, session: SlipSource, layout: Layout, mode: Mode) -> SlipSource:
+        """The source with its poses smoothed; itself if there is no smoothing."""
         if not self.acceleration_m_s2:
             return session
         from taxelflow.estimation.smoothing.session import FilterSession, SmootherSession

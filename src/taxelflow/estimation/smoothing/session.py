@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.smoothing.filter import MEMORY, RUN, STATES, run_filter, run_smoother
+from taxelflow.estimation.smoothing.filter import STATES, Memory, Smoothed, run_filter, run_smoother
 from taxelflow.messages import LOST, cut, joined
+from taxelflow.numerics.records import records
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.base import EstimatorSession
+    from taxelflow.estimation.base import SlipSource
     from taxelflow.messages import Bools, Floats, Scans, Slips
+    from taxelflow.numerics.records import Records
     from taxelflow.sensors.layout import Layout
 
 _WINDOW = 2000
@@ -20,62 +22,48 @@ _WINDOW = 2000
 
 
 class Track:
-    """Poses of one pad, and what the filter and the smoother make of them; arrays as in `kalman`."""
+    """Poses of one pad, and what the filter and the smoother make of them; arrays as in `filter`."""
 
     def __init__(self, tau: Floats, pose: Floats, noise: Floats, touched: Bools) -> None:
-        scans = len(tau)
         self._tau, self._pose, self._noise, self._touched = tau, pose, noise, touched
-        self.x, self.back = np.full((2, scans, STATES), np.nan)
-        self._P, self._back_P = np.full((2, scans, STATES, STATES), np.nan)
-        self._moved_P, self._span = np.full((scans, 3, 3), np.nan), np.full(scans, np.nan)
-        self._begins = np.zeros(scans, dtype=np.bool_)
+        self.rows = records(Smoothed, len(tau))
+        for name in ("state", "covariance", "before", "before_covariance", "moved_covariance", "span_s"):
+            self.rows[name] = np.nan
 
     @classmethod
     def of(cls, slips: Slips, pad: int) -> Track:
-        """The track of a pad. A pose counts for the time it is of; one that is lost ends the track."""
+        """The track of a pad. A pose counts at the time that it is of; one that is lost ends the track."""
         touched = slips.contact[:, pad] & (slips.quality[:, pad] != LOST)
         pose, noise = (np.ascontiguousarray(part[:, pad]) for part in (slips.pose, slips.covariance))
         return cls(slips.t_s - np.nan_to_num(slips.lag_s[:, pad]), pose, noise, touched)
 
-    def filter(self, density: Floats, memory: Floats, start: int, stop: int) -> None:
-        """Filter rows start to stop; memory: (MEMORY,) is changed."""
-        rows = slice(start, stop)
+    def filter(self, density: Floats, memory: Records, start: int, stop: int) -> None:
+        """Filter rows start to stop; memory: (1,) of `Memory` is changed."""
+        own = slice(start, stop)
         run_filter(
-            self._tau[rows],
-            self._pose[rows],
-            self._noise[rows],
-            self._touched[rows],
-            density,
-            memory,
-            self.x[rows],
-            self._P[rows],
-            self._begins[rows],
-            self.back[rows],
-            self._back_P[rows],
-            self._moved_P[rows],
-            self._span[rows],
+            self._tau[own], self._pose[own], self._noise[own], self._touched[own], density, memory, self.rows[own]
         )
 
     def smooth(self, density: Floats) -> None:
         """Smooth all rows, which were filtered."""
-        run_smoother(self._tau, density, self.x, self._P, self._begins, self._moved_P)
+        run_smoother(self._tau, density, self.rows)
 
     def write(self, out: Slips, pad: int, first: int, count: int, before: Floats) -> None:
         """Put the first `count` rows, and the way to the next, into `out` from row `first` on, where that has numbers.
 
         before: (scans, 6), the state of the pose before each, NaN where there is none.
         """
-        rows, part = slice(first, first + count), slice(0, count)
-        known = np.isfinite(self.x[part, 0])
-        _put(out.pose[rows, pad], known, self.x[part, :3])
-        _put(out.covariance[rows, pad], known, self._P[part, :3, :3])
-        part = slice(0, min(count + 1, len(before)))
-        rows = slice(first, first + part.stop)
-        known = np.isfinite(before[part, 0]) & np.isfinite(self._span[part])
-        _put(out.displacement[rows, pad], known, (self.x - before)[part, :3])
-        _put(out.displacement_covariance[rows, pad], known, self._moved_P[part])
+        rows, part = slice(first, first + count), self.rows[:count]
+        known = np.isfinite(part["state"][:, 0])
+        _put(out.pose[rows, pad], known, part["state"][:, :3])
+        _put(out.covariance[rows, pad], known, part["covariance"][:, :3, :3])
+        upto = min(count + 1, len(before))
+        rows, part, before = slice(first, first + upto), self.rows[:upto], before[:upto]
+        known = np.isfinite(before[:, 0]) & np.isfinite(part["span_s"])
+        _put(out.displacement[rows, pad], known, (part["state"] - before)[:, :3])
+        _put(out.displacement_covariance[rows, pad], known, part["moved_covariance"])
         known &= np.isfinite(out.displacement[rows, pad, 0])
-        out.span_s[rows, pad][known] = self._span[part][known]
+        out.span_s[rows, pad][known] = part["span_s"][known]
 
 
 def _put(out: Floats, rows: Bools, values: Floats) -> None:
@@ -101,16 +89,16 @@ def _densities(layout: Layout, pad: int, acceleration_m_s2: float) -> Floats:
 class FilterSession:
     """Poses and displacements as all scans so far tell them."""
 
-    def __init__(self, session: EstimatorSession, layout: Layout, acceleration_m_s2: float) -> None:
+    def __init__(self, session: SlipSource, layout: Layout, acceleration_m_s2: float) -> None:
         self._session = session
         self._density = [_densities(layout, pad, acceleration_m_s2) for pad in range(len(layout.pads))]
-        self._memory = np.zeros((len(layout.pads), MEMORY))
+        self._memory = [records(Memory, 1) for _ in layout.pads]
         track = Track(np.arange(2.0), np.zeros((2, 3)), np.stack([np.eye(3)] * 2), np.ones(2, dtype=np.bool_))
-        track.filter(self._density[0], np.zeros(MEMORY), 0, 2)
+        track.filter(self._density[0], records(Memory, 1), 0, 2)
         track.smooth(self._density[0])  # compiled by now
 
     def step(self, scans: Scans) -> Slips:
-        """Slips of all pads; see `EstimatorSession.step`."""
+        """Slips of all pads; see `SlipSource.step`."""
         return self._smoothed(self._session.step(scans))
 
     def finish(self) -> Slips:
@@ -122,14 +110,14 @@ class FilterSession:
         for pad, density in enumerate(self._density):
             track = Track.of(slips, pad)
             track.filter(density, self._memory[pad], 0, len(slips))
-            track.write(out, pad, 0, len(slips), track.back)
+            track.write(out, pad, 0, len(slips), track.rows["before"])
         return out
 
 
 class SmootherSession(FilterSession):
     """Poses and displacements as all scans of a contact tell them, held back until it ends."""
 
-    def __init__(self, session: EstimatorSession, layout: Layout, acceleration_m_s2: float) -> None:
+    def __init__(self, session: SlipSource, layout: Layout, acceleration_m_s2: float) -> None:
         super().__init__(session, layout, acceleration_m_s2)
         pads = len(layout.pads)
         self._held: Slips | None = None
@@ -157,17 +145,21 @@ class SmootherSession(FilterSession):
         for pad in range(len(self._density)):
             contact = self._held.contact[:, pad]
             for row in range(self._seen[pad], len(contact)):
-                first = self._first[pad]
-                if not contact[row]:
-                    if first is not None:
-                        self._settle(pad, first, row, row)
-                    self._first[pad], self._memory[pad, RUN] = None, 0.0
-                elif first is None:
-                    self._first[pad] = row
-                elif row + 1 - first == 2 * _WINDOW:
-                    self._settle(pad, first, row + 1, first + _WINDOW)
-                    self._first[pad] = first + _WINDOW
+                self._follow(pad, row, touched=bool(contact[row]))
             self._seen[pad] = len(contact)
+
+    def _follow(self, pad: int, row: int, *, touched: bool) -> None:
+        """Open a contact at this row, smooth one that has ended, or the first window of one that lasts."""
+        first = self._first[pad]
+        if not touched:
+            if first is not None:
+                self._settle(pad, first, row, row)
+            self._first[pad], self._memory[pad]["running"] = None, False
+        elif first is None:
+            self._first[pad] = row
+        elif row + 1 - first == 2 * _WINDOW:
+            self._settle(pad, first, row + 1, first + _WINDOW)
+            self._first[pad] = first + _WINDOW
 
     def _settle(self, pad: int, first: int, stop: int, known: int) -> None:
         """Smooth rows first to stop of a pad, and keep those up to `known`."""
@@ -178,8 +170,9 @@ class SmootherSession(FilterSession):
         track.filter(self._density[pad], memory, 0, count)
         track.filter(self._density[pad], memory.copy(), count, stop - first)
         track.smooth(self._density[pad])
-        before = np.concatenate([np.full((1, STATES), np.nan), track.x[:-1]])
-        for row in np.flatnonzero(np.isnan(track.x[:, 0])):  # a pose that is missing is passed over
+        states = track.rows["state"]
+        before = np.concatenate([np.full((1, STATES), np.nan), states[:-1]])
+        for row in np.flatnonzero(np.isnan(states[:, 0])):  # a pose that is missing is passed over
             if row + 1 < len(before):
                 before[row + 1] = before[row]
         track.write(self._out, pad, first, count, before)

@@ -27,7 +27,7 @@ class Template:
 
     def __post_init__(self) -> None:
         if not 20 <= self.window_scans <= 100_000:
-            raise ParameterInvalid("window_scans", self.window_scans, "it lies between 20 and 100000")
+            raise ParameterInvalid("window_scans", self.window_scans, "be between 20 and 100000 scans")
 
     def start(self, layout: Layout, mode: Mode) -> EstimatorSession:
         """Begin a session; kernels are compiled here."""

@@ -11,8 +11,8 @@ from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 from taxelflow.numerics.bspline import SIZE, STATE, THETA
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.batch.model_selection import Solved
     from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bytes, Floats
 
 TOO_ROUGH = 0.1

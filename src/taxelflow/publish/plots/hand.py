@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.geometry import place
+from taxelflow.geometry import transform
 from taxelflow.publish.plots.outlines import outlines
 from taxelflow.publish.plots.style import BLUE, INK, MAGENTA, VERMILION, caption
 
@@ -95,7 +95,7 @@ def layout_figure(layout: Layout, seen: str, *, numbers: bool) -> Figure:
 def hand_places(layout: Layout) -> Floats:
     """(entries, 2) places of all taxels in the hand frame, NaN where the pad has none."""
     counts = np.diff(layout.starts)
-    return place(np.repeat(layout.T_hand, counts, axis=0), np.stack([layout.x_m, layout.y_m], axis=1))
+    return transform(np.repeat(layout.T_hand, counts, axis=0), np.stack([layout.x_m, layout.y_m], axis=1))
 
 
 def draw_hand(axis: Axes, layout: Layout, pressure: Floats | None) -> None:
@@ -103,7 +103,7 @@ def draw_hand(axis: Axes, layout: Layout, pressure: Floats | None) -> None:
     from matplotlib.collections import PolyCollection
 
     placed = [pad for pad in range(layout.pad_count) if np.isfinite(layout.T_hand[pad]).all()]
-    shapes = [shape for pad in placed for shape in 1e3 * place(layout.T_hand[pad], outlines(layout, pad))]
+    shapes = [shape for pad in placed for shape in 1e3 * transform(layout.T_hand[pad], outlines(layout, pad))]
     shown = np.repeat(np.isfinite(layout.T_hand[: layout.pad_count, 0]), np.diff(layout.starts)[: layout.pad_count])
     shades = PolyCollection(shapes, edgecolor="#dadce0", linewidth=0.5, zorder=1)
     if pressure is None:

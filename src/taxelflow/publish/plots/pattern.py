@@ -229,7 +229,7 @@ def _draw_turn(axis: Axes, contact: Contact) -> None:
             markerfacecolor="white",
             markeredgecolor=MAGENTA,
             markeredgewidth=0.7,
-            label="not vouched for",
+            label="quality not ok",
             zorder=4,
         )
     axis.set_ylabel("turn in deg")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.geometry import place
+from taxelflow.geometry import transform
 from taxelflow.publish.plots.outlines import extent_mm, outlines
 from taxelflow.publish.plots.style import BLUE, GREY, INK, MAGENTA, VERMILION, caption, plain
 from taxelflow.sensors.triangulation import nearest_m
@@ -98,14 +98,14 @@ def _bounds(layout: Layout) -> tuple[float, float, float, float]:
 
 
 def _on_hand(layout: Layout, pad: int) -> Floats:
-    return 1e3 * place(layout.T_hand[pad], outlines(layout, pad))
+    return 1e3 * transform(layout.T_hand[pad], outlines(layout, pad))
 
 
 def _draw(axis: Axes, layout: Layout, pad: int, pose: Floats) -> None:
     """Outlines of a pad's taxels, those at a border darker."""
     from matplotlib.collections import PolyCollection
 
-    shapes = 1e3 * place(pose, outlines(layout, pad))
+    shapes = 1e3 * transform(pose, outlines(layout, pad))
     faces = np.where(layout.border[layout.of_pad(pad)].any(axis=1), "#dfe8f3", "#f4f6f8")
     axis.add_collection(PolyCollection(list(shapes), facecolor=faces.tolist(), edgecolor=GREY, linewidth=0.5))
 
@@ -113,7 +113,7 @@ def _draw(axis: Axes, layout: Layout, pad: int, pose: Floats) -> None:
 def _number(axis: Axes, layout: Layout, pad: int, pose: Floats) -> None:
     """Numbers of a pad's taxels, as large as the closest leave room for, at most 9 points; too small to read, none."""
     own = layout.of_pad(pad)
-    at = 1e3 * place(pose, np.stack([layout.x_m[own], layout.y_m[own]], axis=1))
+    at = 1e3 * transform(pose, np.stack([layout.x_m[own], layout.y_m[own]], axis=1))
     left, right = axis.get_xlim()
     points_per_mm = 72.0 / axis.figure.dpi * axis.get_window_extent().width / (right - left)
     room = float(np.quantile(nearest_m(at), 0.05))

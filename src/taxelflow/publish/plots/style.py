@@ -69,7 +69,7 @@ def plain(text: str) -> str:
 
 
 def caption(figure: Figure, text: str, characters: int) -> None:
-    """What is seen, under the figure, in lines of so many characters."""
+    """A caption under the figure, in lines of at most this many characters."""
     figure.supxlabel(textwrap.fill(text, characters), fontsize=8, color=INK, x=0.01, ha="left")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,11 +12,10 @@ from taxelflow.estimation.template.batch.initialization import Tracker
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
 from taxelflow.estimation.template.observability import sights
 from taxelflow.estimation.template.pose_output import TOO_ROUGH, unturned
+from taxelflow.estimation.template.solution import Solved
 from taxelflow.numerics.bspline import GAIN, STATE, THETA
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
@@ -43,30 +42,6 @@ _DEAD_GAIN = 0.8
 """... and the fit without it is at least so much better."""
 _DEAD, _LOADED_ENOUGH = 0.5, 400.0
 """A taxel is dead if it gives less than this share of what the pattern puts on it, which is so many variances."""
-
-
-@dataclass(slots=True, eq=False)
-class Solved:
-    """A contact as the joint fit sees it.
-
-    states: (scans, 5), see `spline`. rough: error of the pattern relative to it. gain_std: of the gains around 1.
-    turns: whether its rotation can be seen; sight: how well, see `sights`. dead: taxels that do not answer.
-    grows: with the load, around the origin of the pattern's frame.
-    """
-
-    pattern: Pattern
-    states: Floats
-    fit: Fit
-    rough: float
-    gain_std: float
-    turns: bool
-    dead: NDArray[np.int64]
-    sight: float
-    grows: bool = False
-
-    def middle(self) -> Floats:
-        """(2,) the point of the body whose places are given out: its pattern's centre, or where it does not grow."""
-        return np.zeros(2) if self.grows else self.pattern.centre()
 
 
 def unexplained(fit: Fit, scanned: Scanned, rough: float) -> float:

@@ -16,8 +16,7 @@ from taxelflow.estimation.template.models.scaling import grown
 from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import TOO_ROUGH, Poses, aligned, poses_of
 from taxelflow.estimation.template.warmup import compile_kernels
-from taxelflow.messages import Bools, Scans, Slips, cut, joined, no_scans
-from taxelflow.sensors.border import border_of, mark_border
+from taxelflow.messages import Bools, Estimates, Scans, cut, joined, no_scans
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -67,7 +66,6 @@ class BatchSession:
         self._first = self._out = self._seen = 0  # of the scans: first held, first not given out, first not seen
         self._open: list[_Open | None] = [None] * len(layout.pads)
         self._done: list[_Done] = []
-        self._edge = border_of(layout)
         self._dead: dict[str, set[int]] = {}
         self.patterns = Maps()
 
@@ -79,16 +77,16 @@ class BatchSession:
             for pad, taxels in self._dead.items()
         ]
 
-    def step(self, scans: Scans) -> Slips:
-        """Slips of all pads whose contacts are complete; see `EstimatorSession.step`."""
+    def step(self, scans: Scans) -> Estimates:
+        """Estimates of all pads whose contacts are complete; see `EstimatorSession.step`."""
         self._held.append(scans)
         start, self._seen = self._seen, self._seen + len(scans)
         for pad in range(len(self._layout.pads)):
             self._follow(pad, scans.contact[:, pad], start)
         return self._given()
 
-    def finish(self) -> Slips:
-        """Slips of contacts that last to the end of the stream."""
+    def finish(self) -> Estimates:
+        """Estimates of contacts that last to the end of the stream."""
         for pad, going_on in enumerate(self._open):
             if going_on is not None:
                 self._solve(pad, going_on, self._seen)
@@ -158,37 +156,36 @@ class BatchSession:
         self._held = [joined(self._held or [no_scans(self._layout.entries, len(self._layout.pads))])]
         return self._held[0]
 
-    def _given(self) -> Slips:
-        """Slips of all scans that are known on every pad."""
+    def _given(self) -> Estimates:
+        """Estimates of all scans that are known on every pad."""
         stop = min([going_on.first_unknown for going_on in self._open if going_on is not None] + [self._seen])
         scans = self._all()
         out = cut(scans, self._out - self._first, stop - self._first)
-        slips = Slips.unknown(out, self._layout.starts)
-        mark_border(out.pressure, out.noise, out.contact, *self._edge, slips.border)
+        estimates = Estimates.unknown(out)
         waiting = []
         for done in self._done:
-            self._fill(slips, done)
+            self._fill(estimates, done)
             if done.start + len(done.poses) > stop:
                 waiting.append(done)
         self._done = waiting
         first = min([going_on.start for going_on in self._open if going_on is not None] + [stop])
         self._held = [cut(scans, first - self._first, len(scans))]  # what windows share is needed again
         self._first, self._out = first, stop
-        return slips
+        return estimates
 
-    def _fill(self, slips: Slips, done: _Done) -> None:
+    def _fill(self, estimates: Estimates, done: _Done) -> None:
         """Put the part of a solved contact that is new, and in the block given out, into it."""
         low = max(done.start + done.known, self._out)
-        high = min(done.start + len(done.poses), self._out + len(slips))
+        high = min(done.start + len(done.poses), self._out + len(estimates))
         if high <= low:
             return
         rows, part = slice(low - self._out, high - self._out), slice(low - done.start, high - done.start)
         poses, pad = done.poses, done.pad
-        slips.pose[rows, pad] = poses.pose[part]
-        slips.covariance[rows, pad] = poses.covariance[part]
-        slips.quality[rows, pad] = poses.quality[part]
-        slips.lag_s[rows, pad] = -self._lead[pad]
+        estimates.pose[rows, pad] = poses.pose[part]
+        estimates.covariance[rows, pad] = poses.covariance[part]
+        estimates.quality[rows, pad] = poses.quality[part]
+        estimates.lag_s[rows, pad] = -self._lead[pad]
         moved, noise, span = poses.steps(done.t_s)
-        slips.displacement[rows, pad] = moved[part]
-        slips.displacement_covariance[rows, pad] = noise[part]
-        slips.span_s[rows, pad] = span[part]
+        estimates.displacement[rows, pad] = moved[part]
+        estimates.displacement_covariance[rows, pad] = noise[part]
+        estimates.span_s[rows, pad] = span[part]

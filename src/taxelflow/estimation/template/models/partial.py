@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.batch.dead_taxels import silent_taxels
-from taxelflow.estimation.template.batch.model_selection import SEEN, Solved, first_fit, solved_from, tracker_of
+from taxelflow.estimation.template.batch.model_selection import SEEN, first_fit, solved_from, tracker_of
 from taxelflow.estimation.template.linearization import laid_out, look_up
 from taxelflow.numerics.bspline import GAIN
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.batch.initialization import Tracker
     from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Floats
 
 _DENIED = 4.0

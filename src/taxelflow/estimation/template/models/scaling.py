@@ -14,7 +14,6 @@ import numpy as np
 from taxelflow.estimation.template.batch.initialization import Tracker
 from taxelflow.estimation.template.batch.model_selection import (
     FIRST_ROUGH,
-    Solved,
     level,
     roughness,
     start_scan,
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.bundle_adjustment import Fit
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Floats
 
 _LOADS, _DIFFER = (0.05, 0.95), 2.0

@@ -22,11 +22,10 @@ from taxelflow.estimation.template.online.prediction import expected
 from taxelflow.estimation.template.online.relocalization import DOUBT, close, recognised, surely_elsewhere
 from taxelflow.estimation.template.online.step import ASKS, BOTH, ELSEWHERE, FOLLOW, REPORT, follow_hand
 from taxelflow.estimation.template.warmup import compile_kernels
-from taxelflow.messages import Bools, Scans, Slips, no_scans
+from taxelflow.messages import Bools, Estimates, Scans, no_scans
 from taxelflow.numerics.bspline import GAIN, STATE, THETA
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.robust import gate
-from taxelflow.sensors.border import border_of
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -69,13 +68,12 @@ class StreamSession:
         self._across = np.zeros((pads, 2), dtype=np.bool_)  # of them
         self._ceiling = np.full(layout.entries, np.inf)
         self._border: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
-        self._no_slips = _room(no_scans(layout.entries, pads, 1))
+        self._no_estimates = _room(no_scans(layout.entries, pads, 1))
         self._arrays = (
             self._places,
             self._delay,
             self._border,
             layout.starts,
-            *border_of(layout),
             self._pitch_m,
             self._lead,
             self._memory,
@@ -94,9 +92,9 @@ class StreamSession:
         self.patterns = Maps()
         self._compile()
 
-    def step(self, scans: Scans) -> Slips:
-        """Slips of all pads; see `EstimatorSession.step`."""
-        slips = _room(scans)
+    def step(self, scans: Scans) -> Estimates:
+        """Estimates of all pads; see `EstimatorSession.step`."""
+        estimates = _room(scans)
         if scans.noise is not self._noise:
             self._noise, self._squared = scans.noise, scans.noise**2
             live = (scans.noise > 0).tobytes()
@@ -105,8 +103,8 @@ class StreamSession:
                 self._mask()
         self._ceiling = scans.ceiling
         for k in range(len(scans)):
-            self._scan(k, scans, slips)
-        return slips
+            self._scan(k, scans, estimates)
+        return estimates
 
     def _mask(self) -> None:
         """See which pads have but a line of taxels left."""
@@ -122,13 +120,13 @@ class StreamSession:
         across_now = scanned.reach * (scanned.across | self._across[pad])
         self._memory[pad, online.ACROSS_X : online.ACROSS_Y + 1] = across_now
 
-    def finish(self) -> Slips:
+    def finish(self) -> Estimates:
         """Nothing is held back."""
         for pad in range(len(self._pads)):
             self._settle(pad)
             self._keep(pad)
         self._worker.shutdown()
-        return Slips.unknown(no_scans(self._layout.entries, len(self._pads)), self._layout.starts)
+        return Estimates.unknown(no_scans(self._layout.entries, len(self._pads)))
 
     @property
     def learning(self) -> bool:
@@ -162,7 +160,7 @@ class StreamSession:
             dead=self._layout.source[own][:0],
         )
 
-    def _scan(self, k: int, scans: Scans, slips: Slips) -> None:
+    def _scan(self, k: int, scans: Scans, estimates: Estimates) -> None:
         t, reading, contact = float(scans.t_s[k]), scans.pressure[k], scans.contact[k]
         variance = self._squared
         if np.count_nonzero(scans.complete[k]) < len(contact):
@@ -174,18 +172,18 @@ class StreamSession:
         for pad, own in enumerate(self._pads):
             if own.due_s <= t:
                 self._adopt(pad)
-        came = self._run(BOTH, t, reading, variance, contact, slips, k)
+        came = self._run(BOTH, t, reading, variance, contact, estimates, k)
         if came == ELSEWHERE:
             self._find_again(t, contact, reading, variance)
-            came = self._run(REPORT, t, reading, variance, contact, slips, k)
+            came = self._run(REPORT, t, reading, variance, contact, estimates, k)
         if came == ASKS:
             for pad in np.flatnonzero(self._memory[:, online.FLAG]).tolist():
                 self._answer(pad, t, reading, variance)
 
     def _run(
-        self, job: int, t: float, reading: Floats, variance: Floats, contact: Bools, slips: Slips, k: int = 0
+        self, job: int, t: float, reading: Floats, variance: Floats, contact: Bools, estimates: Estimates, k: int = 0
     ) -> int:
-        """Follow a scan on the patterns of the pads in contact, fill row k of slips, or both."""
+        """Follow a scan on the patterns of the pads in contact, fill row k of estimates, or both."""
         return follow_hand(
             job,
             k,
@@ -194,20 +192,17 @@ class StreamSession:
             variance,
             self._ceiling,
             contact,
-            self._noise,
             *self._arrays,
             self._patterns,
             self._doubts,
-            slips.border,
-            slips.pose,
-            slips.covariance,
-            slips.displacement,
-            slips.displacement_covariance,
-            slips.span_s,
-            slips.lag_s,
-            slips.load,
-            slips.disturbance,
-            slips.quality,
+            estimates.pose,
+            estimates.covariance,
+            estimates.displacement,
+            estimates.displacement_covariance,
+            estimates.span_s,
+            estimates.lag_s,
+            estimates.disturbance,
+            estimates.quality,
         )
 
     def _find_again(self, t: float, contact: Bools, reading: Floats, variance: Floats) -> None:
@@ -356,7 +351,7 @@ class StreamSession:
         alone[pad] = True
         kept = m[online.SPEED_X : online.LAST_T + 1].copy()
         m[online.SPEED_X : online.SPEED_T + 1] = 0.0
-        self._run(FOLLOW, t, reading, variance, alone, self._no_slips)
+        self._run(FOLLOW, t, reading, variance, alone, self._no_estimates)
         m[online.SPEED_X : online.LAST_T + 1] = kept
 
     def _answer(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
@@ -393,23 +388,20 @@ class StreamSession:
         """Run the kernels on nothing, so that none is compiled within the stream."""
         compile_kernels()
         none = np.zeros(len(self._pads), dtype=np.bool_)
-        self._run(BOTH, 0.0, self._last_reading, self._last_variance, none, self._no_slips)
+        self._run(BOTH, 0.0, self._last_reading, self._last_variance, none, self._no_estimates)
 
 
-def _room(scans: Scans) -> Slips:
-    """Slips to be filled in, row by row."""
+def _room(scans: Scans) -> Estimates:
+    """Estimates to be filled in, row by row."""
     shape = scans.contact.shape
-    return Slips(
+    return Estimates(
         t_s=scans.t_s,
-        contact=scans.contact,
-        border=np.empty((*shape, 2), np.bool_),
         displacement=np.empty((*shape, 3)),
         pose=np.empty((*shape, 3)),
         covariance=np.empty((*shape, 3, 3)),
         displacement_covariance=np.empty((*shape, 3, 3)),
         span_s=np.empty(shape),
         lag_s=np.empty(shape),
-        load=np.empty(shape),
         disturbance=np.empty(shape),
         quality=np.empty(shape, np.uint8),
     )

@@ -1,4 +1,4 @@
-"""One scan of the whole hand in one call: its pads registered, and their row of slips filled in.
+"""One scan of the whole hand in one call: its pads registered, and their row of estimates filled in.
 
 The call keeps Python's lock. It takes some microseconds; had it to get the lock back from the thread that learns, it
 could take as long as that thread holds it, milliseconds.
@@ -14,7 +14,6 @@ from taxelflow.compiling import brief_kernel
 from taxelflow.estimation.template.online.output import report
 from taxelflow.estimation.template.online.track_state import FLAG, NOTHING
 from taxelflow.estimation.template.online.tracking import follow
-from taxelflow.sensors.border import mark_border_of_scan
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,14 +36,10 @@ def follow_hand(
     variance: Floats,
     ceiling: Floats,
     contact: Bools,
-    noise: Floats,
     places: Floats,
     delay: Floats,
     at_border: Bools,
     starts: NDArray[np.int64],
-    edge: NDArray[np.int64],
-    edge_starts: NDArray[np.int64],
-    faces: Bools,
     pitch_m: Floats,
     lead: Floats,
     memory: Floats,
@@ -60,22 +55,20 @@ def follow_hand(
     last_variance: Floats,
     patterns: Floats,
     doubts: Floats,
-    border: Bools,
     pose: Floats,
     covariance: Floats,
     displacement: Floats,
     displacement_covariance: Floats,
     span: Floats,
     lag: Floats,
-    load: Floats,
     disturbance: Floats,
     quality: NDArray[np.uint8],
 ) -> int:
-    """Do FOLLOW, REPORT or BOTH with one scan (entries,), into row k of border ... quality (scans, pads, ...), whatever
+    """Do FOLLOW, REPORT or BOTH with one scan (entries,), into row k of pose ... quality (scans, pads, ...), whatever
     stood there.
 
-    See `follow.follow`, `report.report` and `border.mark_border` for the arrays. lead: (pads,), how much
-    later than its time a scan is read, see `scanned.delays_of`. If not all pads fit, BOTH stops before the report.
+    See `tracking.follow` and `output.report` for the arrays. lead: (pads,), how much
+    later than its time a scan is read, see `observations.delays_of`. If not all pads fit, BOTH stops before the report.
     """
     if job & FOLLOW:
         fits = follow(
@@ -104,7 +97,6 @@ def follow_hand(
         block[:] = np.nan
     for column in (span[k], lag[k], disturbance[k]):
         column[:] = np.nan
-    border[k] = False
     quality[k] = 0
     report(
         t,
@@ -125,10 +117,8 @@ def follow_hand(
         span[k],
         quality[k],
     )
-    mark_border_of_scan(reading, noise, contact, edge, edge_starts, faces, border[k])
     asks = False
     for pad in range(len(contact)):
-        load[k, pad] = reading[starts[pad] : starts[pad + 1]].sum()
         if not np.isnan(pose[k, pad, 0]):
             lag[k, pad] = -lead[pad]
         asks = asks or memory[pad, FLAG] != NOTHING

@@ -47,7 +47,7 @@ def test_the_centre_slides_along() -> None:
 
 
 @given(seeds)
-def test_slipping_is_told_where_and_only_where_the_pose_moves(seed: int) -> None:
+def test_slipping_is_true_where_and_only_where_the_pose_moves(seed: int) -> None:
     t_s = np.arange(0.0, STICK_SLIP.duration_s, 1e-3)
     path = move(STICK_SLIP, t_s, seed)
     moves = np.any(np.diff(path.pose, axis=0) != 0, axis=1)

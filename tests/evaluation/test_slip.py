@@ -1,15 +1,18 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from rigged import rigged
 from taxelflow.acquire.base import Truth
-from taxelflow.evaluation import slip
-from taxelflow.evaluation.slip import APART, FRESH_SEED, HOLDS, METHODS, NOISE, OBJECTS, SlipScore, score_slip
+from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.evaluation import slip, slip_scoring
+from taxelflow.evaluation.slip import APART, FRESH_SEED, HOLDS, METHODS, Slip, SlipReport
+from taxelflow.evaluation.slip_scoring import NOISE, OBJECTS, Job, compared, found_by
 from taxelflow.messages import Event
 from taxelflow.publish.summary import to_json
 from taxelflow.simulation.scenario import SCENARIOS
@@ -27,18 +30,19 @@ def scenes() -> Iterator[dict[str, Scenario]]:
         motion = {"turn_s": 2.0, "stick_slip_s": 3.0}
         # as many cycles a second as in the whole scenarios
         short = {name: rigged(name, motion=motion, load={"cycles": 1}) for name in ("stick-slip", *HOLDS, *APART)}
-        patch.setattr(slip, "SCENARIOS", short)
-        patch.setattr(slip, "OBJECTS", {"airbag": OBJECTS["airbag"]})
+        patch.setattr(slip_scoring, "SCENARIOS", short)
+        for module in (slip, slip_scoring):
+            patch.setattr(module, "OBJECTS", {"airbag": OBJECTS["airbag"]})
         yield short
 
 
 @pytest.fixture(scope="module")
-def score(scenes: dict[str, Scenario]) -> SlipScore:
-    assert slip.SCENARIOS is scenes
-    return score_slip(METHODS, 1, hours=0.01)
+def score(scenes: dict[str, Scenario]) -> SlipReport:
+    assert slip_scoring.SCENARIOS is scenes
+    return Slip(1, hours=0.01).run()
 
 
-def test_there_is_a_row_for_each_object_scenario_and_method(score: SlipScore) -> None:
+def test_there_is_a_row_for_each_object_scenario_and_method(score: SlipReport) -> None:
     assert [(row.object, row.method, row.mode) for row in score.slips] == [
         ("airbag", method, mode) for method in METHODS for mode in ("stream", "batch")
     ]
@@ -47,7 +51,7 @@ def test_there_is_a_row_for_each_object_scenario_and_method(score: SlipScore) ->
     assert (score.first_seed, score.alarms_per_hour) == (FRESH_SEED, 1.0)
 
 
-def test_slips_of_an_airbag_are_found(score: SlipScore) -> None:
+def test_slips_of_an_airbag_are_found(score: SlipReport) -> None:
     for row in score.slips:
         assert row.slips >= 4
         assert row.missed == 0
@@ -58,7 +62,7 @@ def test_slips_of_an_airbag_are_found(score: SlipScore) -> None:
         assert row.speed_percent < 20
 
 
-def test_an_oracle_that_keeps_the_rate_does_somewhat_better(score: SlipScore) -> None:
+def test_an_oracle_that_keeps_the_rate_does_somewhat_better(score: SlipReport) -> None:
     rows = {(row.method, row.mode): row for row in score.slips}
     live = rows["template", "stream"]
     assert live.f1_oracle is not None
@@ -68,8 +72,8 @@ def test_an_oracle_that_keeps_the_rate_does_somewhat_better(score: SlipScore) ->
 
 
 def test_an_oracle_needs_a_covariance(scenes: dict[str, Scenario]) -> None:
-    assert slip.SCENARIOS is scenes
-    none, exact = score_slip(("sum", "lnorm"), 1, hours=0).slips[::2]
+    assert slip_scoring.SCENARIOS is scenes
+    none, exact = Slip(1, methods=("sum", "lnorm"), hours=0).run().slips[::2]
     assert (none.method, none.f1_oracle) == ("sum", None)
     assert exact.method == "lnorm"  # says 0 where the object rests
     assert exact.f1_oracle is not None
@@ -77,7 +81,7 @@ def test_an_oracle_needs_a_covariance(scenes: dict[str, Scenario]) -> None:
 
 def test_in_a_recording_slips_are_dated_to_the_scan() -> None:
     by_mode = {"stream": [], "batch": []}
-    for row in score_slip(("template", "convolution"), 1, hours=0).slips:
+    for row in Slip(1, methods=("template", "convolution"), hours=0).run().slips:
         by_mode[row.mode].append(row)
     for live, recorded in zip(by_mode["stream"], by_mode["batch"], strict=True):
         assert recorded.f1 > max(live.f1, 0.96)
@@ -85,7 +89,7 @@ def test_in_a_recording_slips_are_dated_to_the_scan() -> None:
         assert recorded.false == recorded.missed == 0
 
 
-def test_what_holds_still_raises_no_alarm_and_the_interval_says_how_sure_that_is(score: SlipScore) -> None:
+def test_what_holds_still_raises_no_alarm_and_the_interval_says_how_sure_that_is(score: SlipReport) -> None:
     for row in score.holds:
         if row.scenario in (*HOLDS, NOISE):
             assert (row.alarms, row.per_hour, row.low) == (0, 0.0, 0.0)
@@ -93,29 +97,32 @@ def test_what_holds_still_raises_no_alarm_and_the_interval_says_how_sure_that_is
             assert 0.6 < row.scatter < 1.4
 
 
-def test_the_same_seeds_give_the_same_score_and_others_another(score: SlipScore) -> None:
-    assert score_slip(METHODS, 1, hours=0.01) == score
-    other = score_slip(METHODS, 1, seed=1, hours=0)
+def test_the_same_seeds_give_the_same_score_and_others_another(score: SlipReport) -> None:
+    fast = ("principal_axis", "convolution")
+    again = Slip(1, methods=fast, hours=0.01).run()
+    assert again.slips == [row for row in score.slips if row.method in fast]
+    assert again.holds == [row for row in score.holds if row.method in (*fast, NOISE)]
+    other = Slip(1, 1, fast, hours=0).run()
     assert other.holds == []
-    assert other.slips != score.slips
+    assert all(one != two for one, two in zip(again.slips, other.slips, strict=True))
 
 
 def test_noise_alarms_as_often_as_asked() -> None:
-    (row,) = score_slip((), 0, hours=0.5, alarms_per_hour=200.0).holds
+    (row,) = Slip(0, methods=(), hours=0.5, alarms_per_hour=200.0).run().holds
     assert row.low < 260
     assert row.high > 140
     assert row.hours == pytest.approx(0.5, rel=1e-3)
 
 
-def test_json_tells_all(score: SlipScore) -> None:
+def test_json_tells_all(score: SlipReport) -> None:
     whole = json.loads(to_json(score))
     assert set(whole) == {"alarms_per_hour", "seeds", "first_seed", "slips", "holds"}
     assert whole["slips"][0]["object"] == "airbag"
 
 
 def test_processes_give_what_one_gives() -> None:
-    jobs = [slip._Job(NOISE, seed, (NOISE,), 100.0) for seed in (3, 4)]
-    one, two = (list(slip._found(jobs, 0.05, processes)) for processes in (1, 2))
+    jobs = [Job(NOISE, seed, (NOISE,), 100.0) for seed in (3, 4)]
+    one, two = (list(found_by(jobs, 0.05, processes)) for processes in (1, 2))
     assert one == two
     assert one[0] != one[1]
 
@@ -135,8 +142,8 @@ def test_calls_are_held_against_the_truth() -> None:
         Event(0.42, "pad", "slip_stop", 0.40, 0.1, 0.011),
         Event(0.90, "pad", "slip_start", 0.89, 0.0, 0.01),
     ]
-    seen = slip._compared(said, events, Truth("pad", t_s, pose, true), 0.15, 0)
-    assert (seen.true, seen.told, seen.both) == (40, 22, 15)
+    seen = compared(said, events, Truth("pad", t_s, pose, true), 0.15, 0)
+    assert (seen.true, seen.called, seen.both) == (40, 22, 15)
     assert (seen.alarms, seen.false, seen.split, seen.missed) == (3, 1, 1, 1)
     assert seen.latency_ms == pytest.approx([20.0])
     assert seen.dated_ms == pytest.approx([5.0])
@@ -148,3 +155,36 @@ def test_the_scenarios_that_hold_still_do_and_touch_the_grid() -> None:
     for name in HOLDS:
         assert SCENARIOS[name].motion.travel_m == 0
         assert SCENARIOS[name].sensor == "grid-16x16"
+
+
+def test_it_shows_slips_and_alarms_beside_the_rate(score: SlipReport, capsys: pytest.CaptureFixture[str]) -> None:
+    score.show()
+    shown = capsys.readouterr().out
+    for word in ("called live", "dated afterwards", "seeds from 1000", "1 false alarms an hour asked for"):
+        assert word in shown
+    for word in ("airbag", "hold-pressed", "hold-at-edge", "white noise"):
+        assert word in shown
+
+
+def test_its_tables_are_slips_and_still_objects(score: SlipReport) -> None:
+    slips, holds = score.tables()
+    assert (slips.columns[0], holds.columns[0]) == ("object", "scenario")
+    assert (len(slips.rows), len(holds.rows)) == (len(score.slips), len(score.holds))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"hours": -1.0}, "hours must be 0 or more (got -1.0)"),
+        ({"processes": 0}, "processes must be at least 1 (got 0)"),
+        ({"alarms_per_hour": 0.0}, "alarms_per_hour must be a finite number above 0 (got 0.0)"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterInvalid, match=re.escape(message)):
+        Slip(**options)
+
+
+def test_an_unknown_method_is_refused_before_the_work_begins() -> None:
+    with pytest.raises(NameUnknown, match="unknown estimator 'guess'; known are lnorm"):
+        Slip(methods=("guess",)).run()

@@ -1,0 +1,62 @@
+"""Connected components of loaded taxels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxelflow.compiling import kernel
+from taxelflow.contacts.adjacency import Adjacency, Indices
+from taxelflow.contacts.tracks import SegmentedPad, Taxel
+from taxelflow.messages import Floats
+from taxelflow.numerics.records import Records
+
+_LOADED, _BRIDGE = -1, -2
+_MIN_LOADED_NEIGHBOURS = 2
+"""A taxel without a reading is bridged if at least this many neighbours are loaded."""
+
+
+@kernel
+def label_components(
+    reading: Floats, noise: Floats, incomplete: bool, pad: SegmentedPad, taxels: Records, adjacency: Adjacency
+) -> int:
+    """Number the components of loaded taxels from 1 in `Taxel.component`, 0 elsewhere. Returns how many there are.
+
+    reading, noise: (taxels,). A taxel without a reading (masked, or 0 in a scan that is incomplete) counts as loaded
+    between loaded ones, so that a dead row does not split a contact.
+    """
+    for k in range(pad.start, pad.stop):
+        taxels[k].component = _LOADED if reading[k] > pad.contact_off * noise[k] > 0.0 else 0
+    for k in range(pad.start, pad.stop):
+        unread = noise[k] == 0.0 or (incomplete and reading[k] == 0.0)
+        if unread and _loaded_neighbours(k, taxels, adjacency) >= _MIN_LOADED_NEIGHBOURS:
+            taxels[k].component = _BRIDGE
+    components, stack = 0, np.empty(pad.stop - pad.start, dtype=np.int64)
+    for k in range(pad.start, pad.stop):
+        if taxels[k].component < 0:
+            components += 1
+            _fill(k, components, stack, taxels, adjacency)
+    return components
+
+
+@kernel
+def _loaded_neighbours(k: int, taxels: Records, adjacency: Adjacency) -> int:
+    loaded = 0
+    for i in range(adjacency.first[k], adjacency.first[k + 1]):
+        loaded += 1 if taxels[adjacency.taxels[i]].component == _LOADED else 0
+    return loaded
+
+
+@kernel
+def _fill(seed: int, component: int, stack: Indices, taxels: Records, adjacency: Adjacency) -> None:
+    """Flood fill from one taxel over all that are connected to it. stack: scratch, (taxels of the pad,)."""
+    taxels[seed].component = component
+    stack[0], waiting = seed, 1
+    while waiting > 0:
+        waiting -= 1
+        k = stack[waiting]
+        for i in range(adjacency.first[k], adjacency.first[k + 1]):
+            neighbour: Taxel = taxels[adjacency.taxels[i]]
+            if neighbour.component < 0:
+                neighbour.component = component
+                stack[waiting] = adjacency.taxels[i]
+                waiting += 1

@@ -1,0 +1,50 @@
+"""The contact stage: split the contacts of a pad, check that what is left is rigid, and describe each contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taxelflow.contacts.moments import FeatureExtractor
+from taxelflow.contacts.rigidity import RigidityMonitor
+from taxelflow.contacts.split import ContactSplitter
+from taxelflow.messages import Bools, Contacts, Scans
+
+if TYPE_CHECKING:
+    from taxelflow.sensors.sensor import Sensor
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SegmentedScans:
+    """Scans after segmentation.
+
+    scans: as conditioned, but each split contact holds its own taxels only. moved_apart: (scans, pads), where contacts
+    of a pad that is treated as one rigid object have moved relative to each other since it was touched. contacts:
+    features of every pad's contact.
+    """
+
+    scans: Scans
+    moved_apart: Bools
+    contacts: Contacts
+
+
+class ContactSession:
+    """Segments scan after scan; the result does not depend on how the scans are cut into blocks."""
+
+    def __init__(self, sensor: Sensor, threshold: float, on: float, off: float) -> None:
+        """threshold: see `ContactFeatures`. on, off: see `Conditioner.contact_on` and `contact_off`."""
+        layout = sensor.layout
+        self._splitter = ContactSplitter(layout, on, off) if (layout.contact_of >= 0).any() else None
+        self._monitor = RigidityMonitor(layout, on, off)
+        self._features = FeatureExtractor(sensor, threshold)
+
+    @property
+    def notes(self) -> list[str]:
+        """One sentence for each pad on which contacts have moved apart."""
+        return self._monitor.notes
+
+    def step(self, scans: Scans) -> SegmentedScans:
+        """Segment the scans that follow those of the last call. The input is left unchanged."""
+        if self._splitter is not None:
+            scans = self._splitter.step(scans)
+        return SegmentedScans(scans, self._monitor.step(scans), self._features.step(scans))

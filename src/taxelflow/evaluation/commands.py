@@ -1,0 +1,263 @@
+"""The commands whose work is done in this folder: calibrate, info, plot, figures, score, bench.
+
+A dataclass per command, whose fields are its options. NumPy is imported when a command runs, so that help is fast.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, make_dataclass
+from inspect import cleandoc
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import tyro
+from tyro.conf import Positional
+
+from taxelflow import registry
+from taxelflow.acquire.options import Recorded
+from taxelflow.errors import ParameterInvalid
+from taxelflow.evaluation.base import at_least, write_tables
+
+if TYPE_CHECKING:
+    from taxelflow.evaluation.base import Score as AnyScore
+
+PARTLY_READ = 1
+"""Exit code of a command that could read a part of a recording only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibrate(Recorded):
+    """Fit a method's gains per pad and axis, the paper's mm factor, from a known trajectory of the object.
+
+    Frames and time offset between robot and sensor are fitted too. Contacts cut by a pad's border count less.
+    """
+
+    out: Path
+    """The .toml file to write, for `taxelflow estimate --calibration`."""
+    truth: Path | None = None
+    """csv t_s,x_m,y_m[,theta_rad] of the contact's centre, in the robot's frame (seen from outside the skin) and on its
+    clock; if left out, the truth inside a simulated recording."""
+    method: str = "convolution"
+    """lnorm, convolution, or one from another package that can be calibrated."""
+    pad: str | None = None
+    """This pad only; all that can be calibrated if left out."""
+    search_s: float = 1.0
+    """Largest offset between the robot's clock and the sensor's, s; 0: the clocks agree exactly."""
+    edge: float = 1.0
+    """Weight of what the pad's border may hide; 0 trusts contacts that are cut as much as whole ones."""
+    within_m: float | None = None
+    """Use only positions at most this far from the pad's centre along each axis, m."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Read, fit, write, print."""
+        from taxelflow import api
+        from taxelflow.acquire.trajectory import read_trajectory
+        from taxelflow.evaluation.calibrate import calibrate
+        from taxelflow.publish.terminal import show_calibration
+        from taxelflow.sensors.calibration import save_calibration
+
+        if self.out.suffix != ".toml":
+            raise ParameterInvalid("out", str(self.out), "end in .toml")
+        recording = api.read(self.recording, self.sensor, topic=self.topic, columns=self.own_columns)
+        truth = None if self.truth is None else read_trajectory(self.truth)
+        found = calibrate(
+            recording,
+            truth,
+            self.method,
+            pad=self.pad,
+            search_s=self.search_s,
+            edge=self.edge,
+            within_m=self.within_m,
+        )
+        save_calibration(found, self.out)
+        show_calibration(found, self.out)
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Info(Recorded):
+    """Check a sensor up by a recording: rate, gaps, repeated scans; noise, drift, load and bad taxels of each pad.
+
+    Taxels that are not well are named with the evidence; `taxelflow estimate --condition.mask auto` leaves them out.
+    """
+
+    json: bool = False
+    """Print JSON instead of tables."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Read once, count, print."""
+        from taxelflow import api
+        from taxelflow.evaluation.checkup import check_up
+        from taxelflow.evaluation.checkup_table import show_checkup
+        from taxelflow.publish.summary import to_json
+        from taxelflow.publish.terminal import progress
+
+        recording = api.read(self.recording, self.sensor, topic=self.topic, columns=self.own_columns)
+        checkup = check_up(recording, lambda blocks: progress(blocks, recording.scans, "reading"))
+        if self.json:
+            sys.stdout.buffer.write(to_json(checkup))
+        else:
+            show_checkup(checkup)
+        for note in (*checkup.notes, *([checkup.loss] if checkup.loss else [])):
+            print(f"taxelflow: {note}", file=sys.stderr)
+        return PARTLY_READ if checkup.loss else 0
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Draw results: position against time, path over the pads, and one scan in the paper's three views."""
+
+    results: Positional[tuple[Path, ...]]
+    """Directories that `taxelflow estimate --out` wrote, of one recording; several methods are drawn together."""
+    out: Path | None = None
+    """Directory for the pictures; the first result's if left out."""
+    format: Literal["svg", "png", "pdf"] = "svg"
+
+    def run(self, _rest: list[str]) -> int:
+        """Draw and name the files."""
+        from taxelflow.evaluation.plot import plot_results
+
+        if not self.results:
+            raise ParameterInvalid("results", "nothing", "name at least one directory")
+        for path in plot_results(self.results, self.out or self.results[0], self.format):
+            print(path)
+        return 0
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Draw the paper's figures 2, 4, 5, 6, 7, 9 and Table I, rotation error by slip vectors, error over the bound."""
+
+    out: Path
+    """Directory for the pictures; made if it does not exist."""
+    format: Literal["svg", "png", "pdf"] = "svg"
+    strokes: int = 1000
+    """Strokes a speed in Table I."""
+    seeds: int = 10
+    """Seeds a scenario in the curves of rotation error and of error against the bound."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Simulate, estimate, draw."""
+        from taxelflow.evaluation.paper import draw_paper
+
+        at_least("strokes", self.strokes, 2)
+        at_least("seeds", self.seeds, 1)
+        for path in draw_paper(self.out, self.format, strokes=self.strokes, seeds=self.seeds):
+            print(path)
+        return 0
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Measure speed: kernels against the literal equations, where the time goes, start of the command line."""
+
+    recording: Path | None = None
+    """Recording whose reading and estimating is measured; a simulated one if left out."""
+    json: bool = False
+    """Print JSON instead of tables."""
+    csv: Path | None = None
+    """Also write the steps to this .csv file; further tables go to NAME-TABLE.csv beside NAME.csv."""
+
+    def __post_init__(self) -> None:
+        _check_csv(self.csv)
+
+    def run(self, _rest: list[str]) -> int:
+        """Run and print."""
+        from taxelflow.evaluation.bench import bench
+        from taxelflow.evaluation.bench_table import show_bench
+        from taxelflow.publish.summary import to_json
+
+        found = bench(self.recording)
+        written = [] if self.csv is None else write_tables(found.tables(), self.csv)
+        if self.json:
+            sys.stdout.buffer.write(to_json(found))
+        else:
+            show_bench(found)
+            _name_files(written)
+        return 0
+
+
+@dataclass(frozen=True)
+class Score:
+    """Measure accuracy and slip events: against truth on the simulated rig, or on recordings without truth.
+
+    Each score has options of its own: taxelflow score NAME --help.
+    """
+
+    def run(self, rest: list[str]) -> int:
+        """Run the score that the first of the words names, with the others as its options; list all without a name.
+
+        Raises NameUnknown, and what the score raises.
+        """
+        if not rest or rest[0].startswith("-"):
+            return _list_scores(rest)
+
+        from taxelflow.publish.summary import to_json
+        from taxelflow.publish.terminal import counted
+
+        score, output = _parsed(registry.find("score", rest[0]), rest)
+        report = score.run(counted)
+        written = [] if output.csv is None else write_tables(report.tables(), output.csv)
+        if output.json:
+            sys.stdout.buffer.write(to_json(report))
+            return 0
+        report.show()
+        _name_files(written)
+        return 0
+
+
+@dataclass(frozen=True)
+class Output:
+    """What is done with the report of a score."""
+
+    json: bool = False
+    """Print JSON instead of tables."""
+    csv: Path | None = None
+    """Also write the rows to this .csv file; further tables of the score go to NAME-TABLE.csv beside NAME.csv."""
+
+    def __post_init__(self) -> None:
+        _check_csv(self.csv)
+
+
+@dataclass(frozen=True)
+class _Unloaded:
+    """Stands for a score whose module is not imported, in the list of scores."""
+
+
+def _list_scores(words: list[str]) -> int:
+    """Print the list of scores, or that a name is missing, and exit; modules of scores are not imported."""
+    names = registry.names("score")
+    listed = tyro.extras.subcommand_type_from_defaults(
+        dict.fromkeys(names, _Unloaded()),
+        descriptions={name: registry.summary("score", name) for name in names},
+        prefix_names=False,
+    )
+    tyro.cli(listed, args=words, prog="taxelflow score", description=cleandoc(Score.__doc__ or ""))
+    return 0
+
+
+def _parsed(kind: Any, words: list[str]) -> tuple[AnyScore, Output]:
+    """The score of this kind, and what to do with its report, from the words of the command line."""
+    asked: Any = make_dataclass("Asked", [("score", kind), ("output", Output)])
+    found = tyro.cli(
+        asked,
+        args=words[1:],
+        prog=f"taxelflow score {words[0]}",
+        description=registry.summary("score", words[0]),
+        config=(tyro.conf.OmitArgPrefixes,),
+    )
+    return found.score, found.output
+
+
+def _check_csv(path: Path | None) -> None:
+    """Raises ParameterInvalid for a file that cannot be written, before the work begins."""
+    if path is not None and path.suffix != ".csv":
+        raise ParameterInvalid("csv", str(path), "end in .csv")
+    if path is not None and not path.parent.is_dir():
+        raise ParameterInvalid("csv", str(path), "lie in a directory that exists")
+
+
+def _name_files(written: list[Path]) -> None:
+    for path in written:
+        print(f"rows in {path}")

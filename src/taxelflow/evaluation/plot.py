@@ -1,0 +1,272 @@
+"""What `taxelflow plot` draws: gathered from result directories and, where it is still there, from their recording."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from taxelflow import api
+from taxelflow.condition.parameters import Conditioner
+from taxelflow.errors import RecordingError, ResultMissing
+from taxelflow.estimation.centroid.paper_reference import convolution_matrix
+from taxelflow.geometry import transform
+from taxelflow.publish.figures import PadTracks, Pictures, ResultPictures, Views, draw_results
+from taxelflow.publish.patterns import read_patterns
+from taxelflow.publish.plots.hand import Moment
+from taxelflow.publish.plots.pattern import Contact
+from taxelflow.publish.results import Track, read_result
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from taxelflow.acquire.base import Recording, Truth
+    from taxelflow.messages import Floats, LearnedPattern
+    from taxelflow.publish.summary import Summary
+
+_MOST_PADS = 4
+"""Pads that are drawn, those with the longest contact."""
+_FEWEST_PADS = 2
+"""Pads that must have a slip vector at the same time for a field of them."""
+_MOMENTS = (0.2, 0.5, 0.8)
+"""Of the scans in which most pads have a slip vector, the ones that are drawn, as shares."""
+_SAME_S = 1e-6
+"""Times closer than this are of one scan; results hold microseconds."""
+
+
+class _Result(NamedTuple):
+    """A result as it was read. tracks: of all pads. placed: those of which some position is known."""
+
+    directory: Path
+    ran: Summary
+    tracks: list[Track]
+    placed: list[Track]
+
+
+def plot_results(directories: Sequence[Path], out: Path, form: str) -> list[Path]:
+    """Draw results of one recording, by one method or several, into `out`; return the files.
+
+    See `figures.draw_results` for the pictures; `views` is the paper's Fig. 5 at the moment of largest slip, drawn
+    where the recording is still there. Raises ResultMissing, ExtraMissing.
+    """
+    return draw_results(gathered(directories), out, form)
+
+
+def gathered(directories: Sequence[Path]) -> Pictures:
+    """What is drawn of these results. Raises ResultMissing."""
+    results = [
+        _Result(directory, ran, tracks, [track for track in tracks if np.isfinite(track.position_m).any()])
+        for directory in directories
+        for ran, tracks in [read_result(directory)]
+    ]
+    summary = results[0].ran
+    for result in results:
+        if (result.ran.input, result.ran.sensor) != (summary.input, summary.sensor):
+            raise ResultMissing(result.directory, f"result of the same recording as {directories[0]}")
+    pads = _busiest(summary)
+    drawn = [track for result in results for track in result.placed if track.pad in pads]
+    if not drawn:
+        raise ResultMissing(directories[0], f"position: method {summary.method!r} knows none, there is nothing to draw")
+    recording = _recording(summary)
+    truth = None if recording is None else recording.truth
+    positions = []
+    for pad in pads:
+        if own := [track for track in drawn if track.pad == pad]:
+            known = (truth.t_s, truth.pose) if truth is not None and truth.pad == pad else None
+            positions.append(PadTracks(pad, own, known))
+    views = None
+    if recording is not None and any(track.pad == pads[0] for track in drawn):
+        views = _views(results, pads[0], recording)
+    return Pictures(positions, [_pictures(result, pads, results, recording) for result in results], views)
+
+
+def _busiest(summary: Summary) -> list[str]:
+    """Pads, and contacts that were split, with the longest contact first."""
+    groups = {group.name for group in summary.layout.groups}  # they lie on pads
+    names = [name for name in summary.layout.layout.pads if name not in groups]
+    loaded = [(summary.pads[name].contact_scans, name) for name in names if summary.pads[name].contact_scans]
+    if not loaded:
+        raise ResultMissing(Path(summary.input), "contact at all, so there is nothing to draw")
+    return [name for _, name in sorted(loaded, reverse=True)[:_MOST_PADS]]
+
+
+def _recording(summary: Summary) -> Recording | None:
+    """The recording that a result came from, if it is still where it was."""
+    try:
+        recording = api.read(summary.input, summary.layout)
+        first = next(recording.blocks())
+    except RecordingError:
+        return None
+    count = summary.scans + summary.repeated_scans_dropped
+    same = recording.scans in (None, count) or summary.loss is not None
+    return recording if same and first.t_s[0] == summary.t_first_s else None
+
+
+def _pictures(
+    result: _Result, pads: Sequence[str], results: Sequence[_Result], recording: Recording | None
+) -> ResultPictures:
+    layout = result.ran.layout.layout
+    tracks = [track for track in result.placed if track.pad in pads]
+    patterns = sorted(read_patterns(result.directory), key=lambda one: one.scans)
+    longest = {one.pad: one for one in patterns}  # of each pad the contact whose pattern was learned from most scans
+    contacts = [
+        _contact(
+            result.ran, track, longest[track.pad], _axis_track(track.pad, result.ran, results, recording), recording
+        )
+        for track in result.placed
+        if track.pad in longest
+    ]
+    return ResultPictures(result.ran.method, layout, tracks, contacts, _moments(result))
+
+
+def _contact(
+    ran: Summary, track: Track, pattern: LearnedPattern, axis: Track | None, recording: Recording | None
+) -> Contact:
+    """A contact, scan by scan, beside its truth, its principal axis and one of its scans, as far as they are known."""
+    t_s = track.numbers["t_s"]
+    own = _span(ran, track, pattern)
+    pose = np.stack([track.numbers[name][own] for name in ("x_m", "y_m", "theta_rad")], axis=1)
+    std = np.stack([track.numbers[f"std_{name}"][own] for name in ("x_m", "y_m", "theta_rad")], axis=1)
+    scans = None if recording is None else _images_between(ran, recording, pattern.pad, t_s[own])
+    load = np.zeros(len(pose)) if scans is None else np.nansum(scans, axis=(1, 2))
+    shown = int(np.argmax(np.where(np.isfinite(pose[:, 0]), load, -np.inf)))
+    turn = None if axis is None else _levelled(axis.numbers["theta_rad"][own], pose[:, 2])
+    true = None
+    if recording is not None and recording.truth is not None and recording.truth.pad == pattern.pad:
+        true = _true_poses(recording.truth, t_s[own], pose[:, 2])
+    scan = None if scans is None else scans[shown]
+    return Contact(pattern, ran.unit, t_s[own], pose, std, track.flags["ok"][own], shown, scan, turn, true)
+
+
+def _span(ran: Summary, track: Track, pattern: LearnedPattern) -> slice:
+    """Scans of the contact in which the pattern was learned."""
+    t_s, touching = track.numbers["t_s"], track.flags["contact"]
+    last = int(np.searchsorted(t_s, pattern.t_last_s - _SAME_S))
+    end = last + int(np.argmin(np.append(touching[last:], False)))
+    first = int(np.searchsorted(t_s, pattern.t_first_s - _SAME_S))
+    if ran.mode == "batch":  # poses of a contact that was solved as a whole are all in one frame
+        first -= int(np.argmin(np.append(touching[:first][::-1], False)))
+    return slice(first, max(end, last + 1))
+
+
+def _true_poses(truth: Truth, t_s: Floats, like: Floats) -> Floats:
+    """(n, 3), the truth at times (n,); its turn counts from where it agrees best with another (n,)."""
+    true = np.stack([np.interp(t_s, truth.t_s, column) for column in truth.pose.T], axis=1)
+    true[:, 2] = _levelled(true[:, 2], like)
+    return true
+
+
+def _levelled(turn: Floats, like: Floats) -> Floats:
+    """A turn (n,) counted from where it agrees best with another: each has a zero of its own."""
+    gap = like - turn
+    return turn + (float(np.median(gap[np.isfinite(gap)])) if np.isfinite(gap).any() else 0.0)
+
+
+def _axis_track(pad: str, ran: Summary, results: Sequence[_Result], recording: Recording | None) -> Track | None:
+    """The contact's principal axis, from a result if one was given, else estimated here if the recording is there."""
+    for other in results:
+        for track in other.placed:
+            if other.ran.method == "principal_axis" and track.pad == pad:
+                return track
+    if recording is None:
+        return None
+    found = api.estimate(recording, "principal_axis", condition=Conditioner(**ran.parameters["condition"]))
+    number = found.pads.index(pad)
+    return Track("principal_axis", pad, {"theta_rad": found.slips.pose[:, number, 2]}, {})
+
+
+def _moments(result: _Result) -> list[Moment]:
+    """Up to three moments at which most pads have a slip vector; none if no two pads ever do at once."""
+    layout = result.ran.layout.layout
+    t_s = result.tracks[0].numbers["t_s"]
+    own = {track.pad: track for track in result.tracks}
+    ordered = [own[pad] for pad in layout.pads]
+    at = np.stack([track.position_m for track in ordered], axis=1)
+    v = np.stack([[track.numbers["vx_m_s"], track.numbers["vy_m_s"]] for track in ordered]).transpose(2, 0, 1)
+    known = np.isfinite(v[..., 0]) & np.isfinite(layout.T_hand[:, 0])
+    count = known[:, : layout.pad_count].sum(axis=1)
+    known &= layout.independent
+    if count.max(initial=0) < _FEWEST_PADS:
+        return []
+    full = np.flatnonzero(count == count.max())
+    turn = layout.T_hand.copy()
+    turn[:, :2] = 0.0
+    twists = _twists(result.directory)
+    moments = []
+    for k in np.unique(full[(np.array(_MOMENTS) * (len(full) - 1)).astype(int)]).tolist():
+        places, vectors = transform(layout.T_hand, at[k]), transform(turn, v[k])
+        places[~known[k]] = vectors[~known[k]] = np.nan
+        moments.append(Moment(f"{t_s[k] - t_s[0]:.2f} s", places, vectors, twists[k, :3], twists[k, 3:]))
+    return moments
+
+
+def _twists(directory: Path) -> Floats:
+    """(scans, 5) of object.csv: velocity, rate of turn, centre of rotation. Raises ResultMissing."""
+    names = ("vx_m_s", "vy_m_s", "omega_rad_s", "cx_m", "cy_m")
+    try:
+        with (directory / "object.csv").open(newline="", encoding="utf-8") as file:
+            rows = [[float(row[name] or "nan") for name in names] for row in csv.DictReader(file)]
+    except (OSError, ValueError, KeyError, csv.Error) as error:
+        raise ResultMissing(directory, f"readable object.csv ({error})") from error
+    return np.array(rows).reshape(-1, len(names))
+
+
+def _views(results: Sequence[_Result], pad: str, recording: Recording) -> Views | None:
+    """The paper's views of a pad at its largest slip, by Method II if there is a result of it; None without a grid."""
+    number = recording.layout.pads.index(pad)
+    if recording.layout.tables[number]:
+        return None
+    tracks = {
+        result.ran.method: (result.ran, track) for result in results for track in result.placed if track.pad == pad
+    }
+    ran, track = tracks.get("convolution", next(iter(tracks.values())))
+    scan = _largest_slip(track)
+    t_s = float(track.numbers["t_s"][scan])
+    before, now = _two_scans(ran, recording, number, t_s)
+    scale, unit = (1e3, "kPa") if ran.unit == "Pa" and np.nanmax(now) > 1e4 else (1.0, ran.unit)
+    dx_mm, dy_mm = (1e3 * float(track.numbers[name][scan]) for name in ("dx_m", "dy_m"))
+    slip_mm = (dx_mm, dy_mm) if np.isfinite(dx_mm) and np.isfinite(dy_mm) else (0.0, 0.0)
+    title = f"{pad} at {t_s - float(track.numbers['t_s'][0]):.2f} s"
+    return Views(title, now / scale, unit, convolution_matrix(before, now), slip_mm)
+
+
+def _largest_slip(track: Track) -> int:
+    """The scan of the largest displacement while slipping; of one in contact if there is none."""
+    moved = np.hypot(track.numbers["dx_m"], track.numbers["dy_m"])
+    inner = np.where(track.flags["slipping"] | ~track.flags["slipping"].any(), moved, np.nan)
+    if np.isfinite(inner).any():
+        return int(np.nanargmax(_settled(inner)))
+    return int(np.argmax(track.flags["contact"]))
+
+
+def _settled(moved: Floats) -> Floats:
+    """Median of three scans, so that one jump at an edge does not count as the largest slip."""
+    padded = np.concatenate([[np.nan], moved, [np.nan]])
+    three = np.stack([padded[:-2], padded[1:-1], padded[2:]])
+    complete = np.isfinite(three).all(axis=0)
+    return np.where(complete, np.sort(three, axis=0)[1], np.where(np.isfinite(moved), 0.0, np.nan))
+
+
+def _two_scans(ran: Summary, recording: Recording, pad: int, t_s: float) -> tuple[Floats, Floats]:
+    """The scan at t_s and the one before it, conditioned as in the run, as images of one pad."""
+    before: Floats | None = None
+    for when, image in _images(ran, recording, pad):
+        if when >= t_s - _SAME_S:
+            return (image if before is None else before), image
+        before = image
+    raise ResultMissing(Path(ran.input), f"scan at {t_s} s")
+
+
+def _images_between(ran: Summary, recording: Recording, pad: str, t_s: Floats) -> Floats:
+    """(n, rows, cols), the pad in the scans at t_s (n,), conditioned as in the run."""
+    images = _images(ran, recording, recording.layout.pads.index(pad))
+    return np.stack([image for when, image in images if t_s[0] - _SAME_S <= when <= t_s[-1] + _SAME_S])
+
+
+def _images(ran: Summary, recording: Recording, pad: int) -> Iterator[tuple[float, Floats]]:
+    """Time and image (rows, cols) of one pad in every scan, conditioned as in the run; NaN where no taxel is."""
+    for scans in api.segmented(recording, Conditioner(**ran.parameters["condition"])):
+        for when, pressure in zip(scans.t_s, scans.pressure, strict=True):
+            yield float(when), recording.layout.grid(pad, pressure)

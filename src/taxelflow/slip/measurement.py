@@ -1,0 +1,198 @@
+"""Input of the slip detector: scans of a pad as records, and the measurement of its pose that the filters use."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from taxelflow.compiling import kernel
+from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats, Slips
+from taxelflow.numerics.records import Records, Vector, record_dtype
+from taxelflow.slip.covariance import Covariance
+
+_UNRESOLVED_FACTOR = 9.0
+"""Factor on the variance of a pose whose scan does not fit the method's model: three times the standard deviation."""
+_UNOBSERVABLE_RATIO, _UNOBSERVABLE_M = 100.0, 0.005
+"""An axis x or y is not observable if its standard deviation exceeds this multiple of the other's, and this many m. The
+centroid of a line of taxels has no variance across the line, which is no evidence about motion along it."""
+_MEAN_WEIGHT, _MAX_VARIANCE_RATIO = 0.05, 4.0
+"""Weight of a pose in the mean variance at rest (about 20 poses), and the multiple of the mean at which it is cut."""
+_MIN_STD_M, _MIN_STD_RAD = 1e-6, 1e-5
+"""Lower limit of the standard deviation of a pose, below any sensor's; some methods report 0."""
+_TIME_TOLERANCE_S = 1e-9
+"""Rounding of a clock."""
+
+
+class Parameters:
+    """Fields of `SlipMonitor`."""
+
+    alarm_interval_s: float
+    """Accepted mean time between false alarms."""
+    load_m: float
+    creep_m_s: float
+    settle_s: float
+
+
+def parameter_record(alarms_per_hour: float, load_m: float, creep_m_s: float, settle_s: float) -> Parameters:
+    """The fields of `SlipMonitor` as one record, as kernels take it."""
+    values = (3600.0 / alarms_per_hour, load_m, creep_m_s, settle_s)
+    record: Parameters = np.array([values], dtype=record_dtype(Parameters))[0]
+    return record
+
+
+class Observation:
+    """One scan of one pad: fields of `Slips`."""
+
+    t_s: float
+    contact: bool
+    displacement: Vector
+    displacement_covariance: Annotated[Floats, 3, 3]
+    pose: Vector
+    pose_covariance: Annotated[Floats, 3, 3]
+    lag_s: float
+    load: float
+    disturbance: float
+    quality: int
+
+
+class Measurement:
+    """Pose of a pad relative to its first scan, with its noise."""
+
+    t_s: float
+    previous_s: float
+    """Time of this measurement and of the one before."""
+    log_load: float
+    """Logarithm of the load; 0 if it is unknown."""
+    position: Vector
+    """Accumulated displacement."""
+    covariance: Covariance
+    """Noise of the accumulated displacement of an object at rest; NaN variance where a coordinate is not used."""
+    pose_covariance: Covariance
+    """Covariance of the absolute pose."""
+
+
+def observations(slips: Slips) -> Records:
+    """(scans, pads) records of `Observation`."""
+    found = np.empty(slips.contact.shape, dtype=record_dtype(Observation))
+    found["t_s"] = slips.t_s[:, np.newaxis]
+    found["contact"] = slips.contact
+    found["displacement"] = slips.displacement
+    found["displacement_covariance"] = slips.displacement_covariance
+    found["pose"] = slips.pose
+    found["pose_covariance"] = slips.covariance
+    found["lag_s"] = slips.lag_s
+    found["load"] = slips.load
+    found["disturbance"] = slips.disturbance
+    found["quality"] = slips.quality
+    return found
+
+
+@kernel
+def has_pose(scan: Observation, partial: bool) -> bool:
+    """Whether the displacement of a scan can be used.
+
+    partial: the contact is what remained after a sudden loss of load. It may be drift and not a contact, so its
+    quality must be ok, or ambiguous with one observable axis.
+    """
+    if np.isnan(scan.displacement[0]) or scan.quality == LOST:
+        return False
+    on_line = scan.quality == AMBIGUOUS and _one_observable_axis(scan.displacement_covariance)
+    return not partial or scan.quality == OK or on_line
+
+
+@kernel
+def measure(scan: Observation, measurement: Measurement) -> bool:
+    """Add a scan's displacement; fill in the measurement and return True if it is independent of the one before.
+
+    A pose with a lag is the mean of two scans and shares one of them with the next pose: every second one is used.
+    """
+    for axis in range(3):
+        step = scan.displacement[axis]
+        measurement.position[axis] += step if not np.isnan(step) else 0.0
+    shared = scan.lag_s > 0.0
+    if shared and not scan.t_s - 2.0 * scan.lag_s > measurement.previous_s + _TIME_TOLERANCE_S:
+        return False
+    measurement.t_s = scan.t_s
+    # A displacement is the difference of two poses: half of its covariance is that of one pose.
+    factor = _quality_factor(scan) * (1.0 if shared else 0.5)
+    _set_covariance(scan.displacement_covariance, factor, measurement.covariance)
+    _drop_unobservable_axis(measurement.covariance)
+    return True
+
+
+@kernel
+def measure_pose(scan: Observation, noise_scale: float, measurement: Measurement) -> None:
+    """Fill in the covariance of the absolute pose, times the learned scale of the noise."""
+    _set_covariance(scan.pose_covariance, _quality_factor(scan) * noise_scale, measurement.pose_covariance)
+
+
+@kernel
+def raise_to_mean(poses: int, mean_variance: Floats, covariance: Covariance) -> None:
+    """Raise the covariance of an object at rest to its mean over the last poses, axis by axis.
+
+    A reported covariance belongs to the place where noise put the pose. Where the covariance differs between places, an
+    outlier may report a small one. An object at rest has one place, and one covariance.
+    poses: number of poses since the contact began. mean_variance: (3,), updated; an axis of 0 has no mean yet.
+    """
+    if poses == 1:
+        mean_variance[:] = 0.0
+    weight = max(1.0 / poses, _MEAN_WEIGHT)
+    x = _raise_axis(covariance.variance, 0, weight, mean_variance)
+    y = _raise_axis(covariance.variance, 1, weight, mean_variance)
+    theta = _raise_axis(covariance.variance, 2, weight, mean_variance)
+    covariance.xy *= x * y
+    covariance.xt *= x * theta
+    covariance.yt *= y * theta
+
+
+@kernel
+def _raise_axis(variance: Floats, axis: int, weight: float, mean: Floats) -> float:
+    """Update the mean variance of an axis and raise the variance to it; the factor on the standard deviation."""
+    own = variance[axis]
+    if np.isnan(own):
+        return 1.0
+    before = mean[axis] if mean[axis] > 0.0 else own
+    mean[axis] = before + weight * (min(own, _MAX_VARIANCE_RATIO * before) - before)
+    factor = np.sqrt(max(mean[axis] / own, 1.0))
+    variance[axis] *= factor * factor
+    return float(factor)
+
+
+@kernel
+def _quality_factor(scan: Observation) -> float:
+    """Factor on the variance of a pose by its quality."""
+    return _UNRESOLVED_FACTOR if scan.quality == UNRESOLVED else 1.0
+
+
+@kernel
+def _set_covariance(matrix: Floats, factor: float, covariance: Covariance) -> None:
+    """Fill in `factor` times a (3, 3) covariance plus the smallest variance of a pose."""
+    covariance.variance[0] = factor * matrix[0, 0] + _MIN_STD_M**2
+    covariance.variance[1] = factor * matrix[1, 1] + _MIN_STD_M**2
+    covariance.variance[2] = factor * matrix[2, 2] + _MIN_STD_RAD**2
+    covariance.xy = factor * matrix[0, 1]
+    covariance.xt = factor * matrix[0, 2]
+    covariance.yt = factor * matrix[1, 2]
+
+
+@kernel
+def _one_observable_axis(matrix: Floats) -> bool:
+    """Whether exactly one of x and y is observable, by a (3, 3) covariance."""
+    xx, yy = matrix[0, 0], matrix[1, 1]
+    return _unobservable(xx, yy) or _unobservable(yy, xx)
+
+
+@kernel
+def _unobservable(own: float, other: float) -> bool:
+    """Whether an axis is not observable, by the variances along it and along the other axis, m^2."""
+    return bool(own > max(_UNOBSERVABLE_RATIO**2 * other, _UNOBSERVABLE_M**2))
+
+
+@kernel
+def _drop_unobservable_axis(covariance: Covariance) -> None:
+    """Mark x or y as unknown if it is not observable."""
+    if _unobservable(covariance.variance[0], covariance.variance[1]):
+        covariance.variance[0], covariance.xy, covariance.xt = np.nan, 0.0, 0.0
+    if _unobservable(covariance.variance[1], covariance.variance[0]):
+        covariance.variance[1], covariance.xy, covariance.yt = np.nan, 0.0, 0.0

@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from synthetic import assert_same, dome, grid_sensor
+from taxelflow.errors import EstimatorBroken
+from taxelflow.estimation.completion import SlipsSession
+from taxelflow.messages import Estimates, Scans, cut, joined
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+PALM = grid_sensor(4, 7)
+
+
+def scans_of(count: int) -> Scans:
+    """A dome that leaves the pad to the right."""
+    pressure = np.array([dome(PALM, 0.002 * scan) for scan in range(count)]).reshape(count, 28)
+    touched = np.ones((count, 1), dtype=np.bool_)
+    return Scans(np.arange(float(count)), pressure, np.full(28, 100.0), np.full(28, np.inf), touched, touched)
+
+
+class Holding:
+    """Holds estimates back: after each step it gives as many rows as it is told to, and the others at the end."""
+
+    def __init__(self, rows: Sequence[int]) -> None:
+        self._rows, self._held = list(rows), [Estimates.unknown(scans_of(0))]
+
+    def step(self, scans: Scans) -> Estimates:
+        self._held.append(Estimates.unknown(scans))
+        return self._given(self._rows.pop(0))
+
+    def finish(self) -> Estimates:
+        return self._given(len(joined(self._held)))
+
+    def _given(self, count: int) -> Estimates:
+        held = joined(self._held)
+        self._held = [cut(held, min(count, len(held)), len(held))]
+        return cut(held, 0, count)
+
+
+@given(st.lists(st.integers(0, 6), min_size=4, max_size=4))
+def test_slips_are_the_same_however_long_estimates_are_held_back(rows: list[int]) -> None:
+    scans = scans_of(24)
+    at_once, late = SlipsSession(Holding([24]), PALM.layout), SlipsSession(Holding(rows), PALM.layout)
+    parts = [late.step(cut(scans, start, start + 6)) for start in range(0, 24, 6)]
+    assert [len(part) for part in parts] == rows
+    assert_same(joined([*parts, late.finish()]), joined([at_once.step(scans), at_once.finish()]))
+
+
+def test_an_estimator_that_gives_more_rows_than_scans_is_named() -> None:
+    class Twice:
+        def step(self, scans: Scans) -> Estimates:
+            return joined([Estimates.unknown(scans)] * 2)
+
+        finish = None
+
+    session = SlipsSession(Twice(), PALM.layout)  # type: ignore[arg-type]
+    with pytest.raises(EstimatorBroken, match=r"Twice gave estimates of 10 scans where at most 5 were waiting"):
+        session.step(scans_of(5))
+
+
+def test_estimates_at_the_end_belong_to_the_scans_that_wait() -> None:
+    session = SlipsSession(Holding([2, 0]), PALM.layout)
+    scans = scans_of(10)
+    assert len(session.step(cut(scans, 0, 5))) == 2
+    assert len(session.step(cut(scans, 5, 10))) == 0
+    last = session.finish()
+    np.testing.assert_array_equal(last.t_s, np.arange(2.0, 10.0))
+    assert last.border[-1, 0].tolist() == [True, True]

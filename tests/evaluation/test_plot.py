@@ -1,0 +1,304 @@
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+import pytest
+
+from rigged import estimated, rigged, strokes_by_both, svg_words
+from synthetic import dome, grid_sensor
+from taxelflow.errors import ExtraMissing, ResultMissing
+from taxelflow.evaluation.plot import plot_results
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
+from taxelflow.simulation.simulate import save
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from taxelflow.messages import Floats
+
+SIGNATURES = {"svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}
+BOTH = ["position-palm", "path-lnorm", "path-convolution", "views"]
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return strokes_by_both(tmp_path_factory.mktemp("stroke"))
+
+
+@pytest.fixture(scope="module")
+def drawn(results: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("drawn")
+    plot_results(results, out, "svg")
+    return out
+
+
+def saved(path: Path, pressure: Floats, sensor: Sensor) -> Path:
+    """A recording at 10 Hz."""
+    text = msgspec.json.encode(sensor).decode()
+    np.savez(path, t=np.arange(len(pressure)) / 10, pressure=pressure, sensor=text)
+    return path
+
+
+def own_result(folder: Path, pressure: Floats, pad: str = "palm") -> Path:
+    """The result of a recording of one pad of 4 x 7 taxels."""
+    sensor = Sensor(name="own", unit="Pa", pads=(Pad(name=pad, rows=4, cols=7, pitch_m=(0.01, 0.01)),))
+    return estimated(saved(folder / "own.npz", pressure, sensor), folder / "own")
+
+
+# Which pictures
+
+
+@pytest.mark.parametrize("form", SIGNATURES)
+def test_pictures_of_each_form_are_written_whole(results: list[Path], tmp_path: Path, form: str) -> None:
+    out = tmp_path / "deep" / "pictures"
+    made = plot_results(results, out, form)
+    assert made == [out / f"{name}.{form}" for name in BOTH]
+    assert sorted(out.iterdir()) == sorted(made)
+    for path in made:
+        assert path.read_bytes().startswith(SIGNATURES[form])
+        assert path.stat().st_size > 5000
+
+
+def test_one_result_is_drawn_alone(results: list[Path], tmp_path: Path) -> None:
+    made = plot_results(results[:1], tmp_path, "svg")
+    assert [path.stem for path in made] == ["position-palm", "path-lnorm", "views"]
+    words = svg_words(tmp_path / "position-palm.svg")
+    assert "L norm (Method I)" in words
+    assert "optical flow (Method II)" not in words
+
+
+def test_methods_and_truth_overlay_in_the_position_with_a_line_per_stroke(drawn: Path) -> None:
+    words = svg_words(drawn / "position-palm.svg")
+    for word in ("Object on palm", "truth", "L norm (Method I)", "optical flow (Method II)", "x in mm", "y in mm"):
+        assert word in words
+    assert "time in s" in words
+    speeds = [float(word.removesuffix(" mm/s")) for word in words if word.endswith(" mm/s")]
+    assert len(speeds) == 4
+    assert sorted(np.sign(speeds)) == [-1, -1, 1, 1]
+    assert all(15 < abs(speed) < 26 for speed in speeds)
+
+
+def test_the_path_lies_on_its_pad(drawn: Path) -> None:
+    for method in ("lnorm", "convolution"):
+        words = svg_words(drawn / f"path-{method}.svg")
+        for word in ("palm", "x in mm", "y in mm", "time in s"):
+            assert word in words
+
+
+def test_the_views_are_the_papers_three(drawn: Path) -> None:
+    words = svg_words(drawn / "views.svg")
+    for word in ("pressure in kPa, maximum in magenta", "convolution C[T]", "column", "row"):
+        assert word in words
+    (slip,) = (word for word in words if word.startswith("slip, "))
+    assert 2 < float(slip.split()[1]) < 6  # 25 mm/s at 7 Hz
+    (title,) = (word for word in words if word.startswith("palm at "))
+    assert 4 < float(title.split()[2]) < 16
+
+
+def test_several_pads_share_a_path_and_the_busiest_is_viewed(tmp_path: Path) -> None:
+    sensor = grid_sensor(4, 7, pads=6)
+    values = np.random.default_rng(0).normal(0, 100, (80, sensor.layout.taxels))
+    for pad in range(6):
+        for scan in range(20, 30 + 8 * pad):
+            values[scan] += dome(sensor, 0.0004 * (scan - 40), pad=pad)
+    result = estimated(saved(tmp_path / "a.npz", values, sensor), tmp_path / "a")
+    made = plot_results([result], tmp_path / "out", "svg")
+    assert [path.stem for path in made[:4]] == [f"position-pad{number}" for number in (5, 4, 3, 2)]
+    assert [path.stem for path in made[4:]] == ["path-convolution", "views"]
+    words = svg_words(tmp_path / "out" / "path-convolution.svg")
+    assert {"pad2", "pad3", "pad4", "pad5"} <= set(words)
+    assert "pad1" not in words
+    assert any(word.startswith("pad5 at ") for word in svg_words(tmp_path / "out" / "views.svg"))
+
+
+def test_truth_is_drawn_on_its_own_pad_alone(tmp_path: Path) -> None:
+    sensor = grid_sensor(4, 7, pads=2)
+    values = np.random.default_rng(0).normal(0, 100, (80, 56))
+    x_m = 0.0005 * (np.arange(80) - 50)
+    for scan in range(20, 80):
+        values[scan] += dome(sensor, x_m[scan]) + dome(sensor, pad=1)
+    text, t_s = msgspec.json.encode(sensor).decode(), np.arange(80) / 10
+    pose = np.stack([x_m, 0 * x_m, 0 * x_m], axis=1)
+    file = tmp_path / "a.npz"
+    np.savez(file, t=t_s, pressure=values, sensor=text, truth_pad="pad0", truth_t_s=t_s, truth_pose=pose)
+    plot_results([estimated(file, tmp_path / "a")], tmp_path / "out", "svg")
+    own, other = (svg_words(tmp_path / "out" / f"position-{pad}.svg") for pad in ("pad0", "pad1"))
+    assert "truth" in own
+    assert "truth" not in other
+    assert not any(word.endswith(" mm/s") for word in other)
+
+
+def test_a_real_slide_is_drawn(recordings: Path, tmp_path: Path) -> None:
+    file = recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa"
+    made = plot_results([estimated(file, tmp_path / "a")], tmp_path / "out", "png")
+    assert {"position-finger2_distal", "path-convolution", "views"} <= {path.stem for path in made}
+
+
+# The same again
+
+
+def test_the_same_results_give_the_same_files(results: list[Path], drawn: Path, tmp_path: Path) -> None:
+    for path in plot_results(results, tmp_path, "svg"):
+        assert path.read_bytes() == (drawn / path.name).read_bytes(), path.name
+
+
+def test_another_process_gives_the_same_files(results: list[Path], drawn: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "taxelflow.cli", "plot", *map(str, results), "--out", str(tmp_path)]
+    subprocess.run(command, check=True, capture_output=True, env={**os.environ, "PYTHONHASHSEED": "7"})
+    for name in BOTH:
+        assert (tmp_path / f"{name}.svg").read_bytes() == (drawn / f"{name}.svg").read_bytes(), name
+
+
+def test_a_second_drawing_replaces_the_first(results: list[Path], tmp_path: Path) -> None:
+    (tmp_path / "position-palm.svg").write_text("older")
+    plot_results(results[:1], tmp_path, "svg")
+    assert "Object on palm" in svg_words(tmp_path / "position-palm.svg")
+
+
+# What is missing
+
+
+@pytest.mark.parametrize("name", ["summary.json", "slips.csv"])
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_result_that_lacks_a_file_is_refused_before_anything_is_drawn(
+    results: list[Path], tmp_path: Path, name: str, place: int
+) -> None:
+    directories = list(results)
+    directories[place] = shutil.copytree(results[place], tmp_path / "lacking")
+    (tmp_path / "lacking" / name).unlink()
+    with pytest.raises(ResultMissing, match=rf"lacking holds no {name}"):
+        plot_results(directories, tmp_path / "out", "svg")
+    assert not (tmp_path / "out").exists()
+
+
+def test_rows_without_the_pads_of_the_summary_are_refused(results: list[Path], tmp_path: Path) -> None:
+    lacking = shutil.copytree(results[0], tmp_path / "lacking")
+    head, *_ = (lacking / "slips.csv").read_text().splitlines(keepends=True)
+    (lacking / "slips.csv").write_text(head)
+    with pytest.raises(ResultMissing, match="lacking"):
+        plot_results([lacking], tmp_path / "out", "svg")
+
+
+def test_results_of_two_recordings_are_not_drawn_together(results: list[Path], tmp_path: Path) -> None:
+    save(rigged("turn"), tmp_path / "turn.npz")
+    other = estimated(tmp_path / "turn.npz", tmp_path / "turn")
+    with pytest.raises(ResultMissing, match=rf"{other} holds no result of the same recording as {results[0]}"):
+        plot_results([results[0], other], tmp_path / "out", "svg")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_result_of_another_recording_is_named_wherever_it_stands(results: list[Path], tmp_path: Path) -> None:
+    save(rigged("turn"), tmp_path / "turn.npz")
+    other = estimated(tmp_path / "turn.npz", tmp_path / "turn")
+    with pytest.raises(ResultMissing, match=rf"^{other} holds no"):
+        plot_results([*results, other], tmp_path / "out", "svg")
+
+
+def test_a_result_without_contact_has_nothing_to_draw(tmp_path: Path) -> None:
+    idle = own_result(tmp_path, np.random.default_rng(0).normal(0, 100, (50, 28)))
+    with pytest.raises(ResultMissing, match="no contact"):
+        plot_results([idle], tmp_path / "out", "svg")
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_its_recording_a_result_has_no_views_and_no_truth(results: list[Path], tmp_path: Path) -> None:
+    gone = [shutil.copytree(directory, tmp_path / directory.name) for directory in results]
+    for directory in gone:
+        summary = json.loads((directory / "summary.json").read_text())
+        summary["input"] = str(tmp_path / "gone.npz")
+        (directory / "summary.json").write_text(json.dumps(summary))
+    made = plot_results(gone, tmp_path / "out", "svg")
+    assert [path.stem for path in made] == BOTH[:-1]
+    words = svg_words(tmp_path / "out" / "position-palm.svg")
+    assert "optical flow (Method II)" in words
+    assert "truth" not in words
+    assert not any(word.endswith(" mm/s") for word in words)
+
+
+@pytest.mark.parametrize("now", ["damaged", "of another sensor", "longer", "later"])
+def test_a_recording_that_was_replaced_since_is_not_drawn_as_this_results(tmp_path: Path, now: str) -> None:
+    path = tmp_path / "stroke.npz"
+    save(rigged(), path)
+    result = estimated(path, tmp_path / "result")
+    if now == "damaged":
+        path.write_bytes(path.read_bytes()[:5000])
+    elif now == "of another sensor":
+        save(rigged("turn"), path)
+    elif now == "longer":
+        save(rigged(seed=1, motion={"strokes": 4}), path)
+    else:
+        with np.load(path) as file:
+            members = dict(file)
+        members["t"], members["truth_t_s"] = members["t"] + 1000, members["truth_t_s"] + 1000
+        np.savez(path, **members)
+    made = plot_results([result], tmp_path / "out", "svg")
+    assert [path.stem for path in made] == ["position-palm", "path-convolution"]
+    assert "truth" not in svg_words(tmp_path / "out" / "position-palm.svg")
+
+
+def test_without_matplotlib_the_extra_is_named(
+    results: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ExtraMissing, match=r"pip install 'taxelflow\[plot\]'"):
+        plot_results(results, tmp_path / "out", "svg")
+    assert not list(tmp_path.rglob("*.svg"))
+
+
+# What is odd
+
+
+def test_no_picture_replaces_another_of_the_same_drawing(results: list[Path], tmp_path: Path) -> None:
+    summary = json.loads((results[0] / "summary.json").read_text())
+    scaled = estimated(summary["input"], tmp_path / "scaled", "--method", "lnorm", "--gain", "1.2")
+    made = plot_results([results[0], scaled], tmp_path / "out", "svg")
+    assert len(set(made)) == len(made) == 4
+
+
+@pytest.mark.parametrize("pad", ["left/tip", "läuft ✓", "a b", "50 $ (two $)", r"$\nonsense$", "<b>&", "../up"])
+def test_pads_of_any_name_are_drawn_under_their_name(tmp_path: Path, pad: str) -> None:
+    values = np.random.default_rng(0).normal(0, 100, (60, 28))
+    for scan in range(20, 60):
+        values[scan] += dome(grid_sensor(4, 7), 0.0005 * (scan - 40))
+    plot_results([own_result(tmp_path, values, pad)], tmp_path / "out", "svg")
+    pictures = list((tmp_path / "out").iterdir())
+    assert len(pictures) == 3
+    assert not list(tmp_path.rglob("*.part"))
+    (position,) = (path for path in pictures if path.stem.startswith("position-"))
+    assert f"Object on {pad}" in svg_words(position)
+
+
+def test_a_touch_too_short_for_a_position_has_nothing_to_draw(tmp_path: Path) -> None:
+    values = np.zeros((60, 28))
+    values[30] = dome(grid_sensor(4, 7))
+    with pytest.raises(ResultMissing, match="no position"):
+        plot_results([own_result(tmp_path, values)], tmp_path / "out", "svg")
+
+
+@pytest.mark.parametrize("scans", [2, 3])
+def test_a_touch_too_short_for_a_displacement_is_drawn(tmp_path: Path, scans: int) -> None:
+    values = np.zeros((60, 28))
+    values[30 : 30 + scans] = dome(grid_sensor(4, 7))
+    made = plot_results([own_result(tmp_path, values)], tmp_path / "out", "svg")
+    assert [path.stem for path in made] == ["position-palm", "path-convolution", "views"]
+    (title,) = (word for word in svg_words(tmp_path / "out" / "views.svg") if word.startswith("palm at "))
+    assert 3.0 <= float(title.split()[2]) < 3.5  # the scan that is seen is one in contact
+
+
+def test_an_object_over_several_pads_is_drawn_as_a_field(tmp_path: Path) -> None:
+    save(rigged("turn-over-hand"), tmp_path / "turn.npz")
+    made = plot_results([estimated(tmp_path / "turn.npz", tmp_path / "result")], tmp_path / "out", "svg")
+    (field,) = (path for path in made if path.stem == "field-convolution")
+    turns = [float(word.split()[-2]) for word in svg_words(field) if word.startswith("estimated: ")]
+    assert len(turns) == 3
+    assert any(0.4 < abs(turn) < 0.6 for turn in turns)  # it turns at 0.5 rad/s, and rests between

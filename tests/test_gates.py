@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+import os
+import subprocess
+from typing import TYPE_CHECKING
+
+from gates import long_modules, long_subjects, recent_subjects
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_a_long_module_is_named_unless_it_or_its_folder_is_exempt(tmp_path: Path) -> None:
+    for name, lines in (("short.py", 300), ("long.py", 301), ("core/deep/long.py", 400), ("spare.py", 500)):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("\n" * lines)
+    exempt = {"core": "why", "spare.py": "why"}
+    assert long_modules(tmp_path, exempt) == ["long.py has 301 lines, at most 300"]
+    assert long_modules(tmp_path, {**exempt, "long.py": "why", "short.py": "why"}) == [
+        "short.py is exempt but has no module over 300 lines"
+    ]
+
+
+def test_a_long_subject_is_named_with_its_commit() -> None:
+    assert long_subjects([f"1234567 {'x' * 72}", f"abcdef0 {'y' * 73}"]) == [
+        f"commit abcdef0 {'y' * 73}: 73 characters, at most 72"
+    ]
+
+
+def test_without_git_or_its_history_no_subject_is_checked(tmp_path: Path) -> None:
+    assert recent_subjects(tmp_path) == []
+    origin, clone = tmp_path / "origin", tmp_path / "clone"
+    origin.mkdir()
+    identity = ["-c", "user.name=a", "-c", "user.email=a@b"]
+    subprocess.run(["git", "init", "-q"], cwd=origin, check=True)
+    for year, subject in ((2020, "old"), (2030, "a"), (2031, "b")):
+        command = ["git", *identity, "commit", "-q", "--allow-empty", "-m", subject]
+        dated = {**os.environ, "GIT_COMMITTER_DATE": f"{year}-01-01T00:00:00Z"}
+        subprocess.run(command, cwd=origin, check=True, env=dated)
+    assert [line.partition(" ")[2] for line in recent_subjects(origin)] == ["b", "a"]
+    assert recent_subjects(origin / ".git") == []
+    subprocess.run(["git", "clone", "-q", "--depth", "1", f"file://{origin}", str(clone)], check=True)
+    assert recent_subjects(clone) == []
