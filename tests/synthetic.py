@@ -12,8 +12,8 @@ import numpy as np
 from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.condition.parameters import Conditioner
-from taxelflow.estimation.completion import start_slips
 from taxelflow.contacts.features import ContactFeatures
+from taxelflow.estimation.completion import start_slips
 from taxelflow.messages import Bools, Floats, RawScans, Scans, Slips, cut, joined
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
