@@ -65,6 +65,15 @@ def test_a_pads_own_theta_counts_half() -> None:
     assert rows["pose_covariance"][1, 2, 2] == pytest.approx(2e-6, rel=1e-3)
 
 
+def test_a_pads_own_theta_counts_from_the_objects_turn_at_which_it_was_anchored() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2], [0.0, 0.0, 0.3]])
+    touching = np.array([[True, True, False], [True, True, True], [False, False, True]])
+    own = np.full((3, 3, 2), np.nan)
+    own[:, 2] = [[np.nan, np.nan], [0.05, 1e-6], [0.15, 1e-6]]
+    rows = followed(seen(poses), touching=touching, own_turn=own)
+    np.testing.assert_allclose(rows["pose"][1:, 2], [0.2, 0.3], atol=1e-9)
+
+
 def test_a_contact_that_lifts_and_returns_is_anchored_again() -> None:
     poses = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.1], [0.02, 0.0, 0.2], [0.03, 0.0, 0.3]])
     places = seen(poses)
