@@ -14,7 +14,7 @@ from taxelflow.acquire.base import Recording
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.estimation.completion import start_slips
-from taxelflow.messages import Bools, Floats, RawScans, Scans, Slips, cut, joined
+from taxelflow.messages import Bools, Estimates, Floats, Footprint, RawScans, Scans, Slips, cut, joined
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 
@@ -110,6 +110,13 @@ def slips_by(method: str, sensor: Sensor, *blocks: Scans, mode: str = "stream", 
     session = start_slips(registry.find("estimator", method)(**parameters), sensor.layout, mode)
     slips: Slips = joined([*(session.step(block) for block in blocks), session.finish()])
     return slips
+
+
+def unknown_slips(scans: Scans) -> Slips:
+    """Slips of these scans with nothing in them but their contacts."""
+    shape = scans.contact.shape
+    footprint = Footprint(scans.t_s, scans.contact, np.zeros((*shape, 2), dtype=np.bool_), np.full(shape, np.nan))
+    return Slips.of(footprint, Estimates.unknown(scans))
 
 
 def conditioned(

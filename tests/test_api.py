@@ -29,10 +29,12 @@ PALM = grid_sensor(4, 7)
 PUBLIC = {
     "Columns",
     "Conditioner",
+    "Estimates",
     "Event",
     "Layout",
     "Motions",
     "Pad",
+    "Pipeline",
     "RawScans",
     "Recording",
     "Result",

@@ -51,7 +51,7 @@ def test_a_bag_is_estimated_and_what_is_odd_is_said_on_the_terminal_and_in_the_s
 ) -> None:
     bag = write_bag(tmp_path / "a.bag", {"/touch": (TOUCH, [[row] for row in VALUES])}, period_s=0.1)
     code, out, err = run(capsys, "estimate", bag, "--sensor", sensor, "--out", tmp_path / "out")
-    note = "messages carry no stamp: times are those of receipt"
+    note = "messages have no stamp: times are those of receipt"
     assert code == 0
     assert "70 scans of plain" in out
     assert f"taxelflow: {note}\n" in err

@@ -8,7 +8,6 @@ import pytest
 from synthetic import conditioned, dome, grid_sensor, recorded
 from taxelflow.api import estimate, read
 from taxelflow.condition.parameters import Conditioner
-from taxelflow.errors import ParameterInvalid
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 
@@ -195,31 +194,3 @@ def test_masks_of_a_stream_do_not_depend_on_how_it_is_cut() -> None:
     other, _ = conditioned(values, PALM, mode="stream", mask="auto", cuts=range(0, 1200, 17))
     np.testing.assert_array_equal(one.pressure, other.pressure)
     np.testing.assert_array_equal(one.complete, other.complete)
-
-
-@pytest.mark.parametrize("mask", ["some", "1,x", "-3", "", "1.5"])
-def test_a_mask_that_is_none_is_refused(mask: str) -> None:
-    with pytest.raises(ParameterInvalid, match="auto, none, or numbers of taxels such as 17,203"):
-        Conditioner(mask=mask)
-
-
-def test_a_mask_beyond_the_sensor_is_refused_with_its_numbers() -> None:
-    with pytest.raises(ParameterInvalid, match=r"mask must list taxels between 0 and 79 \(got 80\)"):
-        conditioned(wandering(50), PALM, mask="3,80")
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"repeats": "some"}, r"repeats must be one of drop, keep \(got 'some'\)"),
-        ({"drift": "yes"}, r"drift must be one of keep, follow \(got 'yes'\)"),
-        ({"lowpass_hz": -1.0}, r"lowpass_hz must be a frequency in Hz, or 0 for no filter \(got -1\.0\)"),
-        ({"lowpass_hz": float("nan")}, "lowpass_hz must .*got nan"),
-        ({"median_scans": 4}, r"median_scans must be an odd number of scans from 1 to 99 \(got 4\)"),
-        ({"median_scans": 0}, "median_scans must .*got 0"),
-    ],
-    ids=str,
-)
-def test_parameters_out_of_range_are_refused_by_name(parameters: dict[str, str], message: str) -> None:
-    with pytest.raises(ParameterInvalid, match=message):
-        Conditioner(**parameters)  # type: ignore[arg-type]

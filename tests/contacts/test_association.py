@@ -59,6 +59,10 @@ def test_the_older_contact_takes_all_of_a_new_one_it_meets() -> None:
     assert labels(*[first] * 6, second, met)[-1] == "111111."
 
 
+def test_the_older_contact_takes_the_separate_parts_of_a_new_one_too() -> None:
+    assert labels(*["9......."] * 6, "9..7777.", "99997.77")[-1] == "11111.11"
+
+
 def test_of_equally_old_contacts_the_lower_number_stays() -> None:
     assert labels("5...9", "55599") == ["2...1", "11111"]
 

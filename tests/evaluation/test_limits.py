@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from rigged import rigged
+from synthetic import unknown_slips
 from taxelflow import registry
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.evaluation.bound import Bound, bound_of
 from taxelflow.evaluation.limits import Limits, LimitsReport
 from taxelflow.evaluation.pose_errors import Errors, errors_of
 from taxelflow.geometry import transform
-from taxelflow.messages import AMBIGUOUS, LOST, OK, Scans, Slips
+from taxelflow.messages import AMBIGUOUS, LOST, OK, Estimates, Scans, Slips, no_scans
 from taxelflow.publish.summary import to_json
 from taxelflow.simulation.simulate import simulate
 
@@ -39,7 +40,7 @@ def perfect(scenario: Scenario, body: tuple[float, float, float] = (0.0, 0.0, 0.
         np.zeros(shape, dtype=np.bool_),
         np.ones(shape, dtype=np.bool_),
     )
-    slips = Slips.unknown(scans)
+    slips = unknown_slips(scans)
     known = bound.scored
     slips.contact[known, pad] = True
     slips.pose[known, pad, :2] = transform(truth.pose, np.array(body[:2]))[known]
@@ -145,17 +146,15 @@ class Oracle:
     def start(self, layout: Any, mode: str) -> Oracle:
         return self
 
-    def step(self, scans: Scans) -> Slips:
+    def step(self, scans: Scans) -> Estimates:
         t_s, slips, pad, bound = perfect(rigged("slide-and-turn"))
         assert len(scans) == len(t_s)
         random = np.random.default_rng(len(t_s))
         slips.pose[:, pad] += self.bold * bound.known * random.standard_normal(bound.known.shape)
-        return slips
+        return Estimates(**{field.name: getattr(slips, field.name) for field in fields(Estimates)})
 
-    def finish(self) -> Slips:
-        return Slips.unknown(
-            Scans(*(np.zeros((0, 1)) for _ in range(2)), np.zeros(1), np.zeros(1), *(np.zeros((0, 6), bool),) * 2)
-        )
+    def finish(self) -> Estimates:
+        return Estimates.unknown(no_scans(1, 6))
 
 
 def oracle(monkeypatch: pytest.MonkeyPatch, kind: type[Oracle]) -> LimitsReport:

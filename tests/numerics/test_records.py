@@ -6,7 +6,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
-from taxelflow.numerics.records import Records, Vector, record_dtype, records, unknown
+from taxelflow.numerics.records import Records, Vector, record, record_dtype, records, unknown
 
 
 class Inner:
@@ -50,9 +50,20 @@ def test_a_kernel_writes_fields_by_name() -> None:
     assert outer["rows"]["weight"].tolist() == [0.0, 0.0, 9.0, 9.0]
 
 
-def test_unknown_records_are_nan_in_every_field() -> None:
-    held = unknown(Inner, 2, 3)
+class Point:
+    x: float
+    y: float
+
+
+def test_unknown_records_are_nan() -> None:
+    held = unknown(Point, 2, 3)
     assert held.shape == (2, 3)
-    assert np.isnan(held["weight"]).all()
-    assert np.isnan(held["place"]).all()
-    assert unknown(Inner, 0, 3).shape == (0, 3)
+    assert np.isnan(held["x"]).all()
+    assert np.isnan(held["y"]).all()
+    assert unknown(Point, 0, 3).shape == (0, 3)
+
+
+def test_writing_to_a_records_field_writes_to_the_array() -> None:
+    held = records(Point, 3)
+    record(Point, held, 1).y = 2.0
+    assert held["y"].tolist() == [0.0, 2.0, 0.0]

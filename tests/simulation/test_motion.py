@@ -50,7 +50,7 @@ def test_the_centre_slides_along() -> None:
 def test_slipping_is_true_where_and_only_where_the_pose_moves(seed: int) -> None:
     t_s = np.arange(0.0, STICK_SLIP.duration_s, 1e-3)
     path = move(STICK_SLIP, t_s, seed)
-    moves = np.any(np.diff(path.pose, axis=0) != 0, axis=1)
+    moves = np.abs(np.diff(path.pose, axis=0)).max(axis=1) > 1e-15  # rounding alone moves a turned place
     inside = path.slipping[1:] == path.slipping[:-1]  # a step across a change holds some of both
     np.testing.assert_array_equal(moves[inside], path.slipping[1:][inside])
     speed = np.hypot(*np.diff(path.pose[:, :2], axis=0).T) / 1e-3

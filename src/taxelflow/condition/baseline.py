@@ -73,7 +73,7 @@ def with_masked(masked: Bools, taxels: Iterable[int]) -> Bools:
     more = masked.copy()
     for taxel in taxels:
         if taxel >= len(masked):
-            raise ParameterInvalid("mask", taxel, f"this sensor's taxels are numbered from 0 to {len(masked) - 1}")
+            raise ParameterInvalid("mask", taxel, f"list taxels between 0 and {len(masked) - 1}")
         more[taxel] = True
     return more
 

@@ -1,4 +1,4 @@
-"""Detection of duplicate scans and of gaps in time.
+"""Detection of duplicate scans.
 
 Loggers that run faster than their sensor write its last scan again, bit for bit, under a new stamp. An idle sensor that
 clips to its lowest value repeats itself too, and so does a still contact under a coarse converter. A repeated scan is
@@ -9,27 +9,20 @@ dropped only on evidence from its loaded readings, of either kind:
   taxel, counted over scans that differ, bound the probability that a new reading equals the last.
 - Periodicity. If runs of equal scans have lengths that add up as evenly as clocks do, each of them repeats one scan.
 
-Without evidence the scan is kept. A gap is a time step far above the usual one: the median of the steps before it.
+Without evidence the scan is kept.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 
 from taxelflow.compiling import kernel
+from taxelflow.condition.gaps import judge_new_step, judge_stamp
+from taxelflow.condition.stream_state import RUNS, StreamState, TaxelHistory
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, record, records
-
-GAP_RATIO = 3.0
-"""A time step longer than this many usual ones is a gap: 3 lost scans are one, jitter and a single lost scan are not.
-"""
-_STEPS = 15
-"""Time steps whose median is the usual one."""
-_MIN_STEPS = 3
-"""Fewer steps have no usual one."""
 
 _MAX_REPEAT_PROBABILITY = 1e-3
 """A repeated scan is dropped if a new one would be equal with at most this probability."""
@@ -40,8 +33,6 @@ _MIN_TAXEL_PROBABILITY = 0.05
 _PRIOR_SCANS = 4.0
 """Scans without a reversal that each taxel is credited with in advance."""
 
-_RUNS = 48
-"""Consecutive runs of equal scans that are tested for periodicity."""
 _MIN_MEAN_RUN = 1.5
 """A logger repeats scans if runs are on average this long, scans;"""
 _MAX_RUN_DEVIATION = 2.0
@@ -78,61 +69,6 @@ class Counts:
     step_s: float
     step_std_s: float
     usual_s: float
-
-
-class TaxelHistory:
-    """Readings of one taxel: the lowest of all, the last one, and the step that led to it.
-
-    loaded_scans: consecutive differing scans in which it was loaded, at most 2. reversals: of the steps, among
-    judged_scans: scans in which there could have been one.
-    """
-
-    lowest: float
-    value: float
-    step: float
-    loaded_scans: int
-    reversals: int
-    judged_scans: int
-
-
-class StreamState:
-    """State of a stream.
-
-    last_stamp_s, last_kept_s: time of the last scan, and of the last one kept; NaN before the first. gap_pending: time
-    was lost since the last scan kept. dropped_since_kept: scans. kept_is_evidence: a repetition of the last scan kept
-    would be recognised. repeats_seen: any scan has been dropped.
-    dropped, gaps, longest_gap_s: totals. steps, step_mean_s, step_squares_s2: number, mean, and sum of squared
-    deviations of the steps from stamp to stamp. new_steps, new_steps_s: number and sum of the steps between scans whose
-    repetition would be recognised.
-    run_scans, run_is_loaded: length of the current run of equal scans, less 1, and whether it counts. periodic: runs
-    are.
-    recent_steps_s, recent_new_steps_s, recent_runs: ring buffers, of which stamps, new_stamps and runs entries have
-    been written in all.
-    """
-
-    last_stamp_s: float
-    last_kept_s: float
-    gap_pending: bool
-    dropped_since_kept: int
-    kept_is_evidence: bool
-    repeats_seen: bool
-    dropped: int
-    gaps: int
-    longest_gap_s: float
-    steps: int
-    step_mean_s: float
-    step_squares_s2: float
-    new_steps: int
-    new_steps_s: float
-    run_scans: int
-    run_is_loaded: bool
-    periodic: bool
-    stamps: int
-    new_stamps: int
-    runs: int
-    recent_steps_s: Annotated[Floats, _STEPS]
-    recent_new_steps_s: Annotated[Floats, _STEPS]
-    recent_runs: Annotated[Floats, _RUNS]
 
 
 class Deduplicator:
@@ -199,7 +135,7 @@ def deduplicate(
     for scan in range(len(t)):
         repeats = False
         if not np.isnan(stream.last_stamp_s):
-            _judge_stamp(t[scan] - stream.last_stamp_s, stream)
+            judge_stamp(t[scan] - stream.last_stamp_s, stream)
             repeats = _equals_last(values[scan], histories)
             stream.run_scans += 1
             if drop and repeats and _is_evidence(values[scan], ceiling, histories, stream):
@@ -212,7 +148,7 @@ def deduplicate(
                 continue
         evidence = stream.repeats_seen and _is_evidence(values[scan], ceiling, histories, stream)
         if evidence and stream.kept_is_evidence:
-            _judge_new_step(t[scan] - stream.last_kept_s, stream)
+            judge_new_step(t[scan] - stream.last_kept_s, stream)
         gap[scan] = stream.gap_pending
         stream.last_stamp_s = stream.last_kept_s = t[scan]
         stream.gap_pending, stream.dropped_since_kept, stream.kept_is_evidence = False, 0, evidence
@@ -220,48 +156,6 @@ def deduplicate(
             _end_run(stream, gap[scan])
             stream.run_is_loaded = _update(values[scan], ceiling, histories) >= _MIN_LOADED_TAXELS
     return new
-
-
-@kernel
-def _judge_stamp(step_s: float, stream: StreamState) -> None:
-    """Recognise a gap between stamps; mean and variance of the other steps (Welford's algorithm)."""
-    if step_s > GAP_RATIO * _median(stream.recent_steps_s, stream.stamps):
-        _add_gap(step_s, stream)
-    else:
-        stream.steps += 1
-        deviation = step_s - stream.step_mean_s
-        stream.step_mean_s += deviation / stream.steps
-        stream.step_squares_s2 += deviation * (step_s - stream.step_mean_s)
-    stream.recent_steps_s[stream.stamps % _STEPS] = step_s
-    stream.stamps += 1
-
-
-@kernel
-def _judge_new_step(step_s: float, stream: StreamState) -> None:
-    """Recognise a sensor that hung while its logger went on. Both scans of the step are evidence."""
-    hung = step_s > GAP_RATIO * _median(stream.recent_new_steps_s, stream.new_stamps)
-    if hung and stream.dropped_since_kept > 0 and not stream.gap_pending:
-        _add_gap(step_s, stream)
-    stream.recent_new_steps_s[stream.new_stamps % _STEPS] = step_s
-    stream.new_stamps += 1
-    if not stream.gap_pending:
-        stream.new_steps_s += step_s
-        stream.new_steps += 1
-
-
-@kernel
-def _add_gap(step_s: float, stream: StreamState) -> None:
-    stream.gap_pending = True
-    stream.gaps += 1
-    stream.longest_gap_s = max(stream.longest_gap_s, step_s)
-
-
-@kernel
-def _median(ring: Floats, written: int) -> float:
-    """Median of the recent steps; infinite while there are too few."""
-    if written < _MIN_STEPS:
-        return np.inf
-    return float(np.median(ring[: min(written, _STEPS)]))
 
 
 @kernel
@@ -278,9 +172,9 @@ def _equals_last(values: Floats, histories: Records) -> bool:
 def _end_run(stream: StreamState, gap: bool) -> None:
     """A new scan: note the length of the last run, if it was loaded, and test the runs for periodicity."""
     if stream.run_is_loaded and not gap:
-        stream.recent_runs[stream.runs % _RUNS] = stream.run_scans
+        stream.recent_runs[stream.runs % RUNS] = stream.run_scans
         stream.runs += 1
-        stream.periodic = stream.periodic or (stream.runs >= _RUNS and _is_periodic(stream))
+        stream.periodic = stream.periodic or (stream.runs >= RUNS and _is_periodic(stream))
     stream.run_scans = 0
 
 
@@ -288,8 +182,8 @@ def _end_run(stream: StreamState, gap: bool) -> None:
 def _is_periodic(stream: StreamState) -> bool:
     mean = stream.recent_runs.mean()
     deviation = largest = 0.0
-    for k in range(_RUNS):
-        deviation += stream.recent_runs[(stream.runs + k) % _RUNS] - mean
+    for k in range(RUNS):
+        deviation += stream.recent_runs[(stream.runs + k) % RUNS] - mean
         largest = max(largest, abs(deviation))
     return bool(mean >= _MIN_MEAN_RUN and largest <= _MAX_RUN_DEVIATION)
 

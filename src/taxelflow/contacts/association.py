@@ -48,20 +48,67 @@ def associate(reading: Floats, noise: Floats, pad: SegmentedPad, number: int, co
     for b in range(1, components + 1):
         for s in range(1, slots + 1):
             owner[b, s] = votes[b, s] > 0.0 and votes[b, s] >= MIN_OVERLAP * tracks[s - 1].load
-        if not owner[b].any() and votes[b].max() > 0.0:
-            owner[b, np.argmax(votes[b])] = True
+        if owners_of(b, owner) == 0:
+            strongest = _strongest(b, votes)
+            owner[b, strongest] = strongest > 0
     for s in range(1, slots + 1):
-        if tracks[s - 1].load > 0.0 and not owner[:, s].any():
-            reach = MAX_JUMP_PITCHES if owner.any() else np.inf
+        if tracks[s - 1].load > 0.0 and _components_of(s, owner) == 0:
+            reach = MAX_JUMP_PITCHES if _assigned(owner) > 0 else np.inf
             nearest = _nearest(tracks[s - 1].x, tracks[s - 1].y, found, owner, False, reach)
             owner[nearest, s] = nearest > 0
     _merge_new(owner, tracks)
     for s in range(1, slots + 1):
-        tracks[s - 1].age = tracks[s - 1].age + 1 if owner[:, s].any() else 0
+        tracks[s - 1].age = tracks[s - 1].age + 1 if _components_of(s, owner) > 0 else 0
     _start(owner, found, pad.contact_on, tracks)
     _split(owner, found, pad.contact_on, tracks)
     _assign_rest(owner, found)
     return owner
+
+
+@kernel
+def owners_of(component: int, owner: Bools) -> int:
+    """How many tracks a component belongs to. owner: (components + 1, slots + 1)."""
+    owners = 0
+    for s in range(1, owner.shape[1]):
+        owners += 1 if owner[component, s] else 0
+    return owners
+
+
+@kernel
+def first_owner(component: int, owner: Bools) -> int:
+    """The lowest label that a component belongs to, 0 if there is none."""
+    for s in range(1, owner.shape[1]):
+        if owner[component, s]:
+            return s
+    return 0
+
+
+@kernel
+def _components_of(label: int, owner: Bools) -> int:
+    """How many components belong to a track."""
+    components = 0
+    for b in range(1, len(owner)):
+        components += 1 if owner[b, label] else 0
+    return components
+
+
+@kernel
+def _assigned(owner: Bools) -> int:
+    """How many components belong to any track."""
+    components = 0
+    for b in range(1, len(owner)):
+        components += 1 if owners_of(b, owner) > 0 else 0
+    return components
+
+
+@kernel
+def _strongest(component: int, votes: Floats) -> int:
+    """The label with most votes for a component, 0 if there are none."""
+    most, label = 0.0, 0
+    for s in range(1, votes.shape[1]):
+        if votes[component, s] > most:
+            most, label = votes[component, s], s
+    return label
 
 
 @kernel
@@ -109,7 +156,7 @@ def _nearest(x: float, y: float, components: Records, owner: Bools, owned: bool,
     nearest = 0
     for b in range(1, len(owner)):
         distance = np.hypot(components[b].x - x, components[b].y - y)
-        if owner[b].any() == owned and distance < reach:
+        if (first_owner(b, owner) > 0) == owned and distance < reach:
             nearest, reach = b, distance
     return nearest
 
@@ -119,21 +166,28 @@ def _merge_new(owner: Bools, tracks: Records) -> None:
     """A new track that meets an older one in a component becomes part of it, with all of its components."""
     for b in range(1, len(owner)):
         for s in range(owner.shape[1] - 1, 0, -1):
-            older = _older(owner[b], s, tracks) if owner[b, s] and tracks[s - 1].age < MIN_AGE_SCANS else 0
+            older = _older_owner(b, s, owner, tracks) if owner[b, s] and tracks[s - 1].age < MIN_AGE_SCANS else 0
             if older > 0:
-                owner[:, older] |= owner[:, s]
-                owner[:, s] = False
+                _hand_over(s, older, owner)
 
 
 @kernel
-def _older(owners: Bools, label: int, tracks: Records) -> int:
-    """The first track among the owners (slots + 1,) of a component that is older than this one; 0 if there is none."""
+def _older_owner(component: int, label: int, owner: Bools, tracks: Records) -> int:
+    """The first track of a component that is older than this one; 0 if there is none."""
     age = tracks[label - 1].age
-    for r in range(1, len(owners)):
+    for r in range(1, owner.shape[1]):
         older = tracks[r - 1].age > age or (tracks[r - 1].age == age and r < label)
-        if owners[r] and older:
+        if owner[component, r] and older:
             return r
     return 0
+
+
+@kernel
+def _hand_over(label: int, to: int, owner: Bools) -> None:
+    """All components of one track go to another."""
+    for b in range(1, len(owner)):
+        owner[b, to] = owner[b, to] or owner[b, label]
+        owner[b, label] = False
 
 
 @kernel
@@ -143,10 +197,10 @@ def _start(owner: Bools, components: Records, contact_on: float, tracks: Records
         new = 0
         for b in range(1, len(owner)):
             component: Component = components[b]
-            candidate = not owner[b].any() and component.peak > contact_on
+            candidate = owners_of(b, owner) == 0 and component.peak > contact_on
             if candidate and (new == 0 or component.load > components[new].load):
                 new = b
-        if new > 0 and not owner[:, s].any():
+        if new > 0 and _components_of(s, owner) == 0:
             owner[new, s] = True
             _occupy(tracks[s - 1])
 
@@ -169,7 +223,7 @@ def _split(owner: Bools, components: Records, contact_on: float, tracks: Records
         track.parted_scans = track.parted_scans + 1 if second > 0 else 0
         free = 0
         for r in range(slots, 0, -1):
-            free = r if not owner[:, r].any() else free
+            free = r if _components_of(r, owner) == 0 else free
         if track.parted_scans >= MIN_PARTED_SCANS and free > 0:
             owner[second, s], owner[second, free] = False, True
             _occupy(tracks[free - 1])
@@ -181,7 +235,7 @@ def _second_part(label: int, owner: Bools, components: Records, contact_on: floa
     """The second largest component that belongs to this track only; 0 if there are fewer than two."""
     largest = second = 0
     for b in range(1, len(owner)):
-        if not (owner[b, label] and owner[b].sum() == 1 and components[b].peak > contact_on):
+        if not (owner[b, label] and owners_of(b, owner) == 1 and components[b].peak > contact_on):
             continue
         if largest == 0 or components[b].load > components[largest].load:
             largest, second = b, largest
@@ -195,7 +249,7 @@ def _assign_rest(owner: Bools, components: Records) -> None:
     """Components that are too faint or too many belong to the first track of the nearest assigned component."""
     assigned = owner.copy()
     for b in range(1, len(owner)):
-        if not assigned[b].any():
+        if owners_of(b, assigned) == 0:
             nearest = _nearest(components[b].x, components[b].y, components, assigned, True, np.inf)
             if nearest > 0:
-                owner[b, np.argmax(assigned[nearest])] = True
+                owner[b, first_owner(nearest, assigned)] = True

@@ -138,16 +138,8 @@ class RigidityMonitor:
         if self._tracker is None:
             return moved_apart
         found = self._tracker.step(scans)
-        check_rigidity(
-            scans.pressure,
-            scans.noise,
-            scans.contact,
-            scans.complete,
-            found.labels,
-            found.contacts,
-            self._memory,
-            moved_apart,
-        )
+        pressure, noise, contact, complete = scans.pressure, scans.noise, scans.contact, scans.complete
+        check_rigidity(pressure, noise, contact, complete, found.labels, found.contacts, self._memory, moved_apart)
         return moved_apart
 
 

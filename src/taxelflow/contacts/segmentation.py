@@ -109,19 +109,11 @@ def segment(
             pad: SegmentedPad = memory.pads[number]
             if contact[scan, pad.pad]:
                 _segment_pad(pressure[scan], noise, not complete[scan, pad.pad], number, memory, adjacency)
-                _keep_scan(pressure[scan], pad, memory, labels[scan])
+                _store(pressure[scan], pad, memory.taxels, labels[scan])
                 _find_clearance(pressure[scan], number, memory, adjacency, labels[scan], contacts[scan, number])
                 _find_connected(number, memory, contacts[scan, number])
             else:
                 _reset(number, memory)
-
-
-@kernel
-def _keep_scan(reading: Floats, pad: SegmentedPad, memory: Memory, labels: Labels) -> None:
-    """Keep the scan's readings for the next one, and write its labels."""
-    for k in range(pad.start, pad.stop):
-        memory.taxels[k].last_reading = reading[k]
-        labels[k] = memory.taxels[k].label
 
 
 @kernel
@@ -151,6 +143,14 @@ def _segment_pad(
     owner = associate(reading, noise, pad, number, components, memory)
     if label_taxels(reading, pad, owner, taxels, adjacency):
         merge_peakless(reading, pad, tracks, taxels, adjacency)
+
+
+@kernel
+def _store(reading: Floats, pad: SegmentedPad, taxels: Records, labels: Labels) -> None:
+    """Keep the readings for the next scan, and write the labels of this one."""
+    for k in range(pad.start, pad.stop):
+        taxels[k].last_reading = reading[k]
+        labels[k] = taxels[k].label
 
 
 @kernel

@@ -11,7 +11,7 @@ import numpy as np
 
 from taxelflow.compiling import kernel
 from taxelflow.contacts.adjacency import Adjacency
-from taxelflow.contacts.association import MIN_PARTED_SCANS
+from taxelflow.contacts.association import MIN_PARTED_SCANS, first_owner, owners_of
 from taxelflow.contacts.tracks import SegmentedPad, Taxel, Track
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
@@ -36,10 +36,10 @@ def label_taxels(reading: Floats, pad: SegmentedPad, owner: Bools, taxels: Recor
     for k in range(pad.start, pad.stop):
         taxel: Taxel = taxels[k]
         b, s = taxel.component, taxel.label
-        several = owner[b].sum() > 1
+        several = owners_of(b, owner) > 1
         marker = s > 0 and owner[b, s] and taxel.last_reading >= MARKER_LEVEL * peak[b, s]
         shared |= several
-        taxel.label = (s if marker else 0) if several else int(np.argmax(owner[b]))
+        taxel.label = (s if marker else 0) if several else first_owner(b, owner)
     while shared:
         taxel_number, label = _next_taxel(reading, pad, owner, taxels, adjacency)
         if taxel_number < 0:
@@ -55,7 +55,7 @@ def _next_taxel(
     """The highest unlabelled taxel beside a labelled one of its component, and its new label; -1 if none is left."""
     best, highest, label = -1, -np.inf, 0
     for k in range(pad.start, pad.stop):
-        if taxels[k].label == 0 and reading[k] > highest and owner[taxels[k].component].any():
+        if taxels[k].label == 0 and reading[k] > highest and first_owner(taxels[k].component, owner) > 0:
             found = _label_of_highest_neighbour(k, reading, taxels, adjacency)
             if found > 0:
                 best, highest, label = k, reading[k], found

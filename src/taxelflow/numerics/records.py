@@ -52,5 +52,8 @@ def unknown(fields: type, *shape: int) -> Records:
 
 
 def record(fields: type[Fields], held: Records, number: int = 0) -> Fields:
-    """One record of an array, by attribute, for code outside kernels. Writing to a field writes to the array."""
+    """One record of an array, by attribute, for code outside kernels. Writing to a field writes to the array.
+
+    A field with the name of an array's method, such as `mean`, cannot be read so.
+    """
     return cast("Fields", held.view(np.recarray)[number])

@@ -62,8 +62,8 @@ def convolution_flow(
     """Fill rows (scans, pads) of `Row`, which come in as NaN.
 
     places: (2, taxels), m. pads, noise_sums, memory: (pads,) of `Pad`, `NoiseSums` and `Memory`; memory is kept from
-    block to block. The index needs two usable scans in a row, the slip vector three; a scan without contact, or with a
-    missing loaded taxel, begins again, so that nothing jumps at lift-off and re-contact.
+    block to block. The index needs two usable scans in a row, the slip vector three; a scan without contact, or with
+    a missing loaded taxel, begins again, so that nothing jumps at lift-off and re-contact.
     """
     t, pressure, noise, contact, complete = block
     for number in range(len(pads)):

@@ -7,7 +7,7 @@ error of a pose hardly grows while the object stays where it is. The covariance 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,14 @@ from taxelflow.estimation.scan_matching.matching import (
     surroundings,
     take,
 )
+from taxelflow.estimation.scan_matching.track import (
+    Last,
+    Track,
+    forget_unobservable,
+    propagate,
+    write_pose,
+    write_step,
+)
 from taxelflow.estimation.scan_matching.uncertainty import (
     covariance,
     earlier_gains,
@@ -32,9 +40,9 @@ from taxelflow.estimation.scan_matching.uncertainty import (
     turn_variance,
 )
 from taxelflow.messages import AMBIGUOUS, LOST, NO_POSE, UNRESOLVED, Bools, Floats
-from taxelflow.numerics.bspline import GAIN, STATE, THETA
+from taxelflow.numerics.bspline import GAIN, STATE
 from taxelflow.numerics.centroid import loaded_centroid
-from taxelflow.numerics.records import Records, Vector
+from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import eigenvalues2
 
@@ -48,9 +56,6 @@ _OBSERVABLE, _STILL_OBSERVABLE = 4.0, 2.0
 the second."""
 _SURE_RAD = 0.1
 """... and if its standard deviation is below this. What noise does not explain of a scan counts as more noise."""
-_SCALE_ERROR = 0.03
-"""Standard deviation of the share by which steps are too long or too short: a spline through taxels is too flat between
-them, by 1 % for waves of six pitches and 4 % for waves of four."""
 _BLURRED = 0.25
 """Standard deviation of a position, in pitches, above which its direction is not observed."""
 
@@ -73,17 +78,6 @@ class Taxels(NamedTuple):
     units: Floats
 
 
-class Last(NamedTuple):
-    """The last scan, kept from scan to scan: reading and variance (taxels,), 0 where missing or masked, the gains G
-    (3, taxels) of its registration, and its spline's coefficients (ny, nx).
-    """
-
-    reading: Floats
-    variance: Floats
-    gains: Floats
-    coefficients: Floats
-
-
 class Steps(NamedTuple):
     """What is filled in, fields of `Slips` for one pad; they come in as NaN and 0."""
 
@@ -93,20 +87,6 @@ class Steps(NamedTuple):
     displacement_covariance: Floats
     span_s: Floats
     quality: NDArray[np.uint8]
-
-
-class Track:
-    """What is known of a contact, lengths in pitches; running: the last scan can be registered on, t_s: its time.
-
-    pose, covariance: since the contact began. path: sum of the steps. yaw: one of YAW_UNKNOWN ...
-    """
-
-    running: bool
-    yaw: int
-    t_s: float
-    pose: Vector
-    path: Vector
-    covariance: Annotated[Floats, 3, 3]
 
 
 @kernel
@@ -306,59 +286,3 @@ def update_yaw(track: Track, turns: bool) -> None:
         track.yaw = YAW_LOST
     elif track.yaw == YAW_UNKNOWN and turns:
         track.yaw = YAW_OBSERVABLE
-
-
-@kernel
-def propagate(own: Floats, earlier: Floats, last: Last, total: Floats, step: Floats) -> None:
-    """Fill step (3, 3) with the covariance of a displacement, and add it to the pose's, total (3, 3).
-
-    own: G N1 G^T of this scan. earlier: (3, taxels), G' of the last one, whose noise is in the pose already, by G.
-    """
-    for a in range(3):
-        for b in range(3):
-            mine = mixed = 0.0
-            for i in range(len(last.reading)):
-                variance = last.variance[i] if last.reading[i] != 0.0 else 0.0
-                mine += earlier[a, i] * earlier[b, i] * variance
-                mixed += (last.gains[a, i] * earlier[b, i] + last.gains[b, i] * earlier[a, i]) * variance
-            step[a, b] = own[a, b] + mine
-            total[a, b] += own[a, b] + mine - mixed
-
-
-@kernel
-def write_step(state: Floats, turns: bool, units: Floats, displacement: Floats, matrix: Floats) -> None:
-    """Fill displacement (3,) and bring its covariance (3, 3) to m and rad."""
-    for a in range(3):
-        displacement[a] = state[a] * units[a]
-        for b in range(3):
-            matrix[a, b] *= units[a] * units[b]
-    if not turns:
-        displacement[THETA] = np.nan
-        for a in range(3):
-            matrix[THETA, a] = matrix[a, THETA] = np.nan
-
-
-@kernel
-def write_pose(track: Track, shows_turn: bool, units: Floats, pose: Floats, matrix: Floats) -> None:
-    """Fill pose (3,) and covariance (3, 3), with an error of the scale of the path, in m and rad."""
-    for a in range(3):
-        pose[a] = track.pose[a] * units[a]
-        for b in range(3):
-            scale = _SCALE_ERROR**2 * track.path[a] * track.path[b]
-            matrix[a, b] = (track.covariance[a, b] + scale) * units[a] * units[b]
-    if not shows_turn:
-        pose[THETA] = np.nan
-        for a in range(3):
-            matrix[THETA, a] = matrix[a, THETA] = np.nan
-
-
-@kernel
-def forget_unobservable(
-    unobservable: Floats, begins: bool, units: Floats, own: Floats, pose_matrix: Floats, step_matrix: Floats
-) -> None:
-    """Along an axis that is not observable, the object may be anywhere on the pad: variances of that in all (3, 3)."""
-    for a in range(2):
-        if unobservable[a] > 0.0:
-            pose_matrix[a, a] = (unobservable[a] * units[a]) ** 2
-            step_matrix[a, a] = np.nan if begins else 2.0 * pose_matrix[a, a]
-            own[a, a] = unobservable[a] ** 2

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.scan_matching.interpolant import Interpolant
-from taxelflow.estimation.scan_matching.odometry import Block, Last, Steps, Taxels, Track, follow
+from taxelflow.estimation.scan_matching.odometry import Block, Steps, Taxels, follow
+from taxelflow.estimation.scan_matching.track import Last, Track
 from taxelflow.messages import Estimates, Scans
 from taxelflow.numerics.records import Records, records
 

@@ -118,7 +118,9 @@ def judge(covariance: Floats, misfit: Floats, rough: float, pitch_m: float) -> B
     """Quality (scans,). misfit: chi-square per degree of freedom; rough: error of the pattern relative to it."""
     xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
     largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
-    quality = np.where(np.sqrt(largest) > _BLURRED * pitch_m, AMBIGUOUS, OK)
+    # Where a scan holds hardly any information, its inverse may have lost its sign to rounding.
+    is_known = (xx > 0) & (yy > 0) & (largest <= (_BLURRED * pitch_m) ** 2)
+    quality = np.where(is_known, OK, AMBIGUOUS)
     quality = np.where((misfit > _UNRESOLVED) | (rough > TOO_ROUGH), UNRESOLVED, quality)
     return quality.astype(np.uint8)
 

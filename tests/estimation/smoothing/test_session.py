@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synthetic import assert_same, grid_sensor, pieces, scans_of
+from synthetic import assert_same, grid_sensor, pieces, scans_of, unknown_slips
 from taxelflow.api import estimate
 from taxelflow.cli import main
 from taxelflow.errors import ParameterInvalid
@@ -42,7 +42,7 @@ class Told:
 def told(t_s: Floats, pose: Floats, *, contact: Any = True) -> tuple[Slips, Scans]:
     """Slips (scans, one pad) of these noisy poses, and scans to step with."""
     scans = scans_of(PAD, np.ones((len(t_s), 9)), t_s=t_s, contact=np.broadcast_to(contact, (len(t_s),)))
-    slips = Slips.unknown(scans)
+    slips = unknown_slips(scans)
     slips.pose[:, 0] = np.where(scans.contact, pose, np.nan)
     slips.covariance[:, 0] = np.where(scans.contact[..., np.newaxis], np.diag(STD**2), np.nan)
     slips.displacement[1:, 0] = np.diff(slips.pose[:, 0], axis=0)

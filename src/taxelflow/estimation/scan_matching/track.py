@@ -1,0 +1,98 @@
+"""The track of a contact: what is kept from scan to scan, and how a step's covariance joins that of the pose."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from taxelflow.compiling import kernel
+from taxelflow.messages import Floats
+from taxelflow.numerics.bspline import THETA
+from taxelflow.numerics.records import Vector
+
+_SCALE_ERROR = 0.03
+"""Standard deviation of the share by which steps are too long or too short: a spline through taxels is too flat between
+them, by 1 % for waves of six pitches and 4 % for waves of four."""
+
+
+class Last(NamedTuple):
+    """The last scan, kept from scan to scan: reading and variance (taxels,), 0 where missing or masked, the gains G
+    (3, taxels) of its registration, and its spline's coefficients (ny, nx).
+    """
+
+    reading: Floats
+    variance: Floats
+    gains: Floats
+    coefficients: Floats
+
+
+class Track:
+    """What is known of a contact, lengths in pitches; running: the last scan can be registered on, t_s: its time.
+
+    pose, covariance: since the contact began. path: sum of the steps. yaw: one of `odometry.YAW_UNKNOWN` ...
+    """
+
+    running: bool
+    yaw: int
+    t_s: float
+    pose: Vector
+    path: Vector
+    covariance: Annotated[Floats, 3, 3]
+
+
+@kernel
+def propagate(own: Floats, earlier: Floats, last: Last, total: Floats, step: Floats) -> None:
+    """Fill step (3, 3) with the covariance of a displacement, and add it to the pose's, total (3, 3).
+
+    own: G N1 G^T of this scan. earlier: (3, taxels), G' of the last one, whose noise is in the pose already, by G.
+    """
+    for a in range(3):
+        for b in range(3):
+            mine = mixed = 0.0
+            for i in range(len(last.reading)):
+                variance = last.variance[i] if last.reading[i] != 0.0 else 0.0
+                mine += earlier[a, i] * earlier[b, i] * variance
+                mixed += last.gains[a, i] * earlier[b, i] * variance
+                mixed += last.gains[b, i] * earlier[a, i] * variance
+            step[a, b] = own[a, b] + mine
+            total[a, b] += own[a, b] + mine - mixed
+
+
+@kernel
+def write_step(state: Floats, turns: bool, units: Floats, displacement: Floats, matrix: Floats) -> None:
+    """Fill displacement (3,) and bring its covariance (3, 3) to m and rad."""
+    for a in range(3):
+        displacement[a] = state[a] * units[a]
+        for b in range(3):
+            matrix[a, b] *= units[a] * units[b]
+    if not turns:
+        displacement[THETA] = np.nan
+        for a in range(3):
+            matrix[THETA, a] = matrix[a, THETA] = np.nan
+
+
+@kernel
+def write_pose(track: Track, shows_turn: bool, units: Floats, pose: Floats, matrix: Floats) -> None:
+    """Fill pose (3,) and covariance (3, 3), with an error of the scale of the path, in m and rad."""
+    for a in range(3):
+        pose[a] = track.pose[a] * units[a]
+        for b in range(3):
+            scale = _SCALE_ERROR**2 * track.path[a] * track.path[b]
+            matrix[a, b] = (track.covariance[a, b] + scale) * units[a] * units[b]
+    if not shows_turn:
+        pose[THETA] = np.nan
+        for a in range(3):
+            matrix[THETA, a] = matrix[a, THETA] = np.nan
+
+
+@kernel
+def forget_unobservable(
+    unobservable: Floats, begins: bool, units: Floats, own: Floats, pose_matrix: Floats, step_matrix: Floats
+) -> None:
+    """Along an axis that is not observable, the object may be anywhere on the pad: variances of that in all (3, 3)."""
+    for a in range(2):
+        if unobservable[a] > 0.0:
+            pose_matrix[a, a] = (unobservable[a] * units[a]) ** 2
+            step_matrix[a, a] = np.nan if begins else 2.0 * pose_matrix[a, a]
+            own[a, a] = unobservable[a] ** 2
