@@ -5,7 +5,7 @@ import pytest
 
 from taxelflow.fusion.pose import Anchor, Body, follow_pose
 from taxelflow.fusion.twist import Row
-from taxelflow.geometry import place
+from taxelflow.geometry import transform
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, records, unknown
 
@@ -28,7 +28,7 @@ def followed(
 
 def seen(poses: Floats, points: Floats = POINTS) -> Floats:
     """Where contacts on an object lie at its poses (scans, 3)."""
-    return place(np.asarray(poses)[:, np.newaxis], points)
+    return transform(np.asarray(poses)[:, np.newaxis], points)
 
 
 def test_the_pose_is_that_of_the_object_and_0_in_the_first_scan() -> None:
@@ -63,6 +63,15 @@ def test_a_pads_own_theta_counts_half() -> None:
     rows = followed(seen(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]), POINTS[:1]), own_turn=own)
     assert rows["pose"][1, 2] == pytest.approx(0.2, abs=1e-9)
     assert rows["pose_covariance"][1, 2, 2] == pytest.approx(2e-6, rel=1e-3)
+
+
+def test_a_pads_own_theta_counts_from_the_objects_turn_at_which_it_was_anchored() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2], [0.0, 0.0, 0.3]])
+    touching = np.array([[True, True, False], [True, True, True], [False, False, True]])
+    own = np.full((3, 3, 2), np.nan)
+    own[:, 2] = [[np.nan, np.nan], [0.05, 1e-6], [0.15, 1e-6]]
+    rows = followed(seen(poses), touching=touching, own_turn=own)
+    np.testing.assert_allclose(rows["pose"][1:, 2], [0.2, 0.3], atol=1e-9)
 
 
 def test_a_contact_that_lifts_and_returns_is_anchored_again() -> None:

@@ -9,6 +9,7 @@ from synthetic import assert_same, dome, grid_sensor, pieces, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.centroid.convolution import Convolution
 from taxelflow.estimation.centroid.paper_reference import convolution_index, slip_vector
+from taxelflow.estimation.completion import start_slips
 from taxelflow.messages import Floats, Slips
 
 PITCH = (0.01, 0.006)
@@ -242,6 +243,6 @@ def test_blocks_of_any_size_and_both_modes_give_the_same_bits() -> None:
 def test_sessions_do_not_share_their_memory() -> None:
     estimator = Convolution()
     scans = scans_of(PALM, [dome(PALM)] * 3)
-    first, second = (estimator.start(PALM.layout, "stream") for _ in range(2))
+    first, second = (start_slips(estimator, PALM.layout, "stream") for _ in range(2))
     first.step(scans)
     assert second.step(scans).valid[:, 0].tolist() == [False, False, True]

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import numpy as np
+
+from taxelflow.estimation.scan_matching.track import (
+    Last,
+    Track,
+    forget_unobservable,
+    propagate,
+    write_pose,
+    write_step,
+)
+from taxelflow.numerics.records import records
+
+UNITS = np.array([0.002, 0.002, 1.0])
+
+
+def test_noise_that_a_scan_brings_into_two_steps_cancels_in_the_pose() -> None:
+    random = np.random.default_rng(0)
+    g, variance = random.normal(0, 1, (3, 10)), random.uniform(1, 2, 10)
+    own = (g * variance) @ g.T
+    reading = np.ones(10)
+    reading[4] = 0.0  # no noise
+    known = variance.copy()
+    known[4] = 0.0
+    last = Last(reading, variance, g, np.zeros((4, 4)))
+    earlier, total, step = random.normal(0, 1, (3, 10)), own.copy(), np.empty((3, 3))
+    propagate(own, earlier, last, total, step)
+    np.testing.assert_allclose(step, own + (earlier * known) @ earlier.T)
+    mixed = (g * known) @ earlier.T
+    np.testing.assert_allclose(total, 2 * own + (earlier * known) @ earlier.T - mixed - mixed.T)
+
+
+def test_the_pose_has_an_error_of_3_percent_of_its_path() -> None:
+    tracks = records(Track, 1)
+    tracks["pose"][0], tracks["path"][0] = [5.0, 6.0, 0.5], [10.0, 0.0, 0.5]
+    tracks["covariance"][0] = np.diag([0.01, 0.02, 0.03])
+    pose, matrix = np.empty(3), np.empty((3, 3))
+    write_pose(tracks[0], True, UNITS, pose, matrix)
+    np.testing.assert_allclose(pose, [0.01, 0.012, 0.5])
+    path = np.array([10.0, 0.0, 0.5]) * UNITS
+    np.testing.assert_allclose(matrix, np.diag([0.01, 0.02, 0.03] * UNITS**2) + 0.03**2 * np.outer(path, path))
+    write_pose(tracks[0], False, UNITS, pose, matrix)
+    assert np.isnan(pose[2])
+    assert np.isnan(matrix[2]).all()
+    assert np.isfinite(matrix[:2, :2]).all()
+
+
+def test_a_step_is_brought_to_metres_and_has_no_turn_if_that_is_not_observable() -> None:
+    displacement, matrix = np.empty(3), np.ones((3, 3))
+    write_step(np.array([1.0, 2.0, 0.1, 1.0, 0.0]), True, UNITS, displacement, matrix)
+    np.testing.assert_allclose(displacement, [0.002, 0.004, 0.1])
+    np.testing.assert_allclose(matrix, np.outer(UNITS, UNITS))
+    write_step(np.array([1.0, 2.0, 0.1, 1.0, 0.0]), False, UNITS, displacement, matrix)
+    assert np.isnan(displacement[2])
+    assert np.isnan(matrix[:, 2]).all()
+
+
+def test_across_a_line_of_taxels_the_object_may_be_anywhere_on_the_pad() -> None:
+    own, pose, step = np.ones((3, 3)), np.ones((3, 3)), np.ones((3, 3))
+    forget_unobservable(np.array([0.0, 12.0]), False, UNITS, own, pose, step)
+    assert (own[0, 0], own[1, 1]) == (1.0, 144.0)
+    np.testing.assert_allclose([pose[1, 1], step[1, 1]], [0.024**2, 2 * 0.024**2])
+    forget_unobservable(np.array([0.0, 12.0]), True, UNITS, own, pose, step)
+    assert np.isnan(step[1, 1])
