@@ -265,8 +265,9 @@ class Still:
 @both_modes
 def test_a_plug_in_reports_the_contacts_borders_and_loads_of_the_scans(mode: str) -> None:
     random = np.random.default_rng(3)
-    values = np.array([dome(PALM, x, radius_m=0.004) for x in np.linspace(0.0, 0.04, 60)]) + random.normal(0, 100, (60, 28))
-    recording = recorded(np.concatenate([np.zeros((20, 28)), values]), PALM)
+    pressed = np.array([dome(PALM, x, radius_m=0.004) for x in np.linspace(0.0, 0.04, 60)])
+    values = np.concatenate([np.zeros((20, 28)), pressed]) + random.normal(0, 100, (80, 28))
+    recording = recorded(values, PALM)
     own, plug_in = (estimate(recording, method, mode=mode) for method in ("convolution", Still()))  # type: ignore[arg-type, list-item]
     np.testing.assert_array_equal(plug_in.slips.border, own.slips.border)
     np.testing.assert_array_equal(plug_in.slips.contact, own.slips.contact)
@@ -274,7 +275,7 @@ def test_a_plug_in_reports_the_contacts_borders_and_loads_of_the_scans(mode: str
     share = own.summary.pads["pad0"].border_share
     assert plug_in.summary.pads["pad0"].border_share == share
     assert 0.2 < share < 0.8
-    assert own.slips.load[40, 0] == pytest.approx(values[20].sum(), rel=0.02)
+    assert own.slips.load[40, 0] == pytest.approx(pressed[20].sum(), rel=0.02)
     touched, cut_off = plug_in.slips.contact[:, 0], plug_in.slips.border[:, 0].any(axis=1)
     assert (plug_in.slips.quality[touched & cut_off, 0] == AMBIGUOUS).all()
     assert (plug_in.slips.quality[touched & ~cut_off, 0] == OK).all()
