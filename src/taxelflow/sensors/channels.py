@@ -48,7 +48,8 @@ class ChannelMap:
         """(scans, columns) as the source sends them -> (scans, taxels) in the order of the layout, load positive."""
         if self.identity:
             return values
-        readings: Floats = (values[:, self.column] - self.offset) * (self.polarity * self.gain)
+        picked = np.take(values, self.column, axis=1)  # scan by scan in memory, as all kernels are compiled for
+        readings: Floats = (picked - self.offset) * (self.polarity * self.gain)
         return readings
 
     def to_source(self, readings: Floats) -> Floats:

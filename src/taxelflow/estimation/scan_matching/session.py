@@ -56,20 +56,16 @@ class RegistrationSession:
     def _follow(self, number: int, pad: _Pad, scans: Scans, estimates: Estimates) -> None:
         block = Block(
             scans.t_s,
-            scans.pressure[:, pad.own],
-            scans.contact[:, number],
-            scans.complete[:, number],
+            np.ascontiguousarray(scans.pressure[:, pad.own]),  # one layout for any number of pads: one compile
+            np.ascontiguousarray(scans.contact[:, number]),
+            np.ascontiguousarray(scans.complete[:, number]),
             scans.ceiling[pad.own],
         )
-        steps = Steps(
-            estimates.pose[:, number],
-            estimates.covariance[:, number],
-            estimates.displacement[:, number],
-            estimates.displacement_covariance[:, number],
-            estimates.span_s[:, number],
-            estimates.quality[:, number],
-        )
-        follow(block, pad.taxels, pad.spline, pad.tracks, pad.last, steps)
+        names = ("pose", "covariance", "displacement", "displacement_covariance", "span_s", "quality")
+        filled = [np.ascontiguousarray(getattr(estimates, name)[:, number]) for name in names]
+        follow(block, pad.taxels, pad.spline, pad.tracks, pad.last, Steps(*filled))
+        for name, values in zip(names, filled, strict=True):
+            getattr(estimates, name)[:, number] = values
 
     def _learn(self, noise: Floats) -> None:
         """Splines that suit the noise; what is known of a contact stays."""
@@ -79,7 +75,7 @@ class RegistrationSession:
         for number, name in enumerate(layout.pads):
             own = layout.of_pad(number)
             places, pitch_m = self._places[:, own], self._pitch_m[number]
-            taxels = Taxels(places, noise[own], np.array([pitch_m, pitch_m, 1.0]))
+            taxels = Taxels(np.ascontiguousarray(places), noise[own], np.array([pitch_m, pitch_m, 1.0]))
             spline = Interpolant.of(name, places, noise[own] ** 2)
             if known:
                 self._pads.append(known[number]._replace(taxels=taxels, spline=spline))

@@ -8,7 +8,7 @@ A pose without theta measures x and y alone.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
 
 STATES = 6
+State: TypeAlias = Annotated[Floats, 6]
+Matrix: TypeAlias = Annotated[Floats, 6, 6]
 _VELOCITY_STD, _SPIN_STD = 1.0, 100.0
 """Standard deviations of a velocity at a track's start, m/s and rad/s: above what a hand can do."""
 _UNKNOWN_TURN_STD = 10.0
@@ -28,8 +30,8 @@ class Memory:
 
     running: bool
     tau_s: float
-    state: Annotated[Floats, STATES]
-    covariance: Annotated[Floats, STATES, STATES]
+    state: State
+    covariance: Matrix
 
 
 class Smoothed:
@@ -42,10 +44,10 @@ class Smoothed:
 
     begins: bool
     span_s: float
-    state: Annotated[Floats, STATES]
-    covariance: Annotated[Floats, STATES, STATES]
-    before: Annotated[Floats, STATES]
-    before_covariance: Annotated[Floats, STATES, STATES]
+    state: State
+    covariance: Matrix
+    before: State
+    before_covariance: Matrix
     moved_covariance: Annotated[Floats, 3, 3]
 
 
