@@ -245,6 +245,8 @@ def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("taxelflow.evaluation.bench._sensors", list)
     monkeypatch.setattr("taxelflow.evaluation.bench_peers._ROUNDS", 5)
     monkeypatch.setattr("taxelflow.evaluation.bench_peers._WARM", 2)
+    monkeypatch.setattr("taxelflow.evaluation.bench_throughput._BATCH_BYTES", 4_000_000)
+    monkeypatch.setattr("taxelflow.evaluation.bench_throughput._BATCH_ROUNDS", 2)
     monkeypatch.setattr("taxelflow.evaluation.bench.subprocess.run", lambda *_arguments, **_more: None)
 
 
