@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 _WINDOW = 2000
-"""A contact that goes on for twice so many scans is smoothed, and the first so many are given out."""
+"""Scans: a contact that lasts twice as many is smoothed in windows of this length."""
 
 
 class Track:
