@@ -46,7 +46,7 @@ class Result:
     """Everything that a recording gave, in memory.
 
     pads: names along the second axis of the arrays of `slips` and of slipping (scans, pads): pads, groups, and contacts
-    that are told apart. `motions` is the object's motion per scan, `contacts` what each pad's contact is like,
+    that are separated. `motions` is the object's motion per scan, `contacts` what each pad's contact is like,
     `patterns` what a method that learns has learned, `summary` what `summary.json` holds.
     """
 
@@ -99,7 +99,7 @@ def convert(
     """Write a recording as another format, by suffix: .npz, .parquet and .mcap carry sensor, mask and truth, .csv not.
 
     Scans stay as the sensor sent them, to the bit; repeated stamps are dropped. The file is there whole or not at all.
-    The pass over the recording is given back: it counts scans and says what was lost. `watched` may show progress.
+    The pass over the recording is given back: it counts scans and holds what was lost. `watched` may show progress.
     Raises FormatUnknown, ExtraMissing and what reading raises.
     """
     path = Path(path)
@@ -154,11 +154,11 @@ def estimate(
 ) -> Result:
     """Run a recording through the pipeline and keep all results in memory.
 
-    method: a name, whose parameters follow (e.g. gain=1.04), or an estimator of your own. contacts: how many contacts,
-    at most, are told apart on every pad, or by pad ({"palm": 2}); as the sensor says if left out. Raises what `read`
+    method: a name, whose parameters follow (e.g. gain=1.04), or an estimator of your own. contacts: the most contacts
+    to separate on every pad, or by pad ({"palm": 2}); as in the sensor's file if left out. Raises what `read`
     raises, ParameterInvalid and NameUnknown for contacts, TimesNotIncreasing, and CalibrationError if `calibration` (an
-    object or a file) is broken or of another sensor or method. What is lost of a truncated recording is said in
-    `summary.loss`.
+    object or a file) is broken or of another sensor or method. `summary.loss` holds what a truncated
+    recording lacks.
     """
     if not isinstance(recording, Recording):
         recording = read(recording)
@@ -273,9 +273,9 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
 
 def _of_taxels(recording: Recording, learned: Baseline) -> list[str]:
     """Notes on masked taxels and on those that are not well."""
-    told = {finding.taxel for finding in learned.findings}
+    judged = {finding.taxel for finding in learned.findings}
     silent = np.flatnonzero(learned.masked & ~recording.masked)
-    asked = [int(taxel) for taxel in silent if taxel not in told]
+    asked = [int(taxel) for taxel in silent if taxel not in judged]
     sensor = recording.sensor
     notes = [f"masked besides what the recording declares off: taxels {', '.join(map(str, asked))}"] if asked else []
     for masked, what in ((True, "masked"), (False, "not well, and used all the same (--condition.mask auto)")):

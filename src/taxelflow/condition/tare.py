@@ -26,7 +26,7 @@ SUSPECT_SIGMAS, MIN_SUSPECT_GEARY_RATIO = 4.5, 0.8
 FLAT_SIGMAS = 2.0
 """Offsets whose standard deviation over the pad is below this many of their own are equal: there is no structure."""
 MIN_NEIGHBOUR_PAIRS = 8
-"""With fewer pairs of neighbours the Geary ratio says nothing."""
+"""With fewer pairs of neighbours the Geary ratio is not significant."""
 _MAD_TO_SIGMA = 1.4826
 """Standard deviation of normal numbers over their median absolute deviation."""
 

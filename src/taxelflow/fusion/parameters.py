@@ -17,7 +17,7 @@ class RigidField:
     """Slip vectors of pads and groups, at their places on the flattened hand, as one translation and rotation."""
 
     edge_doubt: float = 0.3
-    """Where a contact touches a pad's border, this share of the largest motion that any pad sees, and of a pitch, is
+    """Where a contact touches a pad's border, this share of the largest motion of any pad, and of a pitch, is
     added to the standard deviation across that border: such a vector counts less beside better ones."""
 
     def __post_init__(self) -> None:

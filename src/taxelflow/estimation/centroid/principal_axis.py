@@ -1,4 +1,4 @@
-"""Centroid and principal axis of the pressure: image moments, the usual baseline that sees rotation."""
+"""Centroid and principal axis of the pressure: image moments, the usual baseline with rotation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class PrincipalAxis:
     most_std_rad: float = 0.1
     """Theta is left unknown in scans in which noise makes the axis less sure than this, rad."""
     sigmas: float = 5.0
-    """... or in which the anisotropy is less than so many of its standard deviations above 0."""
+    """... or in which the anisotropy is less than this many of its standard deviations above 0."""
     least_anisotropy: float = 0.05
     """... or in which the anisotropy itself, the difference of the principal second moments over their sum (0 round,
     1 a line), is less than this: the grid of taxels alone makes that much of a round contact."""

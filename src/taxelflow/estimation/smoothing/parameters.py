@@ -1,4 +1,4 @@
-"""Smoothing of poses by a constant-velocity prior: what an object's inertia says, not what the scan does."""
+"""Smoothing of poses by a constant-velocity prior: information from an object's inertia, not from the scan."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def _densities(layout: Layout, pad: int, acceleration_m_s2: float) -> Floats:
 
 
 class FilterSession:
-    """Poses and displacements as all scans so far tell them."""
+    """Poses and displacements given all scans so far."""
 
     def __init__(self, session: SlipSource, layout: Layout, acceleration_m_s2: float) -> None:
         self._session = session
@@ -115,7 +115,7 @@ class FilterSession:
 
 
 class SmootherSession(FilterSession):
-    """Poses and displacements as all scans of a contact tell them, held back until it ends."""
+    """Poses and displacements given all scans of a contact, held back until it ends."""
 
     def __init__(self, session: SlipSource, layout: Layout, acceleration_m_s2: float) -> None:
         super().__init__(session, layout, acceleration_m_s2)
