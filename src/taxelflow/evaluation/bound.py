@@ -2,7 +2,7 @@
 
 A reading is g_k q(R(theta_k)^T (r_i - x_k)) + b_k + n: pattern q, and of scan k pose x_k, theta_k, gain g_k and a
 baseline b_k common to the pad, both free in every scan; n has the variance of the noise and of the quantisation,
-noise_pa^2 + step^2 / 12. Dead and saturated taxels count for nothing. What else the rig can do to a sensor (gain spread,
+noise_pa^2 + step^2 / 12. Dead and saturated taxels carry nothing. What else the rig can do to a sensor (gain spread,
 wobble, drift) is not in it. With J the readings' derivatives by the parameters, the information is J^T J / variance;
 gain, baseline and pattern are eliminated by Schur complements.
 
