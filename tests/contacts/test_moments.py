@@ -25,7 +25,7 @@ TAXEL = 0.002**2
 
 def described(pressure: Floats, sensor: Sensor = GRID, threshold: float = 4.0, **more: Any) -> Contacts:
     scans = scans_of(sensor, np.atleast_2d(pressure), **{"noise": 10.0, **more})
-    return FeatureExtractor(ContactFeatures(threshold), sensor).step(scans)
+    return FeatureExtractor(sensor, ContactFeatures(threshold).threshold).step(scans)
 
 
 def ellipse(length: float, width: float, angle: float, x: float = 0.0, y: float = 0.0, peak: float = 2e4) -> Floats:

@@ -16,7 +16,7 @@ from taxelflow.estimation.template.models.scaling import grown
 from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import TOO_ROUGH, Poses, aligned, poses_of
 from taxelflow.estimation.template.warmup import compile_kernels
-from taxelflow.messages import Bools, Estimates, Scans, cut, joined, no_scans
+from taxelflow.messages import AMBIGUOUS, OK, Bools, Estimates, Scans, cut, joined, no_scans
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -130,6 +130,8 @@ class BatchSession:
             else:
                 poses = poses_of(solved, pitch_m)
             poses = poses.open_across(scanned, pitch_m)
+        is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
+        poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
         if len(solved.dead):
             self._dead.setdefault(layout.pads[pad], set()).update(layout.source[own][solved.dead].tolist())
         known = 0
