@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -24,9 +24,11 @@ from taxelflow.messages import (
     RawScans,
     Scans,
     cut,
+    joined,
     no_scans,
 )
 from taxelflow.pipeline import Output, Pipeline
+from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -151,6 +153,19 @@ def test_a_stream_may_be_endless() -> None:
     outputs = list(itertools.islice(run, 30))
     assert len(outputs[0]) == 12
     assert [len(output) for output in outputs[1:]] == [1] * 29
+
+
+def test_a_stream_takes_the_scans_of_a_block_one_by_one(stroke: Recording) -> None:
+    assert [len(output) for output in pipeline(mode="stream").start(stroke)] == [12, *[1] * 68]
+
+
+def test_a_calibrations_gains_scale_the_positions(stroke: Recording) -> None:
+    none = (0.0, 0.0, 0.0)
+    pad = PadCalibration("pad0", 2.0, 1.0, 10.0, 10.0, none, none, 0.0, 0.0, 60, 60, 0.1)
+    calibration = Calibration("lnorm", "grid", fingerprint(stroke.sensor), "0", (pad,))
+    plain, scaled = (estimate(stroke, "lnorm", calibration=one).slips.pose[:, 0] for one in (None, calibration))
+    np.testing.assert_allclose(scaled[:, 0], 2.0 * plain[:, 0])
+    np.testing.assert_allclose(scaled[:, 1], plain[:, 1])
 
 
 def test_a_stream_does_not_read_ahead_of_what_it_gives() -> None:
@@ -296,14 +311,44 @@ def test_filters_of_the_conditioner_add_to_every_lag(stroke: Recording) -> None:
     np.testing.assert_allclose(filtered.lag_s[known] - plain.lag_s[known], 0.2)
 
 
+class Late:
+    """A plug-in estimator whose estimates come scan by scan, each ten scans late."""
+
+    def __init__(self) -> None:
+        self.held = [Estimates.unknown(no_scans(WIDE.layout.entries, 1))]
+
+    def step(self, scans: Scans) -> Estimates:
+        estimates = Estimates.unknown(scans)
+        estimates.pose[scans.contact] = 0.0
+        estimates.quality[scans.contact] = OK
+        self.held = [joined([*self.held, estimates])]
+        return self.given(max(len(self.held[0]) - 10, 0))
+
+    def finish(self) -> Estimates:
+        return self.given(len(self.held[0]))
+
+    def given(self, count: int) -> Estimates:
+        (held,) = self.held
+        self.held = [cut(held, count, len(held))]
+        return cut(held, 0, count)
+
+
+@dataclass(frozen=True)
+class Lately:
+    def start(self, layout: Layout, mode: str) -> Late:
+        return Late()
+
+
 @both_modes
-def test_contacts_that_move_apart_leave_no_scan_ok(mode: str) -> None:
+@pytest.mark.parametrize("method", ["convolution", Lately()], ids=["at once", "late"])
+def test_contacts_that_move_apart_leave_no_scan_ok(mode: str, method: Any) -> None:
     random = np.random.default_rng(2)
     apart_m = np.concatenate([np.full(30, 0.04), np.linspace(0.04, 0.1, 40), np.full(30, 0.1)])
     values = np.array([dome(WIDE, -x / 2, radius_m=0.01) + dome(WIDE, x / 2, radius_m=0.01) for x in apart_m])
     idle = np.zeros((20, WIDE.layout.taxels))
     values = np.concatenate([idle, values]) + random.normal(0, 100, (120, WIDE.layout.taxels))
-    result = estimate(recorded(values, WIDE), mode=mode)  # type: ignore[arg-type]
+    result = estimate(recorded(values, WIDE), method, mode=mode)  # type: ignore[arg-type]
+    assert len(result.slips) == 120
     assert any("moved apart" in note for note in result.summary.notes)
     assert (result.slips.quality[25:45, 0] == OK).all()
     assert (result.slips.quality[-20:, 0] == UNRESOLVED).all()
