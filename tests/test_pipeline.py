@@ -352,3 +352,13 @@ def test_contacts_that_move_apart_leave_no_scan_ok(mode: str, method: Any) -> No
     assert any("moved apart" in note for note in result.summary.notes)
     assert (result.slips.quality[25:45, 0] == OK).all()
     assert (result.slips.quality[-20:, 0] == UNRESOLVED).all()
+
+
+@both_modes
+def test_an_estimator_gets_the_taxels_of_each_separated_contact(mode: str) -> None:
+    two = dome(WIDE, -0.05, radius_m=0.01) + dome(WIDE, 0.05, radius_m=0.01)
+    values = np.concatenate([np.zeros((20, WIDE.layout.taxels)), np.tile(two, (40, 1))])
+    values += np.random.default_rng(2).normal(0, 100, values.shape)
+    result = estimate(recorded(values, WIDE), contacts=2, mode=mode)  # type: ignore[arg-type]
+    found = [np.nanmean(result.slips.pose[40:, result.pads.index(name), 0]) for name in ("pad0#1", "pad0#2")]
+    np.testing.assert_allclose(np.sort(found), [-0.05, 0.05], atol=0.002)
