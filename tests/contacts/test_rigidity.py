@@ -34,7 +34,7 @@ def test_objects_that_pass_each_other_are_noted_with_the_option_to_use() -> None
     (note,) = watch.notes
     assert note.startswith("grid: contacts moved apart or together by ")
     assert note.endswith(
-        "mm, which feet of one rigid object do not; if they move independently, --contacts grid=2 tells them apart"
+        "mm, which feet of one rigid object do not; if they move independently, --contacts grid=2 separates them"
     )
 
 

@@ -26,7 +26,7 @@ def scans_of(count: int) -> Scans:
 
 
 class Holding:
-    """Holds estimates back: after each step it gives as many rows as it is told to, and the others at the end."""
+    """Holds estimates back: after each step it gives the given number of rows, and the others at the end."""
 
     def __init__(self, rows: Sequence[int]) -> None:
         self._rows, self._held = list(rows), [Estimates.unknown(scans_of(0))]

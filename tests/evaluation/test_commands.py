@@ -178,8 +178,8 @@ def test_json_has_the_numbers_of_the_csv(tmp_path: Path, capsys: Capture) -> Non
     assert main([*TINY, "--json", "--csv", str(path)]) == 0
     whole = json.loads(capsys.readouterr().out)
     with path.open(newline="", encoding="utf-8") as file:
-        for told, row in zip(whole["ours"], csv.DictReader(file), strict=True):
-            assert float(row["rmse_percent"]) == pytest.approx(told["rmse_percent"], rel=1e-5)
+        for printed, row in zip(whole["ours"], csv.DictReader(file), strict=True):
+            assert float(row["rmse_percent"]) == pytest.approx(printed["rmse_percent"], rel=1e-5)
 
 
 @pytest.mark.parametrize(("name", "word"), [("rows.txt", "end in .csv"), ("none/rows.csv", "directory that exists")])

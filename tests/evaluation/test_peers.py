@@ -126,11 +126,11 @@ def test_a_new_contact_is_a_new_piece_and_no_failure() -> None:
 def test_a_peer_that_never_answers_is_named_and_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     nothing = (float("nan"), float("nan"))
     monkeypatch.setattr("taxelflow.evaluation.peers.peers", lambda: {"mute": lambda *_: nothing})
-    told = Peers(2, 0, methods=PAPER_METHODS).run()
-    assert told.silent == ["mute"]
-    assert {row.method for row in told.rows} == set(PAPER_METHODS)
-    assert [row.percent for row in told.failed] == [100.0]
-    assert told.best == []
+    scored = Peers(2, 0, methods=PAPER_METHODS).run()
+    assert scored.silent == ["mute"]
+    assert {row.method for row in scored.rows} == set(PAPER_METHODS)
+    assert [row.percent for row in scored.failed] == [100.0]
+    assert scored.best == []
 
 
 @needs_all

@@ -125,7 +125,7 @@ class RigidityMonitor:
         names = [self._layout.pads[pad] for pad in self._memory.pads["pad"]]
         return [
             f"{name}: contacts moved apart or together by {1e3 * change_m:.2g} mm, which feet of one rigid object do "
-            f"not; if they move independently, --contacts {name}=2 tells them apart"
+            f"not; if they move independently, --contacts {name}=2 separates them"
             for name, change_m in zip(names, self._memory.pads["change_m"].tolist(), strict=True)
             if change_m > 0
         ]

@@ -46,7 +46,7 @@ class ContactRow(msgspec.Struct, frozen=True):
     mode: str
     object: str
     seen: str
-    """alone: the other one is not there. told apart: with contacts 2. as one: with contacts 1."""
+    """alone: the other object is absent. told apart: with --contacts 2. as one: with --contacts 1."""
     scans: int
     """Scans in which the object touches."""
     known: float

@@ -57,11 +57,11 @@ def mark_border(
     edge_starts: (pads + 1,) into edge. faces: (taxels, 2), `Layout.border`.
     """
     for scan in range(pressure.shape[0]):
-        mark_border_of_scan(pressure[scan], noise, contact[scan], edge, edge_starts, faces, at_border[scan])
+        _mark_scan(pressure[scan], noise, contact[scan], edge, edge_starts, faces, at_border[scan])
 
 
 @kernel
-def mark_border_of_scan(
+def _mark_scan(
     reading: Floats,
     noise: Floats,
     contact: Bools,
