@@ -2,7 +2,7 @@
 
 Slips: objects that stick and slip on a 16x16 grid at 100 Hz, live and as a recording whose slips are dated when all is
 known. Holds: objects that stay where they are while load, growth, drift or gain change the readings. Rolling and
-tilting stand apart: normal pressure cannot distinguish them from slip. Noise: poses of white noise straight into the slip
+tilting stand apart: normal pressure does not distinguish them. Noise: poses of white noise straight into the slip
 detector, the only case for which it promises its rate of false alarms.
 """
 
