@@ -39,7 +39,7 @@ def words(contact: Contact, path: Path) -> list[str]:
 
 def test_a_pattern_stands_beside_a_scan_its_way_and_its_turn(contact: Contact, tmp_path: Path) -> None:
     seen = words(contact, tmp_path)
-    for word in ("one scan", "pattern from 20 scans", "way over the pad", "pressure in kPa", "20 mm", "turn in deg"):
+    for word in ("one scan", "pattern from 20 scans", "path on the pad", "pressure in kPa", "20 mm", "turn in deg"):
         assert word in seen
     assert {"template", "principal axis", "truth", "quality not ok"} <= set(seen)
 

@@ -52,7 +52,7 @@ class Contact:
 
 
 def pattern_figure(layout: Layout, contact: Contact) -> Figure:
-    """One scan (if the recording is at hand), the pattern at its pose on the same scale, the way over the pad; below,
+    """One scan (if the recording is at hand), the pattern at its pose on the same scale, the path on the pad; below,
     the turn against time.
     """
     import matplotlib.pyplot as plt
@@ -93,7 +93,7 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
     upper.colorbar(dots, ax=axes[-1], label="time in s", shrink=0.8, pad=0.03).outline.set_visible(False)
     figure.suptitle(plain(_title(contact)), x=0.01, ha="left", fontweight="bold", fontsize=11)
     marks = "; marks: direction of the pattern's long axis" if turned else ""
-    caption(figure, f"Grey: where no taxel has looked{marks}.", int(14 * figure.get_figwidth()))
+    caption(figure, f"Grey: not observed{marks}.", int(14 * figure.get_figwidth()))
     if turned:
         _draw_turn(parts[1, 0].subplots(), contact)
     return figure
@@ -175,7 +175,7 @@ def _draw_way(axis: Axes, layout: Layout, pad: int, contact: Contact) -> Any:
     """Positions coloured by time, with marks along the object's long axis where its turn is known."""
     from matplotlib.collections import LineCollection
 
-    axis.set_title("way over the pad")
+    axis.set_title("path on the pad")
     draw_pad(axis, layout, pad)
     t_s, at = contact.t_s - contact.t_s[0], 1e3 * contact.pose[:, :2]
     if contact.true is not None:
