@@ -1,7 +1,7 @@
 """Normal equations of spline coefficients on a lattice: sums over readings, smoothness prior, banded Cholesky solver.
 
-A coefficient is coupled only with those fewer than `width` knots away, so the symmetric matrix is kept as a stencil
-(knots, width, 2 width - 1): entry (j, dy, dx + width - 1) couples knot j with the knot dy rows and dx columns on.
+A coefficient is coupled only with those fewer than WIDTH knots away, so the symmetric matrix is kept as a stencil
+(knots, WIDTH, 2 WIDTH - 1): entry (j, dy, dx + WIDTH - 1) couples knot j with the knot dy rows and dx columns on.
 """
 
 from __future__ import annotations
@@ -18,39 +18,42 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats
 
+WIDTH = 4
+"""Knots along each axis that a reading depends on: those of a cubic B-spline."""
+
 
 @kernel
 def add_square(
-    first: int, weight: Floats, factor: float, reading: float, nx: int, width: int, stencil: Floats, right: Floats
+    first: int, weight: Floats, factor: float, reading: float, nx: int, stencil: Floats, right: Floats
 ) -> None:
     """Add factor x (weight weight^T) to the stencil and factor x weight x reading to the right-hand side.
 
-    weight: (width * width,) on the square of knots from `first`.
+    weight: (WIDTH * WIDTH,) on the square of knots from `first`.
     """
-    for qy in range(width):  # noqa: PLR1702  pairs of knots, each in two directions
-        for qx in range(width):
-            wq = factor * weight[qy * width + qx]
+    for qy in range(WIDTH):  # noqa: PLR1702  pairs of knots, each in two directions
+        for qx in range(WIDTH):
+            wq = factor * weight[qy * WIDTH + qx]
             if wq == 0.0:
                 continue
             knot = first + qy * nx + qx
             right[knot] += wq * reading
-            for ay in range(qy, width):
-                for ax in range(qx if ay == qy else 0, width):
-                    stencil[knot, ay - qy, ax - qx + width - 1] += wq * weight[ay * width + ax]
+            for ay in range(qy, WIDTH):
+                for ax in range(qx if ay == qy else 0, WIDTH):
+                    stencil[knot, ay - qy, ax - qx + WIDTH - 1] += wq * weight[ay * WIDTH + ax]
 
 
 @kernel
 def multiply(stencil: Floats, nx: int, vector: Floats, out: Floats) -> None:
     """Fill out (knots,) with the symmetric matrix times vector."""
-    n, width = stencil.shape[:2]
+    n = len(stencil)
     out[:] = 0.0
     for j in range(n):  # noqa: PLR1702  knots, and offsets in two directions
-        for dy in range(width):
+        for dy in range(WIDTH):
             for k in range(stencil.shape[2]):
                 v = stencil[j, dy, k]
                 if v == 0.0:
                     continue
-                i = j + dy * nx + k - width + 1
+                i = j + dy * nx + k - WIDTH + 1
                 out[i] += v * vector[j]
                 if i != j:
                     out[j] += v * vector[i]
@@ -59,19 +62,19 @@ def multiply(stencil: Floats, nx: int, vector: Floats, out: Floats) -> None:
 @kernel
 def to_band(stencil: Floats, nx: int, band: Floats) -> None:
     """Fill the lower band (offsets, knots) that `scipy.linalg.cholesky_banded` takes."""
-    n, width = stencil.shape[:2]
+    n = len(stencil)
     band[:] = 0.0
     for j in range(n):  # noqa: PLR1702  knots, and offsets in two directions
-        for dy in range(width):
+        for dy in range(WIDTH):
             for k in range(stencil.shape[2]):
                 if stencil[j, dy, k] != 0.0:
-                    band[dy * nx + k - width + 1, j] = stencil[j, dy, k]
+                    band[dy * nx + k - WIDTH + 1, j] = stencil[j, dy, k]
 
 
-def smoothness(shape: tuple[int, int], width: int) -> Floats:
+def smoothness(shape: tuple[int, int]) -> Floats:
     """Stencil of the sum of squared second differences along x, along y, and twice across."""
     ny, nx = shape
-    stencil = np.zeros((ny * nx, width, 2 * width - 1))
+    stencil = np.zeros((ny * nx, WIDTH, 2 * WIDTH - 1))
     knots: NDArray[np.int64] = np.arange(ny * nx).reshape(ny, nx)
     _add_differences(stencil, nx, [knots[:, :-2], knots[:, 1:-1], knots[:, 2:]], (1.0, -2.0, 1.0), 1.0)
     _add_differences(stencil, nx, [knots[:-2], knots[1:-1], knots[2:]], (1.0, -2.0, 1.0), 1.0)
@@ -83,22 +86,20 @@ def smoothness(shape: tuple[int, int], width: int) -> Floats:
 def _add_differences(
     stencil: Floats, nx: int, knots: list[NDArray[np.int64]], signs: tuple[float, ...], factor: float
 ) -> None:
-    width = stencil.shape[1]
     for one, sign in zip(knots, signs, strict=True):
         for other, against in zip(knots, signs, strict=True):
             low, high = one.ravel(), other.ravel()
             ahead = high >= low
             low, high = low[ahead], high[ahead]
             dx = high % nx - low % nx
-            np.add.at(stencil, (low, (high - low - dx) // nx, dx + width - 1), factor * sign * against)
+            np.add.at(stencil, (low, (high - low - dx) // nx, dx + WIDTH - 1), factor * sign * against)
 
 
 class Factor:
     """Cholesky factor of a positive matrix that is given as a stencil. lower: (band, knots), as LAPACK keeps it."""
 
     def __init__(self, stencil: Floats, nx: int) -> None:
-        width = stencil.shape[1]
-        band = np.empty(((width - 1) * (nx + 1) + 1, len(stencil)))
+        band = np.empty(((WIDTH - 1) * (nx + 1) + 1, len(stencil)))
         to_band(stencil, nx, band)
         self.lower: Floats = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
 

@@ -2,7 +2,7 @@
 
 Model of one reading:  y_i = g q(u_i) + n_i,  u_i = exp(-s) R(theta)^T (r_i - x),  q(u) = sum_j c_j B3((u - u_j) / h).
 The surface q is what a taxel reads, averaged over the taxel's area. If the surface turns, that holds for small taxels
-only; then q can be the mean over m x m points of the taxel, whose square does not turn with the surface.
+only.
 
 Lengths are in pitches of the pad, angles in rad. A state is (x, y, theta, g, s): pose, gain, and logarithm of size.
 """
@@ -24,6 +24,8 @@ X, Y, THETA, GAIN, SIZE, STATE = range(6)
 """Places in a state."""
 
 _BASIS = 4
+KNOTS = _BASIS * _BASIS
+"""Knots that a reading depends on."""
 _1, _2, _3 = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
@@ -96,24 +98,14 @@ def seen(
 
 
 @kernel
-def evaluate(
-    c: Floats,
-    lattice: Floats,
-    places: Floats,
-    state: Floats,
-    points: Floats,
-    bend: Floats,
-    out: Floats,
-) -> None:
+def evaluate(c: Floats, lattice: Floats, places: Floats, state: Floats, bend: Floats, out: Floats) -> None:
     """Fill out (taxels, 5): q and its derivatives by x, y, theta, s at each taxel; q is NaN off the lattice.
 
-    c: (ny, nx) coefficients. lattice: knot spacing h, x and y of knot (0, 0). places: (2, taxels). points: (m * m, 2)
-    offsets of the taxel's points of quadrature. bend: (3, taxels), how far each taxel's own pose is from the scan's
-    (it is read later), or (3, 0).
+    c: (ny, nx) coefficients. lattice: knot spacing h, x and y of knot (0, 0). places: (2, taxels). bend: (3, taxels),
+    how far each taxel's own pose is from the scan's (it is read later), or (3, 0).
     """
     h, left, low = lattice
     left, low = left / h, low / h
-    share = 1.0 / len(points)
     scale = np.exp(-state[SIZE]) / h
     cos, sin = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
     for i in range(places.shape[1]):
@@ -122,19 +114,7 @@ def evaluate(
             dx -= bend[0, i]
             dy -= bend[1, i]
             cos, sin = scale * np.cos(state[THETA] + bend[2, i]), scale * np.sin(state[THETA] + bend[2, i])
-        value = slope_x = slope_y = slope_t = slope_s = 0.0
-        for point in range(len(points)):
-            q, qx, qy, qt, qs = seen(c, left, low, cos, sin, dx + points[point, 0], dy + points[point, 1])
-            value += q
-            slope_x += qx
-            slope_y += qy
-            slope_t += qt
-            slope_s += qs
-        out[i, 0] = share * value
-        out[i, 1] = share * slope_x
-        out[i, 2] = share * slope_y
-        out[i, 3] = share * slope_t
-        out[i, 4] = share * slope_s
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = seen(c, left, low, cos, sin, dx, dy)
 
 
 @kernel
@@ -143,56 +123,49 @@ def spread(
     lattice: Floats,
     places: Floats,
     state: Floats,
-    points: Floats,
     bend: Floats,
-    width: int,
     first: NDArray[np.int64],
     weight: Floats,
 ) -> None:
-    """Fill first (taxels,) and weight (taxels, width * width): q = sum of weight x coefficients from knot `first` on.
+    """Fill first (taxels,) and weight (taxels, 16): q = sum of weight x coefficients of 4 x 4 knots from `first` on.
 
-    Knots count row by row; a taxel's are a square of `width` knots. first is -1 off the lattice.
+    Knots count row by row. first is -1 off the lattice. Others as for `evaluate`.
     """
     ny, nx = shape
     h, left, low = lattice
     shrink = np.exp(-state[SIZE])
     cos, sin = shrink * np.cos(state[THETA]), shrink * np.sin(state[THETA])
-    share = 1.0 / len(points)
-    margin = (width - _BASIS) // 2 + 1
-    for i in range(places.shape[1]):  # noqa: PLR1702  points of a taxel, knots in two directions
-        px, py = places[0, i] - state[X], places[1, i] - state[Y]
+    for i in range(places.shape[1]):
+        dx, dy = places[0, i] - state[X], places[1, i] - state[Y]
         if bend.shape[1]:
-            px -= bend[0, i]
-            py -= bend[1, i]
+            dx -= bend[0, i]
+            dy -= bend[1, i]
             cos = shrink * np.cos(state[THETA] + bend[2, i])
             sin = shrink * np.sin(state[THETA] + bend[2, i])
-        corner_x = int(np.floor((cos * px + sin * py - left) / h)) - margin
-        corner_y = int(np.floor((cos * py - sin * px - low) / h)) - margin
-        weight[i] = 0.0
-        if corner_x < 0 or corner_y < 0 or corner_x + width > nx or corner_y + width > ny:
+        fx, fy = (cos * dx + sin * dy - left) / h, (cos * dy - sin * dx - low) / h
+        ix, iy = int(np.floor(fx)), int(np.floor(fy))
+        if ix < 1 or iy < 1 or ix + 2 >= nx or iy + 2 >= ny:
             first[i] = -1
+            for a in range(KNOTS):
+                weight[i, a] = 0.0
             continue
-        first[i] = corner_y * nx + corner_x
-        for point in range(len(points)):
-            dx, dy = px + points[point, 0], py + points[point, 1]
-            fx, fy = (cos * dx + sin * dy - left) / h, (cos * dy - sin * dx - low) / h
-            ix, iy = int(np.floor(fx)), int(np.floor(fy))
-            bx, by = basis(fx - ix), basis(fy - iy)
-            for a in range(4):
-                for b in range(4):
-                    weight[i, (iy - 1 + a - corner_y) * width + ix - 1 + b - corner_x] += share * by[a] * bx[b]
+        first[i] = (iy - 1) * nx + ix - 1
+        bx, by = basis(fx - ix), basis(fy - iy)
+        for a in range(_BASIS):
+            for b in range(_BASIS):
+                weight[i, a * _BASIS + b] = by[a] * bx[b]
 
 
 @kernel
 def gather(first: NDArray[np.int64], weight: Floats, values: Floats, nx: int, out: Floats) -> None:
     """Add values (n, taxels), spread over 4 x 4 knots each, to out (n, knots): the transpose of an evaluation.
 
-    first: (taxels,), weight: (taxels, 16), both from `spread` with width 4. nx: knots in a row of the lattice.
+    first: (taxels,), weight: (taxels, 16), both from `spread`. nx: knots in a row of the lattice.
     """
     for i in range(len(first)):
         if first[i] < 0:
             continue
-        for k in range(16):
+        for k in range(KNOTS):
             knot = first[i] + k // 4 * nx + k % 4
             for row in range(len(values)):
                 out[row, knot] += weight[i, k] * values[row, i]

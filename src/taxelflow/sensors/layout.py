@@ -53,6 +53,7 @@ class Layout:
     delay_s: (entries,), time from the scan's time stamp to the reading of the taxel. area_m2: (entries,), of a taxel.
     place_m, normal: (entries, 3), position and outward unit normal in the hand's 3-D frame, NaN where the pad's `pose`
     is unknown. stretch: (pads,), largest relative error of a distance between neighbours that flattening causes.
+    unseen_error: of readings, see `Sensor`.
     """
 
     taxels: int
@@ -76,6 +77,7 @@ class Layout:
     place_m: Floats
     normal: Floats
     stretch: Floats
+    unseen_error: float
 
     @property
     def entries(self) -> int:
@@ -136,7 +138,9 @@ class _Part(NamedTuple):
     in_hand: bool
 
 
-def layout_of(pads: Sequence[Pad], groups: Sequence[Group], delay_s: Sequence[float]) -> Layout:
+def layout_of(
+    pads: Sequence[Pad], groups: Sequence[Group], delay_s: Sequence[float], unseen_error: float = 0.0
+) -> Layout:
     """Arrays of checked pads and groups. delay_s: (taxels,), or empty if all taxels are read at once."""
     geometries = [geometry_of(pad) for pad in pads]
     first = np.concatenate([[0], np.cumsum([pad.count for pad in pads])]).astype(np.int64)
@@ -176,6 +180,7 @@ def layout_of(pads: Sequence[Pad], groups: Sequence[Group], delay_s: Sequence[fl
         place_m=np.where(in_space, of_entries("place_m"), np.nan),
         normal=np.where(in_space, of_entries("normal"), np.nan),
         stretch=np.array([geometries[part.pad].stretch for part in leaders]),
+        unseen_error=unseen_error,
     )
 
 

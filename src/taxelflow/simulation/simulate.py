@@ -57,6 +57,7 @@ def simulate(scenario: Scenario) -> Recording:
         for start in range(0, len(scans), BLOCK_SCANS):
             yield cut(scans, start, min(start + BLOCK_SCANS, len(scans)))
 
+    sensor = msgspec.structs.replace(sensor, unseen_error=0.0)  # the rig's sensor has no such faults
     if scenario.sensing.scan_share:
         sensor = msgspec.structs.replace(sensor, delay_s=tuple(delays(scenario.sensing, layout.taxels).tolist()))
     name = f"simulated, seed {scenario.seed}"

@@ -15,8 +15,8 @@ from taxelflow.compiling import kernel
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.template.observations import across, reach
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.banded import Factor, add_square, smoothness, solve_band
-from taxelflow.numerics.bspline import GAIN, evaluate, gather, spread
+from taxelflow.numerics.banded import WIDTH, Factor, add_square, smoothness, solve_band
+from taxelflow.numerics.bspline import GAIN, KNOTS, evaluate, gather, spread
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,8 +30,6 @@ _MARGIN_KNOTS = 3
 _FARTHEST = 0.75
 """A knot farther than this from every live taxel, in pitches, is not observed."""
 _MOST_KNOTS = 40_000
-_WIDTH = 4
-"""Knots that a cubic spline reaches along each axis."""
 VALUE_NOISE = 0.764
 SLOPE_NOISE = 2.163
 """Variance of a cubic spline through readings on a grid, and of its slope per pitch, over theirs (means)."""
@@ -73,9 +71,9 @@ class Interpolant(NamedTuple):
         trust = np.divide(1.0, relative, out=np.zeros_like(relative), where=live)
         lattice = np.array([1.0, *(low - _MARGIN_KNOTS)])
         nx, ny = (np.ceil(high - low).astype(int) + 2 * _MARGIN_KNOTS + 1).tolist()
-        first, weight = np.empty(len(variance), np.int64), np.empty((len(variance), _WIDTH**2))
+        first, weight = np.empty(len(variance), np.int64), np.empty((len(variance), KNOTS))
         still = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
-        spread((ny, nx), lattice, places, still, np.zeros((1, 2)), np.zeros((3, 0)), _WIDTH, first, weight)
+        spread((ny, nx), lattice, places, still, np.zeros((3, 0)), first, weight)
         nearest = _nearest_live(lattice, (ny, nx), places, live)
         return cls(
             lattice=lattice,
@@ -93,11 +91,11 @@ class Interpolant(NamedTuple):
 def _factor(shape: tuple[int, int], first: NDArray[np.int64], weight: Floats, trust: Floats) -> Floats:
     """(band, knots), the lower Cholesky factor of the normal equations."""
     knots = shape[0] * shape[1]
-    stencil, nothing = np.zeros((knots, _WIDTH, 2 * _WIDTH - 1)), np.zeros(knots)
+    stencil, nothing = np.zeros((knots, WIDTH, 2 * WIDTH - 1)), np.zeros(knots)
     for taxel in np.flatnonzero(trust > 0):
-        add_square(first[taxel], weight[taxel], trust[taxel], 0.0, shape[1], _WIDTH, stencil, nothing)
-    stencil += _SMOOTHING * smoothness(shape, _WIDTH)
-    stencil[:, 0, _WIDTH - 1] += _PRIOR
+        add_square(first[taxel], weight[taxel], trust[taxel], 0.0, shape[1], stencil, nothing)
+    stencil += _SMOOTHING * smoothness(shape)
+    stencil[:, 0, WIDTH - 1] += _PRIOR
     return Factor(stencil, shape[1]).lower
 
 
@@ -147,7 +145,7 @@ def fill_missing(
     where, values = np.empty((2, len(noise))), np.empty((len(noise), 5))
     for i in range(len(noise)):
         where[0, i], where[1, i] = places[0, i] - origin[0], places[1, i] - origin[1]
-    evaluate(c, lattice, where, state, np.zeros((1, 2)), np.zeros((3, 0)), values)
+    evaluate(c, lattice, where, state, np.zeros((3, 0)), values)
     for i in range(len(noise)):
         if variance[i] == 0.0 and noise[i] > 0.0 and not np.isnan(values[i, 0]):
             reading[i] = state[GAIN] * values[i, 0]

@@ -165,7 +165,7 @@ def linearize(surface: Surface, points: Points, fit: Fit) -> tuple[float, float,
     and degrees of freedom.
     """
     values = np.empty((len(points.reading), 5))
-    evaluate(surface.c, surface.lattice, points.places, fit.state, np.zeros((1, 2)), np.zeros((3, 0)), values)
+    evaluate(surface.c, surface.lattice, points.places, fit.state, np.zeros((3, 0)), values)
     for a in range(DOF):
         for b in range(DOF):
             fit.normal[a, b] = fit.noise_normal[a, b] = 0.0

@@ -74,7 +74,7 @@ def earlier_gains(spline: Interpolant, lattice: Floats, points: Points, state: F
     """
     count, (ny, nx) = points.places.shape[1], spline.shape
     start, share = np.empty(count, np.int64), np.empty((count, 16))
-    spread(spline.shape, lattice, points.places, state, np.zeros((1, 2)), np.zeros((3, 0)), 4, start, share)
+    spread(spline.shape, lattice, points.places, state, np.zeros((3, 0)), start, share)
     knots = np.zeros((3, ny * nx))
     gather(start, share, state[GAIN] * g, nx, knots)
     solve_band(spline.factor, knots)

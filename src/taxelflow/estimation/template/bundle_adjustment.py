@@ -7,22 +7,23 @@ solved by conjugate gradients, so that time and memory grow linearly with the nu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
-from taxelflow.compiling import kernel
-from taxelflow.numerics.banded import Factor, add_square, multiply, smoothness
-from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, evaluate, spread
-from taxelflow.numerics.robust import OUTLIER
+from taxelflow.compiling import kernel, lean_kernel
+from taxelflow.estimation.template.map import Surface
+from taxelflow.estimation.template.observations import Readings
+from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.banded import WIDTH, Factor, add_square, multiply, smoothness
+from taxelflow.numerics.bspline import GAIN, KNOTS, SIZE, STATE, THETA, X, Y, evaluate, spread
+from taxelflow.numerics.robust import OUTLIER, huber_weight
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
-    from taxelflow.messages import Bools, Floats
 
 _HUBER = 4.0
 _MOST_STEP = np.array([1.0, 1.0, 0.15, 0.2, 0.05])
@@ -30,8 +31,8 @@ _MOST_STEP = np.array([1.0, 1.0, 0.15, 0.2, 0.05])
 _SETTLED = 0.05
 """Steps of a pose, in its standard deviations, below which nothing more is gained."""
 _MOST_SMOOTHING_STEP = 5.0
-_SMOOTHINGS = 1e3
-"""Smoothing stays within this factor of the usual."""
+_MOST_SMOOTHING = 1e3
+"""Smoothing is at least the usual, and at most so many times it."""
 _MOST_CG, _CG_ERROR = 60, 1e-2
 _GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
 _WORSE = 1.1
@@ -47,7 +48,7 @@ class Fit:
 
     chi, counts: (scans,), robust chi-square and the readings in it. residual, weight, model: (scans, taxels).
     information: (scans, 5, 5) of the states with the pattern held. factor: of the coefficients' block. free: how many
-    parameters the readings determine, states and coefficients. bending: the pattern's squared second differences.
+    parameters the readings determine, states and coefficients; freed: states of each scan among them. bending: the pattern's squared second differences.
     """
 
     chi: Floats
@@ -58,6 +59,7 @@ class Fit:
     information: Floats
     factor: Factor
     free: float
+    freed: int
     bending: float
 
     @property
@@ -72,53 +74,60 @@ class Fit:
         return max(1.0 - self.free / count, 0.1)
 
 
-class _Linear:
-    """The problem, linearised at the present pattern and states; arrays as `assemble` fills them."""
+class Normal(NamedTuple):
+    """The problem, linearised at a pattern and states; `assemble` fills it.
 
-    def __init__(self, pattern: Pattern, scanned: Scanned, fixed: Bools) -> None:
-        self.pattern, self.scanned, self.fixed = pattern, scanned, fixed
-        scans, taxels, width = len(scanned), scanned.places.shape[1], pattern.width
-        self.first = np.empty((scans, taxels), np.int64)
-        self.weight = np.empty((scans, taxels, width * width))
-        self.slope = np.empty((scans, taxels, STATE))
-        self.w, self.residual, self.model = (np.empty((scans, taxels)) for _ in range(3))
-        self.chi, self.counts = np.empty(scans), np.empty(scans, np.int64)
-        self.smooth = smoothness(pattern.shape, width)
+    first, weight, slope, w, residual, model: (scans, taxels, ...), per reading: its first knot, its weights by
+    coefficient (16,) and slopes by state (5,), both with the gain in, its own weight, what the model leaves of it, and
+    the model. stencil, right: of the coefficients. blocks, gradient: (scans, 5, 5), (scans, 5) of the states. chi,
+    counts: (scans,), robust chi-square and the readings in it.
+    """
+
+    first: NDArray[np.int64]
+    weight: Floats
+    slope: Floats
+    w: Floats
+    residual: Floats
+    model: Floats
+    stencil: Floats
+    right: Floats
+    blocks: Floats
+    gradient: Floats
+    chi: Floats
+    counts: NDArray[np.int64]
+
+    @classmethod
+    def empty(cls, scans: int, taxels: int, knots: int) -> Normal:
+        return cls(
+            np.empty((scans, taxels), np.int64),
+            np.empty((scans, taxels, KNOTS)),
+            np.empty((scans, taxels, STATE)),
+            np.empty((scans, taxels)),
+            np.empty((scans, taxels)),
+            np.empty((scans, taxels)),
+            np.empty((knots, WIDTH, 2 * WIDTH - 1)),
+            np.empty(knots),
+            np.empty((scans, STATE, STATE)),
+            np.empty((scans, STATE)),
+            np.empty(scans),
+            np.empty(scans, np.int64),
+        )
+
+
+class _Linear:
+    """The problem, linearised at the present pattern and states."""
+
+    def __init__(self, pattern: Pattern, readings: Readings, fixed: Bools) -> None:
+        self.pattern, self.readings, self.fixed = pattern, readings, fixed
+        scans, taxels = readings.value.shape
+        self.normal = Normal.empty(scans, taxels, pattern.coefficients.size)
+        self.smooth = smoothness(pattern.shape)
         self.bent = np.empty(pattern.coefficients.size)
 
-    def update(self, states: Floats, rough: float) -> None:
-        """Fill all arrays."""
-        pattern, scanned = self.pattern, self.scanned
-        knots, width = pattern.coefficients.size, pattern.width
-        self.stencil, self.right = np.zeros((knots, width, 2 * width - 1)), np.zeros(knots)
-        self.blocks, self.gradient = np.zeros((len(states), STATE, STATE)), np.zeros((len(states), STATE))
-        assemble(
-            pattern.coefficients,
-            pattern.lattice,
-            scanned.places,
-            states,
-            pattern.points,
-            scanned.bends,
-            scanned.readings,
-            scanned.variance,
-            scanned.ceiling,
-            rough,
-            _HUBER,
-            self.fixed,
-            self.first,
-            self.weight,
-            self.slope,
-            self.w,
-            self.residual,
-            self.model,
-            self.stencil,
-            self.right,
-            self.blocks,
-            self.gradient,
-            self.chi,
-            self.counts,
-        )
-        multiply(self.smooth, pattern.shape[1], pattern.coefficients.ravel(), self.bent)
+    def update(self, states: Floats) -> None:
+        """Linearise at states (scans, 5)."""
+        assemble(self.pattern.surface, self.readings, states, self.fixed, self.normal)
+        multiply(self.smooth, self.pattern.shape[1], self.pattern.coefficients.ravel(), self.bent)
 
     def bending(self) -> float:
         """Sum of squared second differences of the pattern."""
@@ -127,13 +136,14 @@ class _Linear:
     def regularise(self) -> None:
         """Add the pattern's priors to its equations."""
         pattern = self.pattern
-        self.stencil += pattern.smoothing * self.smooth
-        self.stencil[:, 0, pattern.width - 1] += pattern.prior
-        self.right -= pattern.smoothing * self.bent + pattern.prior * pattern.coefficients.ravel()
+        stencil, right = self.normal.stencil, self.normal.right
+        stencil += pattern.smoothing * self.smooth
+        stencil[:, 0, WIDTH - 1] += pattern.prior
+        right -= pattern.smoothing * self.bent + pattern.prior * pattern.coefficients.ravel()
 
     def determined(self, factor: Factor) -> float:
         """How many coefficients the readings determine: those whose priors do not, a trace, from random vectors."""
-        pattern, knots = self.pattern, len(self.right)
+        pattern, knots = self.pattern, len(self.normal.right)
         signs = np.random.default_rng(0).choice([-1.0, 1.0], (_PROBES, knots))
         held = np.empty(knots)
         total = 0.0
@@ -144,14 +154,14 @@ class _Linear:
 
     def to_knots(self, step: Floats) -> Floats:
         """(knots,), what steps of the states (scans, 5) do to the coefficients' equations."""
-        out = np.zeros(len(self.right))
-        to_knots(step, self.first, self.weight, self.slope, self.w, self.pattern.shape[1], out)
+        out = np.zeros(len(self.normal.right))
+        to_knots(step, self.normal, self.pattern.shape[1], out)
         return out
 
     def to_states(self, knots: Floats) -> Floats:
         """(scans, 5), what steps of the coefficients (knots,) do to the states' equations."""
-        out = np.zeros(self.gradient.shape)
-        to_states(knots, self.first, self.weight, self.slope, self.w, self.pattern.shape[1], out)
+        out = np.zeros(self.normal.gradient.shape)
+        to_states(knots, self.normal, self.pattern.shape[1], out)
         return out
 
 
@@ -166,35 +176,36 @@ class _Best:
         states[:], pattern.coefficients, pattern.smoothing = self.states, self.coefficients, self.smoothing
 
 
-def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, rough: float, stiffness: Floats) -> Fit:
+def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, error: float, stiffness: Floats) -> Fit:
     """Improve the pattern and the states (scans, 5), in place; the pattern's smoothing is learned on the way.
 
-    stiffness: (5,) 1 / variance of each state around 0, of a place around the pad's middle, of the gain around 1;
-    infinite where a state is not to move.
+    error: see `Scanned.with_error`. stiffness: (5,) 1 / variance of each state around 0, of a place around the
+    pad's middle, of the gain around 1; infinite where a state is not to move.
     The object's frame, which nothing determines, is that in which the mean of the poses stays.
     """
-    fixed, usual = np.isinf(stiffness), np.array([*scanned.middle, 0.0, 1.0, 0.0])
-    pull = np.where(fixed, 0.0, stiffness)
-    linear = _Linear(pattern, scanned, fixed)
+    fixed = np.isinf(stiffness)
+    usual, pull = np.array([*scanned.middle, 0.0, 1.0, 0.0]), np.where(fixed, 0.0, stiffness)
+    linear = _Linear(pattern, scanned.with_error(error), fixed)
+    normal = linear.normal
     best, damping = _Best(np.inf, states, pattern.coefficients, pattern.smoothing), 0.0
     diagonal, moved = np.arange(STATE), np.arange(THETA + 1)
     for round_ in range(rounds + 1):
-        linear.update(states, rough)
-        merit = float(linear.chi.sum() + (pull * (states - usual) ** 2).sum() + pattern.smoothing * linear.bending())
+        linear.update(states)
+        merit = float(normal.chi.sum() + (pull * (states - usual) ** 2).sum() + pattern.smoothing * linear.bending())
         if merit > _WORSE * best.merit:
             best.restore(pattern, states)
-            linear.update(states, rough)
+            linear.update(states)
             damping = max(10.0 * damping, 0.1)
         elif merit < best.merit:
             best = _Best(merit, states.copy(), pattern.coefficients, pattern.smoothing)
         if round_:
             _learn_smoothing(pattern, linear.bending())
         linear.regularise()
-        linear.gradient -= pull * (states - usual)
-        linear.gradient[:, fixed] = 0.0
-        strong = linear.blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)
-        linear.blocks[:, diagonal, diagonal] += np.where(fixed, 1.0, pull) + 1e-9 + _RIDGE * strong
-        factor = Factor(linear.stencil, pattern.shape[1])
+        normal.gradient[:] -= pull * (states - usual)
+        normal.gradient[:, fixed] = 0.0
+        strong = normal.blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)
+        normal.blocks[:, diagonal, diagonal] += np.where(fixed, 1.0, pull) + 1e-9 + _RIDGE * strong
+        factor = Factor(normal.stencil, pattern.shape[1])
         if round_ == rounds:
             break
         step, back = _solve(factor, linear, damping)
@@ -203,21 +214,33 @@ def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, r
         states[:, SIZE] = np.clip(states[:, SIZE], *_SIZES)
         pattern.coefficients = pattern.coefficients + back.reshape(pattern.shape)
         relative = step[:, : THETA + 1] - step[:, : THETA + 1].mean(axis=0)
-        moves = relative**2 * linear.blocks[:, moved, moved]
+        moves = relative**2 * normal.blocks[:, moved, moved]
         if np.sqrt(moves.mean(axis=0).max()) < _SETTLED:
             break
     free = linear.determined(factor) + len(states) * int(np.sum(~fixed))
     return Fit(
-        chi=linear.chi,
-        counts=linear.counts,
-        residual=linear.residual,
-        weight=linear.w,
-        model=linear.model,
-        information=linear.blocks,
+        chi=normal.chi,
+        counts=normal.counts,
+        residual=normal.residual,
+        weight=normal.w,
+        model=normal.model,
+        information=normal.blocks,
         factor=factor,
         free=free,
+        freed=int(np.sum(~fixed)),
         bending=linear.bending(),
     )
+
+
+def information_of(pattern: Pattern, scanned: Scanned, states: Floats, error: float, stiffness: Floats) -> Floats:
+    """(scans, 5, 5), what scans with an error say of their states, the pattern held. Arguments as for `refine`."""
+    fixed = np.isinf(stiffness)
+    linear = _Linear(pattern, scanned.with_error(error), fixed)
+    linear.update(states)
+    blocks, diagonal = linear.normal.blocks, np.arange(STATE)
+    strong = blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)
+    blocks[:, diagonal, diagonal] += np.where(fixed, 1.0, stiffness) + 1e-9 + _RIDGE * strong
+    return blocks
 
 
 def _learn_smoothing(pattern: Pattern, bending: float) -> None:
@@ -225,17 +248,17 @@ def _learn_smoothing(pattern: Pattern, bending: float) -> None:
     wanted = 0.5 * pattern.coefficients.size / max(bending, 1e-300)
     low, high = pattern.smoothing / _MOST_SMOOTHING_STEP, pattern.smoothing * _MOST_SMOOTHING_STEP
     usual = pattern.usual_smoothing
-    pattern.smoothing = float(np.clip(np.clip(wanted, low, high), usual / _SMOOTHINGS, usual * _SMOOTHINGS))
+    pattern.smoothing = float(np.clip(np.clip(wanted, low, high), usual, usual * _MOST_SMOOTHING))
 
 
 def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Floats]:
     """Steps of the states (scans, 5), none longer than allowed, and of the coefficients (knots,) that go with them."""
-    blocks = linear.blocks.copy()
+    blocks = linear.normal.blocks.copy()
     diagonal, moved = np.arange(STATE), np.arange(THETA + 1)
     blocks[:, diagonal, diagonal] *= 1.0 + damping
     inverse = np.linalg.inv(blocks)
     frame = blocks[:, moved, moved].mean(axis=0)  # holds the mean step at 0, which pattern and poses leave open
-    shape = linear.gradient.shape
+    shape = linear.normal.gradient.shape
 
     def reduced(vector: Floats) -> Floats:
         step = vector.reshape(shape)
@@ -248,129 +271,93 @@ def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Flo
         result: Floats = np.einsum("kab,kb->ka", inverse, vector.reshape(shape)).ravel()
         return result
 
-    size = linear.gradient.size
+    size = linear.normal.gradient.size
     operator = LinearOperator((size, size), matvec=reduced, dtype=np.float64)
     guide = LinearOperator((size, size), matvec=precondition, dtype=np.float64)
-    target = (linear.gradient - linear.to_states(factor.solve(linear.right))).ravel()
+    target = (linear.normal.gradient - linear.to_states(factor.solve(linear.normal.right))).ravel()
     solution, _ = cg(operator, target, rtol=_CG_ERROR, maxiter=_MOST_CG, M=guide)
     most = _MOST_STEP.copy()
     most[:2] *= linear.pattern.lattice[0]
     step = np.clip(solution.reshape(shape), -most, most)
-    return step, factor.solve(linear.right - linear.to_knots(step))
+    return step, factor.solve(linear.normal.right - linear.to_knots(step))
 
 
 @kernel
-def assemble(
-    c: Floats,
-    lattice: Floats,
-    places: Floats,
-    states: Floats,
-    points: Floats,
-    bends: Floats,
-    readings: Floats,
-    variance: Floats,
-    ceiling: Floats,
-    rough: float,
-    huber: float,
-    fixed: Bools,
-    first: NDArray[np.int64],
-    weight: Floats,
-    slope: Floats,
-    w: Floats,
-    residual: Floats,
-    model: Floats,
-    stencil: Floats,
-    right: Floats,
-    blocks: Floats,
-    gradient: Floats,
-    chi: Floats,
-    counts: NDArray[np.int64],
-) -> None:
-    """Fill the linearised problem: per reading its knots, weights, slopes by the state, w; and the sums of the blocks.
-
-    weight (scans, taxels, width^2) is by coefficient, slope (scans, taxels, 5) by state, both with the gain in.
-    """
-    shape = c.shape
-    width = int(np.sqrt(weight.shape[2]))
+def assemble(surface: Surface, readings: Readings, states: Floats, fixed: Bools, out: Normal) -> None:
+    """Linearise at states (scans, 5), of which those `fixed` (5,) have no slope."""
+    c, places, nx = surface.c, readings.places, surface.c.shape[1]
     value = np.empty((places.shape[1], 5))
+    out.stencil[:], out.right[:], out.blocks[:], out.gradient[:] = 0.0, 0.0, 0.0, 0.0
     for k in range(len(states)):
-        spread(shape, lattice, places, states[k], points, bends[k], width, first[k], weight[k])
-        evaluate(c, lattice, places, states[k], points, bends[k], value)
+        first, weight, slope = out.first[k], out.weight[k], out.slope[k]
+        spread(c.shape, surface.lattice, places, states[k], readings.bends[k], first, weight)
+        evaluate(c, surface.lattice, places, states[k], readings.bends[k], value)
         gain = states[k, GAIN]
-        chi[k] = 0.0
-        counts[k] = 0
+        out.chi[k] = 0.0
+        out.counts[k] = 0
         for i in range(places.shape[1]):
-            w[k, i] = 0.0
-            residual[k, i] = 0.0
-            model[k, i] = 0.0
-            if first[k, i] < 0 or variance[k, i] == 0.0 or np.isnan(value[i, 0]):
+            reading, variance = readings.value[k, i], readings.variance[k, i]
+            out.w[k, i] = out.residual[k, i] = out.model[k, i] = 0.0
+            if first[i] < 0 or variance == 0.0 or np.isnan(value[i, 0]):
                 continue
             expected = gain * value[i, 0]
-            difference = readings[k, i] - expected
-            model[k, i] = expected
-            residual[k, i] = difference
-            if readings[k, i] == 0.0 and expected <= 0.0:  # the sensor clips there
+            difference = reading - expected
+            out.model[k, i], out.residual[k, i] = expected, difference
+            if reading == 0.0 and expected <= 0.0:  # the sensor clips there
                 continue
-            if readings[k, i] >= ceiling[i] and difference < 0.0:
+            if reading >= readings.ceiling[i] and difference < 0.0:
                 continue
-            own = rough * max(expected, 0.0)
-            factor = 1.0 / (variance[k, i] + own * own)
+            factor = 1.0 / variance
             z = abs(difference) * np.sqrt(factor)
-            chi[k] += min(z * z, OUTLIER)
-            counts[k] += 1
-            if z > huber:
-                factor *= huber / z
-            w[k, i] = factor
-            slope[k, i, 0] = gain * value[i, 1]
-            slope[k, i, 1] = gain * value[i, 2]
-            slope[k, i, 2] = gain * value[i, 3]
-            slope[k, i, 3] = value[i, 0]
-            slope[k, i, 4] = gain * value[i, 4]
-            for a in range(5):
+            out.chi[k] += min(z * z, OUTLIER)
+            out.counts[k] += 1
+            factor *= huber_weight(z, _HUBER)
+            out.w[k, i] = factor
+            slope[i, X], slope[i, Y], slope[i, THETA] = gain * value[i, 1], gain * value[i, 2], gain * value[i, 3]
+            slope[i, GAIN], slope[i, SIZE] = value[i, 0], gain * value[i, 4]
+            for a in range(STATE):
                 if fixed[a]:
-                    slope[k, i, a] = 0.0
-            for a in range(width * width):
-                weight[k, i, a] *= gain
-            add_square(first[k, i], weight[k, i], factor, difference, shape[1], width, stencil, right)
-            for a in range(5):
-                gradient[k, a] += factor * slope[k, i, a] * difference
-                for b in range(5):
-                    blocks[k, a, b] += factor * slope[k, i, a] * slope[k, i, b]
+                    slope[i, a] = 0.0
+            for a in range(KNOTS):
+                weight[i, a] *= gain
+            add_square(first[i], weight[i], factor, difference, nx, out.stencil, out.right)
+            _add_state(slope[i], factor, difference, out.blocks[k], out.gradient[k])
+
+
+@lean_kernel
+def _add_state(slope: Floats, factor: float, difference: float, block: Floats, gradient: Floats) -> None:
+    """Add what one reading says of its scan's state."""
+    for a in range(STATE):
+        gradient[a] += factor * slope[a] * difference
+        for b in range(STATE):
+            block[a, b] += factor * slope[a] * slope[b]
 
 
 @kernel
-def to_knots(
-    step: Floats, first: NDArray[np.int64], weight: Floats, slope: Floats, w: Floats, nx: int, out: Floats
-) -> None:
+def to_knots(step: Floats, normal: Normal, nx: int, out: Floats) -> None:
     """Add to out (knots,) what steps of the states (scans, 5) do to the coefficients' equations."""
-    width = int(np.sqrt(weight.shape[2]))
-    for k in range(first.shape[0]):
-        for i in range(first.shape[1]):
-            if w[k, i] == 0.0:
+    for k in range(normal.first.shape[0]):
+        for i in range(normal.first.shape[1]):
+            if normal.w[k, i] == 0.0:
                 continue
             pull = 0.0
-            for a in range(5):
-                pull += slope[k, i, a] * step[k, a]
-            pull *= w[k, i]
-            for a in range(width):
-                for b in range(width):
-                    out[first[k, i] + a * nx + b] += pull * weight[k, i, a * width + b]
+            for a in range(STATE):
+                pull += normal.slope[k, i, a] * step[k, a]
+            pull *= normal.w[k, i]
+            for a in range(KNOTS):
+                out[normal.first[k, i] + a // WIDTH * nx + a % WIDTH] += pull * normal.weight[k, i, a]
 
 
 @kernel
-def to_states(
-    knots: Floats, first: NDArray[np.int64], weight: Floats, slope: Floats, w: Floats, nx: int, out: Floats
-) -> None:
+def to_states(knots: Floats, normal: Normal, nx: int, out: Floats) -> None:
     """Add to out (scans, 5) what steps of the coefficients (knots,) do to the states' equations."""
-    width = int(np.sqrt(weight.shape[2]))
-    for k in range(first.shape[0]):
-        for i in range(first.shape[1]):
-            if w[k, i] == 0.0:
+    for k in range(normal.first.shape[0]):
+        for i in range(normal.first.shape[1]):
+            if normal.w[k, i] == 0.0:
                 continue
             pull = 0.0
-            for a in range(width):
-                for b in range(width):
-                    pull += knots[first[k, i] + a * nx + b] * weight[k, i, a * width + b]
-            pull *= w[k, i]
-            for a in range(5):
-                out[k, a] += pull * slope[k, i, a]
+            for a in range(KNOTS):
+                pull += knots[normal.first[k, i] + a // WIDTH * nx + a % WIDTH] * normal.weight[k, i, a]
+            pull *= normal.w[k, i]
+            for a in range(STATE):
+                out[k, a] += pull * normal.slope[k, i, a]

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
 from taxelflow.compiling import kernel, lean_kernel
-from taxelflow.estimation.template.linearization import laid_out, linearise
+from taxelflow.estimation.template.linearization import linearise
+from taxelflow.estimation.template.map import Surface
+from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y
 from taxelflow.numerics.small_linalg import mirror, solve_small
-
-if TYPE_CHECKING:
-    from taxelflow.messages import Floats
 
 _ENOUGH = 1e-2
 """A step that lowers chi-square by less is the last, and not looked at: it is a tenth of a standard deviation, and what
@@ -24,61 +23,33 @@ _LEAST_GAIN = 0.1
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
 
 
+class Prior(NamedTuple):
+    """Where a state (5,) is thought to be, and how firmly (5,), 1 / variance; from `HELD` on it stays there."""
+
+    mean: Floats
+    stiffness: Floats
+
+
 @kernel
-def register(
-    c: Floats,
-    doubt: Floats,
-    lattice: Floats,
-    places: Floats,
-    bend: Floats,
-    reading: Floats,
-    variance: Floats,
-    ceiling: Floats,
-    rough: float,
-    huber: float,
-    prior: Floats,
-    stiffness: Floats,
-    iterations: int,
-    state: Floats,
-    information: Floats,
+def register(  # noqa: PLR0912  loops over a state are written out
+    surface: Surface, taxels: Floats, prior: Prior, huber: float, iterations: int, state: Floats, information: Floats
 ) -> tuple[float, float, int]:
     """Refine state (5,) so that the pattern explains one scan; information (5, 5) becomes J^T W J with the prior.
 
-    reading, variance, ceiling: (taxels,), noise squared, 0 where a taxel is masked or silent; a saturated reading
-    counts only as far as the model lies below it. doubt: (ny, nx) variance of the pattern, or (0, 0). rough: error of
-    the pattern relative to it. prior, stiffness: (5,) where the state is thought to be, and how firmly, 1 / variance;
-    from `HELD` on it stays there. The pattern is taken at each taxel's middle. Returns the cost (robust -2 log
-    likelihood with prior, of the readings off the lattice, too; doubt counts where it explains a reading), chi-square,
-    and how many readings that is over: those on the lattice, and loads off it.
+    taxels: the scan, from `linearization.laid_out`; a masked taxel says nothing, a saturated reading counts only as far
+    as the model lies below it. huber: standard deviations from which on a reading is held down. Returns the cost
+    (robust -2 log likelihood with prior, of the readings off the lattice, too; the pattern's doubt counts where it
+    explains a reading), chi-square, and how many readings that is over: those on the lattice, and loads off it.
     """
-    taxels = laid_out(places, bend, reading, variance, ceiling)
-    return register_laid_out(c, doubt, lattice, taxels, rough, huber, prior, stiffness, iterations, state, information)
-
-
-@kernel
-def register_laid_out(  # noqa: PLR0912  loops over a state are written out
-    c: Floats,
-    doubt: Floats,
-    lattice: Floats,
-    taxels: Floats,
-    rough: float,
-    huber: float,
-    prior: Floats,
-    stiffness: Floats,
-    iterations: int,
-    state: Floats,
-    information: Floats,
-) -> tuple[float, float, int]:
-    """`register` for a scan from `linear.laid_out`."""
-    _hold(prior, stiffness, state)
+    _hold(prior, state)
     damping, best, best_chi, count = _FIRST_DAMPING, np.inf, 0.0, 0
     room = np.empty((9, STATE))  # at once, because memory takes time
     normal, right, best_right, step, kept = room[:STATE], room[5], room[6], room[7], room[8]
     for a in range(STATE):
         kept[a] = state[a]
     for _ in range(iterations):
-        cost, chi, used = linearise(c, doubt, lattice, taxels, rough, huber, state, normal, right)
-        cost += _add_prior(prior, stiffness, state, normal, right)
+        cost, chi, used = linearise(surface, taxels, huber, state, normal, right)
+        cost += _add_prior(prior, state, normal, right)
         if cost <= best:
             gained = best - cost
             best, best_chi, count = cost, chi, used
@@ -118,25 +89,25 @@ def register_laid_out(  # noqa: PLR0912  loops over a state are written out
 
 
 @lean_kernel
-def _hold(prior: Floats, stiffness: Floats, state: Floats) -> None:
+def _hold(prior: Prior, state: Floats) -> None:
     """Put what is held where it stays."""
     for part in (X, Y, THETA, SIZE):
-        if stiffness[part] >= HELD:
-            state[part] = prior[part]
+        if prior.stiffness[part] >= HELD:
+            state[part] = prior.mean[part]
 
 
 @lean_kernel
-def _add_prior(prior: Floats, stiffness: Floats, state: Floats, normal: Floats, right: Floats) -> float:
+def _add_prior(prior: Prior, state: Floats, normal: Floats, right: Floats) -> float:
     """Add the prior to the normal equations, from which what is held drops out; its cost."""
     for part in (X, Y, THETA, SIZE):
-        if stiffness[part] >= HELD:
+        if prior.stiffness[part] >= HELD:
             right[part] = 0.0
             for a in range(STATE):
                 normal[max(a, part), min(a, part)] = 0.0
     cost = 0.0
     for a in range(STATE):
-        off = state[a] - prior[a]
-        cost += stiffness[a] * off * off
-        right[a] -= stiffness[a] * off
-        normal[a, a] += stiffness[a]
+        off = state[a] - prior.mean[a]
+        cost += prior.stiffness[a] * off * off
+        right[a] -= prior.stiffness[a] * off
+        normal[a, a] += prior.stiffness[a]
     return cost

@@ -6,33 +6,34 @@ without a branch, over arrays that are laid out for it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from taxelflow.compiling import inlined, kernel, lean_kernel
+from taxelflow.estimation.template.map import Surface
+from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import GAIN, SIZE, THETA, X, Y, value_at
 from taxelflow.numerics.robust import OUTLIER
 
-if TYPE_CHECKING:
-    from taxelflow.messages import Floats
-
 PLACE_X, PLACE_Y, COS, SIN, READING, VARIANCE, CEILING, ROWS = range(8)
 """Rows of a scan that is laid out: places, less how far the object has come when the taxel is read; cosine and sine of
-its turn by then; reading, noise squared, and ceiling."""
+its turn by then; reading, noise and model error squared, and ceiling."""
 _LANES = 8
 _UNEXPLAINED = 9.0
 """Squared over the noise: what makes a reading off the lattice a load that is not explained. It counts as outlier."""
 
 
 @kernel
-def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ceiling: Floats) -> Floats:
-    """Scan as (ROWS, taxels), filled up with taxels that are masked. bend: (3, taxels) or (3, 0), see `evaluate`."""
+def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ceiling: Floats, error: float) -> Floats:
+    """Scan as (ROWS, taxels), filled up with taxels that are masked. bend: (3, taxels) or (3, 0), see `evaluate`.
+
+    error: standard deviation of what the model leaves of each reading beside noise.
+    """
     count = len(reading)
     taxels = np.empty((ROWS, (count + _LANES - 1) // _LANES * _LANES))
     for i in range(count):
         taxels[PLACE_X, i], taxels[PLACE_Y, i] = places[0, i], places[1, i]
-        taxels[READING, i], taxels[VARIANCE, i], taxels[CEILING, i] = reading[i], variance[i], ceiling[i]
+        taxels[READING, i], taxels[CEILING, i] = reading[i], ceiling[i]
+        taxels[VARIANCE, i] = variance[i] + error * error if variance[i] != 0.0 else 0.0
     for i in range(count, taxels.shape[1]):
         for row in range(ROWS):
             taxels[row, i] = 0.0
@@ -69,22 +70,15 @@ def _log_inverse(share: float) -> float:
 
 @lean_kernel
 def linearise(  # noqa: PLR0915  one loop, as vector registers need it
-    c: Floats,
-    doubt: Floats,
-    lattice: Floats,
-    taxels: Floats,
-    rough: float,
-    huber: float,
-    state: Floats,
-    normal: Floats,
-    right: Floats,
+    surface: Surface, taxels: Floats, huber: float, state: Floats, normal: Floats, right: Floats
 ) -> tuple[float, float, int]:
     """Fill normal (5, 5), its lower half, with J^T W J, right (5,) with J^T W (y - model) at a state (5,).
 
     taxels: from `laid_out`. Others, and what is returned, as for `register`, but without the prior. The cost tells
     which state is better; W holds the doubt even where it is not what explains a reading.
     """
-    h, left, low = lattice
+    c, doubt = surface.c, surface.doubt
+    h, left, low = surface.lattice
     left, low = left / h, low / h
     x, y, gain = state[X], state[Y], state[GAIN]
     scale = np.exp(-state[SIZE]) / h
@@ -103,8 +97,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         known, live = not np.isnan(q), variance != 0.0
         model = gain * q if known else 0.0
         residual = reading - model
-        own = rough * model
-        firm = 1.0 / (variance + own * own if live else 1.0)
+        firm = 1.0 / (variance if live else 1.0)
         doubtful = gain * gain * nearest(doubt, u - left, w - low) if known and not certain else 0.0
         weight = firm / (1.0 + firm * doubtful)
         clipped = reading == 0.0 and model <= 0.0  # the sensor clips there
@@ -116,7 +109,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         chi += z2 if fits else (min(z2, OUTLIER) if unexplained else 0.0)
         z, far = np.sqrt(z2), z2 > huber * huber
         doubted = (2.0 * huber * z - huber * huber if far else z2) + _log_inverse(variance * weight if live else 1.0)
-        believed = residual * residual * firm + _log_inverse(variance * firm if live else 1.0)
+        believed = residual * residual * firm
         # off the lattice, too, for the cost must not change when a taxel comes onto it
         cost += min(doubted, believed) if speaks else 0.0
         used += 1.0 if fits or unexplained else 0.0
@@ -154,9 +147,9 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
 
 
 @lean_kernel
-def look_up(c: Floats, doubt: Floats, lattice: Floats, taxels: Floats, state: Floats, out: Floats) -> None:
+def look_up(surface: Surface, taxels: Floats, state: Floats, out: Floats) -> None:
     """Fill out (2, n) with q at the first n taxels, NaN off the lattice, and its variance."""
-    h, left, low = lattice
+    h, left, low = surface.lattice
     left, low = left / h, low / h
     scale = np.exp(-state[SIZE]) / h
     cos_0, sin_0 = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
@@ -165,5 +158,5 @@ def look_up(c: Floats, doubt: Floats, lattice: Floats, taxels: Floats, state: Fl
         sin = sin_0 * taxels[COS, i] + cos_0 * taxels[SIN, i]
         dx, dy = taxels[PLACE_X, i] - state[X], taxels[PLACE_Y, i] - state[Y]
         u, w = cos * dx + sin * dy - left, cos * dy - sin * dx - low
-        out[0, i] = pressure_at(c, u, w)[0]
-        out[1, i] = 0.0 if np.isnan(out[0, i]) else nearest(doubt, u, w)
+        out[0, i] = pressure_at(surface.c, u, w)[0]
+        out[1, i] = 0.0 if np.isnan(out[0, i]) else nearest(surface.doubt, u, w)

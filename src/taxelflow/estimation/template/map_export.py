@@ -11,7 +11,7 @@ from scipy.linalg.lapack import dtbtrs
 from scipy.ndimage import convolve
 
 from taxelflow.estimation.template.extrapolation import looked_at, near
-from taxelflow.estimation.template.map import Pattern, Sums
+from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.messages import LearnedPattern
 from taxelflow.numerics.bspline import STATE, THETA, evaluate
 
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _FINER, _MOST_POINTS = 8, 250_000
 """Points per pitch, and how many a map has at most."""
 _DRAWS = 64
+_HALF_DIAGONAL = 0.7
+"""Pitches from a taxel's middle to its corner: so far it looks."""
 _AT_KNOT = np.outer([1.0, 4.0, 1.0], [1.0, 4.0, 1.0])[np.newaxis] / 36.0
 """A cubic B-spline's value at a knot, from the coefficients around it."""
 _FEWEST, _MOST, _MOST_BYTES = 5, 100, 1e8
@@ -54,19 +56,18 @@ class Maps(Sequence[LearnedPattern]):
         states: Floats,
         pose: Floats,
         *,
-        rough: float,
+        error: float,
         pitch_m: float,
-        size: Floats,
         turns: bool,
         dead: NDArray[np.int64],
     ) -> None:
         """Map a pattern learned from scans at states (scans, 5), unless they are too few to tell more than a scan.
 
-        pose: (3,) that was given out for the last of the states, in m and rad. size: (2,) of a taxel, in pitches.
+        pose: (3,) that was given out for the last of the states, in m and rad.
         """
         if len(states) < _FEWEST:
             return
-        x, y, pressure, std = mapped(pattern, scanned, states, pose / [pitch_m, pitch_m, 1.0], rough, size)
+        x, y, pressure, std = mapped(pattern, scanned, states, pose / [pitch_m, pitch_m, 1.0], error)
         times = float(scanned.t_s[0]), float(scanned.t_s[-1])
         found = LearnedPattern(pad, *times, len(states), pitch_m * x, pitch_m * y, pressure, std, turns, dead)
         self.keep(found)
@@ -79,7 +80,7 @@ class Maps(Sequence[LearnedPattern]):
 
 
 def mapped(
-    pattern: Pattern, scanned: Scanned, states: Floats, pose: Floats, rough: float, size: Floats
+    pattern: Pattern, scanned: Scanned, states: Floats, pose: Floats, error: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """x (nx,), y (ny,), pressure (ny, nx) and its std, NaN where no taxel looked; lengths in pitches.
 
@@ -97,8 +98,8 @@ def mapped(
     x, y = (np.arange(a, b, step) for a, b in zip(low, high, strict=True))
     places = (np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) - shift) @ turn
     pressure = _values(pattern, pattern.coefficients, places).reshape(len(y), len(x))
-    variance = _values(pattern, _variance_at_knots(pattern, scanned, states, rough), places).reshape(pressure.shape)
-    unseen = ~near(looked, x, y, 0.5 * float(np.hypot(*size)))
+    variance = _values(pattern, _variance_at_knots(pattern, scanned, states, error), places).reshape(pressure.shape)
+    unseen = ~near(looked, x, y, _HALF_DIAGONAL)
     pressure[unseen] = np.nan
     known = np.isfinite(pressure)
     rows, cols = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
@@ -116,16 +117,14 @@ def _values(pattern: Pattern, coefficients: Floats, places: Floats) -> Floats:
     """(n,), the spline at places (n, 2) of its own frame; NaN off the lattice."""
     values = np.empty((len(places), 5))
     here = np.ascontiguousarray(places.T)
-    evaluate(coefficients, pattern.lattice, here, np.zeros(STATE), pattern.points, np.zeros((3, 0)), values)
+    evaluate(coefficients, pattern.lattice, here, np.zeros(STATE), np.zeros((3, 0)), values)
     return values[:, 0]
 
 
-def _variance_at_knots(pattern: Pattern, scanned: Scanned, states: Floats, rough: float) -> Floats:
+def _variance_at_knots(pattern: Pattern, scanned: Scanned, states: Floats, error: float) -> Floats:
     """(ny, nx) variance of the pattern at its knots, from draws of what the readings leave open."""
     own = replace(pattern)
-    sums = Sums(own)
-    sums.add(own, scanned, states, rough)
-    factor: Factor = sums.solve(own)
+    factor: Factor = fill(own, scanned.with_error(error), states)
     white = np.random.default_rng(0).standard_normal((own.coefficients.size, _DRAWS))
     drawn, _ = dtbtrs(factor.lower, white, uplo="L", trans="T")
     values = convolve(drawn.T.reshape(_DRAWS, *own.shape), _AT_KNOT, mode="nearest")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _DRAWS = 8
 
 
-def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, scan: int, rough: float) -> Floats:
+def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, scan: int, error: float) -> Floats:
     """(3,), how many times better the pattern tells x, y and theta, in a given scan, than its own noise pretends to.
 
     Slopes of a pattern that is not known are slopes all the same. What they pretend to tell is what patterns tell that
@@ -28,8 +28,7 @@ def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, s
     base = _values(pattern, pattern.coefficients, scanned, states, scan)
     known = np.isfinite(base[:, 0]) & (scanned.variance[scan] > 0)
     gain = states[scan, GAIN]
-    model = gain * base[known, 0]
-    w = 1.0 / (scanned.variance[scan, known] + (rough * np.maximum(model, 0.0)) ** 2)
+    w = 1.0 / (scanned.variance[scan, known] + (error * scanned.levels()[scan]) ** 2)
     slopes, load = gain * base[known, 1:4], base[known, :1]
 
     def told(by: Floats, of: int) -> float:
@@ -54,5 +53,5 @@ def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, s
 def _values(pattern: Pattern, coefficients: Floats, scanned: Scanned, states: Floats, scan: int) -> Floats:
     """(taxels, 5): see `spline.evaluate`."""
     values = np.empty((scanned.places.shape[1], 5))
-    evaluate(coefficients, pattern.lattice, scanned.places, states[scan], pattern.points, scanned.bends[scan], values)
+    evaluate(coefficients, pattern.lattice, scanned.places, states[scan], scanned.bends[scan], values)
     return values

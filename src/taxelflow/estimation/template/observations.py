@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import THETA
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.messages import Bools, Floats
+    from taxelflow.messages import Bools
     from taxelflow.sensors.layout import Layout
 
 _LOADED_SIGMAS = 4.0
@@ -57,6 +58,20 @@ def across(places: Floats, live: Bools) -> Bools:
     """
     in_line: Bools = np.ptp(places[:, live] if live.any() else places, axis=1) < _APART
     return in_line
+
+
+class Readings(NamedTuple):
+    """Scans as kernels read them. See `Scanned`; variance: (scans, taxels) with the model's error in it."""
+
+    places: Floats
+    value: Floats
+    variance: Floats
+    ceiling: Floats
+    bends: Floats
+
+    def taken(self, which: NDArray[np.int64]) -> Readings:
+        """Some of the scans."""
+        return Readings(self.places, self.value[which], self.variance[which], self.ceiling, self.bends[which])
 
 
 @dataclass(slots=True, eq=False)
@@ -126,6 +141,19 @@ class Scanned:
         """Some of the scans."""
         parts = (self.readings[which], self.variance[which])
         return Scanned(self.t_s[which], self.places, *parts, self.ceiling, self.delay_s, self.bends[which])
+
+    def levels(self) -> Floats:
+        """(scans,), the largest reading of each scan, of which errors of the model are a share."""
+        largest: Floats = np.where(self.variance > 0, self.readings, 0.0).max(axis=1, initial=0.0)
+        return largest
+
+    def with_error(self, share: float) -> Readings:
+        """The scans as kernels read them. share: of each scan's largest reading, the standard deviation of what the
+        model leaves of any of its readings beside noise.
+        """
+        error = (share * self.levels()[:, np.newaxis]) ** 2
+        variance = np.where(self.variance > 0, self.variance + error, 0.0)
+        return Readings(self.places, self.readings, variance, self.ceiling, self.bends)
 
     def loaded(self) -> NDArray[np.bool_]:
         """(scans, taxels), readings that the object surely makes."""

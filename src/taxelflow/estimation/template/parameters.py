@@ -32,7 +32,7 @@ class Template:
     def start(self, layout: Layout, mode: Mode) -> EstimatorSession:
         """Begin a session; kernels are compiled here."""
         if mode == "batch":
-            from taxelflow.estimation.template.batch.session import BatchSession
+            from taxelflow.estimation.template.batch_session import BatchSession
 
             return BatchSession(layout, self.window_scans)
         from taxelflow.estimation.template.online.session import StreamSession

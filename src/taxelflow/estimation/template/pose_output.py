@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.likelihood import misfit
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 from taxelflow.numerics.bspline import SIZE, STATE, THETA
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bytes, Floats
 
-TOO_ROUGH = 0.1
-"""Error of a pattern relative to itself above which it is not one."""
 _UNRESOLVED = 2.0
 """Chi-square per degree of freedom above which a scan does not fit."""
 _BLURRED = 0.25
@@ -60,27 +59,20 @@ class Poses:
         return Poses(self.pose[-count:], self.covariance[-count:], self.quality[-count:])
 
 
-def poses_of(solved: Solved, pitch_m: float) -> Poses:
-    """Poses of all scans of a solved contact."""
-    states, fit = solved.states, solved.fit
-    pose, covariance = to_pad(states, fit.information, solved.middle(), solved.sight, pitch_m, turns=solved.turns)
-    misfit = fit.chi / np.maximum(fit.counts, 1) / fit.freedom
-    return Poses(pose, covariance, judge(covariance, misfit, solved.rough, pitch_m))
+def poses_of(solved: Solved, information: Floats, pitch_m: float) -> Poses:
+    """Poses of all scans of a solved contact. information: (scans, 5, 5) of its states."""
+    pose, covariance = to_pad(solved.states, information, solved.middle(), pitch_m, turns=solved.turns)
+    quality = judge(covariance, misfit(solved.fit), pitch_m)
+    if len(solved.agrees):
+        quality = np.where(solved.agrees, quality, np.maximum(quality, AMBIGUOUS)).astype(np.uint8)
+    return Poses(pose, covariance, quality)
 
 
 def to_pad(
-    states: Floats, information: Floats, centre: Floats, sight: float, pitch_m: float, *, turns: bool
+    states: Floats, information: Floats, centre: Floats, pitch_m: float, *, turns: bool
 ) -> tuple[Floats, Floats]:
-    """Poses (scans, 3) and covariances (scans, 3, 3) of the body's point `centre` (2,), SI, from states (scans, 5).
-
-    sight: how far the pattern's angular structure stands above its noise; noise in it makes a turn seem surer than it
-    is (errors in variables), so its information counts only as far as it is real.
-    """
-    real = information.copy()
-    share = 1.0 - 1.0 / max(sight, 2.0)
-    real[:, THETA, :] *= share
-    real[:, :, THETA] *= share
-    own = np.linalg.inv(real + 1e-12 * np.eye(STATE))[:, : THETA + 1, : THETA + 1]
+    """Poses (scans, 3) and covariances (scans, 3, 3) of the body's point `centre` (2,), SI, from states (scans, 5)."""
+    own = np.linalg.inv(information + 1e-12 * np.eye(STATE))[:, : THETA + 1, : THETA + 1]
     arm = arm_of(centre, states)
     pose = np.empty((len(states), 3))
     pose[:, :2] = pitch_m * (states[:, :2] + arm)
@@ -114,14 +106,14 @@ def unturned(centre: Floats, states: Floats) -> Floats:
     return fixed
 
 
-def judge(covariance: Floats, misfit: Floats, rough: float, pitch_m: float) -> Bytes:
-    """Quality (scans,). misfit: chi-square per degree of freedom; rough: error of the pattern relative to it."""
+def judge(covariance: Floats, misfit: Floats, pitch_m: float) -> Bytes:
+    """Quality (scans,). misfit: (scans,), chi-square per degree of freedom."""
     xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
     largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
     # Where a scan holds hardly any information, its inverse may have lost its sign to rounding.
     is_known = (xx > 0) & (yy > 0) & (largest <= (_BLURRED * pitch_m) ** 2)
     quality = np.where(is_known, OK, AMBIGUOUS)
-    quality = np.where((misfit > _UNRESOLVED) | (rough > TOO_ROUGH), UNRESOLVED, quality)
+    quality = np.where(misfit > _UNRESOLVED, UNRESOLVED, quality)
     return quality.astype(np.uint8)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,27 +12,34 @@ if TYPE_CHECKING:
 
     from taxelflow.estimation.template.bundle_adjustment import Fit
     from taxelflow.estimation.template.map import Pattern
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
 
 
 @dataclass(slots=True, eq=False)
 class Solved:
     """A contact as the joint fit sees it.
 
-    states: (scans, 5), see `spline`. rough: error of the pattern relative to it. gain_std: of the gains around 1.
-    turns: whether its rotation can be seen; sight: how well, see `sights`. dead: taxels that do not answer.
-    grows: with the load, around the origin of the pattern's frame.
+    states: (scans, 5), see `bspline`. error: share of each scan's largest reading, see `Scanned.with_error`. gain_std:
+    of the gains around 1. turns, grows: whether the object turns, and its contact grows with the load around the origin
+    of the pattern's frame; follows: whether it goes with its contact's centroid. agrees: (scans,), whether independent starts put the object at the same place; empty where
+    there was one start. dead: taxels that do not answer.
     """
 
     pattern: Pattern
     states: Floats
     fit: Fit
-    rough: float
+    error: float
     gain_std: float
     turns: bool
-    dead: NDArray[np.int64]
-    sight: float
     grows: bool = False
+    follows: bool = False
+    agrees: Bools = field(default_factory=lambda: np.ones(0, np.bool_))
+    dead: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    @property
+    def kind(self) -> tuple[bool, bool, bool]:
+        """The hypothesis."""
+        return self.turns, self.grows, self.follows
 
     def middle(self) -> Floats:
         """(2,) the point of the body whose places are given out: its pattern's centre, or where it does not grow."""

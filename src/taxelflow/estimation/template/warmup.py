@@ -1,4 +1,4 @@
-"""Every kernel of the pattern run once on a made-up contact, so that none is compiled while scans go by."""
+"""Kernels run once on a made-up contact, so that none is compiled while scans go by."""
 
 from __future__ import annotations
 
@@ -6,28 +6,37 @@ from functools import cache
 
 import numpy as np
 
-from taxelflow.estimation.template.batch.model_selection import solve_contact
+from taxelflow.estimation.template.hypotheses import solve_contact
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.map_update import first_pattern, learn
 from taxelflow.estimation.template.online.relocalization import recognised
+from taxelflow.estimation.template.online.track_state import PadScan
 
 
 @cache
-def compile_kernels() -> None:
-    """Batch and stream, once in a process."""
+def compile_batch() -> None:
+    """Those of whole contacts, once in a process."""
+    solve_contact(made_up())
+
+
+@cache
+def compile_stream() -> None:
+    """Those that learn beside a stream, once in a process."""
+    scanned = made_up()
+    part = PadScan(scanned.readings[0], scanned.variance[0], scanned.ceiling, scanned.places, np.zeros(36, np.bool_))
+    learned = first_pattern(0.0, part, scanned.delay_s)
+    for k in range(1, len(scanned)):
+        state = np.array([0.4 * k - 1.0, 0.0, 0.0, 1.0, 0.0])
+        scan = scanned.t_s[k], scanned.readings[k], scanned.variance[k], np.zeros((3, 0)), state
+        learned.keyframes = learned.keyframes.with_scan(*scan)
+    learned.fresh = len(scanned) - 1
+    recognised(learn(learned), np.zeros(2), part)
+
+
+def made_up() -> Scanned:
+    """Five scans of a dome that slides over 6 x 6 taxels."""
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(6.0), np.arange(6.0)))
     places = np.stack([x - 2.5, y - 2.5])
     moved = 0.4 * np.arange(5.0)[:, np.newaxis]
     readings = 100.0 * np.exp(-0.5 * ((places[0] - moved + 1.0) ** 2 + places[1] ** 2))
-    variance, never, at_once = np.ones_like(readings), np.full(36, np.inf), np.zeros(36)
-    t_s = np.arange(5.0)
-    solve_contact(Scanned.of(t_s, places, readings, variance, never, at_once), np.ones(2))
-    learned = first_pattern(0.0, places, readings[0], variance[0], never, at_once)
-    keyframes = learned.keyframes
-    for k in range(1, 5):
-        keyframes = keyframes.with_scan(
-            t_s[k], readings[k], variance[k], np.zeros((3, 0)), np.array([moved[k, 0] - 1.0, 0.0, 0.0, 1.0, 0.0])
-        )
-    learned.keyframes, learned.fresh = keyframes, 4
-    learned = learn(learned)
-    recognised(learned, np.zeros(2), places, readings[0], variance[0], never)
+    return Scanned.of(np.arange(5.0), places, readings, np.ones_like(readings), np.full(36, np.inf), np.zeros(36))

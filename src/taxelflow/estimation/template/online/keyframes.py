@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.online.track_state import MOST_KEYFRAMES
 from taxelflow.numerics.bspline import SIZE, THETA
 
 if TYPE_CHECKING:
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats
 
-MOST_KEYFRAMES = 60
 _GROWN = 0.05
 """Range of the sizes' logarithm."""
 

@@ -1,4 +1,4 @@
-"""How a pattern in a stream is learned, beside the stream."""
+"""How a pattern in a stream is learned from its keyframes, beside the stream: the hypotheses of a batch, on fewer scans."""
 
 from __future__ import annotations
 
@@ -8,66 +8,63 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxelflow.estimation.template.batch.model_selection import FIRST_GAIN_STD, FIRST_ROUGH
 from taxelflow.estimation.template.extrapolation import level_off
-from taxelflow.estimation.template.observability import sights
+from taxelflow.estimation.template.hypotheses import (
+    FIRST_GAIN_STD,
+    YOUNG,
+    coarse,
+    covering,
+    grown,
+    likeliest,
+    refined,
+    start_scan,
+)
+from taxelflow.estimation.template.initialization import Tracker
+from taxelflow.estimation.template.likelihood import COARSE
+from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
-from taxelflow.estimation.template.online.local_map import (
-    CHANGING_ROUGH,
-    FIRST_SLACK,
-    MOST_USUAL,
-    RAW_ROUGH,
-    YOUNG,
-    Learned,
-    covering,
-    fill,
-    refined,
-    usual_of,
-)
-from taxelflow.estimation.template.online.rotation import SEEN, explains, with_turn, without_turn
-from taxelflow.estimation.template.online.scaling import due, placed, regrown, slack_of
+from taxelflow.estimation.template.online.local_map import FIRST_SLACK, Learned
+from taxelflow.estimation.template.pose_output import unturned
 from taxelflow.numerics.bspline import STATE, THETA
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.online.track_state import PadScan
+    from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Floats
 
 _NEAR, _FAR = 0.25, 1.0
 """Keyframes closer than this, in pitches, show the same; further for contacts whose size varies: what the size leaves
 unexplained seems to move them."""
-_DOUBTFUL, _DECIDE, _WHOLE = 1.0, 4, 0.1
-"""Sight below which a turn is dropped; keyframes from which, and share of the load at the border up to which, one is
-looked for."""
+_DECIDE, _MORE, _WHOLE = 4, 1.5, 0.1
+"""Keyframes from which hypotheses are compared, anew when there are so many times more; and share of the load at the
+border up to which a turn is looked for."""
+_RETRACED = 20
+"""Up to so many keyframes a turn is looked for from the first one on: poses learned without a turn are far from those
+with one, and refined they may end in between."""
+_YOUNG_ERROR = 0.02
+"""Of a pattern of `YOUNG` keyframes an error below this is not believed, nor that of more below its share."""
 _TOLD = 0.1
 """Share of the first slack from which on a turn is told: that of a pattern on which two more fits have agreed."""
-_CUT_LOOKS_TURNED = 10.0
 _CUT_SLACK = 0.5
 """What is added to the first slack, times the share of the load that lies at the border."""
-_CHANGES, _LAST = 0.1, 4
-"""A pattern with a relative error above the first changes; then the last few make it."""
-_SEEN_ENOUGH = 12
-"""Keyframes from which a pattern that does not explain them changes."""
-_MOST_SLACK = (1.0, 0.3)
+_CHANGES, _SEEN_ENOUGH, _LAST = 2.0 * COARSE, 12, 4
+"""A pattern that leaves twice the error that fits begin with, of so many keyframes, changes; then the last few make
+it."""
+_MOST_SLACK, _FORGET = (1.0, 0.3), 0.2
+"""Largest slack; and what stays of that before when keyframes have hardly moved."""
+_MOST_USUAL = 2.0
+"""Chi-square per reading up to which scans are explained."""
+_ROUNDS, _FIRST_ROUNDS, _YOUNG_ROUNDS = (3,), (3, 3), 6
 
 
-def first_pattern(
-    t_s: float,
-    places: Floats,
-    reading: Floats,
-    variance: Floats,
-    ceiling: Floats,
-    delay_s: Floats,
-    at: Floats | None = None,
-) -> Learned:
+def first_pattern(t_s: float, scan: PadScan, delay_s: Floats, at: Floats | None = None) -> Learned:
     """A pattern from a single scan, its origin at the contact's centroid, or at the place `at` (2,)."""
-    scanned = Scanned.of(np.array([t_s]), places, reading[np.newaxis], variance[np.newaxis], ceiling, delay_s)
-    state = np.array([*(scanned.centroids()[0] if at is None else at), 0.0, 1.0, 0.0])
-    learned = learn(
-        Learned(
-            covering(scanned, state[np.newaxis], None), Keyframes(scanned, state[np.newaxis], state[np.newaxis]), 1.0
-        )
-    )
+    one = (scan.reading[np.newaxis], scan.variance[np.newaxis], scan.ceiling, delay_s)
+    scanned = Scanned.of(np.array([t_s]), scan.places, *one)
+    state = np.array([[*(scanned.centroids()[0] if at is None else at), 0.0, 1.0, 0.0]])
+    learned = learn(Learned(covering(scanned, state), Keyframes(scanned, state, state), 1.0))
     learned.slack[0] += _CUT_SLACK * most_whole(learned.keyframes)[1]
     return learned
 
@@ -78,7 +75,7 @@ def learn(known: Learned) -> Learned:
     The frame stays as well as the keyframes tell.
     """
     with threadpool_limits(1, user_api="blas"):
-        new = _learn(known)
+        new = _forgetting(known) if known.changing else _learn(known)
     level_off(new.pattern, new.keyframes.scanned, new.keyframes.states)
     return new
 
@@ -87,75 +84,113 @@ def _forgetting(known: Learned) -> Learned:
     """A pattern of the last few keyframes, where they are: it does not stay for long enough to be refined."""
     old, most = known.keyframes, slice(-_LAST, None)
     keyframes = Keyframes(old.scanned.taken(most), old.states[most], old.angled[most])
-    scanned, states = keyframes.scanned, keyframes.states
-    pattern = covering(scanned, states, None)
-    fill(pattern, scanned, states, CHANGING_ROUGH)
+    new = _filled(known, keyframes)
     slack = np.minimum(known.slack + FIRST_SLACK, _MOST_SLACK)
-    return replace(
-        known,
-        pattern=pattern,
-        keyframes=keyframes,
-        radius=pattern.radius(),
-        rough=CHANGING_ROUGH,
-        usual=MOST_USUAL,
-        gain_std=FIRST_GAIN_STD,
-        slack=slack,
-        turned=0.0,
-        changing=True,
-    )
+    return replace(new, error=COARSE, usual=_MOST_USUAL, gain_std=FIRST_GAIN_STD, slack=slack, changing=True)
+
+
+def _filled(known: Learned, keyframes: Keyframes) -> Learned:
+    """The pattern that explains keyframes where they are."""
+    pattern = covering(keyframes.scanned, keyframes.states)
+    fill(pattern, keyframes.scanned.with_error(COARSE), keyframes.states)
+    return replace(known, pattern=pattern, keyframes=keyframes, radius=pattern.radius(), turned=0.0)
 
 
 def _learn(known: Learned) -> Learned:
-    if known.changing:
-        return _forgetting(known)
-    if due(known):
-        known = replace(known, looked=len(known.keyframes))
-        grows = placed(known)
-        if grows is not None:
-            return grows
-    if known.placed:
-        grows = regrown(known)
-        return grows if grows.rough <= _CHANGES else _forgetting(grows)
     keyframes = known.keyframes
-    scanned, states, angled = keyframes.scanned, keyframes.states.copy(), keyframes.angled.copy()
-    before = keyframes.states
-    pattern = covering(scanned, states, known.pattern)
-    count, across = len(keyframes), scanned.across
-    rough = RAW_ROUGH if count < YOUNG else min(known.rough, FIRST_ROUGH)
-    factor = fill(pattern, scanned, states)
-    fit, doubt, spare = None, pattern.doubt, 1.0
-    radius = pattern.radius()
-    new = replace(known, pattern=pattern, radius=radius, rough=rough, turned=0.0)
-    scan, cut_off = most_whole(keyframes)
-    if count > 2 and keyframes.spread(radius) > (_FAR if keyframes.grown else _NEAR):
-        fit = refined(new, pattern, scanned, states)
-        if not known.turns and count >= _DECIDE and cut_off < _WHOLE and not across.any():
-            found = with_turn(new, known.pattern, keyframes, angled, fit, scan)
-            if found is not None:
-                new, fit, doubt = found
-                pattern, states, before = new.pattern, angled, keyframes.angled
-        factor, spare = fit.factor, fit.freedom
-        new.usual = usual_of(fit)
-        if new.rough > _CHANGES and count >= _SEEN_ENOUGH:
-            return _forgetting(new)
-        new.turned = float(np.mean(states[:, THETA] - before[:, THETA]))
-        states = reframed(states, keyframes.states, fit.information, pattern)
-        new.slack = slack_of(known, states - before - [0.0, 0.0, new.turned, 0.0, 0.0])
-    if count >= _DECIDE:
-        told = sights(pattern, scanned, states, factor, scan, max(new.rough, FIRST_ROUGH)) * spare**2
-        sight = new.sight = float(told[THETA])
-        new.sight_of_place = float(told[:THETA][~across].min(initial=np.inf)) if spare < 1.0 else np.inf
-        likely = sight > SEEN * (1.0 + _CUT_LOOKS_TURNED * cut_off)
-        if fit is not None and known.turns and not (likely or new.proved) and cut_off < _WHOLE:
-            _, new.proved = explains(fit, without_turn(new, scanned, states), scanned)
-        new.seen = likely or new.proved or (known.seen and sight > _DOUBTFUL)
-        new.told = new.seen and (known.told or bool(new.slack[1] < _TOLD * FIRST_SLACK[1]))
-        new.turns = new.seen or (new.turns and sight > _DOUBTFUL)
-        if not new.turns:
-            states[:, THETA] = states[0, THETA]
-    pattern.doubt = doubt
-    new.keyframes = Keyframes(scanned, states, states if new.turns else angled)
-    return new
+    count, near = len(keyframes), _FAR if keyframes.grown else _NEAR
+    if count <= 2 or (keyframes.spread(known.radius) <= near and not _grown_now(known)):
+        return _filled(known, keyframes)
+    best, looked = _best(known)
+    scanned, pattern = keyframes.scanned, best.pattern
+    before = keyframes.angled if best.turns and not known.turns else keyframes.states
+    turned = float(np.mean(best.states[:, THETA] - before[:, THETA])) if best.turns else 0.0
+    states = best.states
+    if not best.grows:
+        states = reframed(states, keyframes.states, best.fit.information, pattern)
+    off = states - before - [0.0, 0.0, turned, 0.0, 0.0]
+    if best.grows:
+        off -= np.median(off, axis=0)
+    slack = np.array(FIRST_SLACK) if best.grows and not known.grows else _slack(known, off)
+    told = best.turns and (known.told or bool(slack[1] < _TOLD * FIRST_SLACK[1]))
+    new = replace(
+        known,
+        pattern=pattern,
+        keyframes=Keyframes(scanned, states, states if best.turns else keyframes.angled.copy()),
+        radius=pattern.radius(),
+        error=max(best.error, _YOUNG_ERROR * float(np.sqrt(YOUNG / count))),
+        usual=float(np.clip(best.fit.reduced / best.fit.freedom, 1.0, _MOST_USUAL)),
+        gain_std=best.gain_std if count >= YOUNG else FIRST_GAIN_STD,
+        turns=best.turns,
+        grows=best.grows,
+        told=told,
+        turned=turned,
+        slack=slack,
+        looked=looked,
+    )
+    own = replace(pattern)
+    fill(own, scanned.with_error(max(new.error, _YOUNG_ERROR)), states)
+    pattern.doubt = own.doubt
+    return _forgetting(new) if new.error > _CHANGES and count >= _SEEN_ENOUGH else new
+
+
+def _grown_now(known: Learned) -> bool:
+    """Whether sizes differ, so that hypotheses are worth comparing though the object has hardly moved."""
+    return known.keyframes.grown and len(known.keyframes) >= _MORE * max(known.looked, 1)
+
+
+def _best(known: Learned) -> tuple[Solved, int]:
+    """The likeliest hypothesis on the keyframes, and at how many keyframes they were last compared."""
+    keyframes = known.keyframes
+    scanned, count = keyframes.scanned, len(keyframes)
+    rounds = _ROUNDS if known.looked else _FIRST_ROUNDS
+    present = _again(known, scanned, keyframes.states.copy(), rounds)
+    if count < _DECIDE or count < _MORE * known.looked:
+        return present, known.looked
+    tried = [present]
+    turns = known.turns
+    if turns:
+        fixed = unturned(known.pattern.centre(), keyframes.states)
+        tried.append(_further(scanned, coarse(scanned, fixed, turns=False)))
+    elif most_whole(keyframes)[1] < _WHOLE and not scanned.across.any():
+        starts = [keyframes.angled.copy()] + ([_retraced(scanned)] if count <= _RETRACED else [])
+        fits = [coarse(scanned, states, turns=True) for states in starts]
+        tried.append(_further(scanned, min(fits, key=lambda one: one.error)))
+    if keyframes.grown and not known.grows:
+        still = replace(scanned, delay_s=np.zeros_like(scanned.delay_s), bends=np.zeros_like(scanned.bends))
+        tried += [_further(still, one) for one in grown(still, keyframes.states, turns=turns)]
+    return likeliest(tried, scanned), count
+
+
+def _again(known: Learned, scanned: Scanned, states: Floats, rounds: tuple[int, ...]) -> Solved:
+    """The present hypothesis, from where the keyframes are."""
+    if len(scanned) < YOUNG:
+        return coarse(scanned, states, turns=known.turns, rounds=_YOUNG_ROUNDS)
+    start = coarse(scanned, states, turns=known.turns, rounds=0)
+    return refined(scanned, replace(start, grows=known.grows, gain_std=known.gain_std), rounds)
+
+
+def _further(scanned: Scanned, start: Solved) -> Solved:
+    """A coarse fit refined, where there are scans enough."""
+    return start if len(scanned) < YOUNG else refined(scanned, start, _FIRST_ROUNDS)
+
+
+def _retraced(scanned: Scanned) -> Floats:
+    """States (n, 5) of keyframes of an object that may turn, one registered after the other as in a batch."""
+    own = scanned.taken(np.arange(len(scanned)))
+    tracker = Tracker(own, start_scan(own), own.stiffness(turns=True, gain_std=FIRST_GAIN_STD))
+    tracker.run()
+    return tracker.states
+
+
+def _slack(known: Learned, off: Floats) -> Floats:
+    """(2,), see `Learned`: from how far the last keyframes were from where they are, off (n, 5)."""
+    fresh = off[len(off) - known.fresh :]
+    if not len(fresh):
+        return known.slack
+    wrong = np.array([np.mean(fresh[:, :2] ** 2), np.mean(fresh[:, THETA] ** 2)])
+    slack: Floats = np.maximum(wrong, _FORGET * known.slack)
+    return slack
 
 
 def reframed(states: Floats, before: Floats, information: Floats, pattern: Pattern) -> Floats:

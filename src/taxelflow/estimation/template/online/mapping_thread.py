@@ -70,7 +70,9 @@ class Learner:
             keyframes = keyframes.with_scan(*scan)
         start_s, fresh = self._waiting[-1].t_s, len(self._waiting)
         self._waiting, self._newest = [], keyframes.states[-1]
-        work = replace(known, keyframes=keyframes, fresh=fresh, turns=known.turns or may_turn)
+        work = replace(
+            known, keyframes=keyframes, fresh=fresh, looked=0 if may_turn and not known.turns else known.looked
+        )
         self._job = self._worker.submit(learn, work)
         share = _YOUNG_LATENCY if len(keyframes) < _YOUNG else 1.0
         self.due_s = max(start_s, now_s) + share * self._latency_s

@@ -6,14 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.levenberg_marquardt import HELD, register
-from taxelflow.estimation.template.online import track_state as online
+from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
+from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import HUBER
 from taxelflow.numerics.bspline import GAIN, STATE, THETA
 from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.online.local_map import Learned
+    from taxelflow.estimation.template.online.track_state import PadScan, Track
     from taxelflow.messages import Floats
 
 DOUBT = 0.25
@@ -23,6 +25,7 @@ _ABOUT = 1.0
 _SURELY, _LEAP = 9.0, (2.0, 0.5)
 """A place found all over the pad is followed only if chi-square is less by so much; an object that is known lies within
 so many pitches and rad of where it was."""
+_ITERATIONS = 20
 _SAME = 0.5
 """States closer than this, in pitches, are the same."""
 
@@ -30,10 +33,7 @@ _SAME = 0.5
 def recognised(
     known: Learned,
     middle: Floats,
-    places: Floats,
-    reading: Floats,
-    variance: Floats,
-    ceiling: Floats,
+    scan: PadScan,
     theta: float | None = None,
 ) -> tuple[Floats, Floats, float, int] | None:
     """Where a known pattern explains a scan, or None: state (5,), its information (5, 5), chi-square per reading and
@@ -44,6 +44,9 @@ def recognised(
     looked for where its middle lies on the line from the pad's through the scan's.
     """
     pattern = known.pattern
+    surface = Surface(pattern.coefficients, DOUBT * pattern.doubt, pattern.lattice)
+    error = known.error * float(np.max(scan.reading, initial=0.0, where=scan.variance > 0))
+    taxels = laid_out(scan.places, np.zeros((3, 0)), scan.reading, scan.variance, scan.ceiling, error)
     outward = middle / max(float(np.hypot(*middle)), 1e-9)
     steps = np.arange(12) if theta is None else np.arange(-1, 2)
     angles = steps * (np.pi / 6) if known.turns else np.zeros(1)
@@ -61,23 +64,8 @@ def recognised(
                 arm = np.array([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]])
                 state = np.array([*(middle + reach * known.radius * outward - arm), angle, 1.0, 0.0])
                 state[:2][across] = known.keyframes.states[-1, :2][across]
-                cost, chi, count = register(
-                    pattern.coefficients,
-                    DOUBT * pattern.doubt,
-                    pattern.lattice,
-                    places,
-                    np.zeros((3, 0)),
-                    reading,
-                    variance,
-                    ceiling,
-                    known.rough,
-                    HUBER,
-                    state.copy(),
-                    stiffness,
-                    20,
-                    state,
-                    information,
-                )
+                prior = Prior(state.copy(), stiffness)
+                cost, chi, count = register(surface, taxels, prior, HUBER, _ITERATIONS, state, information)
                 if cost < best and count and chi / count < gate(known.usual, count):
                     best, found = cost, (state.copy(), information.copy(), chi / count, count)
         if found is not None:
@@ -90,8 +78,8 @@ def close(found: Floats, known: Floats) -> bool:
     return bool(np.hypot(*(found - known)[:2]) < _LEAP[0] and abs(found[THETA] - known[THETA]) < _LEAP[1])
 
 
-def surely_elsewhere(found: tuple[Floats, Floats, float, int], state: Floats, m: Floats) -> bool:
+def surely_elsewhere(found: tuple[Floats, Floats, float, int], m: Track) -> bool:
     """Whether a state found from nothing but a scan is to be believed, and not the one that was followed."""
     place, _, chi, count = found
-    better = m[online.CHI] * m[online.COUNT] < chi * count - _SURELY * m[online.USUAL]
-    return bool(not better and np.hypot(*(place - state)[:2]) > _SAME)
+    better = m.chi * m.count < chi * count - _SURELY * m.usual
+    return bool(not better and np.hypot(*(place - m.state)[:2]) > _SAME)

@@ -16,17 +16,15 @@ pattern. The worse it does, the more a pose comes from the scan before.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.template.linearization import CEILING, READING, VARIANCE, linearise, look_up
+from taxelflow.estimation.template.map import Surface
+from taxelflow.estimation.template.online.track_state import PadScan, Track
+from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import GAIN, STATE
 from taxelflow.numerics.small_linalg import mirror
-
-if TYPE_CHECKING:
-    from taxelflow.messages import Floats
 
 _TIME_S, _LENGTH = 1.0, 0.3
 """In which a rest dies away: s, pitches."""
@@ -37,25 +35,17 @@ _BEYOND = 0.1
 
 
 @lean_kernel
-def bring(
-    span: float,
-    moved: float,
-    rest: Floats,
-    reading: Floats,
-    variance: Floats,
-    ceiling: Floats,
-    out: Floats,
-) -> None:
+def bring(span: float, moved: float, rest: Floats, scan: PadScan, out: Floats) -> None:
     """Fill out (3, taxels) with reading, variance and ceiling, less what is left of rest (3, taxels: r, v, R^2) after a
     span (s) and a motion (pitches). A pattern registered on them as if it had no error is registered with its rest.
     """
     a = fades(span, moved)
     for i in range(rest.shape[1]):
-        out[0, i] = reading[i] - a * rest[0, i]
-        out[1, i] = variance[i]
-        if variance[i] > 0.0:
+        out[0, i] = scan.reading[i] - a * rest[0, i]
+        out[1, i] = scan.variance[i]
+        if scan.variance[i] > 0.0:
             out[1, i] += a * a * rest[1, i] + (1.0 - a * a) * rest[2, i]
-        out[2, i] = ceiling[i] - a * rest[0, i]
+        out[2, i] = scan.ceiling[i] - a * rest[0, i]
 
 
 @lean_kernel
@@ -66,30 +56,27 @@ def fades(span: float, moved: float) -> float:
 
 @kernel
 def keep(
-    pattern: Floats,
-    doubt: Floats,
-    lattice: Floats,
+    surface: Surface,
     taxels: Floats,
-    rough: float,
-    usual: float,
-    stiffness: Floats,
-    state: Floats,
+    error: float,
     registered: float,
     still: bool,
     brought: Floats,
     rest: Floats,
-    information: Floats,
+    stiffness: Floats,
+    m: Track,
 ) -> float:
-    """Update rest (3, taxels) by a scan registered at a state (5,); chi-square per reading on the pattern alone.
+    """Update rest (3, taxels) by a registered scan; chi-square per reading on the pattern alone.
 
-    taxels: from `linear.laid_out`. registered: chi-square per reading that registration left. still: whether the
-    pattern's own error stays, too. brought: (3, taxels), from `bring`, or (3, 0) if there was no rest before.
-    information: (5, 5) becomes that of the pose on the pattern alone. Others as for `register`.
+    taxels: from `linearization.laid_out`, with the error in. registered: chi-square per reading that registration left,
+    over the usual. still: whether the pattern's own error stays, too. brought: (3, taxels), from `bring`, or (3, 0) if
+    there was no rest before. m.information becomes that of the pose on the pattern alone.
     """
     right = np.empty(STATE)
-    _, chi, seen = linearise(pattern, doubt, lattice, taxels, rough, np.inf, state, information, right)
+    state, information = m.state, m.information
+    _, chi, seen = linearise(surface, taxels, np.inf, state, information, right)
     chi /= max(seen, 1)
-    excess, sudden = max(chi - _FITS * usual, 0.0), max(registered - _FITS, 0.0)
+    excess, sudden = max(chi - _FITS * m.usual, 0.0), max(registered * m.usual - _FITS, 0.0)
     for a in range(STATE):
         for b in range(a + 1):
             information[a, b] /= 1.0 + excess
@@ -97,15 +84,16 @@ def keep(
     mirror(information)
     count = rest.shape[1]
     values = np.empty((2, count))
-    look_up(pattern, doubt, lattice, taxels, state, values)
+    look_up(surface, taxels, state, values)
     gain, peak = state[GAIN], 0.0
     for i in range(count):
         peak = max(peak, taxels[READING, i])
     for i in range(count):
-        q, reading, variance = values[0, i], taxels[READING, i], taxels[VARIANCE, i]
+        q, reading = values[0, i], taxels[READING, i]
+        variance = taxels[VARIANCE, i] - error * error if taxels[VARIANCE, i] > 0.0 else 0.0
         off = np.isnan(q)
         model = 0.0 if off else gain * q
-        own = (rough * model) ** 2 + gain * gain * values[1, i]
+        own = error * error + gain * gain * values[1, i]
         if off:
             own = max(reading * reading, (_BEYOND * peak) ** 2)
         r = reading - brought[0, i] if brought.shape[1] else 0.0

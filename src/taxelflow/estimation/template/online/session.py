@@ -13,18 +13,29 @@ import numpy as np
 
 from taxelflow.estimation.template.map_export import Maps
 from taxelflow.estimation.template.observations import across, delays_of
-from taxelflow.estimation.template.online import track_state as online
-from taxelflow.estimation.template.online.keyframes import MOST_KEYFRAMES
 from taxelflow.estimation.template.online.local_map import Learned
 from taxelflow.estimation.template.online.map_update import first_pattern
 from taxelflow.estimation.template.online.mapping_thread import Learner, Novel
 from taxelflow.estimation.template.online.prediction import expected
 from taxelflow.estimation.template.online.relocalization import DOUBT, close, recognised, surely_elsewhere
 from taxelflow.estimation.template.online.step import ASKS, BOTH, ELSEWHERE, FOLLOW, REPORT, follow_hand
-from taxelflow.estimation.template.warmup import compile_kernels
+from taxelflow.estimation.template.online.track_state import (
+    BLURRED,
+    FAINT,
+    GONE,
+    MOST_KEYFRAMES,
+    Hand,
+    PadScan,
+    Patterns,
+    Rows,
+    Scan,
+    Track,
+)
+from taxelflow.estimation.template.warmup import compile_batch, compile_stream
 from taxelflow.messages import Bools, Estimates, Scans, no_scans
-from taxelflow.numerics.bspline import GAIN, STATE, THETA
+from taxelflow.numerics.bspline import GAIN, THETA
 from taxelflow.numerics.centroid import loaded_centroid
+from taxelflow.numerics.records import record, records
 from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
@@ -48,46 +59,21 @@ class StreamSession:
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         scale = np.repeat(self._pitch_m, np.diff(layout.starts))
         self._places = np.stack([layout.x_m, layout.y_m]) / scale
-        late, self._lead = delays_of(layout)
+        late, lead_s = delays_of(layout)
         self._delay = late if late.any() else np.zeros(0)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
         self._pads = [Learner(self._worker, latency_s) for _ in range(pads)]
-        self._memory = np.zeros((pads, online.SLOTS))
-        self._states = np.zeros((pads, STATE))
-        self._information, self._steps = np.zeros((pads, STATE, STATE)), np.zeros((pads, STATE, STATE))
-        self._rests = np.zeros((4, layout.entries))
-        self._patterns, self._doubts = np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8))
-        self._keyframes = np.zeros((pads, MOST_KEYFRAMES, 4))
-        self._before, self._before_cov = np.zeros((pads, 3)), np.zeros((pads, 3, 3))
-        self._before_t = np.zeros(pads)
+        self._tracks = records(Track, pads)
+        edge: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
+        self._hand = Hand(self._places, self._delay, edge, layout.starts, self._pitch_m, lead_s, layout.unseen_error)
+        self._maps = Patterns(np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8)), np.zeros((4, layout.entries)))
         self._touched = bytes(pads)
-        self._last_reading, self._last_variance = np.zeros(layout.entries), np.zeros(layout.entries)
         self._noise = np.zeros(layout.entries)
         self._squared = np.zeros(layout.entries)
+        self._last = Scan(0.0, self._noise, self._squared, np.full(layout.entries, np.inf), np.zeros(pads, np.bool_))
         self._live = b""  # which taxels are not masked now
         self._across = np.zeros((pads, 2), dtype=np.bool_)  # of them
-        self._ceiling = np.full(layout.entries, np.inf)
-        self._border: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
-        self._no_estimates = _room(no_scans(layout.entries, pads, 1))
-        self._arrays = (
-            self._places,
-            self._delay,
-            self._border,
-            layout.starts,
-            self._pitch_m,
-            self._lead,
-            self._memory,
-            self._states,
-            self._information,
-            self._steps,
-            self._rests,
-            self._before,
-            self._before_cov,
-            self._before_t,
-            self._keyframes,
-            self._last_reading,
-            self._last_variance,
-        )
+        self._nothing = _rows(_room(no_scans(layout.entries, pads, 1)))
         self.notes: list[str] = []
         self.patterns = Maps()
         self._compile()
@@ -95,15 +81,18 @@ class StreamSession:
     def step(self, scans: Scans) -> Estimates:
         """Estimates of all pads; see `EstimatorSession.step`."""
         estimates = _room(scans)
+        rows = _rows(estimates)
         if scans.noise is not self._noise:
             self._noise, self._squared = scans.noise, scans.noise**2
             live = (scans.noise > 0).tobytes()
             if live != self._live:
                 self._live = live
                 self._mask()
-        self._ceiling = scans.ceiling
         for k in range(len(scans)):
-            self._scan(k, scans, estimates)
+            variance = self._squared
+            if np.count_nonzero(scans.complete[k]) < scans.contact.shape[1]:
+                variance = self._variance(scans.pressure[k], scans.complete[k])
+            self._scan(k, Scan(float(scans.t_s[k]), scans.pressure[k], variance, scans.ceiling, scans.contact[k]), rows)
         return estimates
 
     def _mask(self) -> None:
@@ -117,8 +106,7 @@ class StreamSession:
     def _open_across(self, pad: int, learned: Learned) -> None:
         """Leave open where the object is across a line of taxels, the pattern's or those that are left."""
         scanned = learned.keyframes.scanned
-        across_now = scanned.reach * (scanned.across | self._across[pad])
-        self._memory[pad, online.ACROSS_X : online.ACROSS_Y + 1] = across_now
+        self._track(pad).across[:] = scanned.reach * (scanned.across | self._across[pad])
 
     def finish(self) -> Estimates:
         """Nothing is held back."""
@@ -137,103 +125,87 @@ class StreamSession:
         """(entries,), what the taxels should read, by all that is known: in the last scan, or at t_s if the motion goes
         on as it was; NaN on pads without a pattern.
         """
-        known = (self._patterns, self._memory, self._states, self._steps, self._rests)
-        return expected(*known, self._places, self._layout.starts, t_s)
+        return expected(self._maps, self._hand, self._tracks, t_s)
+
+    def _track(self, pad: int) -> Track:
+        return record(Track, self._tracks, pad)
 
     def _keep(self, pad: int) -> None:
         """Remember the pattern of a contact that ends, as a map."""
         known = self._pads[pad].learned
         if known is None:
             return
-        own, m = self._layout.of_pad(pad), self._memory[pad]
-        states, pitch_m = known.keyframes.states, self._pitch_m[pad]
+        own, pitch_m = self._layout.of_pad(pad), self._pitch_m[pad]
+        states = known.keyframes.states
+        theta_0 = self._track(pad).theta_0 if known.turns else 0.0
         self.patterns.add(
             self._layout.pads[pad],
             known.pattern,
             known.keyframes.scanned,
             states,
-            states[-1, : THETA + 1] * [pitch_m, pitch_m, 1.0] - [0.0, 0.0, m[online.THETA_0] if known.turns else 0.0],
-            rough=known.rough,
+            states[-1, : THETA + 1] * [pitch_m, pitch_m, 1.0] - [0.0, 0.0, theta_0],
+            error=known.error,
             pitch_m=float(pitch_m),
-            size=self._layout.pitch_m[pad] / pitch_m,
             turns=known.turns,
             dead=self._layout.source[own][:0],
         )
 
-    def _scan(self, k: int, scans: Scans, estimates: Estimates) -> None:
-        t, reading, contact = float(scans.t_s[k]), scans.pressure[k], scans.contact[k]
-        variance = self._squared
-        if np.count_nonzero(scans.complete[k]) < len(contact):
-            variance = self._variance(reading, scans.complete[k])
-        touched = contact.tobytes()
+    def _scan(self, k: int, scan: Scan, rows: Rows) -> None:
+        """Estimate one scan into row k."""
+        touched = scan.contact.tobytes()
         if touched != self._touched:
-            self._change(t, contact, reading, variance)
+            self._change(scan)
             self._touched = touched
         for pad, own in enumerate(self._pads):
-            if own.due_s <= t:
+            if own.due_s <= scan.t:
                 self._adopt(pad)
-        came = self._run(BOTH, t, reading, variance, contact, estimates, k)
+        came = self._run(BOTH, scan, rows, k)
         if came == ELSEWHERE:
-            self._find_again(t, contact, reading, variance)
-            came = self._run(REPORT, t, reading, variance, contact, estimates, k)
+            self._find_again(scan)
+            came = self._run(REPORT, scan, rows, k)
+        self._last = scan
         if came == ASKS:
-            for pad in np.flatnonzero(self._memory[:, online.FLAG]).tolist():
-                self._answer(pad, t, reading, variance)
+            for pad in np.flatnonzero(self._tracks["flag"]).tolist():
+                self._answer(pad, scan)
 
-    def _run(
-        self, job: int, t: float, reading: Floats, variance: Floats, contact: Bools, estimates: Estimates, k: int = 0
-    ) -> int:
-        """Follow a scan on the patterns of the pads in contact, fill row k of estimates, or both."""
-        return follow_hand(
-            job,
-            k,
-            t,
-            reading,
-            variance,
-            self._ceiling,
-            contact,
-            *self._arrays,
-            self._patterns,
-            self._doubts,
-            estimates.pose,
-            estimates.covariance,
-            estimates.displacement,
-            estimates.displacement_covariance,
-            estimates.span_s,
-            estimates.lag_s,
-            estimates.disturbance,
-            estimates.quality,
-        )
+    def _run(self, job: int, scan: Scan, rows: Rows, k: int = 0) -> int:
+        """Follow a scan on the patterns of the pads in contact, fill row k, or both."""
+        return follow_hand(job, k, scan, self._hand, self._maps, self._tracks, rows)
 
-    def _find_again(self, t: float, contact: Bools, reading: Floats, variance: Floats) -> None:
+    def _part(self, pad: int, scan: Scan) -> PadScan:
+        """A pad's part of a scan."""
+        own = self._layout.of_pad(pad)
+        places = np.ascontiguousarray(self._places[:, own])
+        return PadScan(scan.reading[own], scan.variance[own], scan.ceiling[own], places, self._hand.edge[own])
+
+    def _find_again(self, scan: Scan) -> None:
         """Look for the object all over the pad where a scan does not fit where it was looked for."""
-        for pad in np.flatnonzero(contact):
-            m, known = self._memory[pad], self._pads[pad].learned
+        for pad in np.flatnonzero(scan.contact).tolist():
+            m, known = self._track(pad), self._pads[pad].learned
             if known is None:
                 continue
-            own = self._layout.of_pad(int(pad))
-            fits = m[online.CHI] <= gate(m[online.USUAL], m[online.COUNT])
+            part = self._part(pad, scan)
+            fits = m.chi <= gate(m.usual, m.count)
             if not known.mature:
-                if not fits and known.is_noise_beside(reading[own], variance[own]):
-                    self._learn_anew(int(pad), t, reading, variance, known_place=False)
-                    self._follow_again(int(pad), t, reading, variance)
+                if not fits and known.is_noise_beside(part.reading, part.variance):
+                    self._learn_anew(pad, scan, known_place=False)
+                    self._follow_again(pad, scan)
                 continue
-            if fits and m[online.PROBATION] == 0.0:
+            if fits and m.probation == 0.0:
                 continue
-            near = m[online.PROBATION] == 0.0
-            if fits and np.diagonal(self._information[pad])[:THETA].min() > online.BLURRED**-2:
-                m[online.PROBATION] = max(m[online.PROBATION] - 1.0, 0.0)
-            middle = m[online.CENTROID_X : online.CENTROID_Y + 1]
-            scan = (np.ascontiguousarray(self._places[:, own]), reading[own], variance[own], self._ceiling[own])
-            found = recognised(known, middle, *scan, self._states[pad, THETA] if near else None)
-            if found is None and not near and not fits and m[online.POOR] >= _MISTAKEN:
-                self._learn_anew(int(pad), t, reading, variance)
-            if found is None or (near and not close(found[0], self._states[pad])):
+            near = m.probation == 0.0
+            if fits and np.diagonal(m.information)[:THETA].min() > BLURRED**-2:
+                m.probation = max(m.probation - 1.0, 0.0)
+            found = recognised(known, m.centroid, part, float(m.state[THETA]) if near else None)
+            if found is None and not near and not fits and m.poor >= _MISTAKEN:
+                self._learn_anew(pad, scan)
+            if found is None or (near and not close(found[0], m.state)):
                 continue
-            if not fits or surely_elsewhere(found, self._states[pad], m):
-                self._states[pad], self._information[pad], m[online.CHI], m[online.COUNT] = found
-                self._steps[pad], m[online.CARRIES] = found[1], 0.0
-                m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
+            if not fits or surely_elsewhere(found, m):
+                m.state[:], m.information[:], m.chi, m.count = found
+                m.doubted[:], m.step[:] = found[1], found[1]
+                m.carries = m.continues = False
+                m.speed[:] = 0.0
 
     def _variance(self, reading: Floats, complete: Bools) -> Floats:
         """Noise squared, 0 where a reading is missing."""
@@ -243,152 +215,160 @@ class StreamSession:
             variance[own][reading[own] == 0] = 0.0
         return variance
 
-    def _change(self, t: float, contact: Bools, reading: Floats, variance: Floats) -> None:
+    def _change(self, scan: Scan) -> None:
         """Contacts that begin or end."""
-        for pad in np.flatnonzero(contact != np.frombuffer(self._touched, np.bool_)):
-            own = self._pads[pad]
-            if contact[pad]:
-                self._begin(int(pad), t, reading, variance)
+        for pad in np.flatnonzero(scan.contact != np.frombuffer(self._touched, np.bool_)).tolist():
+            if scan.contact[pad]:
+                self._begin(pad, scan)
             else:
-                self._settle(int(pad))
-                self._keep(int(pad))
-                own.end()
-                self._memory[pad, online.ACTIVE] = 0.0
+                self._settle(pad)
+                self._keep(pad)
+                self._pads[pad].end()
+                self._track(pad).active = False
 
     def _settle(self, pad: int) -> None:
         """Take what is still being learned when a contact, or its pattern, ends."""
-        self._memory[pad, online.THETA_0] += self._pads[pad].settle()
+        self._track(pad).theta_0 += self._pads[pad].settle()
 
-    def _begin(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
+    def _begin(self, pad: int, scan: Scan) -> None:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
-        own = self._layout.of_pad(pad)
-        places, middle = np.ascontiguousarray(self._places[:, own]), np.empty(4)
-        loaded_centroid(reading[own], variance[own], places, self._border[own], middle)
-        m = self._memory[pad]
-        m[:] = 0.0
-        scan = (places, reading[own], variance[own], self._ceiling[own])
+        part, middle = self._part(pad, scan), np.empty(4)
+        loaded_centroid(part.reading, part.variance, part.places, part.edge, middle)
+        self._tracks[pad] = np.zeros((), self._tracks.dtype)
+        m = self._track(pad)
         for known in reversed(self._pads[pad].library):
-            found = recognised(known, middle[:2], *scan)
+            found = recognised(known, middle[:2], part)
             if found is not None:
                 self._put(pad, known)
-                self._states[pad] = found[0]
-                m[online.PROBATION], m[online.THETA_0] = _PROBATION, found[0][THETA]
+                m.state[:] = found[0]
+                m.probation, m.theta_0 = _PROBATION, found[0][THETA]
                 break
         else:
-            delay = self._delay[own] if len(self._delay) else np.zeros(own.stop - own.start)
-            learned = first_pattern(t, *scan, delay)
+            learned = first_pattern(scan.t, part, self._late(pad))
             self._put(pad, learned)
-            self._states[pad] = learned.keyframes.states[0]
-        m[online.LAST_T] = t
-        m[online.CENTROID_X], m[online.CENTROID_Y], m[online.LOAD] = middle[0], middle[1], middle[3]
+            m.state[:] = learned.keyframes.states[0]
+        m.last_t, m.load = scan.t, middle[3]
+        m.centroid[:] = middle[:2]
 
-    def _learn_anew(self, pad: int, t: float, reading: Floats, variance: Floats, *, known_place: bool = True) -> None:
+    def _late(self, pad: int) -> Floats:
+        """(taxels,), delays of a pad's taxels."""
+        own = self._layout.of_pad(pad)
+        return self._delay[own] if len(self._delay) else np.zeros(own.stop - own.start)
+
+    def _learn_anew(self, pad: int, scan: Scan, *, known_place: bool = True) -> None:
         """A new pattern from this scan, which stays where it is, if that is known."""
-        state, taxels, m = self._states[pad], self._layout.of_pad(pad), self._memory[pad]
+        m = self._track(pad)
         if not known_place:
-            m[online.CONTINUES] = m[online.SPEED_X] = m[online.SPEED_Y] = m[online.SPEED_T] = 0.0
-        m[online.THETA_0] -= state[THETA]
-        m[online.PROBATION] = m[online.POOR] = 0.0
+            m.continues = False
+            m.speed[:] = 0.0
+        m.theta_0 -= m.state[THETA]
+        m.probation = m.poor = 0.0
         self._settle(pad)
-        delay = self._delay[taxels] if len(self._delay) else np.zeros(taxels.stop - taxels.start)
-        scan = (np.ascontiguousarray(self._places[:, taxels]), reading[taxels], variance[taxels], self._ceiling[taxels])
-        learned = first_pattern(t, *scan, delay, state[:2] if known_place else None)
+        learned = first_pattern(scan.t, self._part(pad, scan), self._late(pad), m.state[:2] if known_place else None)
         self._put(pad, learned)
-        self._states[pad] = learned.keyframes.states[0]
+        m.state[:] = learned.keyframes.states[0]
 
     def _put(self, pad: int, learned: Learned) -> None:
         """Make what was learned the pattern that scans are registered on."""
-        pattern, m = learned.pattern, self._memory[pad]
+        pattern, m = learned.pattern, self._track(pad)
         rows, cols = pattern.shape
-        room = self._patterns.shape[1:]
+        room = self._maps.patterns.shape[1:]
         if rows > room[0] or cols > room[1]:
             more = ((0, 0), (0, max(rows - room[0], 0) + 8), (0, max(cols - room[1], 0) + 8))
-            self._patterns, self._doubts = (
-                np.pad(old, more, constant_values=np.nan) for old in (self._patterns, self._doubts)
-            )
-        self._patterns[pad], self._doubts[pad] = np.nan, np.nan
-        self._patterns[pad, :rows, :cols] = pattern.coefficients
-        self._doubts[pad, :rows, :cols] = DOUBT * pattern.doubt
-        m[online.ACTIVE], m[online.CARRIES], m[online.TURNED] = 1.0, 0.0, 0.0
-        m[online.SPACING : online.LOW + 1] = pattern.lattice
-        m[online.ROUGH], m[online.USUAL], m[online.RADIUS] = learned.rough, learned.usual, learned.radius
-        m[online.TURN_STD] = _TURN_STD if learned.turns else 0.0
-        m[online.GAIN_STD] = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
-        m[online.SHARE] = 1.0 - 1.0 / max(learned.sight, 2.0)
-        m[online.SHARE_OF_PLACE] = 1.0 - 1.0 / max(learned.sight_of_place, 2.0)
-        m[online.CHANGING] = 1.0 if learned.changing else 0.0
-        m[online.SLACK], m[online.SLACK_T] = learned.slack
-        m[online.SEEN] = 1.0 if learned.told else 0.0
+            patterns, doubts = (np.pad(old, more, constant_values=np.nan) for old in self._maps[:2])
+            self._maps = Patterns(patterns, doubts, self._maps.rests)
+        self._maps.patterns[pad], self._maps.doubts[pad] = np.nan, np.nan
+        self._maps.patterns[pad, :rows, :cols] = pattern.coefficients
+        self._maps.doubts[pad, :rows, :cols] = DOUBT * pattern.doubt
+        m.active, m.carries, m.turned = True, False, False
+        m.lattice[:] = pattern.lattice
+        m.error, m.usual, m.radius = learned.error, learned.usual, learned.radius
+        m.turn_std = _TURN_STD if learned.turns else 0.0
+        m.gain_std = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
+        m.changing, m.seen = learned.changing, learned.told
+        m.slack, m.slack_t = learned.slack
         self._open_across(pad, learned)
         states = learned.keyframes.states
-        m[online.KEYFRAMES] = len(states)
-        self._keyframes[pad, : len(states)] = states[:, : GAIN + 1]
+        m.keyframes = len(states)
+        m.keyframe[: len(states)] = states[:, : GAIN + 1]
         self._pads[pad].learned = learned
 
     def _adopt(self, pad: int) -> None:
         """Put in what was learned, and register the last scan anew, so that its change is no motion."""
-        own, m = self._pads[pad], self._memory[pad]
+        own, m = self._pads[pad], self._track(pad)
         old, new = own.learned, own.taken()
         if old is None or new is None:
             return
-        m[online.THETA_0] += new.turned
+        m.theta_0 += new.turned
         if new.turns and not old.turns:  # it has turned all the while
-            self._states[pad, THETA] = new.keyframes.states[-1, THETA]
-        if new.placed:
-            own.take_over(new, [self._states[pad]])
-            if not old.placed:  # any size may be right
-                m[online.LOAD] = 0.0
+            m.state[THETA] = new.keyframes.states[-1, THETA]
+        if new.grows:
+            own.take_over(new, [m.state])
+            if not old.grows:  # any size may be right
+                m.load = 0.0
         self._put(pad, new)
-        self._follow_again(pad, float(m[online.LAST_T]), self._last_reading, self._last_variance)
-        state, scale = self._states[pad], self._pitch_m[pad]
-        turn = state[THETA] - m[online.THETA_0] if m[online.SEEN] else np.nan
-        self._before[pad] = scale * state[0], scale * state[1], turn
+        self._follow_again(pad, self._last._replace(t=float(m.last_t)))
+        turn = m.state[THETA] - m.theta_0 if m.seen else np.nan
+        m.before[:] = *(self._pitch_m[pad] * m.state[:2]), turn
         self._go_on(pad)
 
-    def _follow_again(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
-        """Register a scan that was registered before on a pattern that is new."""
-        m, alone = self._memory[pad], np.zeros(len(self._pads), dtype=np.bool_)
+    def _follow_again(self, pad: int, scan: Scan) -> None:
+        """Register the last scan on the pattern as it is now; what the next one is predicted from stays."""
+        alone = np.zeros(len(self._pads), np.bool_)
         alone[pad] = True
-        kept = m[online.SPEED_X : online.LAST_T + 1].copy()
-        m[online.SPEED_X : online.SPEED_T + 1] = 0.0
-        self._run(FOLLOW, t, reading, variance, alone, self._no_estimates)
-        m[online.SPEED_X : online.LAST_T + 1] = kept
+        m = self._track(pad)
+        kept = m.speed.copy(), m.span, m.last_t
+        m.speed[:] = 0.0
+        self._run(FOLLOW, scan._replace(contact=alone), self._nothing)
+        m.speed[:], m.span, m.last_t = kept
 
-    def _answer(self, pad: int, t: float, reading: Floats, variance: Floats) -> None:
+    def _answer(self, pad: int, scan: Scan) -> None:
         """Do what a scan calls for."""
-        own, flag = self._pads[pad], self._memory[pad, online.FLAG]
+        own, m = self._pads[pad], self._track(pad)
         if own.learned is None:
             return
-        if flag == online.GONE:
-            grows = self._memory[pad, online.GROWS]
+        if m.flag == GONE:
+            grows = m.grows
             self._settle(pad)
-            self._begin(pad, t, reading, variance)
-            self._memory[pad, online.GROWS] = grows  # it is the same contact
+            self._begin(pad, scan)
+            self._track(pad).grows = grows  # it is the same contact
             return
-        taxels = self._layout.of_pad(pad)
-        m = self._memory[pad]
-        if self._states[pad, GAIN] > online.FAINT and not own.learned.mature:  # what was learned from is too faint
-            self._learn_anew(pad, t, reading, variance)
+        if m.state[GAIN] > FAINT and not own.learned.mature:  # what was learned from is too faint
+            self._learn_anew(pad, scan)
             return
-        late = self._delay[taxels] if len(self._delay) else np.zeros(0)
-        bend = m[online.SPEED_X : online.SPEED_T + 1, np.newaxis] * late
-        own.learn_from(Novel(t, reading[taxels].copy(), variance[taxels].copy(), bend, self._states[pad].copy()))
-        count = int(m[online.KEYFRAMES])
-        if count < MOST_KEYFRAMES:
-            self._keyframes[pad, count] = self._states[pad, : GAIN + 1]
-            m[online.KEYFRAMES] += 1
+        part = self._part(pad, scan)
+        late = self._late(pad) if len(self._delay) else np.zeros(0)
+        bend = m.speed[:, np.newaxis] * late
+        own.learn_from(Novel(scan.t, part.reading.copy(), part.variance.copy(), bend, m.state.copy()))
+        if m.keyframes < MOST_KEYFRAMES:
+            m.keyframe[m.keyframes] = m.state[: GAIN + 1]
+            m.keyframes += 1
         self._go_on(pad)
 
     def _go_on(self, pad: int) -> None:
         """Begin to learn from the scans that wait."""
-        m = self._memory[pad]
-        self._pads[pad].go_on(float(m[online.LAST_T]), may_turn=bool(m[online.TURNED]))
+        m = self._track(pad)
+        self._pads[pad].go_on(float(m.last_t), may_turn=bool(m.turned))
 
     def _compile(self) -> None:
         """Run the kernels on nothing, so that none is compiled within the stream."""
-        compile_kernels()
-        none = np.zeros(len(self._pads), dtype=np.bool_)
-        self._run(BOTH, 0.0, self._last_reading, self._last_variance, none, self._no_estimates)
+        compile_batch()
+        compile_stream()
+        self._run(BOTH, self._last, self._nothing)
+
+
+def _rows(estimates: Estimates) -> Rows:
+    """Estimates as kernels fill them in."""
+    return Rows(
+        estimates.pose,
+        estimates.covariance,
+        estimates.displacement,
+        estimates.displacement_covariance,
+        estimates.span_s,
+        estimates.lag_s,
+        estimates.disturbance,
+        estimates.quality,
+    )
 
 
 def _room(scans: Scans) -> Estimates:

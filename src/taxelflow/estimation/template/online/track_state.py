@@ -1,59 +1,158 @@
-"""What a pad remembers from scan to scan."""
+"""What a pad remembers from scan to scan, and the arrays of a hand as kernels read them."""
 
 from __future__ import annotations
 
-(
-    ACTIVE,  # whether the pad has a pattern
-    SPACING,  # lattice, three numbers
-    _,
-    LOW,
-    ROUGH,  # error of the pattern relative to it
-    USUAL,  # chi-square per reading that its scans usually leave
-    TURN_STD,  # how far theta may move from scan to scan; 0 if it is fixed
-    GAIN_STD,  # and the gain
-    CHI,  # chi-square per reading of the last scan
-    COUNT,  # readings in it
-    SPEED_X,  # of the last scan, per s
-    SPEED_Y,
-    SPEED_T,
-    SPAN,  # time from the scan before it
-    LAST_T,  # time of the last registered scan
-    CENTROID_X,
-    CENTROID_Y,
-    RADIUS,  # of the pattern
-    SHARE,  # of the information on theta that is real, see `poses.to_pad`
-    SHARE_OF_PLACE,  # and of that on x and y
-    SEEN,  # whether theta is reported
-    THETA_0,  # where it counts from
-    POOR,  # scans in a row that do not fit
-    CONTINUES,  # whether the scan before was registered, on this pattern
-    KEYFRAMES,  # how many there are
-    SLACK,  # variance of x and y, in pitches^2, from errors of the pattern
-    SLACK_T,  # and of theta
-    CUT,  # whether this contact has ever been cut by the border
-    PROBATION,  # scans for which a recognised pattern is looked for all over the pad
-    LOAD,  # sum of the loaded readings, of the last scan
-    GROWS,  # whether the contact has been seen to grow with the load
-    AWAY,  # how far the object has been from its first keyframe, in pitches
-    TURNED,  # whether a scan was explained by a turn although theta was fixed
-    PLACE_X,  # where the object has been lately
-    PLACE_Y,
-    PLACE_T,
-    CARRIES,  # whether a rest is carried from scan to scan, see `carry`
-    CHANGING,  # whether the pattern does not stay: every scan is learned from, and the old forgotten
-    ACROSS_X,  # how far x may be off, in pitches, where it leads across a line of taxels; 0 where it is told
-    ACROSS_Y,
-    FLAG,  # what the last scan calls for, one of the below
-    SLOTS,
-) = range(42)
-"""Places in a pad's memory."""
+from typing import Annotated, NamedTuple
 
-NOTHING, NOVEL, GONE = range(3)
-"""What a scan calls for: nothing, to be learned from, a new start."""
+import numpy as np
+from numpy.typing import NDArray
 
+from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.bspline import STATE
+from taxelflow.numerics.records import Vector
+
+MOST_KEYFRAMES = 60
 HUBER = 5.0
 """Standard deviations from which on a reading is held down."""
 BLURRED = 0.25
 """A place is known badly from this standard deviation on, in pitches."""
 FAINT = 3.0
 """A pattern from scans so many times fainter is not worth keeping."""
+NOTHING, NOVEL, GONE = range(3)
+"""What a scan calls for: nothing, to be learned from, a new start."""
+
+
+class Track:
+    """One pad's contact as the stream follows it; lengths in pitches, angles in rad."""
+
+    active: bool
+    """Whether the pad has a pattern."""
+    lattice: Vector
+    """Of the pattern: knot spacing, x and y of knot (0, 0)."""
+    state: Annotated[Floats, STATE]
+    """Of the object in the last scan, see `bspline`."""
+    information: Annotated[Floats, STATE, STATE]
+    """Of the state, the pattern held."""
+    doubted: Annotated[Floats, STATE, STATE]
+    """The same, with the error that the sensor may have unseen."""
+    step: Annotated[Floats, STATE, STATE]
+    """Information on how far the state is from that of the scan before."""
+    error: float
+    """Of a reading, as a share of its scan's largest."""
+    usual: float
+    """Chi-square per reading that its scans usually leave."""
+    turn_std: float
+    """How far theta may move from scan to scan; 0 if it is fixed."""
+    gain_std: float
+    """How far the gain may, as a share of it."""
+    chi: float
+    """Chi-square per reading of the last scan."""
+    count: float
+    """Readings in it."""
+    speed: Vector
+    """From the scan before to the last one, per s."""
+    span: float
+    """Time between them, s."""
+    last_t: float
+    """Time of the last registered scan, s."""
+    centroid: Annotated[Floats, 2]
+    load: float
+    """Of the last scan: place and sum of the loaded readings."""
+    radius: float
+    """Of gyration of the pattern."""
+    seen: bool
+    """Whether theta is reported."""
+    theta_0: float
+    """Where it counts from."""
+    poor: float
+    """Scans in a row that do not fit."""
+    continues: bool
+    """Whether the scan before was registered, on this pattern."""
+    slack: float
+    slack_t: float
+    """Variance of x and y, and of theta, from errors of the pattern."""
+    cut: bool
+    """Whether this contact has ever been cut by the border."""
+    probation: float
+    """Scans for which a recognised pattern is looked for all over the pad."""
+    grows: bool
+    """Whether the contact has been seen to grow with the load."""
+    away: float
+    """How far the object has been from its first keyframe."""
+    turned: bool
+    """Whether a scan was explained by a turn although theta was fixed."""
+    place: Vector
+    """Where the object has been lately."""
+    carries: bool
+    """Whether a rest is carried from scan to scan, see `residual_process`."""
+    changing: bool
+    """Whether the pattern does not stay: every scan is learned from, and the old forgotten."""
+    across: Annotated[Floats, 2]
+    """How far x and y may be off where they lead across a line of taxels; 0 where they are told."""
+    flag: int
+    """What the last scan calls for."""
+    before: Vector
+    """Pose given out before on the same pattern, m and rad."""
+    before_covariance: Annotated[Floats, 3, 3]
+    before_t: float
+    keyframes: int
+    keyframe: Annotated[Floats, MOST_KEYFRAMES, 4]
+    """Pose and gain of the scans that the pattern is learned from."""
+
+
+class Hand(NamedTuple):
+    """Taxels of all pads. places: (2, entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a border of
+    the pad; starts: (pads + 1,); pitch_m: (pads,); lead_s: (pads,), see `observations.delays_of`; floor: share of a
+    scan's largest reading that the sensor may be wrong by unseen.
+    """
+
+    places: Floats
+    delay: Floats
+    edge: Bools
+    starts: NDArray[np.int64]
+    pitch_m: Floats
+    lead_s: Floats
+    floor: float
+
+
+class Scan(NamedTuple):
+    """One scan: reading, variance (0 where a reading says nothing) and ceiling (entries,); contact (pads,)."""
+
+    t: float
+    reading: Floats
+    variance: Floats
+    ceiling: Floats
+    contact: Bools
+
+
+class PadScan(NamedTuple):
+    """One pad's part of a scan, (taxels,) each, and where its taxels are."""
+
+    reading: Floats
+    variance: Floats
+    ceiling: Floats
+    places: Floats
+    edge: Bools
+
+
+class Patterns(NamedTuple):
+    """Patterns and their variance (pads, rows, cols), NaN beyond a pad's own; rests (4, entries), see
+    `residual_process`.
+    """
+
+    patterns: Floats
+    doubts: Floats
+    rests: Floats
+
+
+class Rows(NamedTuple):
+    """What the stream gives out, (scans, pads, ...), see `messages.Estimates`."""
+
+    pose: Floats
+    covariance: Floats
+    displacement: Floats
+    displacement_covariance: Floats
+    span: Floats
+    lag: Floats
+    disturbance: Floats
+    quality: NDArray[np.uint8]

@@ -9,6 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from taxelflow.estimation.template.bundle_adjustment import Fit
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Bools, Floats
 
@@ -21,6 +22,26 @@ _FURTHER = 2.0
 """A contact that has gone over silent taxels went so many pitches further than they reach: it did not just rock."""
 _ACROSS = 0.3
 """A neighbour is on a side of a group if it lies so many pitches further out than its taxels."""
+
+
+_DEAD, _LOADED_ENOUGH = 0.5, 400.0
+"""A taxel is dead if it gives less than this share of what the pattern puts on it, which is so many variances."""
+_READ = 0.5
+"""... and has never read this share of the largest reading: what has clearly read under load is not dead."""
+
+
+def unanswering(scanned: Scanned, fit: Fit) -> int | None:
+    """The taxel that answers least to what the pattern surely puts on it, if it is too little."""
+    known = (scanned.variance > 0) & (fit.model > 0)
+    model = np.where(known, fit.model, 0.0)
+    power = (model**2).sum(axis=0)
+    answer = (model * scanned.readings).sum(axis=0)
+    noise = (model**2 * scanned.variance).sum(axis=0)
+    silent = scanned.readings.max(axis=0, initial=0.0) < np.maximum(_READ * model.max(axis=0, initial=0.0), 0.0)
+    sure = silent & (power**2 > _LOADED_ENOUGH * noise)
+    share = np.where(sure, answer / np.maximum(power, 1e-300), np.inf)
+    worst = int(np.argmin(share))
+    return worst if share[worst] < _DEAD else None
 
 
 def silent_taxels(scanned: Scanned) -> NDArray[np.int64]:

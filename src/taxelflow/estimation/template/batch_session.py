@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxelflow.estimation.template.batch.model_selection import solve_contact
+from taxelflow.estimation.template.bundle_adjustment import information_of
+from taxelflow.estimation.template.hypotheses import solve_contact
 from taxelflow.estimation.template.map_export import Maps
-from taxelflow.estimation.template.models.deforming import MEMORY, Moment, follow_changing
-from taxelflow.estimation.template.models.partial import in_parts
-from taxelflow.estimation.template.models.scaling import grown
 from taxelflow.estimation.template.observations import Scanned, delays_of
-from taxelflow.estimation.template.pose_output import TOO_ROUGH, Poses, aligned, poses_of
-from taxelflow.estimation.template.warmup import compile_kernels
+from taxelflow.estimation.template.pose_output import Poses, aligned, poses_of
+from taxelflow.estimation.template.warmup import compile_batch
 from taxelflow.messages import AMBIGUOUS, OK, Bools, Estimates, Scans, cut, joined, no_scans
 
 if TYPE_CHECKING:
@@ -61,7 +59,7 @@ class BatchSession:
         largest = int(np.diff(layout.starts).max())
         self._delay, self._lead = delays_of(layout)
         self._window = int(min(window_scans, max(_FEWEST, _MOST_BYTES / (_BYTES_PER_READING * largest))))
-        compile_kernels()
+        compile_batch()
         self._held: list[Scans] = []
         self._first = self._out = self._seen = 0  # of the scans: first held, first not given out, first not seen
         self._open: list[_Open | None] = [None] * len(layout.pads)
@@ -119,17 +117,12 @@ class BatchSession:
         places = np.stack([layout.x_m[own], layout.y_m[own]]) / pitch_m
         scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], self._delay[own])
         with threadpool_limits(1, user_api="blas"):  # the matrices are too small to share among cores
-            size = layout.pitch_m[pad] / pitch_m
-            whole, moment = scanned.variance.copy(), None
-            solved = grown(solve_contact(scanned, size), scanned, size)
-            if solved.rough > TOO_ROUGH and len(scanned) > MEMORY:
-                parted = in_parts(replace(scanned, variance=whole), size)
-                solved, scanned = parted or (solved, scanned)
-            if solved.rough > TOO_ROUGH and len(scanned) > MEMORY:
-                poses, moment = follow_changing(scanned, size, pitch_m, turns=solved.turns)
-            else:
-                poses = poses_of(solved, pitch_m)
-            poses = poses.open_across(scanned, pitch_m)
+            whole = scanned.variance.copy()
+            solved = solve_contact(scanned)
+            stiffness = scanned.stiffness(turns=solved.turns, gain_std=solved.gain_std)
+            error = max(solved.error, layout.unseen_error)
+            information = information_of(solved.pattern, scanned, solved.states, error, stiffness)
+            poses = poses_of(solved, information, pitch_m).open_across(scanned, pitch_m)
         is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
         poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
         if len(solved.dead):
@@ -138,17 +131,15 @@ class BatchSession:
         if contact.before is not None:
             known = len(contact.before)
             poses = aligned(poses, contact.before)
-        seen = moment or Moment(solved.pattern, scanned, solved.states, np.arange(len(scanned)), solved.turns)
         self.patterns.add(
             layout.pads[pad],
-            seen.pattern,
-            seen.scanned,
-            seen.states,
-            poses.pose[seen.which[-1]],
-            rough=min(solved.rough, TOO_ROUGH),
+            solved.pattern,
+            scanned,
+            solved.states,
+            poses.pose[-1],
+            error=solved.error,
             pitch_m=pitch_m,
-            size=size,
-            turns=seen.turns,
+            turns=solved.turns,
             dead=layout.source[own][solved.dead],
         )
         self._done.append(_Done(pad, contact.start, known, poses, scans.t_s))

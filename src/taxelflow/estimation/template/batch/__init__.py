@@ -1,1 +1,0 @@
-"""The template on a whole recording: initialise, adjust, select the model."""

@@ -1,0 +1,228 @@
+"""How the object of a contact moves: hypotheses, each fitted from several starts; the likeliest is given out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.template.bundle_adjustment import Fit, refine
+from taxelflow.estimation.template.dead_taxels import silent_taxels, unanswering
+from taxelflow.estimation.template.initialization import Tracker
+from taxelflow.estimation.template.likelihood import COARSE, cost, learned_error
+from taxelflow.estimation.template.map import Pattern, fill
+from taxelflow.estimation.template.observability import sights
+from taxelflow.estimation.template.pose_output import arm_of
+from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_start
+from taxelflow.estimation.template.solution import Solved
+from taxelflow.numerics.bspline import GAIN, STATE, THETA, in_object
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.messages import Floats
+
+FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
+_FIRST_ROUNDS, _ROUNDS = 4, (6, 10)
+_LOADED_SHARE = 0.5
+"""A scan to begin with has this share of the largest load."""
+_WELL_KNOWN, _SPREAD = 0.6, (0.05, 0.95)
+"""Quantiles: gains whose variance is below the first count; their spread is that between the others."""
+_LEAST_GAIN = 0.05
+YOUNG = 8
+"""With fewer scans, the spread of the gains is not learned."""
+_MOST_DEAD, _DEAD_ERROR = 8, 0.9
+"""Taxels masked at most; and what the error of a fit without one is at most, of that with it."""
+_SAME = 0.1
+"""Two starts agree on a scan if they put the object within so many pitches."""
+_FAR_WORSE = 20.0
+"""A start whose coarse fit costs so much more a scan is not refined: that is some twice what a free angle costs."""
+_MOST, _STILL = 0.9, 9.0
+"""So many of the turns, over their deviations, are less than three in an object that has not turned."""
+_JERKY = 2.0
+"""Median of the squared second differences of an angle, over their variances, up to which the turn is steady; noise
+alone gives 0.45."""
+SEEN = 4.0
+"""An angle is observable if the pattern shows it so many times better than its own noise seems to."""
+
+
+def solve(scanned: Scanned) -> Solved:
+    """The likeliest of the hypotheses: the object keeps its angle, or turns; it stays while its contact grows, or it
+    goes with its contact's centroid.
+    """
+    turns = [False] if scanned.across.any() else [False, True]
+    tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
+    tried.append(coarse(scanned, centred(scanned, tried[0].states), turns=False, follows=True))
+    tried += [one for turn in turns for one in grown(scanned, tried[0].states, turns=turn)]
+    costs = [cost(one, scanned) for one in tried]
+    limit = min(costs) + _FAR_WORSE * len(scanned)
+    solved = []
+    for kind in dict.fromkeys(one.kind for one in tried):
+        own = sorted((price, k) for k, price in enumerate(costs) if tried[k].kind == kind)
+        if own[0][0] <= limit:
+            best = refined(scanned, tried[own[0][1]])
+            if len(own) > 1 and own[1][0] <= limit:
+                best.agrees = _agree(best, tried[own[1][1]])
+            solved.append(best)
+    return likeliest(solved, scanned)
+
+
+def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
+    """The hypothesis of the lowest cost; one that lets the object turn only if it surely turns, or keeps its angle."""
+    ranked = sorted(solved, key=lambda one: cost(one, scanned))
+    best = ranked[0]
+    held = [one for one in ranked if not one.turns]
+    free = [one for one in ranked if one.turns and one.grows == best.grows]
+    if best.turns and held and not (_explains_far_more(best, held[0], scanned) or _turns_surely(best, scanned)):
+        return held[0]
+    return free[0] if not best.turns and free and _keeps_its_angle(free[0], scanned) else best
+
+
+def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
+    """Coarse fits from several starts: states tracked from scan to scan, and with the centroid."""
+    tracker = Tracker(scanned, start_scan(scanned), scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
+    tracker.run()
+    starts = (tracker.states, centred(scanned, tracker.states))
+    return [coarse(scanned, states, turns=turns) for states in starts]
+
+
+def centred(scanned: Scanned, states: Floats) -> Floats:
+    """States (scans, 5) with the object where the contact's centroid is, and its angle kept."""
+    own, along = states.copy(), ~scanned.across
+    own[:, :2][:, along] = scanned.centroids()[:, along]
+    own[:, THETA] = 0.0
+    return own
+
+
+def grown(scanned: Scanned, rigid: Floats, *, turns: bool) -> list[Solved]:
+    """The coarse fit of an object that stays while its contact grows with the load, where that may be: not if states
+    `rigid` (scans, 5) of one that does not grow move far.
+    """
+    start = grown_start(scanned, rigid, start_scan(scanned))
+    if start is None:
+        return []
+    pattern, states, fit = start
+    return [Solved(pattern, states, fit, learned_error(fit, scanned), FIRST_GAIN_STD, turns, grows=True)]
+
+
+def coarse(
+    scanned: Scanned, states: Floats, *, turns: bool, follows: bool = False, rounds: int = _FIRST_ROUNDS
+) -> Solved:
+    """The fit with the coarse error from given states (scans, 5), which it improves in place."""
+    scanned.bend(states)
+    pattern = covering(scanned, states)
+    fill(pattern, scanned.with_error(COARSE), states)
+    stiffness = _stiffness(scanned, FIRST_GAIN_STD, turns=turns, follows=follows)
+    fit = refine(pattern, scanned, states, rounds=rounds, error=COARSE, stiffness=stiffness)
+    return Solved(pattern, states, fit, learned_error(fit, scanned), FIRST_GAIN_STD, turns, follows=follows)
+
+
+def _stiffness(scanned: Scanned, gain_std: float, *, turns: bool, follows: bool, grows: bool = False) -> Floats:
+    """(5,), see `Scanned.stiffness`; places are held where the object follows its contact's centroid."""
+    stiffness = scanned.stiffness(turns=turns, gain_std=gain_std, size=SIZE_STD**-2 if grows else np.inf)
+    if follows:
+        stiffness[:THETA] = np.inf
+    return stiffness
+
+
+def solve_contact(scanned: Scanned) -> Solved:
+    """Pattern and poses of all scans of a contact; readings of dead taxels are masked in `scanned`."""
+    dead = silent_taxels(scanned).tolist()
+    scanned.variance[:, dead] = 0.0
+    solved = solve(scanned)
+    while len(dead) < _MOST_DEAD:
+        worst = unanswering(scanned, solved.fit)
+        if worst is None:
+            break
+        kept = scanned.variance[:, worst].copy()
+        scanned.variance[:, worst] = 0.0
+        without = solve(scanned)
+        if without.error > _DEAD_ERROR * solved.error:
+            scanned.variance[:, worst] = kept
+            break
+        dead.append(worst)
+        solved = without
+    solved.dead = np.array(dead, np.int64)
+    return solved
+
+
+def covering(scanned: Scanned, states: Floats) -> Pattern:
+    """A pattern of zeros over all that the scans load at states (scans, 5)."""
+    reached = [in_object(scanned.places[:, own].T, state) for own, state in zip(scanned.loaded(), states, strict=True)]
+    return Pattern.covering(np.concatenate(reached), scanned.amplitude)
+
+
+def refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...] = _ROUNDS) -> Solved:
+    """Refine further from a coarse fit, learning the gains' spread and the error in between."""
+    pattern, states, fit, error, gain_std = start.pattern, start.states, start.fit, start.error, start.gain_std
+    for most in rounds:
+        learned, error = level(pattern, states, fit), learned_error(fit, scanned)
+        gain_std = learned if len(scanned) >= YOUNG else gain_std
+        stiffness = _stiffness(scanned, gain_std, turns=start.turns, follows=start.follows, grows=start.grows)
+        scanned.bend(states)
+        fit = refine(pattern, scanned, states, rounds=most, error=error, stiffness=stiffness)
+        if start.grows:
+            centre(pattern, scanned, states)
+    return replace(start, fit=fit, error=learned_error(fit, scanned), gain_std=gain_std)
+
+
+def _agree(best: Solved, other: Solved) -> Floats:
+    """(scans,), whether a start that was refined coarsely puts the object where the best fit does."""
+    centre = best.pattern.centre()
+    places = best.states[:, :2] + arm_of(centre, best.states)
+    others = other.states[:, :2] + arm_of(other.pattern.centre(), other.states)
+    apart = others - places
+    apart -= np.median(apart, axis=0)
+    agrees: Floats = np.hypot(*apart.T) < _SAME
+    return agrees
+
+
+def _explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
+    """Whether a turn explains so much that each angle may cost as much as a parameter that all readings determine."""
+    return cost(free, scanned, dear=True) < cost(held, scanned, dear=True)
+
+
+def _turns_surely(free: Solved, scanned: Scanned) -> bool:
+    """Whether an object that was let turn shows its angle, and turns no more jerkily than noise makes it seem."""
+    variance = np.linalg.inv(free.fit.information)[:, THETA, THETA]
+    jerk = np.diff(free.states[:, THETA], 2)
+    noise = variance[:-2] + 4.0 * variance[1:-1] + variance[2:]
+    steady = len(jerk) == 0 or float(np.median(jerk**2 / noise)) < _JERKY
+    return steady and _sight(free, scanned) > SEEN
+
+
+def _keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
+    """Whether an object that was let turn has kept its angle, and its pattern shows that: noise in one seems to."""
+    variance = np.linalg.inv(free.fit.information)[:, THETA, THETA]
+    theta = free.states[:, THETA] - np.median(free.states[:, THETA])
+    return bool(np.quantile(theta**2 / variance, _MOST) < _STILL and _sight(free, scanned) > SEEN)
+
+
+def _sight(free: Solved, scanned: Scanned) -> float:
+    """How much better the pattern shows an angle than its own noise seems to, in the scan that shows it best."""
+    scan = int(np.argmax(free.fit.information[:, THETA, THETA]))
+    error = max(free.error, COARSE)
+    return float(sights(free.pattern, scanned, free.states, free.fit.factor, scan, error)[THETA])
+
+
+def start_scan(scanned: Scanned) -> int:
+    """The scan to begin with: well loaded, its contact nearest to the pad's centre."""
+    load = scanned.load().sum(axis=1)
+    away = np.hypot(*(scanned.centroids() - scanned.middle).T)
+    return int(np.argmin(np.where(load >= _LOADED_SHARE * load.max(), away, np.inf)))
+
+
+def level(pattern: Pattern, states: Floats, fit: Fit) -> float:
+    """Make the mean gain of states (scans, 5) 1, in place, the pattern taking the rest; the gains' standard deviation.
+
+    Both from the scans that determine theirs best.
+    """
+    variance = np.linalg.inv(fit.information + 1e-9 * np.eye(STATE))[:, GAIN, GAIN]
+    well = variance <= np.quantile(variance, _WELL_KNOWN)
+    mean = max(float(np.median(states[well, GAIN])), _LEAST_GAIN)
+    low, high = np.quantile(states[well, GAIN], _SPREAD)
+    spread = float(high - low) / 3.29  # of a normal distribution; a load that changes for a short time counts, too
+    states[:, GAIN] /= mean
+    pattern.coefficients = pattern.coefficients * mean
+    pattern.smoothing /= mean**2
+    return float(np.sqrt(max(spread**2 - float(np.median(variance[well])), _LEAST_GAIN_STD**2)))

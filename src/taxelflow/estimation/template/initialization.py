@@ -1,0 +1,151 @@
+"""First poses of all scans of a contact: from one scan outwards, each registered to the pattern learned so far."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.template.bundle_adjustment import refine
+from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
+from taxelflow.estimation.template.likelihood import COARSE
+from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.map import MARGIN, SPACING, Pattern, Sums
+from taxelflow.numerics.bspline import GAIN, STATE, THETA, in_object
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.messages import Floats
+
+_REFINE_AT = (3, 8, 20, 50)
+"""Numbers of scans at which pattern and poses are refined together."""
+_REFINE_ROUNDS = 6
+_YOUNG, _SOLVE_EVERY = 10, 3
+"""The pattern is solved anew after every scan up to the first number, then after every so many."""
+_HUBER, _ITERATIONS = 6.0, 30
+_CHEAPER = 1e-3
+"""What a further start must lower the cost by."""
+_NEAR_BORDER = 0.5
+"""Pitches from a loaded taxel to the border of the pattern below which the pattern grows."""
+_MOST_KNOTS = 40_000
+
+
+class Tracker:
+    """Scans of a contact on their way to poses."""
+
+    def __init__(self, scanned: Scanned, start: int, stiffness: Floats) -> None:
+        """stiffness: (5,) of each state, as for `refine`, and from scan to scan; infinite where it is fixed."""
+        self.scanned, self.start, self.stiffness = scanned, start, stiffness
+        self._readings = scanned.with_error(COARSE)
+        self._error = COARSE * scanned.levels()
+        self._loaded, self._centroid = scanned.loaded(), scanned.centroids()
+        self.states = np.zeros((len(scanned), STATE))
+        self.states[:, GAIN] = 1.0
+        self.done = [start]
+        self.states[start, :2] = self._centroid[start]
+        places = scanned.places[:, self._loaded[start]].T - self._centroid[start]
+        self.pattern = Pattern.covering(places, scanned.amplitude)
+        self._sum_up()
+
+    def _sum_up(self) -> None:
+        """Sums over all scans done, and the pattern they give."""
+        self.sums = Sums(self.pattern)
+        self._add(np.array(self.done))
+        self.sums.solve(self.pattern)
+
+    def _add(self, which: NDArray[np.int64]) -> None:
+        self.sums.add(self.pattern, self._readings.taken(which), self.states[which])
+
+    def run(self) -> None:
+        """Register every scan, forwards from the start, then backwards."""
+        for k in [*range(self.start + 1, len(self.scanned)), *range(self.start - 1, -1, -1)]:
+            self.one(k)
+            self._learn(k)
+
+    def _learn(self, k: int) -> None:
+        """Learn from scan k where it was registered."""
+        self.done.append(k)
+        self._cover(k)
+        self._add(np.array([k]))
+        count = len(self.done)
+        if count < _YOUNG or count % max(_SOLVE_EVERY, count // 10) == 0:
+            self.sums.solve(self.pattern)
+        if count in _REFINE_AT and count < len(self.scanned):
+            self._refine()
+
+    def _refine(self) -> None:
+        which = np.array(sorted(self.done))
+        states, part = self.states[which], self.scanned.taken(which)
+        part.bend(states)
+        self.scanned.bends[which] = part.bends
+        refine(self.pattern, part, states, rounds=_REFINE_ROUNDS, error=COARSE, stiffness=self.stiffness)
+        self.states[which] = states
+        self._sum_up()
+
+    def forget(self, k: int, most: int) -> None:
+        """Keep only the `most` scans before scan k, and cover what scan k loads if it lies where the last one lies."""
+        self.done = list(range(max(self.start, k - most), k))
+        reached = [in_object(self.scanned.places[:, self._loaded[j]].T, self.states[j]) for j in self.done]
+        if k < len(self.scanned):
+            reached.append(in_object(self.scanned.places[:, self._loaded[k]].T, self.states[k - 1]))
+        self.pattern = Pattern.covering(np.concatenate(reached), self.scanned.amplitude)
+        self._sum_up()
+
+    def one(self, k: int) -> tuple[Floats, float]:
+        """Register scan k from several starts; the cheapest wins. Its information (5, 5), chi-square per reading."""
+        forward = 1 if k > self.start else -1
+        scanned, last = self.scanned, self.states[k - forward]
+        starts = self._starts(k, forward)
+        prior = Prior(last.copy(), np.minimum(self.stiffness, HELD))
+        taxels = laid_out(
+            scanned.places, scanned.bends[k], scanned.readings[k], scanned.variance[k], scanned.ceiling, self._error[k]
+        )
+        best, chi_per_reading, kept = np.inf, np.inf, np.zeros((STATE, STATE))
+        information = np.zeros((STATE, STATE))
+        for state in starts:
+            if np.isinf(self.stiffness[THETA]):
+                state[THETA] = 0.0
+            cost, chi, count = register(self.pattern.surface, taxels, prior, _HUBER, _ITERATIONS, state, information)
+            if cost < best - _CHEAPER:
+                best = cost
+                self.states[k] = state
+                kept, chi_per_reading = information.copy(), chi / max(count, 1)
+        return kept, chi_per_reading
+
+    def _starts(self, k: int, forward: int) -> list[Floats]:
+        """States (5,) to begin with: the motion goes on, the object stays, or it goes with its centroid."""
+        scanned, states = self.scanned, self.states
+        before, further = k - forward, k - 2 * forward
+        last = states[before]
+        starts = [last.copy()]
+        if (further - self.start) * forward >= 0:
+            step = (last - states[further])[: THETA + 1]
+            moved = last.copy()
+            moved[: THETA + 1] += step
+            starts.insert(0, moved)
+            if scanned.rolling:
+                speed = step / (scanned.t_s[before] - scanned.t_s[further])
+                scanned.bends[k] = speed[:, np.newaxis] * scanned.delay_s
+        shifted = last.copy()
+        shifted[:2] += self._centroid[k] - self._centroid[before]
+        return [*starts, shifted]
+
+    def _cover(self, k: int) -> None:
+        """Let the pattern grow to where scan k is loaded."""
+        places = in_object(self.scanned.places[:, self._loaded[k]].T, self.states[k])
+        if not len(places):
+            return
+        low, high = self.pattern.box
+        if (places.min(axis=0) - _NEAR_BORDER >= low).all() and (places.max(axis=0) + _NEAR_BORDER <= high).all():
+            return
+        corners = np.stack([low + MARGIN, high - MARGIN])
+        if np.prod((np.ptp(np.concatenate([corners, places]), axis=0) + 2 * MARGIN) / SPACING + 7) > _MOST_KNOTS:
+            return
+        smoothing = self.pattern.smoothing
+        self.pattern = Pattern.covering(np.concatenate([corners, places]), self.scanned.amplitude)
+        self.pattern.smoothing = smoothing
+        self.done.remove(k)
+        self._sum_up()
+        self.done.append(k)

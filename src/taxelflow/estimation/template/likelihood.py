@@ -1,0 +1,79 @@
+"""How likely a fit makes the scans of a contact: what hypotheses are compared by, and the error that a fit leaves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.numerics.bspline import GAIN
+from taxelflow.numerics.robust import OUTLIER
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.template.bundle_adjustment import Fit
+    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.estimation.template.solution import Solved
+    from taxelflow.messages import Bools, Floats
+
+COARSE = 0.06
+"""Error of a reading, as a share of its scan's largest, with which every fit begins: the flanks of a contact, where
+cross-talk, offsets and hysteresis are large, then weigh no more than its middle. It finds the basin."""
+_LEAST, _MOST = 1e-3, 0.5
+"""Bounds of the error learned; below the first, noise is larger on every sensor known."""
+_LOADED = 0.03
+"""Share of a scan's largest reading above which a taxel is in the contact."""
+_FEWEST = 2
+_HALVINGS = 30
+
+
+def learned_error(fit: Fit, scanned: Scanned) -> float:
+    """Error of a reading, as a share of its scan's largest, that the residuals in the contact surely show."""
+    levels = scanned.levels()[:, np.newaxis]
+    within = (fit.weight > 0) & ((fit.model > _LOADED * levels) | (scanned.readings > _LOADED * levels))
+    squared, variance = fit.residual[within] ** 2, scanned.variance[within]
+    level = np.broadcast_to(levels**2, within.shape)[within]
+    wanted = fit.freedom * len(squared) + float(np.sqrt(2.0 * len(squared)))  # what noise may make of chi-square
+
+    def excess(share: float) -> float:
+        return float(np.minimum(squared / (variance + share**2 * level), OUTLIER).sum()) - wanted
+
+    low, high = _LEAST, _MOST
+    if not len(squared) or excess(low) <= 0:
+        return low
+    for _ in range(_HALVINGS):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return high
+
+
+def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
+    """-2 log posterior of a fit and log n for each parameter that n readings determine (Schwarz 1978): all of them a
+    coefficient, those of a scan its state; dear: all of them each.
+
+    All fits of a contact are judged by the same readings: those of the taxels that are loaded at any time. Off a
+    lattice there is no load.
+    """
+    fit, within = solved.fit, touched(scanned)
+    model = np.maximum(fit.model, 0.0)
+    variance = scanned.variance + (solved.error * scanned.levels()[:, np.newaxis]) ** 2
+    residual = scanned.readings - model
+    residual[(scanned.readings >= scanned.ceiling) & (residual < 0)] = 0.0
+    chi = np.minimum(residual[within] ** 2 / variance[within], OUTLIER) + np.log(variance[within])
+    gains = float(np.sum((solved.states[:, GAIN] - 1.0) ** 2)) / solved.gain_std**2
+    count, scans = np.count_nonzero(within), len(scanned)
+    states = scans * fit.freed
+    own = count if dear else count / scans
+    free = (fit.free - states) * np.log(max(count, _FEWEST)) + states * np.log(max(own, _FEWEST))
+    return float(chi.sum() + gains + solved.pattern.smoothing * fit.bending + free)
+
+
+def touched(scanned: Scanned) -> Bools:
+    """(scans, taxels), readings of taxels that are loaded in any scan of the contact."""
+    within: Bools = (scanned.variance > 0) & scanned.loaded().any(axis=0)
+    return within
+
+
+def misfit(fit: Fit) -> Floats:
+    """(scans,), chi-square per degree of freedom."""
+    share: Floats = fit.chi / np.maximum(fit.counts, 1) / fit.freedom
+    return share

@@ -1,1 +1,0 @@
-"""Motion hypotheses besides the rigid pose: which degrees of freedom a contact has."""

@@ -1,0 +1,76 @@
+"""Contacts that grow with their load: at a border, growth looks like motion.
+
+An object that stays in its place, its contact's size going with the load, is held against what was found without a
+size. Which of its points stays is found, too: the one whose place goes least with the size.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.template.bundle_adjustment import refine
+from taxelflow.estimation.template.likelihood import COARSE
+from taxelflow.estimation.template.map import Pattern, fill
+from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, in_object
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.template.bundle_adjustment import Fit
+    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.messages import Floats
+
+_LOADS, _DIFFER = (0.05, 0.95), 2.0
+"""Quantiles of the load, and how many times the first the other must be for growth to show."""
+_FEWEST = 5
+_STAYS = 2.0
+"""Only a contact that seemed to stay within so many pitches may be one that grew."""
+_POWER, SIZE_STD = 1 / 3, 0.3
+"""Hertz: size and pressure go with the cube root of the force; how far the size's logarithm is from that."""
+_GAIN_STD = 1.0
+_SHARES = (0.05, 20.0)
+"""Bounds of the load over that of the scan to begin with."""
+_PLACE, _ELSEWHERE, _SLIDES = 0.02, 1.0, 0.25
+"""How well places are known, in pitches; how far off the point that stays may be; and how fast an object usually
+slides as it is pressed, in pitches per s."""
+_ROUNDS = 15
+
+
+def grown_start(scanned: Scanned, states: Floats, start: int) -> tuple[Pattern, Floats, Fit] | None:
+    """Pattern, states (scans, 5) and coarse fit of an object that stays where it is in scan `start` while its contact
+    grows with the load; None where the load hardly varies, or where the object clearly moved.
+
+    states: (scans, 5), of a fit without growth.
+    """
+    load = scanned.load().sum(axis=1)
+    least, most = np.quantile(load, _LOADS)
+    if len(scanned) < _FEWEST or most < _DIFFER * max(least, 1e-300) or np.ptp(states[:, :2], axis=0).max() > _STAYS:
+        return None
+    share = np.clip(load / max(float(load[start]), 1e-300), *_SHARES)
+    held = np.zeros((len(scanned), STATE))
+    held[:, :2] = scanned.centroids()[start]
+    held[:, GAIN] = share**_POWER
+    held[:, SIZE] = _POWER * np.log(share)
+    places = [in_object(scanned.places[:, own].T, at) for own, at in zip(scanned.loaded(), held, strict=True)]
+    pattern = Pattern.covering(np.concatenate(places), scanned.amplitude)
+    fill(pattern, scanned.with_error(COARSE), held)
+    stiffness = np.array([np.inf, np.inf, np.inf, _GAIN_STD**-2, SIZE_STD**-2])
+    fit = refine(pattern, scanned, held, rounds=_ROUNDS, error=COARSE, stiffness=stiffness)
+    return pattern, held, fit
+
+
+def centre(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
+    """Shift the origin of the object's frame, in place, to the point whose places go least with the size.
+
+    An object that slides steadily as it is pressed has moved; one that went with the load up and down has grown.
+    """
+    scale, theta = np.exp(states[:, SIZE]), states[:, THETA]
+    cos, sin = scale * np.cos(theta), scale * np.sin(theta)
+    arms = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)  # (scans, 2, 2)
+    since = (scanned.t_s - scanned.t_s.mean())[:, np.newaxis, np.newaxis] * np.eye(2)
+    apart = np.concatenate([arms - arms.mean(axis=0), since], axis=2).reshape(-1, 4)
+    away = (states[:, :2] - states[:, :2].mean(axis=0)).ravel()
+    known = np.diag(np.repeat([_PLACE / _ELSEWHERE, _PLACE / _SLIDES], 2))
+    body = -np.linalg.lstsq(np.concatenate([apart, known]), np.append(away, np.zeros(4)), rcond=None)[0][:2]
+    states[:, :2] += arms @ body
+    pattern.lattice = pattern.lattice - np.array([0.0, *body])
