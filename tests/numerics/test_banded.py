@@ -5,15 +5,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.banded import Factor, add_square, multiply, smoothness, solve_band
+from taxelflow.numerics.banded import WIDTH, Factor, add_square, multiply, smoothness, solve_band
 
-NY, NX, WIDTH = 6, 5, 4
+NY, NX = 6, 5
 
 
 def equations(seed: int) -> tuple[Floats, Floats, Floats]:
     """Stencil and right-hand side of some readings, and the same matrix written out."""
     random = np.random.default_rng(seed)
-    stencil = 0.1 * smoothness((NY, NX), WIDTH)
+    stencil = 0.1 * smoothness((NY, NX))
     stencil[:, 0, WIDTH - 1] += 0.5
     dense, right = np.zeros((NY * NX, NY * NX)), np.zeros(NY * NX)
     for column in range(NY * NX):
@@ -23,7 +23,7 @@ def equations(seed: int) -> tuple[Floats, Floats, Floats]:
     for _ in range(20):
         first = int(random.integers(0, NY - WIDTH + 1) * NX + random.integers(0, NX - WIDTH + 1))
         weight, factor, reading = random.random(WIDTH**2), random.random(), random.normal()
-        add_square(first, weight, factor, reading, NX, WIDTH, stencil, right)
+        add_square(first, weight, factor, reading, NX, stencil, right)
         row = np.zeros(NY * NX)
         row[first + NX * np.repeat(np.arange(4), 4) + np.tile(np.arange(4), 4)] = weight
         dense += factor * np.outer(row, row)
@@ -52,7 +52,7 @@ def test_both_solvers_agree(seed: int) -> None:
 
 
 def test_a_plane_is_perfectly_smooth_and_a_bend_is_not() -> None:
-    stencil = smoothness((NY, NX), WIDTH)
+    stencil = smoothness((NY, NX))
     y, x = np.mgrid[:NY, :NX].astype(float)
     out = np.empty(NY * NX)
     multiply(stencil, NX, (2.0 + 3.0 * x - y).ravel(), out)

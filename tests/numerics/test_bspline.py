@@ -7,17 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y, evaluate, spread
+from taxelflow.numerics.bspline import GAIN, KNOTS, SIZE, STATE, THETA, X, Y, evaluate, spread
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 LATTICE = np.array([0.5, -6.0, -6.0])
 PLACES = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(-2.0, 3.0), np.arange(-2.0, 3.0))])
-POINTS = {1: np.zeros((1, 2)), 4: np.array([[-0.2, -0.2], [0.2, -0.2], [-0.2, 0.2], [0.2, 0.2]])}
 
 seeds = st.integers(0, 2**32 - 1)
-points_of_quadrature = st.sampled_from(sorted(POINTS))
 
 
 def drawn(seed: int, *, delayed: bool = False) -> tuple[Floats, Floats, Floats]:
@@ -30,33 +28,32 @@ def drawn(seed: int, *, delayed: bool = False) -> tuple[Floats, Floats, Floats]:
     return random.normal(size=(24, 25)), state, bend
 
 
-def seen(c: Floats, state: Floats, points: Floats, bend: Floats, places: Floats = PLACES) -> Floats:
+def seen(c: Floats, state: Floats, bend: Floats, places: Floats = PLACES) -> Floats:
     out = np.empty((places.shape[1], 5))
-    evaluate(c, LATTICE, places, state, points, bend, out)
+    evaluate(c, LATTICE, places, state, bend, out)
     return out
 
 
-@given(seed=seeds, points=points_of_quadrature, delayed=st.booleans())
-def test_derivatives_are_those_of_finite_differences(seed: int, points: int, delayed: bool) -> None:
+@given(seed=seeds, delayed=st.booleans())
+def test_derivatives_are_those_of_finite_differences(seed: int, delayed: bool) -> None:
     c, state, bend = drawn(seed, delayed=delayed)
-    out = seen(c, state, POINTS[points], bend)
+    out = seen(c, state, bend)
     assert np.isfinite(out).all()
     for column, part in ((1, X), (2, Y), (3, THETA), (4, SIZE)):
         step = np.zeros(STATE)
         step[part] = 1e-5
-        there, back = (seen(c, state + sign * step, POINTS[points], bend)[:, 0] for sign in (1, -1))
+        there, back = (seen(c, state + sign * step, bend)[:, 0] for sign in (1, -1))
         np.testing.assert_allclose(out[:, column], (there - back) / 2e-5, atol=1e-4)
 
 
-@given(seed=seeds, points=points_of_quadrature, delayed=st.booleans())
-def test_the_weights_of_the_coefficients_give_the_same_reading(seed: int, points: int, delayed: bool) -> None:
+@given(seed=seeds, delayed=st.booleans())
+def test_the_weights_of_the_coefficients_give_the_same_reading(seed: int, delayed: bool) -> None:
     c, state, bend = drawn(seed, delayed=delayed)
-    width = 4 if points == 1 else 6
-    first, weight = np.empty(PLACES.shape[1], np.int64), np.empty((PLACES.shape[1], width**2))
-    spread(c.shape, LATTICE, PLACES, state, POINTS[points], bend, width, first, weight)
+    first, weight = np.empty(PLACES.shape[1], np.int64), np.empty((PLACES.shape[1], KNOTS))
+    spread(c.shape, LATTICE, PLACES, state, bend, first, weight)
     assert (first >= 0).all()
-    knots = first[:, np.newaxis] + (np.arange(width)[:, np.newaxis] * c.shape[1] + np.arange(width)).ravel()
-    np.testing.assert_allclose((c.ravel()[knots] * weight).sum(axis=1), seen(c, state, POINTS[points], bend)[:, 0])
+    knots = first[:, np.newaxis] + (np.arange(4)[:, np.newaxis] * c.shape[1] + np.arange(4)).ravel()
+    np.testing.assert_allclose((c.ravel()[knots] * weight).sum(axis=1), seen(c, state, bend)[:, 0])
     np.testing.assert_allclose(weight.sum(axis=1), 1.0)
 
 
@@ -67,18 +64,16 @@ def test_an_object_turned_and_moved_along_with_the_taxels_reads_the_same(seed: i
     home[: THETA + 1] = 0.0
     cos, sin = np.cos(state[THETA]), np.sin(state[THETA])
     moved = np.array([[cos, -sin], [sin, cos]]) @ PLACES + state[[X, Y], np.newaxis]
-    np.testing.assert_allclose(
-        seen(c, state, POINTS[1], bend, moved)[:, 0], seen(c, home, POINTS[1], bend)[:, 0], atol=1e-9
-    )
+    np.testing.assert_allclose(seen(c, state, bend, moved)[:, 0], seen(c, home, bend)[:, 0], atol=1e-9)
 
 
 def test_a_taxel_off_the_lattice_reads_nothing() -> None:
     c, state, bend = drawn(0)
     state[[X, Y, THETA, SIZE]] = 0.0
     far = np.array([[0.0, 20.0, -6.0], [0.0, 0.0, 0.0]])
-    out = seen(c, state, POINTS[1], bend, far)
+    out = seen(c, state, bend, far)
     assert np.isnan(out[:, 0]).tolist() == [False, True, True]
     first, weight = np.empty(3, np.int64), np.empty((3, 16))
-    spread(c.shape, LATTICE, far, state, POINTS[1], bend, 4, first, weight)
+    spread(c.shape, LATTICE, far, state, bend, first, weight)
     assert (first < 0).tolist() == [False, True, True]
     assert weight[1:].sum() == pytest.approx(0.0)

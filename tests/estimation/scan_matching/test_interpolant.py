@@ -22,7 +22,7 @@ def through(spline: Interpolant, reading: Floats, places: Floats) -> Floats:
     """Values (n,) of the spline through a scan's readings at places (2, n)."""
     c, values = np.full(spline.shape, np.nan), np.empty((places.shape[1], 5))
     interpolate(spline, reading, c)
-    evaluate(c, spline.lattice, places, STILL, np.zeros((1, 2)), np.zeros((3, 0)), values)
+    evaluate(c, spline.lattice, places, STILL, np.zeros((3, 0)), values)
     return values[:, 0]
 
 

@@ -91,5 +91,5 @@ def test_earlier_gains_are_the_derivative_by_the_earlier_readings() -> None:
     for taxel in (9, 27, 45):
         c, values = np.empty(spline.shape), np.empty((len(inner), 5))
         interpolate(spline, np.where(np.arange(64) == taxel, 1.0, 0.0), c)
-        evaluate(c, spline.lattice, points.places, state, np.zeros((1, 2)), np.zeros((3, 0)), values)
+        evaluate(c, spline.lattice, points.places, state, np.zeros((3, 0)), values)
         np.testing.assert_allclose(out[:, taxel], state[3] * (g @ values[:, 0]), atol=1e-10)

@@ -22,12 +22,12 @@ def test_the_readings_determine_as_many_coefficients_as_a_trace_says() -> None:
     scanned = Scanned.of(
         np.arange(6.0), places, readings, np.full(readings.shape, 1e-4), np.full(64, np.inf), np.zeros(64)
     )
-    pattern = Pattern.empty(np.full(2, -5.0), np.full(2, 5.0), 0.5, 1, np.ones(2), 1.0)
+    pattern = Pattern.covering(np.array([[-3.5, -3.5], [3.5, 3.5]]), 1.0)
     stiffness = np.array([0.0, 0.0, np.inf, 1.0, np.inf])
-    fit = refine(pattern, scanned, states, rounds=8, rough=0.02, stiffness=stiffness)
+    fit = refine(pattern, scanned, states, rounds=8, error=0.02, stiffness=stiffness)
 
     knots = pattern.coefficients.size
-    bending, stencil = np.empty((knots, knots)), smoothness(pattern.shape, pattern.width)
+    bending, stencil = np.empty((knots, knots)), smoothness(pattern.shape)
     for row, unit in zip(bending, np.eye(knots), strict=True):
         multiply(stencil, pattern.shape[1], unit, row)
     held = fit.factor.solve(pattern.smoothing * bending + pattern.prior * np.eye(knots))

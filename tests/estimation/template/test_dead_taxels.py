@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.estimation.template.batch.dead_taxels import silent_taxels
+from taxelflow.estimation.template.dead_taxels import silent_taxels
 from taxelflow.estimation.template.observations import Scanned
 
 if TYPE_CHECKING:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.estimation.template.extrapolation import level_off, looked_at, near
+from taxelflow.estimation.template.hypotheses import covering
+from taxelflow.estimation.template.likelihood import COARSE
+from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import Scanned
-from taxelflow.estimation.template.online.local_map import covering, fill
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y
 
@@ -28,8 +30,8 @@ def at_rest() -> Floats:
 
 def levelled(scan: Scanned) -> tuple[tuple[Floats, Floats], Floats, Floats]:
     """Knots of the scan's pattern, and its coefficients before and after its margin was made level."""
-    pattern = covering(scan, at_rest(), None)
-    fill(pattern, scan, at_rest())
+    pattern = covering(scan, at_rest())
+    fill(pattern, scan.with_error(COARSE), at_rest())
     steep = pattern.coefficients
     level_off(pattern, scan, at_rest())
     return pattern.knots, steep, pattern.coefficients

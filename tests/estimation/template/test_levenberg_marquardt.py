@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.estimation.template.levenberg_marquardt import register
+from taxelflow.estimation.template.levenberg_marquardt import Prior, register
+from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.map import Surface
 from taxelflow.numerics.bspline import GAIN, STATE, THETA, evaluate
 from taxelflow.numerics.small_linalg import solve_small
 
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
 LATTICE = np.array([0.5, -8.0, -8.0])
 PLACES = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(-4.0, 5.0), np.arange(-4.0, 5.0))])
 TAXELS = PLACES.shape[1]
-POINT, WHOLE = np.zeros((1, 2)), np.zeros((3, 0))
+WHOLE = np.zeros((3, 0))
 NOISE = 0.5
 LEVEL = 100.0
 CLEAR = np.array([0.3, -0.4, 0.2, 1.1, 0.0])
@@ -35,7 +37,7 @@ def bumps() -> Floats:
 
 def scan(state: Floats, seed: int | None = None) -> Floats:
     out = np.empty((TAXELS, 5))
-    evaluate(bumps(), LATTICE, PLACES, state, POINT, WHOLE, out)
+    evaluate(bumps(), LATTICE, PLACES, state, WHOLE, out)
     noise = 0.0 if seed is None else np.random.default_rng(seed).normal(0, NOISE, TAXELS)
     reading: Floats = state[GAIN] * out[:, 0] + noise
     return reading
@@ -45,11 +47,10 @@ def fit(reading: Floats, *, variance: Any = NOISE**2, ceiling: float = np.inf, t
     """State, information, chi-square and readings used, from a start at rest."""
     state, information = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.zeros((STATE, STATE))
     stiffness = np.array([0.0, 0.0, 0.0 if turns else 1e12, 0.0, 1e12])
-    prior = state.copy()
-    _, chi, count = register(
-        bumps(), np.zeros((0, 0)), LATTICE, PLACES, WHOLE, reading, np.broadcast_to(variance, TAXELS).copy(),
-        np.full(TAXELS, ceiling), 0.0, 3.0, prior, stiffness, 30, state, information,
-    )  # fmt: skip
+    noise = np.broadcast_to(variance, TAXELS).copy()
+    taxels = laid_out(PLACES, WHOLE, reading, noise, np.full(TAXELS, ceiling), 0.0)
+    surface = Surface(bumps(), np.zeros((0, 0)), LATTICE)
+    _, chi, count = register(surface, taxels, Prior(state.copy(), stiffness), 3.0, 30, state, information)
     return state, information, chi, count
 
 
@@ -123,10 +124,10 @@ def test_a_pattern_in_doubt_is_no_explanation() -> None:
     reading, cost, chi = scan(CLEAR, 0), [], []
     for doubt in (known, unknown):
         state, information = CLEAR.copy(), np.zeros((STATE, STATE))
-        found, misfit, _ = register(
-            bumps(), doubt, LATTICE, PLACES, WHOLE, reading, np.full(TAXELS, NOISE**2), np.full(TAXELS, np.inf),
-            0.0, 3.0, state.copy(), np.array([0.0, 0.0, 0.0, 0.0, 1e12]), 30, state, information,
-        )  # fmt: skip
+        taxels = laid_out(PLACES, WHOLE, reading, np.full(TAXELS, NOISE**2), np.full(TAXELS, np.inf), 0.0)
+        prior = Prior(state.copy(), np.array([0.0, 0.0, 0.0, 0.0, 1e12]))
+        surface = Surface(bumps(), doubt, LATTICE)
+        found, misfit, _ = register(surface, taxels, prior, 3.0, 30, state, information)
         cost.append(found)
         chi.append(misfit)
     assert chi[1] < 0.1 * chi[0]

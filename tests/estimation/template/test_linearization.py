@@ -10,13 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxelflow.estimation.template.linearization import ROWS, VARIANCE, laid_out, linearise, look_up
+from taxelflow.estimation.template.map import Surface
 from taxelflow.numerics.bspline import GAIN, STATE, evaluate
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 LATTICE = np.array([0.5, -4.0, -4.0])
-HUBER, ROUGH = 3.0, 0.05
+HUBER, ERROR = 3.0, 0.1
 SHAPE = (18, 17)
 
 
@@ -33,11 +34,11 @@ def twin(q: Floats, state: Floats, reading: Floats, variance: Floats, ceiling: F
     """Normal equations and chi-square, by q and its derivatives (taxels, 5); pressure does not pull."""
     q = np.where(q[:, :1] < 0.0, 0.0, q)
     on = np.isfinite(q[:, 0])
-    unexplained = ~on & (reading**2 > 9.0 * variance) & (variance > 0.0)
+    unexplained = ~on & (reading**2 > 9.0 * (variance + ERROR**2)) & (variance > 0.0)
     model = state[GAIN] * np.where(on, q[:, 0], 0.0)
     left = reading - model
     fits = on & (variance > 0) & ~((reading == 0) & (model <= 0)) & ~((reading >= ceiling) & (left < 0))
-    v = variance + (ROUGH * np.maximum(model, 0.0)) ** 2
+    v = variance + ERROR**2
     v[variance == 0.0] = 1.0
     z = np.abs(left) / np.sqrt(v)
     jacobian = state[GAIN] * q[:, [1, 2, 3, 0, 4]]
@@ -54,10 +55,10 @@ def test_the_normal_equations_are_those_of_a_plain_sum(seed: int, taxels: int, *
     variance = np.where(np.arange(taxels) % 5 == 2, 0.0, 0.25)
     ceiling = np.full(taxels, 3.0)
     q = np.empty((taxels, 5))
-    evaluate(c, LATTICE, places, state, np.zeros((1, 2)), bend, q)
+    evaluate(c, LATTICE, places, state, bend, q)
     normal, right = np.zeros((STATE, STATE)), np.zeros(STATE)
-    scan = laid_out(places, bend, reading, variance, ceiling)
-    _, chi, _ = linearise(c, np.zeros((0, 0)), LATTICE, scan, ROUGH, HUBER, state, normal, right)
+    scan = laid_out(places, bend, reading, variance, ceiling, ERROR)
+    _, chi, _ = linearise(Surface(c, np.zeros((0, 0)), LATTICE), scan, HUBER, state, normal, right)
     expected, toward, misfit = twin(q, state, reading, variance, ceiling)
     np.testing.assert_allclose(np.tril(normal), np.tril(expected), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(right, toward, rtol=1e-9, atol=1e-9)
@@ -67,20 +68,20 @@ def test_the_normal_equations_are_those_of_a_plain_sum(seed: int, taxels: int, *
 @given(taxels=st.integers(0, 20))
 def test_a_scan_is_filled_up_with_taxels_that_say_nothing(taxels: int) -> None:
     ones = np.ones(taxels)
-    scan = laid_out(np.ones((2, taxels)), np.zeros((3, 0)), ones, ones, ones)
+    scan = laid_out(np.ones((2, taxels)), np.zeros((3, 0)), ones, ones, ones, 1.0)
     assert scan.shape[0] == ROWS
     assert scan.shape[1] >= taxels
-    assert (scan[VARIANCE, :taxels] == 1.0).all()
+    assert (scan[VARIANCE, :taxels] == 2.0).all()
     assert (scan[VARIANCE, taxels:] == 0.0).all()
 
 
 def test_a_doubtful_pattern_weighs_less() -> None:
     c, places, bend, state, reading = drawn(0, 24, delayed=False)
-    scan = laid_out(places, bend, reading, np.full(24, 0.25), np.full(24, np.inf))
+    scan = laid_out(places, bend, reading, np.full(24, 0.25), np.full(24, np.inf), 0.0)
     sums = []
     for doubt in (np.zeros((0, 0)), np.zeros(SHAPE), np.full(SHAPE, 100.0)):
         normal = np.zeros((STATE, STATE))
-        linearise(c, doubt, LATTICE, scan, 0.0, HUBER, state, normal, np.zeros(STATE))
+        linearise(Surface(c, doubt, LATTICE), scan, HUBER, state, normal, np.zeros(STATE))
         sums.append(np.trace(normal))
     assert sums[0] == sums[1]
     assert sums[2] < 0.1 * sums[0]
@@ -90,8 +91,8 @@ def test_looking_up_gives_the_value_and_the_nearest_doubt() -> None:
     c, places, bend, state, reading = drawn(1, 24, delayed=True)
     doubt = np.random.default_rng(1).uniform(1.0, 2.0, SHAPE)
     q, out = np.empty((24, 5)), np.empty((2, 24))
-    evaluate(c, LATTICE, places, state, np.zeros((1, 2)), bend, q)
-    look_up(c, doubt, LATTICE, laid_out(places, bend, reading, reading, reading), state, out)
+    evaluate(c, LATTICE, places, state, bend, q)
+    look_up(Surface(c, doubt, LATTICE), laid_out(places, bend, reading, reading, reading, 0.0), state, out)
     np.testing.assert_allclose(out[0], np.maximum(q[:, 0], 0.0))
     known = np.isfinite(out[0])
     assert known.any()
@@ -116,25 +117,26 @@ def test_the_cost_does_not_change_when_an_unloaded_taxel_comes_onto_the_lattice(
     places[side // 2, 0] = border
     noise = np.full(12, 0.25)
     reading = np.clip(random.normal(0.0, 0.5, 12), -1.0, 1.0)  # a load is another matter
-    scan = laid_out(places, np.zeros((3, 0)), reading, noise, np.full(12, np.inf))
+    scan = laid_out(places, np.zeros((3, 0)), reading, noise, np.full(12, np.inf), ERROR)
     costs = []
     for off in (-1e-9, 1e-9):
         state = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
         state[side // 2] = off
         normal, right = np.zeros((STATE, STATE)), np.zeros(STATE)
         known = doubts if doubted else np.zeros((0, 0))
-        costs.append(linearise(room, known, LATTICE, scan, ROUGH, HUBER, state, normal, right)[0])
+        costs.append(linearise(Surface(room, known, LATTICE), scan, HUBER, state, normal, right)[0])
     assert costs[0] == pytest.approx(costs[1], abs=1e-6)
 
 
 @pytest.mark.parametrize(("reading", "explained"), [(0.3, False), (8.0, True)])
 def test_doubt_costs_only_where_it_explains_a_reading(reading: float, *, explained: bool) -> None:
-    scan = laid_out(np.zeros((2, 1)), np.zeros((3, 0)), np.array([reading]), np.array([0.25]), np.array([np.inf]))
+    one = np.array([reading]), np.array([0.25]), np.array([np.inf])
+    scan = laid_out(np.zeros((2, 1)), np.zeros((3, 0)), *one, 0.0)
     state = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
 
     def cost(doubt: Floats) -> float:
         normal, right = np.zeros((STATE, STATE)), np.zeros(STATE)
-        return linearise(np.zeros(SHAPE), doubt, LATTICE, scan, ROUGH, HUBER, state, normal, right)[0]
+        return linearise(Surface(np.zeros(SHAPE), doubt, LATTICE), scan, HUBER, state, normal, right)[0]
 
     certain, doubted = cost(np.zeros((0, 0))), cost(np.full(SHAPE, 9.0))
     assert (doubted < 0.5 * certain) == explained

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numba import njit
 
 from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.residual_process import bring, fades, keep
+from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.numerics.bspline import STATE, evaluate
+from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -23,6 +27,8 @@ STATE_0 = np.array([0.2, -0.1, 0.0, 1.0, 0.0])
 VARIANCE, NEVER = np.full(TAXELS, 0.25), np.full(TAXELS, np.inf)
 WHOLE = np.zeros((3, 0))
 SPAN_S = 0.01
+ERROR = 0.4
+"""Of the pattern."""
 
 
 def pattern() -> Floats:
@@ -36,28 +42,49 @@ def pattern() -> Floats:
 def values(coefficients: Floats | None = None) -> Floats:
     """(taxels,), what it reads."""
     out = np.empty((TAXELS, STATE))
-    evaluate(
-        pattern() if coefficients is None else coefficients, LATTICE, PLACES, STATE_0, np.zeros((1, 2)), WHOLE, out
-    )
+    evaluate(pattern() if coefficients is None else coefficients, LATTICE, PLACES, STATE_0, WHOLE, out)
     return out[:, 0]
+
+
+def part(reading: Floats, variance: Floats = VARIANCE, ceiling: Floats = NEVER) -> PadScan:
+    return PadScan(reading, variance, ceiling, PLACES, np.zeros(TAXELS, np.bool_))
+
+
+def track() -> Records:
+    """One pad's memory, the object at STATE_0."""
+    tracks = records(Track, 1)
+    tracks["state"], tracks["usual"] = STATE_0, 1.0
+    return tracks
+
+
+@njit
+def kept(
+    surface: Surface,
+    taxels: Floats,
+    error: float,
+    registered: float,
+    still: bool,
+    brought: Floats,
+    rest: Floats,
+    tracks: Records,
+) -> float:
+    return keep(surface, taxels, error, registered, still, brought, rest, np.zeros(STATE), tracks[0])
 
 
 def carried(readings: Floats, *, still: bool = False, ceiling: Floats = NEVER) -> tuple[Floats, Floats, list[float]]:
     """Rest (3, taxels), what was expected of the last reading, and chi-square on the pattern alone of all (scans,)."""
     rest, brought = np.zeros((3, TAXELS)), np.zeros((3, 0))
-    information, doubt = np.zeros((STATE, STATE)), np.zeros((25, 25))
+    surface, tracks = Surface(pattern(), np.zeros((25, 25)), LATTICE), track()
     expected, chis = values(), []
     for reading in readings:
         if chis:
             brought = np.empty((3, TAXELS))
-            bring(SPAN_S, 0.0, rest, reading, VARIANCE, ceiling, brought)
+            bring(SPAN_S, 0.0, rest, part(reading, ceiling=ceiling), brought)
             expected = values() + reading - brought[0]
         left = reading - expected
         registered = float(np.mean(left**2 / VARIANCE))
-        chi = keep(
-            pattern(), doubt, LATTICE, laid_out(PLACES, WHOLE, reading, VARIANCE, ceiling), 0.02, 1.0, np.zeros(STATE),
-            STATE_0, registered, still, brought, rest, information,
-        )  # fmt: skip
+        taxels = laid_out(PLACES, WHOLE, reading, VARIANCE, ceiling, ERROR)
+        chi = kept(surface, taxels, ERROR, registered, still, brought, rest, tracks)
         chis.append(chi)
     return rest, expected, chis
 
@@ -86,7 +113,7 @@ def test_a_contact_that_is_deformed_is_expected_to_stay_so() -> None:
 def test_of_a_still_object_the_patterns_own_error_stays_too() -> None:
     moving, still = (carried(noisy(1), still=still)[0] for still in (False, True))
     assert (moving[2] == 0.0).all()
-    np.testing.assert_allclose(np.sqrt(still[2]), 0.02 * np.maximum(values(), 0.0))
+    np.testing.assert_allclose(np.sqrt(still[2]), ERROR)
 
 
 @given(span=st.floats(0.0, 10.0), more=st.floats(0.01, 10.0), moved=st.floats(0.0, 5.0), further=st.floats(0.01, 5.0))
@@ -115,18 +142,18 @@ def test_a_saturated_reading_says_nothing_of_a_pattern_above_it() -> None:
 
 
 def test_of_a_taxel_that_says_nothing_what_was_known_dies_away() -> None:
-    masked, information = VARIANCE.copy(), np.zeros((STATE, STATE))
+    masked, tracks = VARIANCE.copy(), track()
     masked[7] = 0.0
     rest, brought, reading = np.ones((3, TAXELS)), np.empty((3, TAXELS)), noisy(1)[0]
-    scan = laid_out(PLACES, WHOLE, reading, masked, NEVER)
-    arguments = (pattern(), np.zeros((25, 25)), LATTICE, scan, 0.02, 1.0, np.zeros(STATE), STATE_0)
+    scan = laid_out(PLACES, WHOLE, reading, masked, NEVER, ERROR)
+    arguments = (Surface(pattern(), np.zeros((25, 25)), LATTICE), scan, ERROR)
     for _ in range(3):
         before = rest[0, 7]
-        bring(SPAN_S, 0.0, rest, reading, masked, NEVER, brought)
-        keep(*arguments, 1.0, False, brought, rest, information)
+        bring(SPAN_S, 0.0, rest, part(reading, masked), brought)
+        kept(*arguments, 1.0, False, brought, rest, tracks)
         assert rest[0, 7] == pytest.approx(fades(SPAN_S, 0.0) * before)
     rest[0, 7] = 1.0  # of an earlier contact
-    keep(*arguments, 1.0, False, np.zeros((3, 0)), rest, information)
+    kept(*arguments, 1.0, False, np.zeros((3, 0)), rest, tracks)
     assert rest[0, 7] == 0.0
 
 
@@ -134,10 +161,10 @@ def test_of_a_taxel_that_says_nothing_what_was_known_dies_away() -> None:
 def test_a_taxel_off_the_lattice_has_no_rest_but_may_read_anything_next(reading: float) -> None:
     places, readings = PLACES.copy(), noisy(1)[0]
     places[0, 7], readings[7] = 50.0, reading
-    rest, information = np.ones((3, TAXELS)), np.zeros((STATE, STATE))
-    scan = laid_out(places, WHOLE, readings, VARIANCE, NEVER)
-    arguments = (pattern(), np.zeros((25, 25)), LATTICE, scan, 0.02, 1.0, np.zeros(STATE), STATE_0)
-    keep(*arguments, 1.0, False, np.zeros((3, 0)), rest, information)
+    rest, tracks = np.ones((3, TAXELS)), track()
+    scan = laid_out(places, WHOLE, readings, VARIANCE, NEVER, ERROR)
+    arguments = (Surface(pattern(), np.zeros((25, 25)), LATTICE), scan, ERROR)
+    kept(*arguments, 1.0, False, np.zeros((3, 0)), rest, tracks)
     assert rest[0, 7] == 0.0
     assert rest[1, 7] == max(reading**2, (0.1 * readings.max()) ** 2)
 
@@ -146,6 +173,6 @@ def test_a_masked_taxel_has_no_part_in_it() -> None:
     masked = VARIANCE.copy()
     masked[7] = 0.0
     rest, out = np.ones((3, TAXELS)), np.empty((3, TAXELS))
-    bring(SPAN_S, 0.0, rest, noisy(1)[0], masked, NEVER, out)
+    bring(SPAN_S, 0.0, rest, part(noisy(1)[0], masked), out)
     assert out[1, 7] == 0.0
     assert out[1, 8] == pytest.approx(VARIANCE[8] + 1.0, rel=0.05)

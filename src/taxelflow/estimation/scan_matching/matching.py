@@ -12,7 +12,9 @@ import numpy as np
 
 from taxelflow.compiling import inlined, kernel
 from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE
-from taxelflow.estimation.template.levenberg_marquardt import HELD, register
+from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
+from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.map import Surface as Known
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bspline import GAIN, STATE, THETA, X, Y, evaluate
 from taxelflow.numerics.robust import OUTLIER, huber_weight
@@ -123,35 +125,20 @@ def take(
 @kernel
 def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Floats) -> None:
     """Fill state (5,) with the motion since the surface's scan; starts: no motion, and the centroid's."""
-    no_bend = np.zeros((3, 0))
-    prior = np.array([0.0, 0.0, 0.0, guess.gain, 0.0])
+    mean = np.array([0.0, 0.0, 0.0, guess.gain, 0.0])
     loose_turn = _LOOSE_TURN if turns else HELD
     stiffness = np.array([_LOOSE_SHIFT, _LOOSE_SHIFT, loose_turn, _LOOSE_GAIN / guess.gain**2, HELD])
     for a in range(2):
         if surface.unobservable[a] > 0.0:
             stiffness[a] = HELD
+    prior, known = Prior(mean, stiffness), Known(surface.c, surface.variance, surface.lattice)
+    taxels = laid_out(points.places, np.zeros((3, 0)), points.reading, points.variance, points.ceiling, 0.0)
     information = np.zeros((STATE, STATE))
     trial, best = np.empty(STATE), np.inf
     for start in range(2):
-        trial[:] = prior
+        trial[:] = mean
         trial[X], trial[Y] = start * guess.x, start * guess.y
-        cost, chi, count = register(
-            surface.c,
-            surface.variance,
-            surface.lattice,
-            points.places,
-            no_bend,
-            points.reading,
-            points.variance,
-            points.ceiling,
-            0.0,
-            _HUBER,
-            prior,
-            stiffness,
-            _ITERATIONS,
-            trial,
-            information,
-        )
+        cost, chi, count = register(known, taxels, prior, _HUBER, _ITERATIONS, trial, information)
         if cost < best - _LEAST_IMPROVEMENT:
             best = cost
             state[:] = trial

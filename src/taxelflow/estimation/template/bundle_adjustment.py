@@ -48,7 +48,8 @@ class Fit:
 
     chi, counts: (scans,), robust chi-square and the readings in it. residual, weight, model: (scans, taxels).
     information: (scans, 5, 5) of the states with the pattern held. factor: of the coefficients' block. free: how many
-    parameters the readings determine, states and coefficients; freed: states of each scan among them. bending: the pattern's squared second differences.
+    parameters the readings determine, states and coefficients; freed: states of each scan among them. bending: the
+    pattern's squared second differences.
     """
 
     chi: Floats
@@ -98,6 +99,7 @@ class Normal(NamedTuple):
 
     @classmethod
     def empty(cls, scans: int, taxels: int, knots: int) -> Normal:
+        """Room for a problem of this size."""
         return cls(
             np.empty((scans, taxels), np.int64),
             np.empty((scans, taxels, KNOTS)),

@@ -20,7 +20,7 @@ from taxelflow.numerics.bspline import GAIN, STATE, THETA, in_object
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
 
 FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
 _FIRST_ROUNDS, _ROUNDS = 4, (6, 10)
@@ -32,7 +32,8 @@ _LEAST_GAIN = 0.05
 YOUNG = 8
 """With fewer scans, the spread of the gains is not learned."""
 _MOST_DEAD, _DEAD_ERROR = 8, 0.9
-"""Taxels masked at most; and what the error of a fit without one is at most, of that with it."""
+"""Taxels masked at most; and what the error of a fit without one is at most, of that with it: what a bad fit calls
+dead is not."""
 _SAME = 0.1
 """Two starts agree on a scan if they put the object within so many pitches."""
 _FAR_WORSE = 20.0
@@ -47,12 +48,9 @@ SEEN = 4.0
 
 
 def solve(scanned: Scanned) -> Solved:
-    """The likeliest of the hypotheses: the object keeps its angle, or turns; it stays while its contact grows, or it
-    goes with its contact's centroid.
-    """
+    """The likeliest of the hypotheses: the object keeps its angle, turns, or stays while its contact grows."""
     turns = [False] if scanned.across.any() else [False, True]
     tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
-    tried.append(coarse(scanned, centred(scanned, tried[0].states), turns=False, follows=True))
     tried += [one for turn in turns for one in grown(scanned, tried[0].states, turns=turn)]
     costs = [cost(one, scanned) for one in tried]
     limit = min(costs) + _FAR_WORSE * len(scanned)
@@ -105,24 +103,14 @@ def grown(scanned: Scanned, rigid: Floats, *, turns: bool) -> list[Solved]:
     return [Solved(pattern, states, fit, learned_error(fit, scanned), FIRST_GAIN_STD, turns, grows=True)]
 
 
-def coarse(
-    scanned: Scanned, states: Floats, *, turns: bool, follows: bool = False, rounds: int = _FIRST_ROUNDS
-) -> Solved:
+def coarse(scanned: Scanned, states: Floats, *, turns: bool, rounds: int = _FIRST_ROUNDS) -> Solved:
     """The fit with the coarse error from given states (scans, 5), which it improves in place."""
     scanned.bend(states)
     pattern = covering(scanned, states)
     fill(pattern, scanned.with_error(COARSE), states)
-    stiffness = _stiffness(scanned, FIRST_GAIN_STD, turns=turns, follows=follows)
+    stiffness = scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD)
     fit = refine(pattern, scanned, states, rounds=rounds, error=COARSE, stiffness=stiffness)
-    return Solved(pattern, states, fit, learned_error(fit, scanned), FIRST_GAIN_STD, turns, follows=follows)
-
-
-def _stiffness(scanned: Scanned, gain_std: float, *, turns: bool, follows: bool, grows: bool = False) -> Floats:
-    """(5,), see `Scanned.stiffness`; places are held where the object follows its contact's centroid."""
-    stiffness = scanned.stiffness(turns=turns, gain_std=gain_std, size=SIZE_STD**-2 if grows else np.inf)
-    if follows:
-        stiffness[:THETA] = np.inf
-    return stiffness
+    return Solved(pattern, states, fit, learned_error(fit, scanned), FIRST_GAIN_STD, turns)
 
 
 def solve_contact(scanned: Scanned) -> Solved:
@@ -137,7 +125,7 @@ def solve_contact(scanned: Scanned) -> Solved:
         kept = scanned.variance[:, worst].copy()
         scanned.variance[:, worst] = 0.0
         without = solve(scanned)
-        if without.error > _DEAD_ERROR * solved.error:
+        if without.error > min(_DEAD_ERROR * solved.error, COARSE):
             scanned.variance[:, worst] = kept
             break
         dead.append(worst)
@@ -158,7 +146,8 @@ def refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...] = _ROUNDS) 
     for most in rounds:
         learned, error = level(pattern, states, fit), learned_error(fit, scanned)
         gain_std = learned if len(scanned) >= YOUNG else gain_std
-        stiffness = _stiffness(scanned, gain_std, turns=start.turns, follows=start.follows, grows=start.grows)
+        size = SIZE_STD**-2 if start.grows else np.inf
+        stiffness = scanned.stiffness(turns=start.turns, gain_std=gain_std, size=size)
         scanned.bend(states)
         fit = refine(pattern, scanned, states, rounds=most, error=error, stiffness=stiffness)
         if start.grows:
@@ -166,20 +155,22 @@ def refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...] = _ROUNDS) 
     return replace(start, fit=fit, error=learned_error(fit, scanned), gain_std=gain_std)
 
 
-def _agree(best: Solved, other: Solved) -> Floats:
+def _agree(best: Solved, other: Solved) -> Bools:
     """(scans,), whether a start that was refined coarsely puts the object where the best fit does."""
     centre = best.pattern.centre()
     places = best.states[:, :2] + arm_of(centre, best.states)
     others = other.states[:, :2] + arm_of(other.pattern.centre(), other.states)
     apart = others - places
     apart -= np.median(apart, axis=0)
-    agrees: Floats = np.hypot(*apart.T) < _SAME
+    agrees: Bools = np.hypot(*apart.T) < _SAME
     return agrees
 
 
 def _explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
-    """Whether a turn explains so much that each angle may cost as much as a parameter that all readings determine."""
-    return cost(free, scanned, dear=True) < cost(held, scanned, dear=True)
+    """Whether a turn explains so much that each angle may cost as much as a parameter that all readings determine; and
+    the pattern shows more of it than noise.
+    """
+    return _sight(free, scanned) > 1.0 and cost(free, scanned, dear=True) < cost(held, scanned, dear=True)
 
 
 def _turns_surely(free: Solved, scanned: Scanned) -> bool:

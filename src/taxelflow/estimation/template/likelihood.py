@@ -60,7 +60,7 @@ def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
     residual[(scanned.readings >= scanned.ceiling) & (residual < 0)] = 0.0
     chi = np.minimum(residual[within] ** 2 / variance[within], OUTLIER) + np.log(variance[within])
     gains = float(np.sum((solved.states[:, GAIN] - 1.0) ** 2)) / solved.gain_std**2
-    count, scans = np.count_nonzero(within), len(scanned)
+    count, scans = float(np.count_nonzero(within)), len(scanned)
     states = scans * fit.freed
     own = count if dear else count / scans
     free = (fit.free - states) * np.log(max(count, _FEWEST)) + states * np.log(max(own, _FEWEST))

@@ -21,8 +21,8 @@ class Solved:
 
     states: (scans, 5), see `bspline`. error: share of each scan's largest reading, see `Scanned.with_error`. gain_std:
     of the gains around 1. turns, grows: whether the object turns, and its contact grows with the load around the origin
-    of the pattern's frame; follows: whether it goes with its contact's centroid. agrees: (scans,), whether independent starts put the object at the same place; empty where
-    there was one start. dead: taxels that do not answer.
+    of the pattern's frame. agrees: (scans,), whether
+    independent starts put the object at the same place; empty where there was one start. dead: taxels that do not answer.
     """
 
     pattern: Pattern
@@ -32,14 +32,13 @@ class Solved:
     gain_std: float
     turns: bool
     grows: bool = False
-    follows: bool = False
     agrees: Bools = field(default_factory=lambda: np.ones(0, np.bool_))
     dead: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @property
-    def kind(self) -> tuple[bool, bool, bool]:
+    def kind(self) -> tuple[bool, bool]:
         """The hypothesis."""
-        return self.turns, self.grows, self.follows
+        return self.turns, self.grows
 
     def middle(self) -> Floats:
         """(2,) the point of the body whose places are given out: its pattern's centre, or where it does not grow."""

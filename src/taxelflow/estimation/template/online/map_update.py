@@ -1,4 +1,4 @@
-"""How a pattern in a stream is learned from its keyframes, beside the stream: the hypotheses of a batch, on fewer scans."""
+"""How a pattern in a stream is learned from its keyframes, beside the stream: by the hypotheses of a batch."""
 
 from __future__ import annotations
 
@@ -99,7 +99,8 @@ def _filled(known: Learned, keyframes: Keyframes) -> Learned:
 def _learn(known: Learned) -> Learned:
     keyframes = known.keyframes
     count, near = len(keyframes), _FAR if keyframes.grown else _NEAR
-    if count <= 2 or (keyframes.spread(known.radius) <= near and not _grown_now(known)):
+    moved = keyframes.spread(known.radius) > near or _grown_now(known)
+    if count <= 2 or not moved:
         return _filled(known, keyframes)
     best, looked = _best(known)
     scanned, pattern = keyframes.scanned, best.pattern
@@ -156,7 +157,7 @@ def _best(known: Learned) -> tuple[Solved, int]:
         starts = [keyframes.angled.copy()] + ([_retraced(scanned)] if count <= _RETRACED else [])
         fits = [coarse(scanned, states, turns=True) for states in starts]
         tried.append(_further(scanned, min(fits, key=lambda one: one.error)))
-    if keyframes.grown and not known.grows:
+    if not known.grows:
         still = replace(scanned, delay_s=np.zeros_like(scanned.delay_s), bends=np.zeros_like(scanned.bends))
         tried += [_further(still, one) for one in grown(still, keyframes.states, turns=turns)]
     return likeliest(tried, scanned), count

@@ -285,7 +285,7 @@ class StreamSession:
         m.error, m.usual, m.radius = learned.error, learned.usual, learned.radius
         m.turn_std = _TURN_STD if learned.turns else 0.0
         m.gain_std = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
-        m.changing, m.seen = learned.changing, learned.told
+        m.changing, m.seen, m.grows = learned.changing, learned.told, learned.grows or m.grows
         m.slack, m.slack_t = learned.slack
         self._open_across(pad, learned)
         states = learned.keyframes.states
