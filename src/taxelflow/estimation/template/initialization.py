@@ -39,7 +39,7 @@ class Tracker:
         """stiffness: (5,) of each state, as for `refine`, and from scan to scan; infinite where it is fixed."""
         self.scanned, self.start, self.stiffness = scanned, start, stiffness
         self._readings = scanned.with_error(COARSE)
-        self._error = COARSE * scanned.levels()
+        self._error = COARSE * scanned.amplitude
         self._loaded, self._centroid = scanned.loaded(), scanned.centroids()
         self.states = np.zeros((len(scanned), STATE))
         self.states[:, GAIN] = 1.0
@@ -100,7 +100,7 @@ class Tracker:
         starts = self._starts(k, forward)
         prior = Prior(last.copy(), np.minimum(self.stiffness, HELD))
         taxels = laid_out(
-            scanned.places, scanned.bends[k], scanned.readings[k], scanned.variance[k], scanned.ceiling, self._error[k]
+            scanned.places, scanned.bends[k], scanned.readings[k], scanned.variance[k], scanned.ceiling, self._error
         )
         best, chi_per_reading, kept = np.inf, np.inf, np.zeros((STATE, STATE))
         information = np.zeros((STATE, STATE))

@@ -16,26 +16,25 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 COARSE = 0.06
-"""Error of a reading, as a share of its scan's largest, with which every fit begins: the flanks of a contact, where
+"""Error of a reading, as a share of its contact's largest, with which every fit begins: the flanks of a contact, where
 cross-talk, offsets and hysteresis are large, then weigh no more than its middle. It finds the basin."""
 _LEAST, _MOST = 1e-3, 0.5
 """Bounds of the error learned; below the first, noise is larger on every sensor known."""
 _LOADED = 0.03
-"""Share of a scan's largest reading above which a taxel is in the contact."""
+"""Share of a contact's largest reading above which a taxel is in the contact."""
 _FEWEST = 2
 _HALVINGS = 30
 
 
 def learned_error(fit: Fit, scanned: Scanned) -> float:
-    """Error of a reading, as a share of its scan's largest, that the residuals in the contact surely show."""
-    levels = scanned.levels()[:, np.newaxis]
-    within = (fit.weight > 0) & ((fit.model > _LOADED * levels) | (scanned.readings > _LOADED * levels))
+    """Error of a reading, as a share of its contact's largest, that the residuals in the contact surely show."""
+    level = scanned.amplitude
+    within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > _LOADED * level)
     squared, variance = fit.residual[within] ** 2, scanned.variance[within]
-    level = np.broadcast_to(levels**2, within.shape)[within]
     wanted = fit.freedom * len(squared) + float(np.sqrt(2.0 * len(squared)))  # what noise may make of chi-square
 
     def excess(share: float) -> float:
-        return float(np.minimum(squared / (variance + share**2 * level), OUTLIER).sum()) - wanted
+        return float(np.minimum(squared / (variance + (share * level) ** 2), OUTLIER).sum()) - wanted
 
     low, high = _LEAST, _MOST
     if not len(squared) or excess(low) <= 0:
@@ -55,7 +54,7 @@ def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
     """
     fit, within = solved.fit, touched(scanned)
     model = np.maximum(fit.model, 0.0)
-    variance = scanned.variance + (solved.error * scanned.levels()[:, np.newaxis]) ** 2
+    variance = scanned.variance + (solved.error * scanned.amplitude) ** 2
     residual = scanned.readings - model
     residual[(scanned.readings >= scanned.ceiling) & (residual < 0)] = 0.0
     chi = np.minimum(residual[within] ** 2 / variance[within], OUTLIER) + np.log(variance[within])

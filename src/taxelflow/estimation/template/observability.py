@@ -28,7 +28,7 @@ def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, s
     base = _values(pattern, pattern.coefficients, scanned, states, scan)
     known = np.isfinite(base[:, 0]) & (scanned.variance[scan] > 0)
     gain = states[scan, GAIN]
-    w = 1.0 / (scanned.variance[scan, known] + (error * scanned.levels()[scan]) ** 2)
+    w = 1.0 / (scanned.variance[scan, known] + (error * scanned.amplitude) ** 2)
     slopes, load = gain * base[known, 1:4], base[known, :1]
 
     def told(by: Floats, of: int) -> float:

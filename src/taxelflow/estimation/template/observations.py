@@ -109,8 +109,8 @@ class Scanned:
 
     @property
     def amplitude(self) -> float:
-        """Largest reading."""
-        return float(self.readings.max(initial=0.0)) or 1.0
+        """Largest reading that is not masked, of which errors of the model are a share."""
+        return float(self.readings.max(initial=0.0, where=self.variance > 0)) or 1.0
 
     @property
     def reach(self) -> float:
@@ -142,17 +142,11 @@ class Scanned:
         parts = (self.readings[which], self.variance[which])
         return Scanned(self.t_s[which], self.places, *parts, self.ceiling, self.delay_s, self.bends[which])
 
-    def levels(self) -> Floats:
-        """(scans,), the largest reading of each scan, of which errors of the model are a share."""
-        largest: Floats = np.where(self.variance > 0, self.readings, 0.0).max(axis=1, initial=0.0)
-        return largest
-
     def with_error(self, share: float) -> Readings:
-        """The scans as kernels read them. share: of each scan's largest reading, the standard deviation of what the
-        model leaves of any of its readings beside noise.
+        """The scans as kernels read them. share: of the contact's largest reading, the standard deviation of what the
+        model leaves of any reading beside noise.
         """
-        error = (share * self.levels()[:, np.newaxis]) ** 2
-        variance = np.where(self.variance > 0, self.variance + error, 0.0)
+        variance = np.where(self.variance > 0, self.variance + (share * self.amplitude) ** 2, 0.0)
         return Readings(self.places, self.readings, variance, self.ceiling, self.bends)
 
     def loaded(self) -> NDArray[np.bool_]:

@@ -283,6 +283,7 @@ class StreamSession:
         m.active, m.carries, m.turned = True, False, False
         m.lattice[:] = pattern.lattice
         m.error, m.usual, m.radius = learned.error, learned.usual, learned.radius
+        m.amplitude = learned.keyframes.scanned.amplitude
         m.turn_std = _TURN_STD if learned.turns else 0.0
         m.gain_std = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
         m.changing, m.seen, m.grows = learned.changing, learned.told, learned.grows or m.grows

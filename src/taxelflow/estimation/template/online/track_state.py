@@ -38,7 +38,9 @@ class Track:
     step: Annotated[Floats, STATE, STATE]
     """Information on how far the state is from that of the scan before."""
     error: float
-    """Of a reading, as a share of its scan's largest."""
+    """Of a reading, as a share of the contact's largest."""
+    amplitude: float
+    """Largest reading of the keyframes."""
     usual: float
     """Chi-square per reading that its scans usually leave."""
     turn_std: float
@@ -103,7 +105,7 @@ class Track:
 class Hand(NamedTuple):
     """Taxels of all pads. places: (2, entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a border of
     the pad; starts: (pads + 1,); pitch_m: (pads,); lead_s: (pads,), see `observations.delays_of`; floor: share of a
-    scan's largest reading that the sensor may be wrong by unseen.
+    contact's largest reading that the sensor may be wrong by unseen.
     """
 
     places: Floats

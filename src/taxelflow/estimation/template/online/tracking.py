@@ -92,7 +92,7 @@ def _follow_pad(
     poor = m.chi > gate(m.usual, m.count)
     grown_std = _growth(m.load, middle[3])
     bend = _bend(m, delay)
-    level = _level(scan)
+    level = _level(scan, m)
     error = m.error * level
     taxels = laid_out(scan.places, bend, scan.reading, scan.variance, scan.ceiling, error)
     brought = np.empty((3, 0))
@@ -122,9 +122,9 @@ def _follow_pad(
 
 
 @lean_kernel
-def _level(scan: PadScan) -> float:
-    """The largest reading."""
-    level = 0.0
+def _level(scan: PadScan, m: Track) -> float:
+    """The contact's largest reading."""
+    level = m.amplitude
     for i in range(len(scan.reading)):
         if scan.variance[i] > 0.0:
             level = max(level, scan.reading[i])
