@@ -24,13 +24,15 @@ if TYPE_CHECKING:
 Moved = Literal["hold", "slide", "turn", "slide-turn"]
 _HEX_RINGS, _HEX_PITCH_M = 6, 3e-3
 _FULL_SCALE_KPA = 140.0
+_LARGE = {"handle": 2.2, "fine-handle": 2.2, "letters": 1.5, "cloth": 2.2, "bar": 1.6}
+"""Size of objects that a pad cannot hold whole, over that of those that it can."""
 _TURN_RAD = (0.3, 0.5)
 """Smallest and largest turn of a case."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """A pad on which objects are pressed. size_m: of the objects, so that they lie within it. travel_m: of a stroke.
+    """A pad on which objects are pressed. size_m: of objects that lie within it. travel_m: of a stroke.
     along_rad: its direction, within spread_rad.
     """
 
@@ -66,28 +68,31 @@ def sensor_at(place: Place) -> Sensor:
 
 
 _LOADED: dict[str, Any] = {"idle_scans": 0, "pressing_scans": 0}
-_ALL: dict[str, dict[str, Any]] = {
-    "object": {"lever_m": 3e-4},
-    "skin": {"exponent": 1.2, "cover_pitches": (0.35, 0.2)},
+_ALL: dict[str, Any] = {
+    "lever_sizes": 0.02, "wander_sizes": 0.0125,
+    "skin": {"exponent": 1.2},
+    "cover_pitches": (0.35, 0.2),
     "course": {"load": "ramp", "multiples": (0.85, 1.15)},
     "faults": {
         "gain_spread": 0.1, "offset_spread_pa": 1e3, "offset_pa": 2e3, "cross_talk": 0.03, "hysteresis": 0.1,
         "relaxation": 0.1, "creep": 0.05, "scan_share": 0.8, "noise_pa": 500.0, "dead": 1, "bits": 10,
     },
 }  # fmt: skip
-EFFECTS: dict[str, dict[str, dict[str, Any]]] = {
+EFFECTS: dict[str, dict[str, Any]] = {
     "none": {},
     "law-0.8": {"skin": {"exponent": 0.8}},
     "law-1.5": {"skin": {"exponent": 1.5}},
-    "cover": {"skin": {"cover_pitches": (0.4, 0.4)}},
-    "anisotropic-cover": {"skin": {"cover_pitches": (0.6, 0.2)}},
+    "cover": {"cover_pitches": (0.4, 0.4)},
+    "anisotropic-cover": {"cover_pitches": (0.6, 0.2)},
     "gains": {"faults": {"gain_spread": 0.1}},
     "offsets": {"faults": {"offset_spread_pa": 2e3, "offset_pa": 4e3}, "course": _LOADED},
     "cross-talk": {"faults": {"cross_talk": 0.05}},
     "hysteresis": {"faults": {"hysteresis": 0.1}},
     "relaxation": {"faults": {"relaxation": 0.3}},
     "creep": {"faults": {"creep": 0.1}},
-    "friction": {"object": {"lever_m": 5e-4}},
+    "friction": {"lever_sizes": 0.03},
+    "tilt": {"wander_sizes": 0.03},
+    "held": {"object": {"tilts": False}},
     "rolling-scan": {"faults": {"scan_share": 0.9}},
     "noise": {"faults": {"noise_pa": 1e3}},
     "dead": {"faults": {"dead": 2}},
@@ -98,7 +103,7 @@ EFFECTS: dict[str, dict[str, dict[str, Any]]] = {
     "all": _ALL,
     "all-loaded": {**_ALL, "course": {**_ALL["course"], **_LOADED}},
 }
-"""What an effect changes; covers are in pitches of the pad. all-loaded: as all, without idle scans to tare on."""
+"""What an effect changes. Covers are in pitches of the pad, levers and wandering in the size of small objects. all-loaded: as all, without idle scans to tare on."""
 
 
 def case(shape: Shape, place: str, effect: str = "none", moved: Moved = "slide-turn", seed: int = 0) -> Pressing:
@@ -108,15 +113,17 @@ def case(shape: Shape, place: str, effect: str = "none", moved: Moved = "slide-t
     if effect not in EFFECTS:
         raise NameUnknown("effect", effect, EFFECTS)
     at, changed = PLACES[place], EFFECTS[effect]
-    skin = dict(changed.get("skin", {}))
-    spread = skin.pop("cover_pitches", (0.0, 0.0))
+    spread = changed.get("cover_pitches", (0.0, 0.0))
     layout = sensor_at(at).layout
     pitch_m = layout.pitch_m[layout.pads.index(at.pad)]
     cover_m = (float(spread[0] * pitch_m[0]), float(spread[1] * pitch_m[1]))
+    course = replace(_course(at, moved, seed, pitch_m.min()), **changed.get("course", {}))
+    lever_m = at.size_m * changed.get("lever_sizes", 0.0)
+    size_m = at.size_m * _LARGE.get(shape, 1.0)
     return Pressing(
-        object=Object(shape=shape, size_m=at.size_m, seed=seed, **changed.get("object", {})),
-        skin=Skin(cover_m=cover_m, **skin),
-        course=replace(_course(at, moved, seed, pitch_m.min()), **changed.get("course", {})),
+        object=Object(shape=shape, size_m=size_m, seed=seed, lever_m=lever_m, **changed.get("object", {})),
+        skin=Skin(cover_m=cover_m, **changed.get("skin", {})),
+        course=replace(course, wander_m=at.size_m * changed.get("wander_sizes", 0.0)),
         faults=SensorFaults(**changed.get("faults", {})),
         seed=seed,
     )

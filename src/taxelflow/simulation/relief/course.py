@@ -12,16 +12,20 @@ if TYPE_CHECKING:
     from taxelflow.simulation.relief.parameters import Course
 
 _CYCLES = 3
+_WANDERS = ((1.3, 0.0), (0.9, 0.6))
+"""Cycles during the motion, and phase in cycles, of the load's wandering along the object's axes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
     """pose: (times, 3), m, m, rad, of the load point in the pad's frame. load: (times,), multiple of the nominal force.
+    lever_m: (times, 2), distance of the load's line of action from the load point, in body coordinates.
     slides, turns: (times,), whether it does. ahead: (2,), direction of sliding in the pad's frame.
     """
 
     pose: Floats
     load: Floats
+    lever_m: Floats
     slides: Bools
     turns: Bools
     ahead: Floats
@@ -40,7 +44,10 @@ def follow(course: Course, rate_hz: float, t_s: Floats) -> Followed:
     pose[:, 2] = course.angle_rad + course.turn_rad * (share - 0.5)
     load = _multiple(course, share)
     load *= np.clip((scan - course.idle_scans) / max(course.pressing_scans, 1e-9), 0.0, 1.0) if pressed else 1.0
-    return Followed(pose, load, moves & (course.travel_m > 0), moves & (course.turn_rad != 0), ahead)
+    fade = np.sin(np.pi * share)
+    lever_m = np.stack([fade * np.sin(2 * np.pi * (often * share + phase)) for often, phase in _WANDERS], axis=1)
+    lever_m *= course.wander_m
+    return Followed(pose, load, lever_m, moves & (course.travel_m > 0), moves & (course.turn_rad != 0), ahead)
 
 
 def _multiple(course: Course, share: Floats) -> Floats:

@@ -22,7 +22,7 @@ class Object:
     """The rigid object: a height map over the plane, and how it is held."""
 
     shape: Shape = "nut"
-    """handle, fine-handle: fluted, with 3 and 9 flutes. coin: on its edge. ring: open at one side. cloth: random."""
+    """handle, fine-handle: fluted, with 4 and 12 flutes. coin: on its edge. ring: open at one side. cloth: random."""
     size_m: float = 0.016
     """Largest extent of the relief, m."""
     relief_m: float = 1e-3
@@ -98,9 +98,13 @@ class Course:
     cycles: three sinusoidal cycles between them."""
     multiples: tuple[float, float] = (0.6, 1.4)
     """First and second multiple of the nominal force, for ramp and cycles."""
+    wander_m: float = 0.0
+    """How far the load's line of action wanders over the object during the motion, m, as the arm that presses it does
+    not hold it quite upright; at rest it passes through the load point."""
 
     def __post_init__(self) -> None:
         _not_negative("course.travel_m", self.travel_m)
+        _not_negative("course.wander_m", self.wander_m)
         for name, least in (("idle_scans", 0), ("pressing_scans", 0), ("rest_scans", 0), ("moving_scans", 1)):
             _within(f"course.{name}", getattr(self, name), least, _MOST_SCANS)
         if self.load not in get_args(LoadKind):

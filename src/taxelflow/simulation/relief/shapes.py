@@ -72,13 +72,13 @@ def _fluted(s: Floats, t: Floats, flutes: int) -> Floats:
 
 
 def handle(s: Floats, t: Floats) -> Floats:
-    """A barrel with three flutes."""
-    return _fluted(s, t, 3)
+    """A barrel with four flutes."""
+    return _fluted(s, t, 4)
 
 
 def fine_handle(s: Floats, t: Floats) -> Floats:
-    """A barrel with nine flutes."""
-    return _fluted(s, t, 9)
+    """A barrel with twelve flutes."""
+    return _fluted(s, t, 12)
 
 
 def nut(s: Floats, t: Floats) -> Floats:

@@ -94,7 +94,7 @@ class _Press:
         """Pressure (times, points) on the skin in Pa."""
         path = follow(self._asked.course, self._asked.rate_hz, t_s)
         lever = self._asked.object.lever_m * path.slides[:, np.newaxis] * path.ahead
-        in_body = np.einsum("kji,kj->ki", rotation(path.pose[:, 2]), lever)
+        in_body = path.lever_m + np.einsum("kji,kj->ki", rotation(path.pose[:, 2]), lever)
         load = self._force_n * path.load[:, np.newaxis] * np.column_stack([np.ones(len(t_s)), in_body])
         return self._settled(path.pose, load)[0]
 
