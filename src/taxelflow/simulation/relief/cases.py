@@ -103,7 +103,8 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "all": _ALL,
     "all-loaded": {**_ALL, "course": {**_ALL["course"], **_LOADED}},
 }
-"""What an effect changes. Covers are in pitches of the pad, levers and wandering in the size of small objects. all-loaded: as all, without idle scans to tare on."""
+"""What an effect changes. Covers are in pitches of the pad, levers and wandering in the size of small objects.
+all-loaded: as all, without idle scans to tare on."""
 
 
 def case(shape: Shape, place: str, effect: str = "none", moved: Moved = "slide-turn", seed: int = 0) -> Pressing:
