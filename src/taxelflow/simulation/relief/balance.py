@@ -3,7 +3,7 @@
 The pressure at a point is p(h + d + a u + b v), with the relief's height h at body coordinates u, v, the depth d of the
 load point and the tilts a and b. d, a and b minimise the convex energy  sum W(h + d + a u + b v) dA - F d - M_u a -
 M_v b  with W' = p; there the pressure integrates to the force F, and its moments about the load point to M. Newton's
-method with step halving, for all scans at once.
+method with steps halved where the energy would rise, for all scans at once.
 """
 
 from __future__ import annotations
@@ -16,12 +16,20 @@ import numpy as np
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from taxelflow.messages import Floats
     from taxelflow.simulation.relief.parameters import Skin
 
-_STEPS = 60
+_STEPS = 100
 _EXACT = 1e-9
 """Imbalance, relative to the force and to the force times the object's size, at which the balance is found."""
+_ROUNDING = 1e-12
+"""Relative rise of the energy that is rounding."""
+_FLOOR = 1e-12
+"""Stiffness added to each axis, relative to that of all."""
+_NOTHING = 1e-9
+"""Stiffness in N/m that is added where nothing touches."""
 _STEEPEST = 0.5
 """Tilt beyond which the object has tipped over."""
 
@@ -38,47 +46,21 @@ class Sites:
     v_m: Floats
     cell_m2: float
 
+    def of(self, scans: NDArray[np.int64]) -> Sites:
+        """Those of some scans."""
+        if len(scans) == len(self.height_m):
+            return self
+        return Sites(self.height_m[scans], self.u_m[scans], self.v_m[scans], self.cell_m2)
+
 
 def pressure_at(skin: Skin, depth_m: Floats) -> Floats:
     """Pressure (...) in Pa at depths (...) in m; 0 where the object does not touch."""
-    deep = np.maximum(depth_m, 0.0)
     if skin.exponent == 1:
-        return np.asarray(skin.stiffness_pa_m * deep, dtype=np.float64)
-    law: Floats = skin.stiffness_pa_m * skin.reference_m * (deep / skin.reference_m) ** skin.exponent
+        return np.asarray(skin.stiffness_pa_m * np.maximum(depth_m, 0.0), dtype=np.float64)
+    law, touching = np.zeros(depth_m.shape), depth_m > 0
+    law[touching] = (depth_m[touching] / skin.reference_m) ** skin.exponent
+    law *= skin.stiffness_pa_m * skin.reference_m
     return law
-
-
-def settle(skin: Skin, sites: Sites, load: Floats, start: Floats, tilts: bool) -> Floats:
-    """Depth and tilts (scans, 3), m and rad, that carry a load.
-
-    load: (scans, 3), force in N and its moments about the load point along u and v in N m: force times lever, for the
-    centre of pressure in m. start: (scans, 3), from which to search. Raises ParameterInvalid if the object tips over.
-    """
-    free = 3 if tilts else 1
-    state, size = start.copy(), max(float(np.abs(sites.u_m[sites.height_m > sites.height_m.min()]).max()), 1e-6)
-    unit = np.array([1.0, size, size])[:free]
-    open_scans = np.flatnonzero(load[:, 0] > 0)
-    state[load[:, 0] <= 0] = 0.0
-    for _ in range(_STEPS):
-        left, hessian = _imbalance(skin, _some(sites, open_scans), state[open_scans], load[open_scans], free)
-        wrong = np.abs(left / unit).max(axis=1) > _EXACT * load[open_scans, 0]
-        if not wrong.any() and np.abs(state[:, 1:]).max() < _STEEPEST:
-            return state
-        if not wrong.any():
-            break
-        open_scans = open_scans[wrong]
-        floor = 1e-12 * np.trace(hessian[wrong], axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.diag(unit**2)
-        step = -np.linalg.solve(hessian[wrong] + floor, left[wrong, :, np.newaxis])[..., 0]
-        some = _some(sites, open_scans)
-        state[open_scans, :free] += _shortened(skin, some, state[open_scans], load[open_scans], step)
-    raise ParameterInvalid("object", "tips over", "have its load point over the part of the skin that carries it")
-
-
-def _some(sites: Sites, scans: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Sites:
-    """The sites of some scans."""
-    if len(scans) == len(sites.height_m):
-        return sites
-    return Sites(sites.height_m[scans], sites.u_m[scans], sites.v_m[scans], sites.cell_m2)
 
 
 def depths(sites: Sites, state: Floats) -> Floats:
@@ -90,22 +72,60 @@ def depths(sites: Sites, state: Floats) -> Floats:
     return depth
 
 
-def _imbalance(skin: Skin, sites: Sites, state: Floats, load: Floats, free: int) -> tuple[Floats, Floats]:
-    """Pressure's force and moments minus the load (scans, free), and their derivatives (scans, free, free)."""
+def settle(skin: Skin, sites: Sites, load: Floats, start: Floats, tilts: bool) -> Floats:
+    """Depth and tilts (scans, 3), m and rad, that carry a load.
+
+    load: (scans, 3), a force in N and its moments along u and v about the load point in N m: force times lever.
+    start: (scans, 3), from which to search. Raises ParameterInvalid if the object tips over.
+    """
+    free = 3 if tilts else 1
+    near = np.abs(sites.u_m[sites.height_m > sites.height_m.min()])
+    size_m = max(float(near.max(initial=0.0)), 1e-6)
+    unit = np.array([1.0, size_m, size_m])[:free]
+    state, step, before = start.copy(), np.zeros((len(start), free)), np.full(len(start), np.inf)
+    left = np.arange(len(start))
+    for _ in range(_STEPS):
+        now = _carried(skin, sites.of(left), state[left], load[left], free)
+        rises = now.energy > before[left] + _ROUNDING * np.abs(before[left])
+        exact = (np.abs(now.excess / unit).max(axis=1) < _EXACT * load[left, 0]) & ~rises
+        goes = ~rises & ~exact
+        before[left[goes]] = now.energy[goes]
+        step[left[rises]] /= 2
+        state[left[rises], :free] -= step[left[rises]]
+        step[left[goes]] = _newton(now.slope[goes], now.excess[goes], unit)
+        state[left[goes], :free] += step[left[goes]]
+        left = left[~exact]
+        if not len(left):
+            break
+    if len(left) or np.abs(state[:, 1:]).max(initial=0.0) > _STEEPEST:
+        raise ParameterInvalid("object", "tips over", "have its load point over the part of the skin that carries it")
+    return state
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Carried:
+    """What the foundation carries beyond the load: excess (scans, free) of force and moments, its derivative slope
+    (scans, free, free), and the energy (scans,) of foundation and load, J.
+    """
+
+    excess: Floats
+    slope: Floats
+    energy: Floats
+
+
+def _carried(skin: Skin, sites: Sites, state: Floats, load: Floats, free: int) -> _Carried:
     depth = depths(sites, state)
-    pressure = sites.cell_m2 * pressure_at(skin, depth)
-    if skin.exponent == 1:
-        slope: Floats = np.where(depth > 0, sites.cell_m2 * skin.stiffness_pa_m, 0.0)
-    else:
-        slope = skin.exponent * pressure / np.maximum(depth, 1e-12)
+    force = sites.cell_m2 * pressure_at(skin, depth)
+    stored = np.einsum("sp,sp->s", force, depth) / (skin.exponent + 1)  # where there is a gap, there is no force
+    stiffness = skin.exponent * np.divide(force, depth, out=np.zeros_like(force), where=depth > 0)
     arms = (None, sites.u_m, sites.v_m)[:free]
-    left, hessian = np.empty((len(state), free)), np.empty((len(state), free, free))
+    excess, slope = np.empty((len(state), free)), np.empty((len(state), free, free))
     for i, arm in enumerate(arms):
-        left[:, i] = _sum(pressure, arm) - load[:, i]
-        lever = slope if arm is None else slope * arm
+        excess[:, i] = _sum(force, arm) - load[:, i]
+        lever = stiffness if arm is None else stiffness * arm
         for j in range(i, free):
-            hessian[:, i, j] = hessian[:, j, i] = _sum(lever, arms[j])
-    return left, hessian
+            slope[:, i, j] = slope[:, j, i] = _sum(lever, arms[j])
+    return _Carried(excess, slope, stored - np.sum(load * state, axis=1))
 
 
 def _sum(values: Floats, arm: Floats | None) -> Floats:
@@ -114,23 +134,9 @@ def _sum(values: Floats, arm: Floats | None) -> Floats:
     return total
 
 
-def _energy(skin: Skin, sites: Sites, state: Floats, load: Floats) -> Floats:
-    """What the balance minimises (scans,), J."""
-    depth = depths(sites, state)
-    stored = _sum(pressure_at(skin, depth), np.maximum(depth, 0.0)) * sites.cell_m2 / (skin.exponent + 1)
-    energy: Floats = stored - np.sum(load * state, axis=1)
-    return energy
-
-
-def _shortened(skin: Skin, sites: Sites, state: Floats, load: Floats, step: Floats) -> Floats:
-    """Steps (scans, free), halved where the energy would rise."""
-    before = _energy(skin, sites, state, load)
-    step = step.copy()
-    for _ in range(30):
-        trial = state.copy()
-        trial[:, : step.shape[1]] += step
-        rises = _energy(skin, sites, trial, load) > before + 1e-12 * np.abs(before)
-        if not rises.any():
-            break
-        step[rises] /= 2
+def _newton(slope: Floats, excess: Floats, unit: Floats) -> Floats:
+    """Newton's steps (scans, free); a hair of stiffness keeps them finite where too few points touch."""
+    floor = _FLOOR * np.trace(slope / np.outer(unit, unit), axis1=1, axis2=2)
+    stiff = slope + (floor + _NOTHING)[:, np.newaxis, np.newaxis] * np.diag(unit**2)
+    step: Floats = -np.linalg.solve(stiff, excess[:, :, np.newaxis])[..., 0]
     return step

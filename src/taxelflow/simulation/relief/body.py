@@ -30,15 +30,17 @@ class Body:
     """A relief in the frame of its load point.
 
     height_m: (cells, cells), v along the first axis, u along the second, at the nodes of a square raster from -half_m
-    to half_m about `centre_m`. centre_m: (2,), the raster's centre in body coordinates.
+    to half_m about `centre_m`. centre_m: (2,), the raster's centre in body coordinates. reach_m: distance from the load
+    point of the farthest part that can touch.
     """
 
     height_m: Floats
     half_m: float
     centre_m: Floats
+    reach_m: float
 
     def height(self, u_m: Floats, v_m: Floats) -> Floats:
-        """Height (...) at body coordinates (...), m; bilinear between the raster's nodes, `bottom` outside."""
+        """Height (...) at body coordinates (...), m; bilinear between the raster's nodes, its lowest outside."""
         scale = (len(self.height_m) - 1) / (2 * self.half_m)
         at = [(v_m - self.centre_m[1] + self.half_m) * scale, (u_m - self.centre_m[0] + self.half_m) * scale]
         found: Floats = map_coordinates(self.height_m, at, order=1, mode="constant", cval=float(self.height_m.min()))
@@ -46,14 +48,10 @@ class Body:
 
     def near(self, x_m: Floats, y_m: Floats, at_m: Floats) -> NDArray[np.int64]:
         """Numbers of the points (points,) of the pad that the relief can touch from one of the places at_m (n, 2)."""
-        touching = self.height_m > self.height_m.min()
-        nodes = np.linspace(-self.half_m, self.half_m, len(self.height_m))
-        u, v = np.meshgrid(nodes + self.centre_m[0], nodes + self.centre_m[1])
-        reach = float(np.hypot(u[touching], v[touching]).max()) + nodes[1] - nodes[0]
         if not len(at_m):
             return np.zeros(0, dtype=np.int64)
-        places, _ = cKDTree(at_m).query(np.stack([x_m, y_m], axis=1))
-        return np.flatnonzero(places <= reach)
+        away, _ = cKDTree(at_m).query(np.stack([x_m, y_m], axis=1))
+        return np.flatnonzero(away <= self.reach_m)
 
 
 def body_of(thing: Object) -> Body:
@@ -64,6 +62,12 @@ def body_of(thing: Object) -> Body:
     height = height - height.max()
     near = np.maximum(height + _TOUCHES, 0.0)
     centroid = np.array([np.sum(near * s), np.sum(near * t)]) / near.sum()
-    height = np.maximum(height, -DEEPEST)
+    touching = height > -DEEPEST
+    away = np.hypot(s[touching] - centroid[0], t[touching] - centroid[1])
     half_m = thing.size_m / 2
-    return Body(thing.relief_m * height, _HALF * half_m, -centroid * half_m)
+    return Body(
+        height_m=thing.relief_m * np.maximum(height, -DEEPEST),
+        half_m=_HALF * half_m,
+        centre_m=-centroid * half_m,
+        reach_m=half_m * (float(away.max()) + nodes[1] - nodes[0]),
+    )
