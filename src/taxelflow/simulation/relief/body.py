@@ -21,6 +21,8 @@ _CELLS = 360
 """Cells of the raster along each axis."""
 _HALF = 1.3
 """Half its side over half the object's size: beyond it the object is too deep to touch."""
+_TOUCHABLE = 0.9
+"""Share of the deepest height below which nothing touches."""
 _TOUCHES = 0.8
 """Depth, in heights of the relief, down to which the area's centroid defines the body's origin."""
 
@@ -31,19 +33,20 @@ class Body:
 
     height_m: (cells, cells), v along the first axis, u along the second, at the nodes of a square raster from -half_m
     to half_m about `centre_m`. centre_m: (2,), the raster's centre in body coordinates. reach_m: distance from the load
-    point of the farthest part that can touch.
+    point of the farthest part that can touch. lowest_m: height outside the raster.
     """
 
     height_m: Floats
     half_m: float
     centre_m: Floats
     reach_m: float
+    lowest_m: float
 
     def height(self, u_m: Floats, v_m: Floats) -> Floats:
-        """Height (...) at body coordinates (...), m; bilinear between the raster's nodes, its lowest outside."""
+        """Height (...) at body coordinates (...), m; bilinear between the raster's nodes, `lowest_m` outside."""
         scale = (len(self.height_m) - 1) / (2 * self.half_m)
         at = [(v_m - self.centre_m[1] + self.half_m) * scale, (u_m - self.centre_m[0] + self.half_m) * scale]
-        found: Floats = map_coordinates(self.height_m, at, order=1, mode="constant", cval=float(self.height_m.min()))
+        found: Floats = map_coordinates(self.height_m, at, order=1, mode="constant", cval=self.lowest_m)
         return found
 
     def near(self, x_m: Floats, y_m: Floats, at_m: Floats) -> NDArray[np.int64]:
@@ -62,12 +65,13 @@ def body_of(thing: Object) -> Body:
     height = height - height.max()
     near = np.maximum(height + _TOUCHES, 0.0)
     centroid = np.array([np.sum(near * s), np.sum(near * t)]) / near.sum()
-    touching = height > -DEEPEST
+    touching = height > -_TOUCHABLE * DEEPEST
     away = np.hypot(s[touching] - centroid[0], t[touching] - centroid[1])
     half_m = thing.size_m / 2
     return Body(
         height_m=thing.relief_m * np.maximum(height, -DEEPEST),
         half_m=_HALF * half_m,
         centre_m=-centroid * half_m,
+        lowest_m=-DEEPEST * thing.relief_m,
         reach_m=half_m * (float(away.max()) + nodes[1] - nodes[0]),
     )

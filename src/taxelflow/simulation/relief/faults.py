@@ -19,6 +19,8 @@ _GAIN, _OFFSET, _NOISE, _DEAD = range(4)
 """Numbers of the generators, beside the seed."""
 _PLAYS = (0.125, 0.25, 0.375, 0.5)
 """Half-widths of play over the largest reading."""
+_LOADED = 0.3
+"""Largest reading, over that of all taxels, from which a taxel may be a dead one: others would not be missed."""
 _ROW_GROUPS = 6
 """Most rows, or groups of rows, that are read at times of their own."""
 
@@ -36,7 +38,7 @@ def readings(faults: SensorFaults, layout: Layout, pad: int, pressure_pa: Floats
         value = value + faults.hysteresis * (with_play(value) - value)
     taxels = value.shape[1]
     gain = 1.0 + faults.gain_spread * _random(seed, _GAIN).standard_normal(taxels)
-    gain = np.maximum(gain, 0.0) * ~dead_taxels(faults, taxels, seed)
+    gain = np.maximum(gain, 0.0) * ~dead_taxels(faults, value, seed)
     offset = faults.offset_pa + faults.offset_spread_pa * _random(seed, _OFFSET).standard_normal(taxels)
     noise = faults.noise_pa * _random(seed, _NOISE).standard_normal(value.shape)
     return resolved(faults, gain * value + offset + noise)
@@ -82,10 +84,12 @@ def with_play(value: Floats) -> Floats:
     return found
 
 
-def dead_taxels(faults: SensorFaults, taxels: int, seed: int) -> Bools:
-    """Whether a taxel (taxels,) is dead."""
-    dead = np.zeros(taxels, dtype=np.bool_)
-    dead[_random(seed, _DEAD).permutation(taxels)[: faults.dead]] = True
+def dead_taxels(faults: SensorFaults, value: Floats, seed: int) -> Bools:
+    """Whether a taxel (taxels,) is dead, drawn from those that are loaded. value: (scans, taxels)."""
+    largest = value.max(axis=0, initial=0.0)
+    loaded = np.flatnonzero(largest >= _LOADED * largest.max())
+    dead = np.zeros(len(largest), dtype=np.bool_)
+    dead[_random(seed, _DEAD).permutation(loaded)[: faults.dead]] = True
     return dead
 
 

@@ -147,7 +147,7 @@ class SensorFaults:
     noise_pa: float = 250.0
     """Standard deviation of the noise of a reading, Pa."""
     dead: int = 0
-    """Number of taxels, drawn at random, that read offset and noise only."""
+    """Number of taxels, drawn at random from those that are loaded, that read offset and noise only."""
     full_scale_pa: float = 140e3
     """Full scale, Pa: readings are clipped to 0 and to this."""
     bits: int = 12
