@@ -94,7 +94,7 @@ def row_of(names: tuple[str, str, str, int, str], pressing: Pressing, slips: Sli
     scored = slips.contact[:, pad] & (path.load > 0)
     if mode == "stream" and scored.any():
         scored &= slips.t_s >= slips.t_s[np.argmax(scored)] + _SETTLED_S
-    pose = _poses(slips, pad)
+    pose = _poses(slips, pad, path.pose)
     known = scored & np.isfinite(pose[:, :2]).all(axis=1) & (slips.quality[:, pad] != LOST)
     scans, ok = int(scored.sum()), scored & (slips.quality[:, pad] == OK)
     share = float(known.sum()) / scans if scans else 0.0
@@ -117,13 +117,15 @@ def row_of(names: tuple[str, str, str, int, str], pressing: Pressing, slips: Sli
     )
 
 
-def _poses(slips: Slips, pad: int) -> Floats:
-    """Poses (scans, 3) of a pad; of a method without poses its displacements added up."""
+def _poses(slips: Slips, pad: int, true: Floats) -> Floats:
+    """Poses (scans, 3) of a pad; of a method without poses its displacements, added up from the true start."""
     pose = slips.pose[:, pad]
     if np.isfinite(pose[:, 0]).any():
         return pose
     moved = slips.displacement[:, pad]
-    summed: Floats = np.where(np.isfinite(moved[:, :1]), np.cumsum(np.nan_to_num(moved), axis=0), np.nan)
+    there = np.isfinite(moved[:, :1])
+    before = true[max(int(np.argmax(there)) - 1, 0)]
+    summed: Floats = np.where(there, before + np.cumsum(np.nan_to_num(moved), axis=0), np.nan)
     return summed
 
 

@@ -26,7 +26,8 @@ def scan(shape: Shape, x_m: float, y_m: float, theta: float, **changes: Any) -> 
     course = replace(HELD, middle_m=(x_m, y_m), angle_rad=theta)
     thing = Object(shape=shape, size_m=0.012)
     pressing = Pressing(object=thing, course=course, faults=QUIET, force_n=4.0, **changes)
-    return simulate_relief(pressing, GRID, "grid").load().values[0].reshape(12, 12)
+    values: Floats = simulate_relief(pressing, GRID, "grid").load().values[0].reshape(12, 12)
+    return values
 
 
 @pytest.mark.parametrize("shape", ["nut", "key", "tripod"])
@@ -93,7 +94,7 @@ def test_a_recording_that_starts_loaded_has_no_idle_scan() -> None:
 
 
 def test_rows_that_are_read_later_see_the_object_later() -> None:
-    course = Course(travel_m=6e-3, direction_rad=0.0, idle_scans=0, pressing_scans=0, rest_scans=0, moving_scans=6)
+    course = replace(HELD, travel_m=6e-3, direction_rad=0.0, moving_scans=6)
     pressing = Pressing(object=Object(shape="bar", size_m=0.012), course=course, faults=QUIET, force_n=3.0)
     at_once = simulate_relief(pressing, GRID, "grid")
     rolling = simulate_relief(replace(pressing, faults=replace(QUIET, scan_share=1.0)), GRID, "grid")

@@ -160,8 +160,6 @@ SHAPES: dict[str, Callable[[Floats, Floats], Floats]] = {
     "ring": ring, "letters": letters, "dome": dome, "bar": bar, "tripod": tripod,
 }  # fmt: skip
 """All but cloth, which has a seed."""
-ROUND = ("dome",)
-"""Shapes whose turn no sensor can see."""
 
 
 def height_of(shape: str, s: Floats, t: Floats, seed: int = 0) -> Floats:
