@@ -99,7 +99,7 @@ def test_rows_that_are_read_later_see_the_object_later() -> None:
     at_once = simulate_relief(pressing, GRID, "grid")
     rolling = simulate_relief(replace(pressing, faults=replace(QUIET, scan_share=1.0)), GRID, "grid")
     assert rolling.sensor.delay_s[0] == 0
-    assert rolling.sensor.delay_s[-1] == pytest.approx(5 / 6 / 50.0)
+    assert rolling.sensor.delay_s[-1] == pytest.approx(4 / 5 / 50.0)
     top, bottom = (recording.load().values.reshape(-1, 12, 12) for recording in (at_once, rolling))
     assert np.array_equal(top[:, :2], bottom[:, :2])
     assert np.abs(top[:, 7] - bottom[:, 7]).max() > 1.0

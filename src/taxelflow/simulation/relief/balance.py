@@ -18,7 +18,7 @@ from taxelflow.errors import ParameterInvalid
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
     from taxelflow.simulation.relief.parameters import Skin
 
 _STEPS = 100
@@ -45,6 +45,10 @@ class Sites:
     u_m: Floats
     v_m: Floats
     cell_m2: float
+
+    def at(self, points: Bools) -> Sites:
+        """Those of some points."""
+        return Sites(self.height_m[:, points], self.u_m[:, points], self.v_m[:, points], self.cell_m2)
 
     def of(self, scans: NDArray[np.int64]) -> Sites:
         """Those of some scans."""

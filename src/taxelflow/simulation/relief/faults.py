@@ -21,7 +21,7 @@ _PLAYS = (0.125, 0.25, 0.375, 0.5)
 """Half-widths of play over the largest reading."""
 _LOADED = 0.3
 """Largest reading, over that of all taxels, from which a taxel may be a dead one: others would not be missed."""
-_ROW_GROUPS = 6
+_ROW_GROUPS = 5
 """Most rows, or groups of rows, that are read at times of their own."""
 
 

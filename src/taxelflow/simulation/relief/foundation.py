@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.simulation.relief.parameters import Skin
 
-_POINTS = 9000
-"""Points of a grid, about: a 16x16 pad has six a pitch along each axis."""
+_POINTS = 32_000
+"""Points of a grid, about: ten a pitch along each axis of a 16x16 pad. Readings are then within some 0.3 % of the
+largest one of what a much finer grid gives, 0.04 % RMS."""
 _MARGIN = 1.0
 """Width of the skin beyond the outermost taxels' centres, pitches."""
 _NEGLIGIBLE = 1e-7

@@ -29,12 +29,14 @@ if TYPE_CHECKING:
 
     Indices = NDArray[np.int64]
 
-_TRIALS = 24
+_TRIALS = 30
 """Steps of the search for the nominal force."""
-_FORCES = (1e-4, 1e4)
-"""Where it is searched for, N."""
-_AT_ONCE = 48
-"""Scans that are solved together: their arrays fit in the processor's cache."""
+_LEAST_N = 0.01
+"""The force from which it is searched for, N."""
+_AT_ONCE = 12
+"""Scans that are solved together: few, for they touch about the same points, and only those are computed with."""
+_GAP = 3.0
+"""Height below the top, in heights of the relief, from which a point is taken not to touch; checked afterwards."""
 
 
 def simulate_relief(pressing: Pressing, sensor: Sensor, pad: str) -> Recording:
@@ -88,7 +90,7 @@ class _Press:
         middle = np.array([[*pressing.course.middle_m, pressing.course.angle_rad]])
         self._start = np.array([[2 * pressing.object.relief_m, 0.0, 0.0]])
         self._force_n = pressing.force_n or self._nominal(middle)
-        self._start = self._settled(middle, np.array([[self._force_n, 0.0, 0.0]]))[1]
+        self._start = self._settled(middle, np.array([[self._force_n, 0.0, 0.0]]), self._start)[1]
 
     def pressures(self, t_s: Floats) -> Floats:
         """Pressure (times, points) on the skin in Pa."""
@@ -96,7 +98,9 @@ class _Press:
         lever = self._asked.object.lever_m * path.slides[:, np.newaxis] * path.ahead
         in_body = path.lever_m + np.einsum("kji,kj->ki", rotation(path.pose[:, 2]), lever)
         load = self._force_n * path.load[:, np.newaxis] * np.column_stack([np.ones(len(t_s)), in_body])
-        return self._settled(path.pose, load)[0]
+        start = self._start if len(self._start) == len(t_s) else np.repeat(self._start[:1], len(t_s), axis=0)
+        pressure, self._start = self._settled(path.pose, load, start)
+        return pressure
 
     def read(self, pressure: Floats, taxels: Bools) -> Floats:
         """What some taxels of the pad read (times, n) of pressures (times, points), Pa. taxels: (taxels,)."""
@@ -104,29 +108,41 @@ class _Press:
         return found
 
     def _nominal(self, middle: Floats) -> float:
-        """The force in N that presses `peak_pa` on one taxel, by bisection on its logarithm."""
-        low, high = _FORCES
+        """The force in N that presses `peak_pa` on one taxel: doubled until it is above, then by bisection."""
+        low, high = _LEAST_N, np.inf
         for _ in range(_TRIALS):
-            force_n = float(np.sqrt(low * high))
-            pressure, state = self._settled(middle, np.array([[force_n, 0.0, 0.0]]))
-            self._start = state
+            force_n = 2 * low if high == np.inf else (low + high) / 2
+            pressure, self._start = self._settled(middle, np.array([[force_n, 0.0, 0.0]]), self._start)
             above = float((self._skin.bare @ pressure[0]).max()) > self._asked.peak_pa
             low, high = (low, force_n) if above else (force_n, high)
         return force_n
 
-    def _settled(self, pose: Floats, load: Floats) -> tuple[Floats, Floats]:
-        """Pressures (times, points) and states (times, 3) at poses (times, 3) under loads (times, 3)."""
-        distinct, which = np.unique(np.column_stack([pose, load]), axis=0, return_inverse=True)
-        pressure, state = np.zeros((len(distinct), len(self._skin.x_m))), np.zeros((len(distinct), 3))
+    def _settled(self, pose: Floats, load: Floats, start: Floats) -> tuple[Floats, Floats]:
+        """Pressures (times, points) and states (times, 3) at poses (times, 3) under loads (times, 3).
+
+        start: (times, 3), states from which to search; those without load are given back as they are.
+        """
+        rows = np.column_stack([pose, load])
+        distinct, chosen, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        pressure, state = np.zeros((len(distinct), len(self._skin.x_m))), start[chosen]
         loaded = np.flatnonzero(distinct[:, 3] > 0)
         near = self._body.near(self._skin.x_m, self._skin.y_m, distinct[loaded, :2])
         for some in np.array_split(loaded, max(1, -(-len(loaded) // _AT_ONCE))):
-            sites = self._sites(distinct[some, :3], near)
-            start = np.repeat(self._start, len(some), axis=0)
-            state[some] = settle(self._asked.skin, sites, distinct[some, 3:], start, self._asked.object.tilts)
-            pressure[np.ix_(some, near)] = pressure_at(self._asked.skin, depths(sites, state[some]))
+            pressure[np.ix_(some, near)], state[some] = self._pressed(distinct[some], state[some], near)
         which = which.ravel()
         return pressure[which], state[which]
+
+    def _pressed(self, asked: Floats, start: Floats, near: Indices) -> tuple[Floats, Floats]:
+        """Pressures (times, n) on the points `near` and states (times, 3). asked: (times, 6), poses and loads."""
+        skin, tilts, gap_m = self._asked.skin, self._asked.object.tilts, _GAP * self._asked.object.relief_m
+        sites = self._sites(asked[:, :3], near)
+        touched = np.asarray((sites.height_m > -gap_m).any(axis=0))
+        state = settle(skin, sites.at(touched), asked[:, 3:], start, tilts)
+        depth = depths(sites, state)
+        if (depth[:, ~touched] > 0).any():
+            state = settle(skin, sites, asked[:, 3:], state, tilts)
+            depth = depths(sites, state)
+        return pressure_at(skin, depth), state
 
     def _sites(self, pose: Floats, near: Indices) -> Sites:
         """The relief at poses (times, 3) over some points of the skin. near: numbers of these points."""
