@@ -51,6 +51,7 @@ PARTS: dict[str, dict[str, str]] = {
         "peers": "taxelflow.evaluation.peers:Peers",
         "contacts": "taxelflow.evaluation.contacts:Contacts",
         "prediction": "taxelflow.evaluation.prediction:Prediction",
+        "xela": "taxelflow.evaluation.xela:Xela",
     },
 }
 
