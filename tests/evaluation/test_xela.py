@@ -62,7 +62,7 @@ def score_one(marked: Marked, method: str = "convolution") -> MarkedRow:
     result = api.estimate(marked.recording, method, condition=Conditioner(tare="start"))
     slips = replace(result.slips, quality=np.full_like(result.slips.quality, OK))
     result = replace(result, slips=slips)
-    return judged(marked, result, "test", method, "batch")
+    return judged(marked, result, "test", method)
 
 
 def test_the_marker_says_how_fast_it_moves(tmp_path: Path) -> None:

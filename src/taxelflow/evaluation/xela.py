@@ -108,8 +108,12 @@ class Xela:
     """batch, stream or both."""
     half: Half | Literal["all"] = "all"
     """Recordings by which slip detection was tuned, those that test it, or both, apart."""
+    stream_delay_s: float = 0.0
+    """Delay of the slips of a stream besides that of its poses, s: they are judged so much earlier."""
 
     def __post_init__(self) -> None:
+        if not 0 <= self.stream_delay_s < float("inf"):
+            raise ParameterInvalid("stream_delay_s", self.stream_delay_s, "be 0 or more")
         if self.folder is None:
             raise ParameterInvalid("folder", "nothing", "name the folder of the recordings")
 
@@ -126,7 +130,8 @@ class Xela:
             for method in self.methods:
                 for mode in modes:
                     result = api.estimate(marked.recording, method, mode=mode, condition=Conditioner(tare="start"))
-                    found.append(judged(marked, result, half, method, mode))
+                    delay_s = self.stream_delay_s if mode == "stream" else 0.0
+                    found.append(judged(marked, result, half, method, delay_s))
         return XelaReport(summed(found), found)
 
 
@@ -173,10 +178,10 @@ def _percents(share: float) -> str:
     return f"{100 * share:.0f}"
 
 
-def judged(marked: Marked, result: Result, half: Half, method: str, mode: Mode) -> MarkedRow:
-    """A result of one pad against the marker."""
+def judged(marked: Marked, result: Result, half: Half, method: str, delay_s: float = 0.0) -> MarkedRow:
+    """A result of one pad against the marker. delay_s: of its slips besides that of its poses."""
     slips, slipping = result.slips, result.slipping[:, 0]
-    t_s = slips.t_s - np.nan_to_num(slips.lag_s[:, 0])
+    t_s = slips.t_s - np.nan_to_num(slips.lag_s[:, 0]) - delay_s
     speed = np.where(_settled(slips.t_s, slips.contact[:, 0]), marked.speed_m_s(t_s), np.nan)
     moves, still = speed > _MOVES_M_S, speed < _STILL_M_S
     ok = still & (slips.quality[:, 0] == OK)
@@ -186,7 +191,7 @@ def judged(marked: Marked, result: Result, half: Half, method: str, mode: Mode) 
         recording=marked.name,
         half=half,
         method=method,
-        mode=mode,
+        mode="stream" if result.summary.mode == "stream" else "batch",
         moving=int(moves.sum()),
         still=int(still.sum()),
         found=int((moves & slipping).sum()),

@@ -1,0 +1,51 @@
+"""Which pads are restless: their contacts' patterns change while the object rests, more than noise and creep explain.
+
+On such a skin a pose moves although the object does not, and its covariance says nothing about it. There the evidence
+of the patterns decides what is a slip; elsewhere the pose does. An object is taken to rest where the pose has it rest,
+or has had it slip for longer than objects do in a hand while load and tilt explain the pattern: poses may drift on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxelflow.messages import Bools, Floats
+from taxelflow.slip.evidence import REST_S
+from taxelflow.slip.pattern_change import BIN_S
+
+_SHARE = 0.25
+"""Share of stirred bins at rest above which a pad is restless. Noise alone stirs 2 % of them."""
+_PRIOR_BINS = 4.0
+"""Bins that were not stirred, in advance: two stirred ones are no accident, one may be."""
+_MEMORY_BINS = 1000.0
+"""Bins at rest that are remembered, 100 s: restlessness is a property of skin and arm, not of a contact."""
+_LONG_BINS = REST_S / BIN_S
+"""A slip by the pose that lasts longer than objects rest is in doubt."""
+
+
+class RestlessPads:
+    """Counts bins at rest: those without a slip by the pose until one bin after them, and doubtful ones."""
+
+    def __init__(self, pads: int, window_bins: int) -> None:
+        """window_bins: bins in which a pattern is compared."""
+        self._needed = window_bins + 1
+        self._stirred, self._rest = np.zeros(pads), np.zeros(pads)
+        self._calm, self._slipped = np.zeros(pads, dtype=np.int64), np.zeros(pads, dtype=np.int64)
+        self._last = np.full(pads, np.nan)
+
+    @property
+    def restless(self) -> Bools:
+        """(pads,)."""
+        found: Bools = self._stirred > _SHARE * (self._rest + _PRIOR_BINS)
+        return found
+
+    def update(self, slipped: Bools, stirred: Floats, log_ratio: Floats) -> None:
+        """One more bin. slipped: (pads,), by the pose in any of its scans. stirred, log_ratio: see `PatternChanges`."""
+        self._calm = np.where(slipped, 0, self._calm + 1)
+        self._slipped = np.where(slipped, self._slipped + 1, 0)
+        doubtful = (self._slipped > _LONG_BINS) & (log_ratio < 0)
+        counts = ((self._calm > self._needed) | doubtful) & ~np.isnan(self._last)
+        forget = np.where(counts & (self._rest >= _MEMORY_BINS), 1 - 1 / _MEMORY_BINS, 1.0)
+        self._rest = forget * self._rest + counts
+        self._stirred = forget * self._stirred + np.where(counts, np.nan_to_num(self._last), 0.0)
+        self._last = stirred
