@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pytest
@@ -146,3 +146,15 @@ def test_the_real_recordings_open(recordings: Path) -> None:
     assert len(found) > 10
     marked = open_marked(found[0])
     assert np.nanmax(marked.speed_m_s(marked.t_s)) > 0.008
+
+
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+def test_real_objects_at_rest_do_not_slip_and_slides_are_found(
+    recordings: Path, mode: Literal["batch", "stream"]
+) -> None:
+    folder = recordings / "xela-flat"
+    if not folder.is_dir():
+        pytest.skip(f"the recordings with a marker are not in {recordings}")
+    (row,) = Xela(folder, methods=("convolution",), mode=mode, half="test").run().rows
+    assert row.still_slipping_percent < 6.0
+    assert row.f1 > 0.5

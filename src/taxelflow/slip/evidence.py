@@ -1,8 +1,9 @@
 """Has the object moved, or was its load only redistributed? A likelihood ratio per bin, and odds over the bins.
 
 Logarithms of the unexplained change of a pattern (`pattern_change.py`) are about normal. At rest their mean is that of
-the change that every soft skin shows, together with noise; in a slip the change is several times as large. A two-state
-Markov chain, "rests" and "slides", turns ratios into odds: forward for a stream, forward and backward for a recording.
+the change that every soft skin shows, of growth under load and of noise; in a slip the change is several times as
+large. A two-state Markov chain, "rests" and "slides", turns ratios into odds: forward for a stream, forward and
+backward for a recording.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ from taxelflow.messages import Bools, Floats
 REST_CHANGE = 0.015
 """Unexplained change within 0.3 s of an object at rest on a soft skin, share of the pattern: the median of ten
 recordings is between 0.5 and 2 %."""
-_RISE = 0.2
-"""Change of the log load that doubles the power of the unexplained change: a patch that grows changes its pattern."""
+GROWTH = 0.075
+"""Unexplained change per change of the log load, of a contact not known yet: a patch that grows changes its pattern.
+Ten recordings: 0.1. A patch that grows over a border: 0.6, which has to be learned."""
 _SLIP_FACTOR = 6.0
 """Change of a pattern in a slip over that at rest."""
 _SPREAD = 0.6
@@ -26,13 +28,13 @@ REST_S, _SLIDE_S = 5.0, 0.7
 """Prior mean durations of rest and of a slip in the hand."""
 
 
-def log_likelihood_ratio(share: Floats, rise: Floats, noise_power: Floats) -> Floats:
+def log_likelihood_ratio(share: Floats, noise_power: Floats, rise: Floats, growth: Floats) -> Floats:
     """Log likelihood ratio of "moved" against "load and tilt only".
 
-    share: unexplained share of the pattern's power. rise: change of the log load. noise_power: share of the power that
-    noise leaves unexplained.
+    share: unexplained share of the pattern's power. noise_power: what noise leaves of it unexplained. rise: change of
+    the log load. growth: unexplained change at rest per change of the log load.
     """
-    usual = REST_CHANGE**2 * (1 + (rise / _RISE) ** 2) + noise_power
+    usual = REST_CHANGE**2 + (growth * rise) ** 2 + noise_power
     distance = 0.5 * np.log(np.maximum(share, 1e-12) / usual) / _SPREAD
     apart = np.log(_SLIP_FACTOR) / _SPREAD
     ratio: Floats = np.clip(apart * (distance - 0.5 * apart), -_LARGEST_RATIO, _LARGEST_RATIO)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.slip.evidence import looked_back, updated
+from taxelflow.slip.evidence import log_likelihood_ratio, looked_back, updated
 from taxelflow.slip.pattern_change import BEFORE_BINS
 from taxelflow.slip.restless import RestlessPads
 
@@ -57,9 +57,13 @@ class _Forward:
         """Bins that are judged in these scans, each with the scan. slipping: (scans, pads), by the pose."""
         found, start = [], 0
         for scan in np.flatnonzero(np.isfinite(changes.centre_s)).tolist():
-            since_s, ratio, touching = float(changes.centre_s[scan]), changes.log_ratio[scan], changes.touching[scan]
+            since_s, touching = float(changes.centre_s[scan]), changes.touching[scan]
+            with np.errstate(invalid="ignore"):  # a change of infinite power
+                ratio = log_likelihood_ratio(
+                    changes.unexplained[scan], changes.noise[scan], changes.rise[scan], self._restless.growth
+                )
             slipped = self._slipped | slipping[start : scan + 1].any(axis=0)
-            self._restless.update(slipped, changes.stirred[scan], ratio)
+            self._restless.update(slipped, changes, scan, ratio)
             self._slipped, start = np.zeros_like(slipped), scan + 1
             odds = updated(self.last.odds, ratio, touching, since_s - self.last.since_s)
             self.last = _Bin(since_s, ratio, touching, odds, self._restless.restless)

@@ -84,7 +84,8 @@ class Verdict:
     def _add_way(self, slips: Slips, before: Bools, start: int, stop: int) -> None:
         """Add the displacements of slips in these scans."""
         slid = before[start + 1 : stop + 1, :, np.newaxis] & np.isfinite(slips.displacement[start:stop])
-        self._way += np.sum(slips.displacement[start:stop], axis=0, where=slid, initial=0.0)
+        steps = np.where(slid, slips.displacement[start:stop], 0.0)
+        self._way = np.cumsum(np.concatenate([self._way[np.newaxis], steps]), axis=0)[-1]  # the same in any blocks
 
 
 def _witnessed(event: Event, quality: str, evidence: float) -> Event:
