@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from taxelflow.messages import Scans, Slips
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.measurement import Parameters
+
+Block = TypeVar("Block", Odds, PatternChanges)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,10 +79,13 @@ class SlipStage:
         count = sum(map(len, parts))
         if not count:
             return Judged(posed[:0], np.empty((0, *posed.shape[1:])), [])
-        odds = Odds(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Odds)))
-        slips, self._slips = _split_slips(self._slips, count)
-        flags = np.concatenate(self._posed)
-        self._posed = [flags[count:]]
+        odds = parts[0] if len(parts) == 1 else _joined(parts, Odds)
+        slips = joined(self._slips)
+        flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
+        left = len(slips) > count  # a stream holds nothing back, and copies nothing
+        self._slips = [cut(slips, count, len(slips))] if left else []
+        self._posed = [flags[count:]] if len(flags) > count else []
+        slips = cut(slips, 0, count) if left else slips
         due = [event for event in self._events if event.t_s <= slips.t_s[-1]]
         self._events = self._events[len(due) :]
         slipping, found = self._verdict.step(slips, flags[:count], due, odds)
@@ -88,13 +93,16 @@ class SlipStage:
 
     def _taken(self, count: int) -> PatternChanges:
         """The oldest changes, of so many scans."""
-        names = [field.name for field in fields(PatternChanges)]
-        whole = {name: np.concatenate([getattr(part, name) for part in self._changes]) for name in names}
-        self._changes = [PatternChanges(**{name: array[count:] for name, array in whole.items()})]
-        return PatternChanges(**{name: array[:count] for name, array in whole.items()})
+        whole = self._changes[0] if len(self._changes) == 1 else _joined(self._changes, PatternChanges)
+        if len(whole) == count:
+            self._changes = []
+            return whole
+        arrays = [getattr(whole, field.name) for field in fields(whole)]
+        self._changes = [PatternChanges(*(array[count:] for array in arrays))]
+        return PatternChanges(*(array[:count] for array in arrays))
 
 
-def _split_slips(held: list[Slips], count: int) -> tuple[Slips, list[Slips]]:
-    """The first `count` scans, and what is left."""
-    block = joined(held)
-    return cut(block, 0, count), [cut(block, count, len(block))]
+def _joined(parts: list[Block], kind: type[Block]) -> Block:
+    """Blocks of consecutive scans as one."""
+    names = [field.name for field in fields(kind)]
+    return kind(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
