@@ -20,7 +20,7 @@ from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
 from taxelflow.estimation.smoothing.parameters import NOTE, Smoothing
-from taxelflow.messages import Bools, Contacts, Event, LearnedPattern, Motions, RawScans, Scans, Slips, joined
+from taxelflow.messages import Bools, Contacts, Event, Floats, LearnedPattern, Motions, RawScans, Scans, Slips, joined
 from taxelflow.pipeline import Pipeline, Run
 from taxelflow.publish.summary import Summary, Totals
 from taxelflow.sensors.calibration import Calibration, load_calibration
@@ -47,7 +47,8 @@ class Result:
 
     pads: names along the second axis of the arrays of `slips` and of slipping (scans, pads): pads, groups, and contacts
     that are separated. `motions` is the object's motion per scan, `contacts` what each pad's contact is like,
-    `patterns` what a method that learns has learned, `summary` what `summary.json` holds.
+    `patterns` what a method that learns has learned, `summary` what `summary.json` holds, `evidence`
+    (scans, pads) the log odds of a slip by the change of the pattern, NaN where unknown.
     """
 
     pads: tuple[str, ...]
@@ -58,6 +59,7 @@ class Result:
     patterns: list[LearnedPattern]
     summary: Summary
     contacts: Contacts
+    evidence: Floats
 
 
 def read(
@@ -192,6 +194,7 @@ def estimate(
         patterns=run.patterns,
         summary=summarise(name, pipeline, run, totals),
         contacts=joined([output.contacts for output in outputs]),
+        evidence=np.concatenate([output.evidence for output in outputs]),
     )
 
 

@@ -87,7 +87,9 @@ class Estimate(Recorded):
         with Tables(self.out, recording.layout.pads) as tables:
             run = pipeline.start(recording)
             for output in progress(run, recording.scans, "estimating"):
-                tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
+                tables.write(
+                    output.slips, output.slipping, output.motions, output.events, output.contacts, output.evidence
+                )
                 totals.add(output.slips, output.slipping, output.events)
             summary = api.summarise(self.method, pipeline, run, totals)
             tables.write_patterns(run.patterns)

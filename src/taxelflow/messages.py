@@ -251,12 +251,16 @@ class Contacts:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An event on a pad: `contact`, `release`, `slip_start` or `slip_stop`.
+    """An event on a pad: `contact`, `release`, `slip_start`, `slip_stop` or `slip_suspected`.
+
+    slip_suspected: the pose moves as in a slip, but load and tilt explain the change of the pattern as well.
 
     t_s: time of the scan in which it was detected; in a recording, where slips are dated offline, of the first scan
     after it. onset_s: its estimated time.
     direction_rad, speed_m_s, turn_rad_s: motion of the slip in the pad's frame: the part known at slip_start, the mean
     of the whole slip at slip_stop. NaN where unknown, and for contact and release.
+    evidence: log odds of a slip by the change of the pattern, NaN where unknown. quality: of the pose, in `QUALITY`.
+    Both of slips only.
     """
 
     t_s: float
@@ -266,6 +270,8 @@ class Event:
     direction_rad: float = nan
     speed_m_s: float = nan
     turn_rad_s: float = nan
+    evidence: float = nan
+    quality: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

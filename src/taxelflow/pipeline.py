@@ -44,12 +44,14 @@ if TYPE_CHECKING:
     from taxelflow.condition.deduplicate import Counts
     from taxelflow.estimation.base import Estimator, EstimatorSession
     from taxelflow.messages import Block, Scans
+    from taxelflow.slip.stage import Judged
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Output:
     """One block of results, all of the same scans: motion and quality of every pad, whether it slips (scans, pads), the
-    object's motion, what the contacts are like, and the events that these scans raised.
+    object's motion, what the contacts are like, the events that these scans raised, and evidence (scans, pads): log
+    odds of a slip by the change of the pattern.
     """
 
     slips: Slips
@@ -57,6 +59,7 @@ class Output:
     motions: Motions
     events: list[Event]
     contacts: Contacts
+    evidence: Floats
 
     def __len__(self) -> int:
         return len(self.slips)
@@ -70,6 +73,7 @@ class Output:
             joined([output.motions for output in outputs]),
             [event for output in outputs for event in output.events],
             joined([output.contacts for output in outputs]),
+            np.concatenate([output.evidence for output in outputs]),
         )
 
 
@@ -117,8 +121,7 @@ class Run:
         self._segmented: list[Contacts] = []
         self._moved_apart: list[Bools] = []
         self._estimated: list[Slips] = []
-        watch = pipeline.monitor.begin if self._stream else pipeline.monitor.look_back
-        self._slip = watch(layout.pads)
+        self._slip = pipeline.monitor.watch(layout, stream=self._stream)
         self._nothing = self._without_scans(no_scans(layout.entries, len(layout.pads)))
 
     @property
@@ -167,7 +170,7 @@ class Run:
                 for raw in _single(block) if self._stream else (block,):
                     yield from self._through(raw)
         except (TaxelflowError, KeyboardInterrupt):  # what came before is given all the same
-            yield from self._judged(*self._slip.finish())
+            yield from self._judged(self._slip.finish())
             raise
         yield from self._rest()
 
@@ -179,12 +182,13 @@ class Run:
         for scans in self._condition.finish():
             yield from self._segment_and_estimate(scans)
         yield from self._detect(self._estimate.finish())
-        yield from self._judged(*self._slip.finish())
+        yield from self._judged(self._slip.finish())
 
     def _segment_and_estimate(self, scans: Scans) -> Iterator[Output]:
         segmented = self._segment.step(scans)
         self._segmented.append(segmented.contacts)
         self._moved_apart.append(segmented.moved_apart)
+        self._slip.see(segmented.scans)
         yield from self._detect(self._estimate.step(segmented.scans))
 
     def _detect(self, slips: Slips) -> Iterator[Output]:
@@ -196,15 +200,15 @@ class Run:
         self._moved_apart = [moved_apart[len(slips) :]]
         slips.quality[moved_apart[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no rigid object moves so
         self._estimated.append(slips)
-        yield from self._judged(*self._slip.step(slips))
+        yield from self._judged(self._slip.step(slips))
 
-    def _judged(self, slipping: Bools, events: list[Event]) -> Iterator[Output]:
+    def _judged(self, judged: Judged) -> Iterator[Output]:
         """The oldest scans, as many as the slip detector has judged."""
-        if not len(slipping):
+        if not len(judged):
             return
-        slips, self._estimated = _split(self._estimated, len(slipping))
-        contacts, self._segmented = _split(self._segmented, len(slipping))
-        yield Output(slips, slipping, self._fuse.step(slips), events, contacts)
+        slips, self._estimated = _split(self._estimated, len(judged))
+        contacts, self._segmented = _split(self._segmented, len(judged))
+        yield Output(slips, judged.slipping, self._fuse.step(slips), judged.events, contacts, judged.evidence)
 
     def _joined(self, outputs: Iterable[Output]) -> Output:
         return Output.joined([*outputs] or [self._nothing])
@@ -214,7 +218,8 @@ class Run:
         border = np.zeros((*scans.contact.shape, 2), dtype=np.bool_)
         footprint = Footprint(scans.t_s, scans.contact, border, np.zeros(scans.contact.shape))
         slips = Slips.of(footprint, Estimates.unknown(scans))
-        return Output(slips, slips.contact, self._fuse.step(slips), [], self._segment.step(scans).contacts)
+        contacts = self._segment.step(scans).contacts
+        return Output(slips, slips.contact, self._fuse.step(slips), [], contacts, np.zeros(slips.contact.shape))
 
 
 def _split(held: list[Block], count: int) -> tuple[Block, list[Block]]:

@@ -52,6 +52,7 @@ PARTS: dict[str, dict[str, str]] = {
         "contacts": "taxelflow.evaluation.contacts:Contacts",
         "prediction": "taxelflow.evaluation.prediction:Prediction",
         "robustness": "taxelflow.evaluation.robustness:Robustness",
+        "xela": "taxelflow.evaluation.xela:Xela",
     },
 }
 

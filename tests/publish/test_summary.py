@@ -60,7 +60,7 @@ def test_a_pad_that_was_not_touched_has_gone_no_way() -> None:
 
 def test_events_that_did_not_happen_are_counted_as_zero(palm: taxelflow.Sensor) -> None:
     summary = estimate(recorded(np.zeros((30, 28)), palm)).summary
-    assert summary.events == {"contact": 0, "release": 0, "slip_start": 0, "slip_stop": 0}
+    assert summary.events == {"contact": 0, "release": 0, "slip_start": 0, "slip_stop": 0, "slip_suspected": 0}
 
 
 def test_no_contact_at_all_is_a_result_that_says_so(palm: taxelflow.Sensor) -> None:

@@ -32,13 +32,13 @@ def written(recording: Recording, folder: Path, method: str = "convolution") -> 
     run = Pipeline(registry.find("estimator", method)()).start(recording)
     with Tables(folder, recording.layout.pads) as tables:
         for output in run:
-            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
+            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts, output.evidence)
     return folder
 
 
 def test_the_columns_are_the_contracts_and_then_more() -> None:
     assert ",".join(SLIPS).startswith(
-        CONTRACT + ",border_x,border_y,lag_s,load_pa,cov_xy,cov_xtheta,cov_ytheta,quality"
+        CONTRACT + ",border_x,border_y,lag_s,load_pa,cov_xy,cov_xtheta,cov_ytheta,quality,evidence"
     )
 
 
@@ -77,6 +77,7 @@ def test_numbers_are_those_of_the_messages_and_the_unknown_is_empty(
         "std_theta_rad": std[:, 2],
         "lag_s": slips.lag_s[:, 0],
         "load_pa": slips.load[:, 0],
+        "evidence": result.evidence[:, 0],
     }
     for name, values in columns.items():
         read = [float(row[name]) if row[name] else np.nan for row in rows]
@@ -101,12 +102,14 @@ def test_the_objects_motion_has_a_row_per_scan(stroke: Recording, tmp_path: Path
 
 def test_events_have_time_pad_and_kind(stroke: Recording, tmp_path: Path) -> None:
     rows = rows_of(written(stroke, tmp_path) / "events.csv")
-    assert list(rows[0]) == ["t_s", "pad", "event", "onset_s", "direction_rad", "speed_m_s", "turn_rad_s"]
+    motion = ["onset_s", "direction_rad", "speed_m_s", "turn_rad_s"]
+    assert list(rows[0]) == ["t_s", "pad", "event", *motion, "evidence", "quality"]
     assert [row["event"] for row in rows if row["event"] in ("contact", "release")] == ["contact", "release"]
     assert {row["event"] for row in rows} <= {"contact", "release", "slip_start", "slip_stop"}
     for row in rows:
         slip = row["event"].startswith("slip")
         assert bool(row["onset_s"]) == bool(row["speed_m_s"]) == bool(row["direction_rad"]) == slip
+        assert bool(row["quality"]) == slip
         assert not slip or float(row["onset_s"]) <= float(row["t_s"])
         assert row["turn_rad_s"] == ""  # the L norm knows none
 
@@ -139,7 +142,7 @@ def test_rows_stand_in_part_files_until_the_end(stroke: Recording, tmp_path: Pat
     run = Pipeline(registry.find("estimator", "lnorm")()).start(stroke)
     with Tables(tmp_path, stroke.layout.pads) as tables:
         for output in run:
-            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
+            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts, output.evidence)
         assert sorted(path.name for path in tmp_path.iterdir()) == [
             "contacts.csv.part",
             "events.csv.part",
@@ -162,7 +165,7 @@ def test_an_interruption_keeps_the_part_files(
     run = Pipeline(registry.find("estimator", "lnorm")()).start(stroke)
     with pytest.raises(interruption), Tables(tmp_path, stroke.layout.pads) as tables:
         for output in run:
-            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts)
+            tables.write(output.slips, output.slipping, output.motions, output.events, output.contacts, output.evidence)
         raise interruption
     assert not (tmp_path / "slips.csv").exists()
     assert len(rows_of(tmp_path / "slips.csv.part")) == 80

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
     from taxelflow.estimation.centroid.session import CentroidSession
     from taxelflow.evaluation.base import Table
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Floats, Slips
 
 _ROUNDS = 300
 _LITERAL_BUDGET_S = 4.0
@@ -172,7 +172,7 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     masked = np.zeros(values.shape[1], dtype=np.bool_)
     condition = Conditioner(tare="none").start(sensor, masked, [RawScans(np.arange(16.0), values)])
     estimate = start_slips(api.estimator("convolution"), sensor.layout, "stream")
-    monitor, fuse = SlipMonitor().begin(sensor.layout.pads), RigidField().start(sensor.layout)
+    monitor, fuse = SlipMonitor().watch(sensor.layout, stream=True), RigidField().start(sensor.layout)
     describe = FeatureExtractor(sensor, ContactFeatures().threshold)
     raw = [RawScans(np.array([0.01 * k]), values[k : k + 1]) for k in range(16)]
     scans = [next(condition.step(scan)) for scan in raw]
@@ -181,13 +181,17 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     def together(k: int) -> None:
         for scan in condition.step(raw[k % 16]):
             found = estimate.step(scan)
-            monitor.step(found)
+            watch(scan, found)
             fuse.step(found)
             describe.step(scan)
 
+    def watch(scan: Scans, found: Slips) -> None:
+        monitor.see(scan)
+        monitor.step(found)
+
     return {
         "stage condition": lambda k: list(condition.step(raw[k % 16])),
-        "stage monitor": lambda k: monitor.step(slips[k % 16]),
+        "stage monitor": lambda k: watch(scans[k % 16], slips[k % 16]),
         "stage fuse": lambda k: fuse.step(slips[k % 16]),
         "stage features": lambda k: describe.step(scans[k % 16]),
         "all stages": together,
@@ -232,7 +236,7 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
     blocks = list(recording.blocks())
     start = timed("parsing", start)
     estimate = start_slips(api.estimator("convolution"), recording.layout, "batch")
-    monitor, fuse = SlipMonitor().begin(recording.layout.pads), RigidField().start(recording.layout)
+    monitor, fuse = SlipMonitor().watch(recording.layout, stream=True), RigidField().start(recording.layout)
     describe = FeatureExtractor(recording.sensor, ContactFeatures().threshold)
     with Tables(out, recording.layout.pads) as tables:
         for raw in blocks:
@@ -241,13 +245,15 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
             start = timed("conditioning", start)
             slips = [estimate.step(block) for block in scans]
             start = timed("estimating", start)
+            for pressed in scans:
+                monitor.see(pressed)
             found = [
                 (block, monitor.step(block), fuse.step(block), describe.step(pressed))
                 for block, pressed in zip(slips, scans, strict=True)
             ]
             start = timed("monitoring and fusing", start)
-            for block, (slipping, events), motions, contacts in found:
-                tables.write(block, slipping, motions, events, contacts)
+            for block, judged, motions, contacts in found:
+                tables.write(block, judged.slipping, motions, judged.events, contacts, judged.evidence)
             timed("writing", start)
     total = sum(spent.values())
     return sum(map(len, blocks)), [Share(stage, s, s / total) for stage, s in spent.items()]

@@ -111,10 +111,11 @@ def watch_job(job: Job, hours: float) -> dict[tuple[str, Mode], Tally]:
         with announced():
             session = start_slips(api.estimator(method), recording.layout, mode)
             slips = joined([session.step(scans), session.finish()])
-        watch = (monitor.begin if mode == "stream" else monitor.look_back)(recording.layout.pads)
-        (slipping, events), (rest, last) = watch.step(slips), watch.finish()
-        own = [event for event in (*events, *last) if event.pad == truth.pad]
-        flags = np.concatenate([slipping, rest])[:, pad]
+        watch = monitor.watch(recording.layout, stream=mode == "stream")
+        watch.see(scans)
+        judged = (watch.step(slips), watch.finish())
+        own = [event for part in judged for event in part.events if event.pad == truth.pad]
+        flags = np.concatenate([part.slipping for part in judged])[:, pad]
         tally = compared(flags, own, truth, scenario.motion.interval_s[0], _EARLY[mode])
         tally.hours = float(slips.contact[:, pad].mean() * (truth.t_s[-1] - truth.t_s[0]) / 3600)
         tally.scatter = [float(watch.scatter[pad])]

@@ -85,7 +85,7 @@ class Totals:
         self.net_m = np.zeros((count, 2))
         self._steps, self._known = np.zeros((count, 1), np.int64), np.zeros((count, 2), np.int64)
         self.slips: Counter[str] = Counter()
-        self.events: Counter[str] = Counter(contact=0, release=0, slip_start=0, slip_stop=0)
+        self.events: Counter[str] = Counter(contact=0, release=0, slip_start=0, slip_stop=0, slip_suspected=0)
 
     def add(self, slips: Slips, slipping: Bools, events: list[Event]) -> None:
         """Count one block in. slipping: (scans, pads)."""

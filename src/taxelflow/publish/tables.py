@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SLIPS = (
     "t_s", "pad", "contact", "dx_m", "dy_m", "dtheta_rad", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s",
     "omega_rad_s", "std_x_m", "std_y_m", "std_theta_rad", "slipping", "border_x", "border_y", "lag_s",
-    "load_pa", "cov_xy", "cov_xtheta", "cov_ytheta", "quality",
+    "load_pa", "cov_xy", "cov_xtheta", "cov_ytheta", "quality", "evidence",
 )
 OBJECT = (
     "t_s", "vx_m_s", "vy_m_s", "omega_rad_s", "rotor_1_s", "cx_m", "cy_m", "x_m", "y_m", "theta_rad", "pads",
@@ -37,7 +37,7 @@ CONTACTS = (
     "orientation_rad", "std_force_n", "std_orientation_rad",
 )
 # fmt: on
-EVENTS = ("t_s", "pad", "event", "onset_s", "direction_rad", "speed_m_s", "turn_rad_s")
+EVENTS = ("t_s", "pad", "event", "onset_s", "direction_rad", "speed_m_s", "turn_rad_s", "evidence", "quality")
 _TABLES = {"slips": SLIPS, "object": OBJECT, "events": EVENTS, "contacts": CONTACTS}
 
 
@@ -72,9 +72,17 @@ class Tables:
                 part = self.directory / f"{name}.csv.part"
                 part.replace(part.with_suffix(""))
 
-    def write(self, slips: Slips, slipping: Bools, motions: Motions, events: list[Event], contacts: Contacts) -> None:
+    def write(
+        self,
+        slips: Slips,
+        slipping: Bools,
+        motions: Motions,
+        events: list[Event],
+        contacts: Contacts,
+        evidence: Floats,
+    ) -> None:
         """Append one block; it is on disk when this returns."""
-        self._append("slips", _slip_rows(slips, slipping, self._pads))
+        self._append("slips", _slip_rows(slips, slipping, evidence, self._pads))
         self._append("object", _motion_rows(motions))
         self._append("events", map(_event_row, events))
         self._append("contacts", _contact_rows(contacts, self._pads))
@@ -99,7 +107,7 @@ class Tables:
             file.flush()
 
 
-def _slip_rows(slips: Slips, slipping: Bools, pads: tuple[str, ...]) -> Iterable[list[str]]:
+def _slip_rows(slips: Slips, slipping: Bools, evidence: Floats, pads: tuple[str, ...]) -> Iterable[list[str]]:
     count = len(slips) * len(pads)
     std = np.sqrt(np.diagonal(slips.covariance, axis1=2, axis2=3))
     numbers = np.concatenate([slips.displacement, slips.pose, slips.velocity, std], axis=2).reshape(count, 12)
@@ -107,7 +115,7 @@ def _slip_rows(slips: Slips, slipping: Bools, pads: tuple[str, ...]) -> Iterable
     times = [f"{t:.6f}" for t in slips.t_s]
     covariance = slips.covariance
     mixed = [covariance[..., 0, 1], covariance[..., 0, 2], covariance[..., 1, 2]]
-    last = np.stack([slips.lag_s, slips.load, *mixed], axis=2).reshape(count, 5)
+    last = np.stack([slips.lag_s, slips.load, *mixed, evidence], axis=2).reshape(count, 6)
     quality = slips.quality.reshape(count).tolist()
     for row, (values, contact, slips_now, border_x, border_y, ends, judged) in enumerate(
         zip(numbers.tolist(), *(flag.tolist() for flag in flags), last.tolist(), quality, strict=True)
@@ -121,8 +129,9 @@ def _slip_rows(slips: Slips, slipping: Bools, pads: tuple[str, ...]) -> Iterable
             _FLAG[slips_now],
             _FLAG[border_x],
             _FLAG[border_y],
-            *map(_number, ends),
+            *map(_number, ends[:-1]),
             QUALITY[judged],
+            _number(ends[-1]),
         ]
 
 
@@ -140,8 +149,8 @@ def _motion_rows(motions: Motions) -> Iterable[list[str]]:
 
 def _event_row(event: Event) -> list[str]:
     onset = "" if isnan(event.onset_s) else f"{event.onset_s:.6f}"
-    motion = map(_number, (event.direction_rad, event.speed_m_s, event.turn_rad_s))
-    return [f"{event.t_s:.6f}", event.pad, event.event, onset, *motion]
+    motion = map(_number, (event.direction_rad, event.speed_m_s, event.turn_rad_s, event.evidence))
+    return [f"{event.t_s:.6f}", event.pad, event.event, onset, *motion, event.quality]
 
 
 def _contact_rows(contacts: Contacts, pads: tuple[str, ...]) -> Iterable[list[str]]:

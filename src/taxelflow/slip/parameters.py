@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
+    from taxelflow.sensors.layout import Layout
     from taxelflow.slip.offline import OfflineSlipSession
     from taxelflow.slip.session import SlipSession
+    from taxelflow.slip.stage import SlipStage
 
 
 @dataclass(frozen=True)
@@ -33,15 +35,22 @@ class SlipMonitor:
             if not 0 <= getattr(self, name) < float("inf"):
                 raise ParameterInvalid(f"monitor.{name}", getattr(self, name), "be 0 or more")
 
+    def watch(self, layout: Layout, *, stream: bool) -> SlipStage:
+        """Start the slip stage: poses and patterns together, of a stream or of a recording."""
+        from taxelflow.slip.measurement import parameter_record
+        from taxelflow.slip.stage import SlipStage
+
+        return SlipStage(layout, parameter_record(**asdict(self)), self.creep_m_s, stream=stream)
+
     def begin(self, pads: tuple[str, ...]) -> SlipSession:
-        """Start a session for a stream over pads of these names: each scan is decided at once."""
+        """Start a session for a stream by poses alone, over pads of these names: each scan is decided at once."""
         from taxelflow.slip.measurement import parameter_record
         from taxelflow.slip.session import SlipSession
 
         return SlipSession(pads, parameter_record(**asdict(self)))
 
     def look_back(self, pads: tuple[str, ...]) -> OfflineSlipSession:
-        """Start a session for a recording: onsets and ends are also estimated from the scans after them."""
+        """Start a session for a recording by poses alone: onsets and ends are refined by the scans after them."""
         from taxelflow.slip.measurement import parameter_record
         from taxelflow.slip.offline import OfflineSlipSession
 

@@ -1,0 +1,277 @@
+"""Score xela: slip and stillness of a real skin against a marker on the object.
+
+A scan moves if the marker is faster than 8 mm/s at the time of its pose, and is still below 3 mm/s; scans in between,
+in the first second or the last half second of a contact, or without the marker are not judged. Slip detection was tuned
+on every other recording, by name; the others test it.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+import numpy as np
+from rich.console import Console
+from tyro.conf import Positional
+
+from taxelflow import api
+from taxelflow.condition.parameters import Conditioner
+from taxelflow.errors import ParameterInvalid
+from taxelflow.estimation.base import Mode
+from taxelflow.evaluation.base import table_of, unwatched
+from taxelflow.evaluation.cells import caption, number
+from taxelflow.evaluation.marked import marked_recordings, open_marked
+from taxelflow.messages import OK
+from taxelflow.publish.quiet import quiet_table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rich.table import Table as Shown
+
+    from taxelflow.api import Result
+    from taxelflow.evaluation.base import Table, Watch
+    from taxelflow.evaluation.marked import Marked
+    from taxelflow.messages import Bools, Floats
+
+Half = Literal["tune", "test"]
+MODES: tuple[Mode, ...] = ("batch", "stream")
+HALVES: tuple[Half, ...] = ("tune", "test")
+_MOVES_M_S, _STILL_M_S = 8e-3, 3e-3
+"""Speeds of the marker above which an object moves, and below which it is still: the camera's noise is 1-2 mm/s."""
+_CLOSING_S, _OPENING_S = 1.0, 0.5
+"""Begin and end of a contact that are not judged: the grip closes or opens, and the object goes along."""
+_DRAWS = 2000
+"""Resamples of the bootstrap over recordings."""
+
+
+class MarkedRow(msgspec.Struct, frozen=True):
+    """One method on one recording."""
+
+    recording: str
+    half: Half
+    method: str
+    mode: Mode
+    moving: int
+    """Scans that move by the marker."""
+    still: int
+    """Scans that are still by it."""
+    found: int
+    """Moving scans that are called slipping."""
+    false: int
+    """Still scans that are called slipping."""
+    still_ok: int
+    """Still scans whose pose has quality ok."""
+    excursion_mm: float | None
+    """Largest way from the first to any other such pose in a still interval, less the marker's; None if there are
+    none."""
+
+
+class XelaRow(msgspec.Struct, frozen=True):
+    """One method on one half of the recordings; low and high: 95 % interval, by resampling recordings."""
+
+    half: Half
+    method: str
+    mode: Mode
+    recordings: int
+    moving: int
+    still: int
+    f1: float
+    f1_low: float
+    f1_high: float
+    precision: float
+    recall: float
+    still_slipping_percent: float
+    still_slipping_low: float
+    still_slipping_high: float
+    excursion_median_mm: float | None
+    """Median over recordings, and worst, of the largest excursion of ok poses while the object was still."""
+    excursion_worst_mm: float | None
+    still_ok_percent: float
+
+
+@dataclass(frozen=True)
+class Xela:
+    """Measure slip and stillness of a XELA finger against a marker.
+
+    FOLDER holds recordings with a marker on the object, a folder each (see docs/slip.md).
+    """
+
+    folder: Positional[Path | None] = None
+    """Folder of the recordings."""
+    methods: tuple[str, ...] = ("convolution", "registration", "template")
+    """Estimators to score."""
+    mode: Mode | Literal["both"] = "both"
+    """batch, stream or both."""
+    half: Half | Literal["all"] = "all"
+    """Recordings by which slip detection was tuned, those that test it, or both, apart."""
+    stream_delay_s: float = 0.0
+    """Delay of the slips of a stream besides that of its poses, s: they are judged so much earlier."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.stream_delay_s < float("inf"):
+            raise ParameterInvalid("stream_delay_s", self.stream_delay_s, "be 0 or more")
+        if self.folder is None:
+            raise ParameterInvalid("folder", "nothing", "name the folder of the recordings")
+
+    def run(self, watched: Watch = unwatched) -> XelaReport:
+        """Estimate every recording with every method and mode. Raises NameUnknown, RecordingMissing, RecordingError."""
+        for method in self.methods:
+            api.estimator(method)
+        paths = list(enumerate(marked_recordings(self.folder or Path())))
+        chosen = [(HALVES[place % 2], path) for place, path in paths if self.half in ("all", HALVES[place % 2])]
+        modes = MODES if self.mode == "both" else (self.mode,)
+        found = []
+        for half, path in watched(chosen, "recordings"):
+            marked = open_marked(path)
+            for method in self.methods:
+                for mode in modes:
+                    result = api.estimate(marked.recording, method, mode=mode, condition=Conditioner(tare="start"))
+                    delay_s = self.stream_delay_s if mode == "stream" else 0.0
+                    found.append(judged(marked, result, half, method, delay_s))
+        return XelaReport(summed(found), found)
+
+
+class XelaReport(msgspec.Struct, frozen=True):
+    """Halves, and each recording."""
+
+    rows: list[XelaRow]
+    recordings: list[MarkedRow]
+
+    def tables(self) -> list[Table]:
+        """Halves, then recordings."""
+        return [table_of("xela", self.rows, XelaRow), table_of("recordings", self.recordings, MarkedRow)]
+
+    def show(self) -> None:
+        """One table for each half."""
+        console = Console(markup=False, highlight=False)
+        for half in HALVES:
+            if rows := [row for row in self.rows if row.half == half]:
+                console.print(_shown(rows, f"marker against slip, {rows[0].recordings} recordings to {half} by"))
+                console.print()
+        caption(
+            console,
+            "In %. F1, prec, rec: scans that move (marker above 8 mm/s) against scans called\n"
+            "slipping. still: scans below 3 mm/s that are called slipping. mm, worst: largest\n"
+            "excursion of ok poses while still, median over recordings and largest. ok: of\n"
+            "the still scans. 95 %: bootstrap over recordings.",
+        )
+
+
+def _shown(rows: Sequence[XelaRow], title: str) -> Shown:
+    headings = ("F1", "95 %:", "prec", "rec", "still", "95 %:", "mm", "worst", "ok")
+    table = quiet_table("method:", "mode:", *headings, title=title)
+    for row in rows:
+        share, interval = _percents(row.f1), f"{_percents(row.f1_low)}-{_percents(row.f1_high)}"
+        called = f"{row.still_slipping_low:.0f}-{row.still_slipping_high:.0f}"
+        found = (share, interval, _percents(row.precision), _percents(row.recall))
+        excursion = (number(row.excursion_median_mm, 1), number(row.excursion_worst_mm, 1))
+        still = (f"{row.still_slipping_percent:.0f}", called, *excursion, f"{row.still_ok_percent:.0f}")
+        table.add_row(row.method, row.mode, *found, *still)
+    return table
+
+
+def _percents(share: float) -> str:
+    return f"{100 * share:.0f}"
+
+
+def judged(marked: Marked, result: Result, half: Half, method: str, delay_s: float = 0.0) -> MarkedRow:
+    """A result of one pad against the marker. delay_s: of its slips besides that of its poses."""
+    slips, slipping = result.slips, result.slipping[:, 0]
+    t_s = slips.t_s - np.nan_to_num(slips.lag_s[:, 0]) - delay_s
+    speed = np.where(_settled(slips.t_s, slips.contact[:, 0]), marked.speed_m_s(t_s), np.nan)
+    moves, still = speed > _MOVES_M_S, speed < _STILL_M_S
+    ok = still & (slips.quality[:, 0] == OK)
+    intervals = np.cumsum(moves | ~slips.contact[:, 0])  # a motion or a release ends a still interval
+    excursions = _excursions(slips.pose[ok, 0, :2], marked.at(t_s[ok]), intervals[ok])
+    return MarkedRow(
+        recording=marked.name,
+        half=half,
+        method=method,
+        mode="stream" if result.summary.mode == "stream" else "batch",
+        moving=int(moves.sum()),
+        still=int(still.sum()),
+        found=int((moves & slipping).sum()),
+        false=int((still & slipping).sum()),
+        still_ok=int(ok.sum()),
+        excursion_mm=1e3 * max(excursions) if excursions else None,
+    )
+
+
+def _settled(t_s: Floats, contact: Bools) -> Bools:
+    """(scans,), in contact, and neither in its first second nor in its last half second."""
+    settled = np.zeros_like(contact)
+    edges = np.flatnonzero(np.diff(contact, prepend=False, append=False)).reshape(-1, 2)
+    for first, last in edges.tolist():
+        own = t_s[first:last]
+        settled[first:last] = (own >= own[0] + _CLOSING_S) & (own <= own[-1] - _OPENING_S)
+    return settled
+
+
+def _excursions(place: Floats, marker: Floats, interval: Floats) -> list[float]:
+    """The largest of each interval, m. place: (scans, 2). marker: (scans, 3). interval: (scans,), numbered."""
+    found = []
+    for one in np.unique(interval):
+        own = interval == one
+        way, marked = (np.linalg.norm(path[own] - path[own][0], axis=1) for path in (place, marker))
+        found.append(float(np.maximum(way - marked, 0.0).max()))
+    return found
+
+
+def summed(rows: Sequence[MarkedRow]) -> list[XelaRow]:
+    """Sums by half, method and mode."""
+    groups: dict[tuple[Half, str, Mode], list[MarkedRow]] = defaultdict(list)
+    for row in rows:
+        groups[row.half, row.method, row.mode].append(row)
+    order = sorted(groups, key=lambda key: HALVES.index(key[0]))
+    return [_summed(key, groups[key]) for key in order]
+
+
+def _summed(key: tuple[Half, str, Mode], rows: list[MarkedRow]) -> XelaRow:
+    half, method, mode = key
+    counts = np.array([(row.moving, row.still, row.found, row.false, row.still_ok) for row in rows], dtype=np.float64)
+    excursions = [row.excursion_mm for row in rows if row.excursion_mm is not None]
+    moving, still, found, false, still_ok = counts.sum(axis=0)
+    f1_low, f1_high = _interval(counts, _f1)
+    called_low, called_high = _interval(counts, _still_slipping)
+    return XelaRow(
+        half=half,
+        method=method,
+        mode=mode,
+        recordings=len(rows),
+        moving=int(moving),
+        still=int(still),
+        f1=float(_f1(counts.sum(axis=0))),
+        f1_low=f1_low,
+        f1_high=f1_high,
+        precision=float(found / max(found + false, 1)),
+        recall=float(found / max(moving, 1)),
+        still_slipping_percent=float(_still_slipping(counts.sum(axis=0))),
+        still_slipping_low=called_low,
+        still_slipping_high=called_high,
+        excursion_median_mm=float(np.median(excursions)) if excursions else None,
+        excursion_worst_mm=max(excursions, default=None),
+        still_ok_percent=float(100 * still_ok / max(still, 1)),
+    )
+
+
+def _f1(sums: Floats) -> Floats:
+    moving, _, found, false, _ = sums.T
+    share: Floats = 2 * found / np.maximum(moving + found + false, 1)
+    return share
+
+
+def _still_slipping(sums: Floats) -> Floats:
+    _, still, _, false, _ = sums.T
+    percent: Floats = 100 * false / np.maximum(still, 1)
+    return percent
+
+
+def _interval(counts: Floats, measure: Callable[[Floats], Floats]) -> tuple[float, float]:
+    """Of 95 %. counts: (recordings, kinds). measure: from sums (draws, kinds)."""
+    draws = np.random.default_rng(0).integers(len(counts), size=(_DRAWS, len(counts)))
+    low, high = np.quantile(measure(counts[draws].sum(axis=1)), (0.025, 0.975))
+    return float(low), float(high)

@@ -1,0 +1,153 @@
+"""Odds of a slip per scan from the evidence of the bins, in a stream and in a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.slip.evidence import log_likelihood_ratio, looked_back, updated
+from taxelflow.slip.pattern_change import BEFORE_BINS
+from taxelflow.slip.restless import RestlessPads
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Bools, Floats
+    from taxelflow.slip.pattern_change import PatternChanges
+
+LIVE_AFTER_BINS, AFTER_BINS = 1, 2
+"""Bins after the judged one, of a stream and of a recording: a stream judges 0.1 s late."""
+_CHUNK_BINS = 20
+"""A recording's odds are computed for so many bins at a time, from as many after them: three slips long."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Odds:
+    """log_odds: (scans, pads) of a slip; NaN where unknown. restless: (scans, pads), the odds decide."""
+
+    log_odds: Floats
+    restless: Bools
+
+    def __len__(self) -> int:
+        return len(self.log_odds)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Bin:
+    """One bin: (pads,) each, but for its first time."""
+
+    since_s: float
+    log_ratio: Floats
+    touching: Bools
+    odds: Floats
+    restless: Bools
+
+
+class _Forward:
+    """Odds after each bin, and which pads are restless."""
+
+    def __init__(self, pads: int, after: int) -> None:
+        self._restless = RestlessPads(pads, BEFORE_BINS + 1 + after)
+        self._slipped = np.zeros(pads, dtype=np.bool_)
+        nothing = np.full(pads, np.nan)
+        untouched = np.zeros(pads, dtype=np.bool_)
+        self.last = _Bin(-np.inf, nothing, untouched, np.zeros(pads), untouched)
+
+    def step(self, slipping: Bools, changes: PatternChanges) -> list[tuple[int, _Bin]]:
+        """Bins that are judged in these scans, each with the scan. slipping: (scans, pads), by the pose."""
+        found, start = [], 0
+        for scan in np.flatnonzero(np.isfinite(changes.centre_s)).tolist():
+            since_s, touching = float(changes.centre_s[scan]), changes.touching[scan]
+            with np.errstate(invalid="ignore"):  # a change of infinite power
+                ratio = log_likelihood_ratio(
+                    changes.unexplained[scan], changes.noise[scan], changes.rise[scan], self._restless.growth
+                )
+            slipped = self._slipped | slipping[start : scan + 1].any(axis=0)
+            self._restless.update(slipped, changes, scan, ratio)
+            self._slipped, start = np.zeros_like(slipped), scan + 1
+            odds = updated(self.last.odds, ratio, touching, since_s - self.last.since_s)
+            self.last = _Bin(since_s, ratio, touching, odds, self._restless.restless)
+            found.append((scan, self.last))
+        self._slipped = self._slipped | slipping[start:].any(axis=0)
+        return found
+
+
+class LiveOdds:
+    """Each scan has the odds of the last bin that was judged."""
+
+    def __init__(self, pads: int) -> None:
+        self._forward = _Forward(pads, LIVE_AFTER_BINS)
+
+    def step(self, slipping: Bools, changes: PatternChanges) -> Odds:
+        """Odds of these scans. slipping: (scans, pads), by the pose."""
+        log_odds, restless = np.empty(slipping.shape), np.empty_like(slipping)
+        start, last = 0, self._forward.last
+        for scan, one in [*self._forward.step(slipping, changes), (len(slipping), None)]:
+            log_odds[start:scan], restless[start:scan] = _log(last), last.restless
+            start, last = scan, one or last
+        return Odds(log_odds, restless)
+
+    def finish(self) -> Odds:
+        """Nothing is held back."""
+        none = self._forward.last.restless[np.newaxis][:0]
+        return Odds(none.astype(np.float64), none)
+
+
+class OfflineOdds:
+    """Each scan has the odds of its bin by the bins before and after, 2 to 4 s late."""
+
+    def __init__(self, pads: int) -> None:
+        self._forward = _Forward(pads, AFTER_BINS)
+        self._bins: list[_Bin] = []  # not given yet, after the last one that was
+        self._given = self._forward.last
+        self._t = np.zeros(0)  # of the scans held
+
+    def step(self, slipping: Bools, changes: PatternChanges) -> Odds:
+        """Odds of the oldest scans, as many as are known. slipping: (scans, pads), by the pose."""
+        self._bins += [one for _, one in self._forward.step(slipping, changes)]
+        self._t = np.concatenate([self._t, changes.t_s])
+        parts = [self._chunk([], 0, -np.inf)]
+        while len(self._bins) >= 2 * _CHUNK_BINS:
+            parts.append(self._chunk(self._bins[: 2 * _CHUNK_BINS], _CHUNK_BINS, self._bins[_CHUNK_BINS].since_s))
+            self._bins = self._bins[_CHUNK_BINS:]
+        return _joined(parts)
+
+    def finish(self) -> Odds:
+        """Odds of the scans that `step` has held back."""
+        return self._chunk(self._bins, len(self._bins), np.inf)
+
+    def _chunk(self, bins: list[_Bin], count: int, until_s: float) -> Odds:
+        """Odds of the scans before a time, which are those of the first `count` bins or of the last one given."""
+        smoothed = [self._given, *_smoothed(bins)[:count]]
+        scans = int(np.searchsorted(self._t, until_s))
+        times, self._t = self._t[:scans], self._t[scans:]
+        place = np.searchsorted([one.since_s for one in smoothed], times, side="right") - 1
+        self._given = smoothed[-1]
+
+        log_odds, restless = np.stack([_log(one) for one in smoothed]), np.stack([one.restless for one in smoothed])
+        return Odds(log_odds[place], restless[place])
+
+
+def _smoothed(bins: list[_Bin]) -> list[_Bin]:
+    """Bins with the odds that also regard the bins after them in the list; all are as restless as the last."""
+    found: list[_Bin] = []
+    later = np.ones(0)
+    for number in range(len(bins) - 1, -1, -1):
+        one = bins[number]
+        if number == len(bins) - 1:
+            later = np.ones_like(one.odds)
+        else:
+            after = bins[number + 1]
+            later = looked_back(later, after.log_ratio, after.touching, after.since_s - one.since_s)
+        found.append(_Bin(one.since_s, one.log_ratio, one.touching, one.odds * later, bins[-1].restless))
+    return found[::-1]
+
+
+def _log(one: _Bin) -> Floats:
+    """Log odds; NaN before any evidence of a contact."""
+    with np.errstate(divide="ignore"):
+        return np.where(one.odds > 0, np.log(one.odds), np.nan)
+
+
+def _joined(parts: list[Odds]) -> Odds:
+    return Odds(np.concatenate([part.log_odds for part in parts]), np.concatenate([part.restless for part in parts]))

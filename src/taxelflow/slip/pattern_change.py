@@ -1,0 +1,174 @@
+"""Change of a contact's pressure pattern against what a change of load and tilt explains, from the scans themselves.
+
+When a hand moves, the load is redistributed over the pad while the object stays: the pattern q at rest becomes
+
+    y = g q (1 + a . r) + noise,
+
+with load g and tilt a; r is the place on the pad. Poses move along, for a tilt of a smooth pattern is a shift. A slip
+changes the pattern in ways that load and tilt do not. Scans are averaged over bins of 0.1 s; y is the mean of the bins
+after one, q that of the two before it. The unexplained change is the norm of what the least squares fit of g and a
+leaves of y, over that of y.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Bools, Floats, Scans
+    from taxelflow.sensors.layout import Layout
+
+BIN_S = 0.1
+"""Duration of a bin. The slowest of the soft skins scan ten times a second."""
+BEFORE_BINS = 2
+"""Bins whose mean is the pattern at rest. Two or three detect equally well."""
+_LONGEST_BIN_S = 0.25
+"""A longer time between two scans is a gap. Sensors that scan that slowly give no evidence."""
+STEADY_RISE = 0.1
+"""Change of the log load above which a grip closes or opens: the contact is not at rest."""
+_STIRRED_SIGMAS = 2.0
+"""Standard deviations of the squared norm of noise by which a pattern at rest must have changed to count as stirred."""
+_RIDGE = 1e-9
+"""Relative to the squared norm of the pattern: tilts of a line of taxels have one dimension only."""
+_SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+"""Places of a symmetric matrix in its six elements."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PatternChanges:
+    """Changes of patterns per scan and pad, each of a bin that is judged.
+
+    t_s: (scans,). centre_s: (scans,), first time of that bin; NaN in a scan that completes no window. touching:
+    (scans, pads), contact in all of the bin. The others are (scans, pads), NaN where the window is not in contact
+    throughout. unexplained: share of the pattern's power that load and tilt do not explain. noise: share that noise
+    leaves unexplained. rise: change of the log load. stirred: at a steady load, 1 where the pattern changed by more
+    than noise and creep explain, 0 where it did not.
+    """
+
+    t_s: Floats
+    centre_s: Floats
+    touching: Bools
+    unexplained: Floats
+    noise: Floats
+    rise: Floats
+    stirred: Floats
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(slots=True, eq=False)
+class _Bin:
+    """Sum of scans. touching, whole: (pads,), contact and no missing taxel in all of them."""
+
+    since_s: float
+    pressure: Floats
+    touching: Bools
+    whole: Bools
+    scans: int = 1
+
+
+class PatternWatch:
+    """Compares patterns from bin to bin; the result does not depend on how the scans are cut into blocks."""
+
+    def __init__(self, layout: Layout, creep_m_s: float, after: int) -> None:
+        """creep_m_s: see `SlipMonitor`. after: bins after the one that is judged."""
+        self._starts = layout.starts[:-1]
+        place_m = np.stack([layout.x_m, layout.y_m])
+        count = np.diff(layout.starts)
+        place_m = place_m - np.repeat(np.add.reduceat(place_m, self._starts, axis=1) / count, count, axis=1)
+        scale_m = np.maximum(np.repeat(np.maximum.reduceat(np.abs(place_m).max(axis=0), self._starts), count), 1e-9)
+        (x, y), one = place_m / scale_m, np.ones(len(scale_m))
+        self._basis = np.stack([one, x, y, x * x, x * y, y * y])
+        self._extent = np.stack([one, *place_m, (place_m**2).sum(axis=0)])
+        self._creep_m = creep_m_s * (after + BEFORE_BINS + 2) / 2 * BIN_S
+        self._bins: deque[_Bin] = deque(maxlen=BEFORE_BINS + 1 + after)
+        self._open: _Bin | None = None
+        self._last_s = -np.inf
+
+    def step(self, scans: Scans) -> PatternChanges:
+        """Changes of the scans that follow those of the last call."""
+        shape = scans.contact.shape
+        touching, values = np.zeros(shape, dtype=np.bool_), np.full((4, *shape), np.nan)
+        changes = PatternChanges(scans.t_s, np.full(len(scans), np.nan), touching, *values)
+        for scan, t_s in enumerate(scans.t_s.tolist()):
+            if self._completed(scans, scan, t_s) and len(self._bins) == self._bins.maxlen:
+                centre = self._bins[BEFORE_BINS]
+                changes.centre_s[scan], touching[scan] = centre.since_s, centre.touching
+                self._compare(scans.noise, values[:, scan])
+        return changes
+
+    def _completed(self, scans: Scans, scan: int, t_s: float) -> bool:
+        """Add a scan to the open bin; whether that completes it."""
+        step_s, self._last_s = t_s - self._last_s, t_s
+        if step_s > _LONGEST_BIN_S:
+            self._bins.clear()
+            self._open = None
+        pressure, touching, whole = scans.pressure[scan], scans.contact[scan], scans.complete[scan]
+        if self._open is None:
+            self._open = _Bin(t_s, pressure.copy(), touching, whole)
+        else:
+            self._open.pressure += pressure
+            self._open.touching = self._open.touching & touching
+            self._open.whole = self._open.whole & whole
+            self._open.scans += 1
+        if t_s - self._open.since_s + 1.5 * min(step_s, _LONGEST_BIN_S) < BIN_S:
+            return False
+        self._bins.append(self._open)
+        self._open = None
+        return True
+
+    def _compare(self, noise: Floats, found: Floats) -> None:
+        """Fill in (4, pads): unexplained, noise, rise and stirred. noise: (entries,)."""
+        bins = list(self._bins)
+        valid = np.logical_and.reduce([one.touching & one.whole for one in bins])
+        if not valid.any():
+            return
+        old, old_scans = _mean(bins[:BEFORE_BINS])
+        new, new_scans = _mean(bins[BEFORE_BINS + 1 :])
+        live = noise**2 * ((old != 0) | (new != 0)) * (1 / old_scans + 1 / new_scans)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            products = np.concatenate(
+                [
+                    old * old * self._basis,
+                    old * new * self._basis[:3],
+                    np.maximum(old, 0.0) * self._extent,
+                    [new, new * new, live, live > 0],
+                ]
+            )
+            sums = np.add.reduceat(products, self._starts, axis=1)
+            loaded, tilted = _explained(sums[:6], sums[6:9])
+            load, x, y, square, power, variance, taxels = sums[[9, 10, 11, 12, 14, 15, 16]]
+            rise = np.log(np.maximum(sums[13], 0.0) / load)
+            creep = 0.5 * self._creep_m**2 / (0.5 * (square - (x * x + y * y) / load) / load)  # of a Gaussian pattern
+            unexplained, noise_power = np.maximum(1 - tilted / power, 0.0), variance / power
+            stirred = 1 - loaded / power > noise_power * (1 + _STIRRED_SIGMAS * np.sqrt(2 / taxels)) + creep
+            valid &= np.isfinite(unexplained + noise_power + rise)
+        found[:3] = np.where(valid, (unexplained, noise_power, rise), np.nan)
+        found[3] = np.where(valid & (np.abs(rise) < STEADY_RISE), stirred, np.nan)
+
+
+def _mean(bins: list[_Bin]) -> tuple[Floats, int]:
+    """Mean pattern of some bins, and the number of its scans."""
+    scans = sum(one.scans for one in bins)
+    total = bins[0].pressure
+    for one in bins[1:]:
+        total = total + one.pressure
+    return total / scans, scans
+
+
+def _explained(squares: Floats, products: Floats) -> tuple[Floats, Floats]:
+    """(pads,), power of the new pattern that its load explains, and load and tilt together.
+
+    squares: (6, pads), sums of q^2 times 1, x, y, xx, xy, yy. products: (3, pads), of q y times 1, x, y. Centre and
+    unit of the places do not matter.
+    """
+    normal = squares[_SYMMETRIC].transpose(2, 0, 1)
+    normal = normal + (_RIDGE * squares[0] + 1e-300)[:, np.newaxis, np.newaxis] * np.eye(3)
+    score = products.T[..., np.newaxis]
+    tilted = (score * np.linalg.solve(normal, score)).sum(axis=(1, 2))
+    return products[0] ** 2 / squares[0], tilted

@@ -1,0 +1,108 @@
+"""The slip stage: the pose's detector and the patterns' evidence side by side, and one verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from taxelflow.messages import Bools, Event, Floats, cut, joined
+from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
+from taxelflow.slip.offline import OfflineSlipSession
+from taxelflow.slip.pattern_change import PatternChanges, PatternWatch
+from taxelflow.slip.session import SlipSession
+from taxelflow.slip.verdict import Verdict
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Scans, Slips
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.slip.measurement import Parameters
+
+Block = TypeVar("Block", Odds, PatternChanges)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """The oldest scans that are judged. slipping: (scans, pads). evidence: (scans, pads), log odds of a slip by the
+    change of the pattern; NaN where unknown. events: of these scans, in time order.
+    """
+
+    slipping: Bools
+    evidence: Floats
+    events: list[Event]
+
+    def __len__(self) -> int:
+        return len(self.slipping)
+
+
+class SlipStage:
+    """Slips of all pads. `see` gets the scans, `step` their slips, which may come later."""
+
+    def __init__(self, layout: Layout, parameters: Parameters, creep_m_s: float, *, stream: bool) -> None:
+        pads = layout.pads
+        self._watch = PatternWatch(layout, creep_m_s, LIVE_AFTER_BINS if stream else AFTER_BINS)
+        self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)
+        self._odds = LiveOdds(len(pads)) if stream else OfflineOdds(len(pads))
+        self._verdict = Verdict(pads)
+        self._changes: list[PatternChanges] = []
+        self._slips: list[Slips] = []  # not judged yet
+        self._posed: list[Bools] = []  # slipping by the pose, of scans that are not judged yet
+        self._events: list[Event] = []
+
+    @property
+    def scatter(self) -> Floats:
+        """(pads,), see `SlipSession.scatter`."""
+        return self._detector.scatter
+
+    def see(self, scans: Scans) -> None:
+        """Compare the patterns of scans, whose slips follow."""
+        self._changes.append(self._watch.step(scans))
+
+    def step(self, slips: Slips) -> Judged:
+        """Judge scans that were seen, which follow those of the last call."""
+        self._slips.append(slips)
+        return self._judge(*self._detector.step(slips), last=False)
+
+    def finish(self) -> Judged:
+        """The scans that `step` has held back."""
+        return self._judge(*self._detector.finish(), last=True)
+
+    def _judge(self, posed: Bools, events: list[Event], *, last: bool) -> Judged:
+        self._posed.append(posed)
+        self._events += events
+        parts = []
+        if len(posed):
+            parts.append(self._odds.step(posed, self._taken(len(posed))))
+        if last:
+            parts.append(self._odds.finish())
+        count = sum(map(len, parts))
+        if not count:
+            return Judged(posed[:0], np.empty((0, *posed.shape[1:])), [])
+        odds = parts[0] if len(parts) == 1 else _joined(parts, Odds)
+        slips = joined(self._slips)
+        flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
+        left = len(slips) > count  # a stream holds nothing back, and copies nothing
+        self._slips = [cut(slips, count, len(slips))] if left else []
+        self._posed = [flags[count:]] if len(flags) > count else []
+        slips = cut(slips, 0, count) if left else slips
+        due = [event for event in self._events if event.t_s <= slips.t_s[-1]]
+        self._events = self._events[len(due) :]
+        slipping, found = self._verdict.step(slips, flags[:count], due, odds)
+        return Judged(slipping, odds.log_odds, found)
+
+    def _taken(self, count: int) -> PatternChanges:
+        """The oldest changes, of so many scans."""
+        whole = self._changes[0] if len(self._changes) == 1 else _joined(self._changes, PatternChanges)
+        if len(whole) == count:
+            self._changes = []
+            return whole
+        arrays = [getattr(whole, field.name) for field in fields(whole)]
+        self._changes = [PatternChanges(*(array[count:] for array in arrays))]
+        return PatternChanges(*(array[:count] for array in arrays))
+
+
+def _joined(parts: list[Block], kind: type[Block]) -> Block:
+    """Blocks of consecutive scans as one."""
+    names = [field.name for field in fields(kind)]
+    return kind(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))

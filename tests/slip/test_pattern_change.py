@@ -1,0 +1,133 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from restless import SENSOR, held, slide, texture, tilt
+from synthetic import grid_sensor, scans_of
+from taxelflow import api
+from taxelflow.messages import cut
+from taxelflow.slip.evidence import GROWTH, log_likelihood_ratio
+from taxelflow.slip.pattern_change import BEFORE_BINS, PatternChanges, PatternWatch
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats, Scans
+
+AFTER = 2
+CREEP_M_S = 1e-4
+
+
+def compared(scans: Scans, after: int = AFTER) -> PatternChanges:
+    return PatternWatch(SENSOR.layout, CREEP_M_S, after).step(scans)
+
+
+def ratios(changes: PatternChanges) -> Floats:
+    """(scans, pads), log likelihood ratio of a contact not known yet."""
+    growth = np.full(changes.rise.shape, GROWTH)
+    return log_likelihood_ratio(changes.unexplained, changes.noise, changes.rise, growth)
+
+
+def touched(pressure: Floats, rate_hz: float = 10.0, noise: float = 100.0) -> Scans:
+    """Scans in contact throughout, without noise in them."""
+    scans = scans_of(SENSOR, pressure, noise=noise)
+    always = np.ones_like(scans.contact)
+    return replace(scans, t_s=np.arange(len(pressure)) / rate_hz, contact=always, complete=always)
+
+
+@given(st.floats(-0.2, 0.2), st.floats(-0.5, 0.5), st.floats(0.8, 1.2))
+def test_load_and_tilt_are_explained_whatever_they_are(along: float, across: float, gain: float) -> None:
+    layout, pattern = SENSOR.layout, texture(np.zeros(5))
+    pattern[3:] *= gain * (1 + (along * layout.x_m + across * layout.y_m) / 0.02)
+    changes = compared(touched(pattern))
+    assert ratios(changes)[4, 0] < -2
+
+
+@given(st.floats(0.003, 0.01), st.sampled_from([1.0, -1.0]))
+def test_a_shift_of_a_textured_object_is_not(way_m: float, side: float) -> None:
+    changes = compared(touched(texture(side * way_m * np.array([0, 0, 0, 1, 1.0]))))
+    assert ratios(changes)[4, 0] > 0
+
+
+def test_scale_does_not_matter() -> None:
+    pattern = texture(slide()) * tilt(np.arange(len(slide())) / 10.0, 0.2)
+    one, other = compared(touched(pattern)), compared(touched(7.0 * pattern, noise=700.0))
+    np.testing.assert_allclose(ratios(one), ratios(other), rtol=1e-6)
+
+
+def test_noise_stirs_nothing_but_tilt_does() -> None:
+    shares = []
+    for tilted in (0.0, 0.2):
+        stirred = compared(api.conditioned(held(np.zeros(200), tilted))).stirred
+        shares.append(np.nanmean(stirred))
+    assert shares[0] < 0.08
+    assert shares[1] > 0.5
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 31.0, 100.0, 400.0])
+def test_bins_are_of_a_tenth_of_a_second_at_any_rate(rate_hz: float) -> None:
+    scans = touched(texture(np.zeros(round(5 * rate_hz))), rate_hz)
+    found = np.flatnonzero(np.isfinite(compared(scans).centre_s))
+    assert len(found) == pytest.approx(50 - BEFORE_BINS - AFTER, abs=5)
+
+
+def test_the_judged_bin_lies_before_those_after_it() -> None:
+    changes = compared(touched(texture(np.zeros(20))), after=1)
+    done = np.isfinite(changes.centre_s)
+    assert changes.t_s[done] - changes.centre_s[done] == pytest.approx(0.1)
+
+
+def test_a_contact_that_begins_has_no_evidence_yet() -> None:
+    scans = touched(texture(np.zeros(20)))
+    scans.contact[:10] = False
+    changes = compared(scans)
+    assert np.isnan(changes.unexplained[:14]).all()
+    assert np.isfinite(changes.unexplained[14:]).all()
+    assert changes.touching[11:, 0].tolist() == [False] + [True] * 8
+
+
+def test_a_missing_taxel_is_no_change() -> None:
+    scans = touched(texture(np.zeros(20)))
+    scans.pressure[10, 14], scans.complete[10] = 0.0, False
+    changes = compared(scans)
+    assert np.isnan(changes.unexplained[10:15]).all()
+    assert (ratios(changes)[15:] < 0).all()
+
+
+def test_patterns_are_not_compared_across_a_gap() -> None:
+    scans = touched(texture(np.repeat([0.0, 0.01], 10)))
+    scans = replace(scans, t_s=scans.t_s + np.repeat([0.0, 2.0], 10))
+    assert not (ratios(compared(scans)) > 0).any()
+
+
+@given(st.lists(st.integers(1, 60), max_size=6))
+def test_the_blocks_do_not_matter(sizes: list[int]) -> None:
+    scans = touched(texture(slide(31.0)), 31.0)
+    whole, watch = compared(scans), PatternWatch(SENSOR.layout, CREEP_M_S, AFTER)
+    edges = [0, *(edge for edge in np.cumsum(sizes).tolist() if edge < len(scans)), len(scans)]
+    parts = [watch.step(cut(scans, start, stop)) for start, stop in pairwise(edges)]
+    for name in ("centre_s", "touching", "unexplained", "noise", "rise", "stirred"):
+        np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in parts]), getattr(whole, name))
+
+
+def test_each_pad_has_its_own() -> None:
+    sensor = grid_sensor(6, 6, pads=2, pitch_m=(0.005, 0.005))
+    still, moved = texture(np.zeros(20)), texture(np.linspace(0, 0.02, 20))
+    pressure = np.concatenate([still, moved], axis=1)
+    scans = scans_of(sensor, pressure, noise=100.0)
+    scans = replace(scans, contact=np.ones_like(scans.contact), complete=np.ones_like(scans.complete))
+    ratio = ratios(PatternWatch(sensor.layout, CREEP_M_S, AFTER).step(scans))[10]
+    assert ratio[0] < 0 < ratio[1]
+
+
+def test_wild_readings_warn_of_nothing() -> None:
+    pattern = texture(np.zeros(20))
+    pattern[10, 3] = 1e300
+    ratio = ratios(compared(touched(pattern)))[:, 0]
+    assert np.isnan(ratio[[10, 11, 13, 14]]).all()
+    assert (ratio[15:] < 0).all()

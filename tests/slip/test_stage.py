@@ -1,0 +1,133 @@
+"""The slip stage as a whole: poses and patterns of one recording, in a stream and in a batch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from restless import held, slide
+from taxelflow import api
+from taxelflow.estimation.completion import start_slips
+from taxelflow.messages import cut, joined
+from taxelflow.slip.parameters import SlipMonitor
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording
+    from taxelflow.api import Result
+    from taxelflow.estimation.base import Mode
+    from taxelflow.messages import Bools, Floats, Slips
+
+both = pytest.mark.parametrize("mode", ["batch", "stream"])
+
+
+def moving(result: Result, x_m: Floats, rate_hz: float = 10.0) -> Bools:
+    """(scans,), whether the object moves in truth."""
+    moves = np.diff(x_m, prepend=x_m[0]) != 0
+    before = round(2 * rate_hz)
+    flags = np.zeros(before + len(x_m) + round(rate_hz), dtype=np.bool_)
+    flags[before : before + len(x_m)] = moves
+    return flags[len(flags) - len(result.slips) :] if len(flags) != len(result.slips) else flags
+
+
+@both
+def test_an_object_that_only_tilts_does_not_slip(mode: Mode) -> None:
+    result = api.estimate(held(np.zeros(300)), mode=mode)
+    settled = result.slips.t_s > 4.0  # a second until the skin is known
+    assert result.slipping[settled].mean() < 0.02
+    assert result.slips.contact[settled].mean() > 0.8
+
+
+@both
+def test_what_only_the_pose_takes_for_a_slip_is_suspected(mode: Mode) -> None:
+    result = api.estimate(held(np.zeros(300), tilted=0.25), mode=mode)
+    kinds = [event.event for event in result.events if event.t_s > 4.0]
+    assert "slip_suspected" in kinds
+    assert "slip_start" not in kinds
+    (first, *_) = (event for event in result.events if event.event == "slip_suspected")
+    assert first.speed_m_s > 0
+    assert first.quality
+    all_kinds = [event.event for event in result.events]
+    assert result.summary.events["slip_suspected"] == all_kinds.count("slip_suspected")
+
+
+@both
+def test_a_slide_on_a_restless_skin_is_found(mode: Mode) -> None:
+    x_m = slide()
+    result = api.estimate(held(x_m), mode=mode)
+    true = moving(result, x_m)
+    called = result.slipping[:, 0]
+    assert (called & true).sum() > 0.7 * true.sum()
+    assert (called & ~true)[result.slips.t_s > 4.0].sum() <= 5
+    assert np.nanmax(result.evidence[true]) > 1
+    start, stop = (event for event in result.events if event.event in ("slip_start", "slip_stop") and event.t_s > 4.0)
+    assert (start.event, stop.event) == ("slip_start", "slip_stop")
+    assert start.onset_s == pytest.approx(10.0, abs=0.4)
+    assert stop.direction_rad == pytest.approx(0.0, abs=0.3)
+
+
+@both
+def test_where_nothing_stirs_the_pose_decides(mode: Mode) -> None:
+    recording = held(slide(100.0), tilted=0.0, rate_hz=100.0)
+    result = api.estimate(recording, mode=mode)
+    monitor = SlipMonitor()
+    watch = (monitor.begin if mode == "stream" else monitor.look_back)(recording.layout.pads)
+    (slipping, events), (rest, last) = watch.step(result.slips), watch.finish()
+    np.testing.assert_array_equal(result.slipping, np.concatenate([slipping, rest]))
+    bare = [replace(event, evidence=nan, quality="") for event in result.events]
+    assert bare == [*events, *last]
+
+
+@both
+def test_the_blocks_do_not_matter(mode: Mode) -> None:
+    recording = held(slide())
+    scans = api.conditioned(recording)
+    slips = _slips(recording, mode)
+    found = []
+    for size in (1, 7, len(scans)):
+        stage = SlipMonitor().watch(recording.layout, stream=mode == "stream")
+        parts = []
+        for start in range(0, len(scans), size):
+            block = cut(scans, start, min(start + size, len(scans)))
+            stage.see(block)
+            parts.append(stage.step(cut(slips, start, start + len(block))))
+        parts.append(stage.finish())
+        assert sum(map(len, parts)) == len(scans)
+        found.append(
+            (
+                np.concatenate([part.slipping for part in parts]),
+                np.concatenate([part.evidence for part in parts]),
+                [event for part in parts for event in part.events],
+            )
+        )
+    for slipping, evidence, events in found[1:]:
+        np.testing.assert_array_equal(slipping, found[0][0])
+        np.testing.assert_array_equal(evidence, found[0][1])
+        assert repr(events) == repr(found[0][2])
+
+
+def _slips(recording: Recording, mode: Mode) -> Slips:
+    session = start_slips(api.estimator("convolution"), recording.layout, mode)
+    scans = api.conditioned(recording)
+    return joined([session.step(scans), session.finish()])
+
+
+@both
+def test_starts_and_stops_alternate_and_agree_with_the_flags(mode: Mode) -> None:
+    result = api.estimate(held(slide(), tilted=0.25, seed=3), mode=mode)
+    own = [event for event in result.events if event.event in ("slip_start", "slip_stop")]
+    assert [event.event for event in own] == ["slip_start", "slip_stop"] * (len(own) // 2)
+    told = np.zeros(len(result.slips), dtype=np.int64)
+    for event in own:
+        told[int(np.searchsorted(result.slips.t_s, event.t_s))] += 1 if event.event == "slip_start" else -1
+    np.testing.assert_array_equal(np.cumsum(told) > 0, result.slipping[:, 0])
+
+
+def test_a_result_has_evidence_of_every_scan_in_contact_but_the_first() -> None:
+    result = api.estimate(held(np.zeros(100)))
+    contact = np.flatnonzero(result.slips.contact[:, 0])
+    assert np.isfinite(result.evidence[contact[5:], 0]).all()
+    assert np.isnan(result.evidence[: contact[0] - 3, 0]).all()
