@@ -190,10 +190,10 @@ def grasps(pad: int, *, least: float = 0.0, most: float = 50e3, radius_m: float 
 
 
 def untouched(values: Floats, pad: int, mode: str = "batch") -> bool:
-    """The pad's readings pass through as they are."""
-    scans, session = conditioned(values, STREAM if mode == "stream" else PADS, mode=mode)
-    assert session.baseline is not None
-    return not session.baseline.tared[pad] and bool(np.array_equal(scans.pressure[:, OF[pad]], values[:, OF[pad]]))
+    """The pad's readings pass through, but for what is a few standard deviations of noise, or 2 % of the load."""
+    scans, _ = conditioned(values, STREAM if mode == "stream" else PADS, mode=mode)
+    taken = values[:, OF[pad]] - scans.pressure[:, OF[pad]]
+    return bool(np.abs(taken).max() < max(3 * 20.0, 0.02 * values[:, OF[pad]].max()))
 
 
 @pytest.mark.parametrize("spread", [0.0, 300.0, 1500.0])
