@@ -27,8 +27,9 @@ if TYPE_CHECKING:
 class Baseline:
     """What a session knows of its sensor, in SI units.
 
-    offset, noise: (taxels,), of readings before any filter. offset_std: (taxels,), standard deviation of what the offset
-    may be off; inf where nothing is known of it. known: (taxels,), whether the offset is from the taxel's own scans.
+    offset, noise: (taxels,), of readings before any filter. offset_std: (taxels,), standard deviation of what the
+    offset may be off; inf where nothing is known of it. known: (taxels,), whether the offset is from the taxel's own
+    scans.
     tared: (pads,), whether any is; groups left out. masked: (taxels,), declared off, without any reading, or masked by
     option. findings: faulty taxels, masked or not.
     """
@@ -71,7 +72,10 @@ def update_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sampl
 def _with_offsets(
     parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline, *, causal: bool
 ) -> Baseline:
-    """The baseline with the offsets found that it does not know; those that it knows stay."""
+    """The baseline with the offsets found that it does not know; those that it knows stay.
+
+    So do those that would change by less than the noise: a new offset interrupts the motion of its pad.
+    """
     layout, windows = sensor.layout, sample.windows
     if parameters.tare == "none" or not len(windows) or (before.known | before.masked).all():
         return before
@@ -98,9 +102,9 @@ def _with_offsets(
                 cut=cut,
             )
         if found is not None:
-            new = ~known[own]
+            new = ~known[own] & ~(tared[pad] & (np.abs(found.offset - offset[own]) <= before.noise[own]))
             offset[own], std[own] = np.where(new, found.offset, offset[own]), np.where(new, found.std, std[own])
-            known[own] |= found.known
+            known[own] |= found.known & new
             tared[pad] = True
     if np.array_equal(offset, before.offset):
         offset = before.offset

@@ -190,9 +190,7 @@ def _independent(far: Floats) -> Bools:
     return independent
 
 
-def _steady_likelihood(
-    live: Floats, grid: Floats, bottom: float, pads: NDArray[np.int64]
-) -> tuple[Floats, Floats]:
+def _steady_likelihood(live: Floats, grid: Floats, bottom: float, pads: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """(taxels, grid), logarithm, by the second differences of windows; and the weight (taxels, 1) that makes all taxels
     of a pad count like one: they move together.
     """

@@ -35,7 +35,9 @@ MIN_NEIGHBOUR_PAIRS = 8
 _MAD_TO_SIGMA = 1.4826
 """Standard deviation of normal numbers over their median absolute deviation."""
 MAX_CLIPPED_SHARE = 0.02
-"""Where a larger share of a pad's readings is clipped, their mean is above the offset: the likelihood takes its place."""
+"""Where a larger share of a pad's readings is clipped, their mean is above the offset: a likelihood gives it."""
+MAX_CLIPPED_WINDOWS = 64
+"""Windows that are enough for it, where a pad has been idle."""
 MIN_IDLE_SCANS = 3.0
 """Unloaded scans from which a taxel's offset is known: fewer may be a light load that just pauses."""
 MIN_KNOWN_SHARE = 1 / 3
@@ -136,8 +138,8 @@ def find_offsets(
     mean = estimate_offset(windows, noise, masked, neighbours, reference)
     if mean is not None and (windows <= cut).mean() < MAX_CLIPPED_SHARE:
         return Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
-    flat = windows.reshape(-1, windows.shape[2])
-    found = rest_offset(flat, noise, masked, near, neighbours, reference, cut)
+    some = windows if mean is None else windows[:: 1 + len(windows) // MAX_CLIPPED_WINDOWS]
+    found = rest_offset(some.reshape(-1, windows.shape[2]), noise, masked, near, neighbours, reference, cut)
     if found is None and mean is not None:
         return Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
     return found
@@ -176,7 +178,9 @@ def rest_offset(
     beside = find_rest(np.where(live & np.isfinite(readings), readings, np.nan), sigma, cut, reach)
     near_idle = ~known & live & (beside.unloaded.sum(axis=0) >= 1.0)
     near_idle &= np.abs(beside.level - middle) <= LIKELY_SPREADS * spread
-    near_idle &= np.max(readings, axis=0, initial=-np.inf, where=np.isfinite(readings)) > middle + LOADED_SIGMAS * spread
+    near_idle &= (
+        np.max(readings, axis=0, initial=-np.inf, where=np.isfinite(readings)) > middle + LOADED_SIGMAS * spread
+    )
     offset = np.where(known, level, np.where(near_idle, np.maximum(beside.level, lowest), middle))
     std = np.where(known, std, np.where(near_idle, np.minimum(np.maximum(0.5 * spread, std), spread), spread))
     return Offsets(np.where(live, offset, 0.0), np.where(live, std, 0.0), known)
