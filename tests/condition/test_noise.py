@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from synthetic import dome, grid_sensor
 from taxelflow.condition import noise
 from taxelflow.condition.noise import noise_floor
+from taxelflow.condition.resting import near_taxels
 from taxelflow.condition.sample import WINDOW_SCANS
 
 if TYPE_CHECKING:
@@ -121,3 +123,58 @@ def test_the_floor_is_the_step_of_a_converter_over_root_twelve() -> None:
 
 def test_the_floor_of_few_distinct_values_takes_none_of_them_for_a_step() -> None:
     assert noise_floor(np.array([0.0, 1000.0, 3000.0])) < 10
+
+
+# Recordings without idle scans
+
+GRID = grid_sensor(6, 6)
+PADS = np.zeros(36, dtype=np.int64)
+UNMASKED = np.zeros(36, dtype=np.bool_)
+
+
+def of_grid(readings: Floats, windows: int = 2) -> Floats:
+    shaped = readings[: windows * WINDOW_SCANS].reshape(windows, WINDOW_SCANS, 36)
+    return noise.estimate_noise(shaped, UNMASKED, PADS, near_taxels(GRID.layout))
+
+
+def passing(scans: int, per_scan_m: float) -> Floats:
+    """(scans, 36) of a contact that moves all the time, back and forth."""
+    x = 0.02 * np.sin(np.arange(scans) * per_scan_m / 0.02)
+    return np.array([dome(GRID, place, radius_m=0.007) for place in x])
+
+
+@pytest.mark.parametrize("offset", [0.0, 2000.0])
+@pytest.mark.parametrize("per_scan_m", [0.0036, 0.0072])
+@pytest.mark.parametrize("sigma", [250.0, 750.0, 2000.0])
+def test_an_object_that_moves_in_all_of_24_scans_is_no_noise(sigma: float, per_scan_m: float, offset: float) -> None:
+    drawn = np.random.default_rng(0).normal(0, sigma, (24, 36))
+    readings = 137.0 * np.round(np.maximum(passing(24, per_scan_m) + offset + drawn, 0) / 137.0)
+    assert np.median(of_grid(readings)) == pytest.approx(sigma, rel=0.25)
+
+
+def test_light_loads_that_come_and_go_on_a_clipped_sensor_are_no_noise() -> None:
+    """It reads exactly 0 while idle, and a load of a few hundred shows a noise of 4."""
+    random = np.random.default_rng(0)
+    held = np.repeat(random.uniform(0, 400, (8, 36)) * (random.random((8, 36)) < 0.3), 24, axis=0)
+    readings = np.where(held > 0, np.round(held + random.normal(0, 4, held.shape)), 0.0)
+    assert np.median(of_grid(readings, 16)) == pytest.approx(4.0, rel=0.3)
+
+
+def test_scans_that_a_logger_repeats_do_not_make_the_noise_small() -> None:
+    drawn = np.round(20e3 + np.random.default_rng(0).normal(0, 30, (40, 36)))
+    assert np.median(of_grid(np.repeat(drawn, 3, axis=0), 10)) == pytest.approx(30.0, rel=0.2)
+
+
+def test_a_taxel_that_shows_nothing_has_the_noise_of_its_pad() -> None:
+    readings = 20e3 + np.random.default_rng(0).normal(0, 100, (240, 36))
+    readings[:, 7] = np.where(np.arange(240) < 237, np.nan, 20e3)
+    found = of_grid(readings, 20)
+    assert found[7] == pytest.approx(np.median(found), rel=0.1)
+
+
+def test_a_noisy_taxel_keeps_its_own() -> None:
+    drawn = np.random.default_rng(0).normal(0, 100, (240, 36))
+    drawn[:, 7] *= 10
+    found = of_grid(20e3 + drawn, 20)
+    assert found[7] == pytest.approx(1000, rel=0.25)
+    assert np.delete(found, 7) == pytest.approx(np.full(35, 100.0), rel=0.25)

@@ -228,6 +228,7 @@ def _window_variances(live: Floats, bottom: float) -> tuple[Floats, Floats, Bool
         saturated = np.isposinf(live).mean(axis=1) >= _MAX_CLIPPED_SHARE
         about_line = _variance_about_line(live)
     usable = (count >= enough) & ~clipped & ~saturated & np.isfinite(variance)
+    usable &= variance > 0  # constant: clipped above a lowest glitch, stuck, or quieter than the step
     return np.where(usable, variance, np.nan), _DOF_SHARE * count, about_line <= _MAX_LINE_RATIO * variance
 
 
