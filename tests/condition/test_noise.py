@@ -156,7 +156,7 @@ def test_light_loads_that_come_and_go_on_a_clipped_sensor_are_no_noise() -> None
     """It reads exactly 0 while idle, and a load of a few hundred shows a noise of 4."""
     random = np.random.default_rng(0)
     held = np.repeat(random.uniform(0, 400, (8, 36)) * (random.random((8, 36)) < 0.3), 24, axis=0)
-    readings = np.where(held > 0, np.round(held + random.normal(0, 4, held.shape)), 0.0)
+    readings = np.where(held > 0, np.round(np.maximum(held + random.normal(0, 4, held.shape), 0)), 0.0)
     assert np.median(of_grid(readings, 16)) == pytest.approx(4.0, rel=0.3)
 
 
