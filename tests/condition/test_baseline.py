@@ -45,12 +45,20 @@ def test_without_idle_scans_there_is_no_offset() -> None:
     assert not found.offset.any()
 
 
-def test_a_stream_knows_no_largest_reading_to_compare_an_offset_with() -> None:
+def test_a_stream_is_tared_whether_or_not_a_full_scale_is_declared() -> None:
     values = noisy() + 1000.0
     values[120:] += dome(PALM)
     assert baseline(values).tared.all()
-    assert not baseline(values[:12], causal=True).tared.any()
-    assert baseline(values[:12], sensor=grid_sensor(4, 7, full_scale=140e3), causal=True).tared.all()
+    for sensor in (PALM, grid_sensor(4, 7, full_scale=140e3)):
+        found = baseline(values[:12], sensor=sensor, causal=True)
+        assert found.known.all()
+        np.testing.assert_allclose(found.offset, 1000.0, atol=6 * 100 / 12**0.5)
+
+
+def test_a_stream_against_a_full_scale_takes_no_large_offset_away() -> None:
+    values = noisy()[:12] + 20e3
+    assert baseline(values, causal=True).tared.all()
+    assert not baseline(values, sensor=grid_sensor(4, 7, full_scale=140e3), causal=True).tared.any()
 
 
 @pytest.mark.parametrize(("tare", "offset"), [("none", 0.0), ("start", 5000.0)])

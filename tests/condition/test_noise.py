@@ -5,13 +5,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from taxelflow.condition.noise import estimate_noise, noise_floor
+from synthetic import dome, grid_sensor
+from taxelflow.condition import noise
+from taxelflow.condition.noise import noise_floor
+from taxelflow.condition.resting import near_taxels
 from taxelflow.condition.sample import WINDOW_SCANS
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
 
 LIVE = np.zeros(20, dtype=np.bool_)
+
+
+def estimate_noise(windows: Floats, masked: Bools, **known: float) -> Floats:
+    """Of a pad that is a line of taxels."""
+    taxels = np.arange(len(masked))
+    near = np.stack([np.maximum(taxels - 1, 0), np.minimum(taxels + 1, len(masked) - 1)], axis=1)
+    return noise.estimate_noise(windows, masked, np.zeros_like(taxels), near, **known)
 
 
 def normal(windows: int, sigma: float | Floats = 100.0, taxels: int = 20, seed: int = 0) -> Floats:
@@ -23,8 +33,8 @@ def normal(windows: int, sigma: float | Floats = 100.0, taxels: int = 20, seed: 
 @pytest.mark.parametrize("sigma", [20.0, 100.0, 1500.0])
 @pytest.mark.parametrize("windows", [1, 3, 5])
 def test_normal_noise_is_recovered_from_a_few_windows_by_pooling_taxels(windows: int, sigma: float) -> None:
-    noise = estimate_noise(normal(windows, sigma), LIVE)
-    assert np.median(noise) == pytest.approx(sigma, rel=0.15)
+    found = estimate_noise(normal(windows, sigma), LIVE)
+    assert np.median(found) == pytest.approx(sigma, rel=0.15)
 
 
 def test_normal_noise_is_recovered_for_each_taxel_from_many_windows() -> None:
@@ -41,15 +51,15 @@ def test_an_object_that_moves_most_of_the_time_does_not_inflate_the_noise() -> N
     windows = normal(200)
     moving = 10e3 * np.sin(np.arange(WINDOW_SCANS) * 1.3)[:, np.newaxis]
     windows[:140] += moving
-    noise = estimate_noise(windows, LIVE)
-    assert 100 * 0.85 < np.median(noise) < 100 * 1.6
+    found = estimate_noise(windows, LIVE)
+    assert 100 * 0.85 < np.median(found) < 100 * 1.6
 
 
 def test_taxels_clipped_to_zero_have_a_floor_and_no_zero_noise() -> None:
     windows = np.zeros((50, WINDOW_SCANS, 20))
     windows[:, :, 0] = np.round(np.random.default_rng(0).uniform(0, 3000, (50, WINDOW_SCANS)))
-    noise = estimate_noise(windows, LIVE)
-    assert (noise >= 1 / 12**0.5).all()
+    found = estimate_noise(windows, LIVE)
+    assert (found >= 1 / 12**0.5).all()
 
 
 def test_noise_half_hidden_by_clipping_is_learned_under_load() -> None:
@@ -73,9 +83,9 @@ def test_constant_readings_still_have_a_noise() -> None:
 
 def test_masked_taxels_have_none() -> None:
     masked = np.arange(20) % 3 == 0
-    noise = estimate_noise(normal(50), masked)
-    assert (noise[masked] == 0).all()
-    assert (noise[~masked] > 0).all()
+    found = estimate_noise(normal(50), masked)
+    assert (found[masked] == 0).all()
+    assert (found[~masked] > 0).all()
 
 
 def test_what_a_masked_taxel_reads_does_not_matter() -> None:
@@ -113,3 +123,58 @@ def test_the_floor_is_the_step_of_a_converter_over_root_twelve() -> None:
 
 def test_the_floor_of_few_distinct_values_takes_none_of_them_for_a_step() -> None:
     assert noise_floor(np.array([0.0, 1000.0, 3000.0])) < 10
+
+
+# Recordings without idle scans
+
+GRID = grid_sensor(6, 6)
+PADS = np.zeros(36, dtype=np.int64)
+UNMASKED = np.zeros(36, dtype=np.bool_)
+
+
+def of_grid(readings: Floats, windows: int = 2) -> Floats:
+    shaped = readings[: windows * WINDOW_SCANS].reshape(windows, WINDOW_SCANS, 36)
+    return noise.estimate_noise(shaped, UNMASKED, PADS, near_taxels(GRID.layout))
+
+
+def passing(scans: int, per_scan_m: float) -> Floats:
+    """(scans, 36) of a contact that moves all the time, back and forth."""
+    x = 0.02 * np.sin(np.arange(scans) * per_scan_m / 0.02)
+    return np.array([dome(GRID, place, radius_m=0.007) for place in x])
+
+
+@pytest.mark.parametrize("offset", [0.0, 2000.0])
+@pytest.mark.parametrize("per_scan_m", [0.0036, 0.0072])
+@pytest.mark.parametrize("sigma", [250.0, 750.0, 2000.0])
+def test_an_object_that_moves_in_all_of_24_scans_is_no_noise(sigma: float, per_scan_m: float, offset: float) -> None:
+    drawn = np.random.default_rng(0).normal(0, sigma, (24, 36))
+    readings = 137.0 * np.round(np.maximum(passing(24, per_scan_m) + offset + drawn, 0) / 137.0)
+    assert np.median(of_grid(readings)) == pytest.approx(sigma, rel=0.25)
+
+
+def test_light_loads_that_come_and_go_on_a_clipped_sensor_are_no_noise() -> None:
+    """It reads exactly 0 while idle, and a load of a few hundred shows a noise of 4."""
+    random = np.random.default_rng(0)
+    held = np.repeat(random.uniform(0, 400, (8, 36)) * (random.random((8, 36)) < 0.3), 24, axis=0)
+    readings = np.where(held > 0, np.round(np.maximum(held + random.normal(0, 4, held.shape), 0)), 0.0)
+    assert np.median(of_grid(readings, 16)) == pytest.approx(4.0, rel=0.3)
+
+
+def test_scans_that_a_logger_repeats_do_not_make_the_noise_small() -> None:
+    drawn = np.round(20e3 + np.random.default_rng(0).normal(0, 30, (40, 36)))
+    assert np.median(of_grid(np.repeat(drawn, 3, axis=0), 10)) == pytest.approx(30.0, rel=0.2)
+
+
+def test_a_taxel_that_shows_nothing_has_the_noise_of_its_pad() -> None:
+    readings = 20e3 + np.random.default_rng(0).normal(0, 100, (240, 36))
+    readings[:, 7] = np.where(np.arange(240) < 237, np.nan, 20e3)
+    found = of_grid(readings, 20)
+    assert found[7] == pytest.approx(np.median(found), rel=0.1)
+
+
+def test_a_noisy_taxel_keeps_its_own() -> None:
+    drawn = np.random.default_rng(0).normal(0, 100, (240, 36))
+    drawn[:, 7] *= 10
+    found = of_grid(20e3 + drawn, 20)
+    assert found[7] == pytest.approx(1000, rel=0.25)
+    assert np.delete(found, 7) == pytest.approx(np.full(35, 100.0), rel=0.25)

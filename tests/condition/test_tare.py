@@ -190,10 +190,10 @@ def grasps(pad: int, *, least: float = 0.0, most: float = 50e3, radius_m: float 
 
 
 def untouched(values: Floats, pad: int, mode: str = "batch") -> bool:
-    """The pad's readings pass through as they are."""
-    scans, session = conditioned(values, STREAM if mode == "stream" else PADS, mode=mode)
-    assert session.baseline is not None
-    return not session.baseline.tared[pad] and bool(np.array_equal(scans.pressure[:, OF[pad]], values[:, OF[pad]]))
+    """The pad's readings pass through, but for what is a few standard deviations of noise, or 2 % of the load."""
+    scans, _ = conditioned(values, STREAM if mode == "stream" else PADS, mode=mode)
+    taken = values[:, OF[pad]] - scans.pressure[:, OF[pad]]
+    return bool(np.abs(taken).max() < max(3 * 20.0, 0.02 * values[:, OF[pad]].max()))
 
 
 @pytest.mark.parametrize("spread", [0.0, 300.0, 1500.0])
@@ -363,3 +363,59 @@ def test_an_offset_small_against_full_scale_is_taken_away_even_if_loads_are_ligh
     assert session.baseline is not None
     assert session.baseline.tared.all()
     assert not scans.contact[:30].any()
+
+
+# Without idle windows
+
+STROKE = grid_sensor(5, 8)
+
+
+def stroke(scans: int = 36, sigma: float = 100.0) -> tuple[Floats, Floats]:
+    """Readings of a contact that moves all the time, and the offsets in them."""
+    random = np.random.default_rng(5)
+    bias = random.uniform(1000, 3000, 40)
+    load = np.array([dome(STROKE, x, radius_m=0.006, peak=60e3) for x in np.linspace(-0.035, 0.035, scans)])
+    return load + bias + random.normal(0, sigma, load.shape), bias
+
+
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+def test_taxels_that_are_unloaded_at_any_time_have_the_offset_of_then(mode: str) -> None:
+    values, bias = stroke()
+    _, session = conditioned(values, STROKE, mode=mode)
+    found = session.baseline
+    assert found is not None
+    assert found.tared.all()
+    assert found.known.mean() > 0.5
+    off = found.offset - bias
+    assert np.abs(off[found.known]).max() < 300
+    assert np.sqrt(np.mean(off**2)) < 500
+    assert found.offset_std[found.known].max() < 100
+    assert (found.offset_std[~found.known] > 100).all()
+    assert np.mean(np.abs(off) < 3 * found.offset_std) > 0.9
+
+
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+@pytest.mark.parametrize("idle", [3, 4, 5])
+def test_a_handful_of_idle_scans_is_enough(mode: str, idle: int) -> None:
+    values, bias = stroke(30)
+    resting = bias + np.random.default_rng(6).normal(0, 100, (idle, 40))
+    _, session = conditioned(np.concatenate([resting, values]), STROKE, mode=mode)
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
+    assert np.sqrt(np.mean((session.baseline.offset - bias) ** 2)) < 250
+
+
+def test_a_stream_that_starts_loaded_learns_offsets_once_it_is_released() -> None:
+    values = offset(2000, 800) + noise()
+    values[:30] += dome(PADS, radius_m=0.02) + dome(PADS, radius_m=0.02, pad=1)
+    scans, session = conditioned(values, PADS, mode="stream")
+    assert session.baseline is not None
+    assert session.baseline.tared.all()
+    np.testing.assert_allclose(session.baseline.offset, offset(2000, 800), atol=100)
+    assert not scans.contact[-100:].any()
+
+
+def test_the_mean_of_clipped_readings_is_no_offset() -> None:
+    _, session = conditioned(np.maximum(noise(sigma=100.0), 0.0), PADS)
+    assert session.baseline is not None
+    assert np.abs(session.baseline.offset).max() < 25

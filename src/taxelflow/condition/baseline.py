@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.condition.health import Finding, find_faults
-from taxelflow.condition.noise import MIN_NOISE_SHARE, estimate_noise
-from taxelflow.condition.tare import estimate_offset
+from taxelflow.condition.noise import MIN_NOISE_SHARE, estimate_noise, lowest_reading
+from taxelflow.condition.resting import near_taxels
+from taxelflow.condition.tare import Offsets, find_offsets
 from taxelflow.condition.units import SATURATED_SHARE, full_scale
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Bools, Floats
@@ -26,11 +27,16 @@ if TYPE_CHECKING:
 class Baseline:
     """What a session knows of its sensor, in SI units.
 
-    offset, noise: (taxels,), of readings before any filter. tared: (pads,), groups left out. masked: (taxels,),
-    declared off, without any reading, or masked by option. findings: faulty taxels, masked or not.
+    offset, noise: (taxels,), of readings before any filter. offset_std: (taxels,), standard deviation of what the
+    offset may be off; inf where nothing is known of it. known: (taxels,), whether the offset is from the taxel's own
+    scans.
+    tared: (pads,), whether any is; groups left out. masked: (taxels,), declared off, without any reading, or masked by
+    option. findings: faulty taxels, masked or not.
     """
 
     offset: Floats
+    offset_std: Floats
+    known: Bools
     noise: Floats
     tared: Bools
     masked: Bools
@@ -44,28 +50,65 @@ def estimate_baseline(
     layout, windows = sensor.layout, sample.windows
     silent = ~np.isfinite(windows).any(axis=(0, 1)) if len(windows) else np.zeros(layout.taxels, dtype=np.bool_)
     noise, masked, findings = _noise_and_faults(parameters, sensor, sample, masked | silent)
-    offset = np.zeros(layout.taxels)
-    tared = np.zeros(layout.pad_count, dtype=np.bool_)
-    reference = (sensor.full_scale or 0.0) * sensor.to_si
-    if not causal:  # the largest reading is known only where the future is
-        reference = max(reference, float(np.max(windows, initial=0.0, where=np.isfinite(windows))))
-    for pad in range(layout.pad_count):
-        own = layout.of_pad(pad)
-        if parameters.tare == "none" or masked[own].all() or not len(windows):
-            continue
-        if parameters.tare == "start":
-            found: Floats | None = _known_mean(sample.first[:, own])
-        else:
-            found = estimate_offset(windows[:, :, own], noise[own], masked[own], layout.neighbours(pad), reference)
-        if found is not None:
-            offset[own], tared[pad] = found, True
-    return Baseline(offset, noise, tared, masked, findings)
+    nothing = Baseline(
+        offset=np.zeros(layout.taxels),
+        offset_std=np.where(masked, 0.0, np.inf),
+        known=np.zeros(layout.taxels, dtype=np.bool_),
+        noise=noise,
+        tared=np.zeros(layout.pad_count, dtype=np.bool_),
+        masked=masked,
+        findings=findings,
+    )
+    return _with_offsets(parameters, sensor, sample, nothing, causal=causal)
 
 
 def update_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline) -> Baseline:
-    """The same tare with noise and faults from a larger sample: loaded taxels show their noise only under load."""
+    """The baseline of a stream from a larger sample: noise, faults, and the offsets that were unknown before."""
     noise, masked, findings = _noise_and_faults(parameters, sensor, sample, before.masked)
-    return replace(before, noise=noise, masked=masked, findings=findings)
+    same = replace(before, noise=noise, masked=masked, findings=findings)
+    return _with_offsets(parameters, sensor, sample, same, causal=True)
+
+
+def _with_offsets(
+    parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline, *, causal: bool
+) -> Baseline:
+    """The baseline with the offsets found that it does not know; those that it knows stay.
+
+    So do those that would change by less than the noise: a new offset interrupts the motion of its pad.
+    """
+    layout, windows = sensor.layout, sample.windows
+    if parameters.tare == "none" or not len(windows) or (before.known | before.masked).all():
+        return before
+    reference = sensor.full_scale * sensor.to_si if sensor.full_scale else 0.0
+    if not causal:  # the largest reading is known only where the future is
+        reference = max(reference, float(np.max(windows, initial=0.0, where=np.isfinite(windows))))
+    offset, std, known, tared = before.offset.copy(), before.offset_std.copy(), before.known.copy(), before.tared.copy()
+    near, cut = near_taxels(layout), lowest_reading(windows)
+    for pad in range(layout.pad_count):
+        own = layout.of_pad(pad)
+        if (known | before.masked)[own].all():
+            continue
+        pad_windows = windows[:, :, own]
+        if parameters.tare == "start":
+            found: Offsets | None = _declared(sample.first[:, own], before.noise[own])
+        else:
+            found = find_offsets(
+                pad_windows,
+                before.noise[own],
+                before.masked[own],
+                near[own] - own.start,
+                layout.neighbours(pad),
+                reference=reference or np.inf,
+                cut=cut,
+            )
+        if found is not None:
+            new = ~known[own] & ~(tared[pad] & (np.abs(found.offset - offset[own]) <= before.noise[own]))
+            offset[own], std[own] = np.where(new, found.offset, offset[own]), np.where(new, found.std, std[own])
+            known[own] |= found.known & new
+            tared[pad] = True
+    if np.array_equal(offset, before.offset):
+        offset = before.offset
+    return replace(before, offset=offset, offset_std=std, known=known, tared=tared)
 
 
 def with_masked(masked: Bools, taxels: Iterable[int]) -> Bools:
@@ -94,11 +137,15 @@ def _noise(sensor: Sensor, sample: Sample, masked: Bools) -> Floats:
     largest_gain = max(sensor.gain, default=1.0)
     step = sensor.to_si * largest_gain if sensor.unit == "count" else 0.0  # a count is a whole number
     unknown = MIN_NOISE_SHARE * (sensor.full_scale or 0.0) * sensor.to_si
-    return estimate_noise(sample.windows, masked, step, unknown, SATURATED_SHARE * full_scale(sensor))
+    layout = sensor.layout
+    pads = np.repeat(np.arange(layout.pad_count), np.diff(layout.starts[: layout.pad_count + 1]))
+    near, ceiling = near_taxels(layout), SATURATED_SHARE * full_scale(sensor)
+    return estimate_noise(sample.windows, masked, pads, near, step=step, unknown=unknown, ceiling=ceiling)
 
 
-def _known_mean(scans: Floats) -> Floats:
-    """(taxels,), mean over the known readings of scans (scans, taxels)."""
+def _declared(scans: Floats, noise: Floats) -> Offsets:
+    """Offsets of the taxels of a pad, from scans (scans, taxels) that the user says are idle."""
     known = np.isfinite(scans)
-    mean: Floats = np.where(known, scans, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    return mean
+    count = np.maximum(known.sum(axis=0), 1)
+    mean: Floats = np.where(known, scans, 0.0).sum(axis=0) / count
+    return Offsets(mean, noise / np.sqrt(count), np.ones(len(noise), dtype=np.bool_))

@@ -48,6 +48,11 @@ class DriftTracker:
         """Scans until the block is full."""
         return BLOCK_SCANS - self._scans
 
+    def restart(self, baseline: Baseline) -> None:
+        """Follow new offsets from here on: drift counts from them."""
+        self._tare, self._scans = baseline.offset, 0
+        self._idle[:] = True
+
     def update(self, scans: Scans, gap: Bools, baseline: Baseline) -> Baseline:
         """Take at most `remaining` scans. Returns the baseline, with new offsets if a block has ended idle."""
         if self._tare is None:

@@ -155,11 +155,11 @@ class _PadSample:
         """Findings, with taxels numbered within the pad; the first one of a taxel counts."""
         for taxel in np.flatnonzero(self._constant).tolist():
             yield from self._stuck(taxel)
+        for taxel in np.flatnonzero(self._live & ~self._constant & ~self._outlier).tolist():
+            yield from self._gain(taxel)  # before noise: what reads too much has more of it as well
         yield from self._noisy()
         for taxel in np.flatnonzero(self._outlier & ~self._constant).tolist():
             yield from self._offset(taxel)
-        for taxel in np.flatnonzero(self._live & ~self._constant & ~self._outlier).tolist():
-            yield from self._gain(taxel)
 
     def _stuck(self, taxel: int) -> Iterator[Finding]:
         level = float(self._rest[taxel])

@@ -1,31 +1,61 @@
-"""Noise of each taxel, estimated from the scans themselves, with a floor.
+"""Noise of each taxel, estimated from the scans themselves by their likelihood, with the quantisation as a floor.
 
-Many sensors clip idle taxels to 0, so that the noise of an idle pad is 0; what counts is how much a *loaded* taxel
-differs from scan to scan. Second differences within a window remove what changes linearly (load, slow motion), and the
-quietest fifth of a taxel's windows leaves out those in which the object moved.
+Two things tell it. Unloaded readings scatter about their level, also where half of them are clipped (`resting.py`). And
+a taxel that is loaded steadily differs from scan to scan: second differences within a window of 12 scans remove what
+changes linearly. Motion only ever adds to a window's variance: it is the noise's, or larger by any factor.
+Both give a likelihood of the noise for each taxel. Taxels of a pad are alike, and so are pads of a sensor: the levels
+are estimated together (empirical Bayes on a tree), so that a taxel that has shown nothing has its pad's noise.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING
 
+import numpy as np
+from scipy.special import gammainc, gammaln, logsumexp
+
+from taxelflow.condition.resting import far_from_loads, find_rest
 from taxelflow.messages import Bools, Floats
 
-_QUIET_QUANTILE = 0.2
-"""A window's noise is taken at this quantile of all windows: an object rests in a fifth of them."""
-_QUIET_NORMAL_STD = 0.706
-"""That quantile for normal noise of standard deviation 1 in windows of 12 scans."""
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_GRID_RATIO = 1.25
+"""Ratio of neighbouring noise levels that are compared: the posterior's mean interpolates between them."""
+_LARGEST_SHARE = 0.25
+"""Largest noise that is considered, as a share of the range of the readings."""
+_LIKELY_SHARE, _LIKELY_LOG_STD = 0.005, 1.5
+"""Noise, as a share of the range, before anything is seen: within 0.02 and 10 % of it by two standard deviations."""
+_ALIKE_LOG_STD = 0.25
+"""Standard deviation of the logarithm of the noise among the taxels of a pad, and among pads."""
+_STRANGE_SHARE = 1e-3
+"""Share of taxels whose noise is not like the others': it may have any level."""
+_DOF_SHARE = 0.514
+"""Degrees of freedom of the mean square of second differences, a difference: neighbouring ones are correlated."""
 _SECOND_DIFFERENCE_VARIANCE = 6.0
 """Variance of a - 2 b + c over that of one reading."""
-_MIN_WINDOWS = 8
-"""Fewer usable windows of a taxel are pooled with those of all taxels."""
+_QUIET_SHARES = np.array([0.05, 0.3, 0.9])
+"""Shares of windows in which a taxel is loaded steadily: equally likely before anything is seen."""
+_MAX_LINE_RATIO = 2.5
+"""In a steady window the variance about a line is at most this ratio to that by second differences; noise that is
+independent from scan to scan exceeds it in 3 % of the windows, a passing object hardly ever falls below."""
 _MIN_DIFFERENCES = 8
 """Second differences that a window needs, if any window has as many."""
 _MAX_CLIPPED_SHARE = 0.1
 """A window in which a taxel reads its lowest value, or saturates, in a larger share of scans shows clipping, not noise.
 """
-_MIN_UNSATURATED_SHARE = 0.25
-"""A taxel with a smaller share of unsaturated windows is not judged: what is left leads up to saturation."""
+_MAX_CLIPPED_REST = 0.9
+"""A taxel that is clipped in a larger share of its scans shows no noise while unloaded: what is left are light loads.
+"""
+_MIN_NEUMANN_RATIO = 0.5
+"""Mean squared difference of neighbouring scans over that of any two, below which unloaded readings are light loads:
+independent ones fall below it in 2 % of 20 scans."""
+_MAX_WINDOWS = 96
+"""Windows of second differences, at most, evenly from the sample: with five degrees of freedom each, for 4 %."""
+_MIN_REST_SCANS = 4
+"""Readings from which a taxel's level, share and noise are told apart: of fewer, some are close by chance."""
+_MAX_REST_SCANS, _MAX_REST_READINGS = 96, 12_000
+"""Scans and readings that are searched for unloaded ones, at most: for 1 % of a noise common to all."""
 _MAX_READINGS = 200_000
 """Readings that are searched for the quantisation step, at most: sorting takes time."""
 _MIN_LEVELS = 16
@@ -33,59 +63,212 @@ _MIN_LEVELS = 16
 _RANGE_QUANTILE = 0.995
 """Quantile of the distinct readings that stands for the largest: one glitch is not the sensor's range."""
 MIN_NOISE_SHARE = 1e-4
-"""Smallest noise as a share of the largest reading: no tactile sensor resolves more than 13 bits."""
+"""Smallest noise as a share of the range of the readings: no tactile sensor resolves more than 13 bits."""
 _MIN_NOISE = 1e-150
 """Noise is above 0, and so is its square."""
 
 
 def estimate_noise(
-    windows: Floats, masked: Bools, step: float = 0.0, unknown: float = 0.0, ceiling: Floats | float = np.inf
+    windows: Floats,
+    masked: Bools,
+    pads: NDArray[np.int64],
+    near: NDArray[np.int64],
+    *,
+    step: float = 0.0,
+    unknown: float = 0.0,
+    ceiling: Floats | float = np.inf,
 ) -> Floats:
     """(windows, scans, taxels) of raw pressure, NaN where missing -> (taxels,) standard deviation; 0 where masked.
 
-    step: quantisation step of the sensor, if declared. unknown: the noise to assume while all readings are alike.
-    ceiling: (taxels,), where readings saturate: there they are as quiet as where they clip.
+    pads: (taxels,), the pad of each. near: (taxels, most), see `near_taxels`. step: quantisation step of the sensor, if
+    declared. unknown: the noise to assume while all readings are alike. ceiling: (taxels,), where readings saturate.
     """
-    live = windows[:, :, ~masked]
     noise = np.zeros(len(masked))
-    if not live.size:
+    live = _without_repeats(np.where(np.isfinite(windows) & ~masked, windows, np.nan))
+    levels = _levels(live)
+    if not len(levels):
         return noise
-    with np.errstate(over="ignore", invalid="ignore"):  # a reading beyond all range makes its window unusable, no more
-        difference = (live[:, :-2] - 2 * live[:, 1:-1] + live[:, 2:]) ** 2
-    known = np.isfinite(difference)
-    count = known.sum(axis=1)
-    enough = min(_MIN_DIFFERENCES, int(count.max(initial=1)))
-    std = np.sqrt(np.sum(difference, axis=1, where=known) / np.maximum(count, 1) / _SECOND_DIFFERENCE_VARIANCE)
-    bottom = np.min(live, axis=(0, 1), initial=np.inf, where=np.isfinite(live))
-    top = np.broadcast_to(ceiling, masked.shape)[~masked]
-    unclipped = (count >= max(enough, 1)) & ((live <= bottom).mean(axis=1) < _MAX_CLIPPED_SHARE)
-    usable = unclipped & ((live >= top).mean(axis=1) < _MAX_CLIPPED_SHARE)
-    usable &= usable.sum(axis=0) > _MIN_UNSATURATED_SHARE * unclipped.sum(axis=0)
-    floor = max(noise_floor(live), step / 12**0.5)
-    floor = floor if floor > _MIN_NOISE else max(unknown, _MIN_NOISE)
-    pooled = _quiet_std(std[usable]) if usable.sum() >= _MIN_WINDOWS else floor
-    own = [
-        _quiet_std(std[usable[:, taxel], taxel]) if usable[:, taxel].sum() >= _MIN_WINDOWS else pooled
-        for taxel in range(live.shape[2])
-    ]
-    noise[~masked] = np.maximum(own, floor)
+    found_step, reach = _step(levels), _range(levels)
+    floor = max(_floor(found_step, reach), step / 12**0.5)
+    if reach <= 0.0:
+        noise[~masked] = floor if floor > _MIN_NOISE else max(unknown, _MIN_NOISE)
+        return noise
+    live[live >= np.broadcast_to(ceiling, masked.shape)] = np.inf  # loaded, by how much is not known
+    grid = floor * _GRID_RATIO ** np.arange(1 + max(1.0, np.log(_LARGEST_SHARE * reach / floor) / np.log(_GRID_RATIO)))
+    cut = float(levels[0]) + 0.5 * max(found_step, step)
+    rest = _rest_likelihood(live, near, grid, cut, reach)
+    steady, weight = _steady_likelihood(live, grid, float(levels[0]), pads)
+    prior = -0.5 * (np.log(grid / (_LIKELY_SHARE * reach)) / _LIKELY_LOG_STD) ** 2
+    found = _pooled(rest + steady, rest + weight * steady, pads, grid, prior)
+    noise[~masked] = np.maximum(found, floor)[~masked]
     return noise
 
 
+def _without_repeats(live: Floats) -> Floats:
+    """Windows (windows, scans, taxels) in which scans equal to the one before, bit for bit, are left out.
+
+    A logger may have written them twice; where the sensor itself repeats, all its taxels are clipped, or constant.
+    """
+    same = (live[:, 1:] == live[:, :-1]) | (np.isnan(live[:, 1:]) & np.isnan(live[:, :-1]))
+    repeats = np.concatenate([np.zeros((len(live), 1), dtype=np.bool_), same.all(axis=2)], axis=1)
+    order = np.argsort(repeats, axis=1, kind="stable")
+    kept: Floats = np.take_along_axis(live, order[:, :, np.newaxis], axis=1)
+    kept[np.take_along_axis(repeats, order, axis=1)] = np.nan
+    return kept
+
+
 def noise_floor(readings: Floats) -> float:
-    """Standard deviation of the quantisation step found in any array of readings, at least a share of the largest."""
+    """Standard deviation of the quantisation step found in any array of readings, at least a share of their range."""
+    levels = _levels(readings)
+    return _floor(_step(levels), _range(levels)) if len(levels) else _MIN_NOISE
+
+
+def lowest_reading(windows: Floats) -> float:
+    """Half a quantisation step above the lowest reading: what would read less is clipped, or rounded, to it."""
+    levels = _levels(windows)
+    return float(levels[0]) + 0.5 * _step(levels) if len(levels) else 0.0
+
+
+def _levels(readings: Floats) -> Floats:
+    """The distinct readings, in order, of some of them."""
     some = readings.reshape(-1)[:: 1 + readings.size // _MAX_READINGS]
-    levels = np.unique(some[np.isfinite(some)])
-    if not len(levels):
-        return _MIN_NOISE
-    largest = float(np.quantile(np.abs(levels), _RANGE_QUANTILE))
-    step = 0.0
-    if len(levels) >= _MIN_LEVELS:
-        with np.errstate(over="ignore"):
-            steps = np.diff(levels)
-        step = float(steps[steps > 1e-9 * largest].min(initial=largest))  # smaller ones are rounding errors
-    return max(step / 12**0.5 if step < largest / _MIN_LEVELS else 0.0, MIN_NOISE_SHARE * largest, _MIN_NOISE)
+    levels: Floats = np.unique(some[np.isfinite(some)])
+    return levels
 
 
-def _quiet_std(stds: Floats) -> float:
-    return float(np.quantile(stds, _QUIET_QUANTILE)) / _QUIET_NORMAL_STD
+def _range(levels: Floats) -> float:
+    """From the lowest reading to the largest, glitches left out."""
+    with np.errstate(over="ignore"):
+        return float(np.quantile(levels - levels[0], _RANGE_QUANTILE))
+
+
+def _step(levels: Floats) -> float:
+    """The converter's step; 0 if it cannot be told."""
+    largest = _range(levels)
+    if len(levels) < _MIN_LEVELS:
+        return 0.0
+    with np.errstate(over="ignore"):
+        steps = np.diff(levels)
+    tiny = 1e-9 * max(largest, float(np.abs(levels).max()))  # smaller ones are rounding errors
+    step = float(steps[steps > tiny].min(initial=largest))
+    return step if step < largest / _MIN_LEVELS else 0.0
+
+
+def _floor(step: float, reach: float) -> float:
+    return max(step / 12**0.5, MIN_NOISE_SHARE * reach, _MIN_NOISE)
+
+
+def _rest_likelihood(live: Floats, near: NDArray[np.int64], grid: Floats, cut: float, reach: float) -> Floats:
+    """(taxels, grid), logarithm, by the unloaded readings of windows (windows, scans, taxels); 0 for what has none."""
+    per_window = live.shape[1]
+    some = live[:: 1 + len(live) * per_window // _MAX_REST_SCANS]
+    readings = far_from_loads(some.reshape(-1, live.shape[2]), near)
+    known = np.isfinite(readings)
+    clipped = np.sum(readings <= cut, axis=0, where=known)
+    telling = (known.sum(axis=0) >= _MIN_REST_SCANS) & (clipped <= _MAX_CLIPPED_REST * known.sum(axis=0))
+    telling = np.flatnonzero(telling & _independent(readings.reshape(some.shape)))
+    telling = telling[:: 1 + len(readings) * len(telling) // _MAX_REST_READINGS]
+    likelihood = np.zeros((live.shape[2], len(grid)))
+    if len(telling):
+        chosen = readings[:, telling]
+        likelihood[telling] = np.stack([find_rest(chosen, level, cut, reach).likelihood for level in grid], axis=1)
+    return likelihood
+
+
+def _independent(far: Floats) -> Bools:
+    """(taxels,): neighbouring scans of windows (windows, scans, taxels) differ as much as any two of them.
+
+    By the ratio of J. von Neumann, Annals of Mathematical Statistics 12, 1941, which clipping does not change.
+    """
+    known = np.isfinite(far)
+    mean = far.sum(axis=(0, 1), where=known) / np.maximum(known.sum(axis=(0, 1)), 1)
+    variance = (np.where(known, far - mean, 0.0) ** 2).sum(axis=(0, 1)) / np.maximum(known.sum(axis=(0, 1)) - 1, 1)
+    both = known[:, 1:] & known[:, :-1]
+    change = np.where(both, far[:, 1:] - far[:, :-1], 0.0) ** 2
+    ratio_above = change.sum(axis=(0, 1)) > _MIN_NEUMANN_RATIO * 2 * variance * both.sum(axis=(0, 1))
+    independent: Bools = ratio_above & (variance > 0)
+    return independent
+
+
+def _steady_likelihood(live: Floats, grid: Floats, bottom: float, pads: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """(taxels, grid), logarithm, by the second differences of windows; and the weight (taxels, 1) that makes all taxels
+    of a pad count like one: they move together.
+    """
+    some = live[:: 1 + len(live) // _MAX_WINDOWS]
+    variance, freedom, is_line = _window_variances(some, bottom)
+    window, taxel = np.nonzero(np.isfinite(variance))
+    value, dof, line = variance[window, taxel], freedom[window, taxel], is_line[window, taxel]
+    ratio = np.log(np.maximum(value, grid[0] ** 2))[:, np.newaxis] - 2 * np.log(grid)  # constant: within a step
+    half = 0.5 * dof[:, np.newaxis]
+    quiet = half * np.log(half) - gammaln(half) + half * (ratio - np.exp(np.minimum(ratio, 50.0)))
+    moving = np.log(gammainc(half, half * np.exp(np.minimum(ratio, 50.0))) + 1e-300) - np.log(
+        2 * np.log(grid[-1] / grid[0]) + 1.0
+    )
+    quiet[~line] = -np.inf
+    likelihood = np.zeros((len(_QUIET_SHARES), live.shape[2], len(grid)))
+    for share, own in zip(_QUIET_SHARES, likelihood, strict=True):
+        np.add.at(own, taxel, np.logaddexp(np.log(share) + quiet, np.log1p(-share) + moving))
+    seen = np.unique(taxel)
+    count = np.bincount(pads[seen], minlength=int(pads.max(initial=0)) + 1)
+    weight = 1.0 / np.maximum(count[pads], 1.0)
+    return np.asarray(logsumexp(likelihood, axis=0)), weight[:, np.newaxis]
+
+
+def _window_variances(live: Floats, bottom: float) -> tuple[Floats, Floats, Bools]:
+    """(windows, taxels): variance by second differences, NaN where clipped; its degrees of freedom; whether the
+    readings lie on a line.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # a reading beyond all range makes its window unusable, no more
+        difference = (live[:, :-2] - 2 * live[:, 1:-1] + live[:, 2:]) ** 2
+        known = np.isfinite(difference)
+        count = known.sum(axis=1)
+        enough = max(min(_MIN_DIFFERENCES, int(count.max(initial=1))), 1)
+        variance = np.sum(difference, axis=1, where=known) / np.maximum(count, 1) / _SECOND_DIFFERENCE_VARIANCE
+        clipped = (live <= bottom).mean(axis=1) >= _MAX_CLIPPED_SHARE
+        saturated = np.isposinf(live).mean(axis=1) >= _MAX_CLIPPED_SHARE
+        about_line = _variance_about_line(live)
+    usable = (count >= enough) & ~clipped & ~saturated & np.isfinite(variance)
+    usable &= variance > 0  # constant: clipped above a lowest glitch, stuck, or quieter than the step
+    return np.where(usable, variance, np.nan), _DOF_SHARE * count, about_line <= _MAX_LINE_RATIO * variance
+
+
+def _variance_about_line(live: Floats) -> Floats:
+    """(windows, taxels) of the known readings of windows (windows, scans, taxels) about their regression line."""
+    known = np.isfinite(live)
+    count = np.maximum(known.sum(axis=1), 3)
+    t = np.where(known, np.arange(live.shape[1], dtype=np.float64)[:, np.newaxis], 0.0)
+    y = np.where(known, live, 0.0)
+    t = np.where(known, t - (t.sum(axis=1) / count)[:, np.newaxis], 0.0)
+    y = np.where(known, y - (y.sum(axis=1) / count)[:, np.newaxis], 0.0)
+    slope = (t * y).sum(axis=1) / np.maximum((t * t).sum(axis=1), 1e-9)
+    about: Floats = ((y - slope[:, np.newaxis] * t) ** 2).sum(axis=1) / (count - 2)
+    return about
+
+
+def _pooled(own: Floats, shared: Floats, pads: NDArray[np.int64], grid: Floats, prior: Floats) -> Floats:
+    """(taxels,) noise: each taxel's posterior mean on a tree of sensor, pads and taxels, exact on the grid.
+
+    own, shared: (taxels, grid), the logarithm of the likelihood for the taxel itself, and for its pad. prior: (grid,),
+    of the sensor's level.
+    """
+    steps = np.arange(len(grid))
+    like = np.exp(-0.5 * ((steps - steps[:, np.newaxis]) * np.log(_GRID_RATIO) / _ALIKE_LOG_STD) ** 2)
+    like /= like.sum(axis=1, keepdims=True)
+    alike = (1 - _STRANGE_SHARE) * like + _STRANGE_SHARE / len(grid)
+    to_pad = _passed(shared, alike)
+    of_pads = np.zeros((int(pads.max(initial=0)) + 1, len(grid)))
+    np.add.at(of_pads, pads, to_pad)
+    to_sensor = _passed(of_pads, alike)
+    sensor = prior + to_sensor.sum(axis=0)
+    pad = of_pads + _passed(sensor - to_sensor, alike.T)
+    belief = own + _passed(pad[pads] - to_pad, alike.T)
+    belief = np.exp(belief - belief.max(axis=1, keepdims=True))
+    noise: Floats = np.exp(belief @ np.log(grid) / belief.sum(axis=1))
+    return noise
+
+
+def _passed(belief: Floats, alike: Floats) -> Floats:
+    """The message (n, grid) that a belief (n, grid) sends along the tree; both are logarithms."""
+    top = belief.max(axis=1, keepdims=True)
+    passed: Floats = np.log(np.exp(belief - top) @ alike.T + 1e-300) + top
+    return passed

@@ -59,7 +59,7 @@ class ConditionSession:
         self._held: list[NewScans] = []
         self._pads = _pad_contacts(self._layout, parameters)
         self._last = np.zeros(self._layout.entries)
-        self._mask_changed: Bools | None = None
+        self._changed: Bools | None = None
         self._filters: Filters | None = None
         self._drift: DriftTracker | None = None
         if parameters.drift == "follow":
@@ -149,9 +149,11 @@ class ConditionSession:
 
     def _update_baseline(self, before: Baseline) -> None:
         baseline = update_baseline(self._parameters, self._sensor, self.sample, before)
-        newly_masked = baseline.masked & ~before.masked
-        if newly_masked.any():
-            self._mask_changed = np.logical_or.reduceat(newly_masked[self._layout.source], self._layout.starts[:-1])
+        changed = (baseline.masked & ~before.masked) | (baseline.offset != before.offset)
+        if changed.any():
+            self._changed = np.logical_or.reduceat(changed[self._layout.source], self._layout.starts[:-1])
+        if self._drift and baseline.offset is not before.offset:
+            self._drift.restart(baseline)
         self._set_baseline(baseline)
 
     def _set_baseline(self, baseline: Baseline) -> None:
@@ -199,9 +201,9 @@ class ConditionSession:
             contact,
             complete,
         )
-        if self._mask_changed is not None and len(new):
-            complete[0, self._mask_changed] = False  # a newly masked taxel must not look like motion
-            self._mask_changed = None
+        if self._changed is not None and len(new):
+            complete[0, self._changed] = False  # a new mask or offset must not look like motion
+            self._changed = None
         return Scans(new.t_s, pressure, self._entry_noise, self._entry_ceiling, contact, complete)
 
 

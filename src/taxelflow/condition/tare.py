@@ -2,15 +2,20 @@
 
 A pad is idle where its sum is lowest, and only if the readings there are small (all taxels below a share of the
 reference) and spatially unstructured: no taxel is an outlier, and neighbours differ as much as any two taxels. A
-contact is smooth; the offsets of taxels are not. A pad that is loaded from the first to the last scan fails these tests
-and keeps its readings as they are.
+contact is smooth; the offsets of taxels are not.
+A pad without idle windows has taxels that are unloaded in some scans (`resting.py`). They have the offsets of those
+scans, if these are small and unstructured as well; the others have the pad's median, and its spread as the standard
+deviation. A pad that is loaded everywhere from the first to the last scan keeps its readings as they are.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from taxelflow.condition.resting import far_from_loads, find_rest
 from taxelflow.messages import Bools, Floats
 
 MAX_OFFSET_SHARE = 0.1
@@ -29,6 +34,31 @@ MIN_NEIGHBOUR_PAIRS = 8
 """With fewer pairs of neighbours the Geary ratio is not significant."""
 _MAD_TO_SIGMA = 1.4826
 """Standard deviation of normal numbers over their median absolute deviation."""
+MAX_CLIPPED_SHARE = 0.02
+"""Where a larger share of a pad's readings is clipped, their mean is above the offset: a likelihood gives it."""
+MAX_CLIPPED_WINDOWS = 64
+"""Windows that are enough for it, where a pad has been idle."""
+MIN_IDLE_SCANS = 3.0
+"""Unloaded scans from which a taxel's offset is known: fewer may be a light load that just pauses."""
+MIN_KNOWN_SHARE = 1 / 3
+"""Share of a pad's taxels that must be unloaded at some time: fewer may be the rim of a contact."""
+LOADED_SIGMAS = 4.0
+"""A taxel whose lowest level is this many robust standard deviations above the pad's median was never unloaded."""
+
+LIKELY_SPREADS = 2.0
+"""Where a taxel is never unloaded together with its neighbours, its own lowest level counts if it is within this many
+standard deviations of the pad's offsets, and loads come on top."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Offsets:
+    """Offsets of one pad. offset: (taxels,). std: (taxels,), its standard deviation. known: (taxels,), found from the
+    taxel's own scans; the others have the median of those.
+    """
+
+    offset: Floats
+    std: Floats
+    known: Bools
 
 
 def estimate_offset(
@@ -89,3 +119,80 @@ def is_unstructured(offset: Floats, masked: Bools, neighbours: NDArray[np.int64]
     neighbour_variance = float(np.mean((offset[pairs[:, 0]] - offset[pairs[:, 1]]) ** 2)) / 2
     suspect = deviation.max() > SUSPECT_SIGMAS * spread
     return neighbour_variance >= (MIN_SUSPECT_GEARY_RATIO if suspect else MIN_GEARY_RATIO) * variance
+
+
+def find_offsets(
+    windows: Floats,
+    noise: Floats,
+    masked: Bools,
+    near: NDArray[np.int64],
+    neighbours: NDArray[np.int64],
+    *,
+    reference: float,
+    cut: float,
+) -> Offsets | None:
+    """Offsets of one pad: by its idle windows, else by the scans in which its taxels are unloaded; None if unknown.
+
+    windows: (windows, scans, taxels). The rest is as in `estimate_offset` and `rest_offset`.
+    """
+    mean = estimate_offset(windows, noise, masked, neighbours, reference)
+    if mean is not None and (windows <= cut).mean() < MAX_CLIPPED_SHARE:
+        return Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
+    some = windows if mean is None else windows[:: 1 + len(windows) // MAX_CLIPPED_WINDOWS]
+    found = rest_offset(some.reshape(-1, windows.shape[2]), noise, masked, near, neighbours, reference, cut)
+    if found is None and mean is not None:
+        return Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
+    return found
+
+
+def rest_offset(
+    readings: Floats,
+    noise: Floats,
+    masked: Bools,
+    near: NDArray[np.int64],
+    neighbours: NDArray[np.int64],
+    reference: float,
+    cut: float,
+) -> Offsets | None:
+    """Offsets of one pad from the scans in which a taxel and its neighbours are unloaded; None if too few ever are.
+
+    readings: (scans, taxels), NaN where missing. near: (taxels, most), see `near_taxels`. cut: readings that would be
+    lower are clipped. The rest is as in `estimate_offset`.
+    """
+    live = ~masked
+    far = far_from_loads(np.where(live & np.isfinite(readings), readings, np.nan), near)
+    sigma = np.where(live, noise, 1.0)
+    reach = max(reference if np.isfinite(reference) else 0.0, float(sigma.max()))
+    rest = find_rest(far, sigma, cut, reach)
+    scans = rest.unloaded.sum(axis=0)
+    lowest = float(np.min(far, initial=cut, where=np.isfinite(far)))
+    level, std = np.maximum(rest.level, lowest), sigma / np.sqrt(np.maximum(scans, 1.0))
+    known = _never_loaded_left_out(level, std, live & (scans >= MIN_IDLE_SCANS), near)
+    if known.sum() < max(2.0, MIN_KNOWN_SHARE * live.sum()):
+        return None
+    small = np.abs(level[known]).max() <= MAX_OFFSET_SHARE * reference
+    if not small or not is_unstructured(level, ~known, neighbours, float(np.median(std[known]))):
+        return None
+    middle = float(np.median(level[known]))
+    spread = max(_MAD_TO_SIGMA * float(np.median(np.abs(level[known] - middle))), float(np.median(std[known])))
+    beside = find_rest(np.where(live & np.isfinite(readings), readings, np.nan), sigma, cut, reach)
+    near_idle = ~known & live & (beside.unloaded.sum(axis=0) >= 1.0)
+    near_idle &= np.abs(beside.level - middle) <= LIKELY_SPREADS * spread
+    near_idle &= (
+        np.max(readings, axis=0, initial=-np.inf, where=np.isfinite(readings)) > middle + LOADED_SIGMAS * spread
+    )
+    offset = np.where(known, level, np.where(near_idle, np.maximum(beside.level, lowest), middle))
+    std = np.where(known, std, np.where(near_idle, np.minimum(np.maximum(0.5 * spread, std), spread), spread))
+    return Offsets(np.where(live, offset, 0.0), np.where(live, std, 0.0), known)
+
+
+def _never_loaded_left_out(level: Floats, std: Floats, known: Bools, near: NDArray[np.int64]) -> Bools:
+    """known (taxels,) without those whose level is a load, and their neighbours: the skirt of that load."""
+    while known.any():
+        middle = np.median(level[known])
+        spread = max(_MAD_TO_SIGMA * float(np.median(np.abs(level[known] - middle))), float(np.median(std[known])))
+        loaded = known & (level > middle + LOADED_SIGMAS * spread)
+        if not loaded.any():
+            break
+        known = known & ~loaded & ~loaded[near].any(axis=1)
+    return known

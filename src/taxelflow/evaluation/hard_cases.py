@@ -23,6 +23,12 @@ _SATURATING_PA = 200e3
 INNER_TAXELS = (*range(144, 149), *range(151, 156))
 """Of the palm's two middle rows, between which the object slides, without those at the rows' ends."""
 _DEAD = 2
+_QUIET_PA, _STEP_PA = 250.0, 140e3 / 1023
+"""Noise of a sensor better than the paper's, and its quantisation step."""
+_UNRESTED_M = 0.05
+"""Travel, m: at its ends the object covers other taxels of the palm, and never leaves it."""
+_UNRESTED_SCANS = 28
+"""Scans at both speeds, all of them moving."""
 
 
 def _as_it_is(scans: Scans) -> Scans:
@@ -67,6 +73,23 @@ def _saturating(scenario: Scenario) -> Scenario:
     return replace(scenario, contact=replace(scenario.contact, peak_pa=_SATURATING_PA))
 
 
+def _unrested(scenario: Scenario) -> Scenario:
+    """Moving from the first to the last scan, so that there is none to learn noise and tare from."""
+    motion = scenario.motion
+    moving_m = _UNRESTED_SCANS / scenario.sensing.rate_hz * motion.speed_m_s
+    strokes = round(moving_m / _UNRESTED_M)
+    return replace(scenario, motion=replace(motion, rest_s=0.0, travel_m=_UNRESTED_M, strokes=strokes))
+
+
+def _quiet(scenario: Scenario) -> Scenario:
+    return replace(_unrested(scenario), sensing=replace(scenario.sensing, noise_pa=_QUIET_PA, baseline_pa=(0.0, 0.0)))
+
+
+def _known(scans: Scans) -> Scans:
+    """Scans with the noise of `_quiet` known, that of quantisation included."""
+    return replace(scans, noise=np.where(scans.noise > 0, np.hypot(_QUIET_PA, _STEP_PA / 12**0.5), 0.0))
+
+
 def dropped(scans: Scans) -> Scans:
     """Scans in which saturated readings are missing instead."""
     saturated = scans.pressure >= scans.ceiling
@@ -89,4 +112,7 @@ CASES = (
     Case(_rolling, _all("rolling scan")),
     Case(_saturating, _all("saturated, censored")),
     Case(_saturating, _all("saturated, dropped"), prepared=dropped),
+    Case(_unrested, _all("no idle scans")),
+    Case(_quiet, _all("no idle scans, clipped")),
+    Case(_quiet, _all("the same, noise known"), prepared=_known),
 )

@@ -1,0 +1,117 @@
+"""Unloaded readings of each taxel: their level and the likelihood of their noise, with clipping at 0.
+
+A taxel's readings are a mixture: unloaded ones scatter about its level by the noise, and what falls below the lowest
+value that the sensor reads is clipped to it (J. Tobin, Econometrica 26, 1958); loads lie above the level, small ones as
+often as large ones on a scale of ratios. For a given noise, level and share are found by expectation maximisation
+(A. P. Dempster et al., Journal of the Royal Statistical Society B 39, 1977).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import log_ndtr
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.messages import Bools, Floats
+    from taxelflow.sensors.layout import Layout
+
+NEAR_LOAD_SHARE = 0.1
+"""Beside a load above this share of the sensor's range, no reading counts as unloaded: the skirt of a contact is not
+noise. The same share as that of the largest offset (`tare.py`)."""
+_NEAR_LOAD_SIGMAS = 6.0
+"""... unless that is within this many standard deviations of the usual scatter: in a sensor without any load."""
+_NORMAL_MEDIAN = 0.6745
+"""Median absolute value of normal numbers of standard deviation 1."""
+_ITERATIONS = 5
+"""Of the level: the last one changes it by less than a tenth of the noise."""
+_START_QUANTILE, _START_PLACE = 0.1, 2
+"""Where the search for the level starts: at this quantile, not below the third lowest reading: a taxel may be unloaded
+in few scans."""
+_LOWEST_LEVEL = -1.5
+"""Lowest level that is considered, in standard deviations from the lowest reading: farther below, all is clipped."""
+_STRAY = 1e-3
+"""Probability, relative to that of a light load, of a reading below the level that noise does not explain."""
+_EVEN = 1.0
+"""Readings of either kind that are added to the share: a taxel may be loaded in all scans that were seen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Resting:
+    """level: (taxels,) of unloaded readings. unloaded: (scans, taxels), probability; 0 where the reading is missing.
+    likelihood: (taxels,), logarithm of that of the noise, the level being unknown.
+    """
+
+    level: Floats
+    unloaded: Floats
+    likelihood: Floats
+
+
+def near_taxels(layout: Layout) -> NDArray[np.int64]:
+    """(taxels, most neighbours): the neighbours of each taxel on its pad, filled up with the taxel itself."""
+    near: list[list[int]] = [[] for _ in range(layout.taxels)]
+    for pad in range(layout.pad_count):
+        start = layout.of_pad(pad).start
+        for one, other in (start + layout.neighbours(pad)).tolist():
+            near[one].append(other)
+            near[other].append(one)
+    most = max(map(len, near), default=0)
+    return np.array(
+        [[*some, *[taxel] * (most - len(some))] for taxel, some in enumerate(near)], dtype=np.int64
+    ).reshape(len(near), most)
+
+
+def far_from_loads(readings: Floats, near: NDArray[np.int64]) -> Floats:
+    """A copy of readings (scans, taxels) with NaN where a taxel or a neighbour is loaded, judged without any noise."""
+    lowest = np.min(readings, axis=0, initial=np.inf, where=np.isfinite(readings))
+    with np.errstate(invalid="ignore", over="ignore"):
+        load = readings - lowest
+        change = np.abs(readings[:-2] - 2 * readings[1:-1] + readings[2:])
+    change = change[np.isfinite(change)]
+    scatter = float(np.median(change)) / _NORMAL_MEDIAN / 6**0.5 if change.size else 0.0
+    most = float(np.max(load, initial=0.0, where=np.isfinite(load)))
+    loaded = ~(load <= max(NEAR_LOAD_SHARE * most, _NEAR_LOAD_SIGMAS * scatter)) & ~np.isnan(readings)
+    beside: Bools = loaded.copy()
+    for column in near.T:
+        beside |= loaded[:, column]
+    far: Floats = np.where(beside, np.nan, readings)
+    return far
+
+
+def find_rest(readings: Floats, noise: Floats | float, cut: float, reach: float) -> Resting:
+    """Level of the unloaded readings, and which ones are, given the noise.
+
+    readings: (scans, taxels), NaN where missing. noise: (taxels,) or one for all. cut: readings that would be lower are
+    clipped. reach: the largest load there may be.
+    """
+    known = np.isfinite(readings)
+    y = np.where(known, readings, cut)
+    clipped = known & (y <= cut)
+    sigma = np.broadcast_to(np.asarray(noise, dtype=np.float64), y.shape[1:])
+    ranked = np.sort(np.where(known, y, np.inf), axis=0)
+    count = known.sum(axis=0)
+    place = np.minimum(np.maximum(_START_QUANTILE * count, _START_PLACE), count - 1).astype(int)
+    level = ranked[np.maximum(place, 0), np.arange(y.shape[1])]
+    level = np.where(count > 0, level, cut)
+    share = np.full(y.shape[1], 0.5)
+    unit = np.log(sigma * (2 * np.pi) ** 0.5)
+    stray = np.log(_STRAY) - np.log(sigma * np.log1p(reach / sigma))
+    for _ in range(_ITERATIONS):
+        edge = (cut - level) / sigma
+        below = log_ndtr(edge)
+        z = (y - level) / sigma
+        log_rest = np.where(clipped, below, -0.5 * z * z - unit)
+        log_load = np.where((z < 0) | clipped, stray, stray - np.log(_STRAY) - np.log1p(np.maximum(z, 0.0)))
+        odds = np.exp(np.clip(log_rest - log_load, -50.0, 50.0)) * (share / (1 - share))
+        unloaded = np.where(known, odds / (1 + odds), 0.0)
+        likelihood = np.sum(log_load + np.log1p(odds), axis=0, where=known) + count * np.log1p(-share)
+        mills = np.exp(-0.5 * edge**2 - 0.5 * np.log(2 * np.pi) - below)
+        total = unloaded.sum(axis=0)
+        mean = (unloaded * np.where(clipped, level - sigma * mills, y)).sum(axis=0) / np.maximum(total, 1e-9)
+        level = np.maximum(np.where(total > 0, mean, level), cut + _LOWEST_LEVEL * sigma)
+        share = (total + _EVEN) / (count + 2 * _EVEN)
+    return Resting(level, unloaded, likelihood + np.log(sigma) * np.minimum(total, 1.0))
