@@ -33,7 +33,7 @@ from taxelflow.publish.tables import Tables
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
-from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.scenario import SCENARIOS, Scenario
 from taxelflow.simulation.simulate import save, simulate
 from taxelflow.slip.parameters import SlipMonitor
 
@@ -50,6 +50,8 @@ if TYPE_CHECKING:
 
 _ROUNDS = 300
 _LITERAL_BUDGET_S = 4.0
+_STROKES = 140
+"""Strokes of the paper that last as long as the longest real recording."""
 _NOISE = 0.1
 """Standard deviation of an unloaded taxel, in the unit of readings that are 1 to 10 when loaded."""
 _STAGES = ("parsing", "conditioning", "segmenting", "estimating", "monitoring and fusing", "writing")
@@ -113,12 +115,16 @@ def bench(recording: Path | None) -> Bench:
     with tempfile.TemporaryDirectory() as folder:
         if recording is None:
             recording = Path(folder) / "simulated.npz"
-            paper = SCENARIOS["stroke"]
-            save(replace(paper, motion=replace(paper.motion, strokes=140)), recording)
+            save(_simulated(), recording)
         opened = api.read(recording)
         scans, shares = _shares(opened, Path(folder) / "result")
         readings = reading_rates(opened, Path(folder))
     return Bench(latencies, bench_peers(), throughputs, recording.name, scans, shares, readings, _starts())
+
+
+def _simulated() -> Scenario:
+    paper = SCENARIOS["stroke"]
+    return replace(paper, motion=replace(paper.motion, strokes=_STROKES))
 
 
 def _sensors() -> list[Sensor]:
