@@ -20,6 +20,7 @@ from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.cli import main
 from taxelflow.publish.results import read_result
+from taxelflow.sensors import catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -640,8 +641,15 @@ def test_sensors_draws_a_picture(tmp_path: Path, capsys: Capture) -> None:
     assert "xela-4x4@4.7mm.svg" in capsys.readouterr().out
 
 
-def test_sensors_draws_all_built_in_ones(tmp_path: Path, capsys: Capture) -> None:
+def test_sensors_draws_all_built_in_ones(tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
+    one_of_a_kind = (
+        "barretthand-162",
+        "icub-forearm",
+        "inspire-rh56dftp@PITCHmm",
+    )  # grids, a table, a pitch in the name
+    few = [pair for pair in catalogue.catalogue() if pair[0] in one_of_a_kind]
+    monkeypatch.setattr(catalogue, "catalogue", lambda: few)
     assert main(["sensors", "--plot", str(tmp_path)]) == 0
     assert {"barretthand-162.svg", "icub-forearm.svg", "inspire-rh56dftp@1mm.svg"} <= {
         f.name for f in tmp_path.iterdir()
@@ -721,12 +729,11 @@ def test_the_program_ends_with_2_and_one_line_on_bad_input(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("wild", [np.inf, -np.inf, 3.4e38, 1e300])
-def test_the_program_warns_of_no_arithmetic(tmp_path: Path, wild: float) -> None:
+def test_the_program_warns_of_no_arithmetic(tmp_path: Path, capsys: Capture, wild: float) -> None:
     values = grasp()
     values[30, 3] = wild
-    done = program("estimate", save_npz(tmp_path / "a.npz", values), "--out", tmp_path / "out")
-    assert done.returncode == 0
-    assert "Warning" not in done.stderr
+    assert main(["estimate", str(save_npz(tmp_path / "a.npz", values)), "--out", str(tmp_path / "out")]) == 0
+    assert "Warning" not in capsys.readouterr().err  # which pytest would raise, if it were numpy's
 
 
 def test_the_program_stands_a_closed_pipe(tmp_path: Path) -> None:
@@ -742,10 +749,8 @@ def test_the_program_writes_to_a_terminal_that_knows_only_ascii() -> None:
 
 
 def test_the_teapots_handle_by_the_program(recordings: Path, tmp_path: Path) -> None:
-    done = program(
-        "estimate", recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa", "--out", tmp_path / "out"
-    )
-    assert done.returncode == 0
+    recording = recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa"
+    assert main(["estimate", str(recording), "--out", str(tmp_path / "out")]) == 0
     pad = json.loads((tmp_path / "out" / "summary.json").read_text())["pads"]["finger2_distal"]
     assert 0.015 < float(np.hypot(*pad["net_m"])) < 0.025
     assert len(rows_of(tmp_path / "out" / "slips.csv")) == 109 * 6

@@ -1,32 +1,35 @@
 from __future__ import annotations
 
-import os
 import re
-import subprocess
+import runpy
 import sys
+import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from rigged import rigged
 from taxelflow.simulation.simulate import save
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
 
-def ran(name: str, folder: Path, *arguments: object) -> str:
-    """What an example prints; it must end well and complain of nothing."""
-    done = subprocess.run(
-        [sys.executable, "-W", "error", str(EXAMPLES / name), *map(str, arguments)],
-        check=False,
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        env={**os.environ, "TMPDIR": str(folder)},
-    )
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
-    return done.stdout
+@pytest.fixture
+def ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """What an example prints that is run in a folder of its own."""
+
+    def run(name: str, *arguments: str) -> str:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+        monkeypatch.setattr(sys, "argv", [name, *arguments])
+        runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+        return capsys.readouterr().out
+
+    return run
 
 
 def test_every_example_is_tested_here() -> None:
@@ -34,8 +37,8 @@ def test_every_example_is_tested_here() -> None:
     assert names == ["01_read_and_estimate.py", "02_live_loop.py", "03_new_estimator.py", "04_slip_control.py"]
 
 
-def test_01_tells_contact_speed_accuracy_and_events(tmp_path: Path) -> None:
-    said = ran("01_read_and_estimate.py", tmp_path)
+def test_01_tells_contact_speed_accuracy_and_events(ran: Callable[..., str]) -> None:
+    said = ran("01_read_and_estimate.py")
     told = re.search(r"^palm: (\d+) scans in contact, median speed ([\d.]+) mm/s,$", said, re.MULTILINE)
     assert told
     assert 40 < int(told[1]) < 70
@@ -49,14 +52,14 @@ def test_01_tells_contact_speed_accuracy_and_events(tmp_path: Path) -> None:
     assert sorted(events, key=lambda event: float(event[0])) == events
 
 
-def test_01_takes_a_recording_and_a_sensor(tmp_path: Path) -> None:
+def test_01_takes_a_recording_and_a_sensor(tmp_path: Path, ran: Callable[..., str]) -> None:
     save(rigged("turn"), tmp_path / "turn.npz")
-    assert ran("01_read_and_estimate.py", tmp_path, "turn.npz").startswith("finger2_proximal: ")
-    assert ran("01_read_and_estimate.py", tmp_path, "turn.npz", "schunk-sdh2").startswith("finger2_proximal: ")
+    assert ran("01_read_and_estimate.py", "turn.npz").startswith("finger2_proximal: ")
+    assert ran("01_read_and_estimate.py", "turn.npz", "schunk-sdh2").startswith("finger2_proximal: ")
 
 
-def test_02_tells_of_slips_back_and_forth_as_they_happen(tmp_path: Path) -> None:
-    lines = ran("02_live_loop.py", tmp_path).splitlines()
+def test_02_tells_of_slips_back_and_forth_as_they_happen(ran: Callable[..., str]) -> None:
+    lines = ran("02_live_loop.py").splitlines()
     t_s = [float(line.split()[0]) for line in lines]
     assert t_s == sorted(t_s)
     vx = [
@@ -69,8 +72,8 @@ def test_02_tells_of_slips_back_and_forth_as_they_happen(tmp_path: Path) -> None
     assert sum("palm: contact" in line for line in lines) == sum("palm: release" in line for line in lines) == 2
 
 
-def test_03_runs_an_estimator_of_its_own(tmp_path: Path) -> None:
-    said = ran("03_new_estimator.py", tmp_path)
+def test_03_runs_an_estimator_of_its_own(ran: Callable[..., str]) -> None:
+    said = ran("03_new_estimator.py")
     told = re.fullmatch(r"Centroid: the object went from y = (-[\d.]+) mm to ([\d.]+) mm and back\n", said)
     assert told
     assert float(told[1]) == pytest.approx(-12.5, abs=1)
@@ -83,8 +86,8 @@ def test_03_shows_a_new_estimator_in_40_lines() -> None:
     assert len([line for line in body.splitlines() if line.strip()]) <= 40
 
 
-def test_04_holds_what_would_slide_and_lets_slip_what_was_asked_for(tmp_path: Path) -> None:
-    said = ran("04_slip_control.py", tmp_path)
+def test_04_holds_what_would_slide_and_lets_slip_what_was_asked_for(ran: Callable[..., str]) -> None:
+    said = ran("04_slip_control.py")
     loose, held, felt, slid = map(float, re.findall(r"(?:slid|felt|^ +) ?([\d.]+) mm", said, re.MULTILINE))
     assert loose > 20
     assert held < 0.1 * loose

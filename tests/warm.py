@@ -4,38 +4,70 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-PARTS = ("template", "others")
+import numpy as np
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording
+    from taxelflow.estimation.base import Mode
+
+MODES: tuple[Mode, Mode] = ("stream", "batch")
 
 
 def warm_up() -> None:
-    """Compile in one process per part; they write the cache that the workers read."""
+    """Compile in one process per part, side by side; they write the cache that the workers read."""
     command = [sys.executable, "-B", str(Path(__file__))]
     running = [subprocess.Popen([*command, part], stderr=subprocess.DEVNULL) for part in PARTS]
     for process in running:
         process.wait()
 
 
-def main(part: str) -> None:
-    """Run every method of a part over a short recording with all stages."""
+def short_recording() -> Recording:
     from rigged import rigged
-    from taxelflow import Conditioner, estimate
-    from taxelflow.estimation.smoothing.parameters import Smoothing
     from taxelflow.simulation.simulate import simulate
 
-    recording = simulate(rigged("slide-and-turn", motion={"strokes": 1, "rest_s": 0.5}))
-    if part == "template":
-        for mode in ("stream", "batch"):
-            estimate(recording, "template", mode=mode)  # type: ignore[arg-type]
-        return
-    for method in ("convolution", "lnorm", "sum", "principal_axis", "registration"):
-        for mode in ("stream", "batch"):
-            estimate(recording, method, mode=mode)  # type: ignore[arg-type]
+    return simulate(rigged("slide-and-turn", motion={"strokes": 1, "rest_s": 0.5}))
+
+
+def stages() -> None:
+    """All stages of the pipeline, with the methods that are compiled soon."""
+    from taxelflow import Conditioner, estimate, estimator
+    from taxelflow.estimation.completion import start_slips
+    from taxelflow.estimation.smoothing.parameters import Smoothing
+
+    recording = short_recording()
     everything = Conditioner(median_scans=3, lowpass_hz=10.0, drift="follow", mask="auto")
-    for mode in ("stream", "batch"):
-        estimate(recording, mode=mode, condition=everything, smooth=Smoothing(1.0), contacts=2)  # type: ignore[arg-type]
+    for mode in MODES:
+        estimate(recording, mode=mode)
+        estimate(recording, mode=mode, condition=everything, smooth=Smoothing(1.0), contacts=2)
+    for method in ("lnorm", "sum", "principal_axis"):
+        start_slips(estimator(method), recording.layout, "stream")
+
+
+def estimators() -> None:
+    """The methods that take long, without the stages around them."""
+    from taxelflow import estimator
+    from taxelflow.estimation.completion import start_slips
+    from taxelflow.messages import Scans
+
+    recording = short_recording()
+    raw, layout = recording.load(), recording.layout
+    taxels = np.ones(layout.entries)
+    touched = np.ones((len(raw), len(layout.pads)), dtype=np.bool_)
+    pressure = np.take(raw.values * recording.sensor.to_si, layout.source, axis=1)
+    scans = Scans(raw.t_s, pressure - pressure[0], 100.0 * taxels, np.inf * taxels, touched, touched)
+    for mode in MODES:
+        for method in ("registration", "template"):
+            session = start_slips(estimator(method), layout, mode)
+            session.step(replace(scans, pressure=scans.pressure.copy()))
+            session.finish()
+
+
+PARTS = {"stages": stages, "estimators": estimators}
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    PARTS[sys.argv[1]]()

@@ -100,7 +100,7 @@ def test_contacts_that_are_told_apart_are_not_watched() -> None:
 
 @pytest.mark.parametrize("method", ["lnorm", "template"])
 def test_no_pose_is_ok_after_contacts_have_moved_apart_on_a_pad_that_is_taken_for_one(method: str) -> None:
-    recording = simulate(rigged("two-contacts", sensing={"rate_hz": 25.0}))
+    recording = simulate(rigged("two-contacts", motion={"strokes": 1}, sensing={"rate_hz": 25.0}))
     parted, _ = watched(recording)
     result = api.estimate(recording, method, mode="stream")
     quality = result.slips.quality[:, 0]

@@ -28,7 +28,7 @@ def session(sensor: Sensor) -> ContactSession:
 def scans(sensor: Sensor) -> Scans:
     """The same scans as the conditioner gives them: a split contact still holds all of its pad's taxels."""
     layout = sensor.layout
-    values = two_domes()[:, layout.source]
+    values = np.take(two_domes(), layout.source, axis=1)
     blank = no_scans(layout.entries, len(layout.pads), SCANS)
     noise = np.full(layout.entries, NOISE)
     return Scans(np.arange(SCANS) / 25.0, values, noise, blank.ceiling, np.ones_like(blank.contact), blank.complete)

@@ -20,6 +20,9 @@ from taxelflow.simulation.simulate import simulate
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from taxelflow.api import Result
+    from taxelflow.estimation.base import Mode
+
 GRID = grid_sensor(12, 20)
 NOISE = 100.0
 Place = tuple[float, float]
@@ -166,25 +169,29 @@ def test_a_contact_alone_is_what_its_pad_is(method: str) -> None:
     assert not slips.contact[:, 2].any()
 
 
-def test_the_template_of_a_contact_alone_is_that_of_its_pad() -> None:
-    two = rigged("two-contacts", motion={"strokes": 1, "travel_m": 0.008}, sensing={"rate_hz": 25.0})
-    alone = simulate(replace(two, second=replace(two.second, there=False)))
-    for mode in ("batch", "stream"):
-        plain = api.estimate(alone, "template", mode=mode)  # type: ignore[arg-type]
-        slips = api.estimate(alone, "template", mode=mode, contacts="grid=2").slips  # type: ignore[arg-type]
-        np.testing.assert_array_equal(slips.pose[:, 1], plain.slips.pose[:, 0])
-        np.testing.assert_array_equal(slips.covariance[:, 1], plain.slips.covariance[:, 0])
-        np.testing.assert_array_equal(slips.quality[:, 0], plain.slips.quality[:, 0])
-        assert plain.pads == ("grid",)
+TWO = rigged("two-contacts", motion={"strokes": 1, "travel_m": 0.008}, sensing={"rate_hz": 25.0})
+ONE = replace(TWO, second=replace(TWO.second, there=False))
 
 
-@pytest.mark.parametrize("mode", ["batch", "stream"])
-def test_two_contacts_far_apart_have_the_poses_of_each_alone(mode: str) -> None:
-    two = rigged("two-contacts", motion={"strokes": 1, "travel_m": 0.008}, sensing={"rate_hz": 25.0})
-    both = simulate(two)
-    first = simulate(replace(two, second=replace(two.second, there=False)))
-    told = api.estimate(both, "template", mode=mode, contacts=2).slips  # type: ignore[arg-type]
-    alone = api.estimate(first, "template", mode=mode).slips  # type: ignore[arg-type]
+@pytest.fixture(scope="module", params=["batch", "stream"])
+def by_itself(request: pytest.FixtureRequest) -> tuple[Mode, Result]:
+    """The mode, and what the template makes of an object alone on its pad."""
+    return request.param, api.estimate(simulate(ONE), "template", mode=request.param)
+
+
+def test_the_template_of_a_contact_alone_is_that_of_its_pad(by_itself: tuple[Mode, Result]) -> None:
+    mode, plain = by_itself
+    slips = api.estimate(simulate(ONE), "template", mode=mode, contacts="grid=2").slips
+    np.testing.assert_array_equal(slips.pose[:, 1], plain.slips.pose[:, 0])
+    np.testing.assert_array_equal(slips.covariance[:, 1], plain.slips.covariance[:, 0])
+    np.testing.assert_array_equal(slips.quality[:, 0], plain.slips.quality[:, 0])
+    assert plain.pads == ("grid",)
+
+
+def test_two_contacts_far_apart_have_the_poses_of_each_alone(by_itself: tuple[Mode, Result]) -> None:
+    mode, plain = by_itself
+    alone = plain.slips
+    told = api.estimate(simulate(TWO), "template", mode=mode, contacts=2).slips
     known = np.isfinite(alone.pose[:, 0, 0]) & (np.arange(len(alone)) > 30)
     off = (told.pose[known, 1] - alone.pose[known, 0])[:, :2]
     off -= off.mean(axis=0)  # the pattern's own frame is arbitrary

@@ -26,7 +26,7 @@ def test_every_figure_of_the_paper_is_drawn(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four() -> None:
-    rows = {(row.scenario, row.cut): row for row in Field(2).run().rows}
+    rows = {(row.scenario, row.cut): row for row in Field(1).run().rows}
     two, four = (rows["turn-over-hand", cut] for cut in ("tips of fingers 1, 2", "fingers 1, 2"))
     assert (two.vectors, four.vectors) == (2, 4)
     assert four.turn_percent < two.turn_percent < 12

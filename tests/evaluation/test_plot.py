@@ -47,10 +47,16 @@ def saved(path: Path, pressure: Floats, sensor: Sensor) -> Path:
     return path
 
 
-def own_result(folder: Path, pressure: Floats, pad: str = "palm") -> Path:
+def own_sensor(*names: str) -> Sensor:
+    """Pads of 4 x 7 taxels of these names."""
+    return Sensor(
+        name="own", unit="Pa", pads=tuple(Pad(name=name, rows=4, cols=7, pitch_m=(0.01, 0.01)) for name in names)
+    )
+
+
+def own_result(folder: Path, pressure: Floats) -> Path:
     """The result of a recording of one pad of 4 x 7 taxels."""
-    sensor = Sensor(name="own", unit="Pa", pads=(Pad(name=pad, rows=4, cols=7, pitch_m=(0.01, 0.01)),))
-    return estimated(saved(folder / "own.npz", pressure, sensor), folder / "own")
+    return estimated(saved(folder / "own.npz", pressure, own_sensor("palm")), folder / "own")
 
 
 # Which pictures
@@ -265,17 +271,20 @@ def test_no_picture_replaces_another_of_the_same_drawing(results: list[Path], tm
     assert len(set(made)) == len(made) == 4
 
 
-@pytest.mark.parametrize("pad", ["left/tip", "läuft ✓", "a b", "50 $ (two $)", r"$\nonsense$", "<b>&", "../up"])
-def test_pads_of_any_name_are_drawn_under_their_name(tmp_path: Path, pad: str) -> None:
-    values = np.random.default_rng(0).normal(0, 100, (60, 28))
+@pytest.mark.parametrize("names", [["left/tip", "läuft ✓", "a b", "50 $ (two $)"], [r"$\nonsense$", "<b>&", "../up"]])
+def test_pads_of_any_name_are_drawn_under_their_name(tmp_path: Path, names: list[str]) -> None:
+    sensor = own_sensor(*names)
+    values = np.random.default_rng(0).normal(0, 100, (60, sensor.layout.taxels))
     for scan in range(20, 60):
-        values[scan] += dome(grid_sensor(4, 7), 0.0005 * (scan - 40))
-    plot_results([own_result(tmp_path, values, pad)], tmp_path / "out", "svg")
+        values[scan] += sum(dome(sensor, 0.0005 * (scan - 40), pad=pad) for pad in range(len(names)))
+    result = estimated(saved(tmp_path / "own.npz", values, sensor), tmp_path / "own")
+    plot_results([result], tmp_path / "out", "svg")
     pictures = list((tmp_path / "out").iterdir())
-    assert len(pictures) == 3
+    assert len(pictures) == len(names) + 2
     assert not list(tmp_path.rglob("*.part"))
-    (position,) = (path for path in pictures if path.stem.startswith("position-"))
-    assert f"Object on {pad}" in svg_words(position)
+    positions = [svg_words(path) for path in pictures if path.stem.startswith("position-")]
+    for name in names:
+        assert sum(f"Object on {name}" in words for words in positions) == 1
 
 
 def test_a_touch_too_short_for_a_position_has_nothing_to_draw(tmp_path: Path) -> None:

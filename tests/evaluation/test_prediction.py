@@ -119,15 +119,19 @@ def test_a_learned_pattern_is_written_and_drawn(turned: Path, tmp_path: Path) ->
     assert not (out / "patterns.npz").exists()
 
 
-def test_real_contacts_are_scored(recordings: Path) -> None:
-    scored = score_recordings([api.read(recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa")])
-    assert {row.pad for row in scored.predictions} == {"finger2_distal", "finger1_distal"}
-    assert all(row.scans > 50 and row.no_motion_percent > row.noise_percent for row in scored.predictions)
+@pytest.fixture(scope="module")
+def teapot(recordings: Path) -> PredictionReport:
+    return score_recordings([api.read(recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa")])
 
 
-@pytest.mark.parametrize("name", ["slip_and_rotation_teapot_handle.dsa", "reactive_grasping.dsa"])
-def test_real_contacts_are_explained_better_than_by_the_scan_before(recordings: Path, name: str) -> None:
-    scored = score_recordings([api.read(recordings / "sdh-dsa" / name)])
-    assert scored.predictions
-    for row in scored.predictions:
-        assert row.registered_percent < min(row.no_motion_percent, row.centroid_percent)
+def test_real_contacts_are_scored(teapot: PredictionReport) -> None:
+    assert {row.pad for row in teapot.predictions} == {"finger2_distal", "finger1_distal"}
+    assert all(row.scans > 50 and row.no_motion_percent > row.noise_percent for row in teapot.predictions)
+
+
+def test_real_contacts_are_explained_better_than_by_the_scan_before(recordings: Path, teapot: PredictionReport) -> None:
+    grasp = score_recordings([api.read(recordings / "sdh-dsa" / "reactive_grasping.dsa")])
+    for scored in (teapot, grasp):
+        assert scored.predictions
+        for row in scored.predictions:
+            assert row.registered_percent < min(row.no_motion_percent, row.centroid_percent)

@@ -166,7 +166,7 @@ def test_the_same_seed_gives_the_same_table_and_another_another(table: Table1Rep
 
 
 def test_the_standard_error_falls_with_more_strokes() -> None:
-    few, many = Table1(10, 5, methods=PAPER_METHODS).run(), Table1(60, 5, methods=PAPER_METHODS).run()
+    few, many = Table1(5, 5, methods=PAPER_METHODS).run(), Table1(30, 5, methods=PAPER_METHODS).run()
     one, two = (sum(row.standard_error_percent for row in table.ours) for table in (few, many))
     assert 1.5 < one / two < 4  # about the square root of 6
 

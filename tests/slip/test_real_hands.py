@@ -34,9 +34,9 @@ def test_a_real_object_that_slides_over_a_finger_slips_each_time(recordings: Pat
     whole = api.read(path)
 
     def first() -> Iterator[RawScans]:
-        yield cut(joined(list(whole.blocks())), 0, 1000)
+        yield cut(joined(list(whole.blocks())), 0, 600)
 
-    result = api.estimate(replace(whole, read=first, scans=1000), method="template", mode="stream")
+    result = api.estimate(replace(whole, read=first, scans=600), method="template", mode="stream")
     finger = result.pads.index("finger2_distal")
     edges = np.flatnonzero(np.diff(result.slips.contact[:, finger], prepend=False, append=False)).reshape(-1, 2)
     long = [(begin, end) for begin, end in edges.tolist() if end - begin >= 15]

@@ -110,6 +110,7 @@ class Recording:
 class Reading:
     """One pass over a recording: checks numbers of columns and times, and drops scans with a repeated time stamp.
 
+    Its blocks are in C order, whatever a reader's are: kernels compile for each order of an array that they meet.
     Iterating raises TaxelCountWrong, TimesNotIncreasing and RecordingCorrupt. The iteration ends normally where a
     recording is truncated; `loss` is then that error. scans, repeated: numbers of scans delivered and dropped so far.
     notes: those of the recording, and one if the scan rate is implausible.
@@ -156,7 +157,7 @@ class Reading:
             raise TaxelCountWrong(self._recording.source, seen, sensor.name, sensor.channel_map.columns)
         if self._mapped:
             block = RawScans(block.t_s, sensor.channel_map.to_readings(block.values))
-        block = self._in_order(block)
+        block = self._in_order(RawScans(np.ascontiguousarray(block.t_s), np.ascontiguousarray(block.values)))
         if not self.scans and len(block) >= _RATE_SCANS:
             self._check_rate(1 / float(np.median(np.diff(block.t_s))))
         self.scans += len(block)

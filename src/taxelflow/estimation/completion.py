@@ -44,5 +44,8 @@ class SlipsSession:
         footprint, count = joined(self._held or [self._none]), len(estimates)
         if count > len(footprint):
             raise EstimatorBroken(type(self._session).__name__, count, len(footprint))
-        self._held = [cut(footprint, count, len(footprint))] if count < len(footprint) else []
+        if count == len(footprint):
+            self._held = []
+            return Slips.of(footprint, estimates)
+        self._held = [cut(footprint, count, len(footprint))]
         return Slips.of(cut(footprint, 0, count), estimates)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, cast
@@ -15,10 +16,10 @@ import msgspec
 import numpy as np
 
 from taxelflow import api
+from taxelflow.acquire.base import Recording
 from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
-from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.estimation.centroid.paper_reference import convolution_index
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.base import table_of
@@ -27,24 +28,33 @@ from taxelflow.evaluation.bench_reading import ReadingRate, reading_rates
 from taxelflow.evaluation.bench_throughput import Throughput, throughput
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.messages import RawScans, Scans, cut
+from taxelflow.pipeline import Pipeline
 from taxelflow.publish.tables import Tables
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
-from taxelflow.simulation.scenario import SCENARIOS
+from taxelflow.simulation.scenario import SCENARIOS, Scenario
 from taxelflow.simulation.simulate import save, simulate
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sized
+    from typing import TypeVar
 
-    from taxelflow.acquire.base import Recording
     from taxelflow.estimation.centroid.session import CentroidSession
     from taxelflow.evaluation.base import Table
-    from taxelflow.messages import Floats, Slips
+    from taxelflow.messages import Floats
+    from taxelflow.pipeline import Output
+
+    Result = TypeVar("Result", bound=Sized)
 
 _ROUNDS = 300
 _LITERAL_BUDGET_S = 4.0
+_STROKES = 140
+"""Strokes of the paper that last as long as the longest real recording."""
+_NOISE = 0.1
+"""Standard deviation of an unloaded taxel, in the unit of readings that are 1 to 10 when loaded."""
+_STAGES = ("parsing", "conditioning", "segmenting", "estimating", "monitoring and fusing", "writing")
 
 
 class Latency(msgspec.Struct, frozen=True):
@@ -105,12 +115,16 @@ def bench(recording: Path | None) -> Bench:
     with tempfile.TemporaryDirectory() as folder:
         if recording is None:
             recording = Path(folder) / "simulated.npz"
-            paper = SCENARIOS["stroke"]
-            save(replace(paper, motion=replace(paper.motion, strokes=140)), recording)
+            save(_simulated(), recording)
         opened = api.read(recording)
         scans, shares = _shares(opened, Path(folder) / "result")
         readings = reading_rates(opened, Path(folder))
     return Bench(latencies, bench_peers(), throughputs, recording.name, scans, shares, readings, _starts())
+
+
+def _simulated() -> Scenario:
+    paper = SCENARIOS["stroke"]
+    return replace(paper, motion=replace(paper.motion, strokes=_STROKES))
 
 
 def _sensors() -> list[Sensor]:
@@ -152,7 +166,7 @@ def _latencies(sensor: Sensor) -> list[Latency]:
 
 def _loaded(values: Floats, pads: int) -> list[Scans]:
     contact = np.ones((1, pads), dtype=np.bool_)
-    noise = np.full(values.shape[1], 0.1)
+    noise = np.full(values.shape[1], _NOISE)
     never = np.full(len(noise), np.inf)
     return [Scans(np.array([0.01 * k]), values[k : k + 1], noise, never, contact, contact) for k in range(len(values))]
 
@@ -168,34 +182,43 @@ def _session_step(step: Callable[[Scans], object], scans: list[Scans]) -> Callab
 
 
 def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]]:
-    """What a live loop does per scan, stage by stage and together."""
-    masked = np.zeros(values.shape[1], dtype=np.bool_)
-    condition = Conditioner(tare="none").start(sensor, masked, [RawScans(np.arange(16.0), values)])
+    """What a live loop does per scan, stage by stage and together, once noise and tare are known."""
+    conditioner, monitor = Conditioner(), SlipMonitor().watch(sensor.layout, stream=True)
+    condition = conditioner.start(sensor, np.zeros(sensor.layout.taxels, dtype=np.bool_), None)
+    segment = ContactFeatures().start(sensor, conditioner.contact_on, conditioner.contact_off)
     estimate = start_slips(api.estimator("convolution"), sensor.layout, "stream")
-    monitor, fuse = SlipMonitor().watch(sensor.layout, stream=True), RigidField().start(sensor.layout)
-    describe = FeatureExtractor(sensor, ContactFeatures().threshold)
-    raw = [RawScans(np.array([0.01 * k]), values[k : k + 1]) for k in range(16)]
-    scans = [next(condition.step(scan)) for scan in raw]
+    fuse = RigidField().start(sensor.layout)
+    conditioned = _fed(lambda raw: list(condition.step(raw)), values)
+    scans = [conditioned(k)[0] for k in range(16)]
     slips = [estimate.step(scan) for scan in scans]
 
-    def together(k: int) -> None:
-        for scan in condition.step(raw[k % 16]):
-            found = estimate.step(scan)
-            watch(scan, found)
-            fuse.step(found)
-            describe.step(scan)
-
-    def watch(scan: Scans, found: Slips) -> None:
-        monitor.see(scan)
-        monitor.step(found)
+    def watch(k: int) -> object:
+        monitor.see(scans[k % 16])
+        return monitor.step(slips[k % 16])
 
     return {
-        "stage condition": lambda k: list(condition.step(raw[k % 16])),
-        "stage monitor": lambda k: watch(scans[k % 16], slips[k % 16]),
+        "stage condition": conditioned,
+        "stage contacts": lambda k: segment.step(scans[k % 16]),
+        "stage estimate": lambda k: estimate.step(scans[k % 16]),
+        "stage monitor": watch,
         "stage fuse": lambda k: fuse.step(slips[k % 16]),
-        "stage features": lambda k: describe.step(scans[k % 16]),
-        "all stages": together,
+        "all stages": live_step(sensor, values),
     }
+
+
+def live_step(sensor: Sensor, values: Floats) -> Callable[[int], Output]:
+    """`Run.step` of a running stream. values: (16, taxels), readings that it is given in turn."""
+    run = Pipeline(api.estimator("convolution"), mode="stream").start(Recording.live(sensor))
+    return _fed(run.step, values)
+
+
+def _fed(step: Callable[[RawScans], Result], values: Floats) -> Callable[[int], Result]:
+    """A step that takes a row of values as its next scan; it has seen unloaded scans until it gave results."""
+    seconds = (0.01 * k for k in count())
+    random = np.random.default_rng(0)
+    while not len(step(RawScans(np.array([next(seconds)]), random.normal(0.0, _NOISE, (1, values.shape[1]))))):
+        pass
+    return lambda k: step(RawScans(np.array([next(seconds)]), values[k % 16 : k % 16 + 1]))
 
 
 def _in_turn(steps: dict[str, Callable[[int], object]]) -> dict[str, Floats]:
@@ -221,7 +244,7 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
     """Seconds per stage of one batch run, kernels compiled before."""
     warm = simulate(SCENARIOS["fast-stroke"])
     api.estimate(warm)
-    spent = dict.fromkeys(("parsing", "conditioning", "estimating", "monitoring and fusing", "writing"), 0.0)
+    spent = dict.fromkeys(_STAGES, 0.0)
 
     def timed(stage: str, start: float) -> float:
         now = perf_counter()
@@ -231,29 +254,29 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
     start = perf_counter()
     lookahead = list(recording.blocks())
     start = timed("parsing", start)
-    condition = Conditioner().start(recording.sensor, recording.masked, lookahead)
+    conditioner = Conditioner()
+    condition = conditioner.start(recording.sensor, recording.masked, lookahead)
     start = timed("conditioning", start)
     blocks = list(recording.blocks())
     start = timed("parsing", start)
     estimate = start_slips(api.estimator("convolution"), recording.layout, "batch")
     monitor, fuse = SlipMonitor().watch(recording.layout, stream=True), RigidField().start(recording.layout)
-    describe = FeatureExtractor(recording.sensor, ContactFeatures().threshold)
+    segment = ContactFeatures().start(recording.sensor, conditioner.contact_on, conditioner.contact_off)
     with Tables(out, recording.layout.pads) as tables:
         for raw in blocks:
             start = perf_counter()
             scans = list(condition.step(cut(raw, 0, len(raw))))
             start = timed("conditioning", start)
-            slips = [estimate.step(block) for block in scans]
+            segmented = [segment.step(block) for block in scans]
+            start = timed("segmenting", start)
+            slips = [estimate.step(block.scans) for block in segmented]
             start = timed("estimating", start)
-            for pressed in scans:
-                monitor.see(pressed)
-            found = [
-                (block, monitor.step(block), fuse.step(block), describe.step(pressed))
-                for block, pressed in zip(slips, scans, strict=True)
-            ]
+            for one in segmented:
+                monitor.see(one.scans)
+            found = [(block, monitor.step(block), fuse.step(block)) for block in slips]
             start = timed("monitoring and fusing", start)
-            for block, judged, motions, contacts in found:
-                tables.write(block, judged.slipping, motions, judged.events, contacts, judged.evidence)
+            for (block, judged, motions), own in zip(found, segmented, strict=True):
+                tables.write(block, judged.slipping, motions, judged.events, own.contacts, judged.evidence)
             timed("writing", start)
     total = sum(spent.values())
     return sum(map(len, blocks)), [Share(stage, s, s / total) for stage, s in spent.items()]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.messages import Bools, Floats
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def border_of(layout: Layout) -> tuple[NDArray[np.int64], NDArray[np.int64], Boo
     return edge, np.searchsorted(edge, layout.starts), layout.border
 
 
-@kernel
+@lean_kernel
 def mark_border(
     pressure: Floats,
     noise: Floats,
@@ -87,7 +87,7 @@ def _mark_pad(reading: Floats, noise: Floats, edge: NDArray[np.int64], faces: Bo
                 return
 
 
-@kernel
+@lean_kernel
 def pad_load(pressure: Floats, starts: NDArray[np.int64], load: Floats) -> None:
     """Fill load (scans, pads) with the sum of the pad's readings. starts: (pads + 1,), `Layout.starts`."""
     for scan in range(pressure.shape[0]):

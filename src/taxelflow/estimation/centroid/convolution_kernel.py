@@ -17,7 +17,7 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.centroid.records import Pad, Place, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, records
@@ -50,7 +50,7 @@ class Memory:
     noise: NoiseSums
 
 
-@kernel
+@lean_kernel
 def convolution_flow(
     block: ScanBlock,
     places: Floats,

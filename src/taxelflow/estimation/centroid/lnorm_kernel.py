@@ -6,7 +6,7 @@ from math import erfc
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.centroid.records import Pad, Place, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
@@ -23,7 +23,7 @@ class Memory:
     last: Place
 
 
-@kernel
+@lean_kernel
 def peak_flow(
     block: ScanBlock,
     places: Floats,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.centroid.records import Pad, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
@@ -27,7 +27,7 @@ class Memory:
     a: float
 
 
-@kernel
+@lean_kernel
 def load_change(
     block: ScanBlock,
     _places: Floats,

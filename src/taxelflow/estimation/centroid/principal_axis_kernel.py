@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.centroid.records import Estimate, Pad, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
@@ -57,7 +57,7 @@ class Memory:
     moments: Moments
 
 
-@kernel
+@lean_kernel
 def axis_motion(
     block: ScanBlock,
     places: Floats,

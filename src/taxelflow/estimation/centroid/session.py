@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.centroid.records import Estimate, Row, ScanBlock, pads_of
 from taxelflow.messages import Estimates, Floats, Scans, no_scans
 from taxelflow.numerics.records import Records, records, unknown
@@ -88,7 +88,7 @@ def pad_gains(layout: Layout, gain: float, calibrated: Floats | None) -> Floats:
     return factors
 
 
-@kernel
+@lean_kernel
 def unpack(
     rows: Records, pose: Floats, covariance: Floats, displacement: Floats, displacement_covariance: Floats
 ) -> None:

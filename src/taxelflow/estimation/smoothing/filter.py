@@ -151,7 +151,6 @@ def step_back(
 def run_smoother(tau: Floats, density: Floats, rows: Records) -> None:
     """Turn what `run_filter` gave into the estimates from all poses of each track."""
     F, Q = np.empty((STATES, STATES)), np.empty((STATES, STATES))
-    out, out_P = np.empty(STATES), np.empty((STATES, STATES))
     next_pose = -1
     for k in range(len(tau) - 1, -1, -1):
         row: Smoothed = rows[k]
@@ -162,6 +161,5 @@ def run_smoother(tau: Floats, density: Floats, rows: Records) -> None:
             transition(tau[next_pose] - tau[k], density, F, Q)
             old, old_P = row.state.copy(), row.covariance.copy()
             predicted = (old, old_P, F, F @ old, F @ old_P @ F.T + Q)
-            step_back(predicted, later.state, later.covariance, out, out_P, later.moved_covariance)
-            row.state[:], row.covariance[:, :] = out, out_P
+            step_back(predicted, later.state, later.covariance, row.state, row.covariance, later.moved_covariance)
         next_pose = k
