@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 class Solved:
     """A contact as the joint fit sees it.
 
-    states: (scans, 5), see `bspline`. error: share of the contact's largest reading, see `Scanned.with_error`. gain_std:
-    of the gains around 1. turns, grows: whether the object turns, and its contact grows with the load around the origin
-    of the pattern's frame. agrees: (scans,), whether
-    independent starts put the object at the same place; empty where there was one start. dead: taxels that do not answer.
+    states: (scans, 5), see `bspline`. error: share of the contact's largest reading, see `Scanned.with_error`.
+    gain_std: of the gains around 1. turns, grows: whether the object turns, and its contact grows with the load around
+    the origin of the pattern's frame. agrees: (scans,), whether independent starts put the object at the same place;
+    empty where there was one start. dead: taxels that do not answer.
     """
 
     pattern: Pattern
