@@ -51,8 +51,8 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash
     normal: Literal["x", "y", "z"] = "z"
     """The one of three axes that is normal to the skin; the others are not used."""
     unseen_error: Annotated[float, Meta(ge=0, le=1)] = 0.05
-    """Share of a contact's largest reading by which readings may be wrong without showing it (hysteresis, creep, gains);
-    the least error that the covariance of a learned template allows for. 0 for a sensor without such faults."""
+    """Share of a contact's largest reading by which readings may be wrong unseen (hysteresis, creep, gain errors);
+    the least error that the covariance of a learned template allows for. 0 for a sensor without them."""
     channels: Channels | None = None
     """Places for taxels in a scan of the source, if more than the pads read."""
     note: str = ""

@@ -7,25 +7,22 @@ solved by conjugate gradients, so that time and memory grow linearly with the nu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
-from taxelflow.compiling import kernel, lean_kernel
-from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.observations import Readings
-from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.banded import WIDTH, Factor, add_square, multiply, smoothness
-from taxelflow.numerics.bspline import GAIN, KNOTS, SIZE, STATE, THETA, X, Y, evaluate, spread
-from taxelflow.numerics.robust import OUTLIER, huber_weight
+from taxelflow.estimation.template.normal_equations import Normal, assemble, to_knots, to_states
+from taxelflow.numerics.banded import WIDTH, Factor, multiply, smoothness
+from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.map import Pattern
-    from taxelflow.estimation.template.observations import Scanned
+    from numpy.typing import NDArray
 
-_HUBER = 4.0
+    from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Readings, Scanned
+    from taxelflow.messages import Bools, Floats
+
 _MOST_STEP = np.array([1.0, 1.0, 0.15, 0.2, 0.05])
 """Largest step of a state in one round; the first two in knots."""
 _SETTLED = 0.05
@@ -75,52 +72,11 @@ class Fit:
         return max(1.0 - self.free / count, 0.1)
 
 
-class Normal(NamedTuple):
-    """The problem, linearised at a pattern and states; `assemble` fills it.
-
-    first, weight, slope, w, residual, model: (scans, taxels, ...), per reading: its first knot, its weights by
-    coefficient (16,) and slopes by state (5,), both with the gain in, its own weight, what the model leaves of it, and
-    the model. stencil, right: of the coefficients. blocks, gradient: (scans, 5, 5), (scans, 5) of the states. chi,
-    counts: (scans,), robust chi-square and the readings in it.
-    """
-
-    first: NDArray[np.int64]
-    weight: Floats
-    slope: Floats
-    w: Floats
-    residual: Floats
-    model: Floats
-    stencil: Floats
-    right: Floats
-    blocks: Floats
-    gradient: Floats
-    chi: Floats
-    counts: NDArray[np.int64]
-
-    @classmethod
-    def empty(cls, scans: int, taxels: int, knots: int) -> Normal:
-        """Room for a problem of this size."""
-        return cls(
-            np.empty((scans, taxels), np.int64),
-            np.empty((scans, taxels, KNOTS)),
-            np.empty((scans, taxels, STATE)),
-            np.empty((scans, taxels)),
-            np.empty((scans, taxels)),
-            np.empty((scans, taxels)),
-            np.empty((knots, WIDTH, 2 * WIDTH - 1)),
-            np.empty(knots),
-            np.empty((scans, STATE, STATE)),
-            np.empty((scans, STATE)),
-            np.empty(scans),
-            np.empty(scans, np.int64),
-        )
-
-
 class _Linear:
     """The problem, linearised at the present pattern and states."""
 
     def __init__(self, pattern: Pattern, readings: Readings, fixed: Bools) -> None:
-        self.pattern, self.readings, self.fixed = pattern, readings, fixed
+        self.pattern, self.readings, self._free = pattern, readings, np.where(fixed, 0.0, 1.0)
         scans, taxels = readings.value.shape
         self.normal = Normal.empty(scans, taxels, pattern.coefficients.size)
         self.smooth = smoothness(pattern.shape)
@@ -128,7 +84,7 @@ class _Linear:
 
     def update(self, states: Floats) -> None:
         """Linearise at states (scans, 5)."""
-        assemble(self.pattern.surface, self.readings, states, self.fixed, self.normal)
+        assemble(self.pattern.surface, self.readings, states, self._free, self.normal)
         multiply(self.smooth, self.pattern.shape[1], self.pattern.coefficients.ravel(), self.bent)
 
     def bending(self) -> float:
@@ -282,84 +238,3 @@ def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Flo
     most[:2] *= linear.pattern.lattice[0]
     step = np.clip(solution.reshape(shape), -most, most)
     return step, factor.solve(linear.normal.right - linear.to_knots(step))
-
-
-@kernel
-def assemble(surface: Surface, readings: Readings, states: Floats, fixed: Bools, out: Normal) -> None:
-    """Linearise at states (scans, 5), of which those `fixed` (5,) have no slope."""
-    c, places, nx = surface.c, readings.places, surface.c.shape[1]
-    value = np.empty((places.shape[1], 5))
-    out.stencil[:], out.right[:], out.blocks[:], out.gradient[:] = 0.0, 0.0, 0.0, 0.0
-    for k in range(len(states)):
-        first, weight, slope = out.first[k], out.weight[k], out.slope[k]
-        spread(c.shape, surface.lattice, places, states[k], readings.bends[k], first, weight)
-        evaluate(c, surface.lattice, places, states[k], readings.bends[k], value)
-        gain = states[k, GAIN]
-        out.chi[k] = 0.0
-        out.counts[k] = 0
-        for i in range(places.shape[1]):
-            reading, variance = readings.value[k, i], readings.variance[k, i]
-            out.w[k, i] = out.residual[k, i] = out.model[k, i] = 0.0
-            if first[i] < 0 or variance == 0.0 or np.isnan(value[i, 0]):
-                continue
-            expected = gain * value[i, 0]
-            difference = reading - expected
-            out.model[k, i], out.residual[k, i] = expected, difference
-            if reading == 0.0 and expected <= 0.0:  # the sensor clips there
-                continue
-            if reading >= readings.ceiling[i] and difference < 0.0:
-                continue
-            factor = 1.0 / variance
-            z = abs(difference) * np.sqrt(factor)
-            out.chi[k] += min(z * z, OUTLIER)
-            out.counts[k] += 1
-            factor *= huber_weight(z, _HUBER)
-            out.w[k, i] = factor
-            slope[i, X], slope[i, Y], slope[i, THETA] = gain * value[i, 1], gain * value[i, 2], gain * value[i, 3]
-            slope[i, GAIN], slope[i, SIZE] = value[i, 0], gain * value[i, 4]
-            for a in range(STATE):
-                if fixed[a]:
-                    slope[i, a] = 0.0
-            for a in range(KNOTS):
-                weight[i, a] *= gain
-            add_square(first[i], weight[i], factor, difference, nx, out.stencil, out.right)
-            _add_state(slope[i], factor, difference, out.blocks[k], out.gradient[k])
-
-
-@lean_kernel
-def _add_state(slope: Floats, factor: float, difference: float, block: Floats, gradient: Floats) -> None:
-    """Add what one reading says of its scan's state."""
-    for a in range(STATE):
-        gradient[a] += factor * slope[a] * difference
-        for b in range(STATE):
-            block[a, b] += factor * slope[a] * slope[b]
-
-
-@kernel
-def to_knots(step: Floats, normal: Normal, nx: int, out: Floats) -> None:
-    """Add to out (knots,) what steps of the states (scans, 5) do to the coefficients' equations."""
-    for k in range(normal.first.shape[0]):
-        for i in range(normal.first.shape[1]):
-            if normal.w[k, i] == 0.0:
-                continue
-            pull = 0.0
-            for a in range(STATE):
-                pull += normal.slope[k, i, a] * step[k, a]
-            pull *= normal.w[k, i]
-            for a in range(KNOTS):
-                out[normal.first[k, i] + a // WIDTH * nx + a % WIDTH] += pull * normal.weight[k, i, a]
-
-
-@kernel
-def to_states(knots: Floats, normal: Normal, nx: int, out: Floats) -> None:
-    """Add to out (scans, 5) what steps of the coefficients (knots,) do to the states' equations."""
-    for k in range(normal.first.shape[0]):
-        for i in range(normal.first.shape[1]):
-            if normal.w[k, i] == 0.0:
-                continue
-            pull = 0.0
-            for a in range(KNOTS):
-                pull += knots[normal.first[k, i] + a // WIDTH * nx + a % WIDTH] * normal.weight[k, i, a]
-            pull *= normal.w[k, i]
-            for a in range(STATE):
-                out[k, a] += pull * normal.slope[k, i, a]

@@ -55,8 +55,7 @@ def register(  # noqa: PLR0912  loops over a state are written out
             best, best_chi, count = cost, chi, used
             for a in range(STATE):
                 kept[a], best_right[a] = state[a], right[a]
-                for b in range(a + 1):
-                    information[a, b] = normal[a, b]
+            copy_lower(normal, information)
             damping = max(damping * 0.2, _LEAST_DAMPING)
             if gained < _ENOUGH:
                 break
@@ -67,8 +66,8 @@ def register(  # noqa: PLR0912  loops over a state are written out
         matrix = normal  # which is made anew
         for a in range(STATE):
             step[a] = best_right[a]
-            for b in range(a + 1):
-                matrix[a, b] = information[a, b]
+        copy_lower(information, matrix)
+        for a in range(STATE):
             matrix[a, a] += damping * information[a, a] + 1e-12
         if not solve_small(matrix, step, STATE):
             break
@@ -86,6 +85,14 @@ def register(  # noqa: PLR0912  loops over a state are written out
         state[a] = kept[a]
     mirror(information)
     return best, best_chi, count
+
+
+@lean_kernel
+def copy_lower(one: Floats, other: Floats) -> None:
+    """Make the lower half of a matrix (n, n) that of another."""
+    for a in range(len(one)):
+        for b in range(a + 1):
+            other[a, b] = one[a, b]
 
 
 @lean_kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,8 @@ _SURELY, _LEAP = 9.0, (2.0, 0.5)
 """A place found all over the pad is followed only if chi-square is less by so much; an object that is known lies within
 so many pitches and rad of where it was."""
 _ITERATIONS = 20
+_REACHES = (0.0, 0.5, 1.0, 1.5, 2.0)
+"""Radii outwards of the scan's centroid at which the object is looked for."""
 _SAME = 0.5
 """States closer than this, in pitches, are the same."""
 
@@ -58,16 +61,15 @@ def recognised(
     stiffness[:2][across] = HELD
     for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
         stiffness[GAIN] = gain_std**-2
-        for angle in angles:
-            for reach in (0.0, 0.5, 1.0, 1.5, 2.0):
-                cos, sin = np.cos(angle), np.sin(angle)
-                arm = np.array([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]])
-                state = np.array([*(middle + reach * known.radius * outward - arm), angle, 1.0, 0.0])
-                state[:2][across] = known.keyframes.states[-1, :2][across]
-                prior = Prior(state.copy(), stiffness)
-                cost, chi, count = register(surface, taxels, prior, HUBER, _ITERATIONS, state, information)
-                if cost < best and count and chi / count < gate(known.usual, count):
-                    best, found = cost, (state.copy(), information.copy(), chi / count, count)
+        for angle, reach in product(angles, _REACHES):
+            cos, sin = np.cos(angle), np.sin(angle)
+            arm = np.array([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]])
+            state = np.array([*(middle + reach * known.radius * outward - arm), angle, 1.0, 0.0])
+            state[:2][across] = known.keyframes.states[-1, :2][across]
+            prior = Prior(state.copy(), stiffness)
+            cost, chi, count = register(surface, taxels, prior, HUBER, _ITERATIONS, state, information)
+            if cost < best and count and chi / count < gate(known.usual, count):
+                best, found = cost, (state.copy(), information.copy(), chi / count, count)
         if found is not None:
             break
     return found

@@ -207,14 +207,20 @@ def _search(surface: Surface, taxels: Floats, search: Search, m: Track) -> float
         cost, chi, count = register(surface, taxels, prior, HUBER, _ITERATIONS, trial, found)
         if cost < best - (_CHEAPER if attempt < _TURNS else _PAID * _misfit(best, taxels)):
             best, best_chi, m.count = cost, chi / max(count, 1), count
-            for a in range(STATE):
-                m.state[a] = trial[a]
-                for b in range(STATE):
-                    m.information[a, b] = found[a, b]
+            _take(trial, found, m)
             _learn_freedom(attempt, m)
         if best_chi <= _POOR * search.usual:
             break
     return best_chi
+
+
+@lean_kernel
+def _take(state: Floats, information: Floats, m: Track) -> None:
+    """Make a state (5,) and its information (5, 5) those of the last scan."""
+    for a in range(STATE):
+        m.state[a] = state[a]
+        for b in range(STATE):
+            m.information[a, b] = information[a, b]
 
 
 @lean_kernel

@@ -1,0 +1,140 @@
+"""Pattern and poses linearised together: what each reading says of its coefficients and of its scan's state."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxelflow.compiling import kernel, lean_kernel
+from taxelflow.estimation.template.map import Surface
+from taxelflow.estimation.template.observations import Readings
+from taxelflow.messages import Floats
+from taxelflow.numerics.banded import WIDTH, add_square
+from taxelflow.numerics.bspline import GAIN, KNOTS, SIZE, STATE, THETA, X, Y, evaluate, spread
+from taxelflow.numerics.robust import OUTLIER, huber_weight
+
+_HUBER = 4.0
+"""Standard deviations from which on a reading is held down."""
+
+
+class Normal(NamedTuple):
+    """The problem, linearised at a pattern and states; `assemble` fills it.
+
+    first, weight, slope, w, residual, model: (scans, taxels, ...), per reading: its first knot, its weights by
+    coefficient (16,) and slopes by state (5,), both with the gain in, its own weight, what the model leaves of it, and
+    the model. stencil, right: of the coefficients. blocks, gradient: (scans, 5, 5), (scans, 5) of the states. chi,
+    counts: (scans,), robust chi-square and the readings in it.
+    """
+
+    first: NDArray[np.int64]
+    weight: Floats
+    slope: Floats
+    w: Floats
+    residual: Floats
+    model: Floats
+    stencil: Floats
+    right: Floats
+    blocks: Floats
+    gradient: Floats
+    chi: Floats
+    counts: NDArray[np.int64]
+
+    @classmethod
+    def empty(cls, scans: int, taxels: int, knots: int) -> Normal:
+        """Room for a problem of this size."""
+        return cls(
+            np.empty((scans, taxels), np.int64),
+            np.empty((scans, taxels, KNOTS)),
+            np.empty((scans, taxels, STATE)),
+            np.empty((scans, taxels)),
+            np.empty((scans, taxels)),
+            np.empty((scans, taxels)),
+            np.empty((knots, WIDTH, 2 * WIDTH - 1)),
+            np.empty(knots),
+            np.empty((scans, STATE, STATE)),
+            np.empty((scans, STATE)),
+            np.empty(scans),
+            np.empty(scans, np.int64),
+        )
+
+
+@kernel
+def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats, out: Normal) -> None:
+    """Linearise at states (scans, 5). free: (5,), 1 of those that may move, 0 of others."""
+    c, places, nx = surface.c, readings.places, surface.c.shape[1]
+    value = np.empty((places.shape[1], 5))
+    out.stencil[:], out.right[:], out.blocks[:], out.gradient[:] = 0.0, 0.0, 0.0, 0.0
+    for k in range(len(states)):
+        first, weight, slope = out.first[k], out.weight[k], out.slope[k]
+        spread(c.shape, surface.lattice, places, states[k], readings.bends[k], first, weight)
+        evaluate(c, surface.lattice, places, states[k], readings.bends[k], value)
+        gain = states[k, GAIN]
+        out.chi[k] = 0.0
+        out.counts[k] = 0
+        for i in range(places.shape[1]):
+            reading, variance = readings.value[k, i], readings.variance[k, i]
+            out.w[k, i] = out.residual[k, i] = out.model[k, i] = 0.0
+            if first[i] < 0 or variance == 0.0 or np.isnan(value[i, 0]):
+                continue
+            expected = gain * value[i, 0]
+            difference = reading - expected
+            out.model[k, i], out.residual[k, i] = expected, difference
+            if reading == 0.0 and expected <= 0.0:  # the sensor clips there
+                continue
+            if reading >= readings.ceiling[i] and difference < 0.0:
+                continue
+            factor = 1.0 / variance
+            z = abs(difference) * np.sqrt(factor)
+            out.chi[k] += min(z * z, OUTLIER)
+            out.counts[k] += 1
+            factor *= huber_weight(z, _HUBER)
+            out.w[k, i] = factor
+            slope[i, X], slope[i, Y], slope[i, THETA] = gain * value[i, 1], gain * value[i, 2], gain * value[i, 3]
+            slope[i, GAIN], slope[i, SIZE] = value[i, 0], gain * value[i, 4]
+            for a in range(STATE):
+                slope[i, a] *= free[a]
+            for a in range(KNOTS):
+                weight[i, a] *= gain
+            add_square(first[i], weight[i], factor, difference, nx, out.stencil, out.right)
+            _add_state(slope[i], factor, difference, out.blocks[k], out.gradient[k])
+
+
+@lean_kernel
+def _add_state(slope: Floats, factor: float, difference: float, block: Floats, gradient: Floats) -> None:
+    """Add what one reading says of its scan's state."""
+    for a in range(STATE):
+        gradient[a] += factor * slope[a] * difference
+        for b in range(STATE):
+            block[a, b] += factor * slope[a] * slope[b]
+
+
+@kernel
+def to_knots(step: Floats, normal: Normal, nx: int, out: Floats) -> None:
+    """Add to out (knots,) what steps of the states (scans, 5) do to the coefficients' equations."""
+    for k in range(normal.first.shape[0]):
+        for i in range(normal.first.shape[1]):
+            if normal.w[k, i] == 0.0:
+                continue
+            pull = 0.0
+            for a in range(STATE):
+                pull += normal.slope[k, i, a] * step[k, a]
+            pull *= normal.w[k, i]
+            for a in range(KNOTS):
+                out[normal.first[k, i] + a // WIDTH * nx + a % WIDTH] += pull * normal.weight[k, i, a]
+
+
+@kernel
+def to_states(knots: Floats, normal: Normal, nx: int, out: Floats) -> None:
+    """Add to out (scans, 5) what steps of the coefficients (knots,) do to the states' equations."""
+    for k in range(normal.first.shape[0]):
+        for i in range(normal.first.shape[1]):
+            if normal.w[k, i] == 0.0:
+                continue
+            pull = 0.0
+            for a in range(KNOTS):
+                pull += knots[normal.first[k, i] + a // WIDTH * nx + a % WIDTH] * normal.weight[k, i, a]
+            pull *= normal.w[k, i]
+            for a in range(STATE):
+                out[k, a] += pull * normal.slope[k, i, a]
