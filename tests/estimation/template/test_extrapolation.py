@@ -6,9 +6,8 @@ import numpy as np
 
 from taxelflow.estimation.template.extrapolation import level_off, looked_at, near
 from taxelflow.estimation.template.hypotheses import covering
-from taxelflow.estimation.template.likelihood import COARSE
 from taxelflow.estimation.template.map import fill
-from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y
 

@@ -29,7 +29,9 @@ _SETTLED = 0.05
 """Steps of a pose, in its standard deviations, below which nothing more is gained."""
 _MOST_SMOOTHING_STEP = 5.0
 _MOST_SMOOTHING = 1e3
-"""Smoothing is at least the usual, and at most so many times it."""
+"""Smoothing is at most so many times the usual."""
+_SMOOTH_ERROR = 0.02
+"""Error, as a share of the largest reading, from which on a pattern is at least as smooth as usual."""
 _MOST_CG, _CG_ERROR = 60, 1e-2
 _GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
 _WORSE = 1.1
@@ -157,7 +159,7 @@ def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, e
         elif merit < best.merit:
             best = _Best(merit, states.copy(), pattern.coefficients, pattern.smoothing)
         if round_:
-            _learn_smoothing(pattern, linear.bending())
+            _learn_smoothing(pattern, linear.bending(), error)
         linear.regularise()
         normal.gradient[:] -= pull * (states - usual)
         normal.gradient[:, fixed] = 0.0
@@ -201,12 +203,16 @@ def information_of(pattern: Pattern, scanned: Scanned, states: Floats, error: fl
     return blocks
 
 
-def _learn_smoothing(pattern: Pattern, bending: float) -> None:
-    """As much smoothing as the pattern's own bending suggests, in bounded steps."""
+def _learn_smoothing(pattern: Pattern, bending: float, error: float) -> None:
+    """As much smoothing as the pattern's own bending suggests, in bounded steps.
+
+    At least the usual where the error is large, for the pattern must not explain what poses do not; less as it shrinks.
+    """
     wanted = 0.5 * pattern.coefficients.size / max(bending, 1e-300)
     low, high = pattern.smoothing / _MOST_SMOOTHING_STEP, pattern.smoothing * _MOST_SMOOTHING_STEP
     usual = pattern.usual_smoothing
-    pattern.smoothing = float(np.clip(np.clip(wanted, low, high), usual, usual * _MOST_SMOOTHING))
+    least = usual * min(error / _SMOOTH_ERROR, 1.0) ** 2
+    pattern.smoothing = float(np.clip(np.clip(wanted, low, high), least, usual * _MOST_SMOOTHING))
 
 
 def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Floats]:

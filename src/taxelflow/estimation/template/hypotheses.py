@@ -10,9 +10,10 @@ import numpy as np
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
 from taxelflow.estimation.template.dead_taxels import silent_taxels, unanswering
 from taxelflow.estimation.template.initialization import Tracker
-from taxelflow.estimation.template.likelihood import COARSE, cost, learned_error
+from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.estimation.template.observability import sights
+from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.pose_output import arm_of
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_start
 from taxelflow.estimation.template.solution import Solved
@@ -34,6 +35,8 @@ YOUNG = 8
 _MOST_DEAD, _DEAD_ERROR = 8, 0.9
 """Taxels masked at most; and what the error of a fit without one is at most, of that with it: what a bad fit calls
 dead is not."""
+_SHARP = 0.005
+"""Error with which a sharper pattern is tried."""
 _SAME = 0.1
 """Two starts agree on a scan if they put the object within so many pitches."""
 _FAR_WORSE = 20.0
@@ -141,18 +144,32 @@ def covering(scanned: Scanned, states: Floats) -> Pattern:
 
 
 def refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...] = _ROUNDS) -> Solved:
-    """Refine further from a coarse fit, learning the gains' spread and the error in between."""
-    pattern, states, fit, error, gain_std = start.pattern, start.states, start.fit, start.error, start.gain_std
+    """Refine further from a coarse fit, learning the gains' spread and the error in between.
+
+    A fit that leaves more than the coarse error may be held up by the smoothing that goes with it: of an object smaller
+    than a taxel, the pattern is sharper. It is tried, too, as if it left little.
+    """
+    own = replace(start, pattern=replace(start.pattern), states=start.states.copy())
+    best = _refined(scanned, start, rounds, most_error=np.inf)
+    if best.error <= COARSE:
+        return best
+    sharp = _refined(scanned, own, rounds, most_error=_SHARP)
+    return min(best, sharp, key=lambda one: cost(one, scanned))
+
+
+def _refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...], *, most_error: float) -> Solved:
+    """`refined` with the error bounded."""
+    pattern, states, fit, gain_std = start.pattern, start.states, start.fit, start.gain_std
+    size = SIZE_STD**-2 if start.grows else np.inf
     for most in rounds:
-        learned, error = level(pattern, states, fit), learned_error(fit, scanned)
+        learned, error = level(pattern, states, fit), min(learned_error(fit, scanned), most_error)
         gain_std = learned if len(scanned) >= YOUNG else gain_std
-        size = SIZE_STD**-2 if start.grows else np.inf
         stiffness = scanned.stiffness(turns=start.turns, gain_std=gain_std, size=size)
         scanned.bend(states)
         fit = refine(pattern, scanned, states, rounds=most, error=error, stiffness=stiffness)
         if start.grows:
             centre(pattern, scanned, states)
-    return replace(start, fit=fit, error=learned_error(fit, scanned), gain_std=gain_std)
+    return replace(start, pattern=pattern, states=states, fit=fit, error=learned_error(fit, scanned), gain_std=gain_std)
 
 
 def _agree(best: Solved, other: Solved) -> Bools:

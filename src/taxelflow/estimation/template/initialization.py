@@ -8,9 +8,9 @@ import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import refine
 from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
-from taxelflow.estimation.template.likelihood import COARSE
 from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.map import MARGIN, SPACING, Pattern, Sums
+from taxelflow.estimation.template.observations import COARSE
 from taxelflow.numerics.bspline import GAIN, STATE, THETA, in_object
 
 if TYPE_CHECKING:

@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 
-COARSE = 0.06
-"""Error of a reading, as a share of its contact's largest, with which every fit begins: the flanks of a contact, where
-cross-talk, offsets and hysteresis are large, then weigh no more than its middle. It finds the basin."""
 _LEAST, _MOST = 1e-3, 0.5
 """Bounds of the error learned; below the first, noise is larger on every sensor known."""
 _LOADED = 0.03
@@ -46,8 +43,8 @@ def learned_error(fit: Fit, scanned: Scanned) -> float:
 
 
 def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
-    """-2 log posterior of a fit and log n for each parameter that n readings determine (Schwarz 1978): all of them a
-    coefficient, those of a scan its state; dear: all of them each.
+    """-2 log posterior of a fit and log n for each parameter that n readings determine (Schwarz 1978): those of a scan
+    its state, or, if `dear`, all of them; its share of them a coefficient.
 
     All fits of a contact are judged by the same readings: those of the taxels that are loaded at any time. Off a
     lattice there is no load.
@@ -62,7 +59,8 @@ def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
     count, scans = float(np.count_nonzero(within)), len(scanned)
     states = scans * fit.freed
     own = count if dear else count / scans
-    free = (fit.free - states) * np.log(max(count, _FEWEST)) + states * np.log(max(own, _FEWEST))
+    coefficients = max(fit.free - states, 1.0)
+    free = coefficients * np.log(max(count / coefficients, _FEWEST)) + states * np.log(max(own, _FEWEST))
     return float(chi.sum() + gains + solved.pattern.smoothing * fit.bending + free)
 
 

@@ -16,8 +16,13 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools
     from taxelflow.sensors.layout import Layout
 
+COARSE = 0.06
+"""Error of a reading, as a share of its contact's largest, with which every fit begins: the flanks of a contact, where
+cross-talk, offsets and hysteresis are large, then weigh no more than its middle. It finds the basin."""
 _LOADED_SIGMAS = 4.0
 _LOADED_SHARE = 0.03
+_WELL_LOADED = 0.9
+"""Quantile of the scans' largest readings."""
 _OUT = 3.0
 """Standard deviations from which a reading stands out."""
 _AT_ONCE_S = 1e-9
@@ -109,8 +114,11 @@ class Scanned:
 
     @property
     def amplitude(self) -> float:
-        """Largest reading that is not masked, of which errors of the model are a share."""
-        return float(self.readings.max(initial=0.0, where=self.variance > 0)) or 1.0
+        """Largest reading of the contact, of which errors of the model are a share: that of the well loaded scans, for
+        a single reading may be wrong.
+        """
+        largest = self.readings.max(axis=1, initial=0.0, where=self.variance > 0)
+        return float(np.quantile(largest, _WELL_LOADED)) or 1.0
 
     @property
     def reach(self) -> float:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import refine
-from taxelflow.estimation.template.likelihood import COARSE
 from taxelflow.estimation.template.map import Pattern, fill
+from taxelflow.estimation.template.observations import COARSE
 from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, in_object
 
 if TYPE_CHECKING:
@@ -38,7 +38,8 @@ _ROUNDS = 15
 
 def grown_start(scanned: Scanned, states: Floats, start: int) -> tuple[Pattern, Floats, Fit] | None:
     """Pattern, states (scans, 5) and coarse fit of an object that stays where it is in scan `start` while its contact
-    grows with the load; None where the load hardly varies, or where the object clearly moved.
+    grows with the load; None where the load hardly varies, or where the object clearly moved: a contact that a border
+    cuts seems to grow, too.
 
     states: (scans, 5), of a fit without growth.
     """
@@ -49,8 +50,7 @@ def grown_start(scanned: Scanned, states: Floats, start: int) -> tuple[Pattern, 
     share = np.clip(load / max(float(load[start]), 1e-300), *_SHARES)
     held = np.zeros((len(scanned), STATE))
     held[:, :2] = scanned.centroids()[start]
-    held[:, GAIN] = share**_POWER
-    held[:, SIZE] = _POWER * np.log(share)
+    held[:, GAIN], held[:, SIZE] = share**_POWER, _POWER * np.log(share)
     places = [in_object(scanned.places[:, own].T, at) for own, at in zip(scanned.loaded(), held, strict=True)]
     pattern = Pattern.covering(np.concatenate(places), scanned.amplitude)
     fill(pattern, scanned.with_error(COARSE), held)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.hypotheses import FIRST_GAIN_STD
-from taxelflow.estimation.template.likelihood import COARSE
-from taxelflow.estimation.template.observations import strength
+from taxelflow.estimation.template.observations import COARSE, strength
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern

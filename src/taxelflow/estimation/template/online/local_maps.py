@@ -79,6 +79,7 @@ class LocalMaps:
         return follow_hand(job, k, scan, self.hand, self.stored, self.tracks, rows)
 
     def track(self, pad: int) -> Track:
+        """What a pad remembers; writing to it writes to `tracks`."""
         return record(Track, self.tracks, pad)
 
     def part(self, pad: int, scan: Scan) -> PadScan:

@@ -20,9 +20,8 @@ from taxelflow.estimation.template.hypotheses import (
     start_scan,
 )
 from taxelflow.estimation.template.initialization import Tracker
-from taxelflow.estimation.template.likelihood import COARSE
 from taxelflow.estimation.template.map import fill
-from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import FIRST_SLACK, Learned
 from taxelflow.estimation.template.pose_output import unturned
@@ -43,7 +42,7 @@ border up to which a turn is looked for."""
 _RETRACED = 20
 """Up to so many keyframes a turn is looked for from the first one on: poses learned without a turn are far from those
 with one, and refined they may end in between."""
-_YOUNG_ERROR = 0.02
+_YOUNG_ERROR = 0.005
 """Of a pattern of `YOUNG` keyframes an error below this is not believed, nor that of more below its share."""
 _TOLD = 0.1
 """Share of the first slack from which on a turn is told: that of a pattern on which two more fits have agreed."""
