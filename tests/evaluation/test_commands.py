@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Capture = pytest.CaptureFixture[str]
 TINY = ("score", "table1", "--strokes", "2", "--methods", "lnorm")
-NAMES = ["table1", "hard", "field", "slip", "limits", "peers", "contacts", "prediction", "xela"]
+NAMES = ["table1", "hard", "field", "slip", "limits", "peers", "contacts", "prediction", "robustness", "xela"]
 PLUGIN = '''
 from dataclasses import dataclass
 from pathlib import Path

@@ -288,16 +288,16 @@ def test_pads_of_any_name_are_drawn_under_their_name(tmp_path: Path, names: list
 
 
 def test_a_touch_too_short_for_a_position_has_nothing_to_draw(tmp_path: Path) -> None:
-    values = np.zeros((60, 28))
-    values[30] = dome(grid_sensor(4, 7))
+    values = np.random.default_rng(0).normal(0, 50, (60, 28))
+    values[30] += dome(grid_sensor(4, 7))
     with pytest.raises(ResultMissing, match="no position"):
         plot_results([own_result(tmp_path, values)], tmp_path / "out", "svg")
 
 
 @pytest.mark.parametrize("scans", [2, 3])
 def test_a_touch_too_short_for_a_displacement_is_drawn(tmp_path: Path, scans: int) -> None:
-    values = np.zeros((60, 28))
-    values[30 : 30 + scans] = dome(grid_sensor(4, 7))
+    values = np.random.default_rng(0).normal(0, 50, (60, 28))
+    values[30 : 30 + scans] += dome(grid_sensor(4, 7))
     made = plot_results([own_result(tmp_path, values)], tmp_path / "out", "svg")
     assert [path.stem for path in made] == ["position-palm", "path-convolution", "views"]
     (title,) = (word for word in svg_words(tmp_path / "out" / "views.svg") if word.startswith("palm at "))

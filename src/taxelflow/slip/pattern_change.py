@@ -80,7 +80,8 @@ class PatternWatch:
         self._starts = layout.starts[:-1]
         place_m = np.stack([layout.x_m, layout.y_m])
         count = np.diff(layout.starts)
-        place_m = place_m - np.repeat(np.add.reduceat(place_m, self._starts, axis=1) / count, count, axis=1)
+        total_m = np.add.reduceat(place_m, self._starts, axis=1)
+        place_m = place_m - np.repeat(total_m / np.maximum(count, 1), count, axis=1)  # a pad may have no taxel
         scale_m = np.maximum(np.repeat(np.maximum.reduceat(np.abs(place_m).max(axis=0), self._starts), count), 1e-9)
         (x, y), one = place_m / scale_m, np.ones(len(scale_m))
         self._basis = np.stack([one, x, y, x * x, x * y, y * y])
