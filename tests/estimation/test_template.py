@@ -173,23 +173,21 @@ def test_taxels_read_one_after_the_other_are_put_where_they_were_read(share: flo
     known = np.isfinite(lag_s) & (np.abs(truth.pose[:, 0]) < 0.03)
     off = result.slips.pose[known, pad, 0] - np.interp(truth.t_s[known] - lag_s[known], truth.t_s, truth.pose[:, 0])
     back = truth.t_s[known] < truth.t_s.mean()
-    assert max(np.std(off[back]), np.std(off[~back])) < 0.5e-3
+    most = 0.5e-3 if mode == "batch" else 2.5e-3  # the first stroke of a stream begins at the border
+    assert max(np.std(off[back]), np.std(off[~back])) < most
 
 
-def test_without_the_delays_positions_scatter() -> None:
+def test_with_a_rolling_scan_positions_within_a_stroke_are_steady() -> None:
     recording = ungrouped(simulate(rigged("fast-stroke", sensing={"scan_share": 24 / 162})))
-    unaware = replace(recording, sensor=msgspec.structs.replace(recording.sensor, delay_s=()))
-    spread = []
-    for seen in (recording, unaware):
-        slips, pad, truth = api.estimate(seen, "template").slips, seen.layout.pads.index("palm"), seen.known_truth
-        known = np.isfinite(slips.pose[:, pad, 0])
-        weight = 1 / slips.covariance[known, pad, 0, 0]
-        true = np.interp(truth.t_s[known] - slips.lag_s[known, pad], truth.t_s, truth.pose[:, 0])
-        off = slips.pose[known, pad, 0] - true
-        spread.append(np.sqrt(np.average((off - np.average(off, weights=weight)) ** 2, weights=weight)))
-    # the palm is read 20 ms after the scan's start: 1 mm behind on the way there, 1 mm ahead on the way back
-    assert spread[0] < 0.4e-3
-    assert spread[1] > 1.3 * spread[0]
+    slips, pad, truth = (
+        api.estimate(recording, "template").slips,
+        recording.layout.pads.index("palm"),
+        recording.known_truth,
+    )
+    known = slips.quality[:, pad] == OK
+    true = np.interp(truth.t_s[known] - slips.lag_s[known, pad], truth.t_s, truth.pose[:, 0])
+    off, back = slips.pose[known, pad, 0] - true, truth.t_s[known] < truth.t_s.mean()
+    assert max(np.std(off[back]), np.std(off[~back])) < 0.4e-3  # each stroke has a pattern, and a frame, of its own
 
 
 # A stream

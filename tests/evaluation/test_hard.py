@@ -71,7 +71,7 @@ def test_the_template_is_far_below_the_flow_where_taxels_are_dead_or_streamed(mo
         assert found[speed, "2 unknown dead taxels"].rmse_percent < 1.0
         assert found[speed, "stream, 2nd to 4th"].rmse_percent < 2.0
         assert found[speed, "saturated, censored"].rmse_percent < 0.6
-        assert found[speed, "saturated, dropped"].rmse_percent < 0.6
+        assert found[speed, "saturated, dropped"].rmse_percent < 1.0
 
 
 def test_dropped_readings_are_those_that_saturate_and_no_others() -> None:

@@ -16,13 +16,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-@pytest.mark.parametrize("mode", ["batch", "stream"])
-def test_the_slip_of_a_real_hand_is_found(mode: Literal["batch", "stream"], recordings: Path) -> None:
-    result = api.estimate(recordings / "sdh-bags" / "slip_up.bag", method="template", mode=mode)
+def test_the_slip_of_a_real_hand_is_found(recordings: Path) -> None:
+    result = api.estimate(recordings / "sdh-bags" / "slip_up.bag", method="template")
     begin_s = result.slips.t_s[0]
-    # a stream that begins on a loaded pad may raise a false slip before it knows the noise
-    told = [event for event in result.events if event.event in {"slip_start", "slip_stop"}]
-    start, stop, *more = (event for event in told if event.t_s > begin_s + 1.0)
+    start, stop, *more = (event for event in result.events if event.event in {"slip_start", "slip_stop"})
     # From scan 105 to 107 the patch leaps from the taxels round 55 to taxel 39 of the pad, 17 mm away.
     assert (start.pad, start.event, stop.event) == ("finger1_distal", "slip_start", "slip_stop")
     assert 3.3 < start.onset_s - begin_s < stop.onset_s - begin_s < 3.5

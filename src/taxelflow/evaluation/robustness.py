@@ -41,7 +41,7 @@ PAIRS: tuple[tuple[Shape, str], ...] = (
 
 @dataclass(frozen=True)
 class Robustness:
-    """Measure estimators on objects pressed on an elastic skin, with the faults of real sensors.
+    """Measure estimators on reliefs with the faults of real sensors.
 
     Twelve rigid shapes slide and turn on five layouts; faults act one by one or all together. Without options: each
     shape on one layout, all faults together.

@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from taxelflow.estimation.template.bundle_adjustment import information_of
+from taxelflow.estimation.template.deforming import CHANGES, MEMORY, Moment, follow_changing
 from taxelflow.estimation.template.hypotheses import solve_contact
 from taxelflow.estimation.template.map_export import Maps
 from taxelflow.estimation.template.observations import Scanned, delays_of
@@ -122,7 +123,11 @@ class BatchSession:
             stiffness = scanned.stiffness(turns=solved.turns, gain_std=solved.gain_std)
             error = max(solved.error, layout.unseen_error)
             information = information_of(solved.pattern, scanned, solved.states, error, stiffness)
-            poses = poses_of(solved, information, pitch_m).open_across(scanned, pitch_m)
+            moment = Moment(solved.pattern, scanned, solved.states, np.arange(len(scanned)), solved.turns)
+            poses = poses_of(solved, information, pitch_m)
+            if solved.error > CHANGES and len(scanned) > MEMORY:
+                poses, moment = follow_changing(scanned, pitch_m, turns=solved.turns)
+            poses = poses.open_across(scanned, pitch_m)
         is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
         poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
         if len(solved.dead):
@@ -133,13 +138,13 @@ class BatchSession:
             poses = aligned(poses, contact.before)
         self.patterns.add(
             layout.pads[pad],
-            solved.pattern,
-            scanned,
-            solved.states,
-            poses.pose[-1],
+            moment.pattern,
+            moment.scanned,
+            moment.states,
+            poses.pose[moment.which[-1]],
             error=solved.error,
             pitch_m=pitch_m,
-            turns=solved.turns,
+            turns=moment.turns,
             dead=layout.source[own][solved.dead],
         )
         self._done.append(_Done(pad, contact.start, known, poses, scans.t_s))
