@@ -1,6 +1,6 @@
 """Noise of each taxel, estimated from the scans themselves by their likelihood, with the quantisation as a floor.
 
-Two things tell it. Unloaded readings scatter about their level, also where half of them are clipped (`resting.py`). And
+Two sources determine it: unloaded readings scatter about their level, also where half are clipped (`resting.py`);
 a taxel that is loaded steadily differs from scan to scan: second differences within a window of 12 scans remove what
 changes linearly. Motion only ever adds to a window's variance: it is the noise's, or larger by any factor.
 Both give a likelihood of the noise for each taxel. Taxels of a pad are alike, and so are pads of a sensor: the levels
@@ -53,7 +53,7 @@ independent ones fall below it in 2 % of 20 scans."""
 _MAX_WINDOWS = 96
 """Windows of second differences, at most, evenly from the sample: with five degrees of freedom each, for 4 %."""
 _MIN_REST_SCANS = 4
-"""Readings from which a taxel's level, share and noise are told apart: of fewer, some are close by chance."""
+"""Readings from which a taxel's level, share and noise are estimated: of fewer, some are close by chance."""
 _MAX_REST_SCANS, _MAX_REST_READINGS = 96, 12_000
 """Scans and readings that are searched for unloaded ones, at most: for 1 % of a noise common to all."""
 _MAX_READINGS = 200_000
@@ -143,7 +143,7 @@ def _range(levels: Floats) -> float:
 
 
 def _step(levels: Floats) -> float:
-    """The converter's step; 0 if it cannot be told."""
+    """The converter's step; 0 if it is unknown."""
     largest = _range(levels)
     if len(levels) < _MIN_LEVELS:
         return 0.0

@@ -29,7 +29,7 @@ _SETTLED = 0.05
 """Steps of a pose, in its standard deviations, below which nothing more is gained."""
 _MOST_SMOOTHING_STEP = 5.0
 _MOST_SMOOTHING = 1e3
-"""Smoothing is at most so many times the usual."""
+"""Largest smoothing, over the usual."""
 _SMOOTH_ERROR = 0.02
 """Error, as a share of the largest reading, from which on a pattern is at least as smooth as usual."""
 _MOST_CG, _CG_ERROR = 60, 1e-2

@@ -25,7 +25,7 @@ _ACROSS = 0.3
 
 
 _DEAD, _LOADED_ENOUGH = 0.5, 400.0
-"""A taxel is dead if it gives less than this share of what the pattern puts on it, which is so many variances."""
+"""A taxel is dead below the first, its reading over the model; the model's power is above the second, in variances."""
 _READ = 0.5
 """... and has never read this share of the largest reading: what has clearly read under load is not dead."""
 

@@ -38,11 +38,11 @@ dead is not."""
 _SHARP = 0.005
 """Error with which a sharper pattern is tried."""
 _SAME = 0.1
-"""Two starts agree on a scan if they put the object within so many pitches."""
+"""Largest distance, in pitches, at which two starts agree on a scan."""
 _FAR_WORSE = 20.0
 """A start whose coarse fit costs so much more a scan is not refined: that is some twice what a free angle costs."""
 _MOST, _STILL = 0.9, 9.0
-"""So many of the turns, over their deviations, are less than three in an object that has not turned."""
+"""An object has not turned if this quantile of its squared turns, over their variances, is below the second."""
 _JERKY = 2.0
 """Median of the squared second differences of an angle, over their variances, up to which the turn is steady; noise
 alone gives 0.45."""
