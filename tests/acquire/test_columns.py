@@ -140,7 +140,7 @@ def test_a_mapping_may_stand_in_a_file_and_what_is_given_beside_it_comes_first(t
 @pytest.mark.parametrize(
     ("text", "match"),
     [
-        ("tiem = 1", "must have only the fields time, time_unit, rate_hz.*tiem"),
+        ("tiem = 1", "must have only the fields time, time_unit, times, rate_hz.*tiem"),
         ("time_unit = 'h'", "columns.file must be a readable TOML file: Invalid enum value 'h'"),
         ("time = ", "columns.file must be a readable TOML file"),
         ("skip = -1", "columns.skip must be at least 0 .got -1.|-1"),

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from bagged import write_bag
 from synthetic import DsaMatrix, grid_sensor, recorded, times, write_dsa
 from taxelflow.api import convert, read
-from taxelflow.errors import RecordingCorrupt, RecordingError, TaxelflowError, TopicUnclear
+from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTooLarge, TaxelflowError, TopicUnclear
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 
@@ -60,7 +60,7 @@ WHOLE = {
     "ros2 mcap": bag("mcap"),
     "dsa": dsa,
 }
-STRIDES = {"mcap": 7, "sqlite3": 509, "parquet": 23, "npz": 13, "ros1 bag": 11, "ros2 mcap": 29}
+STRIDES = {"mcap": 11, "sqlite3": 1021, "parquet": 31, "npz": 17, "ros1 bag": 23, "ros2 mcap": 37, "dsa": 3}
 """Every byte where a file is small; the others by steps that hit every kind of place."""
 
 
@@ -91,7 +91,7 @@ def test_bytes_turned_over_never_give_a_traceback(tmp_path: Path, kind: str) -> 
     content = whole.read_bytes()
     broken = tmp_path / f"broken{whole.suffix}"
     random = np.random.default_rng(1)
-    for _ in range(150):
+    for _ in range(90):
         spoiled = bytearray(content)
         for place in random.integers(0, len(content), 3):
             spoiled[place] ^= int(random.integers(1, 256))
@@ -161,7 +161,7 @@ def test_a_chunk_that_declares_more_than_can_be_is_not_unpacked(tmp_path: Path) 
     packed = zstandard.compress(bytes(1000))
     chunk = struct.pack("<QQQI", 0, 0, 1 << 40, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(packed))
     path.write_bytes(content[:header] + b"\x06" + struct.pack("<Q", len(chunk + packed)) + chunk + packed)
-    with pytest.raises(RecordingCorrupt, match=f"a chunk of {len(packed)} bytes declares 1099511627776"):
+    with pytest.raises(RecordingTooLarge, match=f"a chunk of {len(packed)} bytes declares 1099511627776"):
         read(path, SENSOR)
 
 

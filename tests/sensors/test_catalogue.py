@@ -59,9 +59,8 @@ def test_every_built_in_sensor_loads_under_its_own_name() -> None:
 
 
 def test_an_unknown_sensor_comes_with_the_list() -> None:
-    with pytest.raises(
-        NameUnknown, match=r"'barrett'; known are barretthand-162, .*schunk-sdh2, .*grid:16x16@4mm, or the path"
-    ):
+    known = r"known are barretthand-162, .*schunk-sdh2, .*grid:16x16@4mm, or the path"
+    with pytest.raises(NameUnknown, match=rf"'barrett'; did you mean 'barretthand-162'\? {known}"):
         load_sensor("barrett")
 
 

@@ -145,3 +145,29 @@ def test_contacts_whose_name_is_taken() -> None:
         ParameterInvalid, match=r"contacts must leave the name a#2 free: rename the pad or group of that name"
     ):
         with_contacts(Sensor("hand", "Pa", pads), "a=2")
+
+
+def test_megapascals_are_a_unit() -> None:
+    assert parse(GOOD.replace("kPa", "MPa")).to_si == 1e6
+    assert load_sensor("grid:2x2@4mm,MPa").unit == "MPa"
+
+
+def test_each_taxel_may_have_an_offset_of_its_own() -> None:
+    sensor = grid_sensor(1, 3, offset=(1.0, 2.0, 3.0), polarity=-1)
+    source = sensor.channel_map
+    np.testing.assert_array_equal(source.to_readings(np.array([[0.0, 0.0, 0.0]])), [[1.0, 2.0, 3.0]])
+    readings = np.random.default_rng(0).normal(size=(5, 3))
+    np.testing.assert_allclose(source.to_readings(source.to_source(readings)), readings)
+    with pytest.raises(SensorFileInvalid, match="field offset: 2 offsets for 6 taxels; give one per taxel, or none"):
+        parse("offset = [1, 2]\n" + GOOD)
+    with pytest.raises(SensorFileInvalid, match="field offset: an empty list"):
+        parse("offset = []\n" + GOOD)
+
+
+def test_sizes_are_checked_before_the_layout_is_computed() -> None:
+    pads = "".join(f'[[pads]]\nname = "p{n}"\nrows = 100\ncols = 200\npitch_m = [1, 1]\n' for n in range(2))
+    with pytest.raises(SensorFileInvalid, match="40000 taxels, and a sensor has at most 32768"):
+        parse('name = "s"\nunit = "Pa"\n' + pads)
+    groups = "".join(f'[[groups]]\nname = "g{n}"\npatches = [{{pad = "p0"}}]\n' for n in range(59))
+    with pytest.raises(SensorFileInvalid, match=r"tables \[\[groups\]\]: 1200000 taxels of pads, groups and contacts"):
+        parse('name = "s"\nunit = "Pa"\n' + pads[: len(pads) // 2] + groups)

@@ -7,24 +7,37 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTruncated, TaxelCountWrong, TimesNotIncreasing
-from taxelflow.messages import Bools, Floats, RawScans, joined
+from taxelflow.acquire.columns import SECONDS_PER
+from taxelflow.acquire.limits import BLOCK_BYTES, BLOCK_SCANS
+from taxelflow.errors import (
+    RecordingCorrupt,
+    RecordingError,
+    RecordingTruncated,
+    TaxelCountWrong,
+    TimesNotIncreasing,
+    printable,
+)
+from taxelflow.messages import Bools, Floats, Joints, RawScans, cut, joined
 from taxelflow.sensors.sensor import Sensor, with_contacts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
+    from numpy.typing import ArrayLike
+
     from taxelflow.sensors.layout import Layout
 
 Item = TypeVar("Item")
 Block = TypeVar("Block")
 
-BLOCK_SCANS = 1024
-"""Scans in a block: large enough for array operations, small enough that blocks of many sensors fit in memory."""
-
 _SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
 """Scan rates of tactile sensors; a rate outside suggests times in a wrong unit."""
+
+_USUAL_HZ = (5.0, 2000.0)
+"""Scan rates by which the unit of the times is guessed."""
+_LATEST_S = 4e9
+"""Unix time in 2096: stamps of the epoch in another unit than s are far above."""
 
 _RATE_SCANS = 5
 """Scans from which the rate is estimated; a median of fewer steps is not robust."""
@@ -49,13 +62,15 @@ class Truth:
     second: Floats | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Recording:
     """Scans of one sensor, read lazily: `blocks()` starts from the beginning at each call.
 
+    Iterating gives blocks of one scan each, as a live device does. `len` is the number of scans: as declared by the
+    source, which may hold fewer if it is truncated, else counted by reading it.
     source: the file, or a description of what generates the scans. format: name of the format.
     read: opens the source and yields its blocks unchanged. scans: number that the source declares, None if unknown.
-    masked: (taxels,), taxels that the recording itself declares switched off. truth: if known.
+    masked: (taxels,), taxels that the recording itself declares switched off. truth, joints: if known.
     notes: remarks to the user on how it is read.
     """
 
@@ -66,16 +81,67 @@ class Recording:
     scans: int | None = None
     masked: Bools = field(default_factory=lambda: np.zeros(0, dtype=np.bool_), repr=False)
     truth: Truth | None = field(default=None, repr=False)
+    joints: Joints | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not len(self.masked):
             object.__setattr__(self, "masked", np.zeros(self.layout.taxels, dtype=np.bool_))
+        object.__setattr__(self, "format", printable(self.format))
+        object.__setattr__(self, "notes", tuple(map(printable, self.notes)))
+
+    def __len__(self) -> int:
+        return sum(map(len, self.blocks())) if self.scans is None else self.scans
+
+    def __iter__(self) -> Iterator[RawScans]:
+        """Blocks of one scan each, from the start. Raises as `Reading` does."""
+        for block in self.blocks():
+            for scan in range(len(block)):
+                yield cut(block, scan, scan + 1)
+
+    def __repr__(self) -> str:
+        count = "scans" if self.scans is None else f"{self.scans} scans"
+        layout, truth = self.layout, ", with truth" if self.truth is not None else ""
+        pads = "1 pad" if layout.pad_count == 1 else f"{layout.pad_count} pads"
+        return f"<Recording {self.source}: {count} of {self.sensor.name} ({layout.taxels} taxels, {pads}){truth}>"
+
+    def __bool__(self) -> bool:
+        return True
 
     @classmethod
     def live(cls, sensor: Sensor, source: str = "live") -> Recording:
         """A recording without scans: what a run is started with into which a device's scans are pushed."""
-        return cls(source, "live", sensor, lambda: iter(()))
+        return cls(source, "live", sensor, lambda: iter(()), scans=0)
+
+    @classmethod
+    def of_arrays(cls, t_s: ArrayLike, values: ArrayLike, sensor: Sensor, source: str = "arrays") -> Recording:
+        """A recording in memory.
+
+        t_s: (scans,), s. values: (scans, taxels) in the sensor's unit and the order of its layout, NaN where missing;
+        or (scans, rows, cols) of a sensor with one full grid. Raises RecordingCorrupt, TaxelCountWrong; reading raises
+        TimesNotIncreasing.
+        """
+        try:
+            times, readings = np.array(t_s, dtype=np.float64), np.array(values, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise RecordingCorrupt(source, f"not numbers: {error}", "give arrays of numbers") from error
+        if times.ndim != 1 or readings.ndim not in (2, 3) or len(readings) != len(times):
+            seen = f"t_s has shape {times.shape}, values {readings.shape}"
+            raise RecordingCorrupt(source, seen, "give t_s (scans,) and values (scans, taxels)")
+        if readings.ndim == 3:
+            grid = sensor.layout.shapes[0] if sensor.layout.pad_count == 1 and not sensor.layout.tables[0] else None
+            if readings.shape[1:] != grid or sensor.layout.taxels != readings[0].size:
+                seen = f"values has shape {readings.shape}, which is no full grid of sensor {sensor.name}"
+                raise RecordingCorrupt(source, seen, "give values (scans, taxels) in the order of the layout")
+            readings = readings.reshape(len(times), -1)
+        if readings.shape[1] != sensor.layout.taxels:
+            raise TaxelCountWrong(source, readings.shape[1], sensor.name, sensor.layout.taxels)
+        raw = RawScans(times, sensor.channel_map.to_source(readings))
+
+        def read() -> Iterator[RawScans]:
+            return (cut(raw, start, min(start + BLOCK_SCANS, len(raw))) for start in range(0, len(raw), BLOCK_SCANS))
+
+        return cls(source, "arrays", sensor, read, scans=len(raw))
 
     @property
     def layout(self) -> Layout:
@@ -143,6 +209,7 @@ class Reading:
             except StopIteration:
                 if not self.scans and self.loss is None:
                     raise self._empty("it ends before the first scan") from None
+                self._check_length()
                 raise
             if len(block):
                 return block
@@ -159,7 +226,7 @@ class Reading:
             block = RawScans(block.t_s, sensor.channel_map.to_readings(block.values))
         block = self._in_order(RawScans(np.ascontiguousarray(block.t_s), np.ascontiguousarray(block.values)))
         if not self.scans and len(block) >= _RATE_SCANS:
-            self._check_rate(1 / float(np.median(np.diff(block.t_s))))
+            self._check_rate(1 / float(np.median(np.diff(block.t_s))), float(block.t_s[0]))
         self.scans += len(block)
         if len(block):
             self._last_s = float(block.t_s[-1])
@@ -181,23 +248,47 @@ class Reading:
         self.repeated += int(repeated.sum())
         return block if increasing.all() else RawScans(block.t_s[increasing], block.values[increasing])
 
-    def _check_rate(self, rate_hz: float) -> None:
-        if not _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
+    def _check_rate(self, rate_hz: float, first_s: float) -> None:
+        if _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
+            return
+        units = [name for name, seconds in SECONDS_PER.items() if _LATEST_S / 4 < first_s * seconds < _LATEST_S]
+        units += [name for name, seconds in SECONDS_PER.items() if _USUAL_HZ[0] <= rate_hz / seconds <= _USUAL_HZ[1]]
+        likely = f"they are likely in {units[0]}" if units and units[0] != "s" else "check that times are in s"
+        how = f"--columns.time-unit {units[0]}" if units and units[0] != "s" else "--columns.time-unit"
+        self.notes.append(
+            f"a rate of {rate_hz:.3g} Hz is implausible for a tactile sensor: {likely} ({how} for a table; else convert"
+            " them to s)"
+        )
+
+    def _check_length(self) -> None:
+        if self.scans < _RATE_SCANS and self.scans + self.repeated > 0:
+            scans = "1 scan" if self.scans == 1 else f"{self.scans} scans"
+            also = f", besides {self.repeated} that repeat its time stamp" if self.repeated else ""
             self.notes.append(
-                f"a rate of {rate_hz:.3g} Hz is implausible for a tactile sensor: check that times are in s "
-                "(--columns.time-unit for a table)"
+                f"the recording holds {scans}{also}: noise and motion need more; check that its rows are scans and its"
+                " columns taxels, and that times differ"
             )
 
 
-def in_blocks(items: Iterable[Item], made: Callable[[list[Item]], Block]) -> Iterator[Block]:
-    """Blocks of BLOCK_SCANS items, each built by `made`; items before a RecordingError are delivered first."""
+def in_blocks(
+    items: Iterable[Item],
+    made: Callable[[list[Item]], Block],
+    weight: Callable[[Item], int],
+    scans: int = BLOCK_SCANS,
+) -> Iterator[Block]:
+    """Blocks of items, each built by `made`; items before a RecordingError are delivered first.
+
+    A block has at most `scans` items, and not many more than BLOCK_BYTES. weight: bytes of an item.
+    """
     block: list[Item] = []
+    held = 0
     try:
         for item in items:
             block.append(item)
-            if len(block) == BLOCK_SCANS:
+            held += weight(item)
+            if len(block) >= scans or held >= BLOCK_BYTES:
                 yield made(block)
-                block = []
+                block, held = [], 0
     except RecordingError:
         if block:
             yield made(block)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-import tomllib
+from collections import Counter
 from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal
 
 from taxelflow.errors import ParameterInvalid, RecordingCorrupt
+from taxelflow.sensors.toml_text import parse_toml, read_limited
 
 REMEDY = (
     "a recording has a header row `t_s,...` and then one row per scan: time in s, a number per taxel; "
@@ -17,7 +18,10 @@ REMEDY = (
 )
 """Remedy for a file that is not such a table."""
 
+JOINT = "joint:"
+"""Beginning of the names of columns with joint angles, in rad."""
 SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of times."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +33,15 @@ class Columns:
     time: str = "t_s"
     """Column with the time: its name, or its number counted from 0."""
     time_unit: Literal["s", "ms", "us", "ns"] = "s"
-    """Unit of the time column."""
+    """Unit of the times; ISO 8601 dates are recognised without it."""
+    times: Path | None = None
+    """File with the time of each scan, where they stand apart: text with one time per line, or a .npy."""
     rate_hz: float | None = None
     """Scan rate of a log without times, Hz; `time` is then ignored."""
     taxels: tuple[str, ...] = ("*",)
     """Columns of the taxels in the sensor's order: names with wildcards, re:REGEX, or numbers such as 5 or 14-73,
-    counted from 0. The column with the time is excluded."""
+    counted from 0. A pattern must match the whole name. The column with the time and columns named `joint:NAME` are
+    excluded."""
     order: Literal["file", "number"] | None = None
     """Order of the columns that one pattern matches: that of the file, or by the numbers in their names. Required where
     the two differ."""
@@ -42,16 +49,21 @@ class Columns:
     """Separator of fields: a character, tab or space (any white space). Default: comma in .csv, tab in .tsv, white
     space in .txt."""
     header: bool = True
-    """Whether the first row holds the names of the columns."""
+    """Read the names of the columns from the first row."""
     skip: int = 0
-    """Number of lines to skip before it."""
+    """Number of lines to skip before the header or the first scan."""
     rows_per_scan: int = 1
-    """Lines per scan, whose fields are read as one row. Only without a header."""
+    """Number of lines per scan; their fields are read as one row. Only without a header."""
+    pads: tuple[str, ...] = ()
+    """Pattern of file names per pad, for a folder with one file per pad: PAD=GLOB, such as palm=palm_*.csv. Default:
+    `files` of the sensor file."""
 
     def __post_init__(self) -> None:
         for name, value, least in (("skip", self.skip, 0), ("rows_per_scan", self.rows_per_scan, 1)):
             if value < least:
                 raise ParameterInvalid(f"columns.{name}", value, f"be at least {least}")
+        if self.rate_hz is not None and self.times is not None:
+            raise ParameterInvalid("columns.rate_hz", self.rate_hz, "be left out where --columns.times gives times")
         if self.rate_hz is not None and not 0 < self.rate_hz < float("inf"):
             raise ParameterInvalid("columns.rate_hz", self.rate_hz, "be a finite number above 0, in Hz")
         if self.header and self.rows_per_scan > 1:
@@ -75,28 +87,32 @@ class Columns:
         known = [item.name for item in fields(Columns) if item.name != "file"]
         given = {name: getattr(self, name) for name in known if getattr(self, name) != getattr(Columns, name)}
         try:
-            table = tomllib.loads(self.file.read_text(encoding="utf-8"))
+            table = parse_toml(read_limited(self.file))
             if unknown := table.keys() - set(known):
                 duty = f"have only the fields {', '.join(known)}"
                 raise ParameterInvalid(f"{self.file}", ", ".join(sorted(unknown)), duty)
             from_file = msgspec.convert(table, Columns)
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
+        except (OSError, ValueError, msgspec.ValidationError) as error:
             raise ParameterInvalid("columns.file", str(self.file), f"be a readable TOML file: {error}") from error
         return replace(from_file, **given)
 
-    def find(self, path: Path, names: list[str]) -> tuple[int | None, list[int]]:
-        """Numbers of the columns of the time (None if there is none) and of the taxels. Raises RecordingCorrupt."""
-        time = None if self.rate_hz is not None else self._time_column(path, names)
+    def find(self, path: Path, names: list[str], *, timed: bool = False) -> tuple[int | None, list[int]]:
+        """Numbers of the columns of the time (None if there is none) and of the taxels. Raises RecordingCorrupt.
+
+        timed: times stand elsewhere in the file.
+        """
+        elsewhere = timed or self.rate_hz is not None or self.times is not None
+        time = None if elsewhere else self._time_column(path, names)
         chosen: list[int] = []
         for pattern in self.taxels:
-            found = [number for number in _matching(pattern, names) if number != time]
+            found = [n for n in _matching(pattern, names) if n != time and not names[n].startswith(JOINT)]
             if not found:
                 raise RecordingCorrupt(
                     path, f"no column matches {pattern!r} among {_listed(names)}", "set --columns.taxels"
                 )
             chosen += self._ordered(path, names, found)
         if len(set(chosen)) < len(chosen):
-            twice = next(names[number] for number in chosen if chosen.count(number) > 1)
+            twice = names[Counter(chosen).most_common(1)[0][0]]
             raise RecordingCorrupt(path, f"column {twice!r} is matched twice", "set --columns.taxels to other patterns")
         return time, chosen
 

@@ -1,23 +1,37 @@
 """`.csv`, `.tsv` and `.txt` recordings: time and one number per taxel for each scan, in the structure of `Columns`.
 
-An empty or `nan` field is a missing taxel. Units and taxel order are the sensor's.
+An empty or `nan` field is a missing taxel. Columns named `joint:NAME` hold joint angles in rad.
+Units and taxel order are the sensor's.
 """
 
 from __future__ import annotations
 
 import csv
 import math
-from dataclasses import dataclass
+import re
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.acquire.base import BLOCK_SCANS, Recording
-from taxelflow.acquire.columns import REMEDY, Columns
-from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTruncated, SensorNeeded, TaxelCountWrong
-from taxelflow.messages import Floats, RawScans
+from taxelflow.acquire.base import Recording
+from taxelflow.acquire.columns import JOINT, REMEDY, Columns
+from taxelflow.acquire.joints import joints_of
+from taxelflow.acquire.limits import BLOCK_BYTES, BLOCK_SCANS
+from taxelflow.acquire.times import is_iso, iso_seconds, read_times, timed
+from taxelflow.errors import (
+    RecordingCorrupt,
+    RecordingError,
+    RecordingTooLarge,
+    RecordingTruncated,
+    SensorNeeded,
+    TaxelCountWrong,
+)
+from taxelflow.messages import Floats, Joints, RawScans
 from taxelflow.sensors.catalogue import builtin_sensors
+from taxelflow.sensors.pads import MOST_NUMBERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -37,7 +51,10 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
     asked = (columns or Columns()).resolved()
     name = asked.delimiter or _DELIMITERS.get(path.suffix.lower(), ",")
     delimiter = {"space": None, "tab": "\t"}.get(name, name)
-    first = next(_records(path, asked, delimiter), "")
+    records = _records(path, asked, delimiter)
+    first = next(records, "")
+    if (first.count(delimiter) if delimiter else sum(1 for _ in re.finditer(r"\S+", first))) > MOST_NUMBERS:
+        raise RecordingTooLarge(path, f"its first row has more than {MOST_NUMBERS} fields", REMEDY)
     try:
         fields = [field.strip() for field in _split(first, delimiter)]
     except csv.Error as error:
@@ -48,9 +65,23 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
         raise SensorNeeded(path, builtin_sensors())
     if len(taxels) != sensor.channel_map.columns:
         raise TaxelCountWrong(path, len(taxels), sensor.name, sensor.channel_map.columns)
-    table = _Table(path, asked, delimiter, len(fields), time, np.array(taxels))
-    notes = () if time is not None else (f"times computed from the rate of {asked.rate_hz:g} Hz: the log has none",)
-    return Recording(path, path.suffix.lower().lstrip("."), sensor, table.blocks, notes=notes)
+    row = next(records, "") if asked.header else first
+    iso = time is not None and _has_iso_time(row, delimiter, time)
+    table = _Table(path, asked, delimiter, len(fields), time, np.array(taxels), iso)
+    joints = [number for number, name in enumerate(names) if name.startswith(JOINT)]
+    angles = replace(table, taxels=np.array(joints)).joints([names[n].removeprefix(JOINT) for n in joints])
+    notes = (
+        () if asked.rate_hz is None else (f"times computed from the rate of {asked.rate_hz:g} Hz: the log has none",)
+    )
+    return Recording(path, path.suffix.lower().lstrip("."), sensor, table.blocks, joints=angles, notes=notes)
+
+
+def _has_iso_time(row: str, delimiter: str | None, time: int) -> bool:
+    try:
+        fields = _split(row, delimiter)
+    except csv.Error:  # the row is read again, and refused, with the others
+        return False
+    return time < len(fields) and is_iso(fields[time])
 
 
 def _records(path: Path, columns: Columns, delimiter: str | None) -> Iterator[str]:
@@ -78,7 +109,9 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Table:
-    """A file of known structure. fields: number in a row. time, taxels: numbers of their columns."""
+    """A file of known structure. fields: number in a row. time, taxels: numbers of their columns. iso: times are
+    ISO 8601 dates.
+    """
 
     path: Path
     columns: Columns
@@ -86,24 +119,45 @@ class _Table:
     fields: int
     time: int | None
     taxels: NDArray[np.int64]
+    iso: bool
 
     def blocks(self) -> Iterator[RawScans]:
         """Blocks from the start; the scans before an error are delivered before it is raised."""
+        if self.columns.times is None:
+            return self._blocks()
+        t_s = read_times(self.columns.times, self.columns.seconds)
+        return timed(self._blocks, t_s, self.path, self.columns.times)
+
+    def _blocks(self) -> Iterator[RawScans]:
         records = _records(self.path, self.columns, self.delimiter)
         if self.columns.header:
             next(records, None)
         done = 0
-        while chunk := list(islice(records, BLOCK_SCANS)):
+        rows = max(1, min(BLOCK_SCANS, BLOCK_BYTES // (64 * self.fields)))  # 64 bytes a field as text
+        while chunk := list(islice(records, rows)):
             numbers = self._parse_fast(chunk)
             error: RecordingError | None = None
             if numbers is None:
-                rows, error = self._parse_rows(chunk, records, done)
-                numbers = np.array(rows, dtype=np.float64).reshape(len(rows), self._columns_read.size)
+                parsed, error = self._parse_rows(chunk, records, done)
+                numbers = np.array(parsed, dtype=np.float64).reshape(len(parsed), self._columns_read.size)
             if len(numbers):
                 yield self._scans(numbers, done)
             if error is not None:
                 raise error
             done += len(chunk)
+
+    def joints(self, names: list[str]) -> Joints | None:
+        """The taxels' columns as joint angles before an error, which reading the scans finds; None without any."""
+        if not names:
+            return None
+        found: list[RawScans] = []
+        with suppress(RecordingError):
+            found.extend(self.blocks())
+        if not found:
+            return None
+        return joints_of(
+            names, np.concatenate([one.t_s for one in found]), np.concatenate([one.values for one in found])
+        )
 
     @property
     def _columns_read(self) -> NDArray[np.int64]:
@@ -114,8 +168,8 @@ class _Table:
         if self.time is None:
             rate_hz = self.columns.rate_hz or math.nan
             return RawScans(np.arange(done, done + len(numbers)) / rate_hz, numbers)
-        t_s = numbers[:, 0] if self.columns.seconds == 1 else numbers[:, 0] * self.columns.seconds
-        return RawScans(t_s, numbers[:, 1:])
+        exact = self.iso or self.columns.seconds == 1
+        return RawScans(numbers[:, 0] if exact else numbers[:, 0] * self.columns.seconds, numbers[:, 1:])
 
     def _parse_fast(self, chunk: list[str]) -> Floats | None:
         """(rows, columns read) by NumPy's parser; None for rows that it cannot parse: quotes, empty fields, errors."""
@@ -127,7 +181,12 @@ class _Table:
             return None
         try:
             numbers: Floats = np.loadtxt(
-                chunk, delimiter=self.delimiter, usecols=self._columns_read.tolist(), comments=None, ndmin=2
+                chunk,
+                delimiter=self.delimiter,
+                usecols=self._columns_read.tolist(),
+                comments=None,
+                ndmin=2,
+                converters={self.time: iso_seconds} if self.iso and self.time is not None else None,
             )
         except ValueError:
             return None
@@ -146,10 +205,15 @@ class _Table:
                 if len(row) != self.fields:
                     last = number == len(chunk) - 1 and next(rest, None) is None
                     return rows, self._wrong_length(scan, len(row), last=last)
-                rows.append([float(row[k]) if row[k].strip() else math.nan for k in columns])
+                rows.append([self._number(row[k], k) for k in columns])
             except (ValueError, csv.Error) as error:
                 return rows, RecordingCorrupt(self.path, f"scan {scan}: {error}"[:300], REMEDY)
         return rows, None
+
+    def _number(self, field: str, column: int) -> float:
+        if self.iso and column == self.time:
+            return iso_seconds(field)
+        return float(field) if field.strip() else math.nan
 
     def _wrong_length(self, scan: int, fields: int, *, last: bool) -> RecordingError:
         seen = f"scan {scan} has {fields} columns, the {'header' if self.columns.header else 'first'} {self.fields}"

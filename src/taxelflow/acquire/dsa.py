@@ -1,23 +1,28 @@
 """`.dsa` recordings of the Schunk SDH-2: bzip2-compressed XML that holds its own layout and masks.
 
 Format as described by the recordings of peter-kiechle/tactile-sensors: per `<matrix>` size, pitch in mm and masks;
-per `<frame>` a time stamp in ms and big-endian float32 in hex, where -k encodes k zeros.
+per `<frame>` a time stamp in ms and big-endian float32 in hex, where -k encodes k zeros; in some files after them, per
+`<angle>` a time stamp in ms and the angles of seven joints in degrees.
 """
 
 from __future__ import annotations
 
 import bz2
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
 
 from taxelflow.acquire.base import Recording, in_blocks
+from taxelflow.acquire.joints import joints_of
+from taxelflow.acquire.limits import Budget, scans_per_block
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWrong
-from taxelflow.messages import Bools, Floats, RawScans
+from taxelflow.messages import Bools, Floats, Joints, RawScans
 from taxelflow.sensors.catalogue import load_sensor
-from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.names import safe_name
+from taxelflow.sensors.pads import MOST_PADS, Pad
 from taxelflow.sensors.sensor import Sensor
+from taxelflow.sensors.validation import check_sizes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,10 +30,25 @@ if TYPE_CHECKING:
 
 _REMEDY = "a .dsa recording is bzip2-compressed XML with <matrix> and <frame> elements"
 _SDH2 = "schunk-sdh2"
+_READ = ("matrix", "frame_count", "frame", "angle")
+"""Elements that are read; the text of `frame_count` is the number of scans."""
+_JOINTS = (
+    "sdh_knuckle_joint", "sdh_finger_22_joint", "sdh_finger_23_joint", "sdh_thumb_2_joint", "sdh_thumb_3_joint",
+    "sdh_finger_12_joint", "sdh_finger_13_joint",
+)  # fmt: skip
+"""Joints in the order of the hand's controller, axes 0 to 6, by their names in schunk_modular_robotics."""
 _MOST_CELLS = 1024
 """Rows or columns of a matrix at most, as in a sensor file."""
 _PIECE_BYTES = 1 << 16
-"""Compressed bytes that are decompressed and parsed at a time."""
+"""Bytes that are decompressed and parsed at a time."""
+_MOST_ELEMENT = 1 << 22
+"""Memory of a scan or a matrix at most: 32,768 cells in hex need 0.3 MB."""
+_ELEMENT_BYTES = 100
+"""Memory of an element without text."""
+_CHARGE = 256
+"""Bytes that an element counts for in what a file unpacks to: so long its parsing takes."""
+_MOST_DEPTH = 32
+"""Depth of the XML at most; recordings have 5."""
 
 
 def open_dsa(path: Path, sensor: Sensor | None) -> Recording:
@@ -36,29 +56,54 @@ def open_dsa(path: Path, sensor: Sensor | None) -> Recording:
     try:
         matrices, scans = _head(path)
         pads = tuple(_pad(matrix) for matrix in matrices)
+        joints = _joints(path)
         present = np.concatenate([_mask(matrix, "static_mask") for matrix in matrices])
         enabled = np.concatenate([_mask(matrix, "dynamic_mask") for matrix in matrices])
         full_scale = _positive(matrices[0], "fullscale")
     except (OSError, EOFError, ElementTree.ParseError, ValueError) as error:
         raise RecordingCorrupt(path, str(error), _REMEDY) from error
+    check_sizes(pads, (), f"{path}:matrix")
     sensor = sensor or _sensor(pads, full_scale)
     if present.sum() != sensor.channel_map.columns:
         raise TaxelCountWrong(path, int(present.sum()), sensor.name, sensor.channel_map.columns)
     masked = ~enabled[present]
-    return Recording(path, "dsa", sensor, lambda: _read(path, present, scans), scans=scans, masked=masked)
+    block = scans_per_block(sensor)
+    return Recording(
+        path, "dsa", sensor, lambda: _read(path, present, scans, block), scans=scans, masked=masked, joints=joints
+    )
 
 
 def _head(path: Path) -> tuple[list[ElementTree.Element], int | None]:
     """The `<matrix>` elements, and the number of scans if the file declares it before the first one."""
     matrices: list[ElementTree.Element] = []
+    held = 0
     for element in _elements(path):
         if element.tag == "matrix":
             matrices.append(element)
+            held += sum(map(len, element.itertext()))
+            if len(matrices) > MOST_PADS or held > _MOST_ELEMENT:
+                raise ValueError(f"its {len(matrices)} first matrices hold {held} characters")
         elif element.tag == "frame_count":
             return matrices, int(element.text or "")
         elif element.tag == "frame":
             break
     return matrices, None
+
+
+def _joints(path: Path) -> Joints | None:
+    """The joint angles that stand after the scans, if there are any; None for a damaged file, too."""
+    t_s: list[float] = []
+    degrees: list[list[float]] = []
+    try:
+        for element in _elements(path):
+            if element.tag == "angle" and element.find("angle_data") is not None:
+                t_s.append(float(_text(element, "time_stamp")) / 1e3)
+                degrees.append([float(number) for number in _text(element, "angle_data").split(",")])
+    except (EOFError, OSError, ElementTree.ParseError):
+        pass  # the scans before the damage are read all the same, and reading them says what is lost
+    if not degrees or any(len(row) != len(_JOINTS) for row in degrees):
+        return None
+    return joints_of(_JOINTS, np.array(t_s), np.radians(degrees))
 
 
 def _sensor(pads: tuple[Pad, ...], full_scale: float) -> Sensor:
@@ -77,7 +122,7 @@ def _pad(matrix: ElementTree.Element) -> Pad:
         raise ValueError(f"a matrix of {rows} x {cols} cells")
     present = _mask(matrix, "static_mask").reshape(rows, cols)
     return Pad(
-        name=f"matrix{matrix.get('index')}",
+        name=safe_name(f"matrix{matrix.get('index')}"),
         rows=rows,
         cols=cols,
         pitch_m=(_positive(matrix, "texel_width") / 1e3, _positive(matrix, "texel_height") / 1e3),
@@ -108,37 +153,85 @@ def _text(element: ElementTree.Element, name: str) -> str:
 
 
 def _elements(path: Path) -> Iterator[ElementTree.Element]:
-    """Complete elements of the XML as far as it can be decompressed; memory does not grow with the file.
+    """The `<matrix>`, `<frame_count>` and `<frame>` elements as far as the XML can be decompressed.
 
-    Raises EOFError where the file ends before the XML does.
+    Memory grows neither with the file nor with what it unpacks to. Raises ParseError, ValueError, EOFError where the
+    file ends before the XML does, RecordingTooLarge.
     """
     unzip = bz2.BZ2Decompressor()
-    parser: ElementTree.XMLPullParser[Any] = ElementTree.XMLPullParser(("start", "end"))
-    parents: list[ElementTree.Element] = []
+    budget = Budget(path)
+    found = _Found()
+    parser = ElementTree.XMLParser(target=found)
     with path.open("rb") as file:
-        while piece := file.read(_PIECE_BYTES):
-            parser.feed(b"" if unzip.eof else unzip.decompress(piece))
-            yield from _complete(parser, parents)
-    if parents or not unzip.eof:
+        while not unzip.eof:
+            piece = file.read(_PIECE_BYTES) if unzip.needs_input else b""
+            if not piece and unzip.needs_input:
+                break
+            text = unzip.decompress(piece, _PIECE_BYTES)
+            budget.spend(len(text) + _CHARGE * found.elements)
+            found.elements = 0
+            try:
+                parser.feed(text)
+            except (ElementTree.ParseError, ValueError):
+                yield from found.complete
+                raise
+            yield from found.complete
+            found.complete.clear()
+    if found.depth or not unzip.eof:
         raise EOFError("the file ends before its XML does")
 
 
-def _complete(
-    parser: ElementTree.XMLPullParser[Any], parents: list[ElementTree.Element]
-) -> Iterator[ElementTree.Element]:
-    """Elements that end in the text fed so far. parents: the open ones, updated; per-scan elements are freed."""
-    for event, element in cast("Iterator[tuple[str, ElementTree.Element]]", parser.read_events()):
-        if event == "start":
-            parents.append(element)
-            continue
-        parents.pop()
-        yield element
-        if parents and element.tag in ("frame", "angle", "temp"):
-            parents[-1].remove(element)
+class _Found:
+    """Target of the XML parser: elements that are read, when they are complete; all others are dropped.
+
+    depth: of the element that is open now. elements: number begun since this was last set to 0.
+    """
+
+    def __init__(self) -> None:
+        self.complete: list[ElementTree.Element] = []
+        self.depth = self.elements = 0
+        self._builder: ElementTree.TreeBuilder | None = None
+        self._outside = self._held = 0
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """An element begins."""
+        self.depth += 1
+        self.elements += 1
+        if self.depth > _MOST_DEPTH:
+            raise ValueError(f"elements are nested more than {_MOST_DEPTH} deep")
+        if self._builder is None and tag in _READ:
+            self._builder, self._outside, self._held = ElementTree.TreeBuilder(), self.depth, 0
+        if self._builder is not None:
+            self._hold(_ELEMENT_BYTES)
+            self._builder.start(tag, attributes)
+
+    def data(self, text: str) -> None:
+        """Text of the open element."""
+        if self._builder is not None:
+            self._hold(len(text))
+            self._builder.data(text)
+
+    def _hold(self, size: int) -> None:
+        self._held += size
+        if self._held > _MOST_ELEMENT:
+            raise ValueError(f"a scan or matrix takes more than {_MOST_ELEMENT} bytes")
+
+    def end(self, tag: str) -> None:
+        """The open element ends."""
+        if self._builder is not None:
+            self._builder.end(tag)
+            if self.depth == self._outside:
+                self.complete.append(self._builder.close())
+                self._builder = None
+        self.depth -= 1
+
+    def doctype(self, name: str, *_identifiers: str | None) -> None:
+        """A document type could define entities that unpack to any length."""
+        raise ValueError(f"it declares a document type ({name})")
 
 
-def _read(path: Path, present: Bools, declared: int | None) -> Iterator[RawScans]:
-    return in_blocks(_frames(path, present, declared), _scans)
+def _read(path: Path, present: Bools, declared: int | None, block: int) -> Iterator[RawScans]:
+    return in_blocks(_frames(path, present, declared), _scans, lambda frame: frame[1].nbytes, block)
 
 
 def _scans(frames: list[tuple[float, Floats]]) -> RawScans:

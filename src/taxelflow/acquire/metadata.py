@@ -1,4 +1,4 @@
-"""Metadata of a recording besides its scans: sensor, masked taxels and truth, as JSON texts and checked."""
+"""Metadata of a recording besides its scans: sensor, mask, truth and joint angles, as JSON texts and checked."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ import msgspec
 import numpy as np
 
 from taxelflow.acquire.base import HAND, Truth
-from taxelflow.errors import RecordingCorrupt
+from taxelflow.acquire.joints import joints_of
+from taxelflow.errors import RecordingCorrupt, RecordingTooLarge
+from taxelflow.sensors.names import safe_name, with_safe_names
 from taxelflow.sensors.sensor import sensor_of
+from taxelflow.sensors.toml_text import MOST_BYTES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.messages import Bools
+    from taxelflow.messages import Bools, Floats, Joints
     from taxelflow.sensors.sensor import Sensor
 
 _REMEDY = "convert the original recording again with `taxelflow convert`"
@@ -32,6 +35,14 @@ class _TruthText(msgspec.Struct):
     second: list[list[float | None]] | None = None
 
 
+class _JointsText(msgspec.Struct):
+    """The fields of `Joints`."""
+
+    names: list[str]
+    t_s: list[float]
+    angles: list[list[float]]
+
+
 def texts_of(recording: Recording) -> dict[str, str]:
     """JSON texts by name: `sensor`, `masked` (numbers of taxels), and `truth` if it is known. Numbers are exact."""
     texts = {
@@ -44,12 +55,21 @@ def texts_of(recording: Recording) -> dict[str, str]:
         second = None if truth.second is None else truth.second.tolist()
         text = _TruthText(truth.pad, truth.t_s.tolist(), truth.pose.tolist(), slipping, second)
         texts["truth"] = msgspec.json.encode(text).decode()
+    if recording.joints is not None:
+        joints = recording.joints
+        angles = _JointsText(list(joints.names), joints.t_s.tolist(), joints.angles.tolist())
+        texts["joints"] = msgspec.json.encode(angles).decode()
     return texts
 
 
 def sensor_in(path: Path, texts: Mapping[str, str]) -> Sensor | None:
     """The sensor, if it is among the texts. Raises RecordingCorrupt, SensorFileInvalid."""
-    return sensor_of(_decoded(path, texts, "sensor", Any), f"{path}:sensor") if "sensor" in texts else None
+    return sensor_in_text(path, texts["sensor"]) if "sensor" in texts else None
+
+
+def sensor_in_text(path: Path, text: str) -> Sensor:
+    """The sensor in JSON text of a recording, its names made safe. Raises RecordingCorrupt, SensorFileInvalid."""
+    return sensor_of(with_safe_names(_decoded(path, {"sensor": text}, "sensor", Any)), f"{path}:sensor")
 
 
 def masked_in(path: Path, texts: Mapping[str, str], taxels: int) -> Bools:
@@ -76,9 +96,25 @@ def truth_in(path: Path, texts: Mapping[str, str], sensor: Sensor) -> Truth | No
     return checked_truth(path, sensor, Truth(text.pad, t_s, pose, slipping, second))
 
 
+def joints_text_in(path: Path, texts: Mapping[str, str]) -> Joints | None:
+    """The joint angles, if they are among the texts. Raises RecordingCorrupt."""
+    if "joints" not in texts:
+        return None
+    text = _decoded(path, texts, "joints", _JointsText)
+    return checked_joints(path, text.names, np.array(text.t_s, np.float64), np.array(text.angles, np.float64))
+
+
+def checked_joints(path: Path, names: Sequence[str], t_s: Floats, angles: Floats) -> Joints:
+    """Joint angles whose arrays are from a file, checked. Raises RecordingCorrupt."""
+    if t_s.ndim != 1 or angles.shape != (*t_s.shape, len(names)) or t_s.dtype.kind + angles.dtype.kind != "ff":
+        seen = f"{len(names)} joints, joint_t_s {t_s.dtype} {t_s.shape}, joint_angles {angles.dtype} {angles.shape}"
+        raise RecordingCorrupt(path, seen, "give names, times (n,) in s and angles (n, joints) in rad")
+    return joints_of(names, t_s.astype(np.float64), angles.astype(np.float64))
+
+
 def checked_truth(path: Path, sensor: Sensor, found: Truth) -> Truth:
     """A truth whose arrays are from a file, checked and in standard types. Raises RecordingCorrupt."""
-    pad, t_s, pose, slipping, second = found.pad, found.t_s, found.pose, found.slipping, found.second
+    pad, t_s, pose, slipping, second = safe_name(found.pad), found.t_s, found.pose, found.slipping, found.second
     fits = t_s.ndim == 1 and pose.shape == (*t_s.shape, 3) and t_s.dtype.kind + pose.dtype.kind == "ff"
     if not fits or pad not in (*sensor.layout.pads, HAND):
         seen = f"truth_pad {pad!r}, truth_t_s {t_s.dtype} {t_s.shape}, truth_pose {pose.dtype} {pose.shape}"
@@ -96,7 +132,12 @@ def checked_truth(path: Path, sensor: Sensor, found: Truth) -> Truth:
 
 
 def _decoded(path: Path, texts: Mapping[str, str], name: str, kind: Any) -> Any:
+    text = texts[name]
+    if name == "sensor" and len(text) > MOST_BYTES:
+        raise RecordingTooLarge(path, f"its sensor is a text of {len(text)} characters", _REMEDY)
     try:
-        return msgspec.json.decode(texts[name], type=kind)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        return msgspec.json.decode(text, type=kind)
+    except RecursionError as error:
+        raise RecordingCorrupt(path, f"its {name} is nested too deeply", _REMEDY) from error
+    except (msgspec.DecodeError, UnicodeError) as error:
         raise RecordingCorrupt(path, f"its {name}: {error}", _REMEDY) from error

@@ -2,7 +2,8 @@
 source (`channels`).
 
 Optional members: `sensor` (JSON text with the fields of a sensor file), `masked` (taxels,), `truth_pad` (a pad, or
-`hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,), `truth_second` (times, 3). The rig also writes
+`hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,), `truth_second` (times, 3);
+`joint_names` (joints,), `joint_t_s` (n,) in s and `joint_angles` (n, joints) in rad. The rig also writes
 `parameters` (JSON text of its scenario), which is not read back.
 Pickled objects are never loaded.
 """
@@ -10,6 +11,7 @@ Pickled objects are never loaded.
 from __future__ import annotations
 
 import math
+import tokenize
 import zipfile
 import zlib
 from contextlib import ExitStack
@@ -20,12 +22,18 @@ import msgspec
 import numpy as np
 from numpy.lib import format as npy
 
-from taxelflow.acquire.base import BLOCK_SCANS, Recording, Truth
-from taxelflow.acquire.metadata import checked_truth
-from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
-from taxelflow.messages import Bools, RawScans
+from taxelflow.acquire.base import Recording, Truth
+from taxelflow.acquire.limits import MOST_ARRAY_BYTES, check_expansion, scans_per_block
+from taxelflow.acquire.metadata import checked_joints, checked_truth, sensor_in_text
+from taxelflow.errors import (
+    RecordingCorrupt,
+    RecordingTooLarge,
+    RecordingTruncated,
+    SensorNeeded,
+    TaxelCountWrong,
+)
+from taxelflow.messages import Bools, Joints, RawScans
 from taxelflow.sensors.catalogue import builtin_sensors
-from taxelflow.sensors.sensor import sensor_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -35,10 +43,11 @@ if TYPE_CHECKING:
 
 _REMEDY = "write it with numpy.savez(path, t=..., pressure=...), t in s (scans,), pressure (scans, taxels)"
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError, ValueError, KeyError)
-_MOST_EXTRA_BYTES = 1 << 28
-"""Largest member besides the scans: they are read at once."""
+_PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""How NumPy writes members; of the others `zipfile` unpacks any amount at once."""
 _TRUTH = {"truth_pad", "truth_t_s", "truth_pose", "truth_slipping", "truth_second"}
-_EXTRAS = {"sensor", "masked", *_TRUTH}
+_JOINTS = {"joint_names", "joint_t_s", "joint_angles"}
+_EXTRAS = {"sensor", "masked", *_TRUTH, *_JOINTS}
 
 Members = dict[str, np.ndarray[Any, Any]]
 
@@ -66,7 +75,7 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
     if sensor is None:
         if "sensor" not in extras:
             raise SensorNeeded(path, builtin_sensors())
-        sensor = _sensor(path, str(extras["sensor"]))
+        sensor = sensor_in_text(path, str(extras["sensor"]))
     scans, columns = pressure.shape
     if columns != sensor.channel_map.columns:
         raise TaxelCountWrong(path, columns, sensor.name, sensor.channel_map.columns)
@@ -74,10 +83,11 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
         path,
         "npz",
         sensor,
-        lambda: _read(path, times, pressure),
+        lambda: _read(path, times, pressure, scans_per_block(sensor)),
         scans=scans,
         masked=_mask(path, extras, sensor.layout.taxels),
         truth=_truth(path, extras, sensor),
+        joints=_joints_of(path, extras),
     )
 
 
@@ -85,6 +95,9 @@ def _contents(path: Path) -> tuple[_Header, _Header, Members]:
     """Headers of times and pressures, and the members besides them. Raises RecordingCorrupt."""
     try:
         with zipfile.ZipFile(path) as archive:
+            check_expansion(path, sum(entry.file_size for entry in archive.infolist()))
+            if any(entry.compress_type not in _PACKED for entry in archive.infolist()):
+                raise RecordingCorrupt(path, "it is compressed, and not by deflate", _REMEDY)
             names = {name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")}
             if not {"t", "pressure"} <= names:
                 raise RecordingCorrupt(path, f"it holds {', '.join(sorted(names)) or 'nothing'}", _REMEDY)
@@ -104,7 +117,10 @@ def _contents(path: Path) -> tuple[_Header, _Header, Members]:
 def _header(member: IO[bytes]) -> _Header:
     version = npy.read_magic(member)
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    return _Header(*read(member))
+    try:
+        return _Header(*read(member))
+    except (tokenize.TokenError, SyntaxError) as error:  # of headers that NumPy tries to repair
+        raise ValueError(f"the header of an array is damaged: {error}") from error
 
 
 def _extra(archive: zipfile.ZipFile, name: str) -> np.ndarray[Any, Any]:
@@ -112,18 +128,11 @@ def _extra(archive: zipfile.ZipFile, name: str) -> np.ndarray[Any, Any]:
     entry = archive.getinfo(f"{name}.npy")
     with archive.open(entry) as member:
         header = _header(member)
-    if header.size_bytes > min(entry.file_size, _MOST_EXTRA_BYTES):
+    if header.size_bytes > min(entry.file_size, MOST_ARRAY_BYTES):
         raise ValueError(f"member {name} declares {header} in {entry.file_size} bytes")
     with archive.open(entry) as member:
         array: np.ndarray[Any, Any] = npy.read_array(member, allow_pickle=False)
         return array
-
-
-def _sensor(path: Path, text: str) -> Sensor:
-    try:
-        return sensor_of(msgspec.json.decode(text), f"{path}:sensor")
-    except msgspec.DecodeError as error:
-        raise RecordingCorrupt(path, f"member sensor: {error}", _REMEDY) from error
 
 
 def _mask(path: Path, extras: Members, taxels: int) -> Bools:
@@ -142,12 +151,24 @@ def _truth(path: Path, extras: Members, sensor: Sensor) -> Truth | None:
     return checked_truth(path, sensor, Truth(str(extras.get("truth_pad", "")), t_s, pose, slipping, second))
 
 
-def _read(path: Path, times: _Header, pressure: _Header) -> Iterator[RawScans]:
+def _joints_of(path: Path, extras: Members) -> Joints | None:
+    if not _JOINTS & extras.keys():
+        return None
+    if missing := _JOINTS - extras.keys():
+        raise RecordingCorrupt(path, f"member {min(missing)} is missing", "give joint_names, joint_t_s, joint_angles")
+    names = [str(name) for name in np.atleast_1d(extras["joint_names"])]
+    return checked_joints(path, names, extras["joint_t_s"], extras["joint_angles"])
+
+
+def _read(path: Path, times: _Header, pressure: _Header, block: int) -> Iterator[RawScans]:
     scans, taxels = pressure.shape
     start = 0
     try:
         if pressure.fortran:  # a column-major array cannot be read scan by scan
-            yield _whole(path, times, pressure)
+            seconds, columns = _whole(path, times, pressure)
+            for start in range(0, scans, block):
+                part = slice(start, start + block)
+                yield RawScans(seconds[part].astype(np.float64), columns[part].astype(np.float64, order="C"))
             return
         with ExitStack() as stack:
             archive = stack.enter_context(zipfile.ZipFile(path))
@@ -155,7 +176,7 @@ def _read(path: Path, times: _Header, pressure: _Header) -> Iterator[RawScans]:
             p = stack.enter_context(archive.open("pressure.npy"))
             _header(t), _header(p)
             while start < scans:
-                count = min(BLOCK_SCANS, scans - start)
+                count = min(block, scans - start)
                 seconds = np.frombuffer(_exactly(t, count * times.dtype.itemsize), times.dtype)
                 values = np.frombuffer(_exactly(p, count * taxels * pressure.dtype.itemsize), pressure.dtype)
                 yield RawScans(seconds.astype(np.float64), values.reshape(count, taxels).astype(np.float64))
@@ -164,15 +185,18 @@ def _read(path: Path, times: _Header, pressure: _Header) -> Iterator[RawScans]:
         raise RecordingTruncated(path, start, scans, str(error) or type(error).__name__) from error
 
 
-def _whole(path: Path, times: _Header, pressure: _Header) -> RawScans:
+def _whole(path: Path, times: _Header, pressure: _Header) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    """Times and pressures of a file whose pressures are column by column."""
     with zipfile.ZipFile(path) as archive:
         for name, header in (("t", times), ("pressure", pressure)):
             held = archive.getinfo(f"{name}.npy").file_size
             if header.size_bytes > held:
                 raise EOFError(f"member {name} declares {header} in {held} bytes")
+            if header.size_bytes > MOST_ARRAY_BYTES:
+                seen = f"member {name} holds {header} column by column, which has to be read at once"
+                raise RecordingTooLarge(path, seen, "save numpy.ascontiguousarray(pressure)")
         with archive.open("t.npy") as t, archive.open("pressure.npy") as p:
-            seconds, values = npy.read_array(t, allow_pickle=False), npy.read_array(p, allow_pickle=False)
-    return RawScans(seconds.astype(np.float64), np.ascontiguousarray(values, dtype=np.float64))
+            return npy.read_array(t, allow_pickle=False), npy.read_array(p, allow_pickle=False)
 
 
 def _exactly(member: IO[bytes], size: int) -> bytes:
@@ -211,4 +235,7 @@ def _extras_of(recording: Recording) -> dict[str, Any]:
         extras |= {"truth_pad": truth.pad, "truth_t_s": truth.t_s, "truth_pose": truth.pose}
         optional = {"truth_slipping": truth.slipping, "truth_second": truth.second}
         extras |= {name: array for name, array in optional.items() if array is not None}
+    joints = recording.joints
+    if joints is not None:
+        extras |= {"joint_names": np.array(joints.names), "joint_t_s": joints.t_s, "joint_angles": joints.angles}
     return extras

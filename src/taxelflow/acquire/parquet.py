@@ -11,10 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.acquire.base import BLOCK_SCANS, Recording
+from taxelflow.acquire.base import Recording
 from taxelflow.acquire.columns import SECONDS_PER, Columns
-from taxelflow.acquire.metadata import masked_in, sensor_in, texts_of, truth_in
-from taxelflow.errors import ExtraMissing, RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
+from taxelflow.acquire.limits import BLOCK_SCANS, MOST_ARRAY_BYTES, Budget, check_expansion, scans_per_block
+from taxelflow.acquire.metadata import joints_text_in, masked_in, sensor_in, texts_of, truth_in
+from taxelflow.acquire.parquet_pages import Pages, unpacked_pages
+from taxelflow.acquire.times import iso_seconds, read_times, timed
+from taxelflow.errors import (
+    ExtraMissing,
+    RecordingCorrupt,
+    RecordingTooLarge,
+    RecordingTruncated,
+    SensorNeeded,
+    TaxelCountWrong,
+)
 from taxelflow.messages import Floats, RawScans, joined
 from taxelflow.sensors.catalogue import builtin_sensors
 
@@ -50,11 +60,22 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
         raise SensorNeeded(path, builtin_sensors())
     if len(table.taxels) != sensor.channel_map.columns:
         raise TaxelCountWrong(path, len(table.taxels), sensor.name, sensor.channel_map.columns)
-    notes = () if table.time else (f"times computed from the rate of {asked.rate_hz:g} Hz: the log has none",)
+    check_expansion(path, 8 * scans * (1 + len(table.taxels)))
+    notes = (
+        () if asked.rate_hz is None else (f"times computed from the rate of {asked.rate_hz:g} Hz: the log has none",)
+    )
     masked = masked_in(path, texts, sensor.layout.taxels)
     truth = truth_in(path, texts, sensor)
     return Recording(
-        path, "parquet", sensor, lambda: _read(table, scans), scans=scans, masked=masked, truth=truth, notes=notes
+        path,
+        "parquet",
+        sensor,
+        lambda: _timed(table, asked, scans, scans_per_block(sensor)),
+        scans=scans,
+        masked=masked,
+        truth=truth,
+        joints=joints_text_in(path, texts),
+        notes=notes,
     )
 
 
@@ -80,6 +101,8 @@ def _table(path: Path, schema: Any, asked: Columns) -> _Table:
     seconds = asked.seconds
     if time is not None and arrow.types.is_timestamp(schema.types[time]):
         seconds = SECONDS_PER[schema.types[time].unit]
+    elif time is not None and arrow.types.is_string(schema.types[time]):
+        seconds = 1.0
     elif time is not None and not _numeric(arrow, schema.types[time]):
         seen = f"column {schema.names[time]!r} holds {schema.types[time]}, not times"
         raise RecordingCorrupt(path, seen, "choose another with --columns.time")
@@ -111,17 +134,47 @@ def _groups(blocks: Iterable[RawScans]) -> Iterator[RawScans]:
         yield joined(held)
 
 
-def _read(table: _Table, scans: int) -> Iterator[RawScans]:
+def _timed(table: _Table, asked: Columns, scans: int, block: int) -> Iterator[RawScans]:
+    if asked.times is None:
+        return _read(table, scans, block)
+    return timed(lambda: _read(table, scans, block), read_times(asked.times, asked.seconds), table.path, asked.times)
+
+
+def _read(table: _Table, scans: int, block: int) -> Iterator[RawScans]:
     arrow = _arrow()
     columns = [*table.taxels] if table.time is None else [table.time, *table.taxels]
     done = 0
     try:
         with arrow.parquet.ParquetFile(table.path) as file:
-            for batch in file.iter_batches(batch_size=BLOCK_SCANS, columns=columns):
+            for batch in _batches(file, table.path, columns, block):
                 yield _scans(table, batch, done)
                 done += len(batch)
+    except RecordingTooLarge:
+        raise
     except Exception as error:  # the parser's errors for a damaged file
         raise RecordingTruncated(table.path, done, scans, " ".join(str(error).split())) from error
+
+
+def _batches(file: Any, path: Path, columns: list[str], block: int) -> Iterator[Any]:
+    """Batches of at most `block` rows; each row group is checked first."""
+    with path.open("rb") as content:
+        pages = unpacked_pages(content, set(columns))
+    if pages and len(pages) != file.num_row_groups:
+        raise ValueError("its index is damaged")
+    budget = Budget(path)
+    for group in range(file.num_row_groups):
+        if pages:
+            _check_pages(path, pages[group], budget)
+        yield from file.iter_batches(batch_size=block, row_groups=[group], columns=columns)
+
+
+def _check_pages(path: Path, pages: Pages, budget: Budget) -> None:
+    """Refuse a row group whose pages unpack to too much. Raises RecordingTooLarge."""
+    budget.spend(sum(map(sum, pages)))
+    largest = sum(max(column, default=0) for column in pages)
+    if largest > MOST_ARRAY_BYTES:
+        seen = f"the largest pages of a row group unpack to {largest} bytes, which have to be held together"
+        raise RecordingTooLarge(path, seen, "write it with smaller pages (data_page_size) or in smaller row groups")
 
 
 def _scans(table: _Table, batch: Any, done: int) -> RawScans:
@@ -138,6 +191,8 @@ def _floats(column: Any) -> Floats:
     """(rows,), NaN where a value is missing."""
     import pyarrow
 
+    if pyarrow.types.is_string(column.type):
+        return np.array([iso_seconds(text or "") for text in column.to_pylist()])
     if pyarrow.types.is_timestamp(column.type):
         column = column.cast(pyarrow.int64())
     numbers: Floats = column.to_numpy(zero_copy_only=False).astype(np.float64)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel, lean_kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.messages import Bools, Floats
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def border_of(layout: Layout) -> tuple[NDArray[np.int64], NDArray[np.int64], Boo
     return edge, np.searchsorted(edge, layout.starts), layout.border
 
 
-@lean_kernel
+@kernel
 def mark_border(
     pressure: Floats,
     noise: Floats,
@@ -57,26 +57,13 @@ def mark_border(
     edge_starts: (pads + 1,) into edge. faces: (taxels, 2), `Layout.border`.
     """
     for scan in range(pressure.shape[0]):
-        _mark_scan(pressure[scan], noise, contact[scan], edge, edge_starts, faces, at_border[scan])
+        for pad in range(len(edge_starts) - 1):
+            if contact[scan, pad]:
+                own = edge[edge_starts[pad] : edge_starts[pad + 1]]
+                _mark_pad(pressure[scan], noise, own, faces, at_border[scan, pad])
 
 
-@kernel
-def _mark_scan(
-    reading: Floats,
-    noise: Floats,
-    contact: Bools,
-    edge: NDArray[np.int64],
-    edge_starts: NDArray[np.int64],
-    faces: Bools,
-    at_border: Bools,
-) -> None:
-    """`mark_border` for one scan: reading (taxels,), contact (pads,), at_border (pads, 2)."""
-    for pad in range(len(edge_starts) - 1):
-        if contact[pad]:
-            _mark_pad(reading, noise, edge[edge_starts[pad] : edge_starts[pad + 1]], faces, at_border[pad])
-
-
-@kernel
+@routine
 def _mark_pad(reading: Floats, noise: Floats, edge: NDArray[np.int64], faces: Bools, at_border: Bools) -> None:
     """Set at_border (2,) of a pad whose taxels at a border are `edge`."""
     for taxel in edge:
@@ -87,17 +74,12 @@ def _mark_pad(reading: Floats, noise: Floats, edge: NDArray[np.int64], faces: Bo
                 return
 
 
-@lean_kernel
+@kernel
 def pad_load(pressure: Floats, starts: NDArray[np.int64], load: Floats) -> None:
     """Fill load (scans, pads) with the sum of the pad's readings. starts: (pads + 1,), `Layout.starts`."""
     for scan in range(pressure.shape[0]):
         for pad in range(len(starts) - 1):
-            load[scan, pad] = _sum(pressure[scan, starts[pad] : starts[pad + 1]])
-
-
-@kernel
-def _sum(p: Floats) -> float:
-    total = 0.0
-    for k in range(len(p)):
-        total += p[k]
-    return total
+            total = 0.0
+            for k in range(starts[pad], starts[pad + 1]):
+                total += pressure[scan, k]
+            load[scan, pad] = total

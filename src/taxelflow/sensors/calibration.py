@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +11,8 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from taxelflow.errors import CalibrationInvalid, CalibrationUnfit
+from taxelflow.errors import CalibrationInvalid, CalibrationUnfit, written_at
+from taxelflow.sensors.toml_text import parse_toml, read_limited
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -93,20 +93,20 @@ def fingerprint(sensor: Sensor) -> str:
 
 def load_calibration(path: str | Path) -> Calibration:
     """A calibration file, checked. Raises CalibrationInvalid; OSError if it cannot be opened."""
-    text = Path(path).read_bytes()
     try:
-        return msgspec.convert(tomllib.loads(text.decode()), Calibration)
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise CalibrationInvalid(path, f"invalid TOML ({error})") from error
+        return msgspec.convert(parse_toml(read_limited(Path(path))), Calibration)
     except msgspec.ValidationError as error:
         seen = str(error).replace("`$.", "`").replace("Object", "table").replace("object", "table")
         raise CalibrationInvalid(path, seen[:1].lower() + seen[1:]) from error
+    except ValueError as error:
+        raise CalibrationInvalid(path, f"invalid TOML ({error})") from error
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
     """Write the file, whole or not at all."""
     part = path.with_name(path.name + ".part")
-    part.write_text(to_toml(calibration), encoding="utf-8")
+    with written_at(path):
+        part.write_text(to_toml(calibration), encoding="utf-8")
     part.replace(path)
 
 

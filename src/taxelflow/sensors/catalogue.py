@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from taxelflow.errors import GridNameInvalid, NameUnknown, PitchNeeded
-from taxelflow.sensors.sensor import Sensor, parse_toml, read_sensor, sensor_of, unchecked
+from taxelflow.sensors.sensor import Sensor, read_sensor, sensor_of, sensor_table, unchecked
 
 _PITCH = r"(?P<x>\d+(\.\d+)?)(x(?P<y>\d+(\.\d+)?))?mm"
 _GRID = re.compile(rf"grid:(?P<rows>\d+)x(?P<cols>\d+)@{_PITCH}(,(?P<unit>\w+(/\w+)?))?")
@@ -63,7 +63,7 @@ def _folder() -> Any:
 
 
 def _declared(name: str) -> dict[str, Any]:
-    return parse_toml((_folder() / f"{name}.toml").read_bytes(), f"{name}.toml")
+    return sensor_table((_folder() / f"{name}.toml").read_bytes(), f"{name}.toml")
 
 
 def _needs_pitch(table: dict[str, Any]) -> bool:

@@ -28,20 +28,20 @@ class ChannelMap:
     """Map between a source's scans and readings.
 
     columns: numbers in a source's scan. column: (taxels,), the one that a taxel is read from.
-    offset, polarity, gain (taxels,): as in the equation at the top.
+    offset (one number, or (taxels,)), polarity, gain (taxels,): as in the equation at the top.
     identity: whether a source's scan is the readings without any change.
     """
 
     columns: int
     column: Indices
-    offset: float
+    offset: Floats
     polarity: int
     gain: Floats
     identity: bool = field(init=False)
 
     def __post_init__(self) -> None:
         in_order = np.array_equal(self.column, np.arange(self.columns))
-        unscaled = self.offset == 0.0 and self.polarity == 1 and bool((self.gain == 1.0).all())
+        unscaled = bool((self.offset == 0.0).all()) and self.polarity == 1 and bool((self.gain == 1.0).all())
         object.__setattr__(self, "identity", in_order and unscaled)
 
     def to_readings(self, values: Floats) -> Floats:
@@ -53,11 +53,13 @@ class ChannelMap:
         return readings
 
     def to_source(self, readings: Floats) -> Floats:
-        """Inverse of `to_readings`: (scans, taxels) -> (scans, columns), columns of no taxel at the offset."""
+        """Inverse of `to_readings`: (scans, taxels) -> (scans, columns), columns of no taxel at the
+        common offset, 0 without one."""
         if self.identity:
             return readings
-        values = np.full((len(readings), self.columns), self.offset)
-        values[:, self.column] += self.polarity * readings / self.gain
+        unused = self.offset if self.offset.ndim == 0 else 0.0
+        values = np.full((len(readings), self.columns), unused)
+        values[:, self.column] = self.offset + self.polarity * readings / self.gain
         return values
 
 

@@ -52,7 +52,8 @@ class Layout:
     T_hand: (pads, 3), pose x, y, theta (m, m, rad) of the pad's frame in the hand frame, NaN where unknown.
     delay_s: (entries,), time from the scan's time stamp to the reading of the taxel. area_m2: (entries,), of a taxel.
     place_m, normal: (entries, 3), position and outward unit normal in the hand's 3-D frame, NaN where the pad's `pose`
-    is unknown. stretch: (pads,), largest relative error of a distance between neighbours that flattening causes.
+    is unknown or its link moves. stretch: (pads,), largest relative error of a distance between neighbours that
+    flattening causes.
     unseen_error: of readings, see `Sensor`.
     """
 
@@ -152,7 +153,7 @@ def layout_of(
     xy = np.concatenate([_positions(geometries[part.pad], T_hand_pad[part.pad], part) for part in parts])
     source = np.concatenate([first[part.pad] + part.chosen for part in parts])
     adjacent = np.concatenate([_adjacent(geometries[part.pad], part.chosen) for part in parts])
-    pose_known = [len(pads) == 1 or pad.pose is not None for pad in pads]
+    pose_known = [pad.link is None and (len(pads) == 1 or pad.pose is not None) for pad in pads]
 
     def of_entries(field: str) -> NDArray[np.float64]:
         return np.concatenate([getattr(geometries[part.pad], field)[part.chosen] for part in parts])

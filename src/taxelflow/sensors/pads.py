@@ -7,16 +7,20 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-MOST_TAXELS = 1 << 20
-"""Taxels of a pad, and numbers in a scan of the source: bounds the memory that a sensor file can ask for."""
+MOST_TAXELS = 1 << 15
+"""Taxels of a sensor: bounds the memory that a sensor file can ask for."""
+MOST_NUMBERS = 1 << 20
+"""Numbers in a scan of the source, and entries of a layout (taxels of pads, groups and contacts)."""
+MOST_PADS = 1024
+"""Pads of a sensor, groups of a sensor, and patches of a group."""
 MOST_CONTACTS = 8
 """Separate contacts of a pad: each is one more copy of its taxels in every scan."""
 
 Name = Annotated[str, Meta(min_length=1, max_length=80, pattern=r"^[^,\"\r\n]+$")]
 Count = Annotated[int, Meta(ge=0, le=1024)]
 Positive = Annotated[float, Meta(gt=0, lt=1e12)]
-Index = Annotated[int, Meta(ge=0, lt=MOST_TAXELS)]
-Channels = Annotated[int, Meta(ge=1, le=MOST_TAXELS)]
+Index = Annotated[int, Meta(ge=0, lt=MOST_NUMBERS)]
+Channels = Annotated[int, Meta(ge=1, le=MOST_NUMBERS)]
 Number = Annotated[float, Meta(gt=-1e6, lt=1e6)]
 Contacts = Annotated[int, Meta(ge=1, le=MOST_CONTACTS)]
 
@@ -47,7 +51,9 @@ class Pad(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=Tr
     """Direction of the pad's x axis in the hand frame, rad, anticlockwise."""
     pose: tuple[Number, Number, Number, Number, Number, Number, Number] | None = None
     """Pose in space, if known: [x, y, z, qx, qy, qz, qw], position in m and quaternion, from the table's 3-D frame (for
-    a grid the pad's frame) to the hand's."""
+    a grid the pad's frame) to the hand's, or to that of `link`."""
+    link: Name | None = None
+    """Link of the hand's model ([hand] urdf) that carries the pad; `pose` is then relative to it."""
     start: Index | None = None
     """Place in the source's scan at which the pad begins; after the previous pad if left out."""
     channels: Channels | None = None
@@ -59,6 +65,8 @@ class Pad(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=Tr
     """Corner of the grid at which the source begins."""
     index: tuple[Index, ...] = ()
     """Place of each taxel among those of the pad, where no simple order fits; in a table's CSV the column `index`."""
+    files: str = ""
+    """Glob, relative to the recording's folder, of the one file with this pad's scans, where each pad has its own."""
     contacts: Contacts = 1
     """Largest number of separate contacts on the pad, which move independently."""
     note: str = ""
@@ -99,4 +107,4 @@ class Group(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=
     """
 
     name: Name
-    patches: Annotated[tuple[Patch, ...], Meta(min_length=1, max_length=1024)]
+    patches: Annotated[tuple[Patch, ...], Meta(min_length=1, max_length=MOST_PADS)]

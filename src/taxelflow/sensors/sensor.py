@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,15 +12,19 @@ from msgspec import Meta
 from taxelflow.errors import NameUnknown, ParameterInvalid, SensorFileInvalid
 from taxelflow.sensors import validation
 from taxelflow.sensors.channels import ChannelMap, assign_columns
+from taxelflow.sensors.frame import Frame
+from taxelflow.sensors.hand import Hand, check_hand, with_model
 from taxelflow.sensors.layout import Layout, layout_of
-from taxelflow.sensors.pads import MOST_CONTACTS, Channels, Group, Name, Number, Pad, Positive
+from taxelflow.sensors.names import check_names
+from taxelflow.sensors.pads import MOST_CONTACTS, MOST_PADS, Channels, Group, Name, Number, Pad, Positive
 from taxelflow.sensors.taxel_table import with_table
+from taxelflow.sensors.toml_text import parse_toml, read_limited
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from importlib.resources.abc import Traversable
 
-PASCAL_PER = {"Pa": 1.0, "kPa": 1e3, "psi": 6894.757293168, "N/cm2": 1e4}
+PASCAL_PER = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "psi": 6894.757293168, "N/cm2": 1e4}
 
 Delay = Annotated[float, Meta(ge=0, lt=1e3)]
 
@@ -30,20 +33,21 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash
     """A tactile sensor: its pads in the order of the scans, and the unit of its readings."""
 
     name: Name
-    unit: Literal["Pa", "kPa", "psi", "N/cm2", "N", "count"]
+    unit: Literal["Pa", "kPa", "MPa", "psi", "N/cm2", "N", "count"]
     """Unit of a reading. N: force on a taxel, whose area makes it a pressure."""
-    pads: Annotated[tuple[Pad, ...], Meta(min_length=1, max_length=1024)]
+    pads: Annotated[tuple[Pad, ...], Meta(min_length=1, max_length=MOST_PADS)]
     scale_pa: Positive | None = None
     """Pa per count, for unit `count`, if known."""
     full_scale: Positive | None = None
     """Reading at gain 1 at which a taxel saturates, in `unit`, if known."""
-    groups: tuple[Group, ...] = ()
+    groups: Annotated[tuple[Group, ...], Meta(max_length=MOST_PADS)] = ()
     delay_s: tuple[Delay, ...] = ()
     """Time from the scan's time stamp to the reading of each taxel, s, in the order of the layout; 0 if left out."""
     gain: tuple[Positive, ...] = ()
     """Factor that equalises each taxel's reading, in the order of the layout; 1 if left out."""
-    offset: Number = 0.0
-    """Number that the source sends without load, in `unit`; a reading is polarity (number - offset) gain."""
+    offset: Number | tuple[Number, ...] = 0.0
+    """Number that the source sends without load, in `unit`: one for all, or one per taxel in the order of the layout.
+    A reading is polarity (number - offset) gain."""
     polarity: Literal[1, -1] = 1
     """-1 for a source whose numbers decrease under load."""
     axes: Literal[1, 3] = 1
@@ -53,8 +57,12 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash
     unseen_error: Annotated[float, Meta(ge=0, le=1)] = 0.05
     """Share of a contact's largest reading by which readings may be wrong unseen (hysteresis, creep, gain errors);
     the least error that the covariance of a learned template allows for. 0 for a sensor without them."""
+    hand: Hand | None = None
+    """Kinematics of the hand, if pads are on moving links."""
     channels: Channels | None = None
     """Places for taxels in a scan of the source, if more than the pads read."""
+    frame: Frame | None = None
+    """Binary frames of a live device of this kind; lines of text if left out."""
     note: str = ""
 
     @property
@@ -91,7 +99,7 @@ def _channel_map(sensor: Sensor) -> ChannelMap:
 
     columns, column = assign_columns(sensor.pads, sensor.channels, sensor.axes, _axis(sensor))
     gain = np.array(sensor.gain or [1.0] * len(column))
-    return ChannelMap(columns, column, sensor.offset, sensor.polarity, gain)
+    return ChannelMap(columns, column, np.array(sensor.offset), sensor.polarity, gain)
 
 
 def _axis(sensor: Sensor) -> int:
@@ -131,29 +139,34 @@ def _counts(asked: str) -> dict[str, int]:
 
 def read_sensor(path: Path) -> Sensor:
     """A sensor from a TOML file. Raises SensorFileInvalid, and OSError if it does not open."""
-    return parse_sensor(path.read_bytes(), str(path), path.parent)
+    try:
+        content = read_limited(path)
+    except ValueError as error:
+        raise SensorFileInvalid(str(path), "file", str(error), "give a smaller TOML file") from error
+    return parse_sensor(content, str(path), path.parent)
 
 
 def parse_sensor(text: bytes, source: str, folder: Traversable | None = None) -> Sensor:
     """A sensor from TOML text. source: its name in errors. folder: of its tables. Raises SensorFileInvalid."""
-    return sensor_of(parse_toml(text, source), source, folder)
+    return sensor_of(sensor_table(text, source), source, folder)
 
 
-def parse_toml(text: bytes, source: str) -> dict[str, object]:
+def sensor_table(text: bytes, source: str) -> dict[str, object]:
     """The mapping in TOML text. Raises SensorFileInvalid."""
     try:
-        return tomllib.loads(text.decode())
-    except UnicodeDecodeError as error:
-        raise SensorFileInvalid(source, "text", str(error), "a TOML file is UTF-8 text") from error
-    except tomllib.TOMLDecodeError as error:
-        raise SensorFileInvalid(source, "syntax", str(error), "see toml.io for the format") from error
+        return parse_toml(text)
+    except ValueError as error:
+        raise SensorFileInvalid(source, "syntax", str(error), "a sensor file is TOML in UTF-8: see toml.io") from error
 
 
 def sensor_of(table: object, source: str, folder: Traversable | None = None) -> Sensor:
     """A sensor from the mapping in TOML or JSON, completely checked. Raises SensorFileInvalid."""
     sensor = unchecked(table, source, folder)
+    check_names(sensor.name, sensor.note, sensor.pads, sensor.groups, source)
+    validation.check_sizes(sensor.pads, sensor.groups, source)
     validation.check_pads(sensor.pads, source)
     validation.check_groups(sensor.groups, sensor.pads, source)
+    check_hand(sensor.hand, {pad.name: pad.link for pad in sensor.pads if pad.link is not None}, source)
     _check(sensor, source)
     return sensor
 
@@ -168,7 +181,7 @@ def unchecked(table: object, source: str, folder: Traversable | None = None) -> 
         with_table(pad, folder, source, validation.pad_at(number, pad.name))
         for number, pad in enumerate(sensor.pads, 1)
     )
-    return msgspec.structs.replace(sensor, pads=pads)
+    return msgspec.structs.replace(sensor, pads=pads, hand=with_model(sensor.hand, folder, source))
 
 
 def _check(sensor: Sensor, source: str) -> None:
@@ -176,7 +189,10 @@ def _check(sensor: Sensor, source: str) -> None:
         seen, remedy = f"given for unit {sensor.unit!r}", "leave it out: only counts have a scale"
         raise SensorFileInvalid(source, "top level, field scale_pa", seen, remedy)
     taxels = sum(pad.count for pad in sensor.pads)
-    for field, numbers in (("delay_s", sensor.delay_s), ("gain", sensor.gain)):
+    offsets = sensor.offset if isinstance(sensor.offset, tuple) else ()
+    if isinstance(sensor.offset, tuple) and not offsets:
+        raise SensorFileInvalid(source, "top level, field offset", "an empty list", "give one number, or one per taxel")
+    for field, numbers in (("delay_s", sensor.delay_s), ("gain", sensor.gain), ("offset", offsets)):
         if numbers and len(numbers) != taxels:
             what = field.removesuffix("_s")
             seen = f"{len(numbers)} {what}s for {taxels} taxels"

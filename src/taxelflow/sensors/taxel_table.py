@@ -7,11 +7,13 @@ the taxel's place among those of the pad in the source's scan. Lengths may be in
 from __future__ import annotations
 
 import csv
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
 from taxelflow.errors import SensorFileInvalid
+from taxelflow.sensors.toml_text import read_limited
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -48,8 +50,10 @@ def with_table(pad: Pad, folder: Traversable | None, source: str, where: str) ->
             source, where, f"file {pad.taxels!r}, but the sensor is not read from a file", "give the rows themselves"
         )
     try:
-        text = folder.joinpath(pad.taxels).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+        file = folder.joinpath(pad.taxels)
+        content = read_limited(file) if isinstance(file, Path) else file.read_bytes()
+        text = content.decode("utf-8-sig")
+    except (OSError, ValueError) as error:
         seen = f"the table {pad.taxels!r} cannot be read ({getattr(error, 'strerror', None) or error})"
         raise SensorFileInvalid(
             source, where, seen, "give the path of a CSV file relative to the sensor file"

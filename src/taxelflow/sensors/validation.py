@@ -8,7 +8,9 @@ from math import dist, isfinite
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import SensorFileInvalid
+from taxelflow.sensors.flattening import MOST_CURVED
 from taxelflow.sensors.pad_geometry import geometry_of, patch_taxels
+from taxelflow.sensors.pads import MOST_NUMBERS, MOST_PADS, MOST_TAXELS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.pads import Group, Pad, Patch
 
 _SCHEMA = (
-    "a sensor has name, unit (Pa, kPa, psi, N/cm2, N or count) and [[pads]] with name and either rows, cols, "
+    "a sensor has name, unit (Pa, kPa, MPa, psi, N/cm2, N or count) and [[pads]] with name and either rows, cols, "
     "pitch_m = [x, y] or taxels = a table"
 )
 _ROWS = "give all rows as [x, y], or all as [x, y, z, nx, ny, nz], in m"
@@ -24,6 +26,8 @@ _NORMAL_TOLERANCE = 0.01
 """Largest error of a normal's length: tables are rounded to a few digits."""
 _QUATERNION_TOLERANCE = 1e-3
 """Largest error of a quaternion's length."""
+_CURVED_NUMBERS = 6
+"""Numbers in a row of a table with normals."""
 _GRID_FIELDS = ("rows", "cols", "missing")
 
 
@@ -42,6 +46,34 @@ def schema_error(source: str, message: str) -> SensorFileInvalid:
 def pad_at(number: int, name: str) -> str:
     """Position of a pad in its file, for errors; number counts from 1."""
     return f"table [[pads]] number {number} ({name})"
+
+
+def check_sizes(pads: Sequence[Pad], groups: Sequence[Group], source: str) -> None:
+    """Check what memory and time the layout takes before it is computed. Raises SensorFileInvalid."""
+    taxels = sum(max(0, pad.count) for pad in pads)
+    if taxels > MOST_TAXELS:
+        seen = f"{taxels} taxels, and a sensor has at most {MOST_TAXELS}"
+        raise SensorFileInvalid(source, "tables [[pads]]", seen, "leave out pads, or describe them in several files")
+    curved = sum(pad.count**2 for pad in pads if pad.is_table and len(pad.taxels[0]) == _CURVED_NUMBERS)
+    if curved > MOST_CURVED**2:
+        seen = f"curved pads whose squared numbers of taxels add up to {curved}, and may to {MOST_CURVED}^2"
+        raise SensorFileInvalid(source, "tables [[pads]]", seen, "describe fewer curved pads, or split them")
+    by_name = {pad.name: pad for pad in pads}
+    patches = [patch for group in groups for patch in group.patches]
+    entries = sum(max(0, pad.count) * (1 + len(pad.contact_names)) for pad in pads)
+    entries += sum(_largest(patch, by_name.get(patch.pad)) for patch in patches)
+    if entries > MOST_NUMBERS or len(patches) > 4 * MOST_PADS:
+        seen = f"{entries} taxels of pads, groups and contacts in {len(patches)} patches"
+        remedy = f"a layout has at most {MOST_NUMBERS} of them and {4 * MOST_PADS} patches: declare fewer groups"
+        raise SensorFileInvalid(source, "tables [[groups]]", seen, remedy)
+
+
+def _largest(patch: Patch, pad: Pad | None) -> int:
+    """Taxels of a patch at most; 0 for an unknown pad, which is another error."""
+    if pad is None or patch.taxels or pad.is_table:
+        return len(patch.taxels) or (pad.count if pad else 0)
+    (top, bottom), (left, right) = patch.rows or (0, pad.rows - 1), patch.cols or (0, pad.cols - 1)
+    return min(pad.count, max(0, bottom - top + 1) * max(0, right - left + 1))
 
 
 def check_pads(pads: Sequence[Pad], source: str) -> None:

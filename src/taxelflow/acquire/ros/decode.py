@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.acquire.limits import MOST_MESSAGE_BYTES
 from taxelflow.messages import Floats
+from taxelflow.sensors.pads import MOST_TAXELS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,11 +23,17 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bytes
 
 
+_MOST_DEFINITION = 1 << 17
+"""Characters of a message definition at most."""
+_MOST_ELEMENTS = MOST_TAXELS
+"""Elements of an array of fixed length in a message at most."""
+
+
 class Decoder:
     """Decodes the messages of one topic. Raises the errors of `rosbags` for an invalid message definition."""
 
     def __init__(self, topic: Topic, kind: Kind) -> None:
-        store = _store(topic.message_type, topic.definition, topic.language, kind.definition)
+        store = store_of(topic.message_type, topic.definition, topic.language, kind.definition)
         self._ros1 = topic.encoding == "ros1"
         self._read = store.deserialize_ros1 if self._ros1 else store.deserialize_cdr
         self._type, self._kind = topic.message_type, kind
@@ -33,8 +41,19 @@ class Decoder:
 
     def one(self, content: bytes) -> tuple[float, list[Floats]]:
         """Stamp in s (NaN if the message has none) and readings per part, in the order of the message."""
+        if len(content) > MOST_MESSAGE_BYTES:
+            raise ValueError(f"it has {len(content)} bytes, and may have {MOST_MESSAGE_BYTES}")
         stamp, parts = self._fields(content)
         return stamp, [part.astype(np.float64) for part in parts]
+
+    def named(self, content: bytes) -> tuple[float, list[str], list[float]]:
+        """Stamp in s, names and readings of a message with a field `name`."""
+        stamp, parts = self.one(content)
+        return (
+            stamp,
+            list(follow(self._read(memoryview(content), self._type), "name")[0]),
+            parts[0].tolist() if parts else [],
+        )
 
     def block(self, contents: Sequence[bytes]) -> tuple[Floats, Floats] | None:
         """Stamps (messages,) and readings (messages, cells); None if the messages differ in their binary form."""
@@ -46,10 +65,10 @@ class Decoder:
 
     def _fields(self, content: bytes) -> tuple[float, list[NDArray[Any]]]:
         message = self._read(memoryview(content), self._type)  # a view, so that arrays point into it
-        found = [item for path in self._kind.values for item in _follow(message, path)]
+        found = [item for path in self._kind.values for item in follow(message, path)]
         if found and not isinstance(found[0], np.ndarray):
             found = [np.array(found)]
-        stamps = _follow(message, self._kind.stamp) if self._kind.stamp else []
+        stamps = follow(message, self._kind.stamp) if self._kind.stamp else []
         return (_seconds(stamps[0]) if stamps else np.nan), found
 
     def _formed(self, content: bytes) -> _Form | None:
@@ -125,21 +144,26 @@ def _seconds(stamp: Any) -> float:
     return float(stamp.sec + stamp.nanosec * 1e-9 if hasattr(stamp, "nanosec") else stamp)
 
 
-def _follow(message: Any, path: str) -> list[Any]:
-    """Values at a path of `Kind`. Raises AttributeError where the message has no such field."""
+def follow(message: Any, path: str) -> list[Any]:
+    """Values at a path of `Kind`, of a message or of one as a dict. Raises AttributeError or KeyError where the message
+    has no such field.
+    """
     found = [message]
     for name in path.split("."):
-        found = [getattr(one, own) for one in found for own in name.removesuffix("[]").split(",")]
+        own_names = name.removesuffix("[]").split(",")
+        found = [one[own] if isinstance(one, dict) else getattr(one, own) for one in found for own in own_names]
         if name.endswith("[]"):
             found = [item for items in found for item in items]
     return found
 
 
 @lru_cache(maxsize=64)
-def _store(message_type: str, definition: str, language: str, fallback: str) -> Typestore:
-    """Store with a message type and those it contains, from the file's definition, else from `fallback`."""
+def store_of(message_type: str, definition: str, language: str, fallback: str) -> Typestore:
+    """Store with a message type and those it contains, from a definition in `language`, else from `fallback`."""
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
+    if len(definition) > _MOST_DEFINITION:
+        raise ValueError(f"the definition of {message_type} has {len(definition)} characters")
     if not language:
         store = get_typestore(Stores.ROS2_HUMBLE)
         if message_type not in store.fielddefs:
@@ -148,8 +172,19 @@ def _store(message_type: str, definition: str, language: str, fallback: str) -> 
         return store
     store = get_typestore(Stores.EMPTY)
     if language == "msg":
-        store.register(get_types_from_msg(definition, message_type))
+        _register(store, get_types_from_msg(definition, message_type))
         return store
     for part in filter(str.strip, definition.split("=" * 80 + "\n")):
-        store.register(get_types_from_idl(part.partition("\n")[2] if part.startswith("IDL: ") else part))
+        _register(store, get_types_from_idl(part.partition("\n")[2] if part.startswith("IDL: ") else part))
     return store
+
+
+def _register(store: Typestore, types: Any) -> None:
+    """Add types of a file. Raises ValueError for an array whose length would make code or messages of any size."""
+    from rosbags.interfaces import Nodetype
+
+    for name, (_, fields) in types.items():
+        for field, (kind, detail) in fields:
+            if kind == Nodetype.ARRAY and not 0 < detail[1] <= _MOST_ELEMENTS:
+                raise ValueError(f"field {field} of {name} is an array of {detail[1]} elements")
+    store.register(types)

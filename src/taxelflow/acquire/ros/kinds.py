@@ -45,6 +45,14 @@ SCAN = Kind(
 )
 """Message of `taxelflow convert`: exact, in the sensor's own unit and order."""
 
+JOINT_STATE = Kind(
+    types=("sensor_msgs/msg/JointState",),
+    values=("position",),
+    stamp="header.stamp",
+    definition="std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
+)
+"""Joint angles, beside the scans: no sensor's message."""
+
 KINDS = (
     SCAN,
     Kind(

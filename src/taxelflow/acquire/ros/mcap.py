@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import zlib
 from collections import Counter
+from io import BytesIO
 from typing import TYPE_CHECKING, Any, Literal
 
+from taxelflow.acquire.limits import MOST_CHUNK_BYTES, Budget, unpack_lz4, unpack_zstd
 from taxelflow.acquire.ros.topics import Topic
-from taxelflow.errors import RecordingTruncated
+from taxelflow.errors import RecordingTooLarge, RecordingTruncated
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from mcap.records import Channel, Chunk, McapRecord, Schema
@@ -23,8 +26,8 @@ _LANGUAGES: dict[str, Literal["msg", "idl", ""]] = {
     "ros2msg": "msg",
     "ros2idl": "idl",
 }
-_MOST_CHUNK_BYTES = 1 << 30
-"""Largest decompressed chunk: a larger one is taken as damage, not as a reason to allocate memory."""
+_CHARGE, _CHARGED = 1024, 4096
+"""Bytes that a record counts for in what a file unpacks to: so long its decoding takes; of so many at once."""
 
 
 class McapSource:
@@ -51,20 +54,24 @@ class McapSource:
                 if isinstance(record, Message) and record.channel_id in wanted:
                     yield record.log_time, record.data
                     read += 1
+        except RecordingTooLarge:
+            raise
         except Exception as error:  # the parsers' errors for a damaged file
             raise RecordingTruncated(self._path, read, topic.messages, seen(error)) from error
 
     def _records(self) -> Iterator[McapRecord]:
         from mcap.records import Chunk
-        from mcap.stream_reader import StreamReader, breakup_chunk
+        from mcap.stream_reader import StreamReader
 
         largest = self._path.stat().st_size
+        budget = Budget(self._path)
         with self._path.open("rb") as file:
             reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=largest)
             for record in reader.records:
                 if isinstance(record, Chunk):
-                    _check_size(record)
-                    yield from breakup_chunk(record, validate_crc=True)
+                    content = _unpacked(record, self._path)
+                    budget.spend(len(content))
+                    yield from _charged(_records_of(content), budget)
                 else:
                     yield record
 
@@ -118,15 +125,53 @@ def seen(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def _check_size(chunk: Chunk) -> None:
-    """Raises ValueError if a chunk declares an implausible size."""
-    import zstandard
+def _as_it_is(content: bytes, _path: Path) -> bytes:
+    return content
 
-    size = chunk.uncompressed_size
-    if chunk.compression == "zstd":
-        size = max(size, zstandard.frame_content_size(chunk.data))
-    if size > _MOST_CHUNK_BYTES:
-        raise ValueError(f"a chunk of {len(chunk.data)} bytes declares {size}")
+
+_UNPACK: dict[str, Callable[[bytes, Path], bytes]] = {
+    "": _as_it_is,
+    "zstd": unpack_zstd,
+    "lz4": unpack_lz4,
+}
+
+
+def _unpacked(chunk: Chunk, path: Path) -> bytes:
+    """Records of a chunk. Raises RecordingTooLarge before it is unpacked too far, ValueError where it is damaged."""
+    if chunk.uncompressed_size > MOST_CHUNK_BYTES:
+        seen = f"a chunk of {len(chunk.data)} bytes declares {chunk.uncompressed_size}"
+        raise RecordingTooLarge(path, seen, f"write it with chunks of at most {MOST_CHUNK_BYTES} bytes")
+    if chunk.compression not in _UNPACK:
+        raise ValueError(f"a chunk is compressed by {chunk.compression!r}; known are lz4 and zstd")
+    content = _UNPACK[chunk.compression](chunk.data, path)
+    if len(content) != chunk.uncompressed_size:
+        raise ValueError(f"a chunk unpacks to {len(content)} bytes and declares {chunk.uncompressed_size}")
+    if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
+        raise ValueError("a chunk does not match its checksum")
+    return content
+
+
+def _charged(records: Iterator[McapRecord], budget: Budget) -> Iterator[McapRecord]:
+    for number, record in enumerate(records, 1):
+        if number % _CHARGED == 0:
+            budget.spend(_CHARGED * _CHARGE)
+        yield record
+
+
+def _records_of(content: bytes) -> Iterator[McapRecord]:
+    """Records of an unpacked chunk, one by one: together they may take ten times its memory."""
+    from mcap.exceptions import EndOfFile
+    from mcap.stream_reader import StreamReader
+
+    file = BytesIO(content)
+    records = StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=len(content)).records
+    while file.tell() < len(content):
+        try:
+            yield next(records)
+        except EndOfFile:
+            if file.tell() < len(content):
+                raise
+            return  # the last record was of an unknown kind, which is left out
 
 
 def _topics(channels: dict[int, Channel], schemas: dict[int, Schema], counts: Any, *, whole: bool) -> list[Topic]:
@@ -135,7 +180,7 @@ def _topics(channels: dict[int, Channel], schemas: dict[int, Schema], counts: An
     for channel in channels.values():
         schema = schemas.get(channel.schema_id)
         name = schema.name if schema else "unknown"
-        groups.setdefault((channel.topic, _ros2_name(name), channel.message_encoding), []).append(channel)
+        groups.setdefault((channel.topic, ros2_name(name), channel.message_encoding), []).append(channel)
     found = []
     for (topic, message_type, encoding), own in groups.items():
         schema = schemas.get(own[0].schema_id)
@@ -154,7 +199,7 @@ def _topics(channels: dict[int, Channel], schemas: dict[int, Schema], counts: An
     return sorted(found, key=lambda topic: topic.name)
 
 
-def _ros2_name(name: str) -> str:
+def ros2_name(name: str) -> str:
     """`package/Name` of ROS 1 as `package/msg/Name`."""
     package, _, rest = name.partition("/")
     return f"{package}/msg/{rest}" if rest and "/" not in rest else name

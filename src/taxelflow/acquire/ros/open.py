@@ -10,8 +10,10 @@ import msgspec
 import numpy as np
 
 from taxelflow.acquire.base import Recording, in_blocks
-from taxelflow.acquire.metadata import masked_in, sensor_in, truth_in
+from taxelflow.acquire.limits import scans_per_block
+from taxelflow.acquire.metadata import joints_text_in, masked_in, sensor_in, truth_in
 from taxelflow.acquire.ros.decode import Decoder
+from taxelflow.acquire.ros.joint_states import joints_in
 from taxelflow.acquire.ros.kinds import SCAN
 from taxelflow.acquire.ros.mcap import McapSource, seen
 from taxelflow.acquire.ros.rosbag import RosbagSource
@@ -59,11 +61,11 @@ def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Rec
     received_s, stamps_s, parts = _probe(path, source, chosen, decoder)
     cells = [len(part) for part in parts]
     sensor = sensor or sensor_in(path, source.metadata) or _sensor(path, kind, cells)
-    columns = _columns(sensor, kind, cells)
+    columns = columns_of(sensor, kind, cells)
     if columns is None:
         raise TaxelCountWrong(path, sum(cells), sensor.name, sensor.channel_map.columns)
     doubt = "" if kind is SCAN else _stamp_error(stamps_s, received_s)
-    reader = _Reader(path, source, chosen, decoder, columns, sum(cells), use_stamps=not doubt)
+    reader = _Reader(path, source, chosen, decoder, columns, sum(cells), not doubt, scans_per_block(sensor))
     notes = [f"{doubt}: times are those of receipt"] if doubt else []
     notes += [kind.note] if kind.note else []
     return Recording(
@@ -74,6 +76,7 @@ def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Rec
         scans=chosen.messages,
         masked=masked_in(path, source.metadata, sensor.layout.taxels),
         truth=truth_in(path, source.metadata, sensor),
+        joints=joints_text_in(path, source.metadata) or joints_in(source, use_stamps=not doubt),
         notes=tuple(notes),
     )
 
@@ -114,7 +117,7 @@ def _sensor(path: Path, kind: Kind, cells: list[int]) -> Sensor:
     for name in kind.sensors:
         if name in builtin_sensors():
             sensor = load_sensor(name)
-            if _columns(sensor, kind, cells) is not None:
+            if columns_of(sensor, kind, cells) is not None:
                 return _in_unit(sensor, kind)
     raise SensorNeeded(path, builtin_sensors())
 
@@ -126,8 +129,8 @@ def _in_unit(sensor: Sensor, kind: Kind) -> Sensor:
     return msgspec.structs.replace(sensor, unit=kind.unit, scale_pa=None, full_scale=full)
 
 
-def _columns(sensor: Sensor, kind: Kind, cells: list[int]) -> NDArray[np.int64] | None:
-    """(taxels,): cell of the message that each taxel of the sensor is read from; None if they do not match.
+def columns_of(sensor: Sensor, kind: Kind, cells: list[int]) -> NDArray[np.int64] | None:
+    """(columns,): cell of the message that each taxel of the sensor is read from; None if they do not match.
 
     cells: number of cells per part. A message may also contain the cells of grids without a taxel.
     """
@@ -181,7 +184,7 @@ class _Reader:
     """Decodes messages to scans, block by block.
 
     columns: (taxels,), cell of a message that each taxel is read from. cells: number of cells in a message.
-    use_stamps: times are the stamps in the messages, not those of receipt.
+    use_stamps: times are the stamps in the messages, not those of receipt. block_scans: of a block, at most.
     """
 
     path: Path
@@ -191,11 +194,16 @@ class _Reader:
     columns: NDArray[np.int64]
     cells: int
     use_stamps: bool
+    block_scans: int
 
     def blocks(self) -> Iterator[RawScans]:
         """Blocks from the start. A message that cannot be read raises after the scans before it."""
         done = 0
-        for block in in_blocks(self.source.messages(self.topic), list):
+
+        def weight(item: tuple[int, bytes]) -> int:
+            return len(item[1]) + 8 * self.cells
+
+        for block in in_blocks(self.source.messages(self.topic), list, weight, self.block_scans):
             yield from self._scans(block, done)
             done += len(block)
 

@@ -1,0 +1,70 @@
+"""Joint angles of the hand: from a recording's own numbers, from a table beside it, or constant."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.messages import Joints
+from taxelflow.sensors.hand import JointsInvalid, joint_angles
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from taxelflow.messages import Floats
+    from taxelflow.sensors.sensor import Sensor
+
+TIME = "t_s"
+
+
+def joints_of(names: Sequence[str], t_s: Floats, angles: Floats) -> Joints:
+    """Angles (times, joints) at times (times,) in any order; of repeated times the first, without unknown ones."""
+    known = np.isfinite(t_s) & np.isfinite(angles).all(axis=1)
+    times, first = np.unique(t_s[known], return_index=True)
+    return Joints(tuple(names), times, angles[known][first])
+
+
+def constant_joints(angles: dict[str, float]) -> Joints:
+    """Angles that never change."""
+    return Joints(tuple(angles), np.zeros(1), np.array([list(angles.values())]))
+
+
+def asked_joints(given: str, sensor: Sensor) -> Joints:
+    """Joint angles that the user gives: JOINT=ANGLE pairs, a named pose of the sensor's hand, or the path of a csv with
+    a column t_s (s) and one per joint (rad). Raises JointsInvalid.
+    """
+    pose = None if sensor.hand is None else sensor.hand.pose(given)
+    if pose is not None:
+        return constant_joints(joint_angles(pose))
+    return read_joints(Path(given)) if given.endswith(".csv") else constant_joints(joint_angles(given))
+
+
+def declared_joints(sensor: Sensor) -> Joints | None:
+    """The constant angles of the sensor file, if it has any."""
+    if sensor.hand is None or not sensor.hand.joints:
+        return None
+    return constant_joints(joint_angles(sensor.hand.joints))
+
+
+def read_joints(path: Path) -> Joints:
+    """Joint angles from a csv: a header t_s,JOINT,..., times in s and angles in rad (m). Raises JointsInvalid."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file) if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise JointsInvalid(str(path), f"the file cannot be read ({error})") from error
+    header = [name.strip() for name in rows[0]] if rows else []
+    if TIME not in header or len(set(header)) < len(header) or len(header) < 2:
+        raise JointsInvalid(str(path), f"its header is {','.join(header)[:80] or 'empty'!r}")
+    try:
+        numbers = np.array([[float(field) for field in row] for row in rows[1:]], dtype=np.float64)
+    except ValueError as error:
+        raise JointsInvalid(str(path), f"a field is no number ({error})") from error
+    if numbers.ndim != 2 or numbers.shape[1] != len(header):
+        raise JointsInvalid(str(path), "its rows are not as long as its header, or there are none")
+    time = header.index(TIME)
+    others = [column for column in range(len(header)) if column != time]
+    return joints_of([header[column] for column in others], numbers[:, time], numbers[:, others])

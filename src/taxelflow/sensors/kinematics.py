@@ -1,0 +1,222 @@
+"""Where the pads are in space: forward kinematics of a hand from its URDF or MJCF, by MuJoCo (extra `sim`).
+
+Only links and joints are used: meshes, geometries, actuators and sensors are taken out of the model before it is
+compiled. Coupled joints (URDF `mimic`, MJCF joint equalities) follow the joints that drive them.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from taxelflow.errors import ExtraMissing
+from taxelflow.geometry import se3_inverse, se3_log, se3_of
+from taxelflow.sensors.hand import HandModelInvalid
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from taxelflow.messages import Floats, Joints
+    from taxelflow.sensors.sensor import Sensor
+
+_DROPPED = {
+    "visual", "collision", "inertial", "transmission", "gazebo", "material", "sensor", "actuator", "asset", "geom",
+    "contact", "tendon", "light", "camera", "site", "keyframe", "custom", "extension", "fluid", "deformable", "mujoco",
+}  # fmt: skip
+"""Elements of URDF and MJCF that do not move a link; `mujoco` inside a URDF holds compiler options for meshes."""
+_STEP_RAD = 1e-6
+_SLIDES, _TURNS = 2, 3
+"""MuJoCo's types of joints with one coordinate."""
+
+
+class Kinematics:
+    """A hand's links by its joints. joints: names of those that can be set, in the order of angles."""
+
+    def __init__(self, text: str, base: str, source: str) -> None:
+        """text: of the URDF or MJCF. base: the link that is the hand's frame; empty for the root.
+
+        Raises HandModelInvalid for a model that MuJoCo refuses or that lacks the base; ExtraMissing.
+        """
+        try:
+            import mujoco
+        except ImportError as error:
+            raise ExtraMissing("sim", "mujoco") from error
+        self._source, self._mujoco = source, mujoco
+        root, self._root_link = _stripped(text, source)
+        try:
+            self._model: Any = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+        except ValueError as error:
+            seen = " ".join(str(error).split())[:200]
+            raise HandModelInvalid(source, seen, "give a URDF or MJCF in one file that MuJoCo compiles") from error
+        self._data: Any = mujoco.MjData(self._model)
+        self._base = self.link(base) if base else 0
+        self._coupled = self._couplings()
+        driven = {follower for follower, _, _ in self._coupled}
+        self._free = [joint for joint in range(self._model.njnt) if joint not in driven]
+        self._check_types()
+        self.joints = tuple(self._joint_name(joint) for joint in self._free)
+
+    def link(self, name: str) -> int:
+        """Number of a link. Raises HandModelInvalid, which lists the links."""
+        found: int = self._mujoco.mj_name2id(self._model, self._mujoco.mjtObj.mjOBJ_BODY, name)
+        if found >= 0:
+            return found
+        if name == self._root_link:
+            return 0  # MuJoCo merges the root of a URDF with the world
+        names = [self._model.body(body).name for body in range(1, self._model.nbody)]
+        known = ", ".join(dict.fromkeys(name for name in (self._root_link, *names) if name))
+        raise HandModelInvalid(self._source, f"it has no link {name!r}", f"choose one of {known}")
+
+    def poses(self, angles: Floats, links: list[int]) -> Floats:
+        """T_hand_link (scans, links, 4, 4) at joint angles (scans, joints), rad (m for a slide); NaN where unknown."""
+        T = np.full((len(angles), len(links), 4, 4), np.nan)
+        qpos, model, data = self._data.qpos, self._model, self._data
+        address = [int(model.jnt_qposadr[joint]) for joint in self._free]
+        followers = [
+            (int(model.jnt_qposadr[one]), int(model.jnt_qposadr[other]), terms) for one, other, terms in self._coupled
+        ]
+        world = np.zeros((len(links) + 1, 4, 4))
+        world[:, 3, 3] = 1.0
+        bodies = [self._base, *links]
+        for scan in np.flatnonzero(np.isfinite(angles).all(axis=1)):
+            qpos[address] = angles[scan]
+            for one, other, terms in followers:
+                x = qpos[other] - model.qpos0[other]
+                qpos[one] = model.qpos0[one] + np.polyval(terms[::-1], x)
+            self._mujoco.mj_kinematics(model, data)
+            world[:, :3, :3] = data.xmat[bodies].reshape(-1, 3, 3)
+            world[:, :3, 3] = data.xpos[bodies]
+            T[scan] = se3_inverse(world[0]) @ world[1:]
+        return T
+
+    def jacobians(self, angles: Floats, links: list[int]) -> Floats:
+        """Twists (scans, links, 6, joints) of links per rate of each joint, at the hand's origin, in its frame."""
+        J = np.empty((len(angles), len(links), 6, len(self.joints)))
+        for joint in range(len(self.joints)):
+            step = np.zeros(len(self.joints))
+            step[joint] = _STEP_RAD
+            ahead, back = self.poses(angles + step, links), self.poses(angles - step, links)
+            J[..., joint] = se3_log(ahead @ se3_inverse(back)) / (2 * _STEP_RAD)
+        return J
+
+    def _couplings(self) -> list[tuple[int, int, Floats]]:
+        """(follower, driver, polynomial coefficients from the constant on) of the joint equalities."""
+        model = self._model
+        kinds = model.eq_type == self._mujoco.mjtEq.mjEQ_JOINT
+        return [
+            (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]), np.array(model.eq_data[k, :5]))
+            for k in np.flatnonzero(kinds)
+            if model.eq_obj2id[k] >= 0
+        ]
+
+    def _check_types(self) -> None:
+        wrong = [joint for joint in self._free if self._model.jnt_type[joint] not in (_SLIDES, _TURNS)]
+        if wrong:
+            seen = f"joint {self._joint_name(wrong[0])!r} has more than one coordinate"
+            raise HandModelInvalid(self._source, seen, "use hinges and slides; leave out a floating base")
+
+    def _joint_name(self, joint: int) -> str:
+        return str(self._model.joint(joint).name)
+
+
+class PadKinematics:
+    """T_hand_pad of a sensor's pads by joint angles. Pads without a link stay at their `pose` in the hand."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        """Raises HandModelInvalid, ExtraMissing."""
+        self._fixed = np.array(
+            [
+                np.eye(4) if pad.pose is None else se3_of(np.array(pad.pose[:3]), np.array(pad.pose[3:]))
+                for pad in sensor.pads
+            ]
+        )
+        self.placed = np.array([pad.pose is not None or pad.link is not None for pad in sensor.pads])
+        self._linked = [number for number, pad in enumerate(sensor.pads) if pad.link is not None]
+        hand = sensor.hand
+        self._model = None if hand is None or not self._linked else hand_model(hand.urdf, hand.base, sensor.name)
+        self._links = (
+            [self._model.link(sensor.pads[number].link or "") for number in self._linked] if self._model else []
+        )
+        self.joints: tuple[str, ...] = self._model.joints if self._model else ()
+
+    def angles_at(self, joints: Joints | None, t_s: Floats) -> Floats:
+        """(scans, joints) at times (scans,), NaN where unknown."""
+        return np.full((len(t_s), len(self.joints)), np.nan) if joints is None else joints.at(t_s, self.joints)
+
+    def poses(self, angles: Floats) -> Floats:
+        """(scans, pads, 4, 4) at joint angles (scans, joints); NaN for pads without a place, and unknown angles."""
+        T = np.tile(self._fixed, (len(angles), 1, 1, 1))
+        T[:, ~self.placed] = np.nan
+        if self._model is not None:
+            T[:, self._linked] = self._model.poses(angles, self._links) @ self._fixed[self._linked]
+        return T
+
+    def jacobians(self, angles: Floats) -> Floats:
+        """Twists (scans, pads, 6, joints) of the pads per rate of each joint, at the hand's origin; 0 if unlinked."""
+        J = np.zeros((len(angles), len(self._fixed), 6, len(self.joints)))
+        if self._model is not None:
+            J[:, self._linked] = self._model.jacobians(angles, self._links)
+        return J
+
+
+@cache
+def hand_model(model: str, base: str, source: str) -> Kinematics:
+    """The kinematics of a model's text, or of a built-in hand by name; kept. Raises as `Kinematics` does."""
+    return Kinematics(model_text(model, source), base, source)
+
+
+def model_text(model: str, source: str) -> str:
+    """The XML of a model: its text itself, or a built-in hand's. Raises HandModelInvalid, which lists them."""
+    if model.lstrip().startswith("<"):
+        return model
+    folder = resources.files("taxelflow") / "sensors" / "data" / "hands"
+    names = sorted(file.name.removesuffix(".urdf") for file in folder.iterdir() if file.name.endswith(".urdf"))
+    if model not in names:
+        raise HandModelInvalid(source, f"no hand model {model!r}", f"give {', '.join(names)} or a URDF or MJCF file")
+    return (folder / f"{model}.urdf").read_text(encoding="utf-8")
+
+
+def angles_of(joints: tuple[str, ...], given: Mapping[str, float], source: str) -> Floats:
+    """(joints,) angles by name, 0 where none is given. Raises HandModelInvalid for a joint that the hand lacks."""
+    for name in given:
+        if name not in joints:
+            raise HandModelInvalid(source, f"no joint {name!r}", f"its joints are {', '.join(joints) or 'none'}")
+    return np.array([given.get(name, 0.0) for name in joints], dtype=np.float64)
+
+
+def _stripped(text: str, source: str) -> tuple[ElementTree.Element, str]:
+    """The model with links and joints only, and the name of a URDF's root link. Raises HandModelInvalid."""
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise HandModelInvalid(source, f"it is no XML ({error})", "give a URDF or MJCF file") from error
+    if root.tag not in ("robot", "mujoco"):
+        raise HandModelInvalid(source, f"its root is <{root.tag}>", "give a URDF (<robot>) or MJCF (<mujoco>) file")
+    if root.find(".//include") is not None:
+        raise HandModelInvalid(source, "it includes other files", "give one file, as MuJoCo's compiler writes it")
+    _drop(root)
+    if root.tag == "mujoco":
+        compiler = root.find("compiler")
+        compiler = ElementTree.SubElement(root, "compiler") if compiler is None else compiler
+        compiler.set("boundmass", "1")
+        compiler.set("boundinertia", "1")
+        return root, ""
+    options = {"fusestatic": "false", "boundmass": "1", "boundinertia": "1"}
+    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", options)
+    children = {child.get("link") for child in root.findall("joint/child")}
+    roots = [name for name in (link.get("name", "") for link in root.findall("link")) if name not in children]
+    if len(roots) != 1:
+        raise HandModelInvalid(source, f"it has {len(roots)} root links", "connect its links to one tree")
+    return root, roots[0]
+
+
+def _drop(element: ElementTree.Element) -> None:
+    for child in list(element):
+        if child.tag in _DROPPED:
+            element.remove(child)
+        else:
+            _drop(child)

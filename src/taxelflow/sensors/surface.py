@@ -1,0 +1,65 @@
+"""Frames of contacts on a pad's skin in space: position, tangents and normal at a place of the flattened pad."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from taxelflow.sensors.pad_geometry import geometry_of
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+    from taxelflow.sensors.pads import Pad
+
+_FLAT = 1e-9
+"""Largest error, in m and of unit normals, with which a flat skin is a plane."""
+
+
+class PadSurface:
+    """The skin of one pad, in the pad's own 3-D frame (that of its grid or table, before `pose`)."""
+
+    def __init__(self, pad: Pad) -> None:
+        geometry = geometry_of(msgspec.structs.replace(pad, pose=None))
+        self._xy, self._place, self._normal = geometry.xy, geometry.place_m, geometry.normal
+        self._reach_m = max(geometry.pitch_m)
+        self._plane = self._fitted(np.ones((1, len(self._xy))), np.zeros((1, 2)))[0]
+        error = self._place - self._xy @ self._plane[:3, :2].T - self._plane[:3, 3]
+        bend = np.abs(self._normal - self._plane[:3, 2]).max()
+        self._flat = len(self._xy) < 3 or (np.abs(error).max() < _FLAT and bend < _FLAT)
+
+    def frames(self, xy: Floats) -> Floats:
+        """(n, 4, 4): x and y along those of the flattened pad at places (n, 2), z out of the skin; NaN where unknown.
+
+        Curved skin: a plane through the taxels nearby, weighted by a Gaussian of one pitch.
+        """
+        if self._flat:
+            F = np.tile(self._plane, (len(xy), 1, 1))
+            F[:, :3, 3] += xy @ self._plane[:3, :2].T
+            return F
+        F = np.full((len(xy), 4, 4), np.nan)
+        known = np.isfinite(xy).all(axis=1)
+        squared = np.sum((xy[known, np.newaxis] - self._xy) ** 2, axis=2) / self._reach_m**2
+        weight = np.exp(-0.5 * (squared - squared.min(axis=1, keepdims=True, initial=np.inf)))
+        F[known] = self._fitted(weight, xy[known])
+        return F
+
+    def _fitted(self, weight: Floats, at: Floats) -> Floats:
+        """Frames (n, 4, 4) at places (n, 2) by weights (n, taxels)."""
+        weight = weight / weight.sum(axis=1, keepdims=True)
+        mean_xy, mean = weight @ self._xy, weight @ self._place
+        off = self._xy - mean_xy[:, np.newaxis]
+        spread = np.einsum("nt,nti,ntj->nij", weight, off, off) + _FLAT**2 * np.eye(2)
+        crossed = np.einsum("nt,nti,tj->nij", weight, off, self._place)
+        tangents = np.linalg.solve(spread, crossed)
+        z = weight @ self._normal
+        z /= np.linalg.norm(z, axis=1, keepdims=True)
+        x = tangents[:, 0] - np.sum(tangents[:, 0] * z, axis=1, keepdims=True) * z
+        length = np.linalg.norm(x, axis=1, keepdims=True)
+        x = np.where(length > _FLAT, x / np.where(length > _FLAT, length, 1.0), [1.0, 0.0, 0.0])
+        F = np.zeros((len(at), 4, 4))
+        F[:, :3, 0], F[:, :3, 1], F[:, :3, 2] = x, np.cross(z, x), z
+        F[:, :3, 3] = mean + np.einsum("nij,ni->nj", tangents, at - mean_xy)
+        F[:, 3, 3] = 1.0
+        return F

@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxelflow import api
+from taxelflow.acquire.joints import asked_joints, joints_of, read_joints
+from taxelflow.errors import RecordingCorrupt
+from taxelflow.messages import Joints
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.hand import JointsInvalid
+
+DATA = Path(os.environ.get("TAXELFLOW_DATA", Path(__file__).parents[3] / "shared" / "data"))
+SDH = DATA / "sdh-dsa" / "tennisball.dsa"
+
+
+def test_angles_are_interpolated_and_never_invented() -> None:
+    joints = Joints(("a", "b"), np.array([1.0, 1.2, 3.0]), np.array([[0.0, 1.0], [0.2, 1.0], [0.4, 2.0]]))
+    found = joints.at(np.array([0.5, 1.1, 1.2, 2.0, 3.0, 9.0]), ["b", "a", "c"])
+    np.testing.assert_allclose(found[1:3], [[1.0, 0.1, np.nan], [1.0, 0.2, np.nan]])
+    assert np.isnan(found[[0, 3, 5]]).all()  # before, in a gap, after
+    np.testing.assert_allclose(found[4, :2], [2.0, 0.4])
+
+
+def test_constant_angles_hold_at_all_times() -> None:
+    joints = asked_joints("a=30deg b=1.5", load_sensor("grid:4x4@4mm"))
+    np.testing.assert_allclose(joints.at(np.array([-5.0, 1e9]), ["b", "a"]), [[1.5, np.pi / 6]] * 2)
+
+
+def test_a_named_pose_of_the_hand_is_known_by_its_name() -> None:
+    joints = asked_joints("hook", load_sensor("barretthand-162"))
+    assert joints.at(np.zeros(1), ["f1"])[0, 0] == pytest.approx(np.radians(100))
+
+
+def test_a_csv_with_joints_is_read_and_a_bad_one_named(tmp_path: Path) -> None:
+    path = tmp_path / "joints.csv"
+    path.write_text("t_s,a,b\n0.0,1,2\n0.1,1.5,2\n")
+    np.testing.assert_allclose(read_joints(path).at(np.array([0.05]), ["a"]), [[1.25]])
+    for text, seen in (
+        ("a,b\n1,2\n", "its header is 'a,b'"),
+        ("t_s,a\n1,x\n", "no number"),
+        ("t_s,a\n1\n", "as long as"),
+    ):
+        path.write_text(text)
+        with pytest.raises(JointsInvalid, match=seen):
+            read_joints(path)
+    with pytest.raises(JointsInvalid, match="cannot be read"):
+        read_joints(tmp_path / "none.csv")
+
+
+def test_repeated_and_unknown_times_are_left_out() -> None:
+    joints = joints_of(("a",), np.array([2.0, 1.0, 1.0, 3.0]), np.array([[2.0], [1.0], [9.0], [np.nan]]))
+    assert joints.t_s.tolist() == [1.0, 2.0]
+    assert joints.angles[:, 0].tolist() == [1.0, 2.0]
+
+
+def table(tmp_path: Path) -> Path:
+    path = tmp_path / "scans.csv"
+    header = ["t_s", "joint:a", *(f"value{n}" for n in range(16)), "joint:b"]
+    rows = [",".join(header)] + [",".join(map(str, [0.1 * k, 0.01 * k, *[1.0] * 16, 0.5])) for k in range(8)]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["npz", "mcap", "parquet"])
+def test_joint_columns_of_a_csv_stay_with_the_recording(tmp_path: Path, suffix: str) -> None:
+    recording = api.read(table(tmp_path), "grid:4x4@4mm")
+    assert recording.joints is not None
+    np.testing.assert_allclose(recording.joints.at(np.array([0.35]), ["a", "b"]), [[0.035, 0.5]])
+    assert recording.load().values.shape == (8, 16)
+    api.convert(recording, tmp_path / f"copy.{suffix}")
+    again = api.read(tmp_path / f"copy.{suffix}").joints
+    assert again is not None
+    assert again.names == recording.joints.names
+    np.testing.assert_array_equal(again.angles, recording.joints.angles)
+
+
+def test_an_npz_with_half_of_the_joints_is_corrupt(tmp_path: Path) -> None:
+    path = tmp_path / "scans.npz"
+    np.savez(path, t=np.arange(3.0), pressure=np.zeros((3, 16)), joint_names=np.array(["a"]), joint_t_s=np.zeros(1))
+    with pytest.raises(RecordingCorrupt, match="member joint_angles is missing"):
+        api.read(path, "grid:4x4@4mm")
+    np.savez(
+        path,
+        t=np.arange(3.0),
+        pressure=np.zeros((3, 16)),
+        joint_names=np.array(["a"]),
+        joint_t_s=np.zeros(1),
+        joint_angles=np.zeros((2, 2)),
+    )
+    with pytest.raises(RecordingCorrupt, match=r"joint_angles float64 \(2, 2\)"):
+        api.read(path, "grid:4x4@4mm")
+
+
+def test_joint_states_beside_the_scans_of_a_bag_are_read(tmp_path: Path) -> None:
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds = store.types
+    with Writer(tmp_path / "bag", version=9) as writer:
+        scans = writer.add_connection("/scan", "std_msgs/msg/Float32MultiArray", typestore=store)
+        states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        layout = kinds["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+        for k in range(5):
+            at_ns = 10**18 + k * 10**8
+            array = kinds["std_msgs/msg/Float32MultiArray"](layout=layout, data=np.ones(16, np.float32))
+            writer.write(scans, at_ns, store.serialize_cdr(array, "std_msgs/msg/Float32MultiArray"))
+            stamp = kinds["builtin_interfaces/msg/Time"](sec=10**9, nanosec=k * 10**8)
+            header = kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+            empty = np.zeros(0)
+            state = kinds["sensor_msgs/msg/JointState"](
+                header=header, name=["a", "b"], position=np.array([0.1 * k, 1.0]), velocity=empty, effort=empty
+            )
+            writer.write(states, at_ns, store.serialize_cdr(state, "sensor_msgs/msg/JointState"))
+    recording = api.read(tmp_path / "bag", "grid:4x4@4mm")
+    assert recording.joints is not None
+    np.testing.assert_allclose(recording.joints.at(np.array([1e9 + 0.25]), ["a", "b"]), [[0.25, 1.0]], atol=1e-6)
+
+
+@pytest.mark.skipif(not SDH.is_file(), reason="the recordings are not here: set TAXELFLOW_DATA")
+def test_the_sdh_recordings_with_joint_angles_go_through_it_all() -> None:
+    recording = api.read(SDH)
+    assert recording.joints is not None
+    assert len(recording.joints.names) == 7
+    result = api.estimate(recording)
+    assert result.spatial is not None
+    both = result.spatial.pads == 2
+    assert both.sum() > 1000
+    rank = result.spatial.rank[both]  # two contacts without turns tell four numbers; where the ball seems smooth, fewer
+    assert rank.max() <= 4
+    assert np.mean(rank >= 2) > 0.99
+    known = result.spatial.pose[np.isfinite(result.spatial.pose[:, 0])]
+    assert np.abs(known[:, :3]).max() < 0.1
