@@ -1,0 +1,1 @@
+"""Live devices: protocols as pure parsers (bytes in, scans out), and the transports that bytes come by."""

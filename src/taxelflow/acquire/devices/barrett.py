@@ -1,0 +1,171 @@
+"""BarrettHand BH8-280 by CAN: `barrett-can:CHANNEL?interface=socketcan`.
+
+Each of four pucks (11 to 13: fingers, 14: palm) sends 24 readings in five frames of 12-bit numbers, in 1/256 N/cm2.
+The protocol is that of RCPRG-ros-pkg/barrett_hand. Tested against an emulator only.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource
+from taxelflow.errors import ExtraMissing
+from taxelflow.sensors.catalogue import load_sensor
+
+if TYPE_CHECKING:
+    from taxelflow.addresses import Address
+    from taxelflow.messages import Floats
+    from taxelflow.sensors.sensor import Sensor
+
+PUCKS = (11, 12, 13, 14)
+READINGS, FRAMES, PER_FRAME = 24, 5, 5
+PER_N_CM2 = 256.0
+_TACT, _FULL = 106, 2
+_GROUP = 9
+CAN_FRAME = struct.Struct(">H8s")
+"""A frame as the transport passes it on: its identifier and its 8 bytes."""
+
+
+def frames_of(puck: int, readings: Floats) -> bytes:
+    """The frames of a puck's 24 readings in N/cm2."""
+    numbers = [*np.clip(np.round(np.nan_to_num(readings) * PER_N_CM2), 0, 4095).astype(int).tolist(), 0]
+    frames = []
+    for sequence in range(FRAMES):
+        word = sequence
+        for number in numbers[PER_FRAME * sequence : PER_FRAME * (sequence + 1)]:
+            word = word << 12 | number
+        frames.append(CAN_FRAME.pack(0x400 | puck << 5 | _GROUP, word.to_bytes(8, "big")))
+    return b"".join(frames)
+
+
+def ask(puck: int) -> tuple[int, bytes]:
+    """Identifier and bytes of the message that asks a puck for full readings."""
+    return puck, struct.pack("<BBi", 0x80 | _TACT, 0, _FULL)
+
+
+class BarrettParser:
+    """Joins frames to readings, and the readings of four pucks to a scan; of a puck that is silent they are missing."""
+
+    def __init__(self, faults: Faults) -> None:
+        self._faults = faults
+        self.restart()
+
+    def restart(self) -> None:
+        """See `Parser`."""
+        self._parts: dict[int, list[int]] = {}
+        self._scan: dict[int, Floats] = {}
+
+    def end(self) -> list[tuple[float | None, Floats]]:
+        """See `Parser`."""
+        self.restart()
+        return []
+
+    def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
+        """See `Parser`: whole frames by `CAN_FRAME`."""
+        scans: list[tuple[float | None, Floats]] = []
+        for identifier, content in CAN_FRAME.iter_unpack(received[: len(received) // CAN_FRAME.size * CAN_FRAME.size]):
+            puck = identifier >> 5 & 0x1F
+            if identifier & 0x41F != 0x400 | _GROUP or puck not in PUCKS:
+                continue
+            readings = self._joined(puck, int.from_bytes(content, "big"))
+            if readings is None:
+                continue
+            if puck in self._scan:
+                self._faults.count("puck silent", f"of {len(PUCKS)}, {len(self._scan)} have sent")
+                scans.append((None, self._values()))
+            self._scan[puck] = readings
+            if len(self._scan) == len(PUCKS):
+                scans.append((None, self._values()))
+        return scans
+
+    def _joined(self, puck: int, word: int) -> Floats | None:
+        """A puck's readings, when the last of its frames has come."""
+        sequence = word >> 60
+        numbers = self._parts.setdefault(puck, [])
+        if sequence * PER_FRAME != len(numbers):
+            self._faults.count("frame out of sequence", f"{sequence} of puck {puck}")
+            numbers.clear()
+        if sequence * PER_FRAME == len(numbers) and sequence < FRAMES:
+            numbers += [word >> 12 * (PER_FRAME - 1 - k) & 0xFFF for k in range(PER_FRAME)]
+        if len(numbers) < FRAMES * PER_FRAME:
+            return None
+        del self._parts[puck]
+        return np.array(numbers[:READINGS]) / PER_N_CM2
+
+    def _values(self) -> Floats:
+        missing = np.full(READINGS, np.nan)
+        values: Floats = np.concatenate([self._scan.get(puck, missing) for puck in PUCKS])
+        self._scan = {}
+        return values
+
+
+class CanBus:
+    """A bus of python-can that asks the pucks for readings when it has opened."""
+
+    patient = False
+    timeout_s = TIMEOUT_S
+
+    def __init__(self, interface: str, channel: str) -> None:
+        try:
+            import can
+        except ImportError as error:
+            raise ExtraMissing("devices", "python-can") from error
+        self._can: Any = can
+        self._interface, self._channel = interface, channel
+        self._bus: Any = None
+
+    def listen(self) -> None:
+        """Nothing waits for a peer."""
+
+    def open(self) -> bool:
+        """See `Transport`."""
+        try:
+            self._bus = self._can.Bus(interface=self._interface, channel=self._channel)
+            for puck in PUCKS:
+                identifier, content = ask(puck)
+                self.send(identifier, content)
+        except (self._can.CanError, NotImplementedError, ValueError) as error:
+            raise OSError(str(error)) from error
+        return True
+
+    def send(self, identifier: int, content: bytes) -> None:
+        """Send a frame. Raises OSError."""
+        self._bus.send(self._can.Message(arbitration_id=identifier, data=content, is_extended_id=False))
+
+    def receive(self) -> bytes:
+        """See `Transport`."""
+        try:
+            message = self._bus.recv(POLL_S)
+        except self._can.CanError as error:
+            raise OSError(str(error)) from error
+        if message is None or len(message.data) != 8:
+            return b""
+        return CAN_FRAME.pack(message.arbitration_id & 0xFFFF, bytes(message.data))
+
+    def asked(self) -> bool:
+        """Whether a puck has been asked for readings, as an emulated one waits for."""
+        message = self._bus.recv(POLL_S)
+        return message is not None and message.arbitration_id in PUCKS
+
+    def close(self) -> None:
+        """See `Transport`."""
+        if self._bus is not None:
+            self._bus.shutdown()
+            self._bus = None
+
+    def shut(self) -> None:
+        """See `Transport`."""
+        self.close()
+
+
+def connect(address: Address, sensor: Sensor | None) -> ByteSource:
+    """`barrett-can:CHANNEL?interface=socketcan`. Raises AddressInvalid, ExtraMissing."""
+    address.check_options((*STREAM_OPTIONS, "interface"))
+    channel = address.need_path("barrett-can:can0")
+    sensor, faults = sensor or load_sensor("barretthand-bh280-96"), Faults()
+    bus = CanBus(address.options.get("interface", "socketcan"), channel)
+    return ByteSource(address, sensor, bus, BarrettParser(faults), faults)

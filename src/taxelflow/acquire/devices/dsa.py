@@ -1,0 +1,166 @@
+"""Schunk SDH-2, the Weiss DSACON32m on its serial line: `dsa:/dev/ttyUSB0`.
+
+A frame is AA AA AA, number, length (uint16), payload, CRC-16, little-endian. Tested against an emulator only; no source
+states the polynomial of the checksum, so it is an option.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.acquire.devices.base import Faults
+from taxelflow.acquire.devices.frames import crc_table
+from taxelflow.acquire.devices.serial import SerialLine
+from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource
+from taxelflow.errors import AddressInvalid
+from taxelflow.sensors.catalogue import load_sensor
+
+if TYPE_CHECKING:
+    from taxelflow.addresses import Address
+    from taxelflow.messages import Floats
+    from taxelflow.sensors.layout import Indices, Layout
+    from taxelflow.sensors.sensor import Sensor
+
+PREAMBLE = b"\xaa\xaa\xaa"
+SCAN, ACQUIRE = 0x00, 0x03
+RUN_LENGTHS = 0x01
+_ACQUIRES = 0x80
+_LONGEST = 8192
+_BAUD = 115200
+POLYNOMIAL = "8408"
+"""CRC-16-CCITT, reversed: an assumption."""
+_RATE = 30
+
+
+def checksum(content: bytes, table: list[int]) -> int:
+    """CRC-16 over number, length and payload, from FFFF."""
+    crc = 0xFFFF
+    for byte in content:
+        crc = crc >> 8 ^ table[(crc ^ byte) & 0xFF]
+    return crc
+
+
+def frame(number: int, payload: bytes, table: list[int]) -> bytes:
+    """A frame; without payload it has no checksum."""
+    content = struct.pack("<BH", number, len(payload)) + payload
+    return PREAMBLE + content + (struct.pack("<H", checksum(content, table)) if payload else b"")
+
+
+def cells_of(layout: Layout) -> tuple[Indices, int]:
+    """(taxels,): cell of a frame that each taxel is read from, pad after pad with missing cells; number of cells."""
+    cells, start = [], 0
+    for pad in range(layout.pad_count):
+        own = layout.of_pad(pad)
+        rows, cols = layout.shapes[pad]
+        cells.append(start + layout.row[own] * cols + layout.col[own])
+        start += rows * cols
+    return np.concatenate(cells), start
+
+
+class DsaParser:
+    """Finds frames with scans, and finds its way again after one that is damaged."""
+
+    def __init__(self, layout: Layout, faults: Faults, polynomial: int) -> None:
+        self._taxel_cells, self._cells = cells_of(layout)
+        self._faults, self._table = faults, crc_table(polynomial)
+        self.restart()
+
+    def restart(self) -> None:
+        """See `Parser`."""
+        self._buffer = bytearray()
+
+    def end(self) -> list[tuple[float | None, Floats]]:
+        """See `Parser`: a part of a frame is no scan."""
+        self.restart()
+        return []
+
+    def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
+        """See `Parser`."""
+        self._buffer += received
+        scans: list[tuple[float | None, Floats]] = []
+        while (found := self._next()) is not None:
+            number, payload = found
+            if number != SCAN:
+                continue
+            scan = self._scan(payload)
+            if scan is None:
+                self._faults.count("bad frame", f"{len(payload)} bytes are not {self._cells} cells")
+            else:
+                scans.append(scan)
+        return scans
+
+    def _next(self) -> tuple[int, bytes] | None:
+        """Number and payload of the next whole frame; None if none is there yet."""
+        buffer = self._buffer
+        while True:
+            at = buffer.find(PREAMBLE)
+            skipped = at if at >= 0 else max(0, len(buffer) - len(PREAMBLE) + 1)
+            if skipped:
+                self._faults.count("garbage between frames", f"{skipped} bytes", skipped)
+                del buffer[:skipped]
+            if at < 0 or len(buffer) < 6:
+                return None
+            number, size = struct.unpack_from("<BH", buffer, 3)
+            if size > _LONGEST:
+                self._faults.count("bad frame", f"a length of {size}")
+                del buffer[:1]
+                continue
+            whole = 6 + size + (2 if size else 0)
+            if len(buffer) < whole:
+                return None
+            payload = bytes(buffer[6 : 6 + size])
+            check = int.from_bytes(buffer[6 + size : whole], "little")
+            if size and checksum(bytes(buffer[3 : 6 + size]), self._table) != check:
+                self._faults.count("wrong checksum", f"{check:04x}")
+                del buffer[:1]
+                continue
+            del buffer[:whole]
+            return number, payload
+
+    def _scan(self, payload: bytes) -> tuple[float, Floats] | None:
+        if len(payload) < 5 or len(payload) % 2 == 0:
+            return None
+        t_ms, flags = struct.unpack_from("<IB", payload)
+        words = np.frombuffer(payload, "<u2", offset=5)
+        if flags & RUN_LENGTHS:
+            words = np.repeat(words & 0xFFF, words >> 12)
+        if len(words) != self._cells:
+            return None
+        return 1e-3 * t_ms, words[self._taxel_cells].astype(np.float64)
+
+
+class _DsaLine(SerialLine):
+    """Asks for scans when it has opened."""
+
+    def __init__(self, device: str, command: bytes) -> None:
+        super().__init__(device, _BAUD)
+        self._command = command
+
+    def open(self) -> bool:
+        """See `Transport`."""
+        super().open()
+        self.send(self._command)
+        return True
+
+
+def connect(address: Address, sensor: Sensor | None) -> ByteSource:
+    """`dsa:DEVICE?rate=30&crc=8408`. Raises AddressInvalid, ExtraMissing."""
+    address.check_options((*STREAM_OPTIONS, "rate", "crc"))
+    device = address.need_path("dsa:/dev/ttyUSB0")
+    sensor, faults = sensor or load_sensor("schunk-sdh2"), Faults()
+    polynomial = polynomial_of(address)
+    payload = struct.pack("<BH", _ACQUIRES | RUN_LENGTHS, round(address.number("rate", _RATE, 1)))
+    line = _DsaLine(device, frame(ACQUIRE, payload, crc_table(polynomial)))
+    return ByteSource(address, sensor, line, DsaParser(sensor.layout, faults, polynomial), faults)
+
+
+def polynomial_of(address: Address) -> int:
+    """The option crc, a reversed polynomial in hexadecimal. Raises AddressInvalid."""
+    text = address.options.get("crc", POLYNOMIAL)
+    try:
+        return int(text, 16) & 0xFFFF
+    except ValueError as error:
+        raise AddressInvalid(address.url, f"crc={text}", "crc=HEX, a reversed polynomial such as 8408") from error

@@ -1,0 +1,104 @@
+"""Inspire RH56DFTP by Modbus TCP: `inspire-modbus://HOST:6000?rate=50`.
+
+Readings are int16 in the holding registers from 3000 on, whose addresses count bytes. Tested against an emulator only.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource, need_sensor
+from taxelflow.errors import ExtraMissing
+
+if TYPE_CHECKING:
+    from taxelflow.addresses import Address
+    from taxelflow.messages import Floats
+    from taxelflow.sensors.sensor import Sensor
+
+PORT, FIRST, BYTES = 6000, 3000, 2
+_MOST = 125
+"""Registers that Modbus gives in one answer."""
+_RATE_HZ = 50.0
+
+
+class ModbusHand:
+    """Reads all registers, again and again: a piece is a scan."""
+
+    patient = True
+    timeout_s = TIMEOUT_S
+
+    def __init__(self, host: str, port: int, values: int, rate_hz: float) -> None:
+        try:
+            from pymodbus.client import ModbusTcpClient
+            from pymodbus.exceptions import ModbusException
+        except ImportError as error:
+            raise ExtraMissing("devices", "pymodbus") from error
+        self._client: Any = ModbusTcpClient(host, port=port, timeout=1.0, retries=1)
+        self._fault = ModbusException
+        self._values, self._period_s = values, 1.0 / rate_hz
+        self._due_s = 0.0
+
+    def listen(self) -> None:
+        """Nothing waits for a peer."""
+
+    def open(self) -> bool:
+        """See `Transport`."""
+        if not self._client.connect():
+            raise ConnectionError("no Modbus server answers")
+        return True
+
+    def receive(self) -> bytes:
+        """See `Transport`."""
+        left = self._due_s - time.monotonic()
+        if left > POLL_S:
+            time.sleep(POLL_S)
+            return b""
+        time.sleep(max(0.0, left))
+        self._due_s = max(self._due_s, time.monotonic() - self._period_s) + self._period_s
+        registers: list[int] = []
+        while len(registers) < self._values:
+            count = min(_MOST, self._values - len(registers))
+            try:
+                answer = self._client.read_holding_registers(FIRST + BYTES * len(registers), count=count)
+            except self._fault as error:
+                raise ConnectionError(str(error)) from error
+            if answer.isError() or len(answer.registers) != count:
+                raise ConnectionError(f"the hand answers {answer}")
+            registers += answer.registers
+        return np.array(registers, np.uint16).tobytes()
+
+    def close(self) -> None:
+        """See `Transport`."""
+        self._client.close()
+
+    def shut(self) -> None:
+        """See `Transport`."""
+        self._client.close()
+
+
+class _Int16:
+    """A piece is a scan of int16."""
+
+    def restart(self) -> None:
+        """Nothing is held."""
+
+    def end(self) -> list[tuple[float | None, Floats]]:
+        """Nothing is held."""
+        return []
+
+    def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
+        """See `Parser`."""
+        return [(None, np.frombuffer(received, np.int16).astype(np.float64))]
+
+
+def connect(address: Address, sensor: Sensor | None) -> ByteSource:
+    """`inspire-modbus://HOST:PORT?rate=50`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
+    address.check_options((*STREAM_OPTIONS, "rate"))
+    sensor = need_sensor(address, sensor)
+    rate_hz = address.number("rate", _RATE_HZ, 0.1)
+    hand = ModbusHand(address.host or "127.0.0.1", address.port or PORT, sensor.channel_map.columns, rate_hz)
+    return ByteSource(address, sensor, hand, _Int16(), Faults())

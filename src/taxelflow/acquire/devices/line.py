@@ -1,0 +1,81 @@
+"""Lines of text, `t_s,v1,...,vn`: what every microcontroller can print."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.devices.base import Faults
+    from taxelflow.messages import Floats
+
+_LONGEST_LINE = 1 << 20
+"""Bytes held while no line ends: bounds the memory for a stream that is no text."""
+_SEPARATORS = bytes.maketrans(b";\t", b",,")
+
+
+class LineParser:
+    """Lines `t_s,v1,...,vn`, or `v1,...,vn` if the device sends no time.
+
+    Fields stand between commas, semicolons, tabs or blanks; an empty field between commas, or `nan`, is a missing
+    reading. Lines that begin with # are comments.
+    """
+
+    def __init__(self, columns: int, faults: Faults, *, timed: bool, joins_late: bool = False) -> None:
+        """joins_late: the first bytes may be the rest of a line, and are left out up to its end."""
+        self._columns, self._faults, self._timed = columns, faults, timed
+        self._joins_late = joins_late
+        self.restart()
+
+    def restart(self) -> None:
+        """See `Parser`."""
+        self._rest = b""
+        self._skips = self._joins_late
+
+    def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
+        """See `Parser`."""
+        *lines, self._rest = (self._rest + received).split(b"\n")
+        if self._skips and lines:
+            self._skips = False
+            del lines[0]
+        if len(self._rest) > _LONGEST_LINE:
+            self._faults.count("bad line", f"{len(self._rest)} bytes without an end")
+            self._rest, self._skips = b"", True
+        return [scan for line in lines if (scan := self._scan(line)) is not None]
+
+    def end(self) -> list[tuple[float | None, Floats]]:
+        """See `Parser`."""
+        return self.feed(b"\n") if self._rest else []
+
+    def _scan(self, line: bytes) -> tuple[float | None, Floats] | None:
+        line = line.strip()
+        if not line or line.startswith(b"#"):
+            return None
+        wanted = self._columns + self._timed
+        fields = line.translate(_SEPARATORS).split(b",")
+        if len(fields) == 1 != wanted:
+            fields = line.split()
+        if len(fields) != wanted:
+            form = "time and readings" if self._timed else "readings"
+            hint = "; for lines without time: ?time=arrival" if self._timed and len(fields) == self._columns else ""
+            self._faults.count("bad line", f"{len(fields)} numbers, {wanted} expected ({form}){hint}")
+            return None
+        try:
+            numbers = [float(field) if field.strip() else math.nan for field in fields]
+        except ValueError:
+            self._faults.count("bad line", f"not numbers: {line[:60].decode(errors='replace')!r}")
+            return None
+        if not self._timed:
+            return None, np.array(numbers)
+        if not math.isfinite(numbers[0]):
+            self._faults.count("bad line", f"its time is {numbers[0]}")
+            return None
+        return numbers[0], np.array(numbers[1:])
+
+
+def line_of(t_s: float | None, values: Floats) -> bytes:
+    """A scan as a line, exact."""
+    numbers = values.tolist() if t_s is None else [t_s, *values.tolist()]
+    return ",".join(map(repr, numbers)).encode() + b"\n"

@@ -1,0 +1,113 @@
+"""Topics of ROS 1 or ROS 2 through a rosbridge server: `rosbridge://HOST:PORT/topic?type=tactile_msgs/TactileState`.
+
+Without `?type=` the type is asked for (rosapi). The protocol is JSON over a WebSocket.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from taxelflow.acquire.devices.base import Faults
+from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, need_sensor
+from taxelflow.acquire.devices.websocket import WebSocket
+from taxelflow.acquire.ros.decode import follow
+from taxelflow.acquire.ros.kinds import KINDS, kind_of
+from taxelflow.acquire.ros.mcap import ros2_name
+from taxelflow.acquire.ros.open import columns_of
+from taxelflow.errors import AddressInvalid
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.ros.kinds import Kind
+    from taxelflow.addresses import Address
+    from taxelflow.messages import Floats
+    from taxelflow.sensors.sensor import Sensor
+
+PORT = 9090
+
+
+class RosbridgeParser:
+    """Messages of one topic as JSON, by the table of message types."""
+
+    def __init__(self, sensor: Sensor, kind: Kind | None, faults: Faults, *, timed: bool) -> None:
+        self._sensor, self._kind, self._faults, self._timed = sensor, kind, faults, timed
+
+    def restart(self) -> None:
+        """Nothing is held."""
+
+    def end(self) -> list[tuple[float | None, Floats]]:
+        """Nothing is held."""
+        return []
+
+    def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
+        """See `Parser`."""
+        try:
+            message = msgspec.json.decode(received, type=dict[str, Any])
+            if message.get("op") == "service_response":
+                self._kind = self._kind or kind_of(ros2_name(str(message["values"]["type"])))
+                return []
+            if message.get("op") != "publish":
+                return []
+            if self._kind is None:
+                self._faults.count("bad message", "its type is not known; give ?type=PACKAGE/NAME")
+                return []
+            return [self._scan(message["msg"], self._kind)]
+        except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
+            self._faults.count("bad message", f"{type(error).__name__}: {str(error)[:80]}")
+            return []
+
+    def _scan(self, message: dict[str, Any], kind: Kind) -> tuple[float | None, Floats]:
+        """Time and values. Raises ValueError, and KeyError for a message of another type."""
+        found = [_numbers(item) for path in kind.values for item in follow(message, path)]
+        parts = found if found and found[0].ndim else [np.array(found, np.float64)]
+        columns = columns_of(self._sensor, kind, [len(part) for part in parts])
+        if columns is None:
+            raise ValueError(f"{sum(map(len, parts))} values do not fit sensor {self._sensor.name!r}")
+        t_s = _seconds(follow(message, kind.stamp)[0]) if kind.stamp and self._timed else None
+        return t_s, np.concatenate(parts)[columns]
+
+
+def _numbers(item: Any) -> Floats:
+    if isinstance(item, str):  # rosbridge sends bytes so
+        return np.frombuffer(base64.b64decode(item), np.uint8).astype(np.float64)
+    return np.array(item, np.float64)
+
+
+def _seconds(stamp: Any) -> float | None:
+    """A stamp of ROS 1 or 2, None where it is not set."""
+    if not isinstance(stamp, dict):
+        return float(stamp)
+    seconds, fraction = ("sec", "nanosec") if "sec" in stamp else ("secs", "nsecs")
+    return float(stamp[seconds]) + 1e-9 * float(stamp[fraction]) or None
+
+
+def asked_kind(address: Address) -> Kind | None:
+    """The entry of the option type in the table of messages; None without it. Raises AddressInvalid."""
+    name = address.options.get("type")
+    if name is None:
+        return None
+    kind = kind_of(ros2_name(name))
+    if kind is None:
+        known = ", ".join(one.replace("/msg/", "/") for kind in KINDS for one in kind.types)
+        raise AddressInvalid(address.url, f"type={name}", f"type=PACKAGE/NAME, one of {known}")
+    return kind
+
+
+def connect(address: Address, sensor: Sensor | None) -> ByteSource:
+    """`rosbridge://HOST:PORT/topic`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
+    address.check_options((*STREAM_OPTIONS, "type"))
+    topic = "/" + address.need_path("rosbridge://HOST:PORT/topic").lstrip("/")
+    sensor, faults = need_sensor(address, sensor), Faults()
+    kind = asked_kind(address)
+    timed = address.choice("time", ("device", "arrival")) == "device"
+    asks = {"op": "call_service", "service": "/rosapi/topic_type", "args": {"topic": topic}}
+    wants: dict[str, Any] = {"op": "subscribe", "topic": topic, "queue_length": 0}
+    if kind is not None:
+        wants["type"] = address.options["type"]
+    greeting = [json.dumps(message) for message in ([wants] if kind is not None else [asks, wants])]
+    socket = WebSocket(f"ws://{address.host or '127.0.0.1'}:{address.port or PORT}", greeting)
+    return ByteSource(address, sensor, socket, RosbridgeParser(sensor, kind, faults, timed=timed), faults)

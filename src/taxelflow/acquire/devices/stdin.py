@@ -1,0 +1,55 @@
+"""Lines or binary frames on standard input: `stdin:`."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+from typing import TYPE_CHECKING
+
+from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.streams import ByteSource, Ended, need_sensor, parser_of
+
+if TYPE_CHECKING:
+    from taxelflow.addresses import Address
+    from taxelflow.sensors.sensor import Sensor
+
+_PIECE = 1 << 16
+
+
+class _StandardInput:
+    """The process's own input; its end ends the source."""
+
+    patient = True
+    timeout_s = 0.0
+
+    def listen(self) -> None:
+        """It is open."""
+
+    def open(self) -> bool:
+        """It is open."""
+        return True
+
+    def receive(self) -> bytes:
+        """See `Transport`."""
+        descriptor = sys.stdin.fileno()
+        ready, _, _ = select.select([descriptor], [], [], POLL_S)
+        if not ready:
+            return b""
+        received = os.read(descriptor, _PIECE)
+        if not received:
+            raise Ended
+        return received
+
+    def close(self) -> None:
+        """It stays open for who comes after."""
+
+    def shut(self) -> None:
+        """It stays open for who comes after."""
+
+
+def read(address: Address, sensor: Sensor | None) -> ByteSource:
+    """`stdin:`. Raises AddressInvalid, SensorNeeded."""
+    address.check_options(("time", "format"))
+    sensor, faults = need_sensor(address, sensor), Faults()
+    return ByteSource(address, sensor, _StandardInput(), parser_of(address, sensor, faults), faults)

@@ -1,0 +1,154 @@
+"""Sources of bytes: a transport that brings bytes, and a parser that finds the scans in them."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Protocol
+
+from taxelflow.acquire.base import Recording
+from taxelflow.acquire.devices.base import Arrival, Backoff
+from taxelflow.errors import SensorNeeded, SourceUnreachable
+from taxelflow.sensors.catalogue import builtin_sensors
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from typing import Self
+
+    from taxelflow.acquire.devices.base import Faults, Parser
+    from taxelflow.addresses import Address
+    from taxelflow.messages import Floats
+    from taxelflow.sensors.sensor import Sensor
+
+WAIT_S, TIMEOUT_S = 5.0, 10.0
+"""Defaults of ?wait=, for a device to appear at the start, and of ?timeout=, for one that has gone silent; 0: never."""
+_SPREAD_S = 0.05
+"""Longest time that scans without a time of their own are spread over: USB adapters pass bytes on in pieces."""
+STREAM_OPTIONS = ("time", "format", "wait", "timeout", "keep")
+
+
+class Ended(Exception):
+    """The peer has closed the stream in order."""
+
+
+class Transport(Protocol):
+    """A connection that may be lost and opened again."""
+
+    patient: bool
+    timeout_s: float
+
+    def listen(self) -> None:
+        """Open what waits for a peer, once. Raises OSError."""
+
+    def open(self) -> bool:
+        """Connect, within `POLL_S` or so; False if no peer has come yet. Raises OSError if that fails."""
+
+    def receive(self) -> bytes:
+        """Bytes that have come, none after `POLL_S`. Raises Ended, and OSError if the connection is lost."""
+
+    def close(self) -> None:
+        """Close the connection, so that it can be opened again."""
+
+    def shut(self) -> None:
+        """Close all."""
+
+
+class ByteSource:
+    """Scans from a stream of bytes, with reconnection."""
+
+    def __init__(self, address: Address, sensor: Sensor, transport: Transport, parser: Parser, faults: Faults) -> None:
+        self.recording, self.faults = Recording.live(sensor, address.url), faults
+        self.patient = transport.patient
+        self._address, self._transport, self._parser = address, transport, parser
+        self._wait_s = address.number("wait", WAIT_S)
+        self._timeout_s = address.number("timeout", transport.timeout_s) or float("inf")
+        self._keep = address.flag("keep")
+        self._lost = False
+
+    def __enter__(self) -> Self:
+        try:
+            self._transport.listen()
+        except OSError as error:
+            raise SourceUnreachable(self._address.url, _words(error), 0.0) from error
+        return self
+
+    def __exit__(self, *_details: object) -> None:
+        self._transport.shut()
+
+    def __iter__(self) -> Iterator[Arrival | None]:
+        backoff = Backoff()
+        connected_once, began = False, time.monotonic()
+        while True:
+            try:
+                if not self._transport.open():
+                    yield None
+                    continue
+            except OSError as error:
+                if not connected_once and time.monotonic() - began >= self._wait_s:
+                    raise SourceUnreachable(self._address.url, _words(error), self._wait_s) from error
+                self.faults.count("cannot connect", f"{_words(error)}; trying again")
+                yield from backoff.pause()
+                continue
+            connected_once = True
+            try:
+                yield from self._connected(backoff)
+            except Ended:
+                for t_s, values in self._parser.end():
+                    yield Arrival(time.monotonic(), t_s, values)
+                self._transport.close()
+                if not self._keep:
+                    return
+            except OSError as error:
+                self._lost = True
+                self.faults.tell("connection lost", f"{_words(error)}; connecting again")
+                self._transport.close()
+                self._parser.restart()
+                yield from backoff.pause()
+
+    def _connected(self, backoff: Backoff) -> Iterator[Arrival | None]:
+        heard = time.monotonic()
+        while True:
+            before = time.monotonic()
+            received = self._transport.receive()
+            now = time.monotonic()
+            if received:
+                heard = now
+                backoff.restart()
+                if self._lost:
+                    self._lost = False
+                    self.faults.tell("connected again", self._address.url)
+                yield from _spread(self._parser.feed(received), max(before, now - _SPREAD_S), now)
+                continue
+            if now - heard > self._timeout_s:
+                raise TimeoutError(f"nothing came for {self._timeout_s:g} s")
+            yield None
+
+
+def _spread(scans: list[tuple[float | None, Floats]], since_s: float, now_s: float) -> Iterator[Arrival]:
+    """Arrivals of scans that came in one piece; those without a time are spread over the wait for it."""
+    for number, (t_s, values) in enumerate(scans, 1):
+        share = number / len(scans) if t_s is None else 1.0
+        yield Arrival(since_s + share * (now_s - since_s), t_s, values)
+
+
+def need_sensor(address: Address, sensor: Sensor | None) -> Sensor:
+    """The sensor. Raises SensorNeeded if none was given."""
+    if sensor is None:
+        raise SensorNeeded(address.url, builtin_sensors())
+    return sensor
+
+
+def parser_of(address: Address, sensor: Sensor, faults: Faults, *, joins_late: bool = False) -> Parser:
+    """Lines, or binary frames if the sensor file describes them. Raises AddressInvalid."""
+    from taxelflow.acquire.devices.frames import FrameParser
+    from taxelflow.acquire.devices.line import LineParser
+
+    columns = sensor.channel_map.columns
+    timed = address.choice("time", ("device", "arrival")) == "device"
+    form = address.choice("format", ("binary", "line") if sensor.frame is not None else ("line",))
+    if sensor.frame is not None and form == "binary":
+        return FrameParser(sensor.frame, columns, faults, timed=timed)
+    return LineParser(columns, faults, timed=timed, joins_late=joins_late)
+
+
+def _words(error: OSError) -> str:
+    return error.strerror or str(error) or type(error).__name__

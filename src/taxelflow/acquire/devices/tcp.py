@@ -1,0 +1,117 @@
+"""Lines or binary frames over TCP: `tcp://HOST:PORT` connects, `tcp-listen://HOST:PORT` waits for the device."""
+
+from __future__ import annotations
+
+import logging
+import select
+import socket
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource, Ended, need_sensor, parser_of
+
+if TYPE_CHECKING:
+    from taxelflow.addresses import Address
+    from taxelflow.sensors.sensor import Sensor
+
+_CONNECT_S = 2.0
+_PIECE = 1 << 16
+
+_log = logging.getLogger("taxelflow")
+
+
+class _Connection:
+    """A connected socket; reads wait for `POLL_S`."""
+
+    patient = True
+    timeout_s = TIMEOUT_S
+
+    def __init__(self, endpoint: tuple[str, int]) -> None:
+        self._endpoint = endpoint
+        self._socket: socket.socket | None = None
+
+    def listen(self) -> None:
+        """Nothing waits for a peer."""
+
+    def receive(self) -> bytes:
+        """See `Transport`."""
+        if self._socket is None:
+            raise ConnectionError("not connected")
+        ready, _, _ = select.select([self._socket], [], [], POLL_S)
+        if not ready:
+            return b""
+        received = self._socket.recv(_PIECE)
+        if not received:
+            raise Ended
+        return received
+
+    def close(self) -> None:
+        """See `Transport`."""
+        if self._socket is not None:
+            with suppress(OSError):
+                self._socket.close()
+            self._socket = None
+
+    def shut(self) -> None:
+        """See `Transport`."""
+        self.close()
+
+
+class _Client(_Connection):
+    def open(self) -> bool:
+        """See `Transport`."""
+        self._socket = socket.create_connection(self._endpoint, timeout=_CONNECT_S)
+        _keep_alive(self._socket)
+        return True
+
+
+class _Listener(_Connection):
+    """Takes one client at a time; another one waits, and replaces a client that was lost."""
+
+    def __init__(self, endpoint: tuple[str, int]) -> None:
+        super().__init__(endpoint)
+        self._server: socket.socket | None = None
+
+    def listen(self) -> None:
+        """See `Transport`."""
+        self._server = socket.create_server(self._endpoint, backlog=1)
+        host, port = self._server.getsockname()[:2]
+        _log.warning("listening on %s:%d", host, port)
+
+    def open(self) -> bool:
+        """See `Transport`."""
+        if self._server is None:
+            raise ConnectionError("not listening")
+        ready, _, _ = select.select([self._server], [], [], POLL_S)
+        if ready:
+            self._socket, _peer = self._server.accept()
+            _keep_alive(self._socket)
+        return bool(ready)
+
+    def shut(self) -> None:
+        """See `Transport`."""
+        self.close()
+        if self._server is not None:
+            self._server.close()
+
+
+def _keep_alive(connected: socket.socket) -> None:
+    connected.settimeout(None)
+    connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+
+
+def connect(address: Address, sensor: Sensor | None) -> ByteSource:
+    """`tcp://HOST:PORT`. Raises AddressInvalid, SensorNeeded."""
+    return _source(address, sensor, _Client(address.endpoint))
+
+
+def listen(address: Address, sensor: Sensor | None) -> ByteSource:
+    """`tcp-listen://HOST:PORT`. Raises AddressInvalid, SensorNeeded."""
+    return _source(address, sensor, _Listener(address.endpoint))
+
+
+def _source(address: Address, sensor: Sensor | None, transport: _Client | _Listener) -> ByteSource:
+    address.check_options(STREAM_OPTIONS)
+    sensor, faults = need_sensor(address, sensor), Faults()
+    return ByteSource(address, sensor, transport, parser_of(address, sensor, faults), faults)

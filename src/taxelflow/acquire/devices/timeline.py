@@ -1,0 +1,154 @@
+"""One increasing clock out of a device's stamps, whatever becomes of the device; and how that clock drifts.
+
+The stamps stay as they are while they increase. A scan with the stamp of the one before, or a little older, is dropped.
+Where a clock jumps back (the device has started again), time goes on from the last scan by the computer's clock.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.devices.base import Arrival, Faults
+
+_LATE_S = 1.0
+"""A stamp that is up to this much older than the last one is a late scan; one that is older still, a clock set back."""
+_MOST_LATE = 8
+"""After so many late scans in a row the clock was set back a little."""
+_JUMP_S = 1.0
+"""A stamp is ahead if it has advanced by so much more than the computer's clock;"""
+_JUMP_RATIO = 20.0
+"""... and by so many times as much: a recording may be replayed faster."""
+_GAP_RATIO = 3.0
+"""A step longer than so many usual ones, the median of the last ones, is a gap."""
+_STEPS = 32
+_WINDOW_S = 1.0
+_MOST_WINDOWS = 600
+
+
+class Timeline:
+    """Puts arrivals in order."""
+
+    def __init__(self, faults: Faults) -> None:
+        self._faults = faults
+        self._offset_s = self._former_offset_s = 0.0
+        self._last_s = -math.inf
+        self._last_arrived_s = math.nan
+        self._late = 0
+        self._epoch_s = time.time() - time.monotonic()
+        self._steps_s: deque[float] = deque(maxlen=_STEPS)
+        self.dropped = self.gaps = 0
+        self.skew = Skew()
+
+    @property
+    def usual_s(self) -> float:
+        """Median of the last steps from scan to scan; NaN if there are too few."""
+        steps = sorted(self._steps_s)
+        return steps[len(steps) // 2] if len(steps) >= 3 else math.nan
+
+    @property
+    def jitter_s(self) -> float:
+        """Standard deviation of the last steps; NaN if there are too few."""
+        return float(np.std(list(self._steps_s))) if len(self._steps_s) >= 3 else math.nan
+
+    @property
+    def offset_s(self) -> float:
+        """By how much the computer's clock (since 1970) is ahead of the device's, with the least delay; NaN early."""
+        return self.skew.least_s + self._epoch_s
+
+    def place(self, arrival: Arrival) -> float | None:
+        """Time of a scan in s, later than that of all before it; None if the scan is to be dropped."""
+        if arrival.t_s is None:
+            t_s = arrival.arrived_s + self._epoch_s
+            if t_s <= self._last_s:  # several in one piece of bytes
+                t_s = math.nextafter(self._last_s, math.inf) if math.isfinite(self._last_s) else t_s
+        else:
+            found = self._of_device(arrival.t_s, arrival.arrived_s)
+            if found is None:
+                self.dropped += 1
+                return None
+            t_s = found
+        if math.isfinite(self._last_s):
+            self.gaps += t_s - self._last_s > _GAP_RATIO * self.usual_s
+            self._steps_s.append(t_s - self._last_s)
+        self._last_s, self._last_arrived_s = t_s, arrival.arrived_s
+        return t_s
+
+    def _of_device(self, stamp_s: float, arrived_s: float) -> float | None:
+        t_s = stamp_s + self._offset_s
+        if not math.isfinite(self._last_s):
+            self.skew.add(t_s, arrived_s)
+            return t_s
+        step_s, passed_s = t_s - self._last_s, arrived_s - self._last_arrived_s
+        if step_s == 0.0:
+            self._faults.count("scan repeated", f"a second one at {stamp_s:.6f} s is dropped")
+            return None
+        if -_LATE_S <= step_s < 0.0 and self._late < _MOST_LATE:
+            self._late += 1
+            self._faults.count("scan late", f"{stamp_s:.6f} s comes {-step_s:.3g} s too late and is dropped")
+            return None
+        self._late = 0
+        ahead = step_s > passed_s + _JUMP_S and step_s > _JUMP_RATIO * passed_s
+        if step_s < 0.0 or ahead:
+            t_s = self._after_jump(stamp_s, step_s, passed_s)
+        else:
+            self.skew.add(t_s, arrived_s)
+        return t_s
+
+    def _after_jump(self, stamp_s: float, step_s: float, passed_s: float) -> float:
+        """Time of a scan before which the device's clock has jumped."""
+        again_s = stamp_s + self._former_offset_s
+        if 0.0 < again_s - self._last_s < passed_s + _JUMP_S:  # one stamp was wrong: the clock is as before
+            self._offset_s, self._former_offset_s = self._former_offset_s, self._offset_s
+            return again_s
+        self._faults.count("clock jumped", f"by {step_s:+.3f} s at {stamp_s:.6f} s; a gap is marked")
+        self.skew.restart()
+        if step_s > 0.0:
+            return stamp_s + self._offset_s
+        self._former_offset_s = self._offset_s
+        self._offset_s = self._last_s + max(passed_s, 1e-6) - stamp_s
+        return stamp_s + self._offset_s
+
+
+class Skew:
+    """Offset and drift of a device's clock against the computer's, from the least delay of each second.
+
+    The least delay of many arrivals is that of a scan that waited nowhere; a line through these is the clock's.
+    """
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the clock: it was set anew."""
+        self._least: deque[tuple[float, float]] = deque(maxlen=_MOST_WINDOWS)
+        self._until_s = -math.inf
+        self._best = (0.0, math.inf)
+
+    def add(self, t_s: float, arrived_s: float) -> None:
+        """One scan, by both clocks."""
+        if arrived_s >= self._until_s:
+            if math.isfinite(self._best[1]):
+                self._least.append(self._best)
+            self._best, self._until_s = (0.0, math.inf), arrived_s + _WINDOW_S
+        if arrived_s - t_s < self._best[1]:
+            self._best = arrived_s, arrived_s - t_s
+
+    @property
+    def least_s(self) -> float:
+        """Least time from a stamp to its arrival on the monotonic clock, in the last second; NaN in the first one."""
+        return self._least[-1][1] if self._least else math.nan
+
+    @property
+    def drift_ppm(self) -> float:
+        """By how much the device's clock is slow, in parts per million; NaN before 10 s have been seen."""
+        if len(self._least) < 10:
+            return math.nan
+        when, delay = np.array(self._least).T
+        slope, _ = np.polyfit(when - when.mean(), delay, 1)
+        return 1e6 * float(slope)

@@ -1,0 +1,90 @@
+"""Lines or binary frames in UDP datagrams, each of one or more whole scans: `udp-listen://HOST:PORT`."""
+
+from __future__ import annotations
+
+import logging
+import select
+import socket
+from typing import TYPE_CHECKING
+
+from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.streams import TIMEOUT_S, ByteSource, need_sensor, parser_of
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.devices.base import Parser
+    from taxelflow.addresses import Address
+    from taxelflow.messages import Floats
+    from taxelflow.sensors.sensor import Sensor
+
+_LONGEST_DATAGRAM = 1 << 16
+_BUFFER = 1 << 22
+"""Bytes that the system is asked to hold while nobody reads."""
+
+_log = logging.getLogger("taxelflow")
+
+
+class _Datagrams:
+    """A bound socket. Datagrams that come while its buffer is full are lost."""
+
+    patient = False
+    timeout_s = TIMEOUT_S
+
+    def __init__(self, endpoint: tuple[str, int]) -> None:
+        self._endpoint = endpoint
+        self._socket: socket.socket | None = None
+
+    def listen(self) -> None:
+        """See `Transport`."""
+        family, kind, protocol, _, place = socket.getaddrinfo(*self._endpoint, type=socket.SOCK_DGRAM)[0]
+        self._socket = socket.socket(family, kind, protocol)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+        self._socket.bind(place)
+        host, port = self._socket.getsockname()[:2]
+        _log.warning("listening on %s:%d (UDP)", host, port)
+
+    def open(self) -> bool:
+        """Nobody connects."""
+        return True
+
+    def receive(self) -> bytes:
+        """One datagram."""
+        if self._socket is None:
+            raise ConnectionError("not listening")
+        ready, _, _ = select.select([self._socket], [], [], POLL_S)
+        return self._socket.recv(_LONGEST_DATAGRAM) if ready else b""
+
+    def close(self) -> None:
+        """The socket stays bound: a device that went silent may come back."""
+
+    def shut(self) -> None:
+        """See `Transport`."""
+        if self._socket is not None:
+            self._socket.close()
+
+
+class _Whole:
+    """A parser for whose stream every piece ends a scan."""
+
+    def __init__(self, parser: Parser) -> None:
+        self._parser = parser
+
+    def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
+        """See `Parser`."""
+        scans = self._parser.feed(received) + self._parser.end()
+        self._parser.restart()
+        return scans
+
+    def end(self) -> list[tuple[float | None, Floats]]:
+        """Nothing is held."""
+        return []
+
+    def restart(self) -> None:
+        """Nothing is held."""
+
+
+def listen(address: Address, sensor: Sensor | None) -> ByteSource:
+    """`udp-listen://HOST:PORT`. Raises AddressInvalid, SensorNeeded."""
+    address.check_options(("time", "format", "timeout"))
+    sensor, faults = need_sensor(address, sensor), Faults()
+    parser = _Whole(parser_of(address, sensor, faults))
+    return ByteSource(address, sensor, _Datagrams(address.endpoint), parser, faults)

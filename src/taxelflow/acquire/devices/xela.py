@@ -1,0 +1,63 @@
+"""XELA uSkin by the WebSocket of its server: `xela://HOST:PORT`.
+
+A message is `{"message": n, "1": {"time": s, "data": "hex,hex,...", ...}, "2": ...}`, three numbers a taxel. Tested
+against an emulator only.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from taxelflow.acquire.devices.base import Faults
+from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, need_sensor
+from taxelflow.acquire.devices.websocket import WebSocket
+
+if TYPE_CHECKING:
+    from taxelflow.addresses import Address
+    from taxelflow.messages import Floats
+    from taxelflow.sensors.sensor import Sensor
+
+PORT = 5000
+
+
+class XelaParser:
+    """A scan a message: the numbers of all its sensors, by their numbers."""
+
+    def __init__(self, columns: int, faults: Faults) -> None:
+        self._columns, self._faults = columns, faults
+
+    def restart(self) -> None:
+        """Nothing is held."""
+
+    def end(self) -> list[tuple[float | None, Floats]]:
+        """Nothing is held."""
+        return []
+
+    def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
+        """See `Parser`."""
+        try:
+            message: dict[str, Any] = msgspec.json.decode(received, type=dict[str, Any])
+            sensors = [message[key] for key in sorted(filter(str.isdecimal, message), key=int)]
+            if not sensors:  # a welcome
+                return []
+            numbers = [int(number, 16) for one in sensors for number in one["data"].split(",")]
+            t_s = float(sensors[0]["time"])
+        except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
+            self._faults.count("bad message", str(error)[:80])
+            return []
+        if len(numbers) != self._columns or not math.isfinite(t_s):
+            self._faults.count("bad message", f"{len(numbers)} numbers, {self._columns} expected")
+            return []
+        return [(t_s, np.array(numbers, np.float64))]
+
+
+def connect(address: Address, sensor: Sensor | None) -> ByteSource:
+    """`xela://HOST:PORT`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
+    address.check_options(STREAM_OPTIONS)
+    sensor, faults = need_sensor(address, sensor), Faults()
+    url = f"ws://{address.host or '127.0.0.1'}:{address.port or PORT}"
+    return ByteSource(address, sensor, WebSocket(url), XelaParser(sensor.channel_map.columns, faults), faults)

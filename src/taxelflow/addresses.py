@@ -1,0 +1,93 @@
+"""Sources and sinks by URL, such as `tcp://127.0.0.1:5000`, `serial:/dev/ttyUSB0?baud=921600` or `jsonl:-`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+from taxelflow.errors import AddressInvalid
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+_MOST_PORT = 65535
+
+
+@dataclass(frozen=True)
+class Address:
+    """A URL in parts.
+
+    scheme: what names the part of the registry. host, port: empty and None without `//`. path: what follows, without
+    the leading slash if there is a host. options: those after the question mark.
+    """
+
+    url: str
+    scheme: str
+    host: str = ""
+    port: int | None = None
+    path: str = ""
+    options: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def endpoint(self) -> tuple[str, int]:
+        """Host and port. Raises AddressInvalid if there is none."""
+        if not self.host or self.port is None:
+            raise AddressInvalid(self.url, "it has no host and port", f"{self.scheme}://HOST:PORT")
+        return self.host, self.port
+
+    def need_path(self, example: str) -> str:
+        """The path. Raises AddressInvalid, with an example, if it is empty."""
+        if not self.path:
+            raise AddressInvalid(self.url, "it has no path", example)
+        return self.path
+
+    def check_options(self, known: Collection[str]) -> None:
+        """Raises AddressInvalid for an option that has no meaning here."""
+        for name in self.options:
+            if name not in known:
+                listed = ", ".join(sorted(known)) or "none"
+                raise AddressInvalid(self.url, f"unknown option {name!r}", f"options: {listed}")
+
+    def number(self, name: str, default: float, lowest: float = 0.0) -> float:
+        """The option of that name as a number, at least `lowest`. Raises AddressInvalid."""
+        text = self.options.get(name)
+        if text is None:
+            return default
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not value >= lowest:
+            raise AddressInvalid(self.url, f"{name}={text}", f"{name}=NUMBER, at least {lowest:g}")
+        return value
+
+    def choice(self, name: str, allowed: tuple[str, ...]) -> str:
+        """The option of that name, one of `allowed`, of which the first is the default. Raises AddressInvalid."""
+        text = self.options.get(name, allowed[0])
+        if text not in allowed:
+            raise AddressInvalid(self.url, f"{name}={text}", f"{name}={' or '.join(allowed)}")
+        return text
+
+    def flag(self, name: str) -> bool:
+        """The option of that name, 0 or 1. Raises AddressInvalid."""
+        return self.choice(name, ("0", "1")) == "1"
+
+
+def parse_address(url: str) -> Address:
+    """A URL in parts. Raises AddressInvalid."""
+    try:
+        parts = urlsplit(url, allow_fragments=False)
+        port = parts.port
+    except ValueError as error:
+        raise AddressInvalid(url, str(error), "SCHEME://HOST:PORT or SCHEME:PATH") from error
+    if not parts.scheme or ":" not in url:
+        raise AddressInvalid(url, "it has no scheme", "SCHEME://HOST:PORT or SCHEME:PATH")
+    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    path = unquote(parts.path)
+    host = parts.hostname or ""
+    if url.partition(":")[2].startswith("//"):
+        path = path.removeprefix("/")
+        if port is not None and not 0 <= port <= _MOST_PORT:
+            raise AddressInvalid(url, f"port {port}", "a port from 0 to 65535")
+    return Address(url, parts.scheme, host, port, path, options)
