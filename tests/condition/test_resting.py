@@ -41,6 +41,12 @@ def test_noise_is_no_load_where_there_is_none() -> None:
     assert np.isnan(far_from_loads(readings, NEAR)).mean() < 0.02
 
 
+def test_taxels_that_are_clipped_throughout_do_not_hide_the_noise_of_the_others() -> None:
+    readings = np.zeros((40, 5))
+    readings[:, 1] = np.random.default_rng(0).normal(0, 1, 40)
+    assert np.isnan(far_from_loads(readings, NEAR)).mean() < 0.02
+
+
 @pytest.mark.parametrize("level", [0.0, 300.0, 4000.0])
 def test_the_likelihood_is_largest_at_the_noise_also_where_half_is_clipped(level: float) -> None:
     random = np.random.default_rng(1)

@@ -106,3 +106,12 @@ def test_what_is_kept_does_not_change_when_the_source_reuses_its_memory() -> Non
     memory[:] = 7
     sample.add(*stamped(np.ones((6, 1))))
     assert (sample.windows == 1).all()
+
+
+def test_windows_of_many_taxels_are_fewer() -> None:
+    taxels = 20_000
+    sample = Sample(taxels)
+    for block in range(4):
+        sample.add(np.arange(240.0) + 240 * block, np.full((240, taxels), float(block)))
+    assert sample.windows.nbytes <= 1 << 26
+    assert len(sample.windows) == len(sample.starts_s) == 34

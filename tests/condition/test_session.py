@@ -133,11 +133,18 @@ def scan_by_scan(blocks: list[Scans]) -> list[Any]:
     ]
 
 
-@given(cuts=st.lists(st.integers(0, 300), max_size=30))
-def test_a_stream_does_not_depend_on_how_it_is_cut(cuts: list[int]) -> None:
-    values = grasp(300)
+@pytest.fixture(scope="module")
+def gap_and_whole() -> tuple[Floats, list[Any]]:
+    """A grasp (160, taxels) with a taxel that is missing for a while, and its stream in one block."""
+    values = grasp(160)
     values[50:60, 12] = np.nan
-    assert scan_by_scan(stream(values, cuts)) == scan_by_scan(stream(values))
+    return values, scan_by_scan(stream(values))
+
+
+@given(cuts=st.lists(st.integers(0, 160), max_size=20))
+def test_a_stream_does_not_depend_on_how_it_is_cut(gap_and_whole: tuple[Floats, list[Any]], cuts: list[int]) -> None:
+    values, whole = gap_and_whole
+    assert scan_by_scan(stream(values, cuts)) == whole
 
 
 def test_a_stream_of_single_scans_is_that_of_one_block() -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.condition.health import Finding, find_faults
-from taxelflow.condition.noise import MIN_NOISE_SHARE, estimate_noise, lowest_reading
+from taxelflow.condition.noise import MIN_NOISE_SHARE, are_whole, estimate_noise, lowest_reading
 from taxelflow.condition.resting import near_taxels
 from taxelflow.condition.tare import Offsets, find_offsets
 from taxelflow.condition.units import SATURATED_SHARE, full_scale
@@ -135,12 +135,19 @@ def _noise_and_faults(
 
 def _noise(sensor: Sensor, sample: Sample, masked: Bools) -> Floats:
     largest_gain = max(sensor.gain, default=1.0)
-    step = sensor.to_si * largest_gain if sensor.unit == "count" else 0.0  # a count is a whole number
+    counts = sensor.unit == "count" and are_whole(_sent(sample.windows, sensor))
+    step = sensor.to_si * largest_gain if counts else 0.0
     unknown = MIN_NOISE_SHARE * (sensor.full_scale or 0.0) * sensor.to_si
     layout = sensor.layout
     pads = np.repeat(np.arange(layout.pad_count), np.diff(layout.starts[: layout.pad_count + 1]))
     near, ceiling = near_taxels(layout), SATURATED_SHARE * full_scale(sensor)
     return estimate_noise(sample.windows, masked, pads, near, step=step, unknown=unknown, ceiling=ceiling)
+
+
+def _sent(windows: Floats, sensor: Sensor) -> Floats:
+    """Numbers as the source sent them, of windows (windows, scans, taxels) in SI."""
+    source = sensor.channel_map
+    return windows / (sensor.to_si * source.gain * source.polarity) + source.offset
 
 
 def _declared(scans: Floats, noise: Floats) -> Offsets:

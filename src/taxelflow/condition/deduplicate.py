@@ -15,14 +15,20 @@ Without evidence the scan is kept.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.condition.gaps import judge_new_step, judge_stamp
 from taxelflow.condition.stream_state import RUNS, StreamState, TaxelHistory
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, record, records
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
 
 _MAX_REPEAT_PROBABILITY = 1e-3
 """A repeated scan is dropped if a new one would be equal with at most this probability."""
@@ -37,7 +43,7 @@ _MIN_MEAN_RUN = 1.5
 """A logger repeats scans if runs are on average this long, scans;"""
 _MAX_RUN_DEVIATION = 2.0
 """... and the sum of any number of runs deviates from its mean by at most this many scans: two clocks do that."""
-_MIN_LOADED_TAXELS = 3
+MIN_LOADED_TAXELS = 3
 """Loaded taxels that a scan must have for its run to count."""
 
 
@@ -52,6 +58,15 @@ class NewScans:
     def part(self, start: int, stop: int) -> NewScans:
         """Scans `start` to `stop` (excluded), as views."""
         return NewScans(self.t_s[start:stop], self.values[start:stop], self.gap[start:stop])
+
+    @classmethod
+    def joined(cls, parts: Sequence[NewScans]) -> NewScans:
+        """One after the other; at least one."""
+        return cls(
+            np.concatenate([part.t_s for part in parts]),
+            np.concatenate([part.values for part in parts]),
+            np.concatenate([part.gap for part in parts]),
+        )
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -74,9 +89,11 @@ class Counts:
 class Deduplicator:
     """Drops duplicate scans and marks gaps, scan by scan."""
 
-    def __init__(self, taxels: int, ceiling: Floats, *, drop: bool) -> None:
-        """ceiling: (taxels,), a reading at or above it is no evidence. drop: False keeps duplicates."""
-        self._ceiling, self._drop = ceiling, drop
+    def __init__(self, taxels: int, ceiling: Floats, *, drop: bool, kernel: Callable[..., int] | None = None) -> None:
+        """ceiling: (taxels,), a reading at or above it is no evidence. drop: False keeps duplicates. kernel: another
+        than `deduplicate`.
+        """
+        self._ceiling, self._drop, self._deduplicate = ceiling, drop, kernel or deduplicate
         self._histories = records(TaxelHistory, taxels)
         self._histories["lowest"] = np.inf
         self._streams = records(StreamState, 1)
@@ -109,7 +126,7 @@ class Deduplicator:
         """Scans (scans, taxels) in time order -> the new ones among them."""
         keep = np.ones(len(t_s), dtype=np.bool_)
         gap = np.zeros(len(t_s), dtype=np.bool_)
-        new = deduplicate(t_s, values, self._ceiling, self._drop, self._histories, self._streams, keep, gap)
+        new = self._deduplicate(t_s, values, self._ceiling, self._drop, self._histories, self._streams, keep, gap)
         if new == len(t_s):
             return NewScans(t_s, values, gap)
         return NewScans(t_s[keep], values[keep], gap[keep])
@@ -153,12 +170,12 @@ def deduplicate(
         stream.last_stamp_s = stream.last_kept_s = t[scan]
         stream.gap_pending, stream.dropped_since_kept, stream.kept_is_evidence = False, 0, evidence
         if not repeats:
-            _end_run(stream, gap[scan])
-            stream.run_is_loaded = _update(values[scan], ceiling, histories) >= _MIN_LOADED_TAXELS
+            end_run(stream, gap[scan])
+            stream.run_is_loaded = _update(values[scan], ceiling, histories) >= MIN_LOADED_TAXELS
     return new
 
 
-@kernel
+@routine
 def _equals_last(values: Floats, histories: Records) -> bool:
     """Whether all readings equal the last ones; a missing one equals a missing one."""
     for k in range(len(values)):
@@ -168,8 +185,8 @@ def _equals_last(values: Floats, histories: Records) -> bool:
     return True
 
 
-@kernel
-def _end_run(stream: StreamState, gap: bool) -> None:
+@routine
+def end_run(stream: StreamState, gap: bool) -> None:
     """A new scan: note the length of the last run, if it was loaded, and test the runs for periodicity."""
     if stream.run_is_loaded and not gap:
         stream.recent_runs[stream.runs % RUNS] = stream.run_scans
@@ -178,17 +195,21 @@ def _end_run(stream: StreamState, gap: bool) -> None:
     stream.run_scans = 0
 
 
-@kernel
+@routine
 def _is_periodic(stream: StreamState) -> bool:
-    mean = stream.recent_runs.mean()
-    deviation = largest = 0.0
+    total = deviation = largest = 0.0
+    for k in range(RUNS):
+        total += stream.recent_runs[k]
+    mean = total / RUNS
+    if mean < _MIN_MEAN_RUN:
+        return False
     for k in range(RUNS):
         deviation += stream.recent_runs[(stream.runs + k) % RUNS] - mean
         largest = max(largest, abs(deviation))
-    return bool(mean >= _MIN_MEAN_RUN and largest <= _MAX_RUN_DEVIATION)
+    return bool(largest <= _MAX_RUN_DEVIATION)
 
 
-@kernel
+@routine
 def _is_evidence(values: Floats, ceiling: Floats, histories: Records, stream: StreamState) -> bool:
     """Whether this scan, if it is equal to the last one, cannot be a new one."""
     loaded = False
@@ -197,7 +218,15 @@ def _is_evidence(values: Floats, ceiling: Floats, histories: Records, stream: St
     return loaded and (stream.periodic or _repeat_probability(values, ceiling, histories) < _MAX_REPEAT_PROBABILITY)
 
 
-@kernel
+def is_recognised(reversals: NDArray[np.int64], judged_scans: NDArray[np.int64]) -> bool:
+    """As `_repeat_probability` of loaded taxels (taxels,), below the threshold."""
+    rates = reversals / (judged_scans + _PRIOR_SCANS)
+    rates = rates[rates >= _MIN_REVERSAL_RATE]
+    chance = np.maximum(1.0 - np.sqrt(1.5 * rates), _MIN_TAXEL_PROBABILITY)
+    return bool(np.multiply.reduce(chance) < _MAX_REPEAT_PROBABILITY)
+
+
+@routine
 def _repeat_probability(values: Floats, ceiling: Floats, histories: Records) -> float:
     """Probability that a new scan equals the last one, by its loaded taxels; not exact below the threshold."""
     probability = 1.0
@@ -213,7 +242,7 @@ def _repeat_probability(values: Floats, ceiling: Floats, histories: Records) -> 
     return probability
 
 
-@kernel
+@routine
 def _update(values: Floats, ceiling: Floats, histories: Records) -> int:
     """Count the reversals of loaded taxels in a scan that differs from the last one. Returns how many are loaded."""
     loaded_taxels = 0

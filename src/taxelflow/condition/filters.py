@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, record, records
@@ -111,7 +111,7 @@ def run_filters(
             filtered[scan, k] = 0.0 if x == 0.0 and abs(y) < _MIN_NOISE_SHARE * noise[k] else y
 
 
-@kernel
+@routine
 def _running_median(x: float, recent: Floats, state: FilterState) -> float:
     """Median of the last readings, this one included."""
     n = len(recent)
@@ -120,7 +120,7 @@ def _running_median(x: float, recent: Floats, state: FilterState) -> float:
     return float(np.median(recent[: min(state.readings, n)])) if n > 1 else x
 
 
-@kernel
+@routine
 def _low_pass(x: float, f: Biquad, state: FilterState) -> float:
     if state.readings == 1:  # the steady state for this reading
         steady = x * (f.b0 + f.b1 + f.b2) / (1.0 + f.a1 + f.a2)

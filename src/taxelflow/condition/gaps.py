@@ -7,37 +7,35 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.condition.stream_state import STEPS, StreamState
 from taxelflow.messages import Floats
+from taxelflow.numerics.median import median_of_first
 
 GAP_RATIO = 3.0
 """A time step longer than this many usual ones is a gap: 3 lost scans are one, jitter and a single lost scan are not.
 """
-_MIN_STEPS = 3
+MIN_STEPS = 3
 """Fewer steps have no usual one."""
 
 
-@kernel
+@routine
 def judge_stamp(step_s: float, stream: StreamState) -> None:
-    """Recognise a gap between stamps; mean and variance of the other steps (Welford's algorithm)."""
+    """Recognise a gap between stamps; mean and variance of the other steps."""
     if step_s > GAP_RATIO * _median(stream.recent_steps_s, stream.stamps):
-        _add_gap(step_s, stream)
+        add_gap(step_s, stream)
     else:
-        stream.steps += 1
-        deviation = step_s - stream.step_mean_s
-        stream.step_mean_s += deviation / stream.steps
-        stream.step_squares_s2 += deviation * (step_s - stream.step_mean_s)
+        add_step(step_s, stream)
     stream.recent_steps_s[stream.stamps % STEPS] = step_s
     stream.stamps += 1
 
 
-@kernel
+@routine
 def judge_new_step(step_s: float, stream: StreamState) -> None:
     """Recognise a sensor that hung while its logger went on. Both scans of the step are evidence."""
     hung = step_s > GAP_RATIO * _median(stream.recent_new_steps_s, stream.new_stamps)
     if hung and stream.dropped_since_kept > 0 and not stream.gap_pending:
-        _add_gap(step_s, stream)
+        add_gap(step_s, stream)
     stream.recent_new_steps_s[stream.new_stamps % STEPS] = step_s
     stream.new_stamps += 1
     if not stream.gap_pending:
@@ -45,16 +43,26 @@ def judge_new_step(step_s: float, stream: StreamState) -> None:
         stream.new_steps += 1
 
 
-@kernel
-def _add_gap(step_s: float, stream: StreamState) -> None:
+@routine
+def add_step(step_s: float, stream: StreamState) -> None:
+    """One more step that is no gap: mean and squared deviations (Welford's algorithm)."""
+    stream.steps += 1
+    deviation = step_s - stream.step_mean_s
+    stream.step_mean_s += deviation / stream.steps
+    stream.step_squares_s2 += deviation * (step_s - stream.step_mean_s)
+
+
+@routine
+def add_gap(step_s: float, stream: StreamState) -> None:
+    """Time was lost before the next new scan."""
     stream.gap_pending = True
     stream.gaps += 1
     stream.longest_gap_s = max(stream.longest_gap_s, step_s)
 
 
-@kernel
+@routine
 def _median(ring: Floats, written: int) -> float:
     """Median of the recent steps; infinite while there are too few."""
-    if written < _MIN_STEPS:
+    if written < MIN_STEPS:
         return np.inf
-    return float(np.median(ring[: min(written, STEPS)]))
+    return median_of_first(ring, min(written, STEPS))

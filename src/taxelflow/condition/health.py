@@ -102,6 +102,8 @@ def find_faults(windows: Floats, noise: Floats, masked: Bools, layout: Layout) -
     if not windows.size:
         return ()
     flat = windows.reshape(-1, windows.shape[2])
+    if len(windows) == 1:  # a recording shorter than a window, filled up with NaN
+        flat = flat[np.isfinite(flat).any(axis=1)]
     found: dict[int, Finding] = {}
     known = np.isfinite(flat)
     counts = known.sum(axis=0)

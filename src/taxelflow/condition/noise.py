@@ -58,6 +58,8 @@ _MAX_REST_SCANS, _MAX_REST_READINGS = 96, 12_000
 """Scans and readings that are searched for unloaded ones, at most: for 1 % of a noise common to all."""
 _MAX_READINGS = 200_000
 """Readings that are searched for the quantisation step, at most: sorting takes time."""
+_ROUNDING = 1e-9
+"""Relative error of a count that was scaled and scaled back."""
 _MIN_LEVELS = 16
 """With fewer distinct readings the smallest step may be that of an image of few values, not the converter's."""
 _RANGE_QUANTILE = 0.995
@@ -127,6 +129,16 @@ def lowest_reading(windows: Floats) -> float:
     """Half a quantisation step above the lowest reading: what would read less is clipped, or rounded, to it."""
     levels = _levels(windows)
     return float(levels[0]) + 0.5 * _step(levels) if len(levels) else 0.0
+
+
+def are_whole(numbers: Floats) -> bool:
+    """Whether all numbers that are known are whole, to rounding: a converter's counts.
+
+    Readings that are scaled to 0..1 are declared as counts, too; their quantisation step is found from the readings.
+    """
+    some = numbers[np.isfinite(numbers)]
+    whole = np.round(some)
+    return bool((np.abs(some - whole) <= _ROUNDING * np.maximum(1.0, np.abs(some))).all())
 
 
 def _levels(readings: Floats) -> Floats:

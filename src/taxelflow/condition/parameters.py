@@ -27,12 +27,12 @@ class Conditioner:
     """Offset subtracted from each taxel. auto: mean of idle scans, where a pad has any (never of a steady contact);
     none: no offset; start: mean of the first 12 scans, which must be idle."""
     contact_on: float = 6.0
-    """Contact starts when a pad's largest taxel and its sum both exceed this many standard deviations of noise."""
+    """Threshold of contact, standard deviations of noise; a pad's largest taxel and its sum must both exceed it."""
     contact_off: float = 4.0
-    """Contact ends when one of the two falls below this many standard deviations."""
+    """Threshold of release, standard deviations of noise; contact ends when one of the two falls below it."""
     repeats: Repeats = "drop"
-    """Scans that equal the one before, bit for bit. drop: leave out those that a logger wrote twice, by the noise of
-    loaded taxels (an idle sensor that clips to 0 repeats itself and is kept); keep: use all scans."""
+    """Handling of scans that equal the one before, bit for bit. drop: leave out those that a logger wrote twice, by the
+    noise of loaded taxels (an idle sensor that clips to 0 repeats itself and is kept); keep: use all scans."""
     mask: str = "none"
     """Taxels to leave out, in addition to those declared off in the recording and those without any reading. none: no
     others; auto: faulty taxels (listed by `taxelflow info`); or a list of taxel numbers, such as 17,203. In a stream

@@ -25,6 +25,8 @@ NEAR_LOAD_SHARE = 0.1
 noise. The same share as that of the largest offset (`tare.py`)."""
 _NEAR_LOAD_SIGMAS = 6.0
 """... unless that is within this many standard deviations of the usual scatter: in a sensor without any load."""
+_SCATTERS = 0.5
+"""Share of scans in which the reading of a taxel that scatters changes: clipped ones do not show the noise."""
 _NORMAL_MEDIAN = 0.6745
 """Median absolute value of normal numbers of standard deviation 1."""
 _ITERATIONS = 5
@@ -71,6 +73,9 @@ def far_from_loads(readings: Floats, near: NDArray[np.int64]) -> Floats:
     with np.errstate(invalid="ignore", over="ignore"):
         load = readings - lowest
         change = np.abs(readings[:-2] - 2 * readings[1:-1] + readings[2:])
+    both = np.isfinite(readings[1:]) & np.isfinite(readings[:-1])
+    scatters = np.sum(both & (readings[1:] != readings[:-1]), axis=0) > _SCATTERS * both.sum(axis=0)
+    change = change[:, scatters]
     change = change[np.isfinite(change)]
     scatter = float(np.median(change)) / _NORMAL_MEDIAN / 6**0.5 if change.size else 0.0
     most = float(np.max(load, initial=0.0, where=np.isfinite(load)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from taxelflow.messages import Floats
@@ -10,6 +12,8 @@ WINDOW_SCANS = 12
 """Long enough for noise and a steady mean, short enough that an object at rest between motions fills some."""
 MAX_WINDOWS = 512
 """Windows kept at most: enough for the quantiles of noise, and 1 MB for 20 taxels."""
+_MOST_BYTES = 1 << 26
+"""Memory that the windows take at most: from 1400 taxels on there are fewer than MAX_WINDOWS."""
 
 
 class Sample:
@@ -20,17 +24,19 @@ class Sample:
 
     def __init__(self, taxels: int) -> None:
         self.windows_seen = 0
+        self._most = max(2, min(MAX_WINDOWS, _MOST_BYTES // (8 * WINDOW_SCANS * max(taxels, 1))))
         self._random = np.random.default_rng(0)  # a replay draws the same windows
         self.first = np.zeros((0, taxels))
         """The first window of all, (WINDOW_SCANS, taxels), kept in any case."""
         self._windows = np.zeros((0, WINDOW_SCANS, taxels))
         self._starts_s = np.zeros(0)
-        self._open, self._open_s = np.zeros((0, taxels)), 0.0
+        self._room = np.empty((WINDOW_SCANS, taxels))
+        self._open, self._open_s = self._room[:0], 0.0
 
     @property
     def windows(self) -> Floats:
         """(windows, WINDOW_SCANS, taxels), in the order drawn; at most MAX_WINDOWS."""
-        return self._windows[: min(self.windows_seen, MAX_WINDOWS)]
+        return self._windows[: min(self.windows_seen, self._most)]
 
     @property
     def starts_s(self) -> Floats:
@@ -49,15 +55,28 @@ class Sample:
 
     def add(self, t_s: Floats, values: Floats) -> None:
         """Take (scans, taxels) in time order."""
+        if len(values) == 1 and 0 < len(self._open) < WINDOW_SCANS - 1:
+            self._room[len(self._open)] = values[0]
+            self._open = self._room[: len(self._open) + 1]
+            return
         if len(self._open):
             t_s = np.concatenate([np.full(len(self._open), self._open_s), t_s])
             values = np.concatenate([self._open, values])
         full = len(values) // WINDOW_SCANS
         for number, window in enumerate(values[: full * WINDOW_SCANS].reshape(full, WINDOW_SCANS, values.shape[1])):
             self._keep(float(t_s[number * WINDOW_SCANS]), window)
-        self._open = values[full * WINDOW_SCANS :].copy()
+        left = values[full * WINDOW_SCANS :]
+        self._room = np.empty((WINDOW_SCANS, values.shape[1]))  # a new one, as a window or a copy may be part of it
+        self._room[: len(left)] = left
+        self._open = self._room[: len(left)]
         if len(self._open):
             self._open_s = float(t_s[full * WINDOW_SCANS])
+
+    def snapshot(self) -> Sample:
+        """A copy that later scans leave as it is."""
+        held = copy(self)
+        held._windows, held._starts_s = self.windows.copy(), self.starts_s.copy()
+        return held
 
     def close(self) -> None:
         """No more scans: a recording shorter than one window becomes one that ends in NaN."""
@@ -70,12 +89,12 @@ class Sample:
         if not self.windows_seen:
             self.first = window.copy()
         place = self.windows_seen
-        if self.windows_seen >= MAX_WINDOWS:
+        if self.windows_seen >= self._most:
             place = int(self._random.integers(self.windows_seen + 1))
         elif self.windows_seen >= len(self._windows):
-            room = np.zeros((max(16, len(self._windows)), *window.shape))
+            room = np.zeros((min(max(16, len(self._windows)), self._most), *window.shape))
             self._windows = np.concatenate([self._windows, room])
             self._starts_s = np.concatenate([self._starts_s, room[:, 0, 0]])
-        if place < MAX_WINDOWS:
+        if place < self._most:
             self._windows[place], self._starts_s[place] = window, start_s
         self.windows_seen += 1

@@ -8,18 +8,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
-from taxelflow.condition.baseline import Baseline, estimate_baseline, update_baseline, with_masked
-from taxelflow.condition.deduplicate import Counts, Deduplicator, NewScans
+from taxelflow.compiling import kernel, routine
+from taxelflow.condition.baseline import Baseline, estimate_baseline, with_masked
+from taxelflow.condition.blocks import Blockwise, condition_block, deduplicate_block
+from taxelflow.condition.deduplicate import Counts, Deduplicator, NewScans, deduplicate
+from taxelflow.condition.relearning import Relearning
 from taxelflow.condition.sample import Sample
 from taxelflow.condition.units import SATURATED_SHARE, full_scale, in_si
+from taxelflow.condition.unloaded import falls_under_load, no_contact
 from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, Floats, RawScans, Scans
 from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
+    from taxelflow.background.adoption import Adopting
     from taxelflow.condition.base import ConditionSettings
     from taxelflow.condition.drift import DriftTracker
     from taxelflow.condition.filters import Filters
@@ -53,9 +57,13 @@ class ConditionSession:
         self._parameters, self._sensor, self._layout = parameters, sensor, sensor.layout
         self._masked = with_masked(masked, parameters.off)
         self._ceiling = SATURATED_SHARE * full_scale(sensor)
-        self._deduplicator = Deduplicator(self._layout.taxels, self._ceiling, drop=parameters.repeats == "drop")
-        self.sample = Sample(self._layout.taxels)
         self._causal = lookahead is None
+        drop = parameters.repeats == "drop"
+        passes = None if self._causal else Blockwise(deduplicate_block, deduplicate)
+        self._deduplicator = Deduplicator(self._layout.taxels, self._ceiling, drop=drop, kernel=passes)
+        self._fill: Callable[..., None] = condition if self._causal else Blockwise(condition_block, condition)
+        self.sample = Sample(self._layout.taxels)
+        self._relearning = Relearning(parameters, sensor, self._adopt)
         self._held: list[NewScans] = []
         self._pads = _pad_contacts(self._layout, parameters)
         self._last = np.zeros(self._layout.entries)
@@ -82,6 +90,11 @@ class ConditionSession:
         self._deduplicator.restart()
         self._estimate_baseline(self.lookahead_counts.usual_s)
 
+    def adopt_by(self, adopting: Adopting) -> None:
+        """Use what is learned again when this says so; at once where drift is followed, which changes the offsets."""
+        if self._drift is None:
+            self._relearning = Relearning(self._parameters, self._sensor, self._adopt, adopting)
+
     @property
     def counts(self) -> Counts:
         """Duplicates and gaps so far, lookahead left out."""
@@ -100,6 +113,12 @@ class ConditionSession:
             return
         while len(new):
             count = min(len(new), self.sample.remaining)
+            due_s = self._relearning.due_s
+            if due_s < np.inf:
+                count = min(count, int(np.searchsorted(new.t_s, due_s)))
+                if not count:
+                    self._relearning.adopt(float(new.t_s[0]))
+                    continue
             piece, new = new.part(0, count), new.part(count, len(new))
             full = self.sample.remaining == count
             self.sample.add(piece.t_s, piece.values)
@@ -109,21 +128,29 @@ class ConditionSession:
                     yield from self.finish()
                 continue
             yield from self._condition(piece)
-            if full and self.sample.windows_seen.bit_count() == 1:  # after 2, 4, 8, ... windows: bounded work
-                self._update_baseline(self.baseline)
+            if full and self.sample.windows_seen.bit_count() == 1 and self._relearning.free:
+                now_s = float(piece.t_s[-1])  # after 2, 4, 8, ... windows: bounded work
+                self._relearning.adopt(now_s)
+                self._relearning.begin(self.sample, self.baseline, now_s)
+                if self._drift:  # it changes the offsets meanwhile
+                    self._relearning.adopt(now_s)
 
     def finish(self) -> Iterator[Scans]:
         """The first scans of a stream, if it ended before there were enough for a baseline."""
         if self._held:
             self.sample.close()
-            held = NewScans(
-                np.concatenate([piece.t_s for piece in self._held]),
-                np.concatenate([piece.values for piece in self._held]),
-                np.concatenate([piece.gap for piece in self._held]),
-            )
-            self._held = []
+            held, self._held = NewScans.joined(self._held), []
             self._estimate_baseline(float(np.median(np.diff(held.t_s))) if len(held) > 1 else float("nan"))
             yield from self._condition(held)
+
+    def likely_faults(self, *, touched: bool) -> list[str]:
+        """Notes on what is likely wrong with the sensor's description. touched: whether any pad was in contact."""
+        learned, windows = self.baseline, self.sample.windows
+        if learned is None or not windows.size:
+            return []
+        falls = falls_under_load(windows, learned)
+        without = [] if touched else [no_contact(windows, learned, self._sensor, self._parameters.contact_on)]
+        return without + ([falls] if falls else [])
 
     def sampled(self) -> Iterator[Scans]:
         """The windows of the sample and its tail, tared, with contact, each at the time of its first scan.
@@ -147,8 +174,11 @@ class ConditionSession:
             self._filters = Filters(self._layout.taxels, parameters.lowpass_hz, parameters.median_scans, usual_s)
         self._set_baseline(baseline)
 
-    def _update_baseline(self, before: Baseline) -> None:
-        baseline = update_baseline(self._parameters, self._sensor, self.sample, before)
+    def _adopt(self, baseline: Baseline) -> None:
+        """Use what has been learned again."""
+        before = self.baseline
+        if before is None:
+            return
         changed = (baseline.masked & ~before.masked) | (baseline.offset != before.offset)
         if changed.any():
             self._changed = np.logical_or.reduceat(changed[self._layout.source], self._layout.starts[:-1])
@@ -190,7 +220,7 @@ class ConditionSession:
         pressure = np.empty_like(values)
         contact = np.empty((len(new), len(layout.pads)), dtype=np.bool_)
         complete = np.empty_like(contact)
-        condition(
+        self._fill(
             values,
             new.gap,
             self._entry_offset,
@@ -240,7 +270,7 @@ def condition(
             complete[scan, number] = whole and not gap[scan]
 
 
-@kernel
+@routine
 def _condition_pad(
     values: Floats, offset: Floats, noise: Floats, last: Floats, pad: PadContact, pressure: Floats
 ) -> bool:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
 
 if TYPE_CHECKING:
@@ -18,8 +17,11 @@ SATURATED_SHARE = 0.9995
 
 def in_si(values: Floats, sensor: Sensor) -> Floats:
     """Readings (scans, taxels) in Pa (counts for a sensor without a scale); what is not finite is missing: NaN."""
-    si = np.empty_like(values)
-    scale(values, sensor.to_si, si)
+    with np.errstate(over="ignore"):
+        si = values * sensor.to_si
+    finite = np.isfinite(si)
+    if not finite.all():
+        si[~finite] = np.nan
     return si
 
 
@@ -27,12 +29,3 @@ def full_scale(sensor: Sensor) -> Floats:
     """(taxels,) in the same unit, where each taxel's reading saturates; inf if unknown."""
     gain = sensor.channel_map.gain  # a gain is in the readings, but not in what the sensor file calls full scale
     return (sensor.full_scale or np.inf) * gain * sensor.to_si
-
-
-@kernel
-def scale(values: Floats, factor: float, si: Floats) -> None:
-    """Fill si (scans, taxels)."""
-    for scan in range(values.shape[0]):
-        for k in range(values.shape[1]):
-            reading = values[scan, k] * factor
-            si[scan, k] = reading if np.isfinite(reading) else np.nan

@@ -1,0 +1,77 @@
+"""What is likely wrong with a recording in which no contact is found, or whose readings fall under load."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from taxelflow.condition.baseline import Baseline
+    from taxelflow.messages import Floats
+    from taxelflow.sensors.sensor import Sensor
+
+_ACTIVE_SIGMAS = 20.0
+"""Taxels whose readings span more than this many standard deviations of their noise were touched."""
+_QUIET_SHARE = 0.25
+"""Share of the taxels, by the span of their readings, that rest the most, and that move the most; ..."""
+_QUIETER = 4.0
+"""... the former span less than the latter by at least this factor, or nothing is said."""
+_DOWNWARDS = 4.0
+"""Touched taxels read lower than resting ones by at least this many times what they read higher."""
+_FEWEST = 4
+"""Taxels from which this is judged."""
+
+
+def no_contact(windows: Floats, learned: Baseline, sensor: Sensor, contact_on: float) -> str:
+    """Why no pad was in contact: the readings seen, the noise, and the threshold.
+
+    windows: (windows, scans, taxels) in SI, a sample of the recording. contact_on: in standard deviations.
+    """
+    what = "no contact: no pad was touched in this recording"
+    live = ~learned.masked & np.isfinite(windows).any(axis=(0, 1))
+    if not live.any():
+        return f"{what}: no taxel has readings"
+    readings = windows[:, :, live]
+    known = np.isfinite(readings)
+    above = readings - learned.offset[live]
+    to_unit = 1.0 / sensor.to_si
+    lowest = to_unit * float(np.min(readings, initial=np.inf, where=known))
+    highest = to_unit * float(np.max(readings, initial=-np.inf, where=known))
+    if highest == lowest:
+        return f"{what}: all readings are {lowest:.4g} {sensor.unit}"
+    most = to_unit * float(np.max(above, initial=-np.inf, where=known))
+    noise = to_unit * float(np.median(learned.noise[live]))
+    return (
+        f"{what}: readings range from {lowest:.4g} to {highest:.4g} {sensor.unit}, at most {most:.4g} above idle; "
+        f"contact begins at {contact_on:g} times the noise of {noise:.3g} = {contact_on * noise:.3g} {sensor.unit}"
+    )
+
+
+def falls_under_load(windows: Floats, learned: Baseline) -> str:
+    """A note if readings fall where the sensor is touched; empty otherwise. windows: as in `no_contact`.
+
+    The taxels that change least rest at their idle level. Those that change most go from there to one side.
+    """
+    live = ~learned.masked & np.isfinite(windows).any(axis=(0, 1))
+    readings = windows[:, :, live].reshape(-1, int(live.sum()))
+    if readings.shape[1] < _FEWEST:
+        return ""
+    known = np.isfinite(readings)
+    lowest = np.min(readings, axis=0, initial=np.inf, where=known)
+    highest = np.max(readings, axis=0, initial=-np.inf, where=known)
+    span = highest - lowest
+    order = np.argsort(span, kind="stable")
+    count = max(1, int(_QUIET_SHARE * len(span)))
+    quiet, active = order[:count], order[-count:]
+    moved = float(np.median(span[active]))
+    if moved <= _ACTIVE_SIGMAS * float(np.median(learned.noise[live])) or moved < _QUIETER * np.median(span[quiet]):
+        return ""
+    idle = float(np.nanmedian(np.where(known, readings, np.nan)[:, quiet]))
+    down, up = float(np.sum(idle - lowest[active])), float(np.sum(highest[active] - idle))
+    if down <= _DOWNWARDS * max(up, 0.0):
+        return ""
+    return (
+        "readings fall where the sensor is touched: if its numbers decrease under load, add polarity = -1 and offset "
+        "(the number without load) to the sensor file"
+    )

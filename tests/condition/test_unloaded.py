@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from synthetic import dome, grid_sensor
+from taxelflow import estimate, read
+from taxelflow.cli import main
+from taxelflow.condition.noise import are_whole
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from taxelflow.messages import Floats
+
+PALM = grid_sensor(4, 7, unit="count")
+
+
+def grasp(peak: float, noise: float, idle: float = 0.0) -> Floats:
+    """40 idle scans, 40 with a dome that moves, in counts."""
+    random = np.random.default_rng(1)
+    touched = [dome(PALM, 0.0004 * k - 0.008, peak=peak) for k in range(40)]
+    return idle + np.concatenate([np.zeros((40, 28)), touched]) + random.normal(0, noise, (80, 28))
+
+
+def save(path: Path, values: Any) -> Path:
+    np.savez(path, t=np.arange(len(values)) / 50, pressure=values)
+    return path
+
+
+def notes_of(path: Path, sensor: Any = PALM) -> list[str]:
+    return estimate(read(path, sensor)).summary.notes
+
+
+def test_readings_from_0_to_1_are_no_counts(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.npz", grasp(0.8, 0.004))
+    found = estimate(read(path, PALM)).summary
+    assert found.pads["pad0"].contact_scans >= 38
+    assert found.pads["pad0"].noise == pytest.approx(0.004, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "whole"),
+    [([0.0, 3.0, 4095.0], True), ([0.0, np.nan], True), ([0.5, 1.0], False), ([1e-3 * 7 / 1e-3], True), ([], True)],
+)
+def test_whole_numbers_are_those_to_rounding(numbers: list[float], whole: bool) -> None:
+    assert are_whole(np.array(numbers)) == whole
+
+
+def test_without_contact_the_note_says_range_noise_and_threshold(tmp_path: Path) -> None:
+    values = np.random.default_rng(0).normal(0, 2.0, (200, 28))
+    (note,) = [one for one in notes_of(save(tmp_path / "a.npz", values)) if one.startswith("no contact")]
+    assert "readings range from -" in note
+    assert "contact begins at 6 times the noise of" in note
+    assert note.endswith("count")
+
+
+def test_numbers_that_fall_under_load_are_noted(tmp_path: Path) -> None:
+    falling = save(tmp_path / "a.npz", 1000.0 - grasp(800.0, 2.0))
+    assert any("add polarity = -1" in note for note in notes_of(falling))
+    sensor = grid_sensor(4, 7, unit="count", polarity=-1, offset=1000.0)
+    assert not any("polarity" in note for note in notes_of(falling, sensor))
+    assert not any("polarity" in note for note in notes_of(save(tmp_path / "b.npz", grasp(800.0, 2.0))))
+
+
+def test_info_takes_the_options_of_conditioning_and_gives_the_notes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(save(tmp_path / "a.npz", 1000.0 - grasp(800.0, 2.0)))
+    assert main(["info", path, "--sensor", "grid:4x7@10mm", "--condition.tare", "start"]) == 0
+    said = capsys.readouterr()
+    assert "add polarity = -1" in said.err
+    assert "no contact" in said.err
+    assert main(["info", path, "--sensor", "grid:4x7@10mm", "--condition.contact-on", "-1"]) == 2
+
+
+def test_one_scan_is_not_called_silent(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.npz", np.full((1, 28), 5.0))
+    notes = notes_of(path)
+    assert not any("silent" in note for note in notes)
+    assert any("the recording holds 1 scan" in note for note in notes)
