@@ -3,11 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from compiled import compiled
 from drawn import layout_of, reading
 from taxelflow.contacts.adjacency import adjacency
-from taxelflow.contacts.connected_components import label_components
+from taxelflow.contacts.connected_components import label_components as _label_components
 from taxelflow.contacts.tracks import SegmentedPad, Taxel
 from taxelflow.numerics.records import records
+
+label_components = compiled(_label_components)
 
 
 def components(image: str, masked: tuple[int, ...] = (), *, incomplete: bool = False) -> str:

@@ -20,8 +20,8 @@ from taxelflow.simulation.simulate import simulate
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from taxelflow.api import Result
     from taxelflow.estimation.base import Mode
+    from taxelflow.result import Result
 
 GRID = grid_sensor(12, 20)
 NOISE = 100.0
@@ -200,14 +200,20 @@ def test_two_contacts_far_apart_have_the_poses_of_each_alone(by_itself: tuple[Mo
     assert told.contact[:, 2].any()
 
 
-@settings(max_examples=20)
-@given(cuts=st.lists(st.integers(0, 42), max_size=6))
-def test_numbers_do_not_depend_on_how_a_stream_is_cut(cuts: list[int]) -> None:
+@pytest.fixture(scope="module")
+def meeting() -> tuple[Floats, Scans]:
+    """Two contacts that meet, one that stays, another: readings (38, taxels), and their scans as a stream."""
     way = np.linspace(0.0, 0.035, 15)
     values = pressed(
         *[[(-0.05 + x, 0.0), (0.05 - x, 0.0, 0.7)] for x in way], *[[(0.015, 0.0)]] * 5, [], *[[(0, 0)]] * 5
     )
-    whole, _ = conditioned(values, with_contacts(GRID, 2), mode="stream")
+    return values, conditioned(values, with_contacts(GRID, 2), mode="stream")[0]
+
+
+@settings(max_examples=20)
+@given(cuts=st.lists(st.integers(0, 42), max_size=6))
+def test_numbers_do_not_depend_on_how_a_stream_is_cut(meeting: tuple[Floats, Scans], cuts: list[int]) -> None:
+    values, whole = meeting
     cut, _ = conditioned(values, with_contacts(GRID, 2), mode="stream", cuts=[c for c in cuts if c <= len(values)])
     assert_same(whole, cut)
 

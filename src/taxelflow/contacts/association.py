@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.contacts.tracks import Component, Memory, SegmentedPad, Taxel, Track
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
@@ -35,7 +35,7 @@ class Centroid(Protocol):
     y: float
 
 
-@kernel
+@routine
 def associate(reading: Floats, noise: Floats, pad: SegmentedPad, number: int, components: int, memory: Memory) -> Bools:
     """Tracks of each component: (components + 1, slots + 1), True where component belongs to label; both from 1.
 
@@ -65,7 +65,7 @@ def associate(reading: Floats, noise: Floats, pad: SegmentedPad, number: int, co
     return owner
 
 
-@kernel
+@routine
 def owners_of(component: int, owner: Bools) -> int:
     """How many tracks a component belongs to. owner: (components + 1, slots + 1)."""
     owners = 0
@@ -74,7 +74,7 @@ def owners_of(component: int, owner: Bools) -> int:
     return owners
 
 
-@kernel
+@routine
 def first_owner(component: int, owner: Bools) -> int:
     """The lowest label that a component belongs to, 0 if there is none."""
     for s in range(1, owner.shape[1]):
@@ -83,7 +83,7 @@ def first_owner(component: int, owner: Bools) -> int:
     return 0
 
 
-@kernel
+@routine
 def _components_of(label: int, owner: Bools) -> int:
     """How many components belong to a track."""
     components = 0
@@ -92,7 +92,7 @@ def _components_of(label: int, owner: Bools) -> int:
     return components
 
 
-@kernel
+@routine
 def _assigned(owner: Bools) -> int:
     """How many components belong to any track."""
     components = 0
@@ -101,7 +101,7 @@ def _assigned(owner: Bools) -> int:
     return components
 
 
-@kernel
+@routine
 def _strongest(component: int, votes: Floats) -> int:
     """The label with most votes for a component, 0 if there are none."""
     most, label = 0.0, 0
@@ -111,7 +111,7 @@ def _strongest(component: int, votes: Floats) -> int:
     return label
 
 
-@kernel
+@routine
 def _measure(
     reading: Floats,
     noise: Floats,
@@ -142,7 +142,7 @@ def _measure(
             votes[b, s] += taxel.last_reading if s > 0 else 0.0
 
 
-@kernel
+@routine
 def _add(to: Centroid, load: float, taxel: Taxel) -> None:
     """Add one taxel to a load and a centroid."""
     to.load += load
@@ -150,7 +150,7 @@ def _add(to: Centroid, load: float, taxel: Taxel) -> None:
     to.y += load / to.load * (taxel.y - to.y) if to.load > 0.0 else 0.0
 
 
-@kernel
+@routine
 def _nearest(x: float, y: float, components: Records, owner: Bools, owned: bool, reach: float) -> int:
     """The component nearest to (x, y) among those with an owner, or among those without; 0 if none is within reach."""
     nearest = 0
@@ -161,7 +161,7 @@ def _nearest(x: float, y: float, components: Records, owner: Bools, owned: bool,
     return nearest
 
 
-@kernel
+@routine
 def _merge_new(owner: Bools, tracks: Records) -> None:
     """A new track that meets an older one in a component becomes part of it, with all of its components."""
     for b in range(1, len(owner)):
@@ -171,7 +171,7 @@ def _merge_new(owner: Bools, tracks: Records) -> None:
                 _hand_over(s, older, owner)
 
 
-@kernel
+@routine
 def _older_owner(component: int, label: int, owner: Bools, tracks: Records) -> int:
     """The first track of a component that is older than this one; 0 if there is none."""
     age = tracks[label - 1].age
@@ -182,7 +182,7 @@ def _older_owner(component: int, label: int, owner: Bools, tracks: Records) -> i
     return 0
 
 
-@kernel
+@routine
 def _hand_over(label: int, to: int, owner: Bools) -> None:
     """All components of one track go to another."""
     for b in range(1, len(owner)):
@@ -190,7 +190,7 @@ def _hand_over(label: int, to: int, owner: Bools) -> None:
         owner[b, label] = False
 
 
-@kernel
+@routine
 def _start(owner: Bools, components: Records, contact_on: float, tracks: Records) -> None:
     """Unassigned components become tracks: the one with the largest load takes the lowest free slot."""
     for s in range(1, owner.shape[1]):
@@ -205,7 +205,7 @@ def _start(owner: Bools, components: Records, contact_on: float, tracks: Records
             _occupy(tracks[s - 1])
 
 
-@kernel
+@routine
 def _occupy(track: Track) -> None:
     """Start a track. A slot that was in use in the previous scan waits one scan, so that no two contacts look like one
     that jumped.
@@ -213,7 +213,7 @@ def _occupy(track: Track) -> None:
     track.age = 0 if track.load > 0.0 else 1
 
 
-@kernel
+@routine
 def _split(owner: Bools, components: Records, contact_on: float, tracks: Records) -> None:
     """A track whose components have long been separate becomes two if a slot is free; the largest part keeps it."""
     slots = owner.shape[1] - 1
@@ -230,7 +230,7 @@ def _split(owner: Bools, components: Records, contact_on: float, tracks: Records
             track.parted_scans = 0
 
 
-@kernel
+@routine
 def _second_part(label: int, owner: Bools, components: Records, contact_on: float) -> int:
     """The second largest component that belongs to this track only; 0 if there are fewer than two."""
     largest = second = 0
@@ -244,7 +244,7 @@ def _second_part(label: int, owner: Bools, components: Records, contact_on: floa
     return second
 
 
-@kernel
+@routine
 def _assign_rest(owner: Bools, components: Records) -> None:
     """Components that are too faint or too many belong to the first track of the nearest assigned component."""
     assigned = owner.copy()

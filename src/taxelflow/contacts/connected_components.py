@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.contacts.adjacency import Adjacency, Indices
 from taxelflow.contacts.tracks import SegmentedPad, Taxel
 from taxelflow.messages import Floats
@@ -15,7 +15,7 @@ _MIN_LOADED_NEIGHBOURS = 2
 """A taxel without a reading is bridged if at least this many neighbours are loaded."""
 
 
-@kernel
+@routine
 def label_components(
     reading: Floats, noise: Floats, incomplete: bool, pad: SegmentedPad, taxels: Records, adjacency: Adjacency
 ) -> int:
@@ -38,7 +38,7 @@ def label_components(
     return components
 
 
-@kernel
+@routine
 def _loaded_neighbours(k: int, taxels: Records, adjacency: Adjacency) -> int:
     loaded = 0
     for i in range(adjacency.first[k], adjacency.first[k + 1]):
@@ -46,7 +46,7 @@ def _loaded_neighbours(k: int, taxels: Records, adjacency: Adjacency) -> int:
     return loaded
 
 
-@kernel
+@routine
 def _fill(seed: int, component: int, stack: Indices, taxels: Records, adjacency: Adjacency) -> None:
     """Flood fill from one taxel over all that are connected to it. stack: scratch, (taxels of the pad,)."""
     taxels[seed].component = component

@@ -17,14 +17,17 @@ class ContactFeatures:
     """Force, area, peak, centroid and principal axes of each pad's contact."""
 
     threshold: float = 4.0
-    """A taxel belongs to the contact if it reads above this many standard deviations of its noise."""
+    """Threshold of a loaded taxel, standard deviations of its noise."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.threshold < float("inf"):
             raise ParameterInvalid("features.threshold", self.threshold, "be 0 or more")
 
-    def start(self, sensor: Sensor, contact_on: float, contact_off: float) -> ContactSession:
-        """Begin a session of the contact stage; the thresholds are those of `Conditioner`."""
+    def start(self, sensor: Sensor, contact_on: float, contact_off: float, *, stream: bool = False) -> ContactSession:
+        """Begin a session of the contact stage; the thresholds are those of `Conditioner`.
+
+        stream: compile all that any scan may need before the first scan.
+        """
         from taxelflow.contacts.session import ContactSession
 
-        return ContactSession(sensor, self.threshold, contact_on, contact_off)
+        return ContactSession(sensor, self.threshold, contact_on, contact_off, stream=stream)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.messages import Bools, Contacts, Floats, Scans, no_scans
 from taxelflow.numerics.records import Records, record_dtype
 
@@ -112,7 +112,7 @@ def extract_features(
                 )
 
 
-@kernel
+@routine
 def _extract(
     p: Floats, noise: Floats, x: Floats, y: Floats, area: Floats, threshold: float, features: Features
 ) -> None:

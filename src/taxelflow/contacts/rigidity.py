@@ -13,13 +13,14 @@ were, and its change only if it is large compared with their widths.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import announced, kernel, routine
+from taxelflow.contacts.pairs import CheckedPad, Memory, Pair, Place, Shape
 from taxelflow.contacts.segmentation import NEAR, ContactState, ContactTracker, Labels
-from taxelflow.messages import Bools, Floats, no_scans
+from taxelflow.messages import Bools, Floats, cut, no_scans
 from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
@@ -40,70 +41,15 @@ _WIDTH_RATIO = 1.25
 """Largest ratio of two widths (radius of gyration) that count as the same: a contact that grows moves its centroid."""
 
 
-class CheckedPad:
-    """A pad that is checked. start, stop: its taxels. pitch_m: the larger pitch. stretch: see `Layout.stretch`.
-
-    moved_apart: whether contacts have, since the pad was touched. change_m: largest significant change of a distance.
-    """
-
-    pad: int
-    start: int
-    stop: int
-    pitch_m: float
-    stretch: float
-    moved_apart: bool
-    change_m: float
-
-
-class Pair:
-    """Two contacts of a pad. scans: of the reference, at most `_REFERENCE_SCANS`. distance_m, width_m, other_width_m:
-    mean distance and widths in these scans. changed_scans: consecutive scans in which the distance differs.
-    """
-
-    scans: int
-    distance_m: float
-    width_m: float
-    other_width_m: float
-    changed_scans: int
-
-
-class Shape:
-    """A contact in the current scan: centroid (m), variance of each coordinate (m^2) and radius of gyration (m).
-
-    measured: whether its distances count in this scan.
-    """
-
-    measured: bool
-    x: float
-    y: float
-    variance: float
-    width_m: float
-
-
-class Place:
-    """A taxel's place on its pad (m), whether it lies at the border, and its label in the previous scan."""
-
-    x: float
-    y: float
-    border: bool
-    last_label: int
-
-
-class Memory(NamedTuple):
-    """State of the check: `CheckedPad` (pads,), `Pair` (pads, slots, slots), `Place` (taxels,), `Shape` (slots,)."""
-
-    pads: Records
-    pairs: Records
-    places: Records
-    shapes: Records
-
-
 class RigidityMonitor:
-    """Checks the pads whose contacts are not split."""
+    """Checks the pads whose contacts are not split; until one has several components there is nothing to check."""
 
-    def __init__(self, layout: Layout, on: float, off: float) -> None:
-        """on, off: see `Conditioner.contact_on` and `contact_off`."""
+    def __init__(self, layout: Layout, on: float, off: float, *, at_once: bool = False) -> None:
+        """on, off: see `Conditioner.contact_on` and `contact_off`. at_once: compile what several components need now,
+        not when they come.
+        """
         self._layout = layout
+        self._single = True
         pads = np.setdiff1d(np.arange(layout.pad_count), layout.contact_of)
         self._tracker = ContactTracker(layout, pads, np.full(len(pads), _SLOTS), on, off) if len(pads) else None
         self._memory = Memory(
@@ -117,7 +63,10 @@ class RigidityMonitor:
         own["pitch_m"], own["stretch"] = layout.pitch_m[pads].max(axis=1), layout.stretch[pads]
         places["x"], places["y"] = layout.x_m[: layout.taxels], layout.y_m[: layout.taxels]
         places["border"] = layout.border[: layout.taxels].any(axis=1)
-        self.step(no_scans(layout.entries, len(layout.pads)))  # compiles
+        nothing = no_scans(layout.entries, len(layout.pads))
+        self.step(nothing)  # compiles
+        if at_once and self._tracker is not None:
+            self._check(self._tracker, nothing, self.step(nothing))
 
     @property
     def notes(self) -> list[str]:
@@ -137,10 +86,17 @@ class RigidityMonitor:
         moved_apart = np.zeros(scans.contact.shape, dtype=np.bool_)
         if self._tracker is None:
             return moved_apart
-        found = self._tracker.step(scans)
+        start = self._tracker.step_single(scans, self._memory.places) if self._single else 0
+        self._single = self._single and start == len(scans)
+        if not self._single:
+            with announced():
+                self._check(self._tracker, cut(scans, start, len(scans)) if start else scans, moved_apart[start:])
+        return moved_apart
+
+    def _check(self, tracker: ContactTracker, scans: Scans, moved_apart: Bools) -> None:
+        found = tracker.step(scans)
         pressure, noise, contact, complete = scans.pressure, scans.noise, scans.contact, scans.complete
         check_rigidity(pressure, noise, contact, complete, found.labels, found.contacts, self._memory, moved_apart)
-        return moved_apart
 
 
 @kernel
@@ -172,7 +128,7 @@ def check_rigidity(
             moved_apart[scan, pad.pad] = pad.moved_apart
 
 
-@kernel
+@routine
 def _reset(number: int, memory: Memory) -> None:
     """The pad is not in contact."""
     pad: CheckedPad = memory.pads[number]
@@ -183,7 +139,7 @@ def _reset(number: int, memory: Memory) -> None:
         _forget(slot, memory.pairs[number])
 
 
-@kernel
+@routine
 def _forget(slot: int, pairs: Records) -> None:
     """The pairs of one contact start again. pairs: (slots, slots), the later slot first."""
     for other in range(_SLOTS):
@@ -192,21 +148,21 @@ def _forget(slot: int, pairs: Records) -> None:
         pair.distance_m = pair.width_m = pair.other_width_m = 0.0
 
 
-@kernel
+@routine
 def _interrupt_all(pairs: Records) -> None:
     """No contact can be measured in this scan: every pair's change must last again."""
     for slot in range(_SLOTS):
         _interrupt(slot, pairs)
 
 
-@kernel
+@routine
 def _interrupt(slot: int, pairs: Records) -> None:
     """The distances of one contact do not count in this scan."""
     for other in range(_SLOTS):
         pairs[max(slot, other), min(slot, other)].changed_scans = 0
 
 
-@kernel
+@routine
 def _measure_contacts(
     reading: Floats, noise: Floats, labels: Labels, contacts: Records, number: int, memory: Memory
 ) -> None:
@@ -228,7 +184,7 @@ def _measure_contacts(
         memory.places[k].last_label = labels[k]
 
 
-@kernel
+@routine
 def _find_overlap(label: int, labels: Labels, pad: CheckedPad, places: Records) -> tuple[bool, bool]:
     """Whether a contact loads a taxel that it loaded in the previous scan, and whether it reaches the pad's border."""
     overlaps = cut = False
@@ -239,7 +195,7 @@ def _find_overlap(label: int, labels: Labels, pad: CheckedPad, places: Records) 
     return overlaps, cut
 
 
-@kernel
+@routine
 def _measure(
     label: int, reading: Floats, noise: Floats, labels: Labels, pad: CheckedPad, places: Records, shape: Shape
 ) -> None:
@@ -259,7 +215,7 @@ def _measure(
     shape.variance, shape.width_m = variance, np.sqrt(spread)
 
 
-@kernel
+@routine
 def _compare_pairs(number: int, memory: Memory) -> None:
     pad: CheckedPad = memory.pads[number]
     for slot in range(_SLOTS):
@@ -271,7 +227,7 @@ def _compare_pairs(number: int, memory: Memory) -> None:
                 pad.moved_apart |= change_m > 0.0
 
 
-@kernel
+@routine
 def _significant_change(one: Shape, other: Shape, pad: CheckedPad, pair: Pair) -> float:
     """How much the distance of two contacts has changed, m; 0 if noise, sampling or load may explain it."""
     distance_m = np.hypot(one.x - other.x, one.y - other.y)
@@ -290,6 +246,6 @@ def _significant_change(one: Shape, other: Shape, pad: CheckedPad, pair: Pair) -
     return change_m if pair.changed_scans >= _MIN_CHANGED_SCANS else 0.0
 
 
-@kernel
+@routine
 def _same_width(one: float, other: float) -> bool:
     return bool(one <= _WIDTH_RATIO * other and other <= _WIDTH_RATIO * one)

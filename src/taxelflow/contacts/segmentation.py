@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.contacts.adjacency import Adjacency, Indices, adjacency
 from taxelflow.contacts.association import associate
 from taxelflow.contacts.connected_components import label_components
+from taxelflow.contacts.single_contact import track_single
 from taxelflow.contacts.tracks import Component, Memory, SegmentedPad, Taxel, Track
 from taxelflow.contacts.watershed import label_taxels, merge_peakless
-from taxelflow.messages import Bools, Floats, no_scans
+from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
@@ -70,7 +71,6 @@ class ContactTracker:
         own["contact_on"], own["contact_off"] = on, off
         self._memory.taxels["x"] = layout.x_m[: layout.taxels] / pitch
         self._memory.taxels["y"] = layout.y_m[: layout.taxels] / pitch
-        self.step(no_scans(layout.entries, len(layout.pads)))  # compiles
 
     def step(self, scans: Scans) -> Segmentation:
         """The contacts of these scans, which follow those of the last call."""
@@ -87,6 +87,11 @@ class ContactTracker:
             contacts,
         )
         return Segmentation(labels, contacts)
+
+    def step_single(self, scans: Scans, places: Records) -> int:
+        """Track up to the first scan with several components on a pad, see `track_single`; that scan."""
+        memory, pressure = self._memory, scans.pressure
+        return track_single(pressure, scans.noise, scans.contact, scans.complete, memory, self._adjacency, places)
 
 
 @kernel
@@ -116,7 +121,7 @@ def segment(
                 _reset(number, memory)
 
 
-@kernel
+@routine
 def _reset(number: int, memory: Memory) -> None:
     """The pad is not in contact: no track, no label."""
     pad: SegmentedPad = memory.pads[number]
@@ -127,7 +132,7 @@ def _reset(number: int, memory: Memory) -> None:
         track.age = track.parted_scans = track.peakless_scans = 0
 
 
-@kernel
+@routine
 def _segment_pad(
     reading: Floats, noise: Floats, incomplete: bool, number: int, memory: Memory, adjacency: Adjacency
 ) -> None:
@@ -145,7 +150,7 @@ def _segment_pad(
         merge_peakless(reading, pad, tracks, taxels, adjacency)
 
 
-@kernel
+@routine
 def _store(reading: Floats, pad: SegmentedPad, taxels: Records, labels: Labels) -> None:
     """Keep the readings for the next scan, and write the labels of this one."""
     for k in range(pad.start, pad.stop):
@@ -153,7 +158,7 @@ def _store(reading: Floats, pad: SegmentedPad, taxels: Records, labels: Labels) 
         labels[k] = taxels[k].label
 
 
-@kernel
+@routine
 def _find_clearance(
     reading: Floats, number: int, memory: Memory, adjacency: Adjacency, labels: Labels, contacts: Records
 ) -> None:
@@ -170,7 +175,7 @@ def _find_clearance(
             own.clearance = min(own.clearance, _clearance_of(k, adjacency, labels))
 
 
-@kernel
+@routine
 def _strongest_neighbour(k: int, reading: Floats, adjacency: Adjacency, labels: Labels) -> int:
     """The contact of the most loaded taxel beside this one; 0 if there is none."""
     most, label = 0.0, 0
@@ -181,7 +186,7 @@ def _strongest_neighbour(k: int, reading: Floats, adjacency: Adjacency, labels: 
     return label
 
 
-@kernel
+@routine
 def _clearance_of(k: int, adjacency: Adjacency, labels: Labels) -> int:
     """Clearance of a loaded taxel from other contacts."""
     clearance = SEPARATE
@@ -192,7 +197,7 @@ def _clearance_of(k: int, adjacency: Adjacency, labels: Labels) -> int:
     return clearance
 
 
-@kernel
+@routine
 def _find_connected(number: int, memory: Memory, contacts: Records) -> None:
     """Set whether each contact (slots,) is one component."""
     pad: SegmentedPad = memory.pads[number]

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.contacts.rigidity import RigidityMonitor
 from taxelflow.contacts.split import ContactSplitter
-from taxelflow.messages import Bools, Contacts, Scans
+from taxelflow.contacts.texture import TextureMeter
+from taxelflow.messages import Bools, Contacts, Scans, Texture
 
 if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
@@ -20,23 +21,25 @@ class SegmentedScans:
 
     scans: as conditioned, but each split contact holds its own taxels only. moved_apart: (scans, pads), where contacts
     of a pad that is treated as one rigid object have moved relative to each other since it was touched. contacts:
-    features of every pad's contact.
+    features of every pad's contact. texture: what its pattern can tell.
     """
 
     scans: Scans
     moved_apart: Bools
     contacts: Contacts
+    texture: Texture
 
 
 class ContactSession:
     """Segments scan after scan; the result does not depend on how the scans are cut into blocks."""
 
-    def __init__(self, sensor: Sensor, threshold: float, on: float, off: float) -> None:
-        """threshold: see `ContactFeatures`. on, off: see `Conditioner.contact_on` and `contact_off`."""
+    def __init__(self, sensor: Sensor, threshold: float, on: float, off: float, *, stream: bool) -> None:
+        """threshold, stream: see `ContactFeatures`. on, off: see `Conditioner.contact_on` and `contact_off`."""
         layout = sensor.layout
         self._splitter = ContactSplitter(layout, on, off) if (layout.contact_of >= 0).any() else None
-        self._monitor = RigidityMonitor(layout, on, off)
+        self._monitor = RigidityMonitor(layout, on, off, at_once=stream)
         self._features = FeatureExtractor(sensor, threshold)
+        self._texture = TextureMeter(layout)
 
     @property
     def notes(self) -> list[str]:
@@ -47,4 +50,4 @@ class ContactSession:
         """Segment the scans that follow those of the last call. The input is left unchanged."""
         if self._splitter is not None:
             scans = self._splitter.step(scans)
-        return SegmentedScans(scans, self._monitor.step(scans), self._features.step(scans))
+        return SegmentedScans(scans, self._monitor.step(scans), self._features.step(scans), self._texture.step(scans))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.contacts.adjacency import Adjacency
 from taxelflow.contacts.association import MIN_PARTED_SCANS, first_owner, owners_of
 from taxelflow.contacts.tracks import SegmentedPad, Taxel, Track
@@ -21,7 +21,7 @@ MARKER_LEVEL = 0.5
 flank may have become another's."""
 
 
-@kernel
+@routine
 def label_taxels(reading: Floats, pad: SegmentedPad, owner: Bools, taxels: Records, adjacency: Adjacency) -> bool:
     """Bring `Taxel.label` up to date. Returns whether a component was shared by contacts.
 
@@ -48,7 +48,7 @@ def label_taxels(reading: Floats, pad: SegmentedPad, owner: Bools, taxels: Recor
     return shared
 
 
-@kernel
+@routine
 def _next_taxel(
     reading: Floats, pad: SegmentedPad, owner: Bools, taxels: Records, adjacency: Adjacency
 ) -> tuple[int, int]:
@@ -62,7 +62,7 @@ def _next_taxel(
     return best, label
 
 
-@kernel
+@routine
 def _label_of_highest_neighbour(k: int, reading: Floats, taxels: Records, adjacency: Adjacency) -> int:
     highest, label = -np.inf, 0
     for i in range(adjacency.first[k], adjacency.first[k + 1]):
@@ -72,7 +72,7 @@ def _label_of_highest_neighbour(k: int, reading: Floats, taxels: Records, adjace
     return label
 
 
-@kernel
+@routine
 def merge_peakless(reading: Floats, pad: SegmentedPad, tracks: Records, taxels: Records, adjacency: Adjacency) -> None:
     """End contacts that have long had no peak of their own: they have lifted, and their taxels are another's flank."""
     for s in range(1, pad.slots + 1):
@@ -85,7 +85,7 @@ def merge_peakless(reading: Floats, pad: SegmentedPad, tracks: Records, taxels: 
                 taxels[k].label = other if taxels[k].label == s else taxels[k].label
 
 
-@kernel
+@routine
 def _label_above(label: int, reading: Floats, pad: SegmentedPad, taxels: Records, adjacency: Adjacency) -> int:
     """The contact of a higher taxel beside this contact's highest one; 0 if there is none."""
     top, highest, other = -1, 0.0, 0

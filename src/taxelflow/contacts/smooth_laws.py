@@ -1,0 +1,87 @@
+"""Patterns of smooth contacts, fitted to a scan of a pad.
+
+With q a polynomial of degree 2 in x and y, a smooth contact presses one of
+    p = q           elastic foundation (Winkler),
+    p = q^(1/2)     half-space (Hertz),
+    p = q^2         either one under a soft cover,
+    p = exp(q)      a spread point.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxelflow.compiling import routine
+from taxelflow.messages import Floats
+from taxelflow.numerics.small_linalg import factor_small, solve_factored
+
+LOADED = 4.0
+"""Standard deviations of noise from which a taxel is loaded."""
+TERMS = 6
+"""Coefficients of q."""
+_LAWS = (1.0, 2.0, 0.5, 0.0)
+"""Exponents e of p^e = q; 0: log p = q."""
+
+
+@routine
+def fit_smooth(p: Floats, noise: Floats, x: Floats, y: Floats, rest: Floats) -> int:
+    """Fill rest (taxels,) with what the best law of smooth contact leaves of the loaded taxels; how many they are."""
+    loaded, peak, reach = 0, 0.0, 0.0
+    for k in range(len(p)):
+        if p[k] > LOADED * noise[k]:
+            loaded += 1
+            peak = max(peak, p[k])
+        reach = max(reach, abs(x[k] - x[0]), abs(y[k] - y[0]))
+    if loaded <= TERMS:
+        return loaded
+    terms, least = np.empty((len(p), TERMS)), np.inf
+    for k in range(len(p)):
+        u, v = (x[k] - x[0]) / reach, (y[k] - y[0]) / reach
+        terms[k, 0], terms[k, 1], terms[k, 2] = 1.0, u, v
+        terms[k, 3], terms[k, 4], terms[k, 5] = u * u, u * v, v * v
+    left = np.zeros(len(p))
+    for law in _LAWS:
+        energy = fit_law(law, p / peak, LOADED * noise / peak, terms, left)
+        if energy < least:
+            least = energy
+            for k in range(len(p)):
+                rest[k] = peak * left[k]
+    return loaded
+
+
+@routine
+def fit_law(law: float, p: Floats, least: Floats, terms: Floats, left: Floats) -> float:
+    """Fit p^law = q by weighted least squares; fill left (taxels,), p less the fit, and return its energy.
+
+    The weights make residuals of q those of p, to first order. least: (taxels,), of a loaded taxel.
+    """
+    A, b = np.zeros((TERMS, TERMS)), np.zeros(TERMS)
+    for k in range(len(p)):
+        if p[k] > least[k]:
+            slope = p[k] if law == 0.0 else p[k] ** (1.0 - law) / law
+            target = np.log(p[k]) if law == 0.0 else p[k] ** law
+            add_row(slope * slope, terms[k], target, A, b)
+    for i in range(TERMS):
+        A[i, i] += 1e-9 * A[0, 0]  # taxels in one row leave some terms open
+    if not factor_small(A, TERMS):
+        return np.inf
+    solve_factored(A, b, TERMS)
+    energy = 0.0
+    for k in range(len(p)):
+        left[k] = 0.0
+        if p[k] > least[k]:
+            q = 0.0
+            for i in range(TERMS):
+                q += terms[k, i] * b[i]
+            left[k] = p[k] - (np.exp(min(q, 1.0)) if law == 0.0 else max(q, 0.0) ** (1.0 / law))
+            energy += left[k] ** 2
+    return energy
+
+
+@routine
+def add_row(weight: float, terms: Floats, target: float, A: Floats, b: Floats) -> None:
+    """Add an equation, terms (n,) times the unknowns = target, to the normal equations A (n, n), b (n,)."""
+    for i in range(len(terms)):
+        b[i] += weight * terms[i] * target
+        for j in range(len(terms)):
+            A[i, j] += weight * terms[i] * terms[j]

@@ -1,0 +1,248 @@
+"""What a contact's pattern of pressure can tell about the surface that moves under it.
+
+A smooth round object presses a pattern that shows where it touches, and not how its surface moves: when it spins, the
+pattern stays. What the laws of smooth contact (`smooth_laws`) leave of a pattern is texture, once the noise is taken
+off. A direction in which the pattern has no gradient beyond that of noise is not told at all, as along a ridge that
+crosses the pad.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from taxelflow.compiling import kernel, routine
+from taxelflow.contacts.smooth_laws import LOADED, TERMS, fit_smooth
+from taxelflow.messages import Bools, Floats, Scans, Texture
+from taxelflow.numerics.records import Records, records
+from taxelflow.numerics.small_linalg import inverse2
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.sensors.layout import Layout
+
+EVERY = 8
+"""Scans of a contact between two evaluations: texture changes slowly."""
+_MEMORY = 0.9
+"""What is left of the sums after an evaluation: they reach back over about 80 scans."""
+_TEXTURED = 0.05
+"""Share of the gradient's energy that texture has at least; the four laws leave less than 0.03 of each other's."""
+_TOLD = 5.0
+"""Energy of the gradient over that of noise from which a direction is told: a fifth of a pitch from one scan."""
+_NEAR = 1.5
+"""Distance of neighbours, in pitches: the eight around a taxel of a grid, the six of a hexagon."""
+
+
+class Gradients(NamedTuple):
+    """Gradient at taxel k, of the plane through it and its neighbours: sum of (along_x, along_y) times the differences
+    to others[first[k] : first[k + 1]]. own: (entries, 2), variance of each component per variance of a reading.
+    """
+
+    first: NDArray[np.int64]
+    others: NDArray[np.int64]
+    along_x: Floats
+    along_y: Floats
+    own: Floats
+
+
+class Sums:
+    """Of a contact, over its last evaluations: energies of the gradient xx, xy, yy, that of noise in x and y, and of
+    texture alone; that of the gradient times the distance from the point about which a turn changes the pattern least,
+    whole and across this distance: of the turn. count: evaluations, which fade, too. age: scans since the contact
+    began.
+    """
+
+    age: int
+    count: float
+    xx: float
+    xy: float
+    yy: float
+    noise_x: float
+    noise_y: float
+    texture: float
+    arm: float
+    turn: float
+
+
+class TextureMeter:
+    """Evaluates contacts scan by scan; remembers sums of each."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._starts = layout.starts
+        self._xy = np.stack([layout.x_m, layout.y_m])
+        self._gradients = gradients_of(layout)
+        self._error = layout.unseen_error
+        self._sums = records(Sums, len(layout.pads))
+
+    def step(self, scans: Scans) -> Texture:
+        """Texture of all pads."""
+        shape = scans.contact.shape
+        smooth, turns, untold = (
+            np.zeros(shape, dtype=np.bool_),
+            np.zeros(shape, dtype=np.bool_),
+            np.zeros((*shape, 2, 2)),
+        )
+        measure(
+            (scans.pressure, scans.noise, scans.contact & scans.complete),
+            scans.contact,
+            self._xy,
+            self._starts,
+            self._gradients,
+            self._error,
+            self._sums,
+            (smooth, turns),
+            untold,
+        )
+        return Texture(scans.t_s, smooth, turns, untold)
+
+
+@kernel
+def measure(
+    block: tuple[Floats, Floats, Bools],
+    contact: Bools,
+    xy: Floats,
+    starts: NDArray[np.int64],
+    gradients: Gradients,
+    error: float,
+    sums: Records,
+    told: tuple[Bools, Bools],
+    untold: Floats,
+) -> None:
+    """Fill what is told, smooth and turns (scans, pads), and untold (scans, pads, 2, 2), which come in as 0.
+
+    block: pressure (scans, entries), noise (entries,), and (scans, pads) whether a scan can be evaluated. xy: (2,
+    entries), m. error: relative, of readings. sums: (pads,) of `Sums`, kept from block to block.
+    """
+    pressure, noise, usable = block
+    smooth, turns = told
+    for pad in range(len(starts) - 1):
+        own, begin, end = sums[pad], starts[pad], starts[pad + 1]
+        for scan in range(pressure.shape[0]):
+            if not contact[scan, pad]:
+                own.age = 0
+                own.xx = own.xy = own.yy = own.noise_x = own.noise_y = own.texture = own.arm = own.turn = own.count = (
+                    0.0
+                )
+                continue
+            if own.age % EVERY == 0 and usable[scan, pad]:
+                add_scan(pressure[scan], noise, xy, begin, end, gradients, error, own)
+            own.age += 1
+            smooth[scan, pad] = judge(own, untold[scan, pad])
+            turns[scan, pad] = not smooth[scan, pad] or own.turn > _TEXTURED * own.arm
+
+
+@routine
+def judge(own: Sums, untold: Floats) -> bool:
+    """Whether the contact is smooth; fill what is not told (2, 2), see `Texture`."""
+    half, apart = 0.5 * (own.xx - own.yy), own.xy
+    middle, radius = 0.5 * (own.xx + own.yy), np.hypot(half, apart)
+    angle = 0.5 * np.arctan2(apart, half)
+    x, y = np.cos(angle), np.sin(angle)  # of the direction that is told best
+    along, across = x * x * own.noise_x + y * y * own.noise_y, y * y * own.noise_x + x * x * own.noise_y
+    if middle - radius < _TOLD * across:
+        tilt = across / (own.count * (middle + radius)) if middle + radius > _TOLD * along else 1.0
+        untold[0, 0] = y * y + tilt * x * x
+        untold[1, 1] = x * x + tilt * y * y
+        untold[0, 1] = untold[1, 0] = (tilt - 1.0) * x * y
+    all_of_it = own.xx + own.yy - own.noise_x - own.noise_y
+    return bool(own.texture < _TEXTURED * all_of_it or not all_of_it > 0.0)
+
+
+@routine
+def add_scan(
+    pressure: Floats, noise: Floats, xy: Floats, begin: int, end: int, gradients: Gradients, error: float, own: Sums
+) -> None:
+    """Add a scan's energies to the sums of its contact."""
+    rest = np.zeros(end - begin)
+    loaded = fit_smooth(pressure[begin:end], noise[begin:end], xy[0, begin:end], xy[1, begin:end], rest)
+    if loaded == 0:
+        return
+    xx = xy_ = yy = noise_x = noise_y = rough = 0.0
+    for k in range(begin, end):
+        if not pressure[k] > LOADED * noise[k]:
+            continue
+        gx, gy = gradient_at(k, pressure, noise, gradients, 0)
+        rx, ry = gradient_at(k, rest, noise, gradients, begin)
+        variance = noise[k] ** 2 + (error * pressure[k]) ** 2
+        xx, xy_, yy = xx + gx * gx, xy_ + gx * gy, yy + gy * gy
+        rough += rx * rx + ry * ry
+        noise_x += variance * gradients.own[k, 0]
+        noise_y += variance * gradients.own[k, 1]
+    share = max(loaded - TERMS, 0) / loaded  # of the noise, what the fit leaves
+    own.xx, own.xy, own.yy = _MEMORY * own.xx + xx, _MEMORY * own.xy + xy_, _MEMORY * own.yy + yy
+    own.noise_x, own.noise_y = _MEMORY * own.noise_x + noise_x, _MEMORY * own.noise_y + noise_y
+    own.texture = _MEMORY * own.texture + rough - share * (noise_x + noise_y)
+    turn, arm = turn_energy(pressure, noise, xy, (begin, end), gradients, _TOLD * (noise_x + noise_y))
+    own.count = _MEMORY * own.count + 1.0
+    own.turn, own.arm = _MEMORY * own.turn + turn, _MEMORY * own.arm + arm
+
+
+@routine
+def gradient_at(k: int, values: Floats, noise: Floats, gradients: Gradients, first: int) -> tuple[float, float]:
+    """Gradient of values (entries from `first` on) at a taxel; a masked neighbour has no say."""
+    x = y = 0.0
+    for n in range(gradients.first[k], gradients.first[k + 1]):
+        j = gradients.others[n]
+        if noise[j] > 0.0:
+            step = values[j - first] - values[k - first]
+            x += gradients.along_x[n] * step
+            y += gradients.along_y[n] * step
+    return x, y
+
+
+@routine
+def turn_energy(
+    pressure: Floats, noise: Floats, xy: Floats, own: tuple[int, int], gradients: Gradients, least: float
+) -> tuple[float, float]:
+    """Energy of a turn about the point c where it is least, sum of ((r - c) x g)^2, and of |r - c|^2 |g|^2.
+
+    About the centre of a round pattern the first is 0, even if the pad sees only a part of its rim. least: energy of
+    the gradient from which it says in one direction where c is.
+    """
+    begin, end = own
+    aa = ab = bb = pa = pb = pp = rr_g = rx_g = ry_g = 0.0
+    for k in range(begin, end):
+        if pressure[k] > LOADED * noise[k]:
+            gx, gy = gradient_at(k, pressure, noise, gradients, 0)
+            x, y = xy[0, k] - xy[0, begin], xy[1, k] - xy[1, begin]
+            along, square = x * gy - y * gx, gx * gx + gy * gy
+            aa, ab, bb = aa + gy * gy, ab - gx * gy, bb + gx * gx
+            pa, pb, pp = pa + gy * along, pb - gx * along, pp + along * along
+            rr_g, rx_g, ry_g = rr_g + (x * x + y * y) * square, rx_g + x * square, ry_g + y * square
+    whole = aa + bb
+    if not whole > 0.0:
+        return 0.0, 0.0
+    xx, cross, yy = inverse2(aa + least, ab, bb + least)
+    mx, my = rx_g / whole, ry_g / whole  # where the gradient leaves c open it lies at the gradient's middle
+    qa, qb = pa - aa * mx - ab * my, pb - ab * mx - bb * my
+    cx, cy = mx + xx * qa + cross * qb, my + cross * qa + yy * qb
+    turn = pp - 2.0 * (cx * pa + cy * pb) + cx * cx * aa + 2.0 * cx * cy * ab + cy * cy * bb
+    return turn, rr_g - 2.0 * (cx * rx_g + cy * ry_g) + (cx * cx + cy * cy) * whole
+
+
+def gradients_of(layout: Layout) -> Gradients:
+    """Gradients of all pads, groups and separate contacts."""
+    first, others, weights, own = [0], [], [], np.zeros((len(layout.x_m), 2))
+    for number in range(len(layout.pads)):
+        entries = layout.of_pad(number)
+        place = np.stack([layout.x_m[entries], layout.y_m[entries]], axis=1)
+        near = _NEAR * float(np.max(layout.pitch_m[number])) * (1 + 1e-9)
+        for k, here in enumerate(place):
+            beside = place - here
+            who = np.flatnonzero((np.abs(beside).max(axis=1) <= near) & (np.arange(len(place)) != k))
+            plane = np.vstack([np.zeros(2), beside[who]])  # with its own height: else curvature at a border tilts it
+            weight = np.linalg.pinv(plane - plane.mean(axis=0))
+            others.append(who + entries.start)
+            weights.append(weight[:, 1:])
+            own[entries.start + k] = (weight**2).sum(axis=1)
+            first.append(first[-1] + len(who))
+    along = np.concatenate([*weights, np.zeros((2, 0))], axis=1)
+    return Gradients(
+        np.array(first),
+        np.concatenate([*others, np.zeros(0, dtype=np.int64)]),
+        np.ascontiguousarray(along[0]),
+        np.ascontiguousarray(along[1]),
+        own,
+    )
