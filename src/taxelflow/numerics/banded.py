@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -109,7 +109,7 @@ class Factor:
         return solution
 
 
-@kernel
+@routine
 def solve_band(factor: Floats, right: Floats) -> None:
     """Solve in place for right-hand sides (n, knots), which may be mostly 0.
 

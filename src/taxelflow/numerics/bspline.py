@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import inlined, kernel
+from taxelflow.compiling import inlined, kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -156,7 +156,7 @@ def spread(
                 weight[i, a * _BASIS + b] = by[a] * bx[b]
 
 
-@kernel
+@routine
 def gather(first: NDArray[np.int64], weight: Floats, values: Floats, nx: int, out: Floats) -> None:
     """Add values (n, taxels), spread over 4 x 4 knots each, to out (n, knots): the transpose of an evaluation.
 

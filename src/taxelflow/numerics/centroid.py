@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from taxelflow.compiling import lean_kernel
+from taxelflow.compiling import kernel
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
@@ -15,7 +15,7 @@ _LOADED_SHARE = 0.05
 """... and if it exceeds this share of the largest."""
 
 
-@lean_kernel
+@kernel
 def loaded_centroid(reading: Floats, variance: Floats, places: Floats, edge: Bools, out: Floats) -> None:
     """Fill out (4,): x and y of the centroid, the share of the load at the border, and the load; all 0 without load.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import inlined, lean_kernel
+from taxelflow.compiling import inlined, kernel
 
 OUTLIER = 25.0
 """The most that one reading adds to chi-square: 5 standard deviations, squared."""
@@ -19,7 +19,7 @@ def huber_weight(z: float, threshold: float) -> float:
     return weight
 
 
-@lean_kernel
+@kernel
 def gate(expected: float, count: float) -> float:
     """Reduced chi-square (per reading) up to which a scan of `count` readings fits, if `expected` is usual."""
     return float(expected * _GATE * (1.0 + 2.0 / np.sqrt(max(count, 1.0))))

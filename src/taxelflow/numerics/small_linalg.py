@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import inlined, lean_kernel
+from taxelflow.compiling import inlined, routine
 from taxelflow.messages import Floats
 
 
-@lean_kernel
-def inverse2(matrix: Floats, least: float, inverse: Floats) -> None:
-    """Fill inverse (2, 2) with that of the upper left of a symmetric matrix, to whose diagonal `least` is added."""
-    a, b, d = matrix[0, 0] + least, matrix[0, 1], matrix[1, 1] + least
-    det = a * d - b * b
-    inverse[0, 0], inverse[1, 1] = d / det, a / det
-    inverse[0, 1] = inverse[1, 0] = -b / det
+@inlined
+def inverse2(xx: float, xy: float, yy: float) -> tuple[float, float, float]:
+    """Elements xx, xy, yy of the inverse of a symmetric matrix [[xx, xy], [xy, yy]]."""
+    det = xx * yy - xy * xy
+    return yy / det, -xy / det, xx / det
 
 
-@lean_kernel
+@routine
 def inverse3(m: Floats, inverse: Floats) -> None:
     """Fill inverse with that of a symmetric (3, 3) matrix, by its cofactors: exact enough, and quick to compile."""
     c00 = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
@@ -40,7 +38,7 @@ def eigenvalues2(xx: float, yy: float, xy: float) -> tuple[float, float]:
     return middle - radius, middle + radius
 
 
-@lean_kernel
+@routine
 def solve_small(a: Floats, b: Floats, n: int) -> bool:
     """Solve a x = b for symmetric positive a (n, n) in place: a becomes its factor, b the solution."""
     if not factor_small(a, n):
@@ -49,7 +47,7 @@ def solve_small(a: Floats, b: Floats, n: int) -> bool:
     return True
 
 
-@lean_kernel
+@routine
 def factor_small(a: Floats, n: int) -> bool:
     """Make symmetric a (n, n) its factor L D L^T, from its lower half; False if it is not positive."""
     for j in range(n):
@@ -67,7 +65,7 @@ def factor_small(a: Floats, n: int) -> bool:
     return True
 
 
-@lean_kernel
+@routine
 def solve_factored(a: Floats, b: Floats, n: int) -> None:
     """Make b (n,) the solution of a x = b, with a from `factor_small`."""
     for i in range(n):
@@ -80,7 +78,7 @@ def solve_factored(a: Floats, b: Floats, n: int) -> None:
             b[i] -= a[k, i] * b[k]
 
 
-@lean_kernel
+@routine
 def mirror(matrix: Floats) -> None:
     """Make a matrix (n, n), of which the lower half is known, symmetric."""
     for a in range(len(matrix)):
