@@ -21,8 +21,8 @@ from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
-    from taxelflow.api import Result
     from taxelflow.messages import Bools, Floats, Slips
+    from taxelflow.result import Result
 
 MODES = ("batch", "stream")
 both_modes = pytest.mark.parametrize("mode", MODES)
@@ -159,13 +159,12 @@ def test_a_contact_longer_than_the_window_goes_on_without_a_jump() -> None:
     assert np.hypot(*error[:, :2].T).max() < 0.3e-3
 
 
-@both_modes
-@pytest.mark.parametrize("share", [24 / 162, 1.0])
+@pytest.mark.parametrize(("share", "mode"), [(24 / 162, "batch"), (1.0, "batch"), (1.0, "stream")])
 def test_taxels_read_one_after_the_other_are_put_where_they_were_read(share: float, mode: Any) -> None:
     recording = ungrouped(simulate(rigged("fast-stroke", sensing={"scan_share": share})))
     result = api.estimate(recording, "template", mode=mode)
     # the first stroke of a stream begins on a pattern of a few taxels at the border
-    assert speeds(recording, result) == pytest.approx((-50.0, 50.0), rel=0.01 if mode == "batch" else 0.05)
+    assert speeds(recording, result) == pytest.approx((-50.0, 50.0), rel=0.01)
     pad, truth = recording.layout.pads.index("palm"), recording.known_truth
     lag_s = result.slips.lag_s[:, pad]
     taxels = recording.layout.of_pad(pad)
@@ -173,7 +172,7 @@ def test_taxels_read_one_after_the_other_are_put_where_they_were_read(share: flo
     known = np.isfinite(lag_s) & (np.abs(truth.pose[:, 0]) < 0.03)
     off = result.slips.pose[known, pad, 0] - np.interp(truth.t_s[known] - lag_s[known], truth.t_s, truth.pose[:, 0])
     back = truth.t_s[known] < truth.t_s.mean()
-    most = 0.5e-3 if mode == "batch" else 2.5e-3  # the first stroke of a stream begins at the border
+    most = 0.5e-3 if mode == "batch" else 1.0e-3  # the first stroke of a stream begins at the border
     assert max(np.std(off[back]), np.std(off[~back])) < most
 
 
@@ -194,9 +193,11 @@ def test_with_a_rolling_scan_positions_within_a_stroke_are_steady() -> None:
 
 
 def test_stick_and_slip_do_not_drift() -> None:
+    motion = {"stick_slip_s": 3.0, "rest_s": 0.5}
+    scenario = rigged("stick-slip", motion=motion, load={"lift_s": 0.5}, sensing={"rate_hz": 50.0})
     drift, summed = [], []
     for seed in range(3):  # the choice of the first keyframes is a matter of luck
-        recording = simulate(replace(rigged("stick-slip", motion={"stick_slip_s": 4.0}), seed=seed))
+        recording = simulate(replace(scenario, seed=seed))
         result = api.estimate(recording, "template", mode="stream")
         known, _, truth = path(recording, result)
         pose = result.slips.pose[known, 0, :2]
@@ -221,17 +222,19 @@ def test_the_step_of_a_pose_that_growth_explains_from_then_on_is_no_motion() -> 
 
 def test_an_object_that_comes_back_is_recognised() -> None:
     motion = {"kind": "strokes", "travel_m": 0.14, "speed_m_s": 0.04}
-    recording = simulate(rigged("stick-slip", motion=motion, load={"lift_s": 0.0}, sensing={"rate_hz": 50.0}))
+    recording = simulate(rigged("stick-slip", motion=motion, load={"lift_s": 0.0}, sensing={"rate_hz": 30.0}))
     result = api.estimate(recording, "template", mode="stream")
     known, pose, truth = path(recording, result)
     first = np.flatnonzero(np.diff(known.astype(int), prepend=0) == 1)
     assert len(first) == 2
     std = np.sqrt(result.slips.covariance[:, 0, [0, 1], [0, 1]])
     before, after = (std[start : start + 5].max(axis=1) for start in first)
-    assert (after < 0.3 * before).all()
+    assert after.max() < 0.3 * before.max()
     again = np.cumsum(known)[first[1]] - 1
     error = (pose - truth)[:, :2]
-    assert (np.abs(error[again : again + 5] - np.median(error[again - 60 : again - 20], axis=0)) < 0.3e-3).all()
+    off = error[again : again + 5] - np.median(error[again - 36 : again - 12], axis=0)
+    assert np.abs(off).max() < 1.0e-3  # a tenth of a pitch, of a contact that the border cuts
+    assert (np.abs(off) < 3.0 * std[first[1] : first[1] + 5]).all()
 
 
 def test_an_object_that_turns_while_it_slides_is_followed_in_a_stream() -> None:
@@ -284,20 +287,20 @@ def test_an_object_that_comes_back_over_the_border_is_found_where_it_is(seed: in
 
 @both_modes
 def test_results_do_not_depend_on_how_the_stream_is_cut(mode: str) -> None:
-    contact = np.ones(50, dtype=np.bool_)
-    contact[32:36] = False
-    scans = scans_of(PAD, np.where(contact[:, np.newaxis], feet_at(way(50)), 0.0), noise=NOISE, contact=contact)
+    contact = np.ones(34, dtype=np.bool_)
+    contact[24:27] = False
+    scans = scans_of(PAD, np.where(contact[:, np.newaxis], feet_at(way(50)[:34]), 0.0), noise=NOISE, contact=contact)
     parameters = {"window_scans": 20} if mode == "batch" else {}  # the first contact is longer
     whole = slips_by("template", PAD, scans, mode=mode, **parameters)
     np.testing.assert_array_equal(np.isfinite(whole.pose[:, 0, 0]), contact)
     for length in (1, 7):
-        blocks = pieces(scans, range(length, 50, length))
+        blocks = pieces(scans, range(length, 34, length))
         assert_same(slips_by("template", PAD, *blocks, mode=mode, **parameters), whole)
 
 
 @both_modes
 def test_the_scale_of_pressure_changes_no_pose(mode: str) -> None:
-    values = feet_at(way(40))
+    values = feet_at(way(40)[:24])
     one = slips_by("template", PAD, scans_of(PAD, values, noise=NOISE), mode=mode)
     other = slips_by("template", PAD, scans_of(PAD, 1e-3 * values, noise=1e-3 * NOISE), mode=mode)
     np.testing.assert_allclose(other.pose, one.pose, atol=2e-6)
@@ -385,13 +388,13 @@ def test_a_pad_of_which_a_line_is_left_tells_nothing_of_what_is_across() -> None
 
 
 def test_one_wrong_reading_does_not_drop_a_young_pattern() -> None:
-    poses = way(40)
+    poses = way(40)[:24]
     values, sound = feet_at(poses), feet_at(poses)
     values[8, 33] = 600e3
     wrong, right = (
         slips_by("template", PAD, scans_of(PAD, one, noise=NOISE), mode="stream") for one in (values, sound)
     )
-    assert np.isfinite(wrong.displacement[1:, 0, 0]).sum() >= 38
+    assert np.isfinite(wrong.displacement[1:, 0, 0]).sum() >= 22
     off = np.delete(wrong.pose[:, 0, :2] - right.pose[:, 0, :2], 8, axis=0)
     assert np.abs(off).max() < 1e-3
 
@@ -402,9 +405,9 @@ def test_where_a_table_has_its_origin_shifts_poses_and_no_more(mode: str) -> Non
         PAD, pads=(Pad(name="pad0", taxels=tuple((x + 0.3, y - 0.2) for x, y in zip(*AT, strict=True))),)
     )
     near = msgspec.structs.replace(PAD, pads=(Pad(name="pad0", taxels=tuple(zip(*AT, strict=True))),))
-    values = feet_at(way(40))
+    values = feet_at(way(40)[:24])
     one, other = (slips_by("template", at, scans_of(at, values, noise=NOISE), mode=mode) for at in (near, far))
-    np.testing.assert_allclose(other.pose[:, 0, :2] - one.pose[:, 0, :2], np.full((40, 2), [0.3, -0.2]), atol=1e-5)
+    np.testing.assert_allclose(other.pose[:, 0, :2] - one.pose[:, 0, :2], np.full((24, 2), [0.3, -0.2]), atol=1e-5)
     np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-2)
 
 

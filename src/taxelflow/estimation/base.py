@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from taxelflow.background.adoption import Adopting
     from taxelflow.messages import Estimates, Floats, LearnedPattern, Scans, Slips
     from taxelflow.sensors.layout import Layout
 
@@ -53,6 +54,15 @@ class Learning(Protocol):
     @property
     def notes(self) -> Sequence[str]:
         """What a user should know of the sensor, a sentence each."""
+        ...
+
+
+@runtime_checkable
+class Background(Protocol):
+    """A session that learns beside the stream."""
+
+    def adopt_by(self, adopting: Adopting) -> None:
+        """Use what is learned when this says so; before the first scan only."""
         ...
 
 

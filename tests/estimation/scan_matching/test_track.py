@@ -2,15 +2,29 @@ from __future__ import annotations
 
 import numpy as np
 
+from compiled import compiled
 from taxelflow.estimation.scan_matching.track import (
     Last,
     Track,
-    forget_unobservable,
-    propagate,
-    write_pose,
-    write_step,
+)
+from taxelflow.estimation.scan_matching.track import (
+    forget_unobservable as _forget_unobservable,
+)
+from taxelflow.estimation.scan_matching.track import (
+    propagate as _propagate,
+)
+from taxelflow.estimation.scan_matching.track import (
+    write_pose as _write_pose,
+)
+from taxelflow.estimation.scan_matching.track import (
+    write_step as _write_step,
 )
 from taxelflow.numerics.records import records
+
+write_pose = compiled(_write_pose)
+propagate = compiled(_propagate)
+write_step = compiled(_write_step)
+forget_unobservable = compiled(_forget_unobservable)
 
 UNITS = np.array([0.002, 0.002, 1.0])
 

@@ -12,8 +12,8 @@ from taxelflow.estimation.template import map_export as mapped
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
-    from taxelflow.api import Result
     from taxelflow.messages import Floats, LearnedPattern
+    from taxelflow.result import Result
 
 SENSOR = grid_sensor(12, 10, pitch_m=(0.004, 0.004))
 NOISE = 200.0

@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Convolution:
-    """The slip vector S of the paper, halved to one scan's motion; two scans long and half a scan late."""
+    """Estimate displacement by convolution of two scans (the paper's slip vector S, halved); half a scan late."""
 
     gain: float = 1.0
-    """Factor on the index, the paper's calibration without its unit; 1 takes one column for one pitch."""
+    """Factor on the index, the paper's calibration without its unit; 1: one column is one pitch."""
 
     pitches_per_index: ClassVar[float] = 0.5
     """Pitches that one unit of the paper's index stands for."""
 
     def __post_init__(self) -> None:
         if not 0 < self.gain < float("inf"):
-            raise ParameterInvalid("gain", self.gain, "be a finite number above 0, and 1 where it is not calibrated")
+            raise ParameterInvalid("gain", self.gain, "be a finite number above 0; 1 if uncalibrated")
 
     def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> CentroidSession:
         """Begin a session. The fast form is used: centroids add under convolution.

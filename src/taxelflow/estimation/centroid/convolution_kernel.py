@@ -17,7 +17,7 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel, lean_kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.estimation.centroid.records import Pad, Place, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, records
@@ -50,7 +50,7 @@ class Memory:
     noise: NoiseSums
 
 
-@lean_kernel
+@kernel
 def convolution_flow(
     block: ScanBlock,
     places: Floats,
@@ -86,7 +86,7 @@ def convolution_flow(
             m.usable += 1
 
 
-@kernel
+@routine
 def centroid(
     p: Floats, noise: Floats, x: Floats, y: Floats, pad: Pad, usual: NoiseSums, scratch: NoiseSums, c: Place
 ) -> None:
@@ -110,7 +110,7 @@ def centroid(
     c.x, c.y = pad.gain_x * cx, pad.gain_y * cy
 
 
-@kernel
+@routine
 def index(last: Place, now: Place, row: Row) -> None:
     """Position from equations (2) and (3): the mean of c[T-1] and c[T], half a scan old."""
     row.pose.x, row.pose.y = 0.5 * (last.x + now.x), 0.5 * (last.y + now.y)
@@ -120,7 +120,7 @@ def index(last: Place, now: Place, row: Row) -> None:
     row.lag_s = 0.5 * (now.t_s - last.t_s)
 
 
-@kernel
+@routine
 def slip_vector(before: Place, now: Place, row: Row) -> None:
     """Displacement from equation (6): half of c[T] - c[T-2], in half of the time between them."""
     row.displacement.x, row.displacement.y = 0.5 * (now.x - before.x), 0.5 * (now.y - before.y)
@@ -130,7 +130,7 @@ def slip_vector(before: Place, now: Place, row: Row) -> None:
     row.span_s = 0.5 * (now.t_s - before.t_s)
 
 
-@kernel
+@routine
 def weighted_sums(p: Floats, x: Floats, y: Floats, row_length: int) -> tuple[float, float, float, bool]:
     """Sums of p, p x, p y over (taxels,), and whether some p is 0. row_length: of a full grid's rows if they are long.
 
@@ -155,7 +155,7 @@ def weighted_sums(p: Floats, x: Floats, y: Floats, row_length: int) -> tuple[flo
     return s, sx, sy, bool(zeros > 0)
 
 
-@kernel
+@routine
 def _row_sums(p: Floats, x: Floats) -> tuple[float, float, np.int64]:
     s = sx = 0.0
     zeros = np.int64(0)
@@ -166,7 +166,7 @@ def _row_sums(p: Floats, x: Floats) -> tuple[float, float, np.int64]:
     return s, sx, zeros
 
 
-@kernel
+@routine
 def sum_noise(noise: Floats, x: Floats, y: Floats, reading: Floats, sums: NoiseSums) -> None:
     """Fill the sums over the taxels (taxels,) whose reading is not 0: where it is, the sensor clips, without noise."""
     s = sx = sy = sxx = syy = sxy = 0.0
@@ -191,9 +191,12 @@ def noise_sums(noise: Floats, places: Floats, pads: Records) -> Records:
 @kernel
 def _sum_pads(noise: Floats, places: Floats, pads: Records, held: Records) -> None:
     for number in range(len(pads)):
-        pad: Pad = pads[number]
-        sums: NoiseSums = held[number]
-        own = noise[pad.begin : pad.end]
-        sum_noise(own, places[0, pad.begin : pad.end], places[1, pad.begin : pad.end], own, sums)
-        mean = sums.s / (pad.end - pad.begin)
-        sums.least_x, sums.least_y = mean * (0.5 * pad.pitch_x) ** 2, mean * (0.5 * pad.pitch_y) ** 2
+        _sum_pad(noise, places, pads[number], held[number])
+
+
+@routine
+def _sum_pad(noise: Floats, places: Floats, pad: Pad, sums: NoiseSums) -> None:
+    own = noise[pad.begin : pad.end]
+    sum_noise(own, places[0, pad.begin : pad.end], places[1, pad.begin : pad.end], own, sums)
+    mean = sums.s / (pad.end - pad.begin)
+    sums.least_x, sums.least_y = mean * (0.5 * pad.pitch_x) ** 2, mean * (0.5 * pad.pitch_y) ** 2

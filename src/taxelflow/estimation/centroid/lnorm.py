@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LNorm:
-    """Position = centre of the taxel with the largest pressure (the L-infinity norm); moves in whole taxels."""
+    """Estimate position as the centre of the taxel with the largest pressure (L-infinity norm)."""
 
     gain: float = 1.0
-    """Factor on the taxel's place, to calibrate it like Method II; 1 takes one column for one pitch."""
+    """Factor on the position, to calibrate it like Method II; 1: one column is one pitch."""
 
     pitches_per_index: ClassVar[float] = 1.0
     """Pitches that one unit of the paper's index stands for."""
 
     def __post_init__(self) -> None:
         if not 0 < self.gain < float("inf"):
-            raise ParameterInvalid("gain", self.gain, "be a finite number above 0, and 1 where it is not calibrated")
+            raise ParameterInvalid("gain", self.gain, "be a finite number above 0; 1 if uncalibrated")
 
     def start(self, layout: Layout, mode: Mode, calibrated: Floats | None = None) -> CentroidSession:
         """Begin a session. calibrated: (pads, 2), factors along x, y besides `gain`."""

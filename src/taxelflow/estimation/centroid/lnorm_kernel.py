@@ -6,7 +6,7 @@ from math import erfc
 
 import numpy as np
 
-from taxelflow.compiling import kernel, lean_kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.estimation.centroid.records import Pad, Place, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
@@ -23,7 +23,7 @@ class Memory:
     last: Place
 
 
-@lean_kernel
+@kernel
 def peak_flow(
     block: ScanBlock,
     places: Floats,
@@ -63,7 +63,7 @@ def peak_flow(
             m.last = now
 
 
-@kernel
+@routine
 def peak_place(p: Floats, noise: Floats, x: Floats, y: Floats, pad: Pad, place: Place) -> None:
     """Fill place from one scan of a pad, (taxels,) each: where the largest taxel is; the covariance is that of a tie.
 

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sum:
-    """Knows load and contact, no position and no direction. Slip = a fast change of the load.
+    """Detect slip by fast changes of the load; gives neither position nor direction.
 
-    A grip that tightens, a touch and a release look the same to it, and a slip at constant load does not show.
+    Changes of the grip have the same effect as a slip; a slip at constant load has none.
     """
 
     cutoff_hz: float = 1.0
-    """Changes of the load slower than this are held to be the grip's, Hz."""
+    """Cut-off frequency of the high-pass filter of the load, Hz; slower changes are attributed to the grip."""
 
     def __post_init__(self) -> None:
         if not 0 < self.cutoff_hz < float("inf"):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel, lean_kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.estimation.centroid.records import Pad, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
@@ -27,7 +27,7 @@ class Memory:
     a: float
 
 
-@lean_kernel
+@kernel
 def load_change(
     block: ScanBlock,
     _places: Floats,
@@ -61,7 +61,7 @@ def load_change(
             m.y, m.var_y, m.a = y, var_y, a
 
 
-@kernel
+@routine
 def _load(p: Floats, noise: Floats) -> tuple[float, float]:
     """Sum of the readings, and its variance; a reading of 0 has none."""
     load = variance = 0.0

@@ -15,18 +15,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PrincipalAxis:
-    """Position = centroid of the pressure, undelayed; theta = turn of its long axis since a contact first shows it.
+    """Estimate position as the centroid of the pressure, and theta as the rotation of its long axis.
 
-    No theta where the contact is too round to have a long axis. Sampling by few taxels is not in its deviation.
+    Theta counts from the first scan that shows the axis, and is empty where the contact is too round. Its standard
+    deviation does not contain the error of sampling by few taxels.
     """
 
     most_std_rad: float = 0.1
-    """Theta is left unknown in scans in which noise makes the axis less sure than this, rad."""
+    """Largest standard deviation of theta, rad; theta is left empty above it."""
     sigmas: float = 5.0
-    """... or in which the anisotropy is less than this many of its standard deviations above 0."""
+    """Smallest anisotropy in standard deviations of its noise; theta is left empty below it."""
     least_anisotropy: float = 0.05
-    """... or in which the anisotropy itself, the difference of the principal second moments over their sum (0 round,
-    1 a line), is less than this: the grid of taxels alone makes that much of a round contact."""
+    """Smallest anisotropy, a ratio: difference of the principal second moments over their sum, from 0 (round) to 1
+    (line). Theta is left empty below it. The grid of taxels alone gives a round contact about 0.05."""
 
     def __post_init__(self) -> None:
         if not 0 < self.most_std_rad < float("inf"):

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel, lean_kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.estimation.centroid.records import Estimate, Pad, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
@@ -57,7 +57,7 @@ class Memory:
     moments: Moments
 
 
-@lean_kernel
+@kernel
 def axis_motion(
     block: ScanBlock,
     places: Floats,
@@ -95,7 +95,7 @@ def axis_motion(
             m.last = m.now
 
 
-@kernel
+@routine
 def sum_moments(p: Floats, noise: Floats, x: Floats, y: Floats, sums: Moments) -> None:
     """Fill the sums over one pad's scan, (taxels,) each."""
     s = sx = sy = mean_variance = 0.0
@@ -115,7 +115,7 @@ def sum_moments(p: Floats, noise: Floats, x: Floats, y: Floats, sums: Moments) -
     sums.size, sums.mean_variance = size, mean_variance
 
 
-@kernel
+@routine
 def measure(
     p: Floats, noise: Floats, x: Floats, y: Floats, sums: Moments, pad: Pad, bounds: Bounds, out: Estimate
 ) -> None:
@@ -156,7 +156,7 @@ def measure(
     out.var_theta, out.cov_xy, out.cov_x_theta, out.cov_y_theta = var_axis, cov_xy, cov_xt, cov_yt
 
 
-@kernel
+@routine
 def follow_axis(m: Memory, pose: Estimate) -> None:
     """Fill the pose, whose theta is the turn since the first axis of the contact, and keep the axis in memory."""
     now = m.now
@@ -175,7 +175,7 @@ def follow_axis(m: Memory, pose: Estimate) -> None:
     pose.cov_x_theta, pose.cov_y_theta = now.cov_x_theta, now.cov_y_theta
 
 
-@kernel
+@routine
 def step(last: Estimate, now: Estimate, out: Estimate) -> None:
     """Fill out with the displacement between two scans; the turn is the smaller one, NaN if an axis is unknown."""
     turn = now.theta - last.theta

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.compiling import kernel, lean_kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.estimation.centroid.records import Estimate, Row, ScanBlock, pads_of
 from taxelflow.messages import Estimates, Floats, Scans, no_scans
 from taxelflow.numerics.records import Records, records, unknown
@@ -88,7 +88,7 @@ def pad_gains(layout: Layout, gain: float, calibrated: Floats | None) -> Floats:
     return factors
 
 
-@lean_kernel
+@kernel
 def unpack(
     rows: Records, pose: Floats, covariance: Floats, displacement: Floats, displacement_covariance: Floats
 ) -> None:
@@ -100,7 +100,7 @@ def unpack(
             _unpack_estimate(row.displacement, displacement[scan, pad], displacement_covariance[scan, pad])
 
 
-@kernel
+@routine
 def _unpack_estimate(estimate: Estimate, vector: Floats, matrix: Floats) -> None:
     vector[0], vector[1], vector[2] = estimate.x, estimate.y, estimate.theta
     matrix[0, 0], matrix[1, 1], matrix[2, 2] = estimate.var_x, estimate.var_y, estimate.var_theta

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.template.observations import across, reach
 from taxelflow.messages import Bools, Floats
@@ -114,7 +114,7 @@ def _nearest_live(lattice: Floats, shape: tuple[int, int], places: Floats, live:
     return nearest
 
 
-@kernel
+@routine
 def interpolate(spline: Interpolant, reading: Floats, c: Floats) -> None:
     """Make c (ny, nx) the coefficients of the spline through readings (taxels,)."""
     weighted, right = np.empty((1, len(reading))), c.reshape((1, c.size))
@@ -126,7 +126,7 @@ def interpolate(spline: Interpolant, reading: Floats, c: Floats) -> None:
     solve_band(spline.factor, right)
 
 
-@kernel
+@routine
 def fill_missing(
     c: Floats,
     lattice: Floats,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import inlined, kernel
+from taxelflow.compiling import inlined, routine
 from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE
 from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
 from taxelflow.estimation.template.linearization import laid_out
@@ -86,7 +86,7 @@ class Fit(NamedTuple):
     noise_normal: Floats
 
 
-@kernel
+@routine
 def surroundings(
     last: Floats, now: Floats, last_variance: Floats, variance: Floats, places: Floats
 ) -> NDArray[np.int64]:
@@ -108,7 +108,7 @@ def surroundings(
     return chosen[:count]
 
 
-@kernel
+@routine
 def take(
     taxel: NDArray[np.int64], now: Floats, variance: Floats, ceiling: Floats, places: Floats, origin: Floats
 ) -> Points:
@@ -122,7 +122,7 @@ def take(
     return points
 
 
-@kernel
+@routine
 def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Floats) -> None:
     """Fill state (5,) with the motion since the surface's scan; starts: no motion, and the centroid's."""
     mean = np.array([0.0, 0.0, 0.0, guess.gain, 0.0])
@@ -146,7 +146,7 @@ def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Flo
             break
 
 
-@kernel
+@routine
 def linearize(surface: Surface, points: Points, fit: Fit) -> tuple[float, float, float]:
     """Fill all of fit but its state. Returns chi-square by noise, chi-square that allows for an error of the surface,
     and degrees of freedom.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.estimation.scan_matching.interpolant import Interpolant, fill_missing, interpolate
 from taxelflow.estimation.scan_matching.matching import (
     DOF,
@@ -112,7 +112,7 @@ def follow(block: Block, taxels: Taxels, spline: Interpolant, tracks: Records, l
         track.running, track.t_s = True, block.t_s[k]
 
 
-@kernel
+@routine
 def prepare(pressure: Floats, noise: Floats, is_complete: bool, now: Floats, variance: Floats) -> bool:
     """Fill now and variance, all (taxels,). In an incomplete scan readings of 0 are missing; is one of a live taxel?"""
     has_missing = False
@@ -124,7 +124,7 @@ def prepare(pressure: Floats, noise: Floats, is_complete: bool, now: Floats, var
     return has_missing
 
 
-@kernel
+@routine
 def begin(now: Floats, variance: Floats, taxels: Taxels, spline: Interpolant, track: Track, last: Last) -> None:
     """A contact begins: its pose is the centroid, and the scan is its own predecessor."""
     middle = _middle(now, variance, taxels.places)
@@ -134,7 +134,7 @@ def begin(now: Floats, variance: Floats, taxels: Taxels, spline: Interpolant, tr
     remember(now, variance, spline, last)
 
 
-@kernel
+@routine
 def remember(now: Floats, variance: Floats, spline: Interpolant, last: Last) -> None:
     """Make this scan the last."""
     interpolate(spline, now, last.coefficients)
@@ -142,7 +142,7 @@ def remember(now: Floats, variance: Floats, spline: Interpolant, last: Last) -> 
         last.reading[i], last.variance[i] = now[i], variance[i]
 
 
-@kernel
+@routine
 def advance(
     k: int,
     now: Floats,
@@ -208,7 +208,7 @@ def advance(
         remember(now, variance, spline, last)
 
 
-@kernel
+@routine
 def keep_gains(g: Floats, taxel: NDArray[np.int64], kept: Floats) -> None:
     """Put gains (3, n) of some taxels into those of all (3, taxels), which are 0 for the others."""
     for a in range(3):
@@ -218,7 +218,7 @@ def keep_gains(g: Floats, taxel: NDArray[np.int64], kept: Floats) -> None:
             kept[a, taxel[j]] = g[a, j]
 
 
-@kernel
+@routine
 def surface_of(last: Last, taxels: Taxels, ceiling: Floats, spline: Interpolant, origin: Floats) -> Surface:
     """The last scan as a surface, with places from the origin (3,)."""
     lattice = spline.lattice.copy()
@@ -236,7 +236,7 @@ def surface_of(last: Last, taxels: Taxels, ceiling: Floats, spline: Interpolant,
     return Surface(last.coefficients, variance, spline.variance, unobserved, lattice, spline.unobservable)
 
 
-@kernel
+@routine
 def unobserved_knots(last: Last, taxels: Taxels, ceiling: Floats, spline: Interpolant) -> Bools:
     """(ny, nx): knots at which no taxel is, or its reading was missing or saturated."""
     unobserved = spline.unobserved.copy()
@@ -248,7 +248,7 @@ def unobserved_knots(last: Last, taxels: Taxels, ceiling: Floats, spline: Interp
     return unobserved
 
 
-@kernel
+@routine
 def first_guess(last: Last, now: Floats, variance: Floats, places: Floats) -> Guess:
     """How far the centroid has moved from the last scan to this one, and by what factor the load has changed."""
     total = last_total = 0.0
@@ -261,7 +261,7 @@ def first_guess(last: Last, now: Floats, variance: Floats, places: Floats) -> Gu
     return Guess(after[0] - before[0], after[1] - before[1], gain)
 
 
-@kernel
+@routine
 def _middle(reading: Floats, variance: Floats, places: Floats) -> Floats:
     """(4,), `loaded_centroid`; where the border is does not matter here."""
     out = np.empty(4)
@@ -269,7 +269,7 @@ def _middle(reading: Floats, variance: Floats, places: Floats) -> Floats:
     return out
 
 
-@kernel
+@routine
 def is_turn_observable(yaw: int, fit: Fit, points: Points, excess: float, g: Floats) -> bool:
     """Whether this scan's information on the turn is real and enough. excess: chi-square per reading, at least 1."""
     needed = _STILL_OBSERVABLE if yaw == YAW_OBSERVABLE else _OBSERVABLE
@@ -279,7 +279,7 @@ def is_turn_observable(yaw: int, fit: Fit, points: Points, excess: float, g: Flo
     return turn_variance(g, points) * excess < _SURE_RAD**2
 
 
-@kernel
+@routine
 def update_yaw(track: Track, turns: bool) -> None:
     """The turn is reported from where it is first observable, until it is no longer."""
     if track.yaw == YAW_OBSERVABLE and not turns:

@@ -13,10 +13,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Registration:
-    """Motion, turn and gain that lay this scan on the one before, by Gauss-Newton; a pose is the sum of the steps.
+    """Register each scan to the one before by Gauss-Newton: displacement, rotation, gain; a pose is their sum.
 
-    It learns nothing, so it needs no time to learn, forgets nothing wrong, and drifts. No theta where the contact is
-    too round to show a turn.
+    It has no map, so its error grows with time. Theta is empty where the contact is too round.
     """
 
     def start(self, layout: Layout, mode: Mode) -> RegistrationSession:

@@ -10,6 +10,7 @@ from taxelflow.estimation.scan_matching.interpolant import Interpolant
 from taxelflow.estimation.scan_matching.odometry import Block, Steps, Taxels, follow
 from taxelflow.estimation.scan_matching.track import Last, Track
 from taxelflow.messages import Estimates, Scans
+from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
@@ -76,7 +77,8 @@ class RegistrationSession:
             own = layout.of_pad(number)
             places, pitch_m = self._places[:, own], self._pitch_m[number]
             taxels = Taxels(np.ascontiguousarray(places), noise[own], np.array([pitch_m, pitch_m, 1.0]))
-            spline = Interpolant.of(name, places, noise[own] ** 2)
+            with on_one_core():
+                spline = Interpolant.of(name, places, noise[own] ** 2)
             if known:
                 self._pads.append(known[number]._replace(taxels=taxels, spline=spline))
                 continue

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import THETA
 from taxelflow.numerics.records import Vector
@@ -41,7 +41,7 @@ class Track:
     covariance: Annotated[Floats, 3, 3]
 
 
-@kernel
+@routine
 def propagate(own: Floats, earlier: Floats, last: Last, total: Floats, step: Floats) -> None:
     """Fill step (3, 3) with the covariance of a displacement, and add it to the pose's, total (3, 3).
 
@@ -59,7 +59,7 @@ def propagate(own: Floats, earlier: Floats, last: Last, total: Floats, step: Flo
             total[a, b] += own[a, b] + mine - mixed
 
 
-@kernel
+@routine
 def write_step(state: Floats, turns: bool, units: Floats, displacement: Floats, matrix: Floats) -> None:
     """Fill displacement (3,) and bring its covariance (3, 3) to m and rad."""
     for a in range(3):
@@ -72,7 +72,7 @@ def write_step(state: Floats, turns: bool, units: Floats, displacement: Floats, 
             matrix[THETA, a] = matrix[a, THETA] = np.nan
 
 
-@kernel
+@routine
 def write_pose(track: Track, shows_turn: bool, units: Floats, pose: Floats, matrix: Floats) -> None:
     """Fill pose (3,) and covariance (3, 3), with an error of the scale of the path, in m and rad."""
     for a in range(3):
@@ -86,7 +86,7 @@ def write_pose(track: Track, shows_turn: bool, units: Floats, pose: Floats, matr
             matrix[THETA, a] = matrix[a, THETA] = np.nan
 
 
-@kernel
+@routine
 def forget_unobservable(
     unobservable: Floats, begins: bool, units: Floats, own: Floats, pose_matrix: Floats, step_matrix: Floats
 ) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import inlined, kernel
+from taxelflow.compiling import inlined, routine
 from taxelflow.estimation.scan_matching.interpolant import Interpolant
 from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
 from taxelflow.messages import Floats
@@ -23,7 +23,7 @@ _LEAST_SHARE = 0.5
 """Noise is held responsible for at most this share of the information."""
 
 
-@kernel
+@routine
 def turn_observability(fit: Fit) -> float:
     """Information on the turn over what the surface's noise alone would add to it; 0 if there is none."""
     unit, matrix, noise_normal = np.zeros(DOF), fit.normal.copy(), fit.noise_normal
@@ -35,7 +35,7 @@ def turn_observability(fit: Fit) -> float:
     return 1.0 / (unit[THETA] * noise) if noise > 0.0 else np.inf
 
 
-@kernel
+@routine
 def gains(fit: Fit, turns: bool, out: Floats) -> None:
     """Fill out (3, n) with G: pose error per reading's error. Zero for a turn that is not observable."""
     h = fit.normal.copy()
@@ -64,7 +64,7 @@ def gains(fit: Fit, turns: bool, out: Floats) -> None:
             out[THETA, i] = 0.0
 
 
-@kernel
+@routine
 def earlier_gains(spline: Interpolant, lattice: Floats, points: Points, state: Floats, g: Floats, out: Floats) -> None:
     """Fill out (3, taxels), which comes in as 0, with G' = g G A from G = g (3, n).
 
@@ -94,7 +94,7 @@ def _spread_back(first: int, weight: Floats, nx: int, knots: Floats) -> float:
     return total
 
 
-@kernel
+@routine
 def turn_variance(g: Floats, points: Points) -> float:
     """Variance of the turn by the later scan's noise, rad^2."""
     total = 0.0
@@ -104,7 +104,7 @@ def turn_variance(g: Floats, points: Points) -> float:
     return total
 
 
-@kernel
+@routine
 def covariance(g: Floats, points: Points, excess: float) -> Floats:
     """(3, 3), the later scan's part of the covariance, G N1 G^T; a reading of 0 has no noise.
 

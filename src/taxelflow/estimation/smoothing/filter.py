@@ -12,7 +12,7 @@ from typing import Annotated, TypeAlias
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
 
@@ -51,7 +51,7 @@ class Smoothed:
     moved_covariance: Annotated[Floats, 3, 3]
 
 
-@kernel
+@routine
 def transition(dt: float, density: Floats, F: Floats, Q: Floats) -> None:
     """Fill F and Q (6, 6). density: (3,) m^2/s^3, m^2/s^3, rad^2/s^3."""
     F[:], Q[:] = 0.0, 0.0
@@ -63,7 +63,7 @@ def transition(dt: float, density: Floats, F: Floats, Q: Floats) -> None:
         Q[a + 3, a + 3] = density[a] * dt
 
 
-@kernel
+@routine
 def update(x: Floats, P: Floats, pose: Floats, noise: Floats) -> None:
     """Measurement update by a pose (3,) with noise (3, 3), in Joseph's form."""
     known = 2 if np.isnan(pose[2]) or np.isnan(noise[2, 2]) else 3
@@ -108,7 +108,7 @@ def run_filter(
         m.running, m.tau_s = True, tau[k]
 
 
-@kernel
+@routine
 def begin(pose: Floats, noise: Floats, state: Floats, covariance: Floats) -> None:
     """State (6,) and covariance (6, 6) of a track that begins with a pose (3,)."""
     state[:], covariance[:, :] = 0.0, 0.0
@@ -123,7 +123,7 @@ def begin(pose: Floats, noise: Floats, state: Floats, covariance: Floats) -> Non
         covariance[2, 2] = _UNKNOWN_TURN_STD**2
 
 
-@kernel
+@routine
 def step_back(
     predicted: tuple[Floats, Floats, Floats, Floats, Floats],
     later: Floats,

@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode, SlipSource
     from taxelflow.sensors.layout import Layout
 
-NOTE = "smoothed: poses and displacements hold what a constant velocity adds, information that is not in the scans"
+NOTE = (
+    "smoothed: poses and displacements contain the prior of a constant velocity, information that is not in the scans"
+)
 
 
 @dataclass(frozen=True)
@@ -22,8 +24,8 @@ class Smoothing:
     """
 
     acceleration_m_s2: float = 0.0
-    """How much the velocity may change within one second, standard deviation, m/s; over T seconds it is sqrt(T) times
-    that. A turn's may change as that of a point at the pad's radius of gyration. 0: no smoothing."""
+    """Standard deviation of the change of velocity within one second, m/s; sqrt(T) times that within T seconds. That of
+    a rotation is as of a point at the pad's radius of gyration. 0: no smoothing."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.acceleration_m_s2 < float("inf"):

@@ -6,16 +6,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from taxelflow.estimation.template.brief_gaps import bridged
 from taxelflow.estimation.template.bundle_adjustment import information_of
 from taxelflow.estimation.template.deforming import CHANGES, MEMORY, Moment, follow_changing
 from taxelflow.estimation.template.hypotheses import solve_contact
 from taxelflow.estimation.template.map_export import Maps
 from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import Poses, aligned, poses_of
+from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.estimation.template.warmup import compile_batch
 from taxelflow.messages import AMBIGUOUS, OK, Bools, Estimates, Scans, cut, joined, no_scans
+from taxelflow.numerics.blas import on_one_core
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -117,17 +119,18 @@ class BatchSession:
         variance[~scans.complete[:, pad, np.newaxis] & (readings == 0)] = 0.0  # missing, not unloaded
         places = np.stack([layout.x_m[own], layout.y_m[own]]) / pitch_m
         scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], self._delay[own])
-        with threadpool_limits(1, user_api="blas"):  # the matrices are too small to share among cores
+        with on_one_core():  # the matrices are too small to share among cores
             whole = scanned.variance.copy()
             solved = solve_contact(scanned)
             stiffness = scanned.stiffness(turns=solved.turns, gain_std=solved.gain_std)
             error = max(solved.error, layout.unseen_error)
-            information = information_of(solved.pattern, scanned, solved.states, error, stiffness)
+            fitted = (solved.pattern, scanned, solved.states, error)
+            information = without_tilt(information_of(*fitted, stiffness), *fitted, layout.unseen_error)
             moment = Moment(solved.pattern, scanned, solved.states, np.arange(len(scanned)), solved.turns)
             poses = poses_of(solved, information, pitch_m)
             if solved.error > CHANGES and len(scanned) > MEMORY:
                 poses, moment = follow_changing(scanned, pitch_m, turns=solved.turns)
-            poses = poses.open_across(scanned, pitch_m)
+            poses = bridged(poses, scanned.t_s).open_across(scanned, pitch_m)
         is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
         poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
         if len(solved.dead):

@@ -17,6 +17,7 @@ from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.pose_output import arm_of
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_start
 from taxelflow.estimation.template.solution import Solved
+from taxelflow.estimation.template.taxel_gains import with_gains
 from taxelflow.numerics.bspline import GAIN, STATE, THETA, in_object
 
 if TYPE_CHECKING:
@@ -117,7 +118,9 @@ def coarse(scanned: Scanned, states: Floats, *, turns: bool, rounds: int = _FIRS
 
 
 def solve_contact(scanned: Scanned) -> Solved:
-    """Pattern and poses of all scans of a contact; readings of dead taxels are masked in `scanned`."""
+    """Pattern and poses of all scans of a contact; in `scanned` readings of dead taxels are masked, and the others
+    divided by their gains.
+    """
     dead = silent_taxels(scanned).tolist()
     scanned.variance[:, dead] = 0.0
     solved = solve(scanned)
@@ -133,6 +136,7 @@ def solve_contact(scanned: Scanned) -> Solved:
             break
         dead.append(worst)
         solved = without
+    solved = with_gains(scanned, solved, refined)
     solved.dead = np.array(dead, np.int64)
     return solved
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.observations import COARSE
 from taxelflow.numerics.bspline import GAIN
 from taxelflow.numerics.robust import OUTLIER
 
@@ -54,7 +55,11 @@ def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
     variance = scanned.variance + (solved.error * scanned.amplitude) ** 2
     residual = scanned.readings - model
     residual[(scanned.readings >= scanned.ceiling) & (residual < 0)] = 0.0
-    chi = np.minimum(residual[within] ** 2 / variance[within], OUTLIER) + np.log(variance[within])
+    usual = (
+        scanned.variance[within] + (COARSE * scanned.amplitude) ** 2
+    )  # what is not explained costs all fits the same
+    chi = residual[within] ** 2 / variance[within] + np.log(variance[within])
+    chi = np.minimum(chi, OUTLIER + np.log(usual))
     gains = float(np.sum((solved.states[:, GAIN] - 1.0) ** 2)) / solved.gain_std**2
     count, scans = float(np.count_nonzero(within)), len(scanned)
     states = scans * fit.freed

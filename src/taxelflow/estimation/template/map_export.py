@@ -61,22 +61,39 @@ class Maps(Sequence[LearnedPattern]):
         turns: bool,
         dead: NDArray[np.int64],
     ) -> None:
-        """Map a pattern learned from scans at states (scans, 5), unless they are too few to tell more than a scan.
-
-        pose: (3,) that was given out for the last of the states, in m and rad.
-        """
-        if len(states) < _FEWEST:
-            return
-        x, y, pressure, std = mapped(pattern, scanned, states, pose / [pitch_m, pitch_m, 1.0], error)
-        times = float(scanned.t_s[0]), float(scanned.t_s[-1])
-        found = LearnedPattern(pad, *times, len(states), pitch_m * x, pitch_m * y, pressure, std, turns, dead)
-        self.keep(found)
+        """See `as_map`."""
+        found = as_map(pad, pattern, scanned, states, pose, error=error, pitch_m=pitch_m, turns=turns, dead=dead)
+        if found is not None:
+            self.keep(found)
 
     def keep(self, found: LearnedPattern) -> None:
         """One more map."""
         self._kept.append(found)
         while len(self._kept) > _MOST or sum(one.pressure.nbytes for one in self._kept) > _MOST_BYTES:
             self._kept.remove(min(self._kept, key=lambda one: one.scans))
+
+
+def as_map(
+    pad: str,
+    pattern: Pattern,
+    scanned: Scanned,
+    states: Floats,
+    pose: Floats,
+    *,
+    error: float,
+    pitch_m: float,
+    turns: bool,
+    dead: NDArray[np.int64],
+) -> LearnedPattern | None:
+    """Map of a pattern learned from scans at states (scans, 5); None if they are too few to tell more than a scan.
+
+    pose: (3,) that was given out for the last of the states, in m and rad.
+    """
+    if len(states) < _FEWEST:
+        return None
+    x, y, pressure, std = mapped(pattern, scanned, states, pose / [pitch_m, pitch_m, 1.0], error)
+    times = float(scanned.t_s[0]), float(scanned.t_s[-1])
+    return LearnedPattern(pad, *times, len(states), pitch_m * x, pitch_m * y, pressure, std, turns, dead)
 
 
 def mapped(

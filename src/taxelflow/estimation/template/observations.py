@@ -150,6 +150,11 @@ class Scanned:
         parts = (self.readings[which], self.variance[which])
         return Scanned(self.t_s[which], self.places, *parts, self.ceiling, self.delay_s, self.bends[which])
 
+    def divided(self, gains: Floats) -> Scanned:
+        """The scans with the readings of each taxel divided by its gain (taxels,)."""
+        read = (self.readings / gains, self.variance / gains**2, self.ceiling / gains)
+        return Scanned(self.t_s, self.places, *read, self.delay_s, self.bends)
+
     def with_error(self, share: float) -> Readings:
         """The scans as kernels read them. share: of the contact's largest reading, the standard deviation of what the
         model leaves of any reading beside noise.

@@ -14,16 +14,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Template:
-    """Pattern of the object's pressure and pose of every scan on it, by maximum likelihood.
+    """Estimate the object's pressure pattern and the pose of every scan on it, by maximum likelihood.
 
-    batch: all scans of a contact together. stream: scan by scan, causal; the pattern is refined in the background.
+    Batch: all scans of a contact together. Stream: scan by scan, causal; the pattern is refined in the background.
     """
 
     window_scans: int = 1000
-    """batch: longer contacts are solved in overlapping windows of so many scans."""
+    """Largest number of scans solved at once in a batch; longer contacts are solved in overlapping windows."""
 
     latency_s: float = 0.1
-    """stream: what is learned from a scan is used so long after it; if learning takes longer, the stream waits."""
+    """Time from a scan to the use of what is learned from it, in a stream, s; where learning takes longer, the stream
+    waits."""
 
     def __post_init__(self) -> None:
         if not 20 <= self.window_scans <= 100_000:

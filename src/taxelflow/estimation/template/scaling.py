@@ -43,10 +43,9 @@ def grown_start(scanned: Scanned, states: Floats, start: int) -> tuple[Pattern, 
 
     states: (scans, 5), of a fit without growth.
     """
-    load = scanned.load().sum(axis=1)
-    least, most = np.quantile(load, _LOADS)
-    if len(scanned) < _FEWEST or most < _DIFFER * max(least, 1e-300) or np.ptp(states[:, :2], axis=0).max() > _STAYS:
+    if not may_have_grown(scanned, states):
         return None
+    load = scanned.load().sum(axis=1)
     share = np.clip(load / max(float(load[start]), 1e-300), *_SHARES)
     held = np.zeros((len(scanned), STATE))
     held[:, :2] = scanned.centroids()[start]
@@ -57,6 +56,13 @@ def grown_start(scanned: Scanned, states: Floats, start: int) -> tuple[Pattern, 
     stiffness = np.array([np.inf, np.inf, np.inf, _GAIN_STD**-2, SIZE_STD**-2])
     fit = refine(pattern, scanned, held, rounds=_ROUNDS, error=COARSE, stiffness=stiffness)
     return pattern, held, fit
+
+
+def may_have_grown(scanned: Scanned, states: Floats) -> bool:
+    """Whether the load varies enough for growth to show, and the object hardly moved by states (scans, 5)."""
+    least, most = np.quantile(scanned.load().sum(axis=1), _LOADS)
+    varies = len(scanned) >= _FEWEST and most >= _DIFFER * max(least, 1e-300)
+    return bool(varies and np.ptp(states[:, :2], axis=0).max() <= _STAYS)
 
 
 def centre(pattern: Pattern, scanned: Scanned, states: Floats) -> None:

@@ -22,7 +22,8 @@ class Solved:
     states: (scans, 5), see `bspline`. error: share of the contact's largest reading, see `Scanned.with_error`.
     gain_std: of the gains around 1. turns, grows: whether the object turns, and its contact grows with the load around
     the origin of the pattern's frame. agrees: (scans,), whether independent starts put the object at the same place;
-    empty where there was one start. dead: taxels that do not answer.
+    empty where there was one start. dead: taxels that do not answer. gains: (taxels,), by which the readings were
+    divided; empty if they were not.
     """
 
     pattern: Pattern
@@ -34,6 +35,7 @@ class Solved:
     grows: bool = False
     agrees: Bools = field(default_factory=lambda: np.ones(0, np.bool_))
     dead: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    gains: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def kind(self) -> tuple[bool, bool]:

@@ -24,7 +24,7 @@ def compile_stream() -> None:
     """Those that learn beside a stream, once in a process."""
     scanned = made_up()
     part = PadScan(scanned.readings[0], scanned.variance[0], scanned.ceiling, scanned.places, np.zeros(36, np.bool_))
-    learned = first_pattern(0.0, part, scanned.delay_s)
+    learned = first_pattern(0.0, part, scanned.delay_s, np.ones(len(part.reading)), 0.0)
     for k in range(1, len(scanned)):
         state = np.array([0.4 * k - 1.0, 0.0, 0.0, 1.0, 0.0])
         scan = scanned.t_s[k], scanned.readings[k], scanned.variance[k], np.zeros((3, 0)), state

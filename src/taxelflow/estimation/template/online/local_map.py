@@ -12,6 +12,7 @@ from taxelflow.estimation.template.observations import COARSE, strength
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.online.keyframes import Keyframes
     from taxelflow.messages import Floats
 
@@ -27,17 +28,21 @@ _MATURE, _SETTLED = 10, 0.05
 class Learned:
     """A pattern and what goes with it.
 
-    keyframes: it was learned from, their states in its frame. usual: chi-square per reading of a scan that fits.
-    slack: (2,) how wrong poses on the pattern before have been, variance of x and y (pitches^2) and of theta (rad^2).
-    fresh: how many of the last keyframes were registered on the pattern before. looked: keyframes at which the
-    hypotheses were last compared. turned: by how much its theta differs from that of the pattern before. error: see
+    keyframes: it was learned from, their states in its frame. gains: (taxels,), of the pad's taxels. usual: chi-square
+    per reading of a scan that fits. slack: (2,) how wrong poses on the pattern before have been, variance of x and y
+    (pitches^2) and of theta (rad^2). tilt: variance of x and y that a tilt of the load may explain, pitches^2. fresh:
+    how many of the last keyframes were registered on the pattern before. looked: keyframes at which the hypotheses were
+    last compared. turned: by how much its theta differs from that of the pattern before. error: see
     `Scanned.with_error`. gain_std: from scan to scan. turns, grows: see `Solved`. told: whether fits have agreed well
-    enough to tell of the turn. changing: it does not stay the same, and only the last keyframes count.
+    enough to tell of the turn. changing: it does not stay the same, and only the last keyframes count. unseen_error:
+    see `Layout`. origin: (2,) in pitches, added to what is reported: the frame of a pattern that grows is at the point
+    that stays.
     """
 
     pattern: Pattern
     keyframes: Keyframes
     radius: float
+    gains: Floats
     error: float = COARSE
     usual: float = 1.0
     gain_std: float = FIRST_GAIN_STD
@@ -47,8 +52,17 @@ class Learned:
     changing: bool = False
     turned: float = 0.0
     slack: Floats = field(default_factory=lambda: np.array(FIRST_SLACK))
+    unseen_error: float = 0.0
+    tilt: float = 0.0
+    origin: Floats = field(default_factory=lambda: np.zeros(2))
     fresh: int = 0
     looked: int = 0
+
+    @property
+    def scanned(self) -> Scanned:
+        """The keyframes' scans, divided by the taxels' gains."""
+        scanned = self.keyframes.scanned
+        return scanned.divided(self.gains) if (self.gains != 1.0).any() else scanned
 
     @property
     def mature(self) -> bool:

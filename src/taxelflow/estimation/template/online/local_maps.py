@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.map_export import Maps
+from taxelflow.background.adoption import AtFixedTimes
+from taxelflow.estimation.template.map_export import as_map
 from taxelflow.estimation.template.observations import across, delays_of
-from taxelflow.estimation.template.online.map_update import first_pattern
-from taxelflow.estimation.template.online.mapping_thread import Learner, Novel
-from taxelflow.estimation.template.online.relocalization import DOUBT, recognised
+from taxelflow.estimation.template.online.ended import Ended
+from taxelflow.estimation.template.online.mapping_thread import Learner, Novel, Workers
+from taxelflow.estimation.template.online.relocalization import DOUBT
+from taxelflow.estimation.template.online.rows import room_for, rows_of
+from taxelflow.estimation.template.online.starting import Begun, FirstScan, begun, begun_anew
 from taxelflow.estimation.template.online.step import FOLLOW, follow_hand
 from taxelflow.estimation.template.online.track_state import (
     MOST_KEYFRAMES,
@@ -21,16 +25,15 @@ from taxelflow.estimation.template.online.track_state import (
     Scan,
     Track,
 )
-from taxelflow.messages import Estimates, no_scans
-from taxelflow.numerics.bspline import GAIN, THETA
+from taxelflow.messages import no_scans
+from taxelflow.numerics.bspline import GAIN, SIZE, THETA
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import record, records
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
+    from taxelflow.background.adoption import Adopting
     from taxelflow.estimation.template.online.local_map import Learned
-    from taxelflow.messages import Bools, Floats, Scans
+    from taxelflow.messages import Bools, Floats
     from taxelflow.sensors.layout import Layout
 
 _TURN_STD = 0.1
@@ -43,10 +46,13 @@ _PROBATION = 3
 class LocalMaps:
     """Tracks and patterns of all pads, what is being learned, and the maps of contacts that ended.
 
-    hand, tracks, stored: as kernels read them. learners: (pads,). kept: maps of ended contacts.
+    hand, tracks, stored: as kernels read them. learners: (pads,). ended: maps of ended contacts. gains: (entries,), by
+    which readings are divided.
     """
 
-    def __init__(self, layout: Layout, worker: Executor, latency_s: float) -> None:
+    def __init__(self, layout: Layout, workers: Workers, latency_s: float, adopting: Adopting | None = None) -> None:
+        """adopting: at fixed times if left out."""
+        adopting = adopting or AtFixedTimes()
         self._layout = layout
         pads = len(layout.pads)
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
@@ -57,14 +63,20 @@ class LocalMaps:
         self.hand = Hand(self._places, self._delay, edge, layout.starts, self._pitch_m, lead_s, layout.unseen_error)
         self.tracks = records(Track, pads)
         self.stored = Patterns(np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8)), np.zeros((4, layout.entries)))
-        self.learners = [Learner(worker, latency_s) for _ in range(pads)]
-        self.kept = Maps()
+        self.learners = [Learner(name, workers, latency_s, adopting) for name in layout.pads]
+        self.ended = Ended(workers.mapper, at_once=adopting.waits)
+        self._waits = adopting.waits
+        self._last = Scan(0.0, *(np.zeros(layout.entries),) * 3, np.zeros(pads, np.bool_))
+        self.gains = np.ones(layout.entries)
+        self._equal = True  # all gains are 1
         self._across = np.zeros((pads, 2), dtype=np.bool_)  # of the taxels that are not masked
         self._nothing = rows_of(room_for(no_scans(layout.entries, pads, 1)))
 
     def learn_from(self, pad: int, scan: Scan) -> None:
-        """Make a scan a keyframe, and begin to learn from it."""
-        m, part = self.track(pad), self.part(pad, scan)
+        """Make a scan a keyframe, and begin to learn from it, unless the pattern was begun with it."""
+        m, part, known = self.track(pad), self._as_read(pad, scan), self.learners[pad].learned
+        if known is not None and known.keyframes.scanned.t_s[-1] == scan.t:
+            return
         late = self._late(pad) if len(self._delay) else np.zeros(0)
         bend = m.speed[:, np.newaxis] * late
         novel = Novel(scan.t, part.reading.copy(), part.variance.copy(), bend, m.state.copy())
@@ -76,13 +88,26 @@ class LocalMaps:
 
     def run(self, job: int, scan: Scan, rows: Rows, k: int = 0) -> int:
         """Follow a scan on the patterns of the pads in contact, fill row k, or both."""
-        return follow_hand(job, k, scan, self.hand, self.stored, self.tracks, rows)
+        return follow_hand(job, k, self._divided(scan), self.hand, self.stored, self.tracks, rows)
+
+    def _divided(self, scan: Scan) -> Scan:
+        """A scan with its readings divided by the taxels' gains."""
+        if self._equal:
+            return scan
+        gains = self.gains
+        return scan._replace(
+            reading=scan.reading / gains, variance=scan.variance / gains**2, ceiling=scan.ceiling / gains
+        )
 
     def track(self, pad: int) -> Track:
         """What a pad remembers; writing to it writes to `tracks`."""
         return record(Track, self.tracks, pad)
 
     def part(self, pad: int, scan: Scan) -> PadScan:
+        """A pad's part of a scan, divided by the taxels' gains."""
+        return self._as_read(pad, self._divided(scan))
+
+    def _as_read(self, pad: int, scan: Scan) -> PadScan:
         """A pad's part of a scan."""
         own = self._layout.of_pad(pad)
         places = np.ascontiguousarray(self._places[:, own])
@@ -108,36 +133,63 @@ class LocalMaps:
 
     def begin(self, pad: int, scan: Scan) -> None:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
-        part, middle = self.part(pad, scan), np.empty(4)
-        loaded_centroid(part.reading, part.variance, part.places, part.edge, middle)
         self.tracks[pad] = np.zeros((), self.tracks.dtype)
-        m = self.track(pad)
-        for known in reversed(self.learners[pad].library):
-            found = recognised(known, middle[:2], part)
-            if found is not None:
-                self._put(pad, known)
-                m.state[:] = found[0]
-                m.probation, m.theta_0 = _PROBATION, found[0][THETA]
-                break
-        else:
-            learned = first_pattern(scan.t, part, self._late(pad))
-            self._put(pad, learned)
-            m.state[:] = learned.keyframes.states[0]
-        m.last_t, m.load = scan.t, middle[3]
+        own, first = self.learners[pad], self._first(pad, scan)
+        if self._waits:
+            self._start(pad, begun(first, own.library), scan)
+            return
+        own.learned = None
+        own.begin(scan.t, lambda new: self._start(pad, new, self._last), begun, first, own.library)
+
+    def _start(self, pad: int, new: Begun, last: Scan) -> None:
+        """Put in the pattern that a contact begins with. last: the scan that is to be followed from."""
+        middle, m = self._middle(pad, last), self.track(pad)
+        self._put(pad, new.learned)
+        m.state[:] = new.state
+        m.state[:2] += middle[:2] - new.middle
+        if new.again:
+            m.probation, m.theta_0 = _PROBATION, new.state[THETA]
+        m.last_t, m.load = last.t, middle[3]
         m.centroid[:] = middle[:2]
 
     def learn_anew(self, pad: int, scan: Scan, *, known_place: bool = True) -> None:
         """A new pattern from this scan, which stays where it is, if that is known."""
+        own, first = self.learners[pad], self._first(pad, scan)
+        at = self.track(pad).state[:2].copy() if known_place else None
+        if self._waits:
+            self._renew(pad, begun_anew(first, at), scan, known_place=known_place)
+        elif not own.beginning:
+            put = partial(self._renew_late, pad, known_place=known_place)
+            own.begin(scan.t, put, begun_anew, first, at)
+
+    def _renew(self, pad: int, new: Begun, last: Scan, *, known_place: bool) -> None:
+        """Put a new pattern in the place of another. last: see `_start`."""
         m = self.track(pad)
         if not known_place:
             m.continues = False
             m.speed[:] = 0.0
         m.theta_0 -= m.state[THETA]
         m.probation = m.poor = 0.0
-        self.settle(pad)
-        learned = first_pattern(scan.t, self.part(pad, scan), self._late(pad), m.state[:2] if known_place else None)
-        self._put(pad, learned)
-        m.state[:] = learned.keyframes.states[0]
+        self.settle(pad, last.t)
+        self._put(pad, new.learned)
+        m.state[:] = new.state
+        m.state[:2] += self._middle(pad, last)[:2] - new.middle
+
+    def _renew_late(self, pad: int, new: Begun, *, known_place: bool) -> None:
+        """The same when other scans have come meanwhile; its change is no motion."""
+        self._renew(pad, new, self._last, known_place=known_place)
+        self._register_again(pad)
+
+    def _first(self, pad: int, scan: Scan) -> FirstScan:
+        part, gains = self.part(pad, scan), self.gains[self._layout.of_pad(pad)].copy()
+        as_read, middle = self._as_read(pad, scan), self._middle(pad, scan)[:2]
+        return FirstScan(scan.t, part, as_read, gains, self.hand.floor, self._late(pad), middle)
+
+    def _middle(self, pad: int, scan: Scan) -> Floats:
+        """(4,), see `loaded_centroid`."""
+        part, middle = self.part(pad, scan), np.empty(4)
+        loaded_centroid(part.reading, part.variance, part.places, part.edge, middle)
+        return middle
 
     def _put(self, pad: int, learned: Learned) -> None:
         """Make what was learned the pattern that scans are registered on."""
@@ -153,24 +205,34 @@ class LocalMaps:
         self.stored.doubts[pad, :rows, :cols] = DOUBT * pattern.doubt
         m.active, m.carries, m.turned = True, False, False
         m.lattice[:] = pattern.lattice
+        m.origin[:] = learned.origin
         m.error, m.usual, m.radius = learned.error, learned.usual, learned.radius
-        m.amplitude = learned.keyframes.scanned.amplitude
+        m.amplitude = learned.scanned.amplitude
+        self.gains[self._layout.of_pad(pad)] = learned.gains
+        self._equal = bool((self.gains == 1.0).all())
         m.turn_std = _TURN_STD if learned.turns else 0.0
         m.gain_std = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
         m.changing, m.seen, m.grows = learned.changing, learned.told, learned.grows or m.grows
-        m.slack, m.slack_t = learned.slack
+        m.slack, m.slack_t = learned.slack[0] + learned.tilt, learned.slack[1]
         self._open_across(pad, learned)
         states = learned.keyframes.states
         m.keyframes = len(states)
         m.keyframe[: len(states)] = states[:, : GAIN + 1]
-        self.learners[pad].learned = learned
+        self.learners[pad].learned, self.learners[pad].beginning = learned, False
 
-    def adopt(self, pad: int, last: Scan) -> None:
+    def adopt(self, last: Scan, now_s: float) -> None:
+        """Put in what is due. last: the scan before."""
+        self._last = last
+        for own in self.learners:
+            if own.lane.due_s <= now_s:
+                own.lane.adopt(now_s)
+
+    def _improve(self, pad: int, new: Learned) -> None:
         """Put in what was learned, and register the last scan anew, so that its change is no motion."""
         own, m = self.learners[pad], self.track(pad)
-        old, new = own.learned, own.taken()
-        if old is None or new is None:
+        if (old := own.learned) is None:
             return
+        place = m.state[:2] + m.origin
         m.theta_0 += new.turned
         if new.turns and not old.turns:  # it has turned all the while
             m.state[THETA] = new.keyframes.states[-1, THETA]
@@ -178,11 +240,22 @@ class LocalMaps:
             own.take_over(new, [m.state])
             if not old.grows:  # any size may be right
                 m.load = 0.0
+        elif old.grows:
+            own.forget_waiting()  # they were registered in another frame
+            own.take_over(new, [m.state])
+            m.grows, m.state[SIZE] = False, 0.0
         self._put(pad, new)
-        self.follow_again(pad, last._replace(t=float(m.last_t)))
-        turn = m.state[THETA] - m.theta_0 if m.seen else np.nan
-        m.before[:] = *(self._pitch_m[pad] * m.state[:2]), turn
+        self._register_again(pad)
+        stepped = float(np.sum((m.state[:2] + m.origin - place) ** 2))  # by so much one of the patterns is wrong
+        new.slack[0] = max(new.slack[0], 0.5 * stepped)
+        m.slack = new.slack[0] + new.tilt
         self.go_on(pad)
+
+    def _register_again(self, pad: int) -> None:
+        m = self.track(pad)
+        self.follow_again(pad, self._last._replace(t=float(m.last_t)))
+        turn = m.state[THETA] - m.theta_0 if m.seen else np.nan
+        m.before[:] = *(self._pitch_m[pad] * (m.state[:2] + m.origin)), turn
 
     def follow_again(self, pad: int, scan: Scan) -> None:
         """Register the last scan on the pattern as it is now; what the next one is predicted from stays."""
@@ -197,11 +270,11 @@ class LocalMaps:
     def go_on(self, pad: int) -> None:
         """Begin to learn from the scans that wait."""
         m = self.track(pad)
-        self.learners[pad].go_on(float(m.last_t), may_turn=bool(m.turned))
+        self.learners[pad].go_on(float(m.last_t), partial(self._improve, pad), may_turn=bool(m.turned))
 
-    def settle(self, pad: int) -> None:
-        """Take what is still being learned when a contact, or its pattern, ends."""
-        self.track(pad).theta_0 += self.learners[pad].settle()
+    def settle(self, pad: int, now_s: float) -> None:
+        """End what is still being learned when a contact, or its pattern, ends."""
+        self.track(pad).theta_0 += self.learners[pad].settle(now_s)
 
     def keep(self, pad: int) -> None:
         """Remember the pattern of a contact that ends, as a map."""
@@ -211,44 +284,17 @@ class LocalMaps:
         own, pitch_m = self._layout.of_pad(pad), self._pitch_m[pad]
         states = known.keyframes.states
         theta_0 = self.track(pad).theta_0 if known.turns else 0.0
-        self.kept.add(
-            self._layout.pads[pad],
-            known.pattern,
-            known.keyframes.scanned,
-            states,
-            states[-1, : THETA + 1] * [pitch_m, pitch_m, 1.0] - [0.0, 0.0, theta_0],
-            error=known.error,
-            pitch_m=float(pitch_m),
-            turns=known.turns,
-            dead=self._layout.source[own][:0],
+        self.ended.add(
+            partial(
+                as_map,
+                self._layout.pads[pad],
+                known.pattern,
+                known.scanned,
+                states,
+                states[-1, : THETA + 1] * [pitch_m, pitch_m, 1.0] - [0.0, 0.0, theta_0],
+                error=known.error,
+                pitch_m=float(pitch_m),
+                turns=known.turns,
+                dead=self._layout.source[own][:0],
+            )
         )
-
-
-def rows_of(estimates: Estimates) -> Rows:
-    """Estimates as kernels fill them in."""
-    return Rows(
-        estimates.pose,
-        estimates.covariance,
-        estimates.displacement,
-        estimates.displacement_covariance,
-        estimates.span_s,
-        estimates.lag_s,
-        estimates.disturbance,
-        estimates.quality,
-    )
-
-
-def room_for(scans: Scans) -> Estimates:
-    """Estimates to be filled in, row by row."""
-    shape = scans.contact.shape
-    return Estimates(
-        t_s=scans.t_s,
-        displacement=np.empty((*shape, 3)),
-        pose=np.empty((*shape, 3)),
-        covariance=np.empty((*shape, 3, 3)),
-        displacement_covariance=np.empty((*shape, 3, 3)),
-        span_s=np.empty(shape),
-        lag_s=np.empty(shape),
-        disturbance=np.empty(shape),
-        quality=np.empty(shape, np.uint8),
-    )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from taxelflow.estimation.template.extrapolation import level_off
 from taxelflow.estimation.template.hypotheses import (
@@ -20,18 +21,23 @@ from taxelflow.estimation.template.hypotheses import (
     start_scan,
 )
 from taxelflow.estimation.template.initialization import Tracker
+from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import FIRST_SLACK, Learned
 from taxelflow.estimation.template.pose_output import unturned
+from taxelflow.estimation.template.scaling import may_have_grown
+from taxelflow.estimation.template.taxel_gains import with_gains
+from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.numerics.bspline import STATE, THETA
+from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.online.track_state import PadScan
     from taxelflow.estimation.template.solution import Solved
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
 
 _NEAR, _FAR = 0.25, 1.0
 """Keyframes closer than this, in pitches, show the same; further for contacts whose size varies: what the size leaves
@@ -39,9 +45,9 @@ unexplained seems to move them."""
 _DECIDE, _MORE, _WHOLE = 4, 1.5, 0.1
 """Keyframes from which hypotheses are compared, anew when there are so many times more; and share of the load at the
 border up to which a turn is looked for."""
-_RETRACED = 20
-"""Up to so many keyframes a turn is looked for from the first one on: poses learned without a turn are far from those
-with one, and refined they may end in between."""
+_SETTLED = 20
+"""From so many keyframes on another start must be clearly likelier: it may end in the same place, and only turn the
+frame a little."""
 _YOUNG_ERROR = 0.005
 """Of a pattern of `YOUNG` keyframes an error below this is not believed, nor that of more below its share."""
 _TOLD = 0.1
@@ -55,15 +61,24 @@ _MOST_SLACK, _FORGET = (1.0, 0.3), 0.2
 """Largest slack; and what stays of that before when keyframes have hardly moved."""
 _MOST_USUAL = 2.0
 """Chi-square per reading up to which scans are explained."""
+_STRANGE = 2.0
+"""How many times what still fits a keyframe may be from the others."""
 _ROUNDS, _FIRST_ROUNDS, _YOUNG_ROUNDS = (3,), (3, 3), 6
 
 
-def first_pattern(t_s: float, scan: PadScan, delay_s: Floats, at: Floats | None = None) -> Learned:
-    """A pattern from a single scan, its origin at the contact's centroid, or at the place `at` (2,)."""
+def first_pattern(
+    t_s: float, scan: PadScan, delay_s: Floats, gains: Floats, unseen_error: float, at: Floats | None = None
+) -> Learned:
+    """A pattern from a single scan as it was read, its origin at the contact's centroid, or at the place `at` (2,).
+
+    gains: (taxels,).
+    """
     one = (scan.reading[np.newaxis], scan.variance[np.newaxis], scan.ceiling, delay_s)
     scanned = Scanned.of(np.array([t_s]), scan.places, *one)
     state = np.array([[*(scanned.centroids()[0] if at is None else at), 0.0, 1.0, 0.0]])
-    learned = learn(Learned(covering(scanned, state), Keyframes(scanned, state, state), 1.0))
+    learned = learn(
+        Learned(covering(scanned, state), Keyframes(scanned, state, state), 1.0, gains, unseen_error=unseen_error)
+    )
     learned.slack[0] += _CUT_SLACK * most_whole(learned.keyframes)[1]
     return learned
 
@@ -73,10 +88,16 @@ def learn(known: Learned) -> Learned:
 
     The frame stays as well as the keyframes tell.
     """
-    with threadpool_limits(1, user_api="blas"):
+    with _pools().limit(limits=1, user_api="blas"):
         new = _forgetting(known) if known.changing else _learn(known)
     level_off(new.pattern, new.keyframes.scanned, new.keyframes.states)
     return new
+
+
+@cache
+def _pools() -> ThreadpoolController:
+    """The thread pools of the libraries, which take milliseconds to find."""
+    return ThreadpoolController()
 
 
 def _forgetting(known: Learned) -> Learned:
@@ -90,9 +111,10 @@ def _forgetting(known: Learned) -> Learned:
 
 def _filled(known: Learned, keyframes: Keyframes) -> Learned:
     """The pattern that explains keyframes where they are."""
-    pattern = covering(keyframes.scanned, keyframes.states)
-    fill(pattern, keyframes.scanned.with_error(COARSE), keyframes.states)
-    return replace(known, pattern=pattern, keyframes=keyframes, radius=pattern.radius(), turned=0.0)
+    new = replace(known, keyframes=keyframes, turned=0.0)
+    pattern = covering(new.scanned, keyframes.states)
+    fill(pattern, new.scanned.with_error(COARSE), keyframes.states)
+    return replace(new, pattern=pattern, radius=pattern.radius())
 
 
 def _learn(known: Learned) -> Learned:
@@ -102,12 +124,19 @@ def _learn(known: Learned) -> Learned:
     if count <= 2 or not moved:
         return _filled(known, keyframes)
     best, looked = _best(known)
-    scanned, pattern = keyframes.scanned, best.pattern
-    before = keyframes.angled if best.turns and not known.turns else keyframes.states
+    if looked != known.looked and count >= _SEEN_ENOUGH:
+        best = with_gains(replace(keyframes.scanned), best, refined)
+    gains = best.gains if len(best.gains) else known.gains
+    scanned, pattern = replace(known, gains=gains).scanned, best.pattern
+    before = (keyframes.angled if best.turns and not known.turns else keyframes.states).copy()
+    before[:, :2] += known.origin
     turned = float(np.mean(best.states[:, THETA] - before[:, THETA])) if best.turns else 0.0
     states = best.states
-    if not best.grows:
-        states = reframed(states, keyframes.states, best.fit.information, pattern)
+    origin = np.zeros(2)
+    if best.grows:
+        origin = np.median(before[:, :2] - states[:, :2], axis=0)
+    else:
+        states = reframed(states, before, best.fit.information, pattern)
     off = states - before - [0.0, 0.0, turned, 0.0, 0.0]
     if best.grows:
         off -= np.median(off, axis=0)
@@ -116,7 +145,8 @@ def _learn(known: Learned) -> Learned:
     new = replace(
         known,
         pattern=pattern,
-        keyframes=Keyframes(scanned, states, states if best.turns else keyframes.angled.copy()),
+        keyframes=Keyframes(keyframes.scanned, states, states if best.turns else keyframes.angled.copy()),
+        gains=gains,
         radius=pattern.radius(),
         error=max(best.error, _YOUNG_ERROR * float(np.sqrt(YOUNG / count))),
         usual=float(np.clip(best.fit.reduced / best.fit.freedom, 1.0, _MOST_USUAL)),
@@ -126,12 +156,43 @@ def _learn(known: Learned) -> Learned:
         told=told,
         turned=turned,
         slack=slack,
+        tilt=_tilt(best, scanned, known.unseen_error),
+        origin=origin,
         looked=looked,
     )
     own = replace(pattern)
     fill(own, scanned.with_error(max(new.error, _YOUNG_ERROR)), states)
     pattern.doubt = own.doubt
-    return _forgetting(new) if new.error > _CHANGES and count >= _SEEN_ENOUGH else new
+    if count < _SEEN_ENOUGH:
+        return new
+    return _forgetting(new) if new.error > _CHANGES else _without_strangers(new, best)
+
+
+def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:
+    """Variance of x and y, in pitches^2, that a tilt of the load adds in the last keyframes."""
+    last = slice(-_LAST, None)
+    own, states = best.fit.information[last], best.states[last]
+    tilted = without_tilt(own, best.pattern, scanned.taken(last), states, max(best.error, tilt_std), tilt_std)
+    more = np.linalg.inv(tilted + 1e-9 * np.eye(STATE)) - np.linalg.inv(own + 1e-9 * np.eye(STATE))
+    return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, _MOST_SLACK[0]))
+
+
+def _without_strangers(new: Learned, best: Solved) -> Learned:
+    """What was learned without the keyframes that fit far worse than most: they were registered at a wrong place."""
+    kept = np.flatnonzero(~_strange(best))
+    if not 0 < len(best.states) - len(kept) <= len(best.states) / 4:
+        return new
+    old = new.keyframes
+    return replace(new, keyframes=Keyframes(old.scanned.taken(kept), old.states[kept], old.angled[kept]))
+
+
+def _strange(solved: Solved) -> Bools:
+    """(scans,), those that fit far worse than most."""
+    share = solved.fit.chi / np.maximum(solved.fit.counts, 1)
+    usual = float(np.median(share))
+    most = [_STRANGE * gate(usual, count) for count in solved.fit.counts]
+    strange: Bools = share > most
+    return strange
 
 
 def _grown_now(known: Learned) -> bool:
@@ -142,30 +203,45 @@ def _grown_now(known: Learned) -> bool:
 def _best(known: Learned) -> tuple[Solved, int]:
     """The likeliest hypothesis on the keyframes, and at how many keyframes they were last compared."""
     keyframes = known.keyframes
-    scanned, count = keyframes.scanned, len(keyframes)
+    scanned, count = known.scanned, len(keyframes)
     rounds = _ROUNDS if known.looked else _FIRST_ROUNDS
     present = _again(known, scanned, keyframes.states.copy(), rounds)
-    if count < _DECIDE or count < _MORE * known.looked:
+    misfits = count >= max(_SEEN_ENOUGH, known.looked + _LAST) and bool(_strange(present).any())
+    due = count >= _MORE * known.looked or misfits
+    if count < _DECIDE or not due:
         return present, known.looked
-    tried = [present]
-    turns = known.turns
+    present, rigid = _further(scanned, present), _rigid(known, scanned)
+    if known.grows:  # as in a batch, only while the object hardly moves
+        stays = may_have_grown(scanned, likeliest(rigid, scanned).states)
+        return likeliest([present, *rigid] if stays else rigid, scanned), count
+    most = cost(present, scanned) - (STATE * count if count > _SETTLED else 0)
+    tried = [present, *(one for one in rigid if one.kind != present.kind or cost(one, scanned) < most)]
+    if count >= _SEEN_ENOUGH:
+        still = replace(scanned, delay_s=np.zeros_like(scanned.delay_s), bends=np.zeros_like(scanned.bends))
+        tried += [_further(still, one) for one in grown(still, keyframes.states, turns=known.turns)]
+    return likeliest(tried, scanned), count
+
+
+def _rigid(known: Learned, scanned: Scanned) -> list[Solved]:
+    """Hypotheses of an object that does not grow on the keyframes, turning and not, but for the present one."""
+    keyframes, turns = known.keyframes, known.turns
+    tried = [_further(scanned, coarse(scanned, _retraced(scanned, turns=turns), turns=turns))]
     if turns:
         fixed = unturned(known.pattern.centre(), keyframes.states)
         tried.append(_further(scanned, coarse(scanned, fixed, turns=False)))
     elif most_whole(keyframes)[1] < _WHOLE and not scanned.across.any():
-        starts = [keyframes.angled.copy()] + ([_retraced(scanned)] if count <= _RETRACED else [])
+        starts = (keyframes.angled.copy(), _retraced(scanned, turns=True))
         fits = [coarse(scanned, states, turns=True) for states in starts]
         tried.append(_further(scanned, min(fits, key=lambda one: one.error)))
-    if not known.grows:
-        still = replace(scanned, delay_s=np.zeros_like(scanned.delay_s), bends=np.zeros_like(scanned.bends))
-        tried += [_further(still, one) for one in grown(still, keyframes.states, turns=turns)]
-    return likeliest(tried, scanned), count
+    return tried
 
 
 def _again(known: Learned, scanned: Scanned, states: Floats, rounds: tuple[int, ...]) -> Solved:
     """The present hypothesis, from where the keyframes are."""
     if len(scanned) < YOUNG:
-        return coarse(scanned, states, turns=known.turns, rounds=_YOUNG_ROUNDS)
+        starts = [states, _retraced(scanned, turns=known.turns)]
+        fits = [coarse(scanned, one, turns=known.turns, rounds=_YOUNG_ROUNDS) for one in starts]
+        return min(fits, key=lambda one: one.error)
     start = coarse(scanned, states, turns=known.turns, rounds=0)
     return refined(scanned, replace(start, grows=known.grows, gain_std=known.gain_std), rounds)
 
@@ -175,10 +251,10 @@ def _further(scanned: Scanned, start: Solved) -> Solved:
     return start if len(scanned) < YOUNG else refined(scanned, start, _FIRST_ROUNDS)
 
 
-def _retraced(scanned: Scanned) -> Floats:
-    """States (n, 5) of keyframes of an object that may turn, one registered after the other as in a batch."""
+def _retraced(scanned: Scanned, *, turns: bool) -> Floats:
+    """States (n, 5) of keyframes, one registered after the other as in a batch."""
     own = scanned.taken(np.arange(len(scanned)))
-    tracker = Tracker(own, start_scan(own), own.stiffness(turns=True, gain_std=FIRST_GAIN_STD))
+    tracker = Tracker(own, start_scan(own), own.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
     tracker.run()
     return tracker.states
 

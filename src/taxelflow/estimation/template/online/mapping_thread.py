@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
+from taxelflow.background.adoption import Lane
 from taxelflow.estimation.template.online.map_update import learn
 from taxelflow.numerics.bspline import GAIN, THETA
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from concurrent.futures import Executor, Future
+    from collections.abc import Callable, Iterable
 
+    from taxelflow.background.adoption import Adopting
+    from taxelflow.background.worker import Runs
     from taxelflow.estimation.template.online.local_map import Learned
+    from taxelflow.estimation.template.online.starting import Begun
     from taxelflow.messages import Floats
 
 _LIBRARY = 4
@@ -35,35 +36,39 @@ class Novel(NamedTuple):
     state: Floats
 
 
+class Workers(NamedTuple):
+    """mapper: learns patterns from many scans, which takes long. starter: those that contacts begin with; it is not the
+    same, so that a new contact is not kept waiting.
+    """
+
+    mapper: Runs
+    starter: Runs
+
+
 class Learner:
     """A pad's pattern, those that it had before, and scans on their way to become keyframes.
 
-    learned: the pattern that scans are registered on. library: former ones. due_s: when that which is being learned is
-    to be adopted, infinite if nothing is.
+    learned: the pattern that scans are registered on. library: former ones. lane: what is being learned. beginning:
+    whether that is a new pattern.
     """
 
-    def __init__(self, worker: Executor, latency_s: float) -> None:
+    def __init__(self, pad: str, workers: Workers, latency_s: float, adopting: Adopting) -> None:
         self.learned: Learned | None = None
         self.library: list[Learned] = []
-        self.due_s = np.inf
-        self._worker, self._latency_s = worker, latency_s
-        self._job: Future[Learned] | None = None
+        self.lane = Lane(pad, adopting)
+        self.beginning = False
+        self._workers, self._latency_s = workers, latency_s
         self._waiting: list[Novel] = []
         self._newest: Floats | None = None
-
-    @property
-    def learning(self) -> bool:
-        """Whether a pattern is being learned, or waits to be adopted."""
-        return self._job is not None
 
     def learn_from(self, scan: Novel) -> None:
         """One more, when what is being learned has been adopted."""
         self._waiting.append(scan)
 
-    def go_on(self, now_s: float, *, may_turn: bool) -> None:
-        """Begin to learn from what waits, if nothing is being learned."""
+    def go_on(self, now_s: float, put: Callable[[Learned], None], *, may_turn: bool) -> None:
+        """Begin to learn from what waits, if nothing is being learned. put: adopts it."""
         known = self.learned
-        if known is None or self._job is not None or not self._waiting:
+        if known is None or self.lane.busy or not self._waiting:
             return
         keyframes = known.keyframes
         for scan in self._waiting:
@@ -73,23 +78,33 @@ class Learner:
         work = replace(
             known, keyframes=keyframes, fresh=fresh, looked=0 if may_turn and not known.turns else known.looked
         )
-        self._job = self._worker.submit(learn, work)
         share = _YOUNG_LATENCY if len(keyframes) < _YOUNG else 1.0
-        self.due_s = max(start_s, now_s) + share * self._latency_s
+        begun_s = max(start_s, now_s)
+        self.lane.begin(self._workers.mapper.submit(learn, work), begun_s, begun_s + share * self._latency_s, put)
 
-    def taken(self) -> Learned | None:
-        """What was being learned, None if nothing was; one waits for it if it is not ready."""
-        job, self._job, self.due_s = self._job, None, np.inf
-        return job.result() if job is not None else None
+    def begin(
+        self, now_s: float, put: Callable[[Begun], None], function: Callable[..., Begun], *arguments: object
+    ) -> None:
+        """Begin to learn a new pattern, instead of what was being learned. put: adopts it."""
+        self._waiting, self.beginning = [], True
+        self.lane.begin(self._workers.starter.submit(function, *arguments), now_s, now_s, put)
 
-    def settle(self) -> float:
-        """Take what is being learned when a contact, or its pattern, ends; by how much its theta differs."""
-        self._waiting = []
-        new = self.taken()
-        if new is None:
+    def settle(self, now_s: float) -> float:
+        """End what is being learned when a contact, or its pattern, ends; by how much its theta differs."""
+        self._waiting, self.beginning = [], False
+        if not self.lane.adopting.waits:
+            self.lane.drop()
             return 0.0
+        job = self.lane.taken(now_s)
+        if job is None:
+            return 0.0
+        new: Learned = job.result.result()
         self.learned = new
         return new.turned
+
+    def forget_waiting(self) -> None:
+        """Leave out the scans on their way to become keyframes."""
+        self._waiting = []
 
     def end(self) -> None:
         """The contact has ended; its pattern may come again."""

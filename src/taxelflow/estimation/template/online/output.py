@@ -32,7 +32,8 @@ def report(t: float, k: int, pad: int, scale: float, m: Track, rows: Rows) -> No
     noise, cov, pose = room[STATE + 1 :, :3], rows.covariance[k, pad], rows.pose[k, pad]
     _invert(m.doubted, scale, room, cov)
     _invert(m.step, scale, room, noise)
-    pose[0], pose[1], pose[2] = scale * m.state[0], scale * m.state[1], m.state[2] - m.theta_0
+    pose[0], pose[1] = scale * (m.state[0] + m.origin[0]), scale * (m.state[1] + m.origin[1])
+    pose[2] = m.state[2] - m.theta_0
     if not m.seen:
         pose[2] = np.nan
         for a in range(3):
@@ -53,7 +54,8 @@ def report(t: float, k: int, pad: int, scale: float, m: Track, rows: Rows) -> No
     rows.quality[k, pad] = AMBIGUOUS if blurred or unsure or m.changing else OK
     if m.chi <= gate(m.usual, m.count):
         m.poor = 0.0
-        if largest < (BLURRED * scale) ** 2 and (m.changing or not _shown(m)):
+        clear = largest < (BLURRED * scale) ** 2 or m.keyframes < _YOUNG
+        if clear and (m.changing or not _shown(m)):
             m.flag = NOVEL
     else:
         rows.quality[k, pad] = UNRESOLVED

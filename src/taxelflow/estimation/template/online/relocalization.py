@@ -48,7 +48,7 @@ def recognised(
     """
     pattern = known.pattern
     surface = Surface(pattern.coefficients, DOUBT * pattern.doubt, pattern.lattice)
-    error = known.error * known.keyframes.scanned.amplitude
+    error = known.error * known.scanned.amplitude
     taxels = laid_out(scan.places, np.zeros((3, 0)), scan.reading, scan.variance, scan.ceiling, error)
     outward = middle / max(float(np.hypot(*middle)), 1e-9)
     steps = np.arange(12) if theta is None else np.arange(-1, 2)

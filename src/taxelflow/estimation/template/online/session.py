@@ -1,7 +1,8 @@
 """The template scan by scan: registered at once, learned from beside the stream.
 
 What is learned from a scan is adopted a fixed time after it, by the scans' own clock, so that results do not depend on
-how fast the machine is or how the stream is cut; a machine that is too slow makes the stream wait.
+how fast the machine is or how the stream is cut; a machine that is too slow makes the stream wait. A live loop adopts
+it when it is ready instead, see `background.adoption`.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.map_export import Maps
-from taxelflow.estimation.template.online.local_maps import LocalMaps, room_for, rows_of
+from taxelflow.background.worker import worker
+from taxelflow.estimation.template.online.local_maps import LocalMaps
+from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.prediction import expected
 from taxelflow.estimation.template.online.relocalization import close, recognised, surely_elsewhere
+from taxelflow.estimation.template.online.rows import room_for, rows_of
 from taxelflow.estimation.template.online.step import ASKS, BOTH, ELSEWHERE, REPORT
 from taxelflow.estimation.template.online.track_state import (
     BLURRED,
@@ -29,7 +32,11 @@ from taxelflow.numerics.bspline import GAIN, THETA
 from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Floats
+    from collections.abc import Sequence
+
+    from taxelflow.background.adoption import Adopting
+    from taxelflow.background.worker import Runs
+    from taxelflow.messages import Floats, LearnedPattern
     from taxelflow.sensors.layout import Layout
 
 _MISTAKEN = 2
@@ -40,9 +47,9 @@ class StreamSession:
     """A causal estimator of pose on a pattern that it learns."""
 
     def __init__(self, layout: Layout, latency_s: float) -> None:
-        self._layout = layout
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
-        self._maps = LocalMaps(layout, self._worker, latency_s)
+        self._layout, self._latency_s = layout, latency_s
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")
+        self._maps = LocalMaps(layout, Workers(self._thread, self._thread), latency_s)
         pads = len(layout.pads)
         self._touched = bytes(pads)
         self._noise = np.zeros(layout.entries)
@@ -52,10 +59,17 @@ class StreamSession:
         self.notes: list[str] = []
         self._compile()
 
+    def adopt_by(self, adopting: Adopting) -> None:
+        """See `Background`."""
+        beside: Runs = worker()
+        self._maps = LocalMaps(self._layout, Workers(beside, self._thread), self._latency_s, adopting)
+        for compile_ in (compile_batch, compile_stream):
+            beside.submit(compile_).result()
+
     @property
-    def patterns(self) -> Maps:
+    def patterns(self) -> Sequence[LearnedPattern]:
         """Maps of the contacts that have ended."""
-        return self._maps.kept
+        return self._maps.ended.kept
 
     def step(self, scans: Scans) -> Estimates:
         """Estimates of all pads; see `EstimatorSession.step`."""
@@ -77,21 +91,22 @@ class StreamSession:
     def finish(self) -> Estimates:
         """Nothing is held back."""
         for pad in range(len(self._maps.learners)):
-            self._maps.settle(pad)
+            self._maps.settle(pad, np.inf)
             self._maps.keep(pad)
-        self._worker.shutdown()
+        self._maps.ended.finish()
+        self._thread.shutdown()
         return Estimates.unknown(no_scans(self._layout.entries, len(self._maps.learners)))
 
     @property
     def learning(self) -> bool:
         """Whether a pattern is being learned, or waits to be adopted."""
-        return any(own.learning for own in self._maps.learners)
+        return any(own.lane.busy for own in self._maps.learners)
 
     def expected(self, t_s: float | None = None) -> Floats:
         """(entries,), what the taxels should read, by all that is known: in the last scan, or at t_s if the motion goes
         on as it was; NaN on pads without a pattern.
         """
-        return expected(self._maps.stored, self._maps.hand, self._maps.tracks, t_s)
+        return self._maps.gains * expected(self._maps.stored, self._maps.hand, self._maps.tracks, t_s)
 
     def _scan(self, k: int, scan: Scan, rows: Rows) -> None:
         """Estimate one scan into row k."""
@@ -99,14 +114,14 @@ class StreamSession:
         if touched != self._touched:
             self._change(scan)
             self._touched = touched
-        for pad, own in enumerate(self._maps.learners):
-            if own.due_s <= scan.t:
-                self._maps.adopt(pad, self._last)
+        self._maps.adopt(self._last, scan.t)
         came = self._maps.run(BOTH, scan, rows, k)
         if came == ELSEWHERE:
             self._find_again(scan)
             came = self._maps.run(REPORT, scan, rows, k)
         self._last = scan
+        if self._maps.ended.waiting:
+            self._maps.ended.go_on(busy=self.learning)
         if came == ASKS:
             for pad in np.flatnonzero(self._maps.tracks["flag"]).tolist():
                 self._answer(pad, scan)
@@ -154,7 +169,7 @@ class StreamSession:
             if scan.contact[pad]:
                 self._maps.begin(pad, scan)
             else:
-                self._maps.settle(pad)
+                self._maps.settle(pad, scan.t)
                 self._maps.keep(pad)
                 self._maps.learners[pad].end()
                 self._maps.track(pad).active = False
@@ -162,15 +177,17 @@ class StreamSession:
     def _answer(self, pad: int, scan: Scan) -> None:
         """Do what a scan calls for."""
         own, m = self._maps.learners[pad], self._maps.track(pad)
-        if own.learned is None:
+        if own.learned is None or own.beginning:
             return
         if m.flag == GONE:
             grows = m.grows
-            self._maps.settle(pad)
+            self._maps.settle(pad, scan.t)
             self._maps.begin(pad, scan)
             self._maps.track(pad).grows = grows  # it is the same contact
             return
-        if m.state[GAIN] > FAINT and not own.learned.mature:  # what was learned from is too faint
+        faintest = own.learned.keyframes.scanned.readings.max(axis=1).min()
+        louder = self._maps.part(pad, scan).reading.max() > FAINT * faintest
+        if louder and m.state[GAIN] > FAINT and not own.learned.mature:  # what was learned from is too faint
             self._maps.learn_anew(pad, scan)
             return
         self._maps.learn_from(pad, scan)

@@ -31,6 +31,8 @@ class Track:
     """Of the pattern: knot spacing, x and y of knot (0, 0)."""
     state: Annotated[Floats, STATE]
     """Of the object in the last scan, see `bspline`."""
+    origin: Annotated[Floats, 2]
+    """Added to the state's x and y in what is reported."""
     information: Annotated[Floats, STATE, STATE]
     """Of the state, the pattern held."""
     doubted: Annotated[Floats, STATE, STATE]

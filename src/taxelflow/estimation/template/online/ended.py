@@ -1,0 +1,61 @@
+"""The maps of contacts that have ended, made beside the stream where it must not wait for them."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING
+
+from taxelflow.estimation.template.map_export import Maps
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from concurrent.futures import Future
+
+    from taxelflow.background.worker import Runs
+    from taxelflow.messages import LearnedPattern
+
+    Work = Callable[[], LearnedPattern | None]
+
+_MOST_WAITING = 32
+"""From so many on they are made even while something is being learned."""
+
+
+class Ended:
+    """kept: the maps that are done. at_once: make them where they are asked for."""
+
+    def __init__(self, worker: Runs, *, at_once: bool) -> None:
+        self.kept = Maps()
+        self._worker, self._at_once = worker, at_once
+        self._waiting: deque[Work] = deque()
+        self._making: Future[LearnedPattern | None] | None = None
+
+    @property
+    def waiting(self) -> bool:
+        """Whether any map is not done."""
+        return self._making is not None or bool(self._waiting)
+
+    def add(self, work: Work) -> None:
+        """One more, by this function."""
+        if self._at_once:
+            self._keep(work())
+        else:
+            self._waiting.append(work)
+
+    def go_on(self, *, busy: bool) -> None:
+        """Keep what is done, and begin the next when nothing more urgent is going on."""
+        if self._making is not None and self._making.done():
+            self._keep(self._making.result())
+            self._making = None
+        if self._making is None and self._waiting and (not busy or len(self._waiting) > _MOST_WAITING):
+            self._making = self._worker.submit(self._waiting.popleft())
+
+    def finish(self) -> None:
+        """Wait for all."""
+        while self.waiting:
+            self.go_on(busy=False)
+            if self._making is not None:
+                self._making.result()
+
+    def _keep(self, found: LearnedPattern | None) -> None:
+        if found is not None:
+            self.kept.keep(found)

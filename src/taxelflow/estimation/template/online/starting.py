@@ -1,0 +1,55 @@
+"""The pattern that a contact begins with: one known from before, or a new one from a single scan."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from taxelflow.estimation.template.online.map_update import first_pattern
+from taxelflow.estimation.template.online.relocalization import recognised
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from taxelflow.estimation.template.online.local_map import Learned
+    from taxelflow.estimation.template.online.track_state import PadScan
+    from taxelflow.messages import Floats
+
+
+class FirstScan(NamedTuple):
+    """The scan that a pattern begins with. part: as_read, divided by the taxels' gains (taxels,). unseen_error: see
+    `Layout`. delay_s: (taxels,), see `observations.delays_of`. middle: (2,), centroid of the contact.
+    """
+
+    t_s: float
+    part: PadScan
+    as_read: PadScan
+    gains: Floats
+    unseen_error: float
+    delay_s: Floats
+    middle: Floats
+
+
+class Begun(NamedTuple):
+    """The pattern, and the state (5,) of the scan on it. again: whether it is known from before. middle: see
+    `FirstScan`.
+    """
+
+    learned: Learned
+    state: Floats
+    middle: Floats
+    again: bool
+
+
+def begun(first: FirstScan, library: Sequence[Learned]) -> Begun:
+    """A pattern of the library that explains the scan, the latest first, else a new one."""
+    for known in reversed(library):
+        found = recognised(known, first.middle, first.part)
+        if found is not None:
+            return Begun(known, found[0], first.middle, again=True)
+    return begun_anew(first, None)
+
+
+def begun_anew(first: FirstScan, at: Floats | None) -> Begun:
+    """A new pattern, with its origin at the place `at` (2,), else at the contact's centroid."""
+    learned = first_pattern(first.t_s, first.as_read, first.delay_s, first.gains, first.unseen_error, at)
+    return Begun(learned, learned.keyframes.states[0], first.middle, again=False)

@@ -1,0 +1,67 @@
+"""What a tilt of the load may explain of a pose: pressure that shifts on the object looks as if the object had moved.
+
+The line of action of a load wanders over the contact, as an arm moves, as friction pulls, as skin creeps. To first
+order pressure then changes in proportion to itself and to the place in the contact,
+
+    y = g q(u) (1 + a (x - x_c) / r_x + b (y - y_c) / r_y),
+
+with the contact's centre (x_c, y_c) and radii of gyration (r_x, r_y). Of a paraboloid, tilt and shift are the same
+thing; of a pattern with edges they are not. a and b are unknowns of each scan with a zero-mean prior, and are
+eliminated (Schur complement): the covariance of the pose holds what they can explain.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.numerics.bspline import GAIN, STATE, evaluate
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.messages import Floats
+
+_FEWEST = 3
+"""Readings that show a tilt in two directions."""
+_LEAST_RADIUS = 0.1
+"""Least radius of gyration, in pitches: contacts of a single line of taxels."""
+
+
+def without_tilt(
+    information: Floats, pattern: Pattern, scanned: Scanned, states: Floats, error: float, tilt_std: float
+) -> Floats:
+    """Information (scans, 5, 5) of the states with the tilt of each scan eliminated.
+
+    error: see `Scanned.with_error`. tilt_std: standard deviation of a and b; with 0 nothing changes.
+    """
+    if tilt_std <= 0.0:
+        return information
+    readings = scanned.with_error(error)
+    own, values = information.copy(), np.empty((scanned.places.shape[1], STATE))
+    prior = np.eye(2) / tilt_std**2
+    for k, state in enumerate(states):
+        evaluate(pattern.coefficients, pattern.lattice, scanned.places, state, scanned.bends[k], values)
+        q = np.nan_to_num(values[:, 0])
+        seen = (q > 0) & (readings.variance[k] > 0) & (scanned.readings[k] < scanned.ceiling)
+        if np.count_nonzero(seen) < _FEWEST:
+            continue
+        jacobian = np.column_stack([state[GAIN] * values[seen, 1 : STATE - 1], q[seen], state[GAIN] * values[seen, -1]])
+        modes = (state[GAIN] * q[seen])[:, np.newaxis] * _levers(scanned.places[:, seen], q[seen])
+        weighted = modes / readings.variance[k, seen, np.newaxis]
+        shared = jacobian.T @ weighted
+        explained = shared @ np.linalg.solve(modes.T @ weighted + prior, shared.T)
+        held = own[k].any(axis=1) & (np.count_nonzero(own[k], axis=1) == 1)  # a state that is held
+        explained[held] = explained[:, held] = 0.0
+        own[k] -= explained
+    return own
+
+
+def _levers(places: Floats, pressure: Floats) -> Floats:
+    """(taxels, 2), how far each place (2, taxels) is from the centre of pressure (taxels,), in radii of gyration."""
+    share = pressure / pressure.sum()
+    off = places - (places @ share)[:, np.newaxis]
+    radius = np.sqrt(off**2 @ share)
+    levers: Floats = (off / np.maximum(radius, _LEAST_RADIUS)[:, np.newaxis]).T
+    return levers

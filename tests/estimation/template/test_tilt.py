@@ -1,0 +1,55 @@
+"""Poses of contacts whose load may tilt."""
+
+import numpy as np
+
+from taxelflow.estimation.template.bundle_adjustment import information_of
+from taxelflow.estimation.template.hypotheses import covering
+from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.tilt import without_tilt
+
+PEAK, NOISE = 40e3, 400.0
+
+
+def stds(bumps: tuple[tuple[float, float, float], ...], radius: float, tilt_std: float) -> np.ndarray:
+    """Standard deviations (2,) of x and y of bumps (x, y, height) in one scan, in pitches."""
+    axis = np.arange(14) - 6.5
+    places = np.stack([part.ravel() for part in np.meshgrid(axis, -axis)])
+    pressure = sum(
+        height * np.maximum(1.0 - ((places[0] - x) ** 2 + (places[1] - y) ** 2) / radius**2, 0.0)
+        for x, y, height in bumps
+    )
+    readings = np.repeat(PEAK * np.asarray(pressure)[np.newaxis], 3, axis=0)
+    count = places.shape[1]
+    variance = np.full(readings.shape, NOISE**2)
+    scanned = Scanned.of(0.02 * np.arange(3), places, readings, variance, np.full(count, np.inf), np.zeros(count))
+    states = np.zeros((3, 5))
+    states[:, 3] = 1.0
+    pattern = covering(scanned, states)
+    fill(pattern, scanned.with_error(0.01), states)
+    stiffness = np.array([1e-6, 1e-6, np.inf, 1e-2, np.inf])
+    information = information_of(pattern, scanned, states, 0.01, stiffness)
+    own = without_tilt(information, pattern, scanned, states, 0.01, tilt_std)[0]
+    return np.sqrt(np.diagonal(np.linalg.inv(own))[:2])
+
+
+DOME = ((0.0, 0.0, 1.0),)
+FEET = ((-3.0, -3.0, 1.0), (3.0, -3.0, 0.9), (-3.0, 3.0, 0.8), (3.0, 3.0, 1.0))
+
+
+def test_a_round_contact_is_known_less_well_the_more_its_load_may_tilt() -> None:
+    level, some, more = (stds(DOME, 4.0, tilt_std) for tilt_std in (0.0, 0.05, 0.1))
+    assert (some > 1.5 * level).all()
+    assert (more > some).all()
+
+
+def test_what_stands_on_feet_is_where_its_edges_are() -> None:
+    dome = stds(DOME, 4.0, 0.05) / stds(DOME, 4.0, 0.0)
+    feet = stds(FEET, 1.6, 0.05) / stds(FEET, 1.6, 0.0)
+    assert (feet < 1.5).all()
+    assert (feet < dome).all()
+
+
+def test_without_tilt_nothing_changes() -> None:
+    information = np.eye(5)[np.newaxis]
+    assert without_tilt(information, None, None, np.zeros((1, 5)), 0.05, 0.0) is information  # type: ignore[arg-type]
