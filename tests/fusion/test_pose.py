@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taxelflow.fusion.pose import Anchor, Body, follow_pose
-from taxelflow.fusion.twist import Row
+from taxelflow.fusion.twist import Equations, Row
 from taxelflow.geometry import transform
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, records, unknown
@@ -22,7 +22,7 @@ def followed(
     covariance = np.tile(STD_M**2 * np.eye(2), (scans, pads, 1, 1))
     own = np.full((scans, pads, 2), np.nan) if own_turn is None else own_turn
     anchors, bodies = records(Anchor, pads), records(Body, 1)
-    follow_pose(places, covariance, own, flags, flags.any(axis=1), turns, anchors, bodies, rows)
+    follow_pose(places, covariance, own, flags, flags, turns, anchors, bodies, records(Equations, 1), rows)
     return rows
 
 
@@ -90,3 +90,12 @@ def test_everything_is_forgotten_while_nothing_touches() -> None:
     assert np.isnan(rows["pose"][2]).all()
     assert (rows["pose"][3] == 0.0).all()
     assert rows["pose"][4, 2] == pytest.approx(0.1, abs=1e-9)
+
+
+def test_a_contact_that_is_far_off_counts_less_and_widens_the_covariance() -> None:
+    places = seen(np.zeros((40, 3)), np.vstack([POINTS, POINTS + 0.01]))
+    exact = followed(places)
+    places[1:, 0] += 100 * STD_M
+    off = followed(places)
+    assert np.abs(off["pose"][1:, :2]).max() < 0.5 * 100 * STD_M / 6
+    assert off["pose_covariance"][-1, 0, 0] > exact["pose_covariance"][-1, 0, 0]

@@ -17,8 +17,9 @@ class RigidField:
     """Slip vectors of pads and groups, at their places on the flattened hand, as one translation and rotation."""
 
     edge_doubt: float = 0.3
-    """Where a contact touches a pad's border, this share of the largest motion of any pad, and of a pitch, is
-    added to the standard deviation across that border: such a vector counts less beside better ones."""
+    """Share of the largest motion of any pad, and of a pitch, that is added to the standard deviation across a pad's
+    border. It is added where the border cuts a contact and the pose is therefore ambiguous. A pose of quality ok, whose
+    covariance holds at a border too, has nothing added."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.edge_doubt < float("inf"):

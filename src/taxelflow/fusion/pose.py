@@ -6,18 +6,29 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel
-from taxelflow.fusion.twist import Row, add_point, solve_rigid, solve_translation, turn_is_observable
+from taxelflow.compiling import inlined, kernel, routine
+from taxelflow.fusion.twist import Equations, Row, add_point, clear, solve_rigid, solve_translation, turn_is_observable
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.se2 import rotate, rotate_back
+from taxelflow.numerics.se3 import count_true
 from taxelflow.numerics.small_linalg import inverse2
 
-_ITERATIONS = 4
+_ITERATIONS = 8
+_PLAIN = 3
+"""Steps without weights: until then a residual may be the motion since the last scan."""
 _SMALLEST_STEP = 1e-12
 """In m and rad: rounding."""
 _LEAST_VARIANCE_M2 = 1e-18
 """Added to the variance of a place, which may be 0: a nanometre, squared."""
+_FAR = 11.34
+"""Chi-square of three components, 99 % point, beyond which a contact counts less (Huber's weights)."""
+_STUDENT = 4.0
+"""Degrees of freedom of the Student t distribution whose weights keep a contact that is wrong out of the misfit."""
+_MEMORY = 0.98
+"""What is left of misfit and freedom after a scan: they reach back over about 50 scans."""
+_LEAST_FREEDOM = 20.0
+"""Degrees of freedom from which the misfit is significant: its relative standard deviation is then below 0.32."""
 _OWN_TURN_WEIGHT = 0.5
 """Of a pad's own theta: the variance of the one at which it was anchored counts, too, and is about the same."""
 
@@ -33,10 +44,15 @@ class Anchor:
 
 
 class Body:
-    """Pose of the object since first contact, and its covariance; all 0 until something touches."""
+    """Pose of the object since first contact, and its covariance; all 0 until something touches.
+
+    misfit, freedom: chi-square of the contacts' residuals and its degrees of freedom, over the last scans.
+    """
 
     pose: Vector
     covariance: Annotated[Floats, 3, 3]
+    misfit: float
+    freedom: float
 
 
 @kernel
@@ -44,39 +60,61 @@ def follow_pose(
     place: Floats,
     place_cov: Floats,
     own_turn: Floats,
-    touching: Bools,
-    any_contact: Bools,
+    told: Bools,
+    kept: Bools,
     turns: bool,
     anchors: Records,
     bodies: Records,
+    scratch: Records,
     rows: Records,
 ) -> None:
     """Fill the pose of rows (scans,) of `Row`, which come in as NaN.
 
     place: (scans, pads, 2) in the hand. place_cov: (scans, pads, 2, 2). own_turn: (scans, pads, 2), the pad's theta and
-    its variance, NaN where the method has none. touching: (scans, pads), the place is known. any_contact: (scans,).
-    anchors: (pads,) of `Anchor` and bodies: (1,) of `Body` are kept from scan to scan.
-    A contact is anchored on the object where it first lies there; while nothing touches everything is forgotten.
+    its variance, NaN where the method has none. told: (scans, pads), the place is known. kept: (scans, pads), the
+    contact goes on, and where its place is known so is the way from its last place.
+    anchors: (pads,) of `Anchor` and bodies: (1,) of `Body` are kept from scan to scan. scratch: (1,) of
+    `Equations`.
+    A contact is anchored on the object where it first lies there, and stays so while it is kept; it is anchored anew
+    after a gap that its method does not measure across. While nothing touches everything is forgotten.
+    Where the contacts contradict each other more than their covariances allow, the pose's covariance is multiplied by
+    their reduced chi-square (Birge 1932).
     """
     body: Body = bodies[0]
+    equations: Equations = scratch[0]
     for scan in range(place.shape[0]):
-        if not any_contact[scan]:
+        if not count_true(kept[scan]) and not count_true(told[scan]):
             forget(anchors, body)
             continue
-        observable = fit_pose(place[scan], place_cov[scan], own_turn[scan], touching[scan], turns, anchors, body)
+        for pad in range(place.shape[1]):
+            anchors[pad].anchored = anchors[pad].anchored and kept[scan, pad]
+        observable = turns
+        for iteration in range(_ITERATIONS):
+            robust = iteration >= _PLAIN
+            clear(equations)
+            if not add_contacts(
+                (place[scan], place_cov[scan], own_turn[scan], told[scan]), robust, anchors, body, equations
+            ):
+                observable = False
+                break
+            observable = turns and turn_is_observable(equations.normal)
+            if step_pose(observable, body, equations) < _SMALLEST_STEP and robust:
+                break
+        judge_misfit(place[scan], place_cov[scan], own_turn[scan], told[scan], observable, anchors, body)
         for pad in range(place.shape[1]):
             anchor: Anchor = anchors[pad]
-            if touching[scan, pad] and not anchor.anchored:
+            if told[scan, pad] and not anchor.anchored:
                 set_anchor(place[scan, pad], place_cov[scan, pad], own_turn[scan, pad, 0], anchor, body)
-            anchor.anchored = touching[scan, pad]
+            anchor.anchored = anchor.anchored or told[scan, pad]
         row: Row = rows[scan]
         at_start = body.pose[2] == 0.0 and body.covariance[2, 2] == 0.0
         write_pose(body, observable or at_start, row.pose, row.pose_covariance)
 
 
-@kernel
+@routine
 def forget(anchors: Records, body: Body) -> None:
     """The next contact begins at pose 0."""
+    body.misfit = body.freedom = 0.0
     for pad in range(len(anchors)):
         anchors[pad].anchored = False
     for a in range(3):
@@ -85,55 +123,116 @@ def forget(anchors: Records, body: Body) -> None:
             body.covariance[a, b] = 0.0
 
 
-@kernel
-def fit_pose(
-    place: Floats, place_cov: Floats, own_turn: Floats, touching: Bools, turns: bool, anchors: Records, body: Body
-) -> bool:
-    """Gauss-Newton for the object's pose from all anchored contacts; whether its turn is observable."""
-    observable = False
-    for _ in range(_ITERATIONS):
-        normal, right, step = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
-        count = 0
-        for pad in range(len(place)):
-            anchor: Anchor = anchors[pad]
-            if touching[pad] and anchor.anchored:
-                count += 1
-                add_contact(normal, right, place[pad], place_cov[pad], own_turn[pad], anchor, body)
-        if count == 0:
-            return False
-        observable = turns and turn_is_observable(normal)
-        if observable:
-            solve_rigid(normal, right, step, body.covariance)
-        else:
-            solve_translation(normal, right, step, body.covariance)
-            if body.covariance[2, 2] == 0.0:
-                body.covariance[2, 2] = np.inf
-        for a in range(3):
-            body.pose[a] += step[a]
-        if max(abs(step[0]), abs(step[1]), abs(step[2])) < _SMALLEST_STEP:
-            break
-    return observable
+@routine
+def add_contacts(
+    seen: tuple[Floats, Floats, Floats, Bools], robust: bool, anchors: Records, body: Body, equations: Equations
+) -> int:
+    """Add all anchored contacts to the normal equations of a Gauss-Newton step of the object's pose. Returns how many
+    there are.
+
+    seen: places, covariances, own turns and whether they are told, of a scan. robust: less of those that are far off.
+    """
+    place, place_cov, own_turn, told = seen
+    count = 0
+    for pad in range(len(place)):
+        anchor: Anchor = anchors[pad]
+        if told[pad] and anchor.anchored:
+            count += 1
+            add_contact(place[pad], place_cov[pad], own_turn[pad], robust, anchor, body, equations)
+    return count
 
 
-@kernel
+@routine
+def step_pose(with_turn: bool, body: Body, equations: Equations) -> float:
+    """One Gauss-Newton step; the largest of its components, in m and rad."""
+    step = equations.solution
+    if with_turn:
+        solve_rigid(equations, step, body.covariance)
+    else:
+        step[2] = 0.0
+        solve_translation(equations, step, body.covariance)
+        if body.covariance[2, 2] == 0.0:
+            body.covariance[2, 2] = np.inf
+    for a in range(3):
+        body.pose[a] += step[a]
+    return float(max(abs(step[0]), abs(step[1]), abs(step[2])))
+
+
+@routine
 def add_contact(
-    normal: Floats, right: Floats, place: Floats, place_cov: Floats, own_turn: Floats, anchor: Anchor, body: Body
+    place: Floats,
+    place_cov: Floats,
+    own_turn: Floats,
+    robust: bool,
+    anchor: Anchor,
+    body: Body,
+    equations: Equations,
 ) -> None:
-    """Add an anchored contact at a place (2,) to the normal equations of a step of the pose."""
-    cov, w = np.empty((2, 2)), np.empty((2, 2))
-    for a in range(2):
-        for b in range(2):
-            cov[a, b] = place_cov[a, b] + anchor.covariance[a, b]
-    inverse2(cov, _LEAST_VARIANCE_M2, w)
+    """Add an anchored contact at a place (2,) to the normal equations of a step; robust: less if it is far off."""
+    chi2, _, (xx, xy, yy), (dx, dy, off) = residual_of(place, place_cov, own_turn, anchor, body)
+    trust = weight_of(chi2, usual_misfit(body)) if robust else 1.0
     x, y = rotate(np.cos(body.pose[2]), np.sin(body.pose[2]), anchor.x, anchor.y)
-    add_point(normal, right, w, x, y, place[0] - x - body.pose[0], place[1] - y - body.pose[1])
+    add_point(equations, (trust * xx, trust * xy, trust * yy), x, y, dx, dy)
     if own_turn[1] > 0.0 and np.isfinite(anchor.theta):
-        weight = _OWN_TURN_WEIGHT / own_turn[1]
-        normal[2, 2] += weight
-        right[2] += weight * (own_turn[0] - anchor.theta - body.pose[2])
+        own_weight = trust * _OWN_TURN_WEIGHT / own_turn[1]
+        equations.normal[2, 2] += own_weight
+        equations.right[2] += own_weight * off
 
 
-@kernel
+@routine
+def residual_of(
+    place: Floats, place_cov: Floats, own_turn: Floats, anchor: Anchor, body: Body
+) -> tuple[float, int, tuple[float, float, float], tuple[float, float, float]]:
+    """Chi-square of an anchored contact, the number of its components, the weight (xx, xy, yy) of its place, and its
+    residual along x, y and of the turn.
+    """
+    cov = anchor.covariance
+    xx, xy, yy = inverse2(
+        place_cov[0, 0] + cov[0, 0] + _LEAST_VARIANCE_M2,
+        place_cov[0, 1] + cov[0, 1],
+        place_cov[1, 1] + cov[1, 1] + _LEAST_VARIANCE_M2,
+    )
+    x, y = rotate(np.cos(body.pose[2]), np.sin(body.pose[2]), anchor.x, anchor.y)
+    dx, dy = place[0] - x - body.pose[0], place[1] - y - body.pose[1]
+    off = own_turn[0] - anchor.theta - body.pose[2]
+    chi2, measured = dx * (xx * dx + xy * dy) + dy * (xy * dx + yy * dy), 2
+    if own_turn[1] > 0.0 and np.isfinite(anchor.theta):
+        chi2, measured = chi2 + _OWN_TURN_WEIGHT * off * off / own_turn[1], 3
+    return chi2, measured, (xx, xy, yy), (dx, dy, off)
+
+
+@inlined
+def weight_of(chi2: float, usual: float) -> float:
+    """Weight of a contact with this chi-square, where contacts usually have so many times what they should (Huber)."""
+    return np.sqrt(_FAR * usual / chi2) if chi2 > _FAR * usual else 1.0
+
+
+@inlined
+def usual_misfit(body: Body) -> float:
+    """Reduced chi-square of the last scans, at least 1."""
+    return max(1.0, body.misfit / body.freedom) if body.freedom > _LEAST_FREEDOM else 1.0
+
+
+@routine
+def judge_misfit(
+    place: Floats, place_cov: Floats, own_turn: Floats, told: Bools, observable: bool, anchors: Records, body: Body
+) -> None:
+    """Add the weighted residuals of a scan's contacts, if there are more than the pose needs, to the body's misfit."""
+    misfit, freedom = 0.0, 0.0
+    for pad in range(len(place)):
+        anchor: Anchor = anchors[pad]
+        if told[pad] and anchor.anchored:
+            chi2, measured, _, _ = residual_of(place[pad], place_cov[pad], own_turn[pad], anchor, body)
+            weight = min(1.0, (_STUDENT + 2.0) / (_STUDENT + chi2))
+            misfit += weight * chi2
+            freedom += weight * measured
+    freedom -= 3 if observable else 2
+    if freedom > 0.0:
+        body.misfit = _MEMORY * body.misfit + misfit
+        body.freedom = _MEMORY * body.freedom + freedom
+
+
+@routine
 def set_anchor(place: Floats, place_cov: Floats, theta: float, anchor: Anchor, body: Body) -> None:
     """Note where on the object a new contact lies, given where the object is now."""
     cos, sin = np.cos(body.pose[2]), np.sin(body.pose[2])
@@ -144,11 +243,12 @@ def set_anchor(place: Floats, place_cov: Floats, theta: float, anchor: Anchor, b
             anchor.covariance[a, b] = place_cov[a, b]
 
 
-@kernel
+@routine
 def write_pose(body: Body, with_turn: bool, pose: Floats, covariance: Floats) -> None:
     """Fill pose (3,) and covariance (3, 3); what belongs to the turn stays NaN without it."""
     axes = 3 if with_turn else 2
+    factor = usual_misfit(body)
     for a in range(axes):
         pose[a] = body.pose[a]
         for b in range(axes):
-            covariance[a, b] = body.covariance[a, b]
+            covariance[a, b] = factor * body.covariance[a, b]

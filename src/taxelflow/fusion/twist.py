@@ -9,11 +9,11 @@ Slip vectors S_i at places r_i on the flattened hand (the paper's section on rot
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.small_linalg import eigenvalues2, inverse2, inverse3
@@ -40,16 +40,18 @@ class Row:
     pads: float
 
 
-class Equations(NamedTuple):
-    """Normal equations of a scan: of the twist, normal (3, 3) and right (3,); of the affine field a + b x + c y of each
-    component, affine (3, 3), right_x and right_y (3,).
-    """
+class Equations:
+    """Scratch: normal equations of a scan, of the twist and of the affine field a + b x + c y of each component."""
 
-    normal: Floats
-    right: Floats
-    affine: Floats
-    right_x: Floats
-    right_y: Floats
+    normal: Annotated[Floats, 3, 3]
+    right: Vector
+    affine: Annotated[Floats, 3, 3]
+    right_x: Vector
+    right_y: Vector
+    inverse: Annotated[Floats, 3, 3]
+    """Of `affine`."""
+    solution: Vector
+    """Of the equations of a pose."""
 
 
 @kernel
@@ -61,22 +63,25 @@ def fuse_twists(
     span_s: Floats,
     known: Bools,
     turns: bool,
+    scratch: Records,
     rows: Records,
 ) -> None:
     """Fill the velocity, rotor, centre and pads of rows (scans,) of `Row`, which come in as NaN.
 
     place, moved: (scans, pads, 2) in the hand, m. moved_cov: (scans, pads, 2, 2). turn: (scans, pads, 2), turn and its
     variance where the method knows it, else NaN. span_s, known: (scans, pads). turns: whether places are known at all.
+    scratch: (1,) of `Equations`.
     """
+    equations: Equations = scratch[0]
     for scan in range(place.shape[0]):
         row: Row = rows[scan]
-        equations = Equations(np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3)), np.zeros(3), np.zeros(3))
+        clear(equations)
         count = own_turns = 0
         for pad in range(place.shape[1]):
             if known[scan, pad]:
                 count += 1
                 add_pad(equations, place[scan, pad], moved[scan, pad], moved_cov[scan, pad], span_s[scan, pad])
-                own_turns += add_turn(equations.normal, equations.right, turn[scan, pad], span_s[scan, pad])
+                own_turns += add_turn(equations, turn[scan, pad], span_s[scan, pad])
         row.pads = count
         enough = count > 1 or own_turns > 0  # rounding may pretend otherwise, where a covariance is singular
         if turns and enough and turn_is_observable(equations.normal):
@@ -85,21 +90,29 @@ def fuse_twists(
                 solve_rotor(equations, row)
             find_centre(row)
         elif count > 0:
-            solve_translation(equations.normal, equations.right, row.velocity, row.velocity_covariance)
+            solve_mean(equations, row)
 
 
-@kernel
+@routine
+def clear(equations: Equations) -> None:
+    """Begin again, with no vector."""
+    for a in range(3):
+        equations.right[a] = equations.right_x[a] = equations.right_y[a] = 0.0
+        for b in range(3):
+            equations.normal[a, b] = equations.affine[a, b] = 0.0
+
+
+@routine
 def add_pad(equations: Equations, place: Floats, moved: Floats, moved_cov: Floats, span_s: float) -> None:
-    """Add a displacement (2,) at a place (2,), its covariance (2, 2), in the time span_s."""
-    w = np.empty((2, 2))
-    inverse2(moved_cov, _LEAST_VARIANCE_M2, w)
-    for a in range(2):
-        for b in range(2):
-            w[a, b] *= span_s * span_s
+    """Add a displacement in the time span_s to all equations of a scan."""
+    least = _LEAST_VARIANCE_M2
+    xx, xy, yy = inverse2(moved_cov[0, 0] + least, moved_cov[0, 1], moved_cov[1, 1] + least)
+    square = span_s * span_s
+    xx, xy, yy = xx * square, xy * square, yy * square
     x, y, vx, vy = place[0], place[1], moved[0] / span_s, moved[1] / span_s
-    add_point(equations.normal, equations.right, w, x, y, vx, vy)
+    add_point(equations, (xx, xy, yy), x, y, vx, vy)
     # Of the mean variance: a pad that knows one direction only is worth nothing here.
-    scalar = 2.0 * (w[0, 0] * w[1, 1] - w[0, 1] * w[0, 1]) / (w[0, 0] + w[1, 1])
+    scalar = 2.0 * (xx * yy - xy * xy) / (xx + yy)
     basis = (1.0, x, y)
     for i in range(3):
         equations.right_x[i] += scalar * basis[i] * vx
@@ -108,80 +121,88 @@ def add_pad(equations: Equations, place: Floats, moved: Floats, moved_cov: Float
             equations.affine[i, j] += scalar * basis[i] * basis[j]
 
 
-@kernel
-def add_point(normal: Floats, right: Floats, w: Floats, x: float, y: float, vx: float, vy: float) -> None:
-    """Add a vector (vx, vy) at (x, y) with weight w (2, 2) to normal equations for (vx, vy, omega) at the origin."""
-    by_x, by_y = x * w[0, 1] - y * w[0, 0], x * w[1, 1] - y * w[0, 1]  # row of omega in J^T W
-    normal[0, 0] += w[0, 0]
-    normal[0, 1] += w[0, 1]
-    normal[1, 0] += w[0, 1]
-    normal[1, 1] += w[1, 1]
+@routine
+def add_point(
+    equations: Equations, weight: tuple[float, float, float], x: float, y: float, vx: float, vy: float
+) -> None:
+    """Add a vector (vx, vy) at (x, y) with weight (xx, xy, yy) to the equations for (vx, vy, omega) at the origin."""
+    normal, right = equations.normal, equations.right
+    xx, xy, yy = weight
+    by_x, by_y = x * xy - y * xx, x * yy - y * xy  # row of omega in J^T W
+    normal[0, 0] += xx
+    normal[0, 1] += xy
+    normal[1, 0] += xy
+    normal[1, 1] += yy
     normal[0, 2] += by_x
     normal[2, 0] += by_x
     normal[1, 2] += by_y
     normal[2, 1] += by_y
     normal[2, 2] += x * by_y - y * by_x
-    right[0] += w[0, 0] * vx + w[0, 1] * vy
-    right[1] += w[0, 1] * vx + w[1, 1] * vy
+    right[0] += xx * vx + xy * vy
+    right[1] += xy * vx + yy * vy
     right[2] += by_x * vx + by_y * vy
 
 
-@kernel
-def add_turn(normal: Floats, right: Floats, turn: Floats, span_s: float) -> bool:
+@routine
+def add_turn(equations: Equations, turn: Floats, span_s: float) -> bool:
     """Add a pad's own turn and its variance (2,), in the time span_s, if it is known; is it?"""
     if not turn[1] > 0.0:
         return False
-    normal[2, 2] += span_s * span_s / turn[1]
-    right[2] += span_s * turn[0] / turn[1]
+    equations.normal[2, 2] += span_s * span_s / turn[1]
+    equations.right[2] += span_s * turn[0] / turn[1]
     return True
 
 
-@kernel
+@routine
 def turn_is_observable(normal: Floats) -> bool:
     """Whether the turn is determined: information on it that no translation explains, at some distance or itself."""
-    block = np.empty((2, 2))
-    inverse2(normal, 0.0, block)
+    xx, xy, yy = inverse2(normal[0, 0], normal[0, 1], normal[1, 1])
     a, b = normal[0, 2], normal[1, 2]
-    left = normal[2, 2] - (a * a * block[0, 0] + 2.0 * a * b * block[0, 1] + b * b * block[1, 1])
+    left = normal[2, 2] - (a * a * xx + 2.0 * a * b * xy + b * b * yy)
     return bool(left > _LEAST_DISTANCE_M**2 * 0.5 * (normal[0, 0] + normal[1, 1]))
 
 
-@kernel
-def solve_translation(normal: Floats, right: Floats, solution: Floats, covariance: Floats) -> None:
+@routine
+def solve_translation(equations: Equations, solution: Floats, covariance: Floats) -> None:
     """Fill the first two of solution (3,), and the upper left of covariance (3, 3)."""
-    block = np.empty((2, 2))
-    inverse2(normal, 0.0, block)
-    for a in range(2):
-        solution[a] = block[a, 0] * right[0] + block[a, 1] * right[1]
-        for b in range(2):
-            covariance[a, b] = block[a, b]
+    normal, right = equations.normal, equations.right
+    xx, xy, yy = inverse2(normal[0, 0], normal[0, 1], normal[1, 1])
+    solution[0], solution[1] = xx * right[0] + xy * right[1], xy * right[0] + yy * right[1]
+    covariance[0, 0], covariance[1, 1] = xx, yy
+    covariance[0, 1] = covariance[1, 0] = xy
 
 
-@kernel
-def solve_rigid(normal: Floats, right: Floats, solution: Floats, covariance: Floats) -> None:
+@routine
+def solve_mean(equations: Equations, row: Row) -> None:
+    """Fill the velocity of a motion without a turn."""
+    solve_translation(equations, row.velocity, row.velocity_covariance)
+
+
+@routine
+def solve_rigid(equations: Equations, solution: Floats, covariance: Floats) -> None:
     """Fill solution (3,) and covariance (3, 3)."""
-    inverse3(normal, covariance)
+    inverse3(equations.normal, covariance)
     for a in range(3):
-        solution[a] = _product(covariance, a, right)
+        solution[a] = _product(covariance, a, equations.right)
 
 
-@kernel
+@routine
 def solve_twist(equations: Equations, row: Row) -> None:
     """Fill the velocity of a rigid motion, and its rotor, twice the rate of turn."""
-    solve_rigid(equations.normal, equations.right, row.velocity, row.velocity_covariance)
+    solve_rigid(equations, row.velocity, row.velocity_covariance)
     row.rotor, row.rotor_std = 2.0 * row.velocity[2], 2.0 * np.sqrt(row.velocity_covariance[2, 2])
 
 
-@kernel
+@routine
 def solve_rotor(equations: Equations, row: Row) -> None:
     """Fill the rotor of equation (8), from the affine field."""
-    inverse = np.empty((3, 3))
+    inverse = equations.inverse
     inverse3(equations.affine, inverse)
     row.rotor = _product(inverse, 1, equations.right_y) - _product(inverse, 2, equations.right_x)
     row.rotor_std = np.sqrt(inverse[1, 1] + inverse[2, 2])
 
 
-@kernel
+@routine
 def spans_a_plane(affine: Floats) -> bool:
     """Whether the places do not lie on one line. affine: weighted sums of (1, x, y)^T (1, x, y)."""
     weight = affine[0, 0]
@@ -190,7 +211,7 @@ def spans_a_plane(affine: Floats) -> bool:
     return bool(least > _LEAST_DISTANCE_M**2)
 
 
-@kernel
+@routine
 def find_centre(row: Row) -> None:
     """Where the velocity is 0: c = (-v_y, v_x) / omega, and its standard deviations to first order."""
     vx, vy, omega, P = row.velocity[0], row.velocity[1], row.velocity[2], row.velocity_covariance
@@ -202,7 +223,7 @@ def find_centre(row: Row) -> None:
     row.centre_std[1] = np.sqrt(P[0, 0] - 2.0 * cy * P[0, 2] + cy * cy * P[2, 2]) / abs(omega)
 
 
-@kernel
+@routine
 def _product(matrix: Floats, row: int, vector: Floats) -> float:
     """One row of a (3, 3) matrix times a vector (3,)."""
     product: float = matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2]

@@ -1,0 +1,1 @@
+"""The object's motion in space: six degrees of freedom from pads on moving links."""

@@ -1,0 +1,258 @@
+"""One step of the fusion in space, compiled: twist, then pose, of scan after scan."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from taxelflow.compiling import kernel, routine
+from taxelflow.fusion.spatial.pose import Anchor, Body, fit_pose, inherit, set_anchors, start_body
+from taxelflow.fusion.spatial.robust import Verdict
+from taxelflow.fusion.spatial.solve import Contacts, Solution, room
+from taxelflow.fusion.spatial.twist import (
+    Limits,
+    Misfit,
+    Sixfold,
+    centre_of,
+    fill_joints,
+    fill_rows,
+    fuse_twist,
+    unscale,
+    usual_misfit,
+    widen,
+)
+from taxelflow.fusion.spatial.window import Seen, Velocities, put_under, rates
+from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records
+from taxelflow.numerics.se3 import compose, copy_matrix, count_true
+
+_ATTEMPTS = 3
+"""Smooth contacts as those of a round object; as knobs on its surface; as the first again if that was not better."""
+_PROOF = 50.0
+"""Chi-square by which knobs must explain the contacts better: errors of several standard deviations do occur."""
+
+
+class Moving(NamedTuple):
+    """Pads on links: J (scans, pads, 6, joints), twists of the pads per rate of each joint; joint_std: of an angle,
+    rad; rate_std: (scans,), of its rate, rad/s. No joints where their errors are neglected.
+    """
+
+    J: Floats
+    joint_std: float
+    rate_std: Floats
+
+
+class Memory(NamedTuple):
+    """Kept from scan to scan: anchors (pads,), bodies (1,), misfits (2,) of twist and pose."""
+
+    anchors: Records
+    bodies: Records
+    misfits: Records
+
+
+class Written(NamedTuple):
+    """twists, poses: (scans,) of `Sixfold`. body: (scans, 4, 4). blamed: (scans, pads). contradicted: (scans,). pads:
+    (scans,).
+    """
+
+    twists: Records
+    poses: Records
+    body: Floats
+    blamed: Bools
+    contradicted: Bools
+    pads: Floats
+
+
+@kernel
+def fuse_scans(
+    seen: Seen,
+    first: int,
+    window_s: float,
+    velocities: Velocities,
+    moving: Moving,
+    limits: Limits,
+    memory: Memory,
+    out: Written,
+) -> None:
+    """Fill what is written of the scans from `first` of seen on; velocities have an axis of these scans in front, and
+    are filled in here unless the window is 0.
+    """
+    pads, joints = seen.theta.shape[1], moving.J.shape[3]
+    solution = room(pads, joints)
+    contacts = Contacts(
+        np.zeros((pads, 3, 6)),
+        np.zeros((pads, 3)),
+        np.zeros((pads, 3, 3)),
+        np.zeros((pads, 3, joints)),
+        np.zeros(joints),
+        np.zeros(pads),
+    )
+    for row in range(len(out.body)):
+        pose_step(seen, first + row, row, moving, limits, contacts, solution, memory, out)
+        scan, own = first + row, of_scan(velocities, row)
+        usual, under, deep_chi2 = usual_misfit(memory.misfits[0]), seen.under[first + row].copy(), 0.0
+        verdict = Verdict(0, 0.0, 0.0, False)
+        for attempt in range(_ATTEMPTS):
+            if window_s > 0.0:
+                rates(seen, scan, window_s, own)
+            verdict = twist_step(row, own, usual, moving, limits, contacts, solution)
+            if attempt == 0:
+                deep_chi2 = verdict.chi2
+            was = seen.under[scan].copy()
+            if not another(attempt, verdict, deep_chi2, contacts, under, seen.under[scan]):
+                break
+            shift(own, seen.under[scan] - was)
+        write_twist(row, own, usual, verdict, limits, contacts, solution, memory, out)
+
+
+@routine
+def of_scan(velocities: Velocities, row: int) -> Velocities:
+    """Those of one scan, as views."""
+    return Velocities(velocities.frames[row], velocities.rate[row], velocities.covariance[row], velocities.known[row])
+
+
+@routine
+def twist_step(
+    row: int,
+    velocities: Velocities,
+    usual: float,
+    moving: Moving,
+    limits: Limits,
+    contacts: Contacts,
+    solution: Solution,
+) -> Verdict:
+    """Solve for the twist of one scan."""
+    frames = velocities.frames
+    centre = centre_of(frames, velocities.known)
+    fill_rows(frames, centre, limits.length_m, contacts.rows)
+    fill_joints(moving.J[row], moving.rate_std[row], centre, limits.length_m, contacts)
+    return fuse_twist(velocities.rate, velocities.covariance, velocities.known, usual, limits, contacts, solution)
+
+
+@routine
+def another(attempt: int, verdict: Verdict, deep_chi2: float, contacts: Contacts, deep: Floats, under: Floats) -> bool:
+    """Whether to solve another time, with `under` (pads, 3) as it then is.
+
+    First, smooth contacts are those of a round object (deep). If they then contradict each other, and far less at the
+    surface, their patterns are of knobs that are fixed to it and move with it. Else they are taken as deep again.
+    """
+    wrong, smooth = verdict.contradicted, False
+    for pad in range(len(contacts.use)):
+        wrong = wrong or contacts.use[pad] < 0.0
+        smooth = smooth or deep[pad, 2] > 0.0
+    if attempt == 0 and wrong and smooth:
+        under[:] = 0.0
+        return True
+    if attempt == 1 and (wrong or deep_chi2 - verdict.chi2 < _PROOF):
+        under[:] = deep
+        return True
+    return False
+
+
+@routine
+def shift(velocities: Velocities, by: Floats) -> None:
+    """Shift the places of velocities by (pads, 3), in the axes of their frames."""
+    for pad in range(len(velocities.known)):
+        point = put_under(velocities.frames[pad], by[pad])
+        for i in range(3):
+            velocities.frames[pad, i, 3] = point[i]
+
+
+@routine
+def write_twist(
+    row: int,
+    velocities: Velocities,
+    usual: float,
+    verdict: Verdict,
+    limits: Limits,
+    contacts: Contacts,
+    solution: Solution,
+    memory: Memory,
+    out: Written,
+) -> None:
+    """Fill the twist of one scan, and who was blamed."""
+    known = velocities.known
+    count = count_true(known)
+    if count == 0:
+        return
+    twist: Sixfold = out.twists[row]
+    unscale(solution, verdict, centre_of(velocities.frames, known), limits.length_m, limits.twist_m_s, twist)
+    widen(memory.misfits[0], usual, verdict, twist)
+    for pad in range(len(known)):
+        if contacts.use[pad] < 0.0:
+            out.blamed[row, pad] = True
+            count -= 1
+    out.contradicted[row] = verdict.contradicted
+    out.pads[row] = count
+
+
+@routine
+def find_heights(seen: Seen, scan: int, memory: Memory) -> None:
+    """Fill the heights over the pads at which the body's pose has the points of the contacts."""
+    B, body = np.empty((4, 4)), memory.bodies[0]
+    for pad in range(len(memory.anchors)):
+        anchor: Anchor = memory.anchors[pad]
+        if seen.known[scan, pad] and anchor.anchored:
+            compose(body.pose, anchor.frame, B)
+            K, under = seen.frames[scan, pad], seen.under[scan, pad]
+            apart = put_under(B, under) - put_under(K, under)
+            for i in range(3):
+                seen.height[scan, pad] += K[i, 2] * apart[i]
+
+
+@routine
+def pose_step(
+    seen: Seen,
+    scan: int,
+    row: int,
+    moving: Moving,
+    limits: Limits,
+    contacts: Contacts,
+    solution: Solution,
+    memory: Memory,
+    out: Written,
+) -> None:
+    """The pose of one scan."""
+    body: Body = memory.bodies[0]
+    for pad in range(len(memory.anchors)):
+        memory.anchors[pad].anchored = memory.anchors[pad].anchored and seen.kept[scan, pad]
+    if not count_true(seen.held[scan]):
+        start_body(body, memory.anchors)
+        memory.misfits[1].chi2 = memory.misfits[1].freedom = 0.0
+        return
+    if not count_true(seen.known[scan]):
+        return
+    pose: Sixfold = out.poses[row]
+    if body.started:
+        past: Misfit = memory.misfits[1]
+        usual = usual_misfit(past)
+        joint_std = np.sqrt(2.0) * moving.joint_std  # of now, and of when the contact was anchored
+        doubts = (moving.J[row], joint_std, usual)
+        before, under, deep_chi2 = body.pose.copy(), seen.under[scan].copy(), 0.0
+        verdict = Verdict(0, 0.0, 0.0, False)
+        for attempt in range(_ATTEMPTS):
+            copy_matrix(before, body.pose)
+            verdict = fit_pose(seen, scan, doubts, limits, contacts, solution, memory.anchors, body)
+            if attempt == 0:
+                deep_chi2 = verdict.chi2
+            if not another(attempt, verdict, deep_chi2, contacts, under, seen.under[scan]):
+                break
+        centre = centre_of(seen.frames[scan], seen.known[scan])
+        inherit(contacts, solution, centre, limits, memory.anchors, body)
+        unscale(solution, verdict, centre, limits.length_m, limits.pose_m, pose)
+        widen(past, usual, verdict, pose)
+        for pad in range(len(contacts.use)):
+            out.blamed[row, pad] = out.blamed[row, pad] or contacts.use[pad] < 0.0
+        out.contradicted[row] = out.contradicted[row] or verdict.contradicted
+    else:
+        pose.rank = 6.0
+    find_heights(seen, scan, memory)
+    set_anchors(seen, scan, pose.covariance, memory.anchors, body)
+    out.body[row] = body.pose
+
+
+@kernel
+def begin(memory: Memory) -> None:
+    """Nothing touches yet."""
+    start_body(memory.bodies[0], memory.anchors)

@@ -1,0 +1,58 @@
+"""Parameters of the object's motion in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taxelflow.errors import ExtraMissing, ParameterInvalid
+
+if TYPE_CHECKING:
+    from taxelflow.fusion.spatial.session import SpatialSession
+    from taxelflow.messages import Joints
+    from taxelflow.sensors.sensor import Sensor
+
+
+@dataclass(frozen=True)
+class SpatialField:
+    """The object's twist and pose in space, for pads whose place in space is known."""
+
+    window_s: float = 0.25
+    """Window of the twist, s: a straight line through the poses of each contact. 0: displacements of single scans."""
+    blind_m_s: float = 0.02
+    """Standard deviation of the twist beyond which a direction is not observable, m/s (turns: times `length_m`)."""
+    blind_m: float = 0.005
+    """Standard deviation of the pose beyond which a direction is not observable, m (turns: times `length_m`)."""
+    length_m: float = 0.05
+    """Length by which rotations are compared with translations, about the object's radius, m."""
+    edge_doubt: float = 0.3
+    """Share that is added for ambiguous poses at a pad's border, as in `fusion`."""
+
+    def __post_init__(self) -> None:
+        for name in ("window_s", "edge_doubt"):
+            if not 0 <= getattr(self, name) < float("inf"):
+                raise ParameterInvalid(f"spatial.{name}", getattr(self, name), "be 0 or more")
+        for name in ("blind_m_s", "blind_m", "length_m"):
+            if not 0 < getattr(self, name) < float("inf"):
+                raise ParameterInvalid(f"spatial.{name}", getattr(self, name), "be a finite number above 0")
+
+    def begin(self, sensor: Sensor, joints: Joints | None) -> tuple[SpatialSession | None, list[str]]:
+        """As `start`, but without MuJoCo there is no session, and a note to the user. Raises HandModelInvalid."""
+        try:
+            return self.start(sensor, joints), []
+        except ExtraMissing as error:
+            return None, [f"no motion in space: {error}"]
+
+    def start(self, sensor: Sensor, joints: Joints | None) -> SpatialSession | None:
+        """Begin a session; None where no pad has a place in space: no `pose`, or a `link` without joint angles.
+
+        Raises HandModelInvalid, and ExtraMissing for pads on links without MuJoCo.
+        """
+        linked = any(pad.link is not None for pad in sensor.pads)
+        if linked and joints is None:
+            return None
+        if not linked and all(pad.pose is None for pad in sensor.pads):
+            return None
+        from taxelflow.fusion.spatial.session import SpatialSession
+
+        return SpatialSession(self, sensor, joints)

@@ -1,0 +1,240 @@
+"""The object's pose in space since first contact: a robust fit of all contacts to where they lie on the object.
+
+A contact is anchored on the object in its first scan. Later scans tell where that point is now, along the pad and about
+its normal. A contact that comes later inherits the error that the pose has by then: these errors are common to all
+contacts of that time, so they are propagated through the fit and do not average out. While nothing touches, everything
+is forgotten.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from taxelflow.compiling import routine
+from taxelflow.fusion.reference import UNTOLD_M
+from taxelflow.fusion.spatial.robust import Verdict, solve_robustly
+from taxelflow.fusion.spatial.solve import Contacts, Solution, add_product
+from taxelflow.fusion.spatial.twist import (
+    Limits,
+    centre_of,
+    doubt_all,
+    fill_information,
+    fill_joints,
+    fill_rows,
+)
+from taxelflow.fusion.spatial.window import Seen, put_under, turned
+from taxelflow.messages import Floats
+from taxelflow.numerics.records import Records
+from taxelflow.numerics.se3 import cholesky, compose, copy_matrix, exponential, invert, multiply
+
+_ITERATIONS = 4
+"""Steps of Gauss-Newton."""
+_SMALLEST_STEP = 1e-10
+"""In m and rad."""
+
+
+class Anchor:
+    """Where on the object a contact lies. frame: (4, 4), of the contact in the object's frame, turned by its theta.
+    covariance: (3, 3), of the pose when it was anchored. root: (6, 6), a factor of the covariance of the object's pose
+    at that time, in the object's frame; 0 in the first scan.
+    """
+
+    anchored: bool
+    turns: bool
+    frame: Annotated[Floats, 4, 4]
+    covariance: Annotated[Floats, 3, 3]
+    root: Annotated[Floats, 6, 6]
+
+
+class Body:
+    """The object's pose (4, 4) in the hand; started: whether something touches."""
+
+    started: bool
+    pose: Annotated[Floats, 4, 4]
+
+
+@routine
+def start_body(body: Body, anchors: Records) -> None:
+    """The object where it is now is the origin of its motion."""
+    body.started = False
+    for i in range(4):
+        for j in range(4):
+            body.pose[i, j] = 1.0 if i == j else 0.0
+    for pad in range(len(anchors)):
+        anchors[pad].anchored = False
+
+
+@routine
+def fit_pose(
+    seen: Seen,
+    scan: int,
+    doubts: tuple[Floats, float, float],
+    limits: Limits,
+    contacts: Contacts,
+    solution: Solution,
+    anchors: Records,
+    body: Body,
+) -> Verdict:
+    """Move the body to where its anchored contacts are; the solution holds its covariance, scaled, at `centre_of`.
+
+    doubts: derivatives of the pads' places by the joints (pads, 6, joints), standard deviation of a joint's angle, and
+    `usual_misfit`.
+    """
+    J, joint_std, usual = doubts
+    step, centre = np.zeros(6), centre_of(seen.frames[scan], seen.known[scan])
+    verdict = Verdict(0, 0.0, 0.0, False)
+    for _ in range(_ITERATIONS):
+        linearise(seen, scan, centre, limits, contacts, anchors, body)
+        fill_joints(J, joint_std, centre, limits.length_m, contacts)
+        doubt_all(contacts, usual)
+        verdict = solve_robustly(contacts, limits.pose_m, solution)  # blames afresh, the closer the better
+        for i in range(3):
+            step[i], step[3 + i] = solution.xi[i], solution.xi[3 + i] / limits.length_m
+        move_about(centre, step, body.pose)
+        largest = 0.0
+        for i in range(6):
+            largest = max(largest, abs(step[i]))
+        if largest < _SMALLEST_STEP:
+            break
+    return verdict
+
+
+@routine
+def linearise(
+    seen: Seen, scan: int, centre: Floats, limits: Limits, contacts: Contacts, anchors: Records, body: Body
+) -> None:
+    """Fill rows, y and W: how far anchored contacts (points under them) are from where the pose puts them."""
+    B, covariance, predicted = np.empty((4, 4)), np.empty((3, 3)), seen.frames[scan].copy()
+    for pad in range(len(anchors)):
+        anchor: Anchor = anchors[pad]
+        counts = anchor.anchored and seen.known[scan, pad]
+        contacts.use[pad] = 1.0 if counts else 0.0
+        contacts.W[pad] = 0.0
+        contacts.y[pad] = 0.0
+        if not counts:
+            continue
+        K = seen.frames[scan, pad]
+        compose(body.pose, anchor.frame, B)
+        P = put_under(K, seen.under[scan, pad])
+        moved = put_under(B, seen.under[scan, pad])
+        theta = seen.theta[scan, pad]
+        turns = anchor.turns and np.isfinite(theta)
+        place_covariance(seen, scan, pad, covariance)
+        covariance += anchor.covariance
+        if not turns:
+            covariance[2, 2] = np.nan
+        fill_information(covariance, True, contacts.W[pad])
+        for i in range(3):
+            contacts.y[pad, 0] += K[i, 0] * (P[i] - moved[i])
+            contacts.y[pad, 1] += K[i, 1] * (P[i] - moved[i])
+            predicted[pad, i, 3] = moved[i]
+        if turns:
+            off = theta - turned(K, B)
+            contacts.y[pad, 2] = np.arctan2(np.sin(off), np.cos(off))
+    fill_rows(predicted, centre, limits.length_m, contacts.rows)
+
+
+@routine
+def place_covariance(seen: Seen, scan: int, pad: int, covariance: Floats) -> None:
+    """Fill covariance (3, 3) of a contact's pose, with what its pattern does not tell."""
+    copy_matrix(seen.covariance[scan, pad], covariance)
+    for a in range(2):
+        for b in range(2):
+            covariance[a, b] += UNTOLD_M**2 * seen.untold[scan, pad, a, b]
+
+
+@routine
+def move_about(centre: Floats, step: Floats, pose: Floats) -> None:
+    """Move a pose (4, 4) by a small motion (6,) whose translation is that of the point at the centre."""
+    motion, moved = np.empty((4, 4)), np.empty((4, 4))
+    exponential(step, motion)
+    for i in range(3):
+        motion[i, 3] += centre[i]
+        for j in range(3):
+            motion[i, 3] -= motion[i, j] * centre[j]
+    compose(motion, pose, moved)
+    copy_matrix(moved, pose)
+
+
+@routine
+def inherit(
+    contacts: Contacts, solution: Solution, centre: Floats, limits: Limits, anchors: Records, body: Body
+) -> None:
+    """Add to the solution's covariance what the anchors inherited: errors of the pose when they were set, in common."""
+    old = False
+    for pad in range(len(anchors)):
+        old = old or (contacts.use[pad] > 0.0 and anchors[pad].root[0, 0] > 0.0)
+    if not old:
+        return
+    total = np.zeros((6, 6))
+    A, lever = np.zeros((6, 6)), body.pose[:3, 3] - centre
+    for i in range(3):  # from the object's frame to the hand's axes at the centre, scaled
+        n, m = (i + 1) % 3, (i + 2) % 3
+        for j in range(3):
+            A[i, j] = body.pose[i, j]
+            A[3 + i, 3 + j] = limits.length_m * body.pose[i, j]
+            A[i, 3 + j] = lever[n] * body.pose[m, j] - lever[m] * body.pose[n, j]
+    error, told, weighted = np.zeros((6, 6)), np.zeros((3, 6)), np.zeros((6, 6))
+    for pad in range(len(anchors)):
+        if contacts.use[pad] > 0.0:
+            multiply(A, anchors[pad].root, error)
+            multiply(contacts.rows[pad], error, told)
+            add_product(contacts.rows[pad], contacts.W[pad], told, weighted)
+    along = np.zeros((6, 6))
+    multiply(solution.vectors.T, weighted, along)
+    for d in range(6):
+        seen = solution.values[d] * limits.pose_m**2 > 1.0
+        for j in range(6):
+            along[d, j] = along[d, j] / solution.values[d] if seen else 0.0
+    multiply(solution.vectors, along, error)
+    multiply(error, error.T, total)
+    for i in range(6):
+        for j in range(6):
+            solution.covariance[i, j] += total[i, j]
+
+
+@routine
+def set_anchors(seen: Seen, scan: int, covariance: Floats, anchors: Records, body: Body) -> None:
+    """Anchor the contacts that are new; covariance: (6, 6), of the body's pose, from the left, at the hand's origin."""
+    inverse, turn, turned_frame = np.empty((4, 4)), np.zeros((4, 4)), np.empty((4, 4))
+    invert(body.pose, inverse)
+    root = np.zeros((6, 6))
+    rooted = False
+    for pad in range(len(anchors)):
+        anchor: Anchor = anchors[pad]
+        if seen.known[scan, pad] and not anchor.anchored:
+            if body.started and not rooted:
+                factor_in_body(covariance, inverse, root)
+                rooted = True
+            theta = seen.theta[scan, pad]
+            anchor.turns = np.isfinite(theta)
+            angle = theta if anchor.turns else 0.0
+            turn[0, 0] = turn[1, 1] = np.cos(angle)
+            turn[1, 0], turn[0, 1] = np.sin(angle), -np.sin(angle)
+            turn[2, 2] = turn[3, 3] = 1.0
+            compose(seen.frames[scan, pad], turn, turned_frame)
+            compose(inverse, turned_frame, anchor.frame)
+            place_covariance(seen, scan, pad, anchor.covariance)
+            copy_matrix(root, anchor.root)
+            anchor.anchored = True
+        anchor.anchored = anchor.anchored and seen.held[scan, pad]
+    body.started = True
+
+
+@routine
+def factor_in_body(covariance: Floats, inverse: Floats, root: Floats) -> None:
+    """Fill root (6, 6), a factor of a covariance (6, 6) taken to the object's frame by the inverse of its pose."""
+    A = np.zeros((6, 6))
+    for i in range(3):
+        n, m = (i + 1) % 3, (i + 2) % 3
+        for j in range(3):
+            A[i, j] = A[3 + i, 3 + j] = inverse[i, j]
+            A[i, 3 + j] = inverse[n, 3] * inverse[m, j] - inverse[m, 3] * inverse[n, j]
+    half, own = np.empty((6, 6)), np.empty((6, 6))
+    multiply(A, covariance, half)
+    multiply(half, A.T, own)
+    for i in range(6):
+        own[i, i] += 1e-18
+    cholesky(own, root, 6)

@@ -1,0 +1,247 @@
+"""The session of the motion in space: slips of all pads and joint angles become twist and pose of the object."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.fusion.reference import UNTOLD_M_S, Reference
+from taxelflow.fusion.spatial.fuse import Memory, Moving, Written, begin, fuse_scans
+from taxelflow.fusion.spatial.pose import Anchor, Body
+from taxelflow.fusion.spatial.roundness import centres
+from taxelflow.fusion.spatial.twist import Limits, Misfit, Sixfold
+from taxelflow.fusion.spatial.window import Seen, Velocities
+from taxelflow.geometry import quaternion_of
+from taxelflow.messages import AMBIGUOUS, Bools, Floats, SpatialMotions, Texture
+from taxelflow.numerics.records import records
+from taxelflow.sensors.kinematics import PadKinematics
+from taxelflow.sensors.surface import PadSurface
+
+if TYPE_CHECKING:
+    from taxelflow.fusion.spatial.parameters import SpatialField
+    from taxelflow.messages import Joints, Slips
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.sensors.sensor import Sensor
+
+_MOST_STD = 1.0
+"""Over the limit of observability: a component of the twist with a larger standard deviation is NaN."""
+
+
+class SpatialSession:
+    """Fuses block by block; remembers the scans of a window, and where each contact lies on the object."""
+
+    def __init__(self, asked: SpatialField, sensor: Sensor, joints: Joints | None) -> None:
+        """Raises HandModelInvalid, ExtraMissing."""
+        layout = sensor.layout
+        self._asked, self._layout, self._joints = asked, layout, joints
+        self._kinematics = PadKinematics(sensor)
+        self._home = _home_of(layout)
+        self._surfaces = [PadSurface(sensor.pads[pad]) for pad in self._home]
+        placed = self._kinematics.placed[self._home]
+        self._used: Bools = layout.independent & placed & ~np.isnan(_single(layout))
+        self._reference = Reference(len(layout.pads))
+        self._limits = Limits(asked.blind_m_s, asked.blind_m, asked.length_m)
+        moving = sensor.hand is not None and sensor.hand.joint_std_rad > 0.0
+        self._joint_std = sensor.hand.joint_std_rad if moving and sensor.hand is not None else 0.0
+        count = len(layout.pads)
+        self._coarse_m = float(np.max(layout.pitch_m[self._used], initial=0.0))
+        self._memory = Memory(records(Anchor, count), records(Body, 1), records(Misfit, 2))
+        begin(self._memory)
+        self._past = _nothing_seen(count)
+
+    def step(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> SpatialMotions:
+        """Motion per scan. centroid: (scans, pads, 2), see `Contacts`. texture: without one every pattern is that of
+        the object's surface, and tells all directions.
+        """
+        point = self._reference.step(slips, centroid, texture)
+        lag = np.nan_to_num(slips.lag_s)
+        frames = self._frames(slips.t_s[:, np.newaxis] - lag, point)
+        covariance = slips.covariance.copy()
+        doubt = self._asked.edge_doubt * (slips.border & (slips.quality == AMBIGUOUS)[..., np.newaxis])
+        covariance[..., [0, 1], [0, 1]] += (doubt * self._layout.pitch_m) ** 2
+        known = np.isfinite(frames).all(axis=(2, 3)) & np.isfinite(covariance[..., :2, :2]).all(axis=(2, 3))
+        held = slips.contact & self._used
+        noise, theta = _noise_of(slips, covariance), slips.pose[..., 2].copy()
+        if texture is not None:
+            covariance[~texture.turns, 2] = np.nan
+            covariance[~texture.turns, :, 2] = np.nan
+            theta[~texture.turns] = np.nan
+        known &= held
+        now = Seen(
+            slips.t_s,
+            frames,
+            theta,
+            covariance,
+            noise,
+            known,
+            held,
+            held & (np.isfinite(slips.displacement[..., 0]) | ~known),
+            np.zeros(held.shape),
+            np.zeros((*held.shape, 3)) if texture is None else centres(frames, known, texture.smooth, self._coarse_m),
+            np.zeros((*held.shape, 2, 2)) if texture is None else texture.untold,
+        )
+        parts: Any = (np.concatenate([before, new]) for before, new in zip(self._past, now, strict=True))
+        seen = Seen(*parts)
+        first = len(self._past.t_s)
+        velocities = self._room(len(slips)) if self._asked.window_s else self._from_scans(slips, now, doubt, texture)
+        moving = self._moving(slips)
+        out = self._written(len(slips))
+        fuse_scans(seen, first, self._asked.window_s, velocities, moving, self._limits, self._memory, out)
+        keep = int(np.searchsorted(seen.t_s, seen.t_s[-1] - self._asked.window_s)) if len(seen.t_s) else 0
+        kept: Any = (part[keep:] for part in seen)
+        self._past = Seen(*kept)
+        return self._motions(slips.t_s, out)
+
+    def _frames(self, t_s: Floats, point: Floats) -> Floats:
+        """Contact frames (scans, pads, 4, 4) in the hand at times (scans, pads) of points (scans, pads, 2)."""
+        frames = np.full((*point.shape[:2], 4, 4), np.nan)
+        at: dict[bytes, Floats] = {}  # pads are mostly read at one time
+        for number in np.flatnonzero(self._used).tolist():
+            own_s = np.ascontiguousarray(t_s[:, number])
+            T = at.setdefault(own_s.tobytes(), np.zeros(0))
+            if not len(T):
+                T = at[own_s.tobytes()] = self._kinematics.poses(self._kinematics.angles_at(self._joints, own_s))
+            frames[:, number] = T[:, self._home[number]] @ self._surfaces[number].frames(point[:, number])
+        return frames
+
+    def _room(self, scans: int) -> Velocities:
+        """For the velocities of windows."""
+        pads = len(self._layout.pads)
+        return Velocities(
+            np.zeros((scans, pads, 4, 4)),
+            np.zeros((scans, pads, 3)),
+            np.zeros((scans, pads, 3, 3)),
+            np.zeros((scans, pads), dtype=np.bool_),
+        )
+
+    def _from_scans(self, slips: Slips, now: Seen, doubt: Floats, texture: Texture | None) -> Velocities:
+        """Displacements of single scans over their spans, and the motion of the pads in that time."""
+        end_s = slips.t_s[:, np.newaxis] - np.nan_to_num(slips.lag_s)
+        span = slips.span_s
+        before = self._frames(end_s - np.nan_to_num(span), np.nan_to_num(slips.pose[..., :2]))
+        after = self._frames(end_s, np.nan_to_num(slips.pose[..., :2]))
+        for frames in (before, after):
+            frames[..., :3, 3] += np.einsum("spij,spj->spi", frames[..., :3, :3], now.under)
+        carried = np.einsum("spji,spj->spi", after[..., :3, :3], after[..., :3, 3] - before[..., :3, 3])
+        turn = np.arctan2(
+            np.einsum("spi,spi->sp", before[..., :3, 1], after[..., :3, 0]),
+            np.einsum("spi,spi->sp", before[..., :3, 0], after[..., :3, 0]),
+        )
+        moved = slips.displacement.copy()
+        moved[..., :2] += carried[..., :2]
+        moved[..., 2] += turn
+        most = np.max(np.nan_to_num(np.hypot(moved[..., 0], moved[..., 1])), axis=1, initial=0.0)
+        covariance = slips.displacement_covariance.copy()
+        covariance[..., [0, 1], [0, 1]] += (doubt * most[:, np.newaxis, np.newaxis]) ** 2
+        if texture is not None:
+            covariance[..., :2, :2] += (UNTOLD_M_S * span[..., np.newaxis, np.newaxis]) ** 2 * texture.untold
+            moved[~texture.turns, 2] = covariance[~texture.turns, 2, 2] = np.nan
+        known = slips.valid & self._used & np.isfinite(now.frames).all(axis=(2, 3)) & np.isfinite(moved[..., 0])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rate, spread = moved / span[..., np.newaxis], covariance / span[..., np.newaxis, np.newaxis] ** 2
+        deep = now.frames.copy()
+        deep[..., :3, 3] += np.einsum("spij,spj->spi", deep[..., :3, :3], now.under)
+        return Velocities(deep, rate, spread, known)
+
+    def _moving(self, slips: Slips) -> Moving:
+        scans, pads = slips.contact.shape
+        if not self._joint_std:
+            return Moving(np.zeros((scans, pads, 6, 0)), 0.0, np.zeros(scans))
+        J = np.nan_to_num(self._kinematics.jacobians(self._kinematics.angles_at(self._joints, slips.t_s)))[
+            :, self._home
+        ]
+        window_s = self._asked.window_s
+        if window_s:
+            step_s = (
+                float(np.median(np.diff(np.concatenate([self._past.t_s, slips.t_s])))) if scans > 1 else window_s / 9
+            )
+            rate = np.full(scans, np.sqrt(12.0 / max(window_s / step_s, 2.0)) / window_s)
+        else:
+            rate = np.sqrt(2.0) / np.nanmin(np.where(slips.span_s > 0, slips.span_s, np.inf), axis=1)
+        return Moving(
+            np.ascontiguousarray(J), self._joint_std, self._joint_std * np.where(np.isfinite(rate), rate, 1.0)
+        )
+
+    def _written(self, scans: int) -> Written:
+        pads = len(self._layout.pads)
+        return Written(
+            records(Sixfold, scans),
+            records(Sixfold, scans),
+            np.full((scans, 4, 4), np.nan),
+            np.zeros((scans, pads), dtype=np.bool_),
+            np.zeros(scans, dtype=np.bool_),
+            np.zeros(scans),
+        )
+
+    def _motions(self, t_s: Floats, out: Written) -> SpatialMotions:
+        twist, rank = out.twists["value"].copy(), out.twists["rank"].astype(np.int64)
+        deviation = np.sqrt(np.diagonal(out.twists["covariance"], axis1=1, axis2=2))
+        worst = _MOST_STD * self._limits.twist_m_s * np.array([1.0] * 3 + [1.0 / self._limits.length_m] * 3)
+        partly: Bools = np.asarray(rank < 6)
+        none: Bools = np.asarray(out.pads == 0)
+        twist[(deviation > worst) & partly[:, np.newaxis] | none[:, np.newaxis]] = np.nan
+        known = np.isfinite(out.body[:, 0, 0])
+        pose = np.full((len(t_s), 7), np.nan)
+        pose[known, :3] = out.body[known, :3, 3]
+        pose[known, 3:] = quaternion_of(out.body[known, :3, :3])
+        return SpatialMotions(
+            t_s=t_s,
+            twist=twist,
+            twist_covariance=np.where(~none[:, np.newaxis, np.newaxis], out.twists["covariance"], np.nan),
+            pose=pose,
+            pose_covariance=np.where(known[:, np.newaxis, np.newaxis], out.poses["covariance"], np.nan),
+            rank=rank,
+            pose_rank=out.poses["rank"].astype(np.int64),
+            blind=out.twists["blind"].copy(),
+            pose_blind=out.poses["blind"].copy(),
+            blamed=out.blamed,
+            contradicted=out.contradicted,
+            pads=out.pads.astype(np.int64),
+        )
+
+
+def _noise_of(slips: Slips, covariance: Floats) -> Floats:
+    """(scans, pads, 3, 3): half of the covariance of a displacement at rest, where that is less than the pose's own."""
+    noise = 0.5 * slips.displacement_covariance
+    own, whole = (np.diagonal(one, axis1=2, axis2=3) for one in (noise, covariance))
+    less: Bools = np.asarray(((own <= whole) | ~np.isfinite(whole)).all(axis=2))
+    found: Floats = np.where(less[..., np.newaxis, np.newaxis], noise, covariance)
+    return found
+
+
+def _home_of(layout: Layout) -> list[int]:
+    """Number of the pad on which each pad, group (its first) and separate contact lies."""
+    first_taxel = layout.source[layout.starts[:-1]]
+    home: list[int] = (np.searchsorted(layout.starts[: layout.pad_count + 1], first_taxel, side="right") - 1).tolist()
+    return home
+
+
+def _single(layout: Layout) -> Floats:
+    """(pads,): 0, NaN for groups across pads, which have no frame in space."""
+    home = _home_of(layout)
+    ends = layout.starts[: layout.pad_count + 1]
+    own = [layout.source[layout.of_pad(number)] for number in range(len(layout.pads))]
+    return np.array(
+        [
+            0.0 if one.max() < ends[pad + 1] and one.min() >= ends[pad] else np.nan
+            for one, pad in zip(own, home, strict=True)
+        ]
+    )
+
+
+def _nothing_seen(pads: int) -> Seen:
+    none = np.zeros((0, pads), dtype=np.bool_)
+    return Seen(
+        np.zeros(0),
+        np.zeros((0, pads, 4, 4)),
+        np.zeros((0, pads)),
+        np.zeros((0, pads, 3, 3)),
+        np.zeros((0, pads, 3, 3)),
+        none,
+        none,
+        none,
+        np.zeros((0, pads)),
+        np.zeros((0, pads, 3)),
+        np.zeros((0, pads, 2, 2)),
+    )

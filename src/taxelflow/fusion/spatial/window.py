@@ -1,0 +1,155 @@
+"""How fast the object's point at each contact moves in the hand: a straight line through the poses of a window.
+
+The pose of a contact on its pad and the pad's own pose give the point in the hand's frame, so that a moving finger and
+a slip are told apart. The turn about the contact's normal is that on the pad plus that of the pad.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from taxelflow.compiling import routine
+from taxelflow.fusion.reference import UNTOLD_M_S
+from taxelflow.messages import Bools, Floats
+
+_FEWEST = 3
+"""Scans through which a line is drawn."""
+_LEAST_SHARE = 0.4
+"""Of the window that the scans must span; contacts that are younger give no velocity yet."""
+
+
+class Seen(NamedTuple):
+    """What pads see, scan by scan.
+
+    t_s: (scans,). frames: (scans, pads, 4, 4), contact frames in the hand, axes those of the pad. theta: (scans, pads),
+    turn of the contact on its pad, NaN if unknown. covariance: (scans, pads, 3, 3), of the pose in the pad's axes.
+    noise: (scans, pads, 3, 3), the part of it that is independent from scan to scan. known, held: (scans, pads),
+    whether the pose is known, and whether there is contact. kept: (scans, pads), the contact goes on, and where its
+    pose is known so is the way from its last one. height: (scans, pads), of the point over its pad, m, filled in by the
+    fit of the pose: pads do not tell how deep the object is pressed in. under: (scans, pads, 3), from the contact to
+    the point whose motion it shows, in its axes, m; see `roundness`. untold: (scans, pads, 2, 2), see `Texture`.
+    """
+
+    t_s: Floats
+    frames: Floats
+    theta: Floats
+    covariance: Floats
+    noise: Floats
+    known: Bools
+    held: Bools
+    kept: Bools
+    height: Floats
+    under: Floats
+    untold: Floats
+
+
+class Velocities(NamedTuple):
+    """Of one scan. frames: (pads, 4, 4), in the middle of the window, at the object's point. rate: (pads, 3), of that
+    point along x and y and about z. covariance: (pads, 3, 3). known: (pads,).
+    """
+
+    frames: Floats
+    rate: Floats
+    covariance: Floats
+    known: Bools
+
+
+@routine
+def rates(seen: Seen, scan: int, window_s: float, out: Velocities) -> None:
+    """Fill the velocities of the window that ends with a scan."""
+    for pad in range(len(out.known)):
+        out.known[pad] = False
+        if not seen.known[scan, pad]:
+            continue
+        first, count = scan, 0
+        going_on = True
+        while going_on and first >= 0 and seen.held[first, pad] and seen.t_s[first] >= seen.t_s[scan] - window_s:
+            count += seen.known[first, pad]
+            going_on = seen.kept[first, pad]
+            first -= 1
+        first += 1
+        if count >= _FEWEST and seen.t_s[scan] - seen.t_s[first] >= _LEAST_SHARE * window_s:
+            fit_line(seen, pad, first, scan, out)
+
+
+@routine
+def fit_line(seen: Seen, pad: int, first: int, last: int, out: Velocities) -> None:
+    """Weighted regression of the point and of the turn on time; weights are the inverse variances of the place.
+
+    The part of a pose's error that is not noise, that of the pattern, changes slowly: it may differ between the two
+    ends of the window, and does not average out.
+    """
+    weight = mean_s = 0.0
+    for k in range(first, last + 1):
+        if seen.known[k, pad]:
+            w = 1.0 / (seen.covariance[k, pad, 0, 0] + seen.covariance[k, pad, 1, 1])
+            weight += w
+            mean_s += w * (seen.t_s[k] - seen.t_s[last])
+    mean_s /= weight
+    middle, spread, nearest = last, 0.0, np.inf
+    for k in range(first, last + 1):
+        if seen.known[k, pad]:
+            off = seen.t_s[k] - seen.t_s[last] - mean_s
+            spread += off * off / (seen.covariance[k, pad, 0, 0] + seen.covariance[k, pad, 1, 1])
+            if abs(off) < nearest:
+                middle, nearest = k, abs(off)
+    slow = 2.0 / (seen.t_s[last] - seen.t_s[first]) ** 2
+    out.frames[pad] = seen.frames[middle, pad]
+    out.frames[pad, :3, 3] = 0.0
+    out.rate[pad] = 0.0
+    out.covariance[pad] = 0.0
+    for k in range(first, last + 1):
+        if seen.known[k, pad]:
+            share = 1.0 / (seen.covariance[k, pad, 0, 0] + seen.covariance[k, pad, 1, 1])
+            slope = share * (seen.t_s[k] - seen.t_s[last] - mean_s) / spread
+            add_scan(seen, pad, (k, last), share / weight, slope, out)
+            own, noise = seen.covariance[k, pad], seen.noise[k, pad]
+            out.covariance[pad] += slope * slope * noise + share / weight * slow * (own - noise)
+            out.rate[pad, 2] += slope * (seen.theta[k, pad] - seen.theta[middle, pad])
+    if seen.under[last, pad, 2] > 0.0:  # points that are one stay one: levers of noise would pretend to see a turn
+        point = put_under(seen.frames[last, pad], seen.under[last, pad])
+        for i in range(3):
+            out.frames[pad, i, 3] = point[i]
+    for a in range(2):
+        for b in range(2):
+            out.covariance[pad, a, b] += UNTOLD_M_S**2 * seen.untold[last, pad, a, b]
+    out.known[pad] = True
+
+
+@routine
+def add_scan(seen: Seen, pad: int, scans: tuple[int, int], share: float, slope: float, out: Velocities) -> None:
+    """Add a scan's point and the pad's turn, with its share of the mean and its weight in the slope.
+
+    scans: this one, and the last of the window, whose point under the contact holds for all.
+    """
+    scan, last = scans
+    F, K = seen.frames[scan, pad], out.frames[pad]
+    under, height = seen.under[last, pad], seen.height[scan, pad]
+    for i in range(3):
+        point = F[i, 3] + F[i, 0] * under[0] + F[i, 1] * under[1] + F[i, 2] * (under[2] + height)
+        K[i, 3] += share * point
+        out.rate[pad, 0] += slope * K[i, 0] * point
+        out.rate[pad, 1] += slope * K[i, 1] * point
+    out.rate[pad, 2] += slope * turned(K, F)
+
+
+@routine
+def put_under(frame: Floats, under: Floats) -> Floats:
+    """(3,): point of a frame (4, 4) at coordinates (3,)."""
+    point = np.empty(3)
+    for i in range(3):
+        point[i] = frame[i, 3] + frame[i, 0] * under[0] + frame[i, 1] * under[1] + frame[i, 2] * under[2]
+    return point
+
+
+@routine
+def turned(K: Floats, F: Floats) -> float:
+    """Turn of a frame F (4, 4) against K about the z axis of K, rad."""
+    sin = cos = 0.0
+    for i in range(3):
+        cos += K[i, 0] * F[i, 0]
+        sin += K[i, 1] * F[i, 0]
+    angle: float = np.arctan2(sin, cos)
+    return angle
