@@ -7,17 +7,34 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from compiled import compiled
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import records
 from taxelflow.slip.covariance import (
     Cholesky,
     Covariance,
-    factorize,
-    multiply,
-    translation_axes,
-    translation_variance,
-    whiten,
 )
+from taxelflow.slip.covariance import (
+    factorize as _factorize,
+)
+from taxelflow.slip.covariance import (
+    multiply as _multiply,
+)
+from taxelflow.slip.covariance import (
+    translation_axes as _translation_axes,
+)
+from taxelflow.slip.covariance import (
+    translation_variance as _translation_variance,
+)
+from taxelflow.slip.covariance import (
+    whiten as _whiten,
+)
+
+translation_variance = compiled(_translation_variance)
+translation_axes = compiled(_translation_axes)
+factorize = compiled(_factorize)
+whiten = compiled(_whiten)
+multiply = compiled(_multiply)
 
 
 def packed(matrix: Floats, *unknown: int) -> Any:

@@ -7,11 +7,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from compiled import compiled
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import records
-from taxelflow.slip.ending import SlideState, start_slide, start_stopped, stop_odds
+from taxelflow.slip.ending import SlideState
+from taxelflow.slip.ending import start_slide as _start_slide
+from taxelflow.slip.ending import start_stopped as _start_stopped
+from taxelflow.slip.ending import stop_odds as _stop_odds
 from taxelflow.slip.measurement import Measurement
 from taxelflow.slip.onset import SlipEstimate
+
+start_slide = compiled(_start_slide)
+start_stopped = compiled(_start_stopped)
+stop_odds = compiled(_stop_odds)
 
 STD, RATE_HZ = np.array([2e-5, 2e-5, 1e-3]), 100.0
 

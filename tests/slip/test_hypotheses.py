@@ -2,9 +2,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from compiled import compiled
 from taxelflow.numerics.records import records
-from taxelflow.slip.hypotheses import merge_closest, remove
+from taxelflow.slip.hypotheses import merge_closest as _merge_closest
+from taxelflow.slip.hypotheses import remove as _remove
 from taxelflow.slip.onset import Ramp
+
+merge_closest = compiled(_merge_closest)
+remove = compiled(_remove)
 
 
 def started(*times: float) -> Any:

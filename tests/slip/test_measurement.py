@@ -7,19 +7,33 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from compiled import compiled
 from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED
 from taxelflow.numerics.records import records
 from taxelflow.slip.covariance import Covariance
 from taxelflow.slip.measurement import (
     Measurement,
-    has_pose,
-    measure,
-    measure_pose,
     observations,
     parameter_record,
-    raise_to_mean,
 )
+from taxelflow.slip.measurement import (
+    has_pose as _has_pose,
+)
+from taxelflow.slip.measurement import (
+    measure as _measure,
+)
+from taxelflow.slip.measurement import (
+    measure_pose as _measure_pose,
+)
+from taxelflow.slip.measurement import (
+    raise_to_mean as _raise_to_mean,
+)
+
+has_pose = compiled(_has_pose)
+measure = compiled(_measure)
+measure_pose = compiled(_measure_pose)
+raise_to_mean = compiled(_raise_to_mean)
 
 STD = np.array([2e-5, 3e-5, 1e-3])
 

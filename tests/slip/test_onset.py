@@ -10,12 +10,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from compiled import compiled
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import records
 from taxelflow.slip.detector import PadState
 from taxelflow.slip.measurement import Measurement, Parameters
-from taxelflow.slip.onset import MAX_RAMPS, OnsetState, Ramp, alarm_threshold, likelihood_ratio, prune, shiryaev_roberts
-from taxelflow.slip.rest_filter import correlation_inflation, noise_scale, start_rest, update_rest
+from taxelflow.slip.onset import MAX_RAMPS, OnsetState, Ramp, alarm_threshold
+from taxelflow.slip.onset import likelihood_ratio as _likelihood_ratio
+from taxelflow.slip.onset import prune as _prune
+from taxelflow.slip.onset import shiryaev_roberts as _shiryaev_roberts
+from taxelflow.slip.rest_filter import correlation_inflation as _correlation_inflation
+from taxelflow.slip.rest_filter import noise_scale as _noise_scale
+from taxelflow.slip.rest_filter import start_rest as _start_rest
+from taxelflow.slip.rest_filter import update_rest as _update_rest
+
+likelihood_ratio = compiled(_likelihood_ratio)
+shiryaev_roberts = compiled(_shiryaev_roberts)
+prune = compiled(_prune)
+noise_scale = compiled(_noise_scale)
+correlation_inflation = compiled(_correlation_inflation)
+start_rest = compiled(_start_rest)
+update_rest = compiled(_update_rest)
 
 STD = np.array([2e-5, 3e-5, 1e-3])
 CORRELATED = np.outer(STD, STD) * [[1.0, 0.5, -0.3], [0.5, 1.0, 0.2], [-0.3, 0.2, 1.0]]

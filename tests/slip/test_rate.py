@@ -7,15 +7,24 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import poisson
 
+from compiled import compiled
 from taxelflow.compiling import kernel
 from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import records
 from taxelflow.slip.detector import PadState
 from taxelflow.slip.measurement import Measurement, Parameters
-from taxelflow.slip.onset import REACH, alarm_threshold, prune, shiryaev_roberts
+from taxelflow.slip.onset import REACH, alarm_threshold
+from taxelflow.slip.onset import prune as _prune
+from taxelflow.slip.onset import shiryaev_roberts as _shiryaev_roberts
 from taxelflow.slip.parameters import SlipMonitor
-from taxelflow.slip.rest_filter import start_rest, update_rest
+from taxelflow.slip.rest_filter import start_rest as _start_rest
+from taxelflow.slip.rest_filter import update_rest as _update_rest
+
+shiryaev_roberts = compiled(_shiryaev_roberts)
+prune = compiled(_prune)
+start_rest = compiled(_start_rest)
+update_rest = compiled(_update_rest)
 
 STD = np.array([2e-5, 2e-5, 1e-3])
 

@@ -9,17 +9,34 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from compiled import compiled
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import records
 from taxelflow.slip.measurement import Measurement, Parameters
 from taxelflow.slip.rest_filter import (
     RestState,
-    correlation_inflation,
-    discount_noise_scale,
-    noise_scale,
-    start_rest,
-    update_rest,
 )
+from taxelflow.slip.rest_filter import (
+    correlation_inflation as _correlation_inflation,
+)
+from taxelflow.slip.rest_filter import (
+    discount_noise_scale as _discount_noise_scale,
+)
+from taxelflow.slip.rest_filter import (
+    noise_scale as _noise_scale,
+)
+from taxelflow.slip.rest_filter import (
+    start_rest as _start_rest,
+)
+from taxelflow.slip.rest_filter import (
+    update_rest as _update_rest,
+)
+
+noise_scale = compiled(_noise_scale)
+correlation_inflation = compiled(_correlation_inflation)
+start_rest = compiled(_start_rest)
+discount_noise_scale = compiled(_discount_noise_scale)
+update_rest = compiled(_update_rest)
 
 STD, LOAD_M, CREEP_M_S = np.array([2e-5, 3e-5, 1e-3]), 1e-3, 1e-4
 

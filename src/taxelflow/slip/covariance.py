@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Vector
 
@@ -30,7 +30,7 @@ class Cholesky:
     tt: float
 
 
-@kernel
+@routine
 def multiply(covariance: Covariance, factor: float) -> None:
     """Multiply every entry by a factor, in place."""
     for axis in range(3):
@@ -40,7 +40,7 @@ def multiply(covariance: Covariance, factor: float) -> None:
     covariance.yt *= factor
 
 
-@kernel
+@routine
 def translation_variance(covariance: Covariance) -> float:
     """Mean variance of the known ones of x and y, m^2."""
     xx, yy = covariance.variance[0], covariance.variance[1]
@@ -49,13 +49,13 @@ def translation_variance(covariance: Covariance) -> float:
     return float(xx if np.isnan(yy) else 0.5 * (xx + yy))
 
 
-@kernel
+@routine
 def translation_axes(covariance: Covariance) -> int:
     """How many of x and y are known; one of them always is."""
     return 1 if np.isnan(covariance.variance[0]) or np.isnan(covariance.variance[1]) else 2
 
 
-@kernel
+@routine
 def factorize(covariance: Covariance, factor: Cholesky) -> bool:
     """Fill the Cholesky factor; True if theta is known.
 
@@ -74,7 +74,7 @@ def factorize(covariance: Covariance, factor: Cholesky) -> bool:
     return True
 
 
-@kernel
+@routine
 def whiten(factor: Cholesky, residual: Floats) -> float:
     """Replace a residual e (3,) by inv(L) e (forward substitution) and return its squared length."""
     residual[0] /= factor.xx

@@ -6,7 +6,7 @@ from math import erfc
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import kernel, routine
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.slip.covariance import multiply, translation_variance
@@ -73,37 +73,55 @@ def follow(observations: Records, parameters: Parameters, states: Records, slipp
     """
     for pad in range(observations.shape[1]):
         state: PadState = states[pad]
-        for scan in range(observations.shape[0]):
-            _process(observations[scan, pad], parameters, state, changes[scan, pad])
-            slipping[scan, pad] = state.mode == SLIPPING and not state.slide.stop_reported
+        measurement, rest, onset, slide = state.measurement, state.rest, state.onset, state.slide
+        for number in range(observations.shape[0]):
+            scan, change = observations[number, pad], changes[number, pad]
+            _clear(change)
+            _update_load(scan, state)
+            track_jump(scan, measurement.log_load, state.jump)
+            usable, undirected = _continue_contact(scan, state), not np.isnan(scan.disturbance)
+            if usable and undirected:
+                _test_disturbance(scan, parameters, state, change)
+            measured, mode = usable and not undirected and measure(scan, measurement), state.mode
+            if measured and mode == SLIPPING:
+                _scale_noise(state)
+                _test_stop(stop_odds(measurement, parameters.creep_m_s, slide), parameters, state, change)
+            elif measured:
+                raise_to_mean(state.poses, state.mean_variance, measurement.covariance)
+            if measured and mode == RESTING:
+                update_rest(measurement, parameters, rest)
+                _test_onset(shiryaev_roberts(measurement, rest, onset), parameters, state, change)
+                prune(measurement.t_s, onset)
+            elif measured and mode == NEW:
+                _settle(parameters, state)
+            if measured:
+                _test_jump(scan, parameters, state, change)
+                measurement.previous_s = scan.t_s
+            state.last_s = scan.t_s
+            slipping[number, pad] = state.mode == SLIPPING and not slide.stop_reported
 
 
-@kernel
-def _process(scan: Observation, parameters: Parameters, state: PadState, change: Change) -> None:
-    """One scan of one pad."""
+@routine
+def _clear(change: Change) -> None:
     change.onset_s = np.nan
     for axis in range(3):
         change.velocity[axis] = np.nan
-    _update_load(scan, state)
-    track_jump(scan, state.measurement.log_load, state.jump)
-    undirected = not np.isnan(scan.disturbance)
-    if not scan.contact or not (undirected or has_pose(scan, state.partial)):
+
+
+@routine
+def _continue_contact(scan: Observation, state: PadState) -> bool:
+    """Count the poses of a contact; False if there is none to judge."""
+    if not scan.contact or (np.isnan(scan.disturbance) and not has_pose(scan, state.partial)):
         state.mode, state.poses = NEW, 0
-    else:
-        if state.poses == 0:
-            state.first_s, state.measurement.previous_s = scan.t_s, -np.inf
-            discount_noise_scale(state.rest)
-        state.poses += 1
-        if undirected:
-            _test_disturbance(scan, parameters, state, change)
-        elif measure(scan, state.measurement):
-            _judge(parameters, state, change)
-            _test_jump(scan, parameters, state, change)
-            state.measurement.previous_s = scan.t_s
-    state.last_s = scan.t_s
+        return False
+    if state.poses == 0:
+        state.first_s, state.measurement.previous_s = scan.t_s, -np.inf
+        discount_noise_scale(state.rest)
+    state.poses += 1
+    return True
 
 
-@kernel
+@routine
 def _update_load(scan: Observation, state: PadState) -> None:
     """Update the log load. A sudden change makes a new contact: an object, or a part of it, was grasped or released."""
     if not scan.contact:
@@ -119,16 +137,9 @@ def _update_load(scan: Observation, state: PadState) -> None:
             state.mode, state.poses, state.partial = NEW, 0, rise < 0.0
 
 
-@kernel
-def _judge(parameters: Parameters, state: PadState, change: Change) -> None:
-    """Process a measurement that is independent of the one before."""
-    if state.mode == SLIPPING:
-        _slip(parameters, state, change)
-        return
-    raise_to_mean(state.poses, state.mean_variance, state.measurement.covariance)
-    if state.mode == RESTING:
-        _rest(parameters, state, change)
-        return
+@routine
+def _settle(parameters: Parameters, state: PadState) -> None:
+    """One more measurement of a contact that is too young to be judged."""
     measurement, rest = state.measurement, state.rest
     variance = translation_variance(measurement.covariance) * noise_scale(rest)
     yaw_known = not np.isnan(measurement.covariance.variance[2]) and (state.poses == 1 or rest.yaw_poses > 0)
@@ -137,7 +148,7 @@ def _judge(parameters: Parameters, state: PadState, change: Change) -> None:
         state.mode = RESTING
 
 
-@kernel
+@routine
 def _start_rest(position: Floats, variance: float, yaw_known: bool, parameters: Parameters, state: PadState) -> None:
     """Start the rest filter at a position (3,) of this variance, m^2, and the onset detector."""
     start_rest(position, variance, state.measurement.log_load, parameters, state.rest)
@@ -146,48 +157,48 @@ def _start_rest(position: Floats, variance: float, yaw_known: bool, parameters: 
     state.onset.count = 0
 
 
-@kernel
-def _rest(parameters: Parameters, state: PadState, change: Change) -> None:
-    """One more measurement of an object at rest: does a slip begin?"""
-    measurement, rest, onset, step = state.measurement, state.rest, state.onset, state.rest.innovation
-    update_rest(measurement, parameters, rest)
-    statistic = shiryaev_roberts(measurement, rest, onset)
-    prune(measurement.t_s, onset)
+@routine
+def _test_onset(statistic: float, parameters: Parameters, state: PadState, change: Change) -> None:
+    """Does a slip begin? statistic: of `shiryaev_roberts`, after the last measurement of an object at rest."""
+    measurement, rest, slip, step = state.measurement, state.rest, state.onset.slip, state.rest.innovation
     components = step.axes + (1 if step.yaw_used else 0)
     if statistic > alarm_threshold(parameters.alarm_interval_s, measurement.t_s - measurement.previous_s, components):
         state.mode = SLIPPING
-        start_slide(measurement, onset.slip, rest.p_aa, state.slide)
-        rest.square_sum = max(rest.square_sum - onset.slip.explained, 0.0)  # the slip's part is not noise
-        _report(onset.slip.start_s, onset.slip.velocity, step.yaw_used, change)
+        start_slide(measurement, slip, rest.p_aa, state.slide)
+        rest.square_sum = max(rest.square_sum - slip.explained, 0.0)  # the slip's part is not noise
+        _report(slip.start_s, slip.velocity, step.yaw_used, change)
 
 
-@kernel
-def _slip(parameters: Parameters, state: PadState, change: Change) -> None:
-    """One more measurement of a slipping object: has it stopped?"""
-    measurement, slide, stop = state.measurement, state.slide, state.slide.stop
-    covariance = measurement.covariance
-    yaw_known = not np.isnan(covariance.variance[2]) and not slide.yaw_lost
-    if not yaw_known:  # the turn while theta was unknown is unknown
-        slide.yaw_lost, covariance.variance[2] = True, np.nan
+@routine
+def _scale_noise(state: PadState) -> None:
+    """Apply the learned scale to the noise of a measurement; the turn while theta was unknown is unknown."""
+    covariance = state.measurement.covariance
+    if state.slide.yaw_lost or np.isnan(covariance.variance[2]):
+        state.slide.yaw_lost, covariance.variance[2] = True, np.nan
     multiply(covariance, noise_scale(state.rest))
-    odds = stop_odds(measurement, parameters.creep_m_s, slide)
+
+
+@routine
+def _test_stop(odds: float, parameters: Parameters, state: PadState, change: Change) -> None:
+    """Has a slipping object stopped? odds: of `stop_odds`, after its last measurement."""
+    slide, stop = state.slide, state.slide.stop
     if odds > _STOP_ODDS and not slide.stop_reported:
         slide.stop_reported = True
         duration_s = max(stop.since_s - slide.start_s, _MIN_DURATION_S)
         for axis in range(3):
             slide.residual[axis] = (stop.position[axis] - slide.origin[axis]) / duration_s
-        _report(stop.since_s, slide.residual, yaw_known, change)
+        _report(stop.since_s, slide.residual, not slide.yaw_lost, change)
     elif odds < _RESUME_ODDS and slide.stop_reported:
         slide.stop_reported = False
-        _report(slide.start_s, slide.velocity, yaw_known, change)
+        _report(slide.start_s, slide.velocity, not slide.yaw_lost, change)
     if odds > _FINAL_ODDS:
         state.mode = RESTING
         for axis in range(3):
             state.mean_variance[axis] = 0.0  # that of another place
-        _start_rest(stop.position, stop.variance, yaw_known, parameters, state)
+        _start_rest(stop.position, stop.variance, not slide.yaw_lost, parameters, state)
 
 
-@kernel
+@routine
 def _test_jump(scan: Observation, parameters: Parameters, state: PadState, change: Change) -> None:
     """Has an object that rests now jumped here since its load fell?"""
     measurement, jump = state.measurement, state.jump
@@ -208,7 +219,7 @@ def _test_jump(scan: Observation, parameters: Parameters, state: PadState, chang
         store_rest(scan, measurement, jump)
 
 
-@kernel
+@routine
 def _test_disturbance(scan: Observation, parameters: Parameters, state: PadState, change: Change) -> None:
     """One scan of a method without displacement: it slips if noise makes such a disturbance less often than accepted.
 
@@ -226,7 +237,7 @@ def _test_disturbance(scan: Observation, parameters: Parameters, state: PadState
         change.onset_s = scan.t_s
 
 
-@kernel
+@routine
 def _report(onset_s: float, velocity: Floats, yaw_known: bool, change: Change) -> None:
     change.onset_s = onset_s
     for axis in range(3):

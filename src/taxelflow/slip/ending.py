@@ -13,7 +13,7 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.slip.covariance import (
@@ -91,7 +91,7 @@ class SlideState:
     stop: StopEstimate
 
 
-@kernel
+@routine
 def start_slide(measurement: Measurement, slip: SlipEstimate, variance: float, slide: SlideState) -> None:
     """Start from the slip that the onset detector found.
 
@@ -109,7 +109,7 @@ def start_slide(measurement: Measurement, slip: SlipEstimate, variance: float, s
     slide.q_vv = slip.velocity_variance + (unsure * unsure) * (slide.velocity[0] ** 2 + slide.velocity[1] ** 2)
 
 
-@kernel
+@routine
 def start_stopped(
     measurement: Measurement, way: tuple[float, float], start_s: float, end_s: float, dt_s: float, slide: SlideState
 ) -> None:
@@ -133,7 +133,7 @@ def start_stopped(
         stop.position[axis] = y[axis]
 
 
-@kernel
+@routine
 def stop_odds(measurement: Measurement, creep_m_s: float, slide: SlideState) -> float:
     """Odds that the object has stopped, after one more measurement; infinite if the slip is slower than creep.
 
@@ -160,7 +160,7 @@ def stop_odds(measurement: Measurement, creep_m_s: float, slide: SlideState) -> 
     return odds if speed > _MIN_SPEED_CREEPS * creep_m_s else np.inf
 
 
-@kernel
+@routine
 def _update_slide(measurement: Measurement, own: float, axes: int, slide: SlideState) -> float:
     """Kalman filter of position and velocity; the log likelihood of the measurement, relative to its noise."""
     dt, e = measurement.t_s - measurement.previous_s, slide.residual
@@ -178,7 +178,7 @@ def _update_slide(measurement: Measurement, own: float, axes: int, slide: SlideS
     return _log_likelihood(slide.factor, e, own, total, axes)
 
 
-@kernel
+@routine
 def _update_stop(
     measurement: Measurement, own: float, axes: int, slipping: float, stop: Stop, slide: SlideState
 ) -> None:
@@ -192,20 +192,20 @@ def _update_stop(
     stop.variance *= own / total
 
 
-@kernel
+@routine
 def _log_likelihood(factor: Cholesky, residual: Floats, own: float, total: float, axes: int) -> float:
     """Log likelihood of a residual (3,) of variance `total` with noise `own`; the residual is whitened in place."""
     return float(-0.5 * whiten(factor, residual) * own / total - 0.5 * axes * log(total / own))
 
 
-@kernel
+@routine
 def _estimate_stop(since_s: float, variance: float, position: Floats, stop: StopEstimate) -> None:
     stop.since_s, stop.variance = since_s, variance
     for axis in range(3):
         stop.position[axis] = position[axis]
 
 
-@kernel
+@routine
 def _start_stop(t_s: float, previous_s: float, slide: SlideState) -> None:
     """Add a stop between the measurement before and this one; its position is uniform over the path in between."""
     dt = t_s - previous_s

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.numerics.records import Records
 
 
-@kernel
+@routine
 def merge_closest(t_s: float, count: int, recent: int, hypotheses: Records) -> None:
     """Merge one hypothesis into the next: the one that leaves the smallest gap relative to its age.
 
@@ -25,7 +25,7 @@ def merge_closest(t_s: float, count: int, recent: int, hypotheses: Records) -> N
     remove(drop, count, hypotheses)
 
 
-@kernel
+@routine
 def remove(place: int, count: int, hypotheses: Records) -> None:
     """Move the hypotheses after this place one place down."""
     for j in range(place, count - 1):

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.messages import LOST
 from taxelflow.slip.measurement import Measurement, Observation, Parameters
 
@@ -45,7 +45,7 @@ class JumpState:
     """Last position, m."""
 
 
-@kernel
+@routine
 def store_rest(scan: Observation, measurement: Measurement, jump: JumpState) -> None:
     """The object rests at the absolute pose of this scan."""
     covariance = measurement.pose_covariance
@@ -54,14 +54,14 @@ def store_rest(scan: Observation, measurement: Measurement, jump: JumpState) -> 
     jump.rest_xx, jump.rest_yy, jump.rest_xy = covariance.variance[0], covariance.variance[1], covariance.xy
 
 
-@kernel
+@routine
 def start_jump(log_load: float, jump: JumpState) -> None:
     """The load of an object at rest falls at once."""
     jump.load_fell, jump.min_log_load, jump.largest_step_m = True, log_load, 0.0
     jump.x, jump.y = jump.rest_x, jump.rest_y
 
 
-@kernel
+@routine
 def track_jump(scan: Observation, log_load: float, jump: JumpState) -> None:
     """Follow load and pose after the load has fallen; a lost or unknown pose is skipped."""
     if not jump.load_fell:
@@ -75,7 +75,7 @@ def track_jump(scan: Observation, log_load: float, jump: JumpState) -> None:
         jump.largest_step_m, jump.arrival_s = step_m, scan.t_s
 
 
-@kernel
+@routine
 def jump_p_value(measurement: Measurement, parameters: Parameters, jump: JumpState) -> float:
     """Probability that noise and load displace an object at rest by as much as observed.
 

@@ -6,19 +6,19 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats, Slips
 from taxelflow.numerics.records import Records, Vector, record_dtype
 from taxelflow.slip.covariance import Covariance
 
 _UNRESOLVED_FACTOR = 9.0
 """Factor on the variance of a pose whose scan does not fit the method's model: three times the standard deviation."""
-_UNOBSERVABLE_RATIO, _UNOBSERVABLE_M = 100.0, 0.005
+UNOBSERVABLE_RATIO, UNOBSERVABLE_M = 100.0, 0.005
 """An axis x or y is not observable if its standard deviation exceeds this multiple of the other's, and this many m. The
 centroid of a line of taxels has no variance across the line, which is no evidence about motion along it."""
 _MEAN_WEIGHT, _MAX_VARIANCE_RATIO = 0.05, 4.0
 """Weight of a pose in the mean variance at rest (about 20 poses), and the multiple of the mean at which it is cut."""
-_MIN_STD_M, _MIN_STD_RAD = 1e-6, 1e-5
+MIN_STD_M, MIN_STD_RAD = 1e-6, 1e-5
 """Lower limit of the standard deviation of a pose, below any sensor's; some methods report 0."""
 _TIME_TOLERANCE_S = 1e-9
 """Rounding of a clock."""
@@ -88,7 +88,7 @@ def observations(slips: Slips) -> Records:
     return found
 
 
-@kernel
+@routine
 def has_pose(scan: Observation, partial: bool) -> bool:
     """Whether the displacement of a scan can be used.
 
@@ -101,7 +101,7 @@ def has_pose(scan: Observation, partial: bool) -> bool:
     return not partial or scan.quality == OK or on_line
 
 
-@kernel
+@routine
 def measure(scan: Observation, measurement: Measurement) -> bool:
     """Add a scan's displacement; fill in the measurement and return True if it is independent of the one before.
 
@@ -121,13 +121,13 @@ def measure(scan: Observation, measurement: Measurement) -> bool:
     return True
 
 
-@kernel
+@routine
 def measure_pose(scan: Observation, noise_scale: float, measurement: Measurement) -> None:
     """Fill in the covariance of the absolute pose, times the learned scale of the noise."""
     _set_covariance(scan.pose_covariance, _quality_factor(scan) * noise_scale, measurement.pose_covariance)
 
 
-@kernel
+@routine
 def raise_to_mean(poses: int, mean_variance: Floats, covariance: Covariance) -> None:
     """Raise the covariance of an object at rest to its mean over the last poses, axis by axis.
 
@@ -146,7 +146,7 @@ def raise_to_mean(poses: int, mean_variance: Floats, covariance: Covariance) -> 
     covariance.yt *= y * theta
 
 
-@kernel
+@routine
 def _raise_axis(variance: Floats, axis: int, weight: float, mean: Floats) -> float:
     """Update the mean variance of an axis and raise the variance to it; the factor on the standard deviation."""
     own = variance[axis]
@@ -159,37 +159,37 @@ def _raise_axis(variance: Floats, axis: int, weight: float, mean: Floats) -> flo
     return float(factor)
 
 
-@kernel
+@routine
 def _quality_factor(scan: Observation) -> float:
     """Factor on the variance of a pose by its quality."""
     return _UNRESOLVED_FACTOR if scan.quality == UNRESOLVED else 1.0
 
 
-@kernel
+@routine
 def _set_covariance(matrix: Floats, factor: float, covariance: Covariance) -> None:
     """Fill in `factor` times a (3, 3) covariance plus the smallest variance of a pose."""
-    covariance.variance[0] = factor * matrix[0, 0] + _MIN_STD_M**2
-    covariance.variance[1] = factor * matrix[1, 1] + _MIN_STD_M**2
-    covariance.variance[2] = factor * matrix[2, 2] + _MIN_STD_RAD**2
+    covariance.variance[0] = factor * matrix[0, 0] + MIN_STD_M**2
+    covariance.variance[1] = factor * matrix[1, 1] + MIN_STD_M**2
+    covariance.variance[2] = factor * matrix[2, 2] + MIN_STD_RAD**2
     covariance.xy = factor * matrix[0, 1]
     covariance.xt = factor * matrix[0, 2]
     covariance.yt = factor * matrix[1, 2]
 
 
-@kernel
+@routine
 def _one_observable_axis(matrix: Floats) -> bool:
     """Whether exactly one of x and y is observable, by a (3, 3) covariance."""
     xx, yy = matrix[0, 0], matrix[1, 1]
     return _unobservable(xx, yy) or _unobservable(yy, xx)
 
 
-@kernel
+@routine
 def _unobservable(own: float, other: float) -> bool:
     """Whether an axis is not observable, by the variances along it and along the other axis, m^2."""
-    return bool(own > max(_UNOBSERVABLE_RATIO**2 * other, _UNOBSERVABLE_M**2))
+    return bool(own > max(UNOBSERVABLE_RATIO**2 * other, UNOBSERVABLE_M**2))
 
 
-@kernel
+@routine
 def _drop_unobservable_axis(covariance: Covariance) -> None:
     """Mark x or y as unknown if it is not observable."""
     if _unobservable(covariance.variance[0], covariance.variance[1]):

@@ -77,13 +77,16 @@ class LiveOdds:
 
     def __init__(self, pads: int) -> None:
         self._forward = _Forward(pads, LIVE_AFTER_BINS)
+        self._logged = self._forward.last, _log(self._forward.last)
 
     def step(self, slipping: Bools, changes: PatternChanges) -> Odds:
         """Odds of these scans. slipping: (scans, pads), by the pose."""
         log_odds, restless = np.empty(slipping.shape), np.empty_like(slipping)
         start, last = 0, self._forward.last
         for scan, one in [*self._forward.step(slipping, changes), (len(slipping), None)]:
-            log_odds[start:scan], restless[start:scan] = _log(last), last.restless
+            if self._logged[0] is not last:  # it holds for many scans
+                self._logged = last, _log(last)
+            log_odds[start:scan], restless[start:scan] = self._logged[1], last.restless
             start, last = scan, one or last
         return Odds(log_odds, restless)
 

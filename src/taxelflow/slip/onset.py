@@ -19,7 +19,7 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.slip.hypotheses import merge_closest, remove
 from taxelflow.slip.measurement import Measurement
@@ -94,7 +94,7 @@ class OnsetState:
     slip: SlipEstimate
 
 
-@kernel
+@routine
 def likelihood_ratio(ramp: Ramp, square_sum: float, components: float, axes: int) -> tuple[float, float]:
     """L and Q of one ramp. square_sum: E; components: nu; axes: how many of x and y are known."""
     place, yaw, g = ramp.information, ramp.yaw_information, ramp.prior_information
@@ -105,7 +105,7 @@ def likelihood_ratio(ramp: Ramp, square_sum: float, components: float, axes: int
     return exp(min(power, MAX_EXPONENT)), q
 
 
-@kernel
+@routine
 def shiryaev_roberts(measurement: Measurement, rest: RestState, onset: OnsetState) -> float:
     """Shiryaev-Roberts statistic R, s, after one more update of the rest filter.
 
@@ -130,7 +130,7 @@ def shiryaev_roberts(measurement: Measurement, rest: RestState, onset: OnsetStat
     return statistic
 
 
-@kernel
+@routine
 def _start_ramp(start_s: float, dt_s: float, ramp: Ramp) -> None:
     ramp.start_s, ramp.weight, ramp.prior_information = start_s, dt_s, (dt_s / REACH) ** 2
     ramp.response_a = ramp.response_b = ramp.response_c = 0.0
@@ -139,7 +139,7 @@ def _start_ramp(start_s: float, dt_s: float, ramp: Ramp) -> None:
         ramp.score[axis] = 0.0
 
 
-@kernel
+@routine
 def _extend(t_s: float, dt_s: float, rest: RestState, ramp: Ramp) -> None:
     """Add the last innovation to a ramp: run the rest filter on a unit ramp and correlate."""
     step = rest.innovation
@@ -159,7 +159,7 @@ def _extend(t_s: float, dt_s: float, rest: RestState, ramp: Ramp) -> None:
         ramp.score[axis] += f * step.whitened[axis]
 
 
-@kernel
+@routine
 def _estimate(t_s: float, ramp: Ramp, rest: RestState, slip: SlipEstimate) -> None:
     """Fill in the motion of a slip along a ramp. The velocity is L h / (F + g) with the Cholesky factor L."""
     step, root, h, g = rest.innovation, rest.innovation.factor, ramp.score, ramp.prior_information
@@ -175,7 +175,7 @@ def _estimate(t_s: float, ramp: Ramp, rest: RestState, slip: SlipEstimate) -> No
         slip.position[axis] = rest.position[axis] + lag_s * slip.velocity[axis]
 
 
-@kernel
+@routine
 def alarm_threshold(interval_s: float, dt_s: float, components: int) -> float:
     """Threshold of R, s, for a mean time between false alarms of `interval_s` at scans `dt_s` apart.
 
@@ -185,7 +185,7 @@ def alarm_threshold(interval_s: float, dt_s: float, components: int) -> float:
     return float(dt_s * (c * interval_s / dt_s) ** (1.0 / (1.0 + p)))
 
 
-@kernel
+@routine
 def prune(t_s: float, onset: OnsetState) -> None:
     """Make room for one more ramp: drop the oldest if it is too old, else merge two."""
     if onset.count < MAX_RAMPS:

@@ -36,11 +36,10 @@ class SlipMonitor:
                 raise ParameterInvalid(f"monitor.{name}", getattr(self, name), "be 0 or more")
 
     def watch(self, layout: Layout, *, stream: bool) -> SlipStage:
-        """Start the slip stage: poses and patterns together, of a stream or of a recording."""
-        from taxelflow.slip.measurement import parameter_record
+        """Start the slip stage: poses, patterns and facing pads together, of a stream or of a recording."""
         from taxelflow.slip.stage import SlipStage
 
-        return SlipStage(layout, parameter_record(**asdict(self)), self.creep_m_s, stream=stream)
+        return SlipStage(layout, self, stream=stream)
 
     def begin(self, pads: tuple[str, ...]) -> SlipSession:
         """Start a session for a stream by poses alone, over pads of these names: each scan is decided at once."""

@@ -16,7 +16,7 @@ from math import exp
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.compiling import routine
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Vector
 from taxelflow.slip.covariance import Cholesky, factorize, translation_axes, translation_variance, whiten
@@ -109,7 +109,7 @@ class RestState:
     innovation: Innovation
 
 
-@kernel
+@routine
 def noise_scale(rest: RestState) -> float:
     """s^2: variance of the observed noise over that of the reported covariance. Below 1 only at steady load."""
     if rest.components == 0.0:
@@ -118,7 +118,7 @@ def noise_scale(rest: RestState) -> float:
     return float(min(max(rest.square_sum / rest.components, least), MAX_SCALE))
 
 
-@kernel
+@routine
 def correlation_inflation(rest: RestState) -> float:
     """Variance of a mean of many u over that of independent u: (1 + r) / (1 - r) for an autocorrelation r, at least 1.
 
@@ -130,7 +130,7 @@ def correlation_inflation(rest: RestState) -> float:
     return float((1.0 + r) / (1.0 - r)) if r < _MAX_CORRELATION else _MAX_INFLATION
 
 
-@kernel
+@routine
 def start_rest(position: Floats, variance: float, log_load: float, parameters: Parameters, rest: RestState) -> None:
     """The object rests at a position (3,) of this variance, m^2; b and c have their prior."""
     for axis in range(3):
@@ -144,7 +144,7 @@ def start_rest(position: Floats, variance: float, log_load: float, parameters: P
         rest.square_sum = rest.components = PRIOR_COMPONENTS
 
 
-@kernel
+@routine
 def discount_noise_scale(rest: RestState) -> None:
     """Reduce what was learned of the noise to the weight of the prior; keep s^2 only if it is above 1."""
     rest.square_sum = PRIOR_COMPONENTS * max(noise_scale(rest), 1.0)
@@ -152,7 +152,7 @@ def discount_noise_scale(rest: RestState) -> None:
     rest.product_sum = rest.mean_log_load = rest.load_variance = 0.0
 
 
-@kernel
+@routine
 def update_rest(measurement: Measurement, parameters: Parameters, rest: RestState) -> None:
     """Predict to the time of a measurement, fill `rest.innovation`, update.
 
@@ -173,7 +173,7 @@ def update_rest(measurement: Measurement, parameters: Parameters, rest: RestStat
     _update_noise_statistics(whiten(step.factor, step.whitened), rest)
 
 
-@kernel
+@routine
 def _predict(dt_s: float, parameters: Parameters, rest: RestState) -> None:
     """Time update of state and covariance; b and c decay towards their prior."""
     change = rest.innovation.load_change
@@ -192,7 +192,7 @@ def _predict(dt_s: float, parameters: Parameters, rest: RestState) -> None:
     rest.p_cc = keep * keep * cc + fresh * parameters.creep_m_s**2
 
 
-@kernel
+@routine
 def _correct(measurement: Measurement, rest: RestState) -> None:
     """Measurement update of state and covariance; `whitened` becomes the innovation, not whitened yet."""
     step, noise = rest.innovation, measurement.covariance
@@ -212,7 +212,7 @@ def _correct(measurement: Measurement, rest: RestState) -> None:
     rest.p_cc -= step.gain_c * ac
 
 
-@kernel
+@routine
 def _use_yaw(measurement: Measurement, rest: RestState) -> bool:
     """Whether theta was known for long enough to be used; until then its position is the mean since it is known."""
     variance = measurement.covariance.variance
@@ -227,7 +227,7 @@ def _use_yaw(measurement: Measurement, rest: RestState) -> bool:
     return False
 
 
-@kernel
+@routine
 def _update_load_statistics(log_load: float, rest: RestState) -> None:
     """Mean and variance of the log load, with the memory of the noise scale at two components a pose."""
     if rest.components == PRIOR_COMPONENTS:
@@ -237,7 +237,7 @@ def _update_load_statistics(log_load: float, rest: RestState) -> None:
     rest.load_variance = (1.0 - weight) * (rest.load_variance + weight * residual * residual)
 
 
-@kernel
+@routine
 def _update_noise_statistics(square: float, rest: RestState) -> None:
     """Scale and autocorrelation of the noise, from the last u and its squared length."""
     step = rest.innovation

@@ -1,23 +1,26 @@
-"""The slip stage: the pose's detector and the patterns' evidence side by side, and one verdict."""
+"""The slip stage: the pose's detector, the patterns' evidence and pads that agree side by side, and one verdict."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from taxelflow.messages import Bools, Event, Floats, cut, joined
+from taxelflow.slip.measurement import parameter_record
 from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
 from taxelflow.slip.offline import OfflineSlipSession
+from taxelflow.slip.pad_agreement import PadAgreement
 from taxelflow.slip.pattern_change import PatternChanges, PatternWatch
 from taxelflow.slip.session import SlipSession
-from taxelflow.slip.verdict import Verdict
+from taxelflow.slip.slip_events import SlipEvents
+from taxelflow.slip.verdict import Posed, Verdict
 
 if TYPE_CHECKING:
     from taxelflow.messages import Scans, Slips
     from taxelflow.sensors.layout import Layout
-    from taxelflow.slip.measurement import Parameters
+    from taxelflow.slip.parameters import SlipMonitor
 
 Block = TypeVar("Block", Odds, PatternChanges)
 
@@ -25,7 +28,8 @@ Block = TypeVar("Block", Odds, PatternChanges)
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
     """The oldest scans that are judged. slipping: (scans, pads). evidence: (scans, pads), log odds of a slip by the
-    change of the pattern; NaN where unknown. events: of these scans, in time order.
+    change of the pattern; NaN where unknown. events: those that are complete, in time order; of a recording later than
+    their scans, as slips wait for their end.
     """
 
     slipping: Bools
@@ -39,12 +43,14 @@ class Judged:
 class SlipStage:
     """Slips of all pads. `see` gets the scans, `step` their slips, which may come later."""
 
-    def __init__(self, layout: Layout, parameters: Parameters, creep_m_s: float, *, stream: bool) -> None:
-        pads = layout.pads
-        self._watch = PatternWatch(layout, creep_m_s, LIVE_AFTER_BINS if stream else AFTER_BINS)
+    def __init__(self, layout: Layout, monitor: SlipMonitor, *, stream: bool) -> None:
+        pads, parameters = layout.pads, parameter_record(**asdict(monitor))
+        self._watch = PatternWatch(layout, monitor.creep_m_s, LIVE_AFTER_BINS if stream else AFTER_BINS)
         self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)
         self._odds = LiveOdds(len(pads)) if stream else OfflineOdds(len(pads))
+        self._agreement = PadAgreement(layout, monitor)
         self._verdict = Verdict(pads)
+        self._completed = SlipEvents(pads, stream=stream)
         self._changes: list[PatternChanges] = []
         self._slips: list[Slips] = []  # not judged yet
         self._posed: list[Bools] = []  # slipping by the pose, of scans that are not judged yet
@@ -78,7 +84,7 @@ class SlipStage:
             parts.append(self._odds.finish())
         count = sum(map(len, parts))
         if not count:
-            return Judged(posed[:0], np.empty((0, *posed.shape[1:])), [])
+            return Judged(posed[:0], np.empty((0, *posed.shape[1:])), self._completed.finish() if last else [])
         odds = parts[0] if len(parts) == 1 else _joined(parts, Odds)
         slips = joined(self._slips)
         flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
@@ -88,8 +94,10 @@ class SlipStage:
         slips = cut(slips, 0, count) if left else slips
         due = [event for event in self._events if event.t_s <= slips.t_s[-1]]
         self._events = self._events[len(due) :]
-        slipping, found = self._verdict.step(slips, flags[:count], due, odds)
-        return Judged(slipping, odds.log_odds, found)
+        told = Posed(flags[:count], due, self._agreement.step(slips))
+        slipping, found = self._verdict.step(slips, told, odds)
+        complete = self._completed.step(slips, slipping, found)
+        return Judged(slipping, odds.log_odds, [*complete, *self._completed.finish()] if last else complete)
 
     def _taken(self, count: int) -> PatternChanges:
         """The oldest changes, of so many scans."""

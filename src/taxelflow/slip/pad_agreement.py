@@ -1,0 +1,160 @@
+"""Slips on which two facing pads agree: a test whose noise is measured by the pads' difference, at rest and in a slip.
+
+Facing pads touch one rigid object, so their motions along the pads are equal, and their difference is noise. With
+displacements d1, d2 of a window in one frame, s = (d1 + d2) / 2 and e = (d1 - d2) / 2 have the same covariance q^2 S if
+the errors of the pads are independent and alike. So while the object rests
+
+    F = (s' S^-1 s / 2) / mean(e' S^-1 e / 2)  ~  F(2, 2 m),   P(F > f) = (1 + f / m)^-m
+
+for a mean over m scans, whatever q is. S is that of the reported covariances, plus what load and creep may do.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from taxelflow.messages import LOST
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Bools, Floats, Slips
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.slip.parameters import SlipMonitor
+
+WINDOWS = (2, 8)
+"""Windows in scans: the short one finds a fast slip early, the long one a slow slip."""
+MEMORY_SCANS, LEAST_SCANS = 50, 10
+"""Scans over which the noise is measured, and how many a pair needs before it is judged."""
+_MOST = 25.0
+"""Most that one scan counts in the noise: a wrong registration is no noise."""
+_STAYS = 1e-2
+"""p-value below which an agreed slip goes on."""
+_OPPOSITE = -0.95
+"""Cosine between the normals of facing pads, or less."""
+_LEAST_VARIANCE_M2 = 1e-12
+"""Of a displacement: a method may report 0."""
+
+
+class _Step(NamedTuple):
+    """One scan of two pads: mean and half the difference of their displacements, m, and the mean log load."""
+
+    both_x: float
+    both_y: float
+    apart_x: float
+    apart_y: float
+    log_load: float
+
+
+class _Covariance(NamedTuple):
+    """Of a plane vector."""
+
+    xx: float
+    xy: float
+    yy: float
+
+    def half_square(self, x: float, y: float, factor: float = 1.0, more: float = 0.0) -> float:
+        """Half of chi-square of a vector whose covariance is `factor` times this, plus `more` along each axis."""
+        xx, xy, yy = factor * self.xx + more, factor * self.xy, factor * self.yy + more
+        return 0.5 * (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
+
+
+@dataclass(eq=False)
+class _Pair:
+    """Two facing pads. to_first: (2, 2), from the second pad's frame to the first one's. noise: q^2, over `scans`."""
+
+    pads: tuple[int, int]
+    to_first: Floats
+    steps: deque[_Step] = field(default_factory=lambda: deque(maxlen=max(WINDOWS)))
+    noise: float = 1.0
+    scans: int = 0
+    agreed: bool = False
+
+    def forget(self) -> None:
+        """A contact has ended."""
+        self.steps.clear()
+        self.scans, self.agreed = 0, False
+
+    def learn(self, half_square: float) -> None:
+        """One more difference."""
+        self.scans = min(self.scans + 1, MEMORY_SCANS)
+        self.noise += (min(half_square, _MOST) - self.noise) / self.scans
+
+
+class PadAgreement:
+    """Whether facing pads agree that their object slips, scan by scan."""
+
+    def __init__(self, layout: Layout, monitor: SlipMonitor) -> None:
+        self._count, self._monitor = len(layout.pads), monitor
+        self._pairs = [_Pair(pads, to_first) for pads, to_first in facing_pads(layout)]
+
+    def step(self, slips: Slips) -> Bools:
+        """(scans, pads), whether a pad agrees with one that faces it."""
+        agreed = np.zeros((len(slips), self._count), dtype=np.bool_)
+        for pair in self._pairs:
+            pads = list(pair.pads)
+            known = slips.contact[:, pads] & (slips.quality[:, pads] != LOST) & (slips.span_s[:, pads] > 0)
+            known &= np.isfinite(slips.displacement[:, pads, :2]).all(axis=-1)
+            known &= np.isfinite(slips.displacement_covariance[:, pads, :2, :2]).all(axis=(-1, -2))
+            for scan, usable in enumerate(known.all(axis=1).tolist()):
+                if usable:
+                    agreed[scan, pads] |= self._judge(pair, slips, scan)
+                else:
+                    pair.forget()
+        return agreed
+
+    def _judge(self, pair: _Pair, slips: Slips, scan: int) -> bool:
+        first, second = pair.pads
+        turn, (x, y) = pair.to_first, slips.displacement[scan, first, :2].tolist()
+        (u, v) = (turn @ slips.displacement[scan, second, :2]).tolist()
+        matrix = slips.displacement_covariance[scan, first, :2, :2]
+        matrix = (matrix + turn @ slips.displacement_covariance[scan, second, :2, :2] @ turn.T) / 4.0
+        (xx, xy), (_, yy) = matrix.tolist()
+        noise = _Covariance(xx + _LEAST_VARIANCE_M2, xy, yy + _LEAST_VARIANCE_M2)
+        load = float(np.log(np.maximum(slips.load[scan, [first, second]], 1e-9)).mean())
+        pair.steps.append(_Step((x + u) / 2, (y + v) / 2, (x - u) / 2, (y - v) / 2, load))
+        pair.learn(noise.half_square((x - u) / 2, (y - v) / 2))
+        if pair.scans < LEAST_SCANS:
+            return False
+        dt_s = float(slips.span_s[scan, [first, second]].mean())
+        p_value = min(self._p_value(pair, noise, dt_s, window) for window in WINDOWS)
+        accepted = dt_s * self._monitor.alarms_per_hour / 3600.0 / len(WINDOWS)
+        pair.agreed = p_value < (_STAYS if pair.agreed else accepted)
+        return pair.agreed
+
+    def _p_value(self, pair: _Pair, noise: _Covariance, dt_s: float, window: int) -> float:
+        """Of the sum of the last steps if the object rests."""
+        if len(pair.steps) < window:
+            return 1.0
+        steps = list(pair.steps)[-window:]
+        both_x, both_y, apart_x, apart_y, _ = map(sum, zip(*steps, strict=True))
+        # A sum of steps has the noise of its ends only: that of one step. Both skins feel load and creep alike.
+        shared = (self._monitor.load_m * (steps[-1].log_load - steps[0].log_load)) ** 2
+        shared += (self._monitor.creep_m_s * dt_s * window) ** 2
+        now = noise.half_square(apart_x, apart_y)
+        scale = max(pair.noise, (now + pair.scans * pair.noise) / (pair.scans + 1), 1.0)
+        f = noise.half_square(both_x, both_y, scale, shared)
+        return float((1.0 + f / pair.scans) ** -pair.scans)
+
+
+def facing_pads(layout: Layout) -> list[tuple[tuple[int, int], Floats]]:
+    """Pairs of pads that face each other in space, with what turns tangents (2,) of the second into the first's frame.
+
+    Pads without a `pose`, and pads on links that move, are in no pair.
+    """
+    axes: dict[int, Floats] = {}
+    for pad in range(layout.pad_count):
+        own = layout.of_pad(pad)
+        place = layout.place_m[own]
+        if len(place) and np.isfinite(place).all() and np.isfinite(layout.normal[own]).all():
+            flat = np.column_stack([np.ones(len(place)), layout.x_m[own], layout.y_m[own]])
+            fitted = np.linalg.lstsq(flat, place, rcond=None)[0][1:]
+            axes[pad] = np.vstack([fitted, layout.normal[own].mean(axis=0)])
+    found = []
+    for first, second in combinations(axes, 2):
+        if axes[first][2] @ axes[second][2] < _OPPOSITE:
+            found.append(((first, second), axes[first][:2] @ axes[second][:2].T))
+    return found

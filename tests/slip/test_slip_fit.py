@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxelflow.messages import Floats
+from taxelflow.slip.slip_fit import fit_slip, integrate_slip
+
+STD_M, STD_RAD, RATE_HZ = 1e-4, 2e-3, 30.0
+
+
+def fitted(
+    velocity: Floats, *, seed: int = 0, std_m: float = STD_M, turns: bool = True
+) -> tuple[Floats, Floats, Floats]:
+    """Times, noisy poses and covariances of an object with a velocity per scan (scans, 3)."""
+    t = np.arange(len(velocity)) / RATE_HZ
+    pose = np.cumsum(velocity, axis=0) / RATE_HZ
+    std = np.array([std_m, std_m, STD_RAD if turns else np.nan])
+    pose = pose + np.random.default_rng(seed).normal(0.0, 1.0, pose.shape) * std
+    return t, pose, np.broadcast_to(np.diag(std**2), (len(t), 3, 3))
+
+
+def constant(scans: int, *velocity: float) -> Floats:
+    return np.tile(velocity, (scans, 1))
+
+
+@given(st.floats(0.005, 0.2), st.floats(-3.0, 3.0), st.floats(-1.0, 1.0), st.integers(8, 60), st.integers(0, 10**6))
+def test_a_constant_velocity_is_found_within_its_standard_deviations(
+    speed: float, direction: float, rate: float, scans: int, seed: int
+) -> None:
+    velocity = constant(scans, speed * np.cos(direction), speed * np.sin(direction), rate)
+    t, pose, covariance = fitted(velocity, seed=seed)
+    found = fit_slip(t, pose, covariance, t[0], t[-1])
+    assert abs(found.speed_m_s - speed) < 6 * found.std_speed_m_s
+    assert abs(found.turn_rad - rate * t[-1]) < 6 * found.std_turn_rad
+    assert found.path_m == pytest.approx(found.speed_m_s * found.duration_s)
+    assert found.duration_s == pytest.approx(t[-1])
+    assert abs(np.angle(np.exp(1j * (found.direction_rad - direction)))) < 6 * STD_M / found.path_m
+
+
+def test_the_standard_deviations_are_those_of_many_slips() -> None:
+    found = []
+    for seed in range(200):
+        t, pose, covariance = fitted(constant(20, 0.02, 0.01, 0.3), seed=seed)
+        found.append(fit_slip(t, pose, covariance, t[0], t[-1]))
+    for name in ("speed_m_s", "turn_rad"):
+        scatter = np.std([getattr(one, name) for one in found])
+        claimed = np.sqrt(np.mean([getattr(one, f"std_{name}") ** 2 for one in found]))
+        assert claimed == pytest.approx(scatter, rel=0.25), name
+
+
+def test_an_object_that_turns_round_has_the_length_of_its_path() -> None:
+    velocity = np.concatenate([constant(30, 0.03, 0.0, 0.0), constant(30, -0.03, 0.0, 0.0)])
+    t, pose, covariance = fitted(velocity)
+    found = fit_slip(t, pose, covariance, t[0], t[-1])
+    assert found.path_m == pytest.approx(0.03 * t[-1], rel=0.03)
+    assert found.speed_m_s == pytest.approx(0.03, rel=0.03)
+
+
+def test_an_object_that_goes_round_a_circle_has_the_length_of_its_path() -> None:
+    angle = np.linspace(0.0, 2 * np.pi, 120)
+    velocity = 0.04 * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    t, pose, covariance = fitted(velocity)
+    assert fit_slip(t, pose, covariance, t[0], t[-1]).path_m == pytest.approx(0.04 * t[-1], rel=0.03)
+
+
+def test_noise_alone_makes_no_path_longer() -> None:
+    """The sum of displacements would be 21 mm."""
+    t, pose, covariance = fitted(constant(100, 0.003, 0.0, 0.0))
+    assert fit_slip(t, pose, covariance, t[0], t[-1]).path_m == pytest.approx(0.003 * t[-1], rel=0.05)
+    assert np.hypot(*np.diff(pose[:, :2], axis=0).T).sum() > 0.02
+
+
+def test_scans_count_by_their_covariance() -> None:
+    t, pose, covariance = fitted(constant(30, 0.02, 0.0, 0.0))
+    pose, covariance = pose.copy(), covariance.copy()
+    pose[::5, 0] += 0.01
+    covariance[::5] *= 1e6
+    assert fit_slip(t, pose, covariance, t[0], t[-1]).speed_m_s == pytest.approx(0.02, rel=0.02)
+
+
+def test_an_axis_that_is_not_observable_adds_no_path() -> None:
+    t, pose, covariance = fitted(constant(30, 0.02, 0.0, 0.0), turns=False)
+    pose, covariance = pose.copy(), covariance.copy()
+    pose[:, 1] = np.random.default_rng(1).normal(0, 0.02, 30)
+    covariance[:, 1, 1] = 0.02**2
+    found = fit_slip(t, pose, covariance, t[0], t[-1])
+    assert found.speed_m_s == pytest.approx(0.02, rel=0.02)
+    assert (found.direction_rad, np.isnan(found.turn_rad)) == (0.0, True)
+
+
+def test_residuals_above_the_noise_widen_the_standard_deviations() -> None:
+    t, pose, covariance = fitted(constant(30, 0.02, 0.0, 0.0))
+    fair = fit_slip(t, pose, covariance, t[0], t[-1])
+    bold = fit_slip(t, pose, covariance / 100, t[0], t[-1])
+    assert bold.std_speed_m_s > 0.5 * fair.std_speed_m_s
+
+
+def test_displacements_are_summed() -> None:
+    steps = np.array([[0.01, 0.0, np.nan], [np.nan, np.nan, np.nan], [0.01, 0.0, np.nan]])
+    found = integrate_slip(steps, np.broadcast_to(np.eye(3) * 1e-6, (3, 3, 3)), 1.0, 1.5)
+    assert (found.path_m, found.speed_m_s, found.direction_rad) == pytest.approx((0.02, 0.04, 0.0))
+    assert found.std_path_m == pytest.approx(np.sqrt(2) * 1e-3)
+    assert np.isnan(found.turn_rad)
+
+
+def test_without_a_displacement_only_the_duration_is_known() -> None:
+    found = integrate_slip(np.full((3, 3), np.nan), np.full((3, 3, 3), np.nan), 1.0, 1.5)
+    assert found.duration_s == 0.5
+    assert np.isnan([found.path_m, found.speed_m_s, found.std_path_m]).all()
