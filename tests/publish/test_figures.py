@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,6 +42,17 @@ def result(method: str, *, contacts: bool = False, moments: bool = False) -> Res
     moment = Moment("0.50 s", LAYOUT.T_hand[:, :2], vectors, twist, centre)
     tracks = [track(POSE[:, 0], POSE[:, 1], method=method, pad="palm")]
     return ResultPictures(method, LAYOUT, tracks, [contact()] if contacts else [], [moment] if moments else [])
+
+
+def test_patterns_of_all_contacts_are_drawn_together(tmp_path: Path) -> None:
+    one = contact().pattern
+    several = [replace(one, t_first_s=float(k), t_last_s=k + 0.5) for k in range(11)]
+    made = draw_results(Pictures([], [replace(result("template"), patterns=several)], None), tmp_path, "svg")
+    assert [path.stem for path in made] == ["patterns-template", "path-template"]
+    words = svg_words(made[0])
+    assert words.count("palm") == 11
+    assert {"0.0 s, 20 scans", "10.0 s, 20 scans", f"peak {one.pressure.max() / 1e3:.3g} kPa"} <= set(words)
+    assert any(word.startswith("All 11 learned patterns") for word in words)
 
 
 def views() -> Views:

@@ -61,8 +61,10 @@ def _channels(sensor: Sensor) -> str:
     said = [f"the source sends {channels.columns} numbers a scan"]
     if sensor.axes > 1:
         said.append(f"{sensor.axes} per taxel, of which {sensor.normal} is normal to the skin")
-    if sensor.offset or sensor.polarity < 0:
-        said.append(f"{sensor.offset:g} without load, {'less' if sensor.polarity < 0 else 'more'} under load")
+    offset = channels.offset
+    if offset.any() or sensor.polarity < 0:
+        idle = f"{offset:g}" if offset.ndim == 0 else f"{offset.min():g} to {offset.max():g}"
+        said.append(f"{idle} without load, {'less' if sensor.polarity < 0 else 'more'} under load")
     if bool(np.any(np.diff(channels.column) < 0)):
         said.append("in an order of its own")
     if sensor.gain:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.publish.plots.hand import Moment, field_figure
 from taxelflow.publish.plots.path import path_figure
 from taxelflow.publish.plots.pattern import Contact, pattern_figure
+from taxelflow.publish.plots.patterns import patterns_figure
 from taxelflow.publish.plots.position import position_figure
 from taxelflow.publish.plots.sensor import sensor_figure
 from taxelflow.publish.plots.style import save, styled
@@ -24,28 +25,35 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Event, Floats, LearnedPattern
     from taxelflow.publish.results import Track
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 
 _FORMATS = ("svg", "png", "pdf")
-_FIELD_CAPTION = "Slip vectors on the hand laid flat, at moments when most pads have one; + is the centre of rotation."
+_FIELD_CAPTION = (
+    "Slip vectors on the hand laid flat, at moments when most pads slip: red where the pad slips, grey where it does "
+    "not; + is the centre of rotation. Taxels are shaded by pressure where the recording is at hand."
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PadTracks:
-    """Positions on one pad by several methods. truth: times (n,) in s and poses (n, 3) in m, rad; None if unknown."""
+    """Positions on one pad by several methods. truth: times (n,) in s and poses (n, 3) in m, rad; None if unknown.
+    events: those of the pad, by track.
+    """
 
     pad: str
     tracks: list[Track]
     truth: tuple[Floats, Floats] | None
+    events: list[list[Event]] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResultPictures:
-    """What is drawn of one method's result. tracks: of the pads drawn. contacts: those with a learned pattern.
-    moments: slip vectors over the hand, none unless several pads moved at once.
+    """What is drawn of one method's result. tracks: of the pads drawn. contacts: of each pad the one whose pattern was
+    learned from most scans. moments: slip vectors over the hand, none unless several pads moved at once and one
+    slipped. patterns: of all contacts; unit: of their pressure.
     """
 
     method: str
@@ -53,6 +61,8 @@ class ResultPictures:
     tracks: list[Track]
     contacts: list[Contact]
     moments: list[Moment]
+    patterns: list[LearnedPattern] = field(default_factory=list)
+    unit: str = "Pa"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,8 +90,8 @@ class Pictures:
 def draw_results(pictures: Pictures, out: Path, form: str) -> list[Path]:
     """Draw into the directory `out`, made if it does not exist, as form svg, png or pdf; return the files.
 
-    Per pad a `position-PAD`; per contact with a learned pattern a `pattern-PAD`; one `path-METHOD` and at most one
-    `field-METHOD` per result; `views`. Raises ExtraMissing.
+    Per pad a `position-PAD` and a `pattern-PAD` if a pattern was learned; per result one `path-METHOD`, at most one
+    `field-METHOD`, and `patterns-METHOD` if several were learned; `views`. Raises ExtraMissing.
     """
     made: list[Path] = []
     with styled():
@@ -96,16 +106,18 @@ def _figures(pictures: Pictures) -> Iterator[tuple[str, Figure]]:
     for pad in pictures.pads:
         shown = None if pad.truth is None else (pad.truth[0], pad.truth[1][:, :2])
         strokes = () if pad.truth is None else strokes_of(*pad.truth)
-        yield f"position-{pad.pad}", position_figure(pad.tracks, shown, strokes)
+        yield f"position-{pad.pad}", position_figure(pad.tracks, shown, strokes, pad.events)
     for result in pictures.results:
         for contact in result.contacts:
             yield f"pattern-{contact.pattern.pad}", pattern_figure(result.layout, contact)
+        if len(result.patterns) > 1:
+            yield f"patterns-{result.method}", patterns_figure(result.patterns, result.unit)
     for result in pictures.results:
         if result.tracks:
             yield f"path-{result.method}", path_figure(result.tracks, result.layout)
     for result in pictures.results:
         if result.moments:
-            yield f"field-{result.method}", field_figure(result.layout, result.moments, _FIELD_CAPTION)
+            yield f"field-{result.method}", field_figure(result.layout, {result.method: result.moments}, _FIELD_CAPTION)
     if pictures.views is not None:
         views = pictures.views
         yield "views", views_figure(views.title, views.image, views.unit, views.matrix, views.slip_mm)

@@ -1,4 +1,4 @@
-"""Pads as digits on colour: the most that each taxel has read, and which taxels are not well."""
+"""Pads as digits on colour: the most that each taxel has read, and which taxels are faulty."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _RAMP = ("#30123b", "#4145ab", "#4675ed", "#39a2fc", "#1bcfd4", "#24eca6", "#61f
 """Ten steps of a colour map, dark to light."""
 _DARK = 4
 _WIDE = 40
-MEANINGS = {".": "never loaded", "F": "full scale", "!": "not well", "x": "masked"}
+MEANINGS = {".": "never loaded", "F": "full scale", "!": "faulty", "x": "masked"}
 
 
 class PadPicture(Protocol):

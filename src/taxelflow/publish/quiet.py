@@ -19,6 +19,7 @@ def quiet_table(*headings: str, title: str | None = None, caption: str | None = 
         caption=caption,
         caption_justify="left",
     )
-    for heading in headings:
-        table.add_column(Text(heading.rstrip(":")), justify="left" if heading.endswith(":") else "right")
+    for number, heading in enumerate(headings):
+        left = heading.endswith(":")
+        table.add_column(Text(heading.rstrip(":")), justify="left" if left else "right", no_wrap=left and not number)
     return table

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import csv
+import io
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import msgspec
 import numpy as np
 
 from taxelflow.errors import ResultMissing
-from taxelflow.messages import OK, QUALITY
+from taxelflow.messages import OK, QUALITY, Event
 from taxelflow.publish.summary import Summary
 
 if TYPE_CHECKING:
@@ -20,11 +21,14 @@ if TYPE_CHECKING:
 
 # fmt: off
 _COLUMNS = (
-    "t_s", "x_m", "y_m", "theta_rad", "dx_m", "dy_m", "vx_m_s", "vy_m_s", "std_x_m", "std_y_m", "std_theta_rad",
-    "lag_s",
+    "t_s", "x_m", "y_m", "theta_rad", "dx_m", "dy_m", "vx_m_s", "vy_m_s", "omega_rad_s", "std_x_m", "std_y_m",
+    "std_theta_rad", "lag_s", "load_pa",
 )
 # fmt: on
+_EVENT_NUMBERS = ("onset_s", "direction_rad", "speed_m_s", "turn_rad_s")
 _FLAGS = ("contact", "slipping")
+_PIECE = 1 << 24
+"""Characters of a table that are parsed at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,16 +55,22 @@ class Track:
         return np.stack([self.numbers["x_m"], self.numbers["y_m"]], axis=1)
 
 
-def read_result(directory: Path) -> tuple[Summary, list[Track]]:
-    """Summary and tracks of all pads. Raises ResultMissing."""
-    summary, slips = directory / "summary.json", directory / "slips.csv"
-    for file in (summary, slips):
-        if not file.is_file():
-            raise ResultMissing(directory, file.name)
+def read_summary(directory: Path) -> Summary:
+    """What `summary.json` holds. Raises ResultMissing."""
+    summary = directory / "summary.json"
+    if not summary.is_file():
+        raise ResultMissing(directory, summary.name)
     try:
-        ran = msgspec.json.decode(summary.read_bytes(), type=Summary)
+        return msgspec.json.decode(summary.read_bytes(), type=Summary)
     except msgspec.DecodeError as error:
         raise ResultMissing(directory, f"readable summary.json ({error})") from error
+
+
+def read_result(directory: Path) -> tuple[Summary, list[Track]]:
+    """Summary and tracks of all pads. Raises ResultMissing."""
+    ran, slips = read_summary(directory), directory / "slips.csv"
+    if not slips.is_file():
+        raise ResultMissing(directory, slips.name)
     try:
         tracks = _tracks(slips, ran)
     except (ValueError, KeyError, csv.Error) as error:  # UnicodeDecodeError is a ValueError
@@ -70,20 +80,82 @@ def read_result(directory: Path) -> tuple[Summary, list[Track]]:
     return ran, tracks
 
 
+def read_events(directory: Path) -> list[Event]:
+    """Events of a result in the order of its file. Raises ResultMissing."""
+    try:
+        with (directory / "events.csv").open(newline="", encoding="utf-8") as file:
+            return [
+                Event(
+                    float(row["t_s"]),
+                    row["pad"],
+                    row["event"],
+                    **{name: float(row[name] or "nan") for name in _EVENT_NUMBERS},
+                    quality=row["quality"],
+                )
+                for row in csv.DictReader(file)
+            ]
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        raise ResultMissing(directory, f"readable events.csv ({error})") from error
+
+
+def read_orientations(directory: Path, pad: str) -> list[tuple[float, float]]:
+    """Time and direction of a contact's long axis, s and rad; none where a result has no contacts.csv."""
+    try:
+        with (directory / "contacts.csv").open(newline="", encoding="utf-8") as file:
+            rows = [row for row in csv.DictReader(file) if row["pad"] == pad]
+            return [(float(row["t_s"]), float(row["orientation_rad"])) for row in rows if row["orientation_rad"]]
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        raise ResultMissing(directory, f"readable contacts.csv ({error})") from error
+
+
+def spans(flag: Bools) -> list[tuple[int, int]]:
+    """Runs of True in flag (n,), as first index and index after the last."""
+    edges = np.flatnonzero(np.diff(flag.astype(np.int8), prepend=0, append=0))
+    return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
+
+
 def _tracks(slips: Path, ran: Summary) -> list[Track]:
-    columns: dict[str, dict[str, list[float]]] = {}
+    """Each scan has a row per pad, in one order. Pieces are parsed in C: an hour of a hand has a million rows."""
+    names = [*_COLUMNS, *_FLAGS, "quality"]
     with slips.open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            own = columns.setdefault(row["pad"], {name: [] for name in (*_COLUMNS, *_FLAGS, "ok")})
-            for name in (*_COLUMNS, *_FLAGS):
-                own[name].append(float(row[name] or "nan"))
-            own["ok"].append(row["quality"] == QUALITY[OK])
+        heading = next(csv.reader([file.readline()]), [])
+        if lacking := {*names, "pad"} - set(heading):
+            raise KeyError(", ".join(sorted(lacking)))
+        first = file.tell()
+        pads = _first_scan(file, heading.index("pad"))
+        if not pads:
+            return []
+        file.seek(first)
+        used = [heading.index(name) for name in names]
+        pieces = []
+        while text := file.read(_PIECE):
+            rows = io.StringIO(_numeric(text + file.readline()))
+            pieces.append(np.loadtxt(rows, delimiter=",", usecols=used, comments=None, ndmin=2))
+    columns = np.concatenate(pieces).reshape(-1, len(pads), len(names)).transpose(1, 2, 0)
+    by_pad = [dict(zip(names, own, strict=True)) for own in columns]
     return [
         Track(
             ran.method,
             pad,
-            {name: np.array(own[name]) for name in _COLUMNS},
-            {name: np.array(own[name]) > 0 for name in (*_FLAGS, "ok")},
+            {name: np.ascontiguousarray(own[name]) for name in _COLUMNS},
+            {name: own[name] > 0 for name in _FLAGS} | {"ok": own["quality"] == OK},
         )
-        for pad, own in columns.items()
+        for pad, own in zip(pads, by_pad, strict=True)
     ]
+
+
+def _first_scan(file: TextIO, column: int) -> list[str]:
+    """Names of the pads in the rows of the first scan; a name holds neither comma nor quote."""
+    pads: list[str] = []
+    while (row := file.readline().split(","))[column:] and row[column] not in pads:
+        pads.append(row[column])
+    return pads
+
+
+def _numeric(text: str) -> str:
+    """Rows with nan in empty fields, and qualities by their number in `QUALITY`."""
+    for number, word in enumerate(QUALITY[1:], 1):
+        text = text.replace(f",{word},", f",{number},")
+    return text.replace(",,", ",nan,").replace(",,", ",nan,").replace(",\n", ",nan\n")

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import csv
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from taxelflow.errors import written_at
 from taxelflow.messages import QUALITY
 from taxelflow.publish.patterns import NAME as PATTERNS
 from taxelflow.publish.patterns import write_patterns
+from taxelflow.publish.spatial import COLUMNS, spatial_rows
+from taxelflow.publish.spatial import NAME as SPATIAL
 from taxelflow.publish.summary import to_json
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
+    from io import TextIOBase
 
-    from taxelflow.messages import Bools, Contacts, Event, Floats, LearnedPattern, Motions, Slips
+    from taxelflow.messages import Bools, Contacts, Event, Floats, LearnedPattern, Motions, Slips, SpatialMotions
     from taxelflow.publish.summary import Summary
 
 # fmt: off
@@ -36,37 +40,54 @@ CONTACTS = (
     "t_s", "pad", "force_n", "area_m2", "peak_pa", "x_m", "y_m", "major_m", "minor_m", "eccentricity",
     "orientation_rad", "std_force_n", "std_orientation_rad",
 )
+EVENTS = (
+    "t_s", "pad", "event", "onset_s", "direction_rad", "speed_m_s", "turn_rad_s", "evidence", "quality",
+    "path_m", "turn_rad", "duration_s", "std_speed_m_s", "std_path_m", "std_turn_rad", "std_duration_s",
+)
 # fmt: on
-EVENTS = ("t_s", "pad", "event", "onset_s", "direction_rad", "speed_m_s", "turn_rad_s", "evidence", "quality")
+_MOTION = EVENTS[EVENTS.index("path_m") :]
 _TABLES = {"slips": SLIPS, "object": OBJECT, "events": EVENTS, "contacts": CONTACTS}
 
 
 class Tables:
     """Writes a run's messages to a directory, block by block; a context that renames the files if all went well.
 
-    If it ends by an exception, the rows written so far stay in the `.part` files.
+    If it ends by an exception, the rows written so far stay in the `.part` files. opened: how these are opened.
     """
 
-    def __init__(self, directory: Path, pads: tuple[str, ...]) -> None:
+    def __init__(
+        self, directory: Path, pads: tuple[str, ...], opened: Callable[[Path], TextIOBase] | None = None
+    ) -> None:
         self.directory, self._pads = directory, pads
+        self._opened = opened or _opened
         self._files: dict[str, Any] = {}
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
         self.directory.mkdir(parents=True, exist_ok=True)
-        for older in (*(f"{name}.csv" for name in _TABLES), PATTERNS, "summary.json"):
+        for older in (*(f"{name}.csv" for name in (*_TABLES, SPATIAL)), PATTERNS, "summary.json"):
             (self.directory / older).unlink(missing_ok=True)  # what stands here after a failure is of this run
-        for name, columns in _TABLES.items():
-            file = self._stack.enter_context(
-                (self.directory / f"{name}.csv.part").open("w", newline="", encoding="utf-8")
-            )
-            self._files[name] = file
-            csv.writer(file, lineterminator="\n").writerow(columns)
-        self._flush()
+        try:
+            with written_at(self.directory):
+                self._open()
+        except OSError:
+            with suppress(OSError):  # closing a file on a full disk fails again
+                self._stack.close()
+            raise
         return self
 
+    def _open(self) -> None:
+        for name, columns in _TABLES.items():
+            self._begin(name, columns)
+        self._flush()
+
+    def _begin(self, name: str, columns: Sequence[str]) -> None:
+        self._files[name] = file = self._stack.enter_context(self._opened(self.directory / f"{name}.csv.part"))
+        csv.writer(file, lineterminator="\n").writerow(columns)
+
     def __exit__(self, kind: type[BaseException] | None, *_details: object) -> None:
-        self._stack.close()
+        with written_at(self.directory):
+            self._stack.close()
         if kind is None:
             for name in self._files:
                 part = self.directory / f"{name}.csv.part"
@@ -82,22 +103,33 @@ class Tables:
         evidence: Floats,
     ) -> None:
         """Append one block; it is on disk when this returns."""
-        self._append("slips", _slip_rows(slips, slipping, evidence, self._pads))
-        self._append("object", _motion_rows(motions))
-        self._append("events", map(_event_row, events))
-        self._append("contacts", _contact_rows(contacts, self._pads))
-        self._flush()
+        with written_at(self.directory):
+            self._append("slips", _slip_rows(slips, slipping, evidence, self._pads))
+            self._append("object", _motion_rows(motions))
+            self._append("events", map(_event_row, events))
+            self._append("contacts", _contact_rows(contacts, self._pads))
+            self._flush()
+
+    def write_spatial(self, motions: SpatialMotions) -> None:
+        """Append one block to `object3d.csv`, which there is only where the pads' places in space are known."""
+        with written_at(self.directory):
+            if SPATIAL not in self._files:
+                self._begin(SPATIAL, COLUMNS)
+            self._append(SPATIAL, spatial_rows(motions, self._pads))
+            self._flush()
 
     def write_summary(self, summary: Summary) -> None:
         """Write `summary.json`, whole or not at all."""
         part = self.directory / "summary.json.part"
-        part.write_bytes(to_json(summary))
+        with written_at(part):
+            part.write_bytes(to_json(summary))
         part.replace(part.with_suffix(""))
 
     def write_patterns(self, patterns: Sequence[LearnedPattern]) -> None:
         """Write `patterns.npz`, if there are any, whole or not at all."""
         if patterns:
-            write_patterns(patterns, self.directory / PATTERNS)
+            with written_at(self.directory / PATTERNS):
+                write_patterns(patterns, self.directory / PATTERNS)
 
     def _append(self, name: str, rows: Iterable[Iterable[str]]) -> None:
         csv.writer(self._files[name], lineterminator="\n").writerows(rows)
@@ -105,6 +137,33 @@ class Tables:
     def _flush(self) -> None:
         for file in self._files.values():
             file.flush()
+
+
+def _opened(path: Path) -> TextIOBase:
+    return path.open("w", newline="", encoding="utf-8")
+
+
+def slip_columns(slips: Slips, slipping: Bools, evidence: Floats, pads: tuple[str, ...]) -> dict[str, Any]:
+    """The columns of `slips.csv`, each (scans * pads,): flags as bool, quality as text, NaN where unknown."""
+    std = np.sqrt(np.diagonal(slips.covariance, axis1=2, axis2=3))
+    vectors = [slips.displacement, slips.pose, slips.velocity, std]
+    covariance = slips.covariance
+    of_pads = [
+        slips.contact,
+        *(vector[..., axis] for vector in vectors for axis in range(3)),
+        slipping,
+        slips.border[..., 0],
+        slips.border[..., 1],
+        slips.lag_s,
+        slips.load,
+        covariance[..., 0, 1],
+        covariance[..., 0, 2],
+        covariance[..., 1, 2],
+        np.array(QUALITY)[slips.quality],
+        evidence,
+    ]
+    times, names = np.repeat(slips.t_s, len(pads)), np.tile(np.array(pads), len(slips))
+    return dict(zip(SLIPS, [times, names, *(column.reshape(-1) for column in of_pads)], strict=True))
 
 
 def _slip_rows(slips: Slips, slipping: Bools, evidence: Floats, pads: tuple[str, ...]) -> Iterable[list[str]]:
@@ -135,7 +194,8 @@ def _slip_rows(slips: Slips, slipping: Bools, evidence: Floats, pads: tuple[str,
         ]
 
 
-def _motion_rows(motions: Motions) -> Iterable[list[str]]:
+def motion_columns(motions: Motions) -> Iterable[list[float]]:
+    """Rows of `OBJECT` as numbers; the number of pads is whole."""
     std_twist = np.sqrt(np.diagonal(motions.velocity_covariance, axis1=1, axis2=2))
     std_pose = np.sqrt(np.diagonal(motions.pose_covariance, axis1=1, axis2=2))
     rotor, rotor_std = motions.rotor[:, np.newaxis], motions.rotor_std[:, np.newaxis]
@@ -144,13 +204,24 @@ def _motion_rows(motions: Motions) -> Iterable[list[str]]:
     for t, values, pads, std in zip(
         motions.t_s.tolist(), known.tolist(), motions.pads.tolist(), doubt.tolist(), strict=True
     ):
-        yield [f"{t:.6f}", *map(_number, values), str(pads), *map(_number, std)]
+        yield [t, *values, pads, *std]
+
+
+def _motion_rows(motions: Motions) -> Iterable[list[str]]:
+    for t, *numbers in motion_columns(motions):
+        yield [f"{t:.6f}", *map(_number, numbers)]
+
+
+def event_columns(events: list[Event]) -> dict[str, Any]:
+    """The columns of `events.csv`, a list per column: NaN where unknown."""
+    return {name: [getattr(event, name) for event in events] for name in EVENTS}
 
 
 def _event_row(event: Event) -> list[str]:
     onset = "" if isnan(event.onset_s) else f"{event.onset_s:.6f}"
     motion = map(_number, (event.direction_rad, event.speed_m_s, event.turn_rad_s, event.evidence))
-    return [f"{event.t_s:.6f}", event.pad, event.event, onset, *motion, event.quality]
+    whole = (_number(getattr(event, name)) for name in _MOTION)
+    return [f"{event.t_s:.6f}", event.pad, event.event, onset, *motion, event.quality, *whole]
 
 
 def _contact_rows(contacts: Contacts, pads: tuple[str, ...]) -> Iterable[list[str]]:

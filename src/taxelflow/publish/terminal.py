@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import sys
+from contextlib import contextmanager
+from operator import length_hint
+from threading import Timer
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn, track
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.text import Text
 
+from taxelflow.publish.contact_table import contact_table
 from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sized
+    from collections.abc import Callable, Iterable, Iterator, Sized
     from pathlib import Path
 
     from taxelflow.publish.summary import Summary
@@ -23,40 +27,67 @@ if TYPE_CHECKING:
     Block = TypeVar("Block", bound=Sized)
     Item = TypeVar("Item")
 
-_LONG_SCANS = 5000
+_PATIENCE_S = 2.0
+"""What lasts longer shows a bar."""
 
 
 def progress(blocks: Iterable[Block], scans: int | None, what: str) -> Iterator[Block]:
-    """Pass blocks on, with a bar on stderr if there are many scans and somebody watches."""
-    if not sys.stderr.isatty() or (scans is not None and scans < _LONG_SCANS):
-        yield from blocks
-        return
-    columns = (TextColumn(f"{what} {{task.completed:.0f}} scans"), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=scans)
+    """Pass blocks on, with a bar on stderr if it lasts and somebody watches."""
+    with _bar(what, scans, "scans") as advance:
         for block in blocks:
             yield block
-            bar.advance(task, len(block))
+            advance(len(block))
 
 
-def counted(items: Iterable[Item], what: str) -> Iterator[Item]:
-    """Pass items on, with a bar on stderr if somebody watches."""
-    console = Console(stderr=True)
-    yield from track(items, description=what, console=console, transient=True, disable=not console.is_terminal)
+def counted(items: Iterable[Item], what: str, count: int | None = None) -> Iterator[Item]:
+    """Pass items on, with a bar on stderr if it lasts and somebody watches. count: of items that have no length."""
+    with _bar("running", count or length_hint(items) or None, what) as advance:
+        for item in items:
+            yield item
+            advance(1)
+
+
+@contextmanager
+def _bar(what: str, total: int | None, unit: str) -> Iterator[Callable[[int], None]]:
+    """A bar with the time left on stderr, from `_PATIENCE_S` on; none where stderr is not a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda _count: None
+        return
+    done = f"{{task.completed:.0f}} of {total} {unit}" if total is not None else f"{{task.completed:.0f}} {unit}"
+    columns = (TextColumn(what), BarColumn(), TextColumn(done), TimeElapsedColumn(), TextColumn("left:"))
+    bar = Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+    task = bar.add_task(what, total=total)
+    begin = Timer(_PATIENCE_S, bar.start)
+    if _PATIENCE_S:
+        begin.start()
+    else:
+        bar.start()
+    try:
+        yield lambda count: bar.advance(task, count)
+    finally:
+        if begin.is_alive():
+            begin.cancel()
+            begin.join()
+        bar.stop()
 
 
 def say(summary: Summary, directory: Path) -> None:
     """A finished run in a few lines; what was lost or odd goes to stderr."""
-    title = f"{summary.method}, {summary.scans} scans of {summary.sensor}"
-    table = quiet_table("pad:", "contact scans", "slips", "net x mm", "net y mm", "at border", title=title)
-    for name, pad in summary.pads.items():
-        if pad.contact_scans:
-            net = ["-" if m is None else f"{1e3 * m:+.1f}" for m in pad.net_m]
-            table.add_row(name, str(pad.contact_scans), str(pad.slips), *net, f"{100 * pad.border_share:.0f} %")
     console = Console(markup=False)
     if summary.contact:
+        contacts = contact_table(summary)
+        caption = f"{contacts.hidden} more contacts: see summary.json" if contacts.hidden else None
+        title = f"{summary.method}, {summary.scans} scans of {summary.sensor}"
+        table = quiet_table(*contacts.headings, title=title, caption=caption)
+        for row in contacts.rows:
+            table.add_row(*map(Text, row))
         console.print(table)
     console.print(f"results in {directory}", highlight=False, soft_wrap=True)
+    note_on_stderr(summary)
+
+
+def note_on_stderr(summary: Summary) -> None:
+    """What was lost or odd, a line each."""
     for note in (*summary.notes, *([summary.loss] if summary.loss else [])):
         print(f"taxelflow: {note}", file=sys.stderr)  # noqa: T201
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from matplotlib.collections import PathCollection, PolyCollection
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 
 from rigged import track
 from synthetic import grid_sensor
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.axes import Axes
+
+    from taxelflow.publish.results import Track
 
 LAYOUT = grid_sensor(4, 7, pads=3, missing=((0, 0), (3, 6))).layout
 X = np.linspace(-0.02, 0.02, 30)
@@ -99,3 +101,46 @@ def test_unknown_positions_leave_the_pad_alone() -> None:
     for known in (X < 0, X > 1):
         axis = path_figure([track(np.where(known, 0.0, np.nan), 0 * X, pad="pad0")], LAYOUT).axes[0]
         assert axis.get_xlim() == pytest.approx((-35.5, 35.5))
+
+
+# Many contacts
+
+
+def touches(count: int) -> Track:
+    """Contacts of 10 scans, 10 scans apart; number k slides k mm in x, and slips in its second half."""
+    t = np.arange(20 * count)
+    contact, number = t % 20 < 10, t // 20
+    x = np.where(contact, 1e-3 * number * (t % 20) / 9, np.nan)
+    slipping = contact & (t % 20 >= 5)
+    return track(x, 0.0 * x, pad="pad0", contact=contact, slipping=slipping)
+
+
+def test_many_contacts_have_a_panel_each_with_start_and_path_while_slipping() -> None:
+    axes = path_figure([touches(50)], LAYOUT).axes
+    titles = [axis.get_title(loc="left") for axis in axes if axis.get_title(loc="left")]
+    assert len(titles) == 50
+    assert titles[36] == "pad0\n72.0 s  20 mm"  # of 36 mm in 9 steps, 5 are slips
+    (line,) = (item for item in axes[36].collections if isinstance(item, LineCollection))
+    ends = np.concatenate(line.get_segments())
+    assert (ends[:, 0].min(), ends[:, 0].max()) == pytest.approx((0.0, 36.0))
+    colours = line.get_colors()
+    assert len({tuple(colour) for colour in colours[:4]}) == len({tuple(colour) for colour in colours[4:]}) == 1
+    assert tuple(colours[0]) != tuple(colours[-1])
+
+
+def test_of_more_contacts_than_panels_those_that_slip_farthest_are_drawn() -> None:
+    figure = path_figure([touches(70)], LAYOUT)
+    titles = [axis.get_title(loc="left") for axis in figure.axes if axis.get_title(loc="left")]
+    assert len(titles) == 60
+    assert titles[0].endswith("20.0 s  6 mm")  # number 10 of 70
+    assert figure.get_supxlabel().startswith("The 60 of 70 contacts that slip farthest")
+
+
+def test_contacts_without_positions_have_no_panel(tmp_path: Path) -> None:
+    some = touches(10)
+    some.numbers["x_m"][:100] = np.nan
+    axis, scale = path_figure([some], LAYOUT).axes  # five contacts are left: one panel
+    assert scale.get_ylabel() == "time in s"
+    assert axis.get_title(loc="left") == "pad0"
+    some.numbers["x_m"][:] = np.nan
+    save(path_figure([some], LAYOUT), tmp_path / "a.png")

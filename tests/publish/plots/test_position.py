@@ -4,9 +4,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import same_color
 
 from rigged import track
+from taxelflow.messages import Event
 from taxelflow.publish.plots.position import position_figure
 from taxelflow.publish.plots.style import LOOK, save, styled
 
@@ -63,8 +65,8 @@ def test_positions_stand_where_they_were_true() -> None:
 @pytest.mark.parametrize(("x", "y", "labels"), [(THERE, STILL, "xy"), (STILL, THERE, "yx")])
 def test_the_direction_of_most_motion_stands_above(x: Floats, y: Floats, labels: str) -> None:
     figure = position_figure([track(x, y)])
-    assert [axis.get_ylabel() for axis in figure.axes] == [f"{letter} in mm" for letter in labels]
-    assert figure.axes[1].get_xlabel() == "time in s"
+    assert [axis.get_ylabel() for axis in figure.axes[:2]] == [f"{letter} in mm" for letter in labels]
+    assert figure.axes[-1].get_xlabel() == "time in s"
     assert figure.axes[0].get_title(loc="left") == "Object on palm"
 
 
@@ -140,7 +142,7 @@ def test_one_track_without_positions_does_not_hide_the_other() -> None:
 
 def test_a_small_drift_does_not_look_like_a_large_one() -> None:
     figure = position_figure([track(THERE, 1e-6 * np.sin(T))])
-    spans: list[Any] = [float(np.ptp(axis.get_ylim())) for axis in figure.axes]
+    spans: list[Any] = [float(np.ptp(axis.get_ylim())) for axis in figure.axes[:2]]
     assert spans[1] >= 0.1 * spans[0]
 
 
@@ -149,3 +151,56 @@ def test_more_strokes_than_leave_room_have_lines_without_numbers() -> None:
     figure = position_figure([track(THERE, STILL)], strokes=strokes)
     assert slopes(figure) == []
     assert sum(line.get_linestyle() != "None" for line in figure.axes[0].lines) == 9
+
+
+# Uncertainty, load, slip and events
+
+
+def bars(figure: Figure) -> list[tuple[float, float]]:
+    """From and to of the solid bars of slip in the lanes, from the top."""
+    found = [item for item in figure.axes[3].collections if isinstance(item, PolyCollection)]
+    shapes = [path.get_extents() for item in found[1::2] for path in item.get_paths()]
+    return [(float(shape.x0), float(shape.x1)) for shape in shapes]
+
+
+def test_a_band_shows_one_standard_deviation_and_does_not_stretch_the_axis() -> None:
+    sure = track(THERE, STILL)
+    for std, name in ((0.003, "std_x_m"), (5.0, "std_y_m")):
+        sure.numbers[name] = np.full(40, std)
+    figure = position_figure([sure])
+    (band,) = figure.axes[0].collections
+    vertices = band.get_paths()[0].vertices
+    for t_s in (1.0, 3.0):
+        at = vertices[np.isclose(vertices[:, 0], t_s)][:, 1]
+        np.testing.assert_allclose([at.min(), at.max()], 1e3 * (0.02 * t_s - 0.04) + np.array([-3, 3]), atol=1e-9)
+    assert np.ptp(figure.axes[1].get_ylim()) < 100
+
+
+def test_slips_are_shaded_and_have_a_bar_in_the_lane_of_their_method() -> None:
+    slips = [(T >= 1.0) & (T <= 2.0), (T >= 3.0) & (T <= 3.5)]
+    tracks = [track(THERE, STILL, method=name, slipping=s) for name, s in zip(("lnorm", "mine"), slips, strict=True)]
+    figure = position_figure(tracks)
+    assert bars(figure) == [(1.0, 2.0), (3.0, 3.5)]
+    shaded = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in figure.axes[0].patches]  # type: ignore[attr-defined]
+    np.testing.assert_allclose(shaded, [(0.9, 2.0), (2.9, 3.5)])  # a slip moves the object since the scan before
+    assert [label.get_text() for label in figure.axes[3].get_yticklabels()] == ["lnorm", "mine"]
+
+
+def test_load_is_a_share_of_its_largest() -> None:
+    loaded = track(THERE, STILL)
+    loaded.numbers["load_pa"] = np.linspace(0.0, 8e4, 40)
+    (line,) = position_figure([loaded]).axes[2].lines
+    np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=np.float64), np.linspace(0, 100, 40))
+
+
+def test_events_stand_at_their_onset_in_the_lane_of_their_method() -> None:
+    events = [Event(12.0, "palm", "slip_start", onset_s=11.5), Event(13.0, "palm", "slip_suspected")]
+    figure = position_figure([track(THERE, STILL, t_s=T + 10)] * 2, events=[[], events])
+    marks = [(line.get_marker(), *np.ravel(line.get_xydata())) for line in figure.axes[3].lines]
+    assert marks == [(">", 1.5, 1), ("D", 3.0, 1)]
+
+
+def test_of_many_events_only_suspected_slips_are_marked_beside_the_bars() -> None:
+    events = [Event(0.1 * k, "palm", "slip_start") for k in range(40)] + [Event(2.0, "palm", "slip_suspected")]
+    figure = position_figure([track(THERE, STILL)], events=[events])
+    assert [line.get_marker() for line in figure.axes[3].lines] == ["D"]

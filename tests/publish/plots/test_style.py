@@ -18,14 +18,14 @@ SIGNATURES = {"svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}
 
 @pytest.mark.parametrize("form", SIGNATURES)
 def test_a_figure_becomes_one_file_of_its_form_and_is_forgotten(tmp_path: Path, form: str) -> None:
-    path = tmp_path / f"a.{form}"
+    path, before = tmp_path / f"a.{form}", plt.get_fignums()
     with styled():
         figure, axis = plt.subplots()
         axis.plot([0, 1], [0, 1])
         assert save(figure, path) == path
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
     assert path.read_bytes().startswith(SIGNATURES[form])
-    assert plt.get_fignums() == []
+    assert plt.get_fignums() == before
 
 
 def test_a_failure_while_writing_leaves_the_older_picture_as_it_was(tmp_path: Path) -> None:

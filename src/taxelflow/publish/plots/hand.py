@@ -9,15 +9,15 @@ import numpy as np
 
 from taxelflow.geometry import transform
 from taxelflow.publish.plots.outlines import outlines
-from taxelflow.publish.plots.style import BLUE, INK, MAGENTA, VERMILION, caption
+from taxelflow.publish.plots.style import BLUE, GREY, INK, MAGENTA, VERMILION, caption, plain
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
     from taxelflow.sensors.layout import Layout
 
 _LONGEST = 0.2
@@ -29,7 +29,8 @@ class Moment:
     """The field at one time, in the hand frame.
 
     places, vectors: (pads, 2) in m and m/s, NaN where there is no slip vector. twist: (3,), true: (3,) if known.
-    centre: (2,), NaN where there is none. pressure: (entries,) or None, drawn as shade.
+    centre: (2,), NaN where there is none. pressure: (entries,) or None, drawn as shade. faint: (pads,), vectors drawn
+    in grey: those of pads that do not slip. whole: (pads,), vectors drawn in blue: those that groups stand in for.
     """
 
     title: str
@@ -39,13 +40,20 @@ class Moment:
     centre: Floats
     pressure: Floats | None = None
     true: Floats | None = None
+    faint: Bools | None = None
+    whole: Bools | None = None
 
 
-def field_figure(layout: Layout, moments: Sequence[Moment], seen: str) -> Figure:
-    """One panel per moment: taxels, pressure, slip vectors, and the twist that they amount to."""
+def field_figure(layout: Layout, methods: Mapping[str, Sequence[Moment]], seen: str) -> Figure:
+    """A row per method, a panel per moment: taxels, pressure, slip vectors, and the twist that they amount to.
+
+    All methods have the same number of moments; arrows have one scale.
+    """
     import matplotlib.pyplot as plt
     from matplotlib.ticker import MaxNLocator
 
+    moments = [moment for row in methods.values() for moment in row]
+    across = len(moments) // len(methods)
     box = _box_mm(layout)
     fastest = max(float(np.nanmax(np.hypot(*moment.vectors.T), initial=1e-9)) for moment in moments)
     scale = _LONGEST * (box[1] - box[0]) / fastest
@@ -54,11 +62,16 @@ def field_figure(layout: Layout, moments: Sequence[Moment], seen: str) -> Figure
     (left, low), (right, high) = np.min(tips, axis=0, initial=np.inf) - 6, np.max(tips, axis=0, initial=-np.inf) + 6
     box = (min(box[0], left), max(box[1], right), min(box[2], low), max(box[3], high))
     ratio = (box[3] - box[2]) / (box[1] - box[0])
-    wide = 10.5 / len(moments)
+    wide = min(10.5 / across, 5.0)
     figure, axes = plt.subplots(
-        1, len(moments), squeeze=False, figsize=(10.5, wide * ratio + 1.5), layout="constrained", sharey=True
+        len(methods),
+        across,
+        squeeze=False,
+        figsize=(across * wide, len(methods) * (wide * ratio + 0.9) + 0.6),
+        layout="constrained",
+        sharey=True,
     )
-    for axis, moment in zip(axes[0], moments, strict=True):
+    for axis, moment in zip(axes.flat, moments, strict=True):
         draw_hand(axis, layout, moment.pressure)
         _draw_vectors(axis, moment, scale)
         axis.set_xlim(box[0], box[1])
@@ -66,9 +79,32 @@ def field_figure(layout: Layout, moments: Sequence[Moment], seen: str) -> Figure
         axis.set_title(moment.title)
         axis.set_xlabel("x in mm\n" + _numbers(moment))
         axis.xaxis.set_major_locator(MaxNLocator(5, prune="both"))
-    axes[0, 0].set_ylabel("y in mm")
-    caption(figure, f"{seen} The longest vector is {1e3 * fastest:.3g} mm/s.", 150)
+    for axis, method in zip(axes[:, 0], methods, strict=True):
+        axis.set_ylabel(f"{plain(method)}\ny in mm" if len(methods) > 1 else "y in mm")
+    caption(figure, f"{seen} The longest vector is {1e3 * fastest:.3g} mm/s.", int(14 * across * wide))
     return figure
+
+
+def at_contacts(layout: Layout, pose: Floats, velocity: Floats, pressure: Floats | None) -> tuple[Floats, Floats]:
+    """Places and velocities (pads, 2) in the hand frame, of the object's points under the centres of pressure.
+
+    pose, velocity: (pads, 2 or 3) in the pads' frames: a pose's origin may lie far from what the pad touches. Without
+    pressure (entries,), those of the poses' own origins.
+    """
+    place, vector = pose[:, :2].copy(), velocity[:, :2].copy()
+    if pressure is not None:
+        weight = np.maximum(pressure, 0.0)
+        total = np.add.reduceat(weight, layout.starts[:-1])
+        sums = np.stack([np.add.reduceat(weight * at, layout.starts[:-1]) for at in (layout.x_m, layout.y_m)], axis=1)
+        touched = total > 0
+        centre = sums[touched] / total[touched, np.newaxis]
+        turn = np.nan_to_num(velocity[touched, 2]) if velocity.shape[1] > 2 else np.zeros(len(centre))
+        arm = centre - place[touched]
+        vector[touched] += turn[:, np.newaxis] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        place[touched] = np.where(np.isfinite(place[touched]), centre, np.nan)
+    turned = layout.T_hand.copy()
+    turned[:, :2] = 0.0
+    return transform(layout.T_hand, place), transform(turned, vector)
 
 
 def layout_figure(layout: Layout, seen: str, *, numbers: bool) -> Figure:
@@ -119,18 +155,24 @@ def draw_hand(axis: Axes, layout: Layout, pressure: Floats | None) -> None:
 
 
 def _draw_vectors(axis: Axes, moment: Moment, scale: float) -> None:
-    for (x, y), (vx, vy) in zip(1e3 * moment.places, moment.vectors, strict=True):
-        if np.isfinite(vx) and np.isfinite(x):
-            axis.annotate(
-                "",
-                xy=(x + scale * vx, y + scale * vy),
-                xytext=(x, y),
-                arrowprops={"arrowstyle": "-|>", "color": VERMILION, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0},
-                zorder=4,
-            )
-            axis.plot([x], [y], marker="o", markersize=2.5, color=VERMILION, zorder=4)
+    for pad, ((x, y), (vx, vy)) in enumerate(zip(1e3 * moment.places, moment.vectors, strict=True)):
+        if not (np.isfinite(vx) and np.isfinite(x)):
+            continue
+        colour = VERMILION
+        if moment.whole is not None and moment.whole[pad]:
+            colour = BLUE
+        elif moment.faint is not None and moment.faint[pad]:
+            colour = GREY
+        draw_arrow(axis, (x, y), (x + scale * vx, y + scale * vy), colour)
     if np.isfinite(moment.centre).all():
         axis.plot(*(1e3 * moment.centre), marker="+", markersize=11, markeredgewidth=2, color=MAGENTA, zorder=5)
+
+
+def draw_arrow(axis: Axes, tail: tuple[float, float], tip: tuple[float, float], colour: str) -> None:
+    """An arrow with a dot at its tail, which stays when the arrow is short."""
+    arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
+    axis.annotate("", xy=tip, xytext=tail, arrowprops=arrow, zorder=4)
+    axis.plot([tail[0]], [tail[1]], marker="o", markersize=2.5, color=colour, zorder=4)
 
 
 def _numbers(moment: Moment) -> str:

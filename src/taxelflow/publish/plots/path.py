@@ -1,4 +1,4 @@
-"""The object's way over each pad, drawn on the pad's taxels."""
+"""The object's path on each pad, drawn on the pad's taxels; many contacts in a panel each."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.publish.plots.outlines import extent_mm, outlines
-from taxelflow.publish.plots.style import GREY, INK, plain
+from taxelflow.publish.plots.style import BLUE, GREY, INK, VERMILION, caption, plain
+from taxelflow.publish.results import spans
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,8 +20,80 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 
+_MOST_OVERLAID = 6
+"""Contacts on one pad whose paths are still readable in one panel."""
+_MOST_PANELS = 60
+_ACROSS = 10
+_FEWEST_POSITIONS = 3
+
+
 def path_figure(tracks: Sequence[Track], layout: Layout) -> Figure:
-    """Tracks of one method, each on its own pad; colour is time, larger dots are slip."""
+    """Tracks of one method on their pads; with more contacts than one panel can show, a panel for each contact."""
+    contacts = [_Contact(track, first, stop) for track in tracks for first, stop in spans(track.flags["contact"])]
+    contacts = [contact for contact in contacts if np.isfinite(contact.at_mm[:, 0]).sum() >= _FEWEST_POSITIONS]
+    crowd = max((sum(contact.track is track for contact in contacts) for track in tracks), default=0)
+    return _panels(contacts, layout) if crowd > _MOST_OVERLAID else _overlaid(tracks, layout)
+
+
+class _Contact:
+    """One contact of a track. at_mm: (n, 2). slipping: (n,). path_mm: length of its path while slipping."""
+
+    def __init__(self, track: Track, first: int, stop: int) -> None:
+        self.track = track
+        self.t_s = track.numbers["t_s"][first:stop]
+        self.at_mm = 1e3 * track.position_m[first:stop]
+        self.slipping = track.flags["slipping"][first:stop]
+        steps = np.hypot(*np.diff(self.at_mm, axis=0).T)
+        self.path_mm = float(np.nansum(steps[self.slipping[1:]]))
+
+
+def _panels(contacts: Sequence[_Contact], layout: Layout) -> Figure:
+    """A panel for each contact, on one scale, in the order of time; those with the longest slips if they are many."""
+    import matplotlib.pyplot as plt
+    from matplotlib.collections import LineCollection
+
+    chosen = sorted(contacts, key=lambda contact: -contact.path_mm)[:_MOST_PANELS]
+    chosen.sort(key=lambda contact: float(contact.t_s[0]))
+    start_s = min(float(contact.track.numbers["t_s"][0]) for contact in chosen)
+    boxes = [extent_mm(layout, layout.pads.index(contact.track.pad)) for contact in chosen]
+    wide, high = max(box[1] - box[0] for box in boxes), max(box[3] - box[2] for box in boxes)
+    cols = min(_ACROSS, len(chosen))
+    rows = -(-len(chosen) // cols)
+    width = 10.5 / cols
+    height = float(np.clip(width * high / wide, 0.5, 2.2)) + 0.34
+    figure, axes = plt.subplots(
+        rows, cols, squeeze=False, figsize=(10.5, rows * height + 0.7), layout="constrained", sharex=True, sharey=True
+    )
+    for axis in axes.flat[len(chosen) :]:
+        axis.axis("off")
+    for axis, contact, (left, right, low, top) in zip(axes.flat, chosen, boxes, strict=False):
+        draw_pad(axis, layout, layout.pads.index(contact.track.pad))
+        at, slipping = contact.at_mm, contact.slipping
+        lines = np.stack([at[:-1], at[1:]], axis=1)
+        colours = np.where(slipping[1:], VERMILION, GREY)
+        axis.add_collection(LineCollection(list(lines), colors=colours.tolist(), linewidths=1.3, zorder=3))
+        known = np.flatnonzero(np.isfinite(at[:, 0]))
+        axis.plot(*at[known[0]], marker="o", markersize=3.2, color=BLUE, zorder=4)
+        axis.plot(*at[known[-1]], marker="s", markersize=3.2, color=INK, zorder=4)
+        axis.set_xlim((left + right - 1.1 * wide) / 2, (left + right + 1.1 * wide) / 2)
+        axis.set_ylim((low + top - 1.1 * high) / 2, (low + top + 1.1 * high) / 2)
+        axis.set_axis_off()
+        title = f"{contact.t_s[0] - start_s:.1f} s  {contact.path_mm:.0f} mm"
+        axis.set_title(f"{plain(contact.track.pad)}\n{title}", fontsize=6.5, fontweight="normal", pad=2)
+    few = len(chosen) < len(contacts)
+    count = (
+        f"The {len(chosen)} of {len(contacts)} contacts that slip farthest" if few else f"All {len(chosen)} contacts"
+    )
+    text = (
+        f"{count}, with start time and length of path while slipping. Blue dot: first position; black square: last; "
+        f"red: slip. All pads have one scale; the widest is {wide:.0f} mm."
+    )
+    caption(figure, text, 150)
+    return figure
+
+
+def _overlaid(tracks: Sequence[Track], layout: Layout) -> Figure:
+    """Tracks each on its own pad; colour is time, larger dots are slip."""
     import matplotlib.pyplot as plt
 
     boxes = [_box_mm(layout, track) for track in tracks]

@@ -1,4 +1,7 @@
-"""Position against time, with regression lines where strokes are known: the paper's Fig. 9."""
+"""Position with its standard deviation, load, contact and slip against time.
+
+Regression lines stand where strokes are known: the paper's Fig. 9.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.publish.plots.style import GREY, INK, look, plain
+from taxelflow.publish.plots.lanes import draw_lanes
+from taxelflow.publish.plots.style import GREY, INK, SLIP, look, plain
+from taxelflow.publish.results import spans
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Event, Floats
     from taxelflow.publish.results import Track
 
 _FEWEST = 3
@@ -26,19 +31,27 @@ _BESIDE = {"o": (34, 14), "^": (42, -14)}
 
 
 def position_figure(
-    tracks: Sequence[Track], truth: tuple[Floats, Floats] | None = None, strokes: Sequence[tuple[float, float]] = ()
+    tracks: Sequence[Track],
+    truth: tuple[Floats, Floats] | None = None,
+    strokes: Sequence[tuple[float, float]] = (),
+    events: Sequence[Sequence[Event]] = (),
 ) -> Figure:
-    """Tracks of one pad by several methods.
+    """Tracks of one pad by several methods: position along both axes, load, and a lane of contact and slip per method.
 
     truth: times (n,) and positions (n, 2), on the tracks' clock. strokes: (from, to) in s on the same clock; through
-    each a regression line is drawn per method, along the axis of most motion, with its slope if they are few.
+    each a regression line is drawn per method, along the axis of most motion, with its slope if they are few. events:
+    those of the pad, by track.
     """
     import matplotlib.pyplot as plt
 
     start_s = min(float(track.numbers["t_s"][0]) for track in tracks)
-    figure, axes = plt.subplots(2, 1, sharex=True, figsize=(7.2, 4.6), height_ratios=(2, 1), layout="constrained")
+    lanes = 0.35 + 0.22 * len(tracks)
+    heights = (2.6, 1.2, 0.9, lanes)
+    figure, axes = plt.subplots(
+        4, 1, sharex=True, figsize=(7.6, sum(heights) + 0.9), height_ratios=heights, layout="constrained"
+    )
     main = _main_axis(tracks)
-    for axis, component in zip(axes, (main, 1 - main), strict=True):
+    for axis, component in zip(axes, (main, 1 - main), strict=False):
         if truth is not None:
             _draw_truth(axis, truth[0] - start_s, 1e3 * truth[1][:, component], tracks, start_s)
         for track in tracks:
@@ -49,7 +62,10 @@ def position_figure(
         axis.set_ylabel(f"{'xy'[component]} in mm")
     for track in tracks:
         _draw_lines(axes[0], track, main, start_s, strokes)
+    _shade_slips(axes[:3], tracks, start_s)
     axes[0].set_title(plain(f"Object on {tracks[0].pad}"))
+    seen = "bands: ± 1 standard deviation; shaded: slip"
+    axes[0].set_title(seen, loc="right", fontsize=7, fontweight="normal")
     axes[0].legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=4, columnspacing=1.2, handlelength=1.4)
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.18 * (high - low))
@@ -57,7 +73,12 @@ def position_figure(
     least = 0.12 * np.ptp(axes[0].get_ylim())  # so that a small drift does not look like a large one
     grow = max(0.0, least - (high - low)) / 2
     axes[1].set_ylim(low - grow, high + grow)
-    axes[1].set_xlabel("time in s")
+    for axis, component in zip(axes, (main, 1 - main), strict=False):
+        _draw_std(axis, tracks, component, start_s)
+    _draw_load(axes[2], tracks[0], start_s)
+    draw_lanes(axes[3], tracks, events, start_s)
+    figure.align_ylabels(axes[:3])
+    axes[3].set_xlabel("time in s")
     return figure
 
 
@@ -78,6 +99,42 @@ def _draw_truth(axis: Axes, t_s: Floats, at_mm: Floats, tracks: Sequence[Track],
         touching = np.interp(t_s, track.numbers["t_s"] - start_s, track.flags["contact"].astype(np.float64))
         seen |= touching > 0.5
     axis.plot(t_s, np.where(seen, at_mm, np.nan), color=INK, linewidth=1.0, label="truth", zorder=1)
+
+
+def _shade_slips(axes: Sequence[Axes], tracks: Sequence[Track], start_s: float) -> None:
+    """Shade what any method reports as slip."""
+    for track in tracks:
+        t_s = track.numbers["t_s"] - start_s
+        for first, stop in spans(track.flags["slipping"]):
+            for axis in axes:
+                axis.axvspan(t_s[max(first - 1, 0)], t_s[stop - 1], color=SLIP, linewidth=0, zorder=0)
+
+
+def _draw_std(axis: Axes, tracks: Sequence[Track], component: int, start_s: float) -> None:
+    """Bands of one standard deviation, which do not change the axis: where a direction is unknown they are wide."""
+    limits = axis.get_ylim()
+    for track in tracks:
+        if f"std_{'xy'[component]}_m" in track.numbers:
+            at_mm, std_mm = (1e3 * track.numbers[name.format("xy"[component])] for name in ("{}_m", "std_{}_m"))
+            axis.fill_between(
+                track.t_s - start_s,
+                at_mm - std_mm,
+                at_mm + std_mm,
+                color=look(track.method)["color"],
+                alpha=0.22,
+                linewidth=0,
+                zorder=1,
+            )
+    axis.set_ylim(limits)
+
+
+def _draw_load(axis: Axes, track: Track, start_s: float) -> None:
+    """The load that all methods of a recording see, as a share of its largest."""
+    load = track.numbers.get("load_pa", np.full(len(track.numbers["t_s"]), np.nan))
+    most = float(np.nanmax(load, initial=0.0))
+    axis.plot(track.numbers["t_s"] - start_s, 100.0 * load / (most or 1.0), color=INK, linewidth=0.8)
+    axis.set_ylabel("load in %\nof largest")
+    axis.set_ylim(-4.0, 108.0)
 
 
 def _draw_lines(

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 BLUE, VERMILION, GREEN, MAGENTA, GREY, INK = "#0072b2", "#d55e00", "#009e73", "#cc2fa0", "#9aa0a6", "#202124"
 """Okabe and Ito's colours; the paper marks its maximum in magenta."""
 
+SLIP = "#fdeccd"
+"""Shade behind a slip."""
+
 LOOK = {
     "lnorm": {"label": "L norm (Method I)", "color": BLUE, "marker": "o"},
     "convolution": {"label": "optical flow (Method II)", "color": VERMILION, "marker": "^"},

@@ -1,0 +1,141 @@
+"""What each contact of each pad amounts to: duration, slips, path, speed."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from math import hypot, isnan, nan
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from taxelflow.messages import cut
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Event, Floats, Slips
+
+_KNOWN = 0.5
+"""Standard deviation, in pitches, up to which a displacement counts as known."""
+
+
+class ContactSummary(msgspec.Struct, frozen=True):
+    """One contact of a pad, group or separate contact, in its frame. None where unknown."""
+
+    pad: str
+    t_s: float
+    """Time of the first scan in contact."""
+    duration_s: float
+    slips: int
+    slip_s: float
+    """Time during which it slipped."""
+    path_m: float | None
+    """Length of the path of all its slips, with its standard deviation."""
+    std_path_m: float | None
+    speed_m_s: float | None
+    """Path over time of its slips, with its standard deviation."""
+    std_speed_m_s: float | None
+    turn_rad: float | None
+    """Net rotation of all its slips."""
+    net_m: tuple[float | None, float | None]
+    """Sum of its displacements along x and y, slipping or not; None along an axis where most of them are not known
+    within half a pitch, as along the row of a pad of one column."""
+    border_share: float
+    """Share of its scans that touch a border of the pad, where the paper's methods are biased."""
+
+
+class ContactTotals:
+    """Sums over the blocks of a run, contact by contact."""
+
+    def __init__(self, pads: tuple[str, ...], pitch_m: Floats) -> None:
+        count = len(pads)
+        self._pads, self._known_m = pads, _KNOWN * pitch_m
+        self._touching = np.zeros(count, dtype=np.bool_)
+        self._since_s, self._last_s = np.zeros(count), 0.0
+        # Of the contacts that go on: scans, scans at a border, displacements, known ones along x and y, their sums.
+        self._counts = np.zeros((count, 5), dtype=np.int64)
+        self._net_m = np.zeros((count, 2))
+        self._ended: list[ContactSummary] = []
+        self._slips: dict[str, list[Event]] = defaultdict(list)
+
+    def add(self, slips: Slips, events: list[Event]) -> None:
+        """Count one block in."""
+        for event in events:
+            own = self._slips[event.pad]
+            if event.event == "slip_start":
+                own.append(event)
+            elif event.event == "slip_stop" and own:
+                own[-1] = event
+        before = np.concatenate([self._touching[np.newaxis], slips.contact[:-1]])
+        edges = np.flatnonzero((before != slips.contact).any(axis=1)).tolist()
+        for start, stop in zip([0, *edges], [*edges, len(slips)], strict=True):
+            if start == stop:
+                continue
+            self._change(slips, start)
+            self._sum(cut(slips, start, stop))
+
+    def contacts(self) -> list[ContactSummary]:
+        """All contacts in the order of their begin; those that go on end with the last scan."""
+        going = [self._contact(pad, self._last_s) for pad in np.flatnonzero(self._touching).tolist()]
+        ordered = sorted([*self._ended, *going], key=lambda one: (one.t_s, self._pads.index(one.pad)))
+        later: dict[str, float] = {}
+        found = []
+        for contact in reversed(ordered):
+            until_s = later.get(contact.pad, np.inf)
+            later[contact.pad] = contact.t_s
+            own = [one for one in self._slips[contact.pad] if contact.t_s <= _start_s(one) < until_s]
+            found.append(_with_slips(contact, own))
+        return found[::-1]
+
+    def _change(self, slips: Slips, scan: int) -> None:
+        """End and begin contacts in this scan."""
+        now, t_s = slips.contact[scan], float(slips.t_s[scan])
+        for pad in np.flatnonzero(now != self._touching).tolist():
+            if self._touching[pad]:
+                self._ended.append(self._contact(pad, t_s))
+            self._since_s[pad], self._counts[pad], self._net_m[pad] = t_s, 0, 0.0
+        self._touching = now
+
+    def _sum(self, slips: Slips) -> None:
+        """Add scans without begin or end of a contact."""
+        self._last_s = float(slips.t_s[-1])
+        valid = slips.valid
+        std = np.sqrt(np.diagonal(slips.displacement_covariance, axis1=2, axis2=3)[..., :2])
+        known = valid[..., np.newaxis] & (std <= self._known_m)
+        self._counts[:, 0] += slips.contact.sum(axis=0)
+        self._counts[:, 1] += (slips.border.any(axis=2) & slips.contact).sum(axis=0)
+        self._counts[:, 2] += valid.sum(axis=0)
+        self._counts[:, 3:] += known.sum(axis=0)
+        self._net_m += np.where(valid[..., np.newaxis], slips.displacement[..., :2], 0.0).sum(axis=0)
+
+    def _contact(self, pad: int, end_s: float) -> ContactSummary:
+        """A contact without its slips."""
+        scans, at_border, steps, *known = self._counts[pad].tolist()
+        x, y = (float(m) if 2 * sure >= steps > 0 else None for m, sure in zip(self._net_m[pad], known, strict=True))
+        since_s = float(self._since_s[pad])
+        share = at_border / scans if scans else 0.0
+        return ContactSummary(
+            self._pads[pad], since_s, end_s - since_s, 0, 0.0, None, None, None, None, None, (x, y), share
+        )
+
+
+def _start_s(event: Event) -> float:
+    """Begin of the slip that an event belongs to."""
+    return event.onset_s - event.duration_s if event.event == "slip_stop" else event.onset_s
+
+
+def _with_slips(contact: ContactSummary, slips: list[Event]) -> ContactSummary:
+    """A contact with the sums over its slips."""
+    moved = [slip for slip in slips if not isnan(slip.path_m)]
+    slip_s = sum(slip.duration_s for slip in moved)
+    path_m = sum(slip.path_m for slip in moved)
+    turn_rad = sum(slip.turn_rad for slip in slips) if slips else nan
+    return msgspec.structs.replace(
+        contact,
+        slips=len(slips),
+        slip_s=slip_s,
+        path_m=path_m if len(moved) == len(slips) else None,
+        std_path_m=hypot(*(slip.std_path_m for slip in moved)) if moved else None,
+        speed_m_s=path_m / slip_s if slip_s > 0 else None,
+        std_speed_m_s=hypot(*(slip.std_speed_m_s * slip.duration_s for slip in moved)) / slip_s if slip_s > 0 else None,
+        turn_rad=None if isnan(turn_rad) else turn_rad,
+    )

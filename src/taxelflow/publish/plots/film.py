@@ -1,0 +1,239 @@
+"""Frames of a film: pressure on the hand, slip vectors, load against time, and events as they come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxelflow.publish.plots.hand import draw_hand
+from taxelflow.publish.plots.outlines import extent_mm, outlines
+from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, MAGENTA, SLIP, VERMILION, plain
+from taxelflow.publish.results import spans
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from taxelflow.messages import Bools, Event, Floats
+    from taxelflow.sensors.layout import Layout
+
+Frame = NDArray[np.uint8]
+"""(height, width, 3), RGB."""
+
+_DPI = 100
+_SIZE = 16
+"""Width and height of frames are multiples of this, as video codecs want them."""
+_LONGEST, _TYPICAL = 0.18, 0.8
+"""Arrow of this quantile of the slips' speeds, as a share of the hand's width; none is drawn twice as long."""
+_HEAD = 0.022
+_LINES = 4
+"""Pads whose load is drawn, and events that are listed."""
+_COLOURS = (BLUE, VERMILION, GREEN, MAGENTA)
+_GAP_MM = 8.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Film:
+    """What is shown, on the clock of the recording, scan by scan.
+
+    t_s: (n,). pressure: (n, taxels). places, vectors: (n, pads, 2) in the hand frame of `layout`, m and m/s, NaN where
+    there is no slip vector. slipping: (n, pads). load: (n, pads). events: all of these times. frames_s: times of the
+    frames; zero_s: the time that is shown as 0.
+    """
+
+    title: str
+    layout: Layout
+    t_s: Floats
+    pressure: Floats
+    places: Floats
+    vectors: Floats
+    slipping: Bools
+    load: Floats
+    events: list[Event]
+    frames_s: Floats
+    zero_s: float
+
+
+def on_one_plane(layout: Layout) -> Layout:
+    """The layout itself if all its pads have a place on the hand laid flat, else with its pads in a row."""
+    if np.isfinite(layout.T_hand[: layout.pad_count]).all():
+        return layout
+    T_row, right = np.full_like(layout.T_hand, np.nan), 0.0
+    for pad in range(layout.pad_count):
+        left, end, low, top = extent_mm(layout, pad)
+        T_row[pad] = 1e-3 * (right - left), -1e-3 * (low + top) / 2, 0.0
+        right += end - left + _GAP_MM
+    for pad in range(layout.pad_count, len(layout.pads)):
+        own = layout.source[layout.of_pad(pad)]
+        home = np.unique(np.searchsorted(layout.starts[: layout.pad_count + 1], own, side="right") - 1)
+        if len(home) == 1:  # the frame of a group within one pad, and of a contact, is the pad's
+            T_row[pad] = T_row[home[0]]
+    return replace(layout, T_hand=T_row)
+
+
+def film_frames(film: Film, times_s: Iterable[float]) -> Iterator[Frame]:
+    """The frames at these times, one by one. What never changes is drawn once. Call within `styled()`."""
+    import matplotlib.pyplot as plt
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure, hand, load, words = _sheet(film)
+    canvas: Any = FigureCanvasAgg(figure)  # its copying of pixels has no types
+    moving = _Moving(film, hand, load, words)
+    canvas.draw()
+    still = canvas.copy_from_bbox(figure.bbox)
+    for t_s in times_s:
+        canvas.restore_region(still)
+        for axis, artist in moving.at(t_s):
+            axis.draw_artist(artist)
+        yield np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    plt.close(figure)
+
+
+def _sheet(film: Film) -> tuple[Figure, Axes, Axes, Axes]:
+    """The figure with all that never changes, and its axes: hand, load, words."""
+    import matplotlib.pyplot as plt
+
+    box = box_mm(film.layout)
+    ratio = (box[3] - box[2]) / (box[1] - box[0])
+    wide = 7.0 if ratio < 0.8 else 4.8
+    high = float(np.clip(wide * ratio, 2.0, 6.5))
+    width, height = (_SIZE * round(_DPI * size / _SIZE) / _DPI for size in (wide + 2.9, high + 2.3))
+    figure = plt.figure(figsize=(width, height), dpi=_DPI)
+    hand = figure.add_axes((0.02, 1.85 / height, wide / width, high / height))
+    words = figure.add_axes(((wide + 0.25) / width, 1.85 / height, 2.5 / width, high / height))
+    load = figure.add_axes((0.75 / width, 0.5 / height, 1 - 1.0 / width, 1.15 / height))
+    figure.text(0.02, 1 - 0.12 / height, plain(film.title), fontweight="bold", ha="left", va="top")
+    draw_hand(hand, film.layout, None)
+    hand.set_xlim(box[0], box[1])
+    hand.set_ylim(box[2], box[3])
+    for axis in (hand, words):
+        axis.axis("off")
+    words.set_xlim(0, 1)
+    words.set_ylim(0, 1)
+    length = max(step for step in (1, 2, 5, 10, 20, 50) if step <= max(0.2 * (box[1] - box[0]), 1))
+    x, y = box[0] + 0.02 * (box[1] - box[0]), box[2] + 0.02 * (box[3] - box[2])
+    hand.plot([x, x + length], [y, y], color=INK, linewidth=2.0, solid_capstyle="butt")
+    hand.annotate(f"{length} mm", (x + length / 2, y), (0, 3), textcoords="offset points", ha="center", fontsize=7)
+    _draw_load(load, film)
+    return figure, hand, load, words
+
+
+def _draw_load(axis: Axes, film: Film) -> None:
+    pads = np.arange(film.layout.pad_count)
+    busiest = sorted(pads, key=lambda pad: -float(np.nanmax(film.load[:, pad], initial=0.0)))[:_LINES]
+    most = float(np.nanmax(film.load[:, busiest], initial=0.0)) or 1.0
+    t_s = film.t_s - film.zero_s
+    for first, stop in spans(np.logical_or.reduce(film.slipping, axis=1)):
+        axis.axvspan(t_s[max(first - 1, 0)], t_s[stop - 1], color=SLIP, linewidth=0, zorder=0)
+    for pad, colour in zip(busiest, _COLOURS, strict=False):
+        if np.nanmax(film.load[:, pad], initial=0.0) > 0:
+            name = plain(film.layout.pads[pad])
+            axis.plot(t_s, 100 * film.load[:, pad] / most, color=colour, linewidth=1.0, label=name)
+    axis.set_xlim(film.frames_s[0] - film.zero_s, max(film.frames_s[-1], film.frames_s[0] + 1e-3) - film.zero_s)
+    axis.set_ylim(-4, 108)
+    axis.set_ylabel("load in %")
+    axis.set_xlabel("time in s; shaded: slip", labelpad=1)
+    if axis.lines:
+        axis.legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=_LINES, fontsize=7, borderaxespad=0.1)
+
+
+class _Moving:
+    """What changes from frame to frame."""
+
+    def __init__(self, film: Film, hand: Axes, load: Axes, words: Axes) -> None:
+        from matplotlib.collections import LineCollection, PolyCollection
+
+        self._film, self._axes = film, (hand, load, words)
+        layout = film.layout
+        placed = [pad for pad in range(layout.pad_count) if np.isfinite(layout.T_hand[pad]).all()]
+        shapes = [shape for pad in placed for shape in 1e3 * on_hand(layout, pad)]
+        self._taxels = PolyCollection(shapes, cmap="Blues", edgecolor="#dadce0", linewidth=0.5)
+        self._taxels.set_clim(-0.08, 1.3)
+        self._top = float(np.quantile(film.pressure.max(axis=1), 0.99)) or 1.0
+        self._shafts, self._heads = LineCollection([], linewidths=2.0), PolyCollection([])
+        hand.add_collection(self._taxels)
+        for arrows in (self._shafts, self._heads):
+            arrows.set_animated(True)
+            arrows.set_clip_on(False)
+            hand.add_collection(arrows, autolim=False)
+        self._taxels.set_animated(True)
+        left, right = hand.get_xlim()
+        self._wide_mm = right - left
+        speed = np.hypot(*film.vectors[film.slipping].T) if film.slipping.any() else np.zeros(0)
+        speed = speed[np.isfinite(speed)]
+        self._fastest = float(np.quantile(speed, _TYPICAL)) if len(speed) else 0.05
+        self._fastest = max(self._fastest, 1e-4)
+        self._now = load.axvline(0.0, color=INK, linewidth=1.0, animated=True)
+        self._clock = words.text(0, 0.98, "", fontsize=15, va="top", family="monospace", animated=True)
+        self._seen = words.text(0, 0.80, "", fontsize=8, va="top", color=INK, linespacing=1.5, animated=True)
+        self._draw_key(hand, words)
+
+    def _draw_key(self, hand: Axes, words: Axes) -> None:
+        """An arrow of a round speed beside the scale of length, and what the colours mean."""
+        decade = 10.0 ** np.floor(np.log10(1e3 * self._fastest))
+        speed = max(step * decade for step in (1, 2, 5) if step * decade <= 1.0001e3 * self._fastest)
+        left, low = hand.get_xlim()[0], hand.get_ylim()[0]
+        x, y = left + 0.3 * self._wide_mm, low + 0.02 * self._wide_mm
+        tip = (x + 1e-3 * speed * _LONGEST * self._wide_mm / self._fastest, y)
+        arrow = {"arrowstyle": "-|>", "color": VERMILION, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
+        hand.annotate("", xy=tip, xytext=(x, y), arrowprops=arrow)
+        place: Any = {"textcoords": "offset points", "fontsize": 7}
+        hand.annotate(f"{speed:g} mm/s", (x, y), (0, 4), **place)
+        words.text(0, 0.0, "arrows: red where the pad slips, else grey", fontsize=7, color=INK)
+
+    def at(self, t_s: float) -> list[tuple[Axes, Any]]:
+        """Axes and artists to draw at a time."""
+        film, (hand, load, words) = self._film, self._axes
+        k = max(int(np.searchsorted(film.t_s, t_s, side="right")) - 1, 0)
+        self._taxels.set_array(np.clip(film.pressure[k] / self._top, 0.0, 1.0))
+        self._set_arrows(k)
+        self._now.set_xdata([t_s - film.zero_s])
+        self._clock.set_text(f"{t_s - film.zero_s:7.2f} s")
+        past = [event for event in film.events if event.t_s <= t_s][-2 * _LINES :]
+        self._seen.set_text("\n".join(_said(event, film.zero_s) for event in reversed(past)))
+        drawn: list[tuple[Axes, Any]] = [(hand, self._taxels), (hand, self._shafts), (hand, self._heads)]
+        return [*drawn, (load, self._now), (words, self._clock), (words, self._seen)]
+
+    def _set_arrows(self, k: int) -> None:
+        film = self._film
+        known = np.isfinite(film.vectors[k]).all(axis=1) & np.isfinite(film.places[k]).all(axis=1)
+        tail, vector = 1e3 * film.places[k][known], film.vectors[k][known] * _LONGEST * self._wide_mm / self._fastest
+        length = np.hypot(*vector.T)[:, np.newaxis]
+        vector *= np.minimum(1.0, 2.0 * _LONGEST * self._wide_mm / np.maximum(length, 1e-9))
+        along = vector / np.maximum(np.hypot(*vector.T)[:, np.newaxis], 1e-9)
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        head = np.minimum(_HEAD * self._wide_mm, np.hypot(*vector.T))[:, np.newaxis]
+        tip, neck = tail + vector, tail + vector - head * along
+        corners = np.stack([tip, neck + 0.4 * head * across, neck - 0.4 * head * across], axis=1)
+        colours = [VERMILION if slips else GREY for slips in film.slipping[k][known]]
+        self._shafts.set_segments(list(np.stack([tail, neck], axis=1)))
+        self._shafts.set_color(colours)
+        self._heads.set_verts(list(corners))
+        self._heads.set_color(colours)
+
+
+def _said(event: Event, zero_s: float) -> str:
+    speed = f"  {1e3 * event.speed_m_s:.0f} mm/s" if np.isfinite(event.speed_m_s) else ""
+    return f"{event.t_s - zero_s:7.2f} s  {plain(event.pad)}\n{'':12}{event.event.replace('_', ' ')}{speed}"
+
+
+def on_hand(layout: Layout, pad: int) -> Floats:
+    """(taxels, corners, 2), outlines of a pad's taxels in the hand frame, m."""
+    x, y, turn = layout.T_hand[pad]
+    cos, sin = np.cos(turn), np.sin(turn)
+    shape: Floats = outlines(layout, pad) @ np.array([[cos, sin], [-sin, cos]]) + np.array([x, y])
+    return shape
+
+
+def box_mm(layout: Layout, pads: Iterable[int] | None = None) -> tuple[float, float, float, float]:
+    """left, right, low, high of these pads, or of all, with a margin; each has a place."""
+    chosen = range(layout.pad_count) if pads is None else pads
+    corners = np.concatenate([1e3 * on_hand(layout, pad).reshape(-1, 2) for pad in chosen])
+    (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
+    margin = 0.1 * max(right - left, high - low)
+    return float(left - margin), float(right + margin), float(low - margin), float(high + margin)

@@ -1,0 +1,48 @@
+"""Contact and slip against time: a lane per method, with the events at their times."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.publish.plots.style import INK, MAGENTA, look, plain
+from taxelflow.publish.results import spans
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+
+    from taxelflow.messages import Event
+    from taxelflow.publish.results import Track
+
+_MARKS = {
+    "contact": ("|", INK, 9.0),
+    "release": ("|", INK, 9.0),
+    "slip_start": (">", INK, 4.0),
+    "slip_suspected": ("D", MAGENTA, 3.5),
+}
+"""Marker, colour and size of each event; the end of a slip is that of its bar."""
+_CROWDED = 40
+"""Events in a lane above which those that a bar shows too are not marked."""
+
+
+def draw_lanes(axis: Axes, tracks: Sequence[Track], events: Sequence[Sequence[Event]], start_s: float) -> None:
+    """Light bar: contact. Solid bar: slip. Marks: events, slips at their onset."""
+    for lane, track in enumerate(tracks):
+        t_s, colour = track.numbers["t_s"] - start_s, look(track.method)["color"]
+        for flag, height, alpha in (("contact", 0.30, 0.25), ("slipping", 0.62, 0.95)):
+            bars = [(float(t_s[a]), float(t_s[b - 1] - t_s[a])) for a, b in spans(track.flags[flag])]
+            axis.broken_barh(bars, (lane - height / 2, height), facecolor=colour, alpha=alpha, linewidth=0)
+        seen = events[lane] if lane < len(events) else ()
+        for event in seen:
+            if event.event in _MARKS and (len(seen) <= _CROWDED or event.event == "slip_suspected"):
+                marker, edge, size = _MARKS[event.event]
+                when = event.t_s if np.isnan(event.onset_s) else event.onset_s
+                axis.plot([when - start_s], [lane], marker=marker, markersize=size, color=edge, markeredgewidth=0.7)
+    axis.set_yticks(range(len(tracks)), [plain(track.method) for track in tracks], fontsize=7)
+    axis.set_ylim(len(tracks) - 0.45, -0.55)
+    axis.grid(visible=False)
+    axis.spines["left"].set_visible(False)
+    axis.tick_params(axis="y", length=0)

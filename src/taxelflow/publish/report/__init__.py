@@ -1,0 +1,1 @@
+"""The report: results as one HTML file that opens without a network."""

@@ -1,0 +1,1 @@
+"""Sinks: where a live run's results go."""

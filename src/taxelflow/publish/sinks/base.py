@@ -1,0 +1,127 @@
+"""What every sink is given, and what it does with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from taxelflow.messages import joined, joined_spatial
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from taxelflow.background.adoption import Adoption
+    from taxelflow.messages import (
+        Bools,
+        Contacts,
+        Event,
+        Floats,
+        LearnedPattern,
+        Motions,
+        RawScans,
+        Slips,
+        SpatialMotions,
+    )
+    from taxelflow.publish.summary import Summary
+    from taxelflow.sensors.sensor import Sensor
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Update:
+    """Results of some scans. arrived_s: (scans,), when each came, by the computer's monotonic clock; the other fields
+    as in `Result`.
+    """
+
+    arrived_s: Floats
+    slips: Slips
+    slipping: Bools
+    motions: Motions
+    events: list[Event]
+    contacts: Contacts
+    evidence: Floats
+    spatial: SpatialMotions | None = None
+    adoptions: list[Adoption] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.slips)
+
+    @classmethod
+    def joined(cls, updates: Sequence[Update]) -> Update:
+        """Consecutive updates, at least one, as a single one."""
+        if len(updates) == 1:
+            return updates[0]
+        return cls(
+            np.concatenate([update.arrived_s for update in updates]),
+            joined([update.slips for update in updates]),
+            np.concatenate([update.slipping for update in updates]),
+            joined([update.motions for update in updates]),
+            [event for update in updates for event in update.events],
+            joined([update.contacts for update in updates]),
+            np.concatenate([update.evidence for update in updates]),
+            spatial=joined_spatial([update.spatial for update in updates]),
+            adoptions=[adoption for update in updates for adoption in update.adoptions],
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Head:
+    """What a sink knows when it opens. texts: the sensor, masks and truth as JSON by name, for files that carry them.
+    tell: reports a fault to the user.
+    """
+
+    sensor: Sensor
+    pads: tuple[str, ...]
+    texts: dict[str, str]
+    tell: Callable[[str, str], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ending:
+    """What is known when a run has ended. failed: it did not end in order."""
+
+    summary: Summary | None
+    patterns: Sequence[LearnedPattern]
+    failed: bool = False
+
+
+class Sink(Protocol):
+    """A place for results. One thread calls it; it may block without holding up the estimate.
+
+    lossless: nothing is dropped for it. raw: it wants scans as they arrived, too. dropped: what it could not pass on.
+    """
+
+    lossless: bool
+    raw: bool
+    dropped: int
+
+    def open(self, head: Head) -> None:
+        """Open file or port. Raises SinkUnusable."""
+
+    def write_raw(self, scans: RawScans, *, late: bool) -> None:
+        """Scans (scans, columns) as the source sent them. late: they came too late to be estimated from."""
+
+    def write(self, update: Update) -> None:
+        """Results."""
+
+    def tick(self) -> None:
+        """Called several times a second, whether anything came or not."""
+
+    def hurry(self) -> None:
+        """The run ends: wait a little for a full disk or a slow peer, not longer. Called by another thread."""
+
+    def close(self, ending: Ending) -> None:
+        """The run has ended. Called whatever has happened, after `open` only."""
+
+
+class ResultSink:
+    """What sinks of results share: no raw scans, nothing to do between results."""
+
+    raw = False
+
+    def write_raw(self, _scans: RawScans, *, late: bool) -> None:
+        """Raw scans are not asked for."""
+
+    def tick(self) -> None:
+        """Nothing is held."""

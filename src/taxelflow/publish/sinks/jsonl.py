@@ -1,0 +1,164 @@
+"""JSON lines in a file, on standard output, or to whoever connects: `jsonl:FILE`, `jsonl:-`, `jsonl-listen://`."""
+
+from __future__ import annotations
+
+import logging
+import socket
+import time
+from collections import deque
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from taxelflow.errors import SinkUnusable
+from taxelflow.publish.sinks.base import ResultSink
+from taxelflow.publish.sinks.lines import json_lines
+from taxelflow.publish.sinks.patient import PatientFile
+
+if TYPE_CHECKING:
+    from taxelflow.addresses import Address
+    from taxelflow.publish.sinks.base import Ending, Head, Update
+
+_MOST_WAITING = 1 << 20
+"""Bytes held for a client that does not read; lines that would be more are dropped."""
+_LINGER_S = 1.0
+_STDOUT = 1
+
+_log = logging.getLogger("taxelflow")
+
+
+class JsonFile(ResultSink):
+    """A line per scan, on disk when it is written."""
+
+    lossless = True
+    dropped = 0
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def open(self, head: Head) -> None:
+        """See `Sink`."""
+        self._pads = head.pads
+        self._file = PatientFile(_STDOUT if self._path == "-" else self._path, head.tell)
+
+    def write(self, update: Update) -> None:
+        """See `Sink`."""
+        self._file.write(b"".join(json_lines(update, self._pads)))
+
+    def hurry(self) -> None:
+        """See `Sink`."""
+        self._file.give_up()
+
+    def close(self, _ending: Ending) -> None:
+        """See `Sink`."""
+        self._file.close()
+
+
+class _Client:
+    """A connected reader, and the lines that wait for it."""
+
+    def __init__(self, connected: socket.socket) -> None:
+        connected.setblocking(False)
+        self._socket = connected
+        self._waiting: deque[memoryview] = deque()
+        self.waiting_bytes = 0
+
+    def offer(self, line: bytes) -> bool:
+        """Take a line; False if too much waits already."""
+        if self.waiting_bytes + len(line) > _MOST_WAITING:
+            return False
+        self._waiting.append(memoryview(line))
+        self.waiting_bytes += len(line)
+        return True
+
+    def send(self) -> bool:
+        """Send what the client takes now; False if it has gone."""
+        try:
+            while self._waiting:
+                sent = self._socket.send(self._waiting[0])
+                self.waiting_bytes -= sent
+                self._waiting[0] = self._waiting[0][sent:]
+                if not self._waiting[0]:
+                    self._waiting.popleft()
+        except BlockingIOError:
+            pass
+        except OSError:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Hang up."""
+        self._socket.close()
+
+
+class JsonServer(ResultSink):
+    """A line per scan to each client, from when it connects; a client that does not read misses lines."""
+
+    lossless = False
+
+    def __init__(self, endpoint: tuple[str, int]) -> None:
+        self._endpoint = endpoint
+        self._clients: list[_Client] = []
+        self.dropped = 0
+
+    def open(self, head: Head) -> None:
+        """See `Sink`."""
+        self._pads, self._tell = head.pads, head.tell
+        try:
+            self._server = socket.create_server(self._endpoint)
+        except OSError as error:
+            raise SinkUnusable(f"jsonl-listen://{self._endpoint[0]}:{self._endpoint[1]}", str(error)) from error
+        self._server.setblocking(False)
+        host, port = self._server.getsockname()[:2]
+        _log.warning("JSON lines at %s:%d", host, port)
+
+    def write(self, update: Update) -> None:
+        """See `Sink`."""
+        self._accept()
+        if not self._clients:
+            return
+        missed = sum(not client.offer(line) for line in json_lines(update, self._pads) for client in self._clients)
+        if missed and not self.dropped:
+            self._tell("a client does not read", "lines are dropped for it")
+        self.dropped += missed
+        self._send()
+
+    def tick(self) -> None:
+        """See `Sink`."""
+        self._accept()
+        self._send()
+
+    def hurry(self) -> None:
+        """See `Sink`."""
+
+    def close(self, _ending: Ending) -> None:
+        """See `Sink`."""
+        until = time.monotonic() + _LINGER_S
+        while any(client.waiting_bytes for client in self._clients) and time.monotonic() < until:
+            self._send()
+            time.sleep(0.01)
+        for client in self._clients:
+            client.close()
+        self._server.close()
+
+    def _accept(self) -> None:
+        with suppress(BlockingIOError):
+            while True:
+                self._clients.append(_Client(self._server.accept()[0]))
+
+    def _send(self) -> None:
+        for client in list(self._clients):
+            if not client.send():
+                client.close()
+                self._clients.remove(client)
+
+
+def write(address: Address) -> JsonFile:
+    """`jsonl:FILE`, `jsonl:-`. Raises AddressInvalid."""
+    address.check_options(())
+    return JsonFile(address.need_path("jsonl:FILE, or jsonl:- for standard output"))
+
+
+def listen(address: Address) -> JsonServer:
+    """`jsonl-listen://HOST:PORT`. Raises AddressInvalid."""
+    address.check_options(())
+    return JsonServer(address.endpoint)

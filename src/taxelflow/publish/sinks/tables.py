@@ -1,0 +1,72 @@
+"""The files of `taxelflow estimate`, as they grow: `tables:DIR`."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from taxelflow.errors import SinkUnusable
+from taxelflow.publish.sinks.base import ResultSink
+from taxelflow.publish.sinks.patient import PatientFile
+from taxelflow.publish.tables import Tables
+
+if TYPE_CHECKING:
+    from taxelflow.addresses import Address
+    from taxelflow.publish.sinks.base import Ending, Head, Update
+
+
+class TablesSink(ResultSink):
+    """slips.csv, object.csv, object3d.csv (for pads in space), events.csv, contacts.csv, summary.json: in `.part` files
+    until the run ends.
+    """
+
+    lossless = True
+    dropped = 0
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._files: list[PatientFile] = []
+
+    def open(self, head: Head) -> None:
+        """See `Sink`."""
+
+        def opened(path: Path) -> io.TextIOWrapper:
+            file = PatientFile(path, head.tell)
+            self._files.append(file)
+            return io.TextIOWrapper(io.BufferedWriter(file), newline="", encoding="utf-8")
+
+        self._tables = Tables(self._directory, head.pads, opened)
+        try:
+            self._tables.__enter__()
+        except OSError as error:
+            raise SinkUnusable(f"tables:{self._directory}", error.strerror or str(error)) from error
+
+    def write(self, update: Update) -> None:
+        """See `Sink`."""
+        self._tables.write(
+            update.slips, update.slipping, update.motions, update.events, update.contacts, update.evidence
+        )
+        if update.spatial is not None:
+            self._tables.write_spatial(update.spatial)
+
+    def hurry(self) -> None:
+        """See `Sink`."""
+        for file in self._files:
+            file.give_up()
+
+    def close(self, ending: Ending) -> None:
+        """See `Sink`."""
+        if ending.failed:  # rows stay in the .part files
+            self._tables.__exit__(RuntimeError)
+            return
+        self._tables.__exit__(None)
+        self._tables.write_patterns(ending.patterns)
+        if ending.summary is not None:
+            self._tables.write_summary(ending.summary)
+
+
+def write(address: Address) -> TablesSink:
+    """`tables:DIR`. Raises AddressInvalid."""
+    address.check_options(())
+    return TablesSink(Path(address.need_path("tables:DIR")))

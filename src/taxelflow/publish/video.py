@@ -1,0 +1,80 @@
+"""Frames as a file that moves: GIF by Pillow, MP4 (H.264) by the ffmpeg that the extra `video` brings."""
+
+from __future__ import annotations
+
+from itertools import chain
+from typing import TYPE_CHECKING
+
+from taxelflow.errors import ExtraMissing, ParameterInvalid
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from taxelflow.publish.plots.film import Frame
+
+SUFFIXES = (".gif", ".mp4")
+_COLOURS = 256
+_QUALITY = 7
+"""Of H.264 from 0 to 10; below it thin lines blur."""
+
+
+def check_video(path: Path) -> None:
+    """Refuse a film that could not be written, before the work begins. Raises ParameterInvalid, ExtraMissing."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise ParameterInvalid("out", str(path), f"end in {' or '.join(SUFFIXES)}")
+    if path.suffix.lower() == ".mp4":
+        try:
+            import imageio_ffmpeg  # noqa: F401  # only whether it is there
+        except ImportError as error:
+            raise ExtraMissing("video", "imageio-ffmpeg") from error
+
+
+def write_video(frames: Iterable[Frame], path: Path, fps: float) -> int:
+    """Write frames of one size, whole or not at all; return how many. Raises ParameterInvalid, ExtraMissing."""
+    check_video(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f"{path.stem}.part{path.suffix}")  # ffmpeg knows the format by the suffix
+    write = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
+    try:
+        count = write(frames, part, fps)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    return count
+
+
+def _write_gif(frames: Iterable[Frame], path: Path, fps: float) -> int:
+    """All frames share the palette of the first one that has them: a film of one look needs no other."""
+    from PIL import Image
+
+    images = (Image.fromarray(frame) for frame in frames)
+    kept = list(images)
+    sample = Image.new("RGB", (kept[0].width, 3 * kept[0].height))
+    for place, number in enumerate((0, len(kept) // 2, len(kept) - 1)):
+        sample.paste(kept[number], (0, place * kept[0].height))
+    palette = sample.quantize(_COLOURS)
+    reduced = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in kept]
+    reduced[0].save(
+        path, format="GIF", save_all=True, append_images=reduced[1:], duration=round(1000 / fps), loop=0, optimize=False
+    )
+    return len(reduced)
+
+
+def _write_mp4(frames: Iterable[Frame], path: Path, fps: float) -> int:
+    import imageio_ffmpeg
+
+    count, incoming = 0, iter(frames)
+    first = next(incoming)
+    height, width = first.shape[:2]
+    writer = imageio_ffmpeg.write_frames(
+        str(path), (width, height), fps=fps, quality=_QUALITY, ffmpeg_log_level="error"
+    )
+    writer.send(None)
+    try:
+        for frame in chain([first], incoming):
+            writer.send(frame.tobytes())
+            count += 1
+    finally:
+        writer.close()
+    return count

@@ -1,0 +1,77 @@
+"""Fingers that move: where the taxels stand at the joint angles of each scan."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from taxelflow.errors import ExtraMissing
+from taxelflow.publish.view.placement import ON_LINKS, Placement, corners_of, tangents
+from taxelflow.sensors.kinematics import PadKinematics
+from taxelflow.sensors.pad_geometry import geometry_of
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats, Joints
+    from taxelflow.sensors.sensor import Sensor
+
+_MOST_POSES = 25
+"""Of the hand, from which the camera is placed."""
+
+
+def fingers_of(sensor: Sensor, joints: Joints | None) -> tuple[Fingers | None, str]:
+    """The fingers, and why they do not move; None unless all pads have a place at known joint angles."""
+    if joints is None or sensor.hand is None:
+        return None, ""
+    try:
+        kinematics = PadKinematics(sensor)
+    except ExtraMissing as error:
+        return None, f"the fingers do not move: {error}"
+    unknown = [joint for joint in kinematics.joints if joint not in joints.names]
+    if not kinematics.joints or not kinematics.placed.all():
+        return None, ""
+    if unknown or not len(joints.t_s):
+        return None, f"the fingers do not move: no angles of {', '.join(unknown) or 'any joint'}"
+    return Fingers(sensor, joints, kinematics), ""
+
+
+class Fingers:
+    """Places of all pads by time. Between known angles the hand stays as it was."""
+
+    def __init__(self, sensor: Sensor, joints: Joints, kinematics: PadKinematics) -> None:
+        self._layout, self._joints, self._kinematics = sensor.layout, joints, kinematics
+        layout = self._layout
+        local = [geometry_of(msgspec.structs.replace(pad, pose=None)) for pad in sensor.pads]
+        pitch_m = layout.pitch_m[: layout.pad_count].max(axis=1)
+        self._pad = np.repeat(np.arange(layout.pad_count), [len(own.xy) for own in local])
+        self._place = np.concatenate([own.place_m for own in local])
+        self._normal = np.concatenate([own.normal for own in local])
+        self._tangent = np.concatenate(
+            [tangents(own.xy, own.place_m, pitch) for own, pitch in zip(local, pitch_m, strict=True)]
+        )
+        times = joints.t_s[np.linspace(0, len(joints.t_s) - 1, min(len(joints.t_s), _MOST_POSES)).astype(int)]
+        self._angles = kinematics.angles_at(joints, times[:1])[0]
+        places = [self._moved(angles).place for angles in kinematics.angles_at(joints, times)]
+        self.box = corners_of(np.concatenate(places), layout)
+        self.moving = len(joints.t_s) > 1
+
+    def at(self, t_s: float) -> Placement:
+        """The pads at a time."""
+        angles = self._kinematics.angles_at(self._joints, np.array([t_s]))[0]
+        if np.isfinite(angles).all():
+            self._angles = angles
+        return self._moved(self._angles)
+
+    def _moved(self, angles: Floats) -> Placement:
+        T = self._kinematics.poses(angles[np.newaxis])[0]
+        R = T[self._pad, :3, :3]
+        place = np.einsum("nij,nj->ni", R, self._place) + T[self._pad, :3, 3]
+        box = getattr(self, "box", None)
+        return Placement(
+            place,
+            np.einsum("nij,nj->ni", R, self._normal),
+            R @ self._tangent,
+            (ON_LINKS,) * self._layout.pad_count,
+            corners_of(place, self._layout) if box is None else box,
+        )

@@ -1,0 +1,114 @@
+"""The object's motion over the hand laid flat: its twist, centre of rotation, and path with its uncertainty."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.publish.view import shapes
+from taxelflow.publish.view.palette import MAGENTA
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+    from taxelflow.publish.view.history import Results
+
+_STEPS = 60
+"""Pieces of the path, and of the arc that shows the rate of turn."""
+_TURN_S = 0.5
+"""The arc is what the object turns in this time."""
+_MOST_RAD = 5.5
+_SIGMAS = 2.0
+
+
+class ObjectMotion:
+    """An arrow and an arc at the object's point that lay at the hand's origin at first contact, the path of that point
+    with an ellipse, and a cross at the centre of rotation.
+    """
+
+    def __init__(self, server: Any, size_m: float) -> None:
+        self._size = size_m
+        none, thick = np.zeros((_STEPS, 2, 3)), 0.0055 * size_m
+        lines = server.scene.add_line_segments
+        self._arc = lines("/object/turn", none, MAGENTA, thickness=thick, visible=False)
+        self._path = lines("/object/path", none, MAGENTA, thickness=0.7 * thick, visible=False)
+        self._cross = lines("/object/centre", none[:2], MAGENTA, thickness=thick, visible=False)
+        self._arrow = server.scene.add_arrows(
+            "/object/twist",
+            none[:1],
+            MAGENTA,
+            shaft_radius=0.7 * thick,
+            head_radius=2.2 * thick,
+            head_length=5.0 * thick,
+            visible=False,
+        )
+        disc = shapes.disc()
+        self._spread = server.scene.add_batched_meshes_simple(
+            "/object/spread",
+            disc.vertices,
+            disc.faces,
+            batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
+            batched_positions=np.zeros((1, 3)),
+            batched_scales=np.full((1, 3), 1e-9),
+            batched_colors=np.array([MAGENTA], dtype=np.uint8),
+            opacity=0.35,
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def show(self, results: Results | None, trail: Results | None, height_m: float, per_speed_s: float) -> None:
+        """Draw one scan. height_m: above the skin. per_speed_s: length of an arrow over its speed."""
+        if results is None:
+            for handle in (self._arc, self._path, self._cross, self._arrow):
+                handle.visible = False
+            self._spread.batched_scales = np.full((1, 3), 1e-9)
+            return
+        motions = results.motions
+        omega, pose = float(np.nan_to_num(motions.velocity[0, 2])), np.nan_to_num(motions.pose[0])
+        origin = np.array([*pose[:2], height_m])  # the point that lay at the hand's origin at first contact
+        speed = np.nan_to_num(motions.velocity[0, :2]) + omega * np.array([-pose[1], pose[0]])
+        arrow = np.array([*speed, 0.0]) * per_speed_s
+        moves = _clear(motions.velocity[0, :2], motions.velocity_covariance[0, :2, :2])
+        self._arrow.points = np.array([[origin, origin + arrow]])
+        self._arrow.visible = moves and float(np.hypot(*arrow[:2])) > 0.03 * self._size
+        turns = _clear(motions.velocity[0, 2:], motions.velocity_covariance[0, 2:, 2:])
+        self._arc.points = _arc(origin, 0.07 * self._size, float(np.clip(omega * _TURN_S, -_MOST_RAD, _MOST_RAD)))
+        self._arc.visible = turns
+        centre = motions.centre[0]
+        within = bool(np.isfinite(centre).all()) and float(np.hypot(*centre)) < 2 * self._size
+        self._cross.visible = within and turns
+        if within:
+            at, arm = np.array([*centre, height_m]), 0.02 * self._size
+            self._cross.points = at + arm * np.array([[[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]]])
+        self._draw_path(trail, results, height_m)
+
+    def _draw_path(self, trail: Results | None, results: Results, height_m: float) -> None:
+        pose = np.zeros((0, 3)) if trail is None else trail.motions.pose
+        points = pose[np.isfinite(pose[:, :2]).all(axis=1), :2]
+        here = results.motions.pose[0, :2]
+        spread = np.full((1, 3), 1e-9)
+        if np.isfinite(here).all():
+            deviation = np.sqrt(np.maximum(np.diag(results.motions.pose_covariance[0])[:2], 0.0))
+            spread[0] = *(2 * _SIGMAS * np.minimum(deviation, self._size)), 0.002 * self._size
+            self._spread.batched_positions = np.array([[*here, height_m]])
+        self._spread.batched_scales = spread
+        self._path.visible = len(points) > 2
+        if len(points) > 2:
+            chosen = points[np.linspace(0, len(points) - 1, _STEPS + 1).astype(int)]
+            places = np.column_stack([chosen, np.full(_STEPS + 1, height_m)])
+            self._path.points = np.stack([places[:-1], places[1:]], axis=1)
+
+
+def _clear(velocity: Floats, covariance: Floats) -> bool:
+    """Whether a velocity is more than 3 standard deviations from 0."""
+    if not (np.isfinite(velocity).all() and np.isfinite(covariance).all()):
+        return False
+    return bool(velocity @ velocity > 9.0 * np.trace(covariance))
+
+
+def _arc(origin: Floats, radius: float, angle_rad: float) -> Floats:
+    turn = np.linspace(0.0, angle_rad, _STEPS + 1)
+    ring = origin + radius * np.stack([np.cos(turn), np.sin(turn), np.zeros(_STEPS + 1)], axis=1)
+    segments: Floats = np.stack([ring[:-1], ring[1:]], axis=1)
+    return segments

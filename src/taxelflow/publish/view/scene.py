@@ -1,0 +1,249 @@
+"""The hand in 3-D: taxels coloured and raised by pressure, slip lights, slip vectors, and scales with units."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.messages import LOST, NO_POSE, OK
+from taxelflow.publish.view import shapes
+from taxelflow.publish.view.arrows import RING, RINGS, Arrows
+from taxelflow.publish.view.articulation import fingers_of
+from taxelflow.publish.view.batch import add_batch, put
+from taxelflow.publish.view.camera import FOV_RAD, Camera, fitted, picture_axes
+from taxelflow.publish.view.charts import COUNTS
+from taxelflow.publish.view.legend import Legend
+from taxelflow.publish.view.lighting import add_lights, as_lit, lit
+from taxelflow.publish.view.names import Names
+from taxelflow.publish.view.object_motion import ObjectMotion
+from taxelflow.publish.view.palette import DARK, GREEN, GREY, VERMILION, Theme, ramp, round_up
+from taxelflow.publish.view.placement import IN_SPACE, placed, spots_in_space, spots_of
+from taxelflow.publish.view.plates import plates_of
+from taxelflow.publish.view.vectors import Field
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Bools, Floats, Joints
+    from taxelflow.publish.view.history import Results, Snapshot
+    from taxelflow.sensors.sensor import Sensor
+
+_FLOOR = 0.06
+"""Height of a taxel without pressure, in pitches."""
+_RAISED = 1.5
+"""Height of a taxel at the top of the scale, in pitches."""
+_ABOVE = 0.6
+"""Of arrows over the highest taxel, in pitches."""
+_HIGHEST = 0.022
+"""Pitch that heights are made of at most, as a share of the hand's size: higher taxels would hide others."""
+_ASPECT = 1.2
+"""Width over height of the narrowest usual page beside the panel, for which the camera is placed."""
+_FRONT = (0.0, -0.4, 0.917)
+"""Direction from the hand to the camera, if nothing speaks for another one."""
+_OVER = np.array([0.0, 0.0, 0.35])
+"""Added to the normal of a pad that the camera faces, so that it looks from above."""
+_CLEAR = 0.25
+"""Length of the mean normal above which the skin is seen from its side, not from the front."""
+
+
+class Scene:
+    """Draws snapshots. ring_m_s: speed that the first ring stands for. top: pressure at the top of the scale.
+
+    lights_m: (pads, 3), where the lights of pads are. note: what the user should know about the pads' places.
+    compares: whether a second method may be drawn.
+    """
+
+    def __init__(self, server: Any, sensor: Sensor, joints: Joints | None = None, *, compares: bool = False) -> None:
+        self._server, self.layout, self._sensor = server, sensor.layout, sensor
+        self._fingers, self.note = fingers_of(sensor, joints)
+        start_s = joints.t_s[0] if self._fingers is not None and joints is not None else 0.0
+        self.placement = placed(self.layout) if self._fingers is None else self._fingers.at(start_s)
+        self.theme: Theme = DARK
+        self.top, self.ring_m_s = 1.0, 0.01
+        self._pitch = float(np.median(self.layout.pitch_m[: self.layout.pad_count]))
+        self._high = min(self._pitch, _HIGHEST * self.placement.size_m)
+        self._ramp = as_lit(ramp(self.theme.idle))
+        self._last: tuple[Snapshot, Results | None, Results | None] | None = None
+        scene, size, entries = server.scene, self.placement.size_m, len(self.layout.pads)
+        scene.set_up_direction("+z")
+        scene.world_axes.visible = False
+        add_lights(scene)
+        self._add_taxels()
+        self._body = self._add_body()
+        self._plates = add_batch(server, "/plates", shapes.box(), self.layout.pad_count, flat_shading=True)
+        self._radius = min(0.011 * size, 0.9 * self._pitch)
+        self._lights = add_batch(server, "/lights_of_pads", shapes.disc(), self.layout.pad_count)
+        self._names = Names(server, self.layout, self.placement, self._radius)
+        self._arrows = Arrows(server, "/slip", entries, size, rings=True)
+        self._compared = Arrows(server, "/compared", entries, size, wide=0.7, rings=False) if compares else None
+        self.legend = Legend(server)
+        self.motion = ObjectMotion(server, size) if self.placement.flat else None
+        self._field = Field(self.layout, self.placement)
+        self._axes = picture_axes(self._front() if self.placement.spatial else np.array([0.0, 0.0, 1.0]))
+        self._put()
+        self.frame(self._front(), _ASPECT)
+
+    def configure(self, *, theme: Theme | None = None, top: float | None = None, ring_m_s: float | None = None) -> None:
+        """Change the look or the scales. top: Pa or counts; ring_m_s: m/s."""
+        self.theme = theme or self.theme
+        self.top, self.ring_m_s = top or self.top, ring_m_s or self.ring_m_s
+        self._ramp = as_lit(ramp(self.theme.idle))
+        self._server.scene.set_background_image(np.full((2, 2, 3), self.theme.background, np.uint8), format="png")
+        self._arrows.tint(lit(self.theme.ring))
+        scale, unit = shown_unit(self._sensor)
+        self.legend.show(self._ramp, self.top * scale, unit, self.ring_m_s)
+        if self._last is None:
+            self._taxels.batched_colors = np.tile(self._ramp[0], (self.layout.taxels, 1))
+            self._light(None)
+        else:
+            self.show(*self._last)
+
+    def show(self, snapshot: Snapshot, trail: Results | None = None, compared: Results | None = None) -> None:
+        """Draw one scan. trail: results of the last seconds, for the object's path. compared: of a second method."""
+        self._last = (snapshot, trail, compared)
+        level = np.clip(snapshot.pressure / self.top, 0.0, 1.0)
+        results, raised_m = snapshot.results, (_ABOVE + _RAISED) * self._high
+        with self._server.atomic():
+            if self._fingers is not None and self._fingers.moving:
+                self.placement = self._fingers.at(snapshot.t_s)
+                self._put()
+            heights = np.stack([np.ones_like(level), np.ones_like(level), _FLOOR + (_RAISED - _FLOOR) * level], axis=1)
+            put(
+                self._taxels,
+                batched_colors=self._ramp[(255 * level).astype(int)],
+                batched_scales=self._sizes * heights,
+            )
+            self._light(results)
+            vectors = self._field.vectors(snapshot.pressure, results)
+            self._arrows.draw(vectors, self._colours(results, self.theme.line), self._per_speed_s, raised_m)
+            if self._compared is not None:
+                vectors = self._field.vectors(snapshot.pressure, compared)
+                colours = self._colours(compared, self.theme.second)
+                self._compared.draw(vectors, colours, self._per_speed_s, raised_m + 0.3 * self._high)
+            if self.motion is not None:
+                self.motion.show(results, trail, self._high * (1.3 + _RAISED), self._per_speed_s)
+
+    def frame(self, direction: Floats, aspect: float) -> Camera:
+        """Place the camera of browsers that open later, and the scales, for a view from a direction (3,)."""
+        place, box = self.placement, self.placement.box
+        axes = picture_axes(direction)
+        if place.spatial:
+            points = np.concatenate([place.place, np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)])
+        else:
+            axes = picture_axes(np.array([0.0, 0.0, 1.0]))
+            outer = RING * RINGS * place.size_m
+            rings = place.place + outer * np.array([[[0.6, 0, 0]], [[-0.6, 0, 0]], [[0, 0.6, 0]]])
+            points = np.concatenate([self.lights_m - (0.0, 3.5 * self._radius, 0.0), *rings])
+        points = np.concatenate([points, self.legend.place(points, axes)])
+        found, camera = fitted(points, direction, aspect), self._server.initial_camera
+        far = float(np.linalg.norm(found.position - found.look_at))
+        camera.fov, camera.near, camera.far = FOV_RAD, far / 100, 100 * far
+        camera.up, camera.look_at, camera.position = (0.0, 0.0, 1.0), found.look_at, found.position
+        return found
+
+    def seen_from(self, pad: str) -> Floats:
+        """(3,), the usual direction of view; for a skin that is closed, and so has none, one that shows the pad."""
+        return self.facing(pad) if self._closed else self._front()
+
+    def facing(self, pad: str) -> Floats:
+        """(3,), direction from which a pad is seen best: from above its skin, in space; else the usual one."""
+        if not self.placement.spatial:
+            return np.array(_FRONT)
+        own = self.layout.of_pad(self.layout.pads.index(pad))
+        direction: Floats = self.placement.normal[self.layout.source[own]].mean(axis=0)
+        return np.asarray(direction + _OVER)
+
+    @property
+    def _per_speed_s(self) -> float:
+        """Length of an arrow over its speed."""
+        return RING * self.placement.size_m / self.ring_m_s
+
+    @property
+    def _closed(self) -> bool:
+        """Whether the skin looks in all directions."""
+        place = self.placement
+        return place.how[0] == IN_SPACE and bool(np.linalg.norm(place.normal.mean(axis=0)) < _CLEAR)
+
+    def _front(self) -> Floats:
+        """The usual direction of view, between the front and the mean normal of a skin in space."""
+        mean: Floats = self.placement.normal.mean(axis=0)
+        length = float(np.linalg.norm(mean))
+        if not self.placement.spatial or length < _CLEAR:
+            return np.array(_FRONT)
+        return np.asarray(mean / length + 0.6 * np.array(_FRONT))
+
+    def _add_taxels(self) -> None:
+        layout = self.layout
+        counts = np.diff(layout.starts[: layout.pad_count + 1])
+        pitch = np.repeat(layout.pitch_m[: layout.pad_count], counts, axis=0)
+        tables = bool(layout.tables[: layout.pad_count].any())
+        wide = 0.9 * (np.sqrt(4 * layout.area_m2[: layout.taxels] / np.pi)[:, np.newaxis] if tables else pitch)
+        wide = np.minimum(np.broadcast_to(wide, pitch.shape), 0.95 * pitch)
+        self._sizes = np.column_stack([wide, np.full(layout.taxels, self._high)])
+        shape, scales = shapes.disc() if tables else shapes.box(), self._sizes * (1.0, 1.0, _FLOOR)
+        self._taxels = add_batch(self._server, "/taxels", shape, layout.taxels, scales=scales, flat_shading=not tables)
+
+    def _add_body(self) -> Any:
+        """A solid inside a closed skin, that hides the taxels of the far side; None where none fits."""
+        body = shapes.inside(self.placement.place) if self._closed else None
+        return None if body is None else add_batch(self._server, "/body", body, 1, scales=np.ones((1, 3)))
+
+    def _put(self) -> None:
+        """Move everything that belongs to a pad to where the pads are."""
+        place, layout, radius = self.placement, self.layout, self._radius
+        self._field.placement = place
+        turned = shapes.along(place.normal, place.tangent[:, :, 0])
+        put(self._taxels, batched_positions=place.place, batched_wxyzs=turned)
+        under = plates_of(layout, place)
+        put(
+            self._plates,
+            batched_positions=under.positions,
+            batched_scales=under.scales,
+            batched_wxyzs=under.wxyzs,
+        )
+        if self._names.crowded:  # beside one pad is another
+            own = [layout.of_pad(pad) for pad in range(layout.pad_count)]
+            above = place.place + (_RAISED + 0.2) * self._high * place.normal
+            self.lights_m = np.array([above[each].mean(axis=0) for each in own])
+            anchors: list[str] = []
+        elif place.spatial:
+            self.lights_m, anchors = spots_in_space(layout, place, radius, self._axes)
+        else:
+            self.lights_m, anchors = spots_of(layout, place, radius)
+        put(self._lights, batched_positions=self.lights_m)
+        self._names.move(self.lights_m, anchors, self._axes)
+
+    def _light(self, results: Results | None) -> None:
+        count = self.layout.pad_count
+        slips: Bools = np.zeros(count, dtype=np.bool_)
+        touched = slips
+        if results is not None:
+            touched, slips = results.slips.contact[0, :count], results.slipping[0, :count].copy()
+            for entry in range(count, len(self.layout.pads)):  # a group or contact that slips lights its pad
+                home = int(np.searchsorted(self.layout.starts, self.layout.source[self.layout.starts[entry]], "right"))
+                slips[home - 1] |= results.slipping[0, entry]
+        orange, plate = lit(VERMILION), lit(self.theme.plate)
+        pressed = np.where(touched[:, np.newaxis], lit(GREEN), lit(self.theme.unlit))
+        shown = touched | slips | (not self._names.crowded)  # lights of crowded pads in space would hide them
+        size = np.array((2.0, 2.0, 0.5)) * self._radius
+        scales = np.where(shown[:, np.newaxis], size, shapes.NONE)
+        put(self._lights, batched_scales=scales, batched_colors=np.where(slips[:, np.newaxis], orange, pressed))
+        put(self._plates, batched_colors=np.where(slips[:, np.newaxis], lit(self.theme.glow), plate))
+        if self._body is not None:
+            put(self._body, batched_colors=plate[np.newaxis])
+
+    def _colours(self, results: Results | None, sure: Any) -> Any:
+        """(entries, 3), of the arrows: grey where the pose is not resolved."""
+        quality = np.full(len(self.layout.pads), NO_POSE) if results is None else results.slips.quality[0]
+        known = np.isin(quality, (OK, NO_POSE, LOST))
+        return np.where(known[:, np.newaxis], lit(sure), lit(GREY))
+
+
+def shown_unit(sensor: Sensor) -> tuple[float, str]:
+    """Factor from conditioned pressure to the unit that is shown, and that unit."""
+    return (1.0, COUNTS) if sensor.si_unit == "count" else (1e-3, "kPa")
+
+
+def speed_of_ring(speeds: Floats) -> float:
+    """A round speed for the first ring: typical slips reach the second one."""
+    known = speeds[np.isfinite(speeds)]
+    return round_up(float(np.quantile(known, 0.8)) / RINGS) if len(known) else 0.01
