@@ -24,7 +24,7 @@ PITCH_M = 0.01
 
 @pytest.fixture
 def solver() -> None:
-    pytest.importorskip("tamaas", reason="tamaas is not installed: pip install 'taxelflow[sim]'")
+    pytest.importorskip("tamaas", reason="tamaas is not installed: pip install 'taxelflow[elastic]'")
 
 
 def field(contact: Contact, force: float = 1.0) -> tuple[Floats, float]:
@@ -114,5 +114,5 @@ def test_feet_turned_over_the_hand_are_solved_too() -> None:
 def test_without_the_solver_its_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "tamaas", None)
     elastic.solved.cache_clear()
-    with pytest.raises(ExtraMissing, match=r"tamaas is not installed; .*taxelflow\[sim\]"):
+    with pytest.raises(ExtraMissing, match=r"tamaas is not installed; .*taxelflow\[elastic\]"):
         simulate(replace(SCENARIOS["stroke"], solver="elastic"))

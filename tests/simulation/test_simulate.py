@@ -80,7 +80,8 @@ def test_a_hand_needs_a_pad_with_a_place(tmp_path: Path) -> None:
 
 
 def test_a_group_is_no_pad_to_touch() -> None:
-    with pytest.raises(NameUnknown, match=r"unknown pad 'palm_left'; known are finger1_tip, .*palm, hand$"):
+    said = r"unknown pad 'palm_left'; did you mean 'palm'\? known are finger1_tip, .*palm, hand$"
+    with pytest.raises(NameUnknown, match=said):
         simulate(Scenario(pad="palm_left"))
 
 

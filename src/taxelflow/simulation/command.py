@@ -17,7 +17,7 @@ class Simulated(Scenario):
     """Simulate a recording: one object moved over a pad or the hand; truth and all parameters go into the file."""
 
     out: Path
-    """The .npz file to write."""
+    """NPZ file to write."""
 
 
 _Scenarios = tyro.extras.subcommand_type_from_defaults(
@@ -35,7 +35,7 @@ class Simulate:
     """Simulate a recording: an object moved by a robot over a pad or the hand, truth and all parameters in the file."""
 
     scenario: Annotated[_Scenarios, tyro.conf.arg(name="")]  # type: ignore[valid-type]
-    """What moves over what; each scenario's options follow its name."""
+    """Scenario to simulate; its options follow its name."""
 
     def run(self, _rest: list[str]) -> int:
         """Simulate and write."""

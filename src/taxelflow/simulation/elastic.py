@@ -126,7 +126,7 @@ def _solve(surface: Floats, mean: float, box_m: float) -> Floats:
     try:
         import tamaas
     except ImportError as error:
-        raise ExtraMissing("sim", "tamaas") from error
+        raise ExtraMissing("elastic", "tamaas") from error
     log_level = tamaas.get_log_level()
     tamaas.set_log_level(tamaas.LogLevel.error)
     try:

@@ -30,7 +30,7 @@ class Contact:
     radius_m: float = 0.015
     """Radius, m; half the width of elongated and bulb; radius of one foot of feet."""
     aspect: float = 2.5
-    """Length divided by width, of elongated and bulb."""
+    """Ratio of length to width, of elongated and bulb."""
     peak_pa: float = 80e3
     """Largest pressure without texture, Pa."""
     feet: int = 3
@@ -82,7 +82,8 @@ class Motion:
     """
 
     kind: Literal["strokes", "stick-slip"] = "strokes"
-    """strokes: back and forth; a single stroke is a pull. stick-slip: alternating random holds and slips."""
+    """Kind of motion. strokes: back and forth; a single stroke is a pull. stick-slip: alternating random holds and
+    slips."""
     speed_m_s: float = 0.025
     """Speed along the line, m/s."""
     direction_rad: float = 3.141592653589793
@@ -216,7 +217,7 @@ class Sensing:
     bits: int = 10
     """Resolution of the full scale, bits."""
     full_scale_pa: float = 140e3
-    """Full scale, Pa: readings are clipped to 0 and to this."""
+    """Largest reading (full scale), Pa: readings are clipped to 0 and to this."""
     active_share: float = 0.9
     """Side of a taxel's sensitive area divided by the pitch, above 0 and at most 1."""
     dead: tuple[int, ...] = ()

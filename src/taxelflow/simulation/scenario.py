@@ -26,7 +26,8 @@ class Scenario:
     seed: int = 0
     """Seed of all random numbers, 0 or more; the same seed gives the same recording."""
     solver: Solver = "analytic"
-    """analytic: pressure by formula. elastic: by a boundary-element solver of elastic contact (extra `sim`)."""
+    """Contact model. analytic: pressure by formula. elastic: by a boundary-element solver of elastic contact (extra
+    `elastic`)."""
     contact: Contact = field(default_factory=Contact)
     motion: Motion = field(default_factory=Motion)
     load: Load = field(default_factory=Load)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from taxelflow.acquire.base import BLOCK_SCANS, HAND, Recording, Truth
+from taxelflow.acquire.base import HAND, Recording, Truth
+from taxelflow.acquire.limits import BLOCK_SCANS
 from taxelflow.acquire.npz import write_npz
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.geometry import inverse_transform
@@ -20,6 +21,7 @@ from taxelflow.simulation.load import State, state_at
 from taxelflow.simulation.motion import move
 from taxelflow.simulation.parameters import Second
 from taxelflow.simulation.pattern import Analytic
+from taxelflow.simulation.scenario import SCENARIOS, Scenario
 from taxelflow.simulation.sensing import clock, delays, reported, sense
 
 if TYPE_CHECKING:
@@ -31,14 +33,18 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
     from taxelflow.sensors.layout import Layout
     from taxelflow.simulation.pattern import Pattern
-    from taxelflow.simulation.scenario import Scenario
 
 
-def simulate(scenario: Scenario) -> Recording:
+def simulate(scenario: Scenario | str) -> Recording:
     """The scenario's recording, with truth, in memory. Raises NameUnknown, ParameterInvalid, ExtraMissing.
 
+    scenario: parameters, or a name of `SCENARIOS`, such as `stroke`.
     Times of the truth are the true times of the scans' starts; times of the scans are the sensor's time stamps.
     """
+    if isinstance(scenario, str):
+        if scenario not in SCENARIOS:
+            raise NameUnknown("scenario", scenario, SCENARIOS)
+        scenario = SCENARIOS[scenario]
     sensor = load_sensor(scenario.sensor)
     layout = sensor.layout
     touched = _touched(scenario, layout)

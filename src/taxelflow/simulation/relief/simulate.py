@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from taxelflow.acquire.base import BLOCK_SCANS, Recording, Truth
+from taxelflow.acquire.base import Recording, Truth
+from taxelflow.acquire.limits import BLOCK_SCANS
 from taxelflow.errors import NameUnknown
 from taxelflow.geometry import rotation
 from taxelflow.messages import RawScans, cut
@@ -18,12 +19,14 @@ from taxelflow.simulation.relief.faults import delays, readings
 from taxelflow.simulation.relief.foundation import foundation_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
     from taxelflow.messages import Bools, Floats
+    from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
+    from taxelflow.simulation.relief.course import Followed
     from taxelflow.simulation.relief.foundation import Foundation
     from taxelflow.simulation.relief.parameters import Pressing
 
@@ -73,6 +76,15 @@ def simulate_relief(pressing: Pressing, sensor: Sensor, pad: str) -> Recording:
     return Recording(name, "rig", sensor, read, scans=len(t_s), truth=truth)
 
 
+def pressed_along(
+    pressing: Pressing, layout: Layout, pad: int, t_s: Floats, path: Callable[[Floats], Followed]
+) -> Floats:
+    """Pressure (scans, taxels of the pad) in Pa, without faults, of an object that is moved along a path."""
+    press = _Press(pressing, foundation_of(layout, pad, pressing.skin), path)
+    own = layout.of_pad(pad)
+    return press.read(press.pressures(t_s), np.ones(own.stop - own.start, dtype=np.bool_))
+
+
 def _full_scale(sensor: Sensor, pressing: Pressing) -> float:
     """The reading, in the sensor's unit, that stands for `full_scale_pa`."""
     if sensor.full_scale is not None:
@@ -85,8 +97,9 @@ def _full_scale(sensor: Sensor, pressing: Pressing) -> float:
 class _Press:
     """An object on a skin, for one pad."""
 
-    def __init__(self, pressing: Pressing, skin: Foundation) -> None:
+    def __init__(self, pressing: Pressing, skin: Foundation, path: Callable[[Floats], Followed] | None = None) -> None:
         self._asked, self._skin, self._body = pressing, skin, body_of(pressing.object)
+        self._follow = path or (lambda t_s: follow(pressing.course, pressing.rate_hz, t_s))
         middle = np.array([[*pressing.course.middle_m, pressing.course.angle_rad]])
         self._start = np.array([[2 * pressing.object.relief_m, 0.0, 0.0]])
         self._force_n = pressing.force_n or self._nominal(middle)
@@ -94,7 +107,7 @@ class _Press:
 
     def pressures(self, t_s: Floats) -> Floats:
         """Pressure (times, points) on the skin in Pa."""
-        path = follow(self._asked.course, self._asked.rate_hz, t_s)
+        path = self._follow(t_s)
         lever = self._asked.object.lever_m * path.slides[:, np.newaxis] * path.ahead
         in_body = path.lever_m + np.einsum("kji,kj->ki", rotation(path.pose[:, 2]), lever)
         load = self._force_n * path.load[:, np.newaxis] * np.column_stack([np.ones(len(t_s)), in_body])

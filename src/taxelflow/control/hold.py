@@ -1,0 +1,103 @@
+"""Hold an object with the least force: let its own motion weigh it, stop it in a set time, then keep a margin.
+
+While an object of mass m slips along the pads, m a = L - 2 mu F with its load L, a positive where it speeds up. The
+least force F* carries the load without acceleration, 2 mu F* = L. So with w = L / m, at least gravity where weight is
+the load,
+
+    F* = F / (1 - a / w),    and    F = F* (1 + d / w)
+
+slows it down by d. Neither mass nor friction need be known: a slip of some scans measures what the grip needs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from math import exp, log
+
+import numpy as np
+
+from taxelflow.control.agreement import Agreement
+from taxelflow.control.base import Touch
+
+G_M_S2 = 9.81
+"""Load over mass of an object that hangs in the grip; one that is pulled or shaken has more, and is overestimated."""
+_LARGEST_SHARE = 0.7
+"""Most of gravity that an acceleration counts: beyond it the grip is as good as open."""
+_LOOK_BACK = 4
+"""Scans over which the acceleration is measured."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Raise the grip on slip by what the slip says, and relax slowly."""
+
+    stop_s: float = 0.03
+    """Time in which a slip is to be stopped."""
+    least_m_s2: float = 0.5
+    """Least deceleration asked for."""
+    margin: float = 1.15
+    """Force held after a slip, over the least force that the slip has shown."""
+    settle_s: float = 0.3
+    """Time constant with which the force comes down to that after a slip."""
+    foresee_s: float = 0.3
+    """How far ahead the growth of the least force from slip to slip is extrapolated."""
+    calm_s: float = 1.0
+    """Time without slip after which the force is relaxed."""
+    relax_1_s: float = 0.02
+    """Rate of that relaxation, 1/s."""
+    agreement: Agreement = field(default_factory=Agreement)
+    method: str = "registration"
+    """Estimator."""
+
+    def start(self, force_n: float, most_n: float) -> HoldSession:
+        """Take over a grip of `force_n` per pad."""
+        return HoldSession(self, force_n, most_n)
+
+
+class HoldSession:
+    """The force, the slip that lasts, and what earlier slips have shown."""
+
+    def __init__(self, parameters: Hold, force_n: float, most_n: float) -> None:
+        self._p, self._force_n, self._most_n = parameters, force_n, most_n
+        self._both = parameters.agreement.start()
+        self._speeds: deque[tuple[float, float, float]] = deque(maxlen=_LOOK_BACK)  # time, speed, force
+        self._slips, self._least_n = False, 0.0
+        self._taught: tuple[float, float] | None = None  # time and least force of the slip before
+        self._target_n, self._calm_s = force_n, 0.0
+
+    def step(self, touch: Touch) -> float:
+        """The force to command, N."""
+        motion, p, was = self._both.step(touch), self._p, self._slips
+        self._slips = motion.slipping
+        self._speeds.append((touch.t_s, motion.speed_m_s, touch.force_n))
+        if motion.slipping:
+            self._least_n = self._weighed()
+            slow_m_s2 = max(motion.speed_m_s / p.stop_s, p.least_m_s2)
+            braking_n = self._least_n * (1.0 + min(slow_m_s2 / G_M_S2, 1.0))
+            self._force_n = min(max(braking_n, self._force_n), self._most_n)
+            return self._force_n
+        if was:
+            self._learn(touch.t_s)
+        self._calm_s += touch.dt_s
+        if self._calm_s > p.calm_s:
+            self._target_n *= 1.0 - p.relax_1_s * touch.dt_s
+        self._force_n += (self._target_n - self._force_n) * min(touch.dt_s / p.settle_s, 1.0)
+        return self._force_n
+
+    def _weighed(self) -> float:
+        """Least force that carries the load, from the acceleration under the force that was felt meanwhile, N."""
+        t_s, speed, force_n = np.array(self._speeds).T
+        rising = float(np.polyfit(t_s - t_s[0], speed, 1)[0]) if len(t_s) > 1 else 0.0
+        share = float(np.clip(rising / G_M_S2, -_LARGEST_SHARE, _LARGEST_SHARE))
+        return float(force_n.mean() / (1.0 - share))
+
+    def _learn(self, t_s: float) -> None:
+        """A slip has ended: hold its least force with a margin, and more while it grows from slip to slip."""
+        growth_1_s = 0.0
+        if self._taught is not None and self._least_n > self._taught[1] > 0.0:
+            growth_1_s = log(self._least_n / self._taught[1]) / max(t_s - self._taught[0], 0.05)
+        self._taught = (t_s, self._least_n)
+        ahead = exp(min(growth_1_s * self._p.foresee_s, 0.5))
+        self._target_n = min(self._p.margin * self._least_n * ahead, self._most_n)
+        self._calm_s = 0.0

@@ -1,0 +1,72 @@
+"""Pictures of the plant, rendered off screen: by EGL, else by OSMesa, without a display."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.errors import GraphicsMissing
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.simulation.mujoco.gripper import Gripper
+
+_MOST_GEOMS = 500
+_LOOKS_AT_M, _DISTANCE_M, _AZIMUTH_DEG, _ELEVATION_DEG = (0.0, 0.0, 0.02), 0.36, 62.0, -16.0
+
+
+class Camera:
+    """A camera on the gripper. Close it, or use it as a context manager."""
+
+    def __init__(self, gripper: Gripper, height: int = 480, width: int = 480) -> None:
+        """Raises GraphicsMissing where neither EGL nor OSMesa works."""
+        import mujoco
+
+        self._mujoco: Any = mujoco
+        self._gripper, self._context = gripper, _context(height, width)
+        self._scene = mujoco.MjvScene(gripper.model, _MOST_GEOMS)
+        self._renderer = mujoco.MjrContext(gripper.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
+        self._options, self._view = mujoco.MjvOption(), mujoco.MjvCamera()
+        self._view.lookat[:] = _LOOKS_AT_M
+        self._view.distance, self._view.azimuth, self._view.elevation = _DISTANCE_M, _AZIMUTH_DEG, _ELEVATION_DEG
+        self._picture = mujoco.MjrRect(0, 0, width, height)
+        self._size = (height, width, 3)
+
+    def frame(self) -> NDArray[np.uint8]:
+        """(height, width, 3), the plant now."""
+        mujoco, pixels = self._mujoco, np.empty(self._size, dtype=np.uint8)
+        self._context.make_current()
+        gripper, everything = self._gripper, mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(gripper.model, gripper.data, self._options, None, self._view, everything, self._scene)
+        mujoco.mjr_render(self._picture, self._scene, self._renderer)
+        mujoco.mjr_readPixels(pixels, None, self._picture, self._renderer)
+        return pixels[::-1].copy()
+
+    def close(self) -> None:
+        """Give the graphics context back."""
+        self._renderer.free()
+        self._context.free()
+
+    def __enter__(self) -> Camera:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _context(height: int, width: int) -> Any:
+    """A current OpenGL context without a window."""
+    failed = []
+    for name in ("egl", "osmesa"):
+        try:
+            context = import_module(f"mujoco.{name}").GLContext(width, height)
+            context.make_current()
+        except Exception as error:  # PyOpenGL fails in many ways, from ImportError to AttributeError
+            failed.append(f"{name}: {error}")
+        else:
+            return context
+    raise GraphicsMissing("; ".join(failed))

@@ -1,0 +1,123 @@
+"""One trial of a controller: an object is gripped, lifted, and something happens to it. All drawn from one seed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.errors import ParameterInvalid
+from taxelflow.simulation.mujoco.events import END_S, G_M_S2, LIFT_S, Happening
+from taxelflow.simulation.mujoco.gripper import Actuator, Gripper, Held, Truth
+from taxelflow.simulation.mujoco.objects import shape
+from taxelflow.simulation.mujoco.skin import Skin
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from taxelflow.messages import Floats
+
+OPEN_S, CLOSED_S = 0.15, 0.5
+"""Until when the pads stay open, so that noise is learned, and from when on the first force is commanded."""
+CLOSING_N = 3.0
+"""Force that closes the pads: a faster pad would sink into the object."""
+HANDOVER_S = LIFT_S
+"""From when on the controller commands the force."""
+_LEVER_M = 0.03
+_GRASPED = 0.5
+"""Least share of the first force on each pad at the moment of the lift."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What is held, how, and what happens to it."""
+
+    seed: int
+    object: str
+    event: str
+    held: Held
+    first_n: float
+    """Force per pad at which the controller takes over."""
+    happening: Happening
+
+    @classmethod
+    def drawn(cls, seed: int, kind: str, event: str) -> Trial:
+        """Everything random about a trial, from its seed. Raises NameUnknown, ParameterInvalid."""
+        if seed < 0:
+            raise ParameterInvalid("seed", seed, "be 0 or more")
+        random = np.random.default_rng(seed)
+        mass_kg, friction = random.uniform(0.1, 0.5), random.uniform(0.35, 0.9)
+        offset_m = tuple(random.uniform(-0.003, 0.003, 2).tolist())
+        firm = random.uniform(0.75, 0.97) if event == "weak" else random.uniform(1.15, 1.4)
+        happening = Happening.drawn(event, mass_kg, random)
+        held = Held(shape(kind, random), mass_kg, friction, offset_m=offset_m)
+        return cls(seed, kind, event, held, firm * mass_kg * G_M_S2 / (2.0 * friction), happening)
+
+    @classmethod
+    def to_slide(cls, seed: int, kind: str, event: str) -> Trial:
+        """A trial of a commanded slide: held firmly, and nothing happens."""
+        trial = cls.drawn(seed, kind, event)
+        return replace(trial, first_n=1.3 * trial.least_n(END_S))
+
+    @classmethod
+    def to_pivot(cls, seed: int, kind: str, event: str) -> Trial:
+        """A trial of a commanded turn: held firmly, the centre of mass 30 mm beside the pads."""
+        trial = cls.drawn(seed, kind, event)
+        held = replace(trial.held, offset_m=(_LEVER_M, 0.0))
+        return replace(trial, held=held, first_n=6.0 * trial.least_n(END_S))
+
+    def least_n(self, t_s: float) -> float:
+        """Force per pad that just carries the load at a time, if friction has not to carry a moment as well."""
+        return self.happening.lasting_n(t_s) / (2.0 * self.held.friction)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One scan of a trial. readings: (2, taxels), Pa."""
+
+    readings: Floats
+    truth: Truth
+
+
+class Rehearsal:
+    """A trial at work: the caller commands the force of each scan from the handover on.
+
+    `start` closes the gripper; `step` lets one scan pass. `grasped` tells, from the lift on, whether both pads held
+    the object with half of the first force or more: a trial without is a fault of the bench, not of a controller.
+    """
+
+    def __init__(self, trial: Trial, skin: Skin | None = None, actuator: Actuator | None = None) -> None:
+        self.trial = trial
+        self.gripper = Gripper(trial.held, skin or Skin(), actuator or Actuator(), seed=trial.seed)
+        self.grasped = False
+
+    @property
+    def t_s(self) -> float:
+        """Time of the next scan's start."""
+        return self.gripper.t_s
+
+    def start(self) -> Iterator[Moment]:
+        """Open, close with 3 N, settle at the first force: all scans before the handover."""
+        while self.t_s < HANDOVER_S - 1e-9:
+            t_s, first_n = self.t_s, self.trial.first_n
+            moment = self.step(-5.0 if t_s < OPEN_S else CLOSING_N if t_s < CLOSED_S else first_n)
+            self.grasped = bool((moment.truth.normal_n > _GRASPED * first_n).all())
+            yield moment
+
+    def step(self, force_n: float) -> Moment:
+        """Let one scan pass."""
+        readings, truth = self.gripper.scan(force_n, self.trial.happening.load(self.t_s))
+        return Moment(readings, truth)
+
+
+def drawn_in_turn(
+    seed: int, trials: int, objects: tuple[str, ...], events: tuple[str, ...], draw: Callable[[int, str, str], Trial]
+) -> Iterator[Trial]:
+    """Trials of seeds seed, seed + 1, ...: objects and events in turn, so that all pairs come before one repeats."""
+    if trials < 1:
+        raise ParameterInvalid("trials", trials, "be at least 1")
+    cycle = int(np.lcm(len(objects), len(events)))
+    for number in range(trials):
+        event = events[(number + number // cycle) % len(events)]
+        yield draw(seed + number, objects[number % len(objects)], event)

@@ -1,0 +1,166 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxelflow import registry
+from taxelflow.control.agreement import Agreement
+from taxelflow.control.base import Touch
+from taxelflow.control.baselines import CentroidSpeed, Constant, Threshold
+from taxelflow.control.hold import Hold
+from taxelflow.control.motion import LetMove, Pivot, Slide
+from taxelflow.control.touch import TwoPads
+from taxelflow.errors import ParameterInvalid
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.simulation.mujoco.gripper import sensor_of
+from taxelflow.simulation.mujoco.skin import Skin
+
+DT_S, MOST_N = 0.01, 40.0
+NOISE = np.tile(np.diag([0.002, 0.002, 0.05]) ** 2, (2, 1, 1))
+
+
+def touch(
+    scan: int, left: tuple[float, float, float], right: tuple[float, float, float], force_n: float = 5.0
+) -> Touch:
+    """A scan in which the pads say these velocities in the grip's frame."""
+    pressure = np.full((2, 4), 1e4)
+    return Touch(scan * DT_S, DT_S, pressure, force_n, np.zeros(2, dtype=bool), np.array([left, right]), NOISE)
+
+
+def alike(scan: int, vx: float, vy: float, omega: float = 0.0) -> Touch:
+    return touch(scan, (vx, vy, omega), (vx, vy, omega))
+
+
+@given(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
+def test_pads_that_agree_on_a_speed_are_a_slip(vx: float, vy: float) -> None:
+    both = Agreement().start()
+    motion = [both.step(alike(scan, vx, vy)) for scan in range(60)][-1]
+    np.testing.assert_allclose(motion.velocity, [vx, vy], atol=1e-3 + 0.02 * np.hypot(vx, vy))
+    speed = np.hypot(vx, vy)
+    assert motion.slipping or speed < 0.006
+    assert not motion.slipping or speed > 0.004
+
+
+@pytest.mark.parametrize("speed", [0.02, 0.2])
+def test_pads_that_contradict_each_other_are_no_slip(speed: float) -> None:
+    both = Agreement().start()
+    motions = [both.step(touch(scan, (0, speed, 0), (0, -speed, 0))) for scan in range(100)]
+    assert not any(motion.slipping for motion in motions)
+
+
+def test_noise_that_the_pads_did_not_report_is_learned_from_their_difference() -> None:
+    random, both = np.random.default_rng(0), Agreement().start()
+    alarms = 0
+    for scan in range(5_000):  # 50 s at three times the noise that is reported
+        left, right = random.normal(0.0, 0.006, (2, 3))
+        alarms += both.step(touch(scan, tuple(left), tuple(right))).slipping
+    assert alarms / 5_000 < 2e-3
+
+
+def test_unknown_velocities_leave_the_motion_as_it_was() -> None:
+    both = Agreement().start()
+    unknown = (np.nan, np.nan, np.nan)
+    assert not both.step(touch(0, unknown, unknown)).slipping
+    one_pad = [both.step(touch(scan, (0.0, -0.05, 0.0), unknown)) for scan in range(1, 20)]
+    assert one_pad[-1].slipping
+
+
+@pytest.mark.parametrize("name", ["sigmas", "memory_s"])
+def test_an_agreement_out_of_range_is_refused(name: str) -> None:
+    with pytest.raises(ParameterInvalid, match=rf"agreement\.{name} must be"):
+        Agreement(**{name: 0.0})
+
+
+@pytest.mark.parametrize("weight", [1.0, 1.5])
+def test_hold_weighs_a_slipping_object_stops_it_and_relaxes(weight: float) -> None:
+    """An object of m a = L - 2 mu F whose least force is 6 N; its load is its weight, or half as much again."""
+    controller = Hold().start(5.0, MOST_N)
+    force_n = felt_n = 5.0
+    speed = slid = 0.0
+    forces = []
+    for scan in range(300):
+        felt_n += (force_n - felt_n) * 0.5  # the gripper lags by a scan or two
+        speed = max(speed + 9.81 * weight * (1.0 - felt_n / 6.0) * DT_S, 0.0)
+        slid += speed * DT_S
+        force_n = controller.step(touch(scan, (0, -speed, 0), (0, -speed, 0), felt_n))
+        forces.append(force_n)
+    assert slid < 0.005
+    assert 1.05 * 6.0 < forces[100] < 1.3 * 6.0
+    assert forces[100] > forces[250] > forces[299]  # relaxed
+
+
+def test_without_slip_hold_keeps_the_force() -> None:
+    controller = Hold().start(5.0, MOST_N)
+    assert [controller.step(alike(scan, 0.0, 0.0)) for scan in range(50)] == pytest.approx([5.0] * 50)
+
+
+def test_no_force_is_above_what_the_gripper_gives() -> None:
+    for kind in (Hold, Threshold, CentroidSpeed):
+        controller = kind().start(5.0, 8.0)
+        forces = []
+        for scan in range(200):
+            now = alike(scan, 0.0, -0.2)
+            now.pressure[:, scan % 4] *= 2  # the image changes, too
+            forces.append(controller.step(now))
+        assert max(forces) == 8.0
+
+
+def test_baselines_squeeze_on_their_own_cue_only() -> None:
+    constant, threshold, centroid = (kind().start(5.0, MOST_N) for kind in (Constant, Threshold, CentroidSpeed))
+    still = alike(0, 0.0, 0.0)
+    for controller in (constant, threshold, centroid):
+        assert controller.step(still) == pytest.approx(5.0, rel=1e-3)
+    changed = alike(1, 0.0, 0.0)
+    changed.pressure[0, 0] *= 3
+    assert threshold.step(changed) > 5.3
+    assert centroid.step(changed) < 5.0
+    assert centroid.step(alike(2, 0.0, -0.02)) > 5.2
+    assert constant.step(alike(3, 0.0, -0.02)) == 5.0
+
+
+@pytest.mark.parametrize("controller", [Slide(0.01), Pivot(0.5)])
+def test_a_motion_is_shut_when_it_has_gone_far_enough(controller: Slide | Pivot) -> None:
+    """A stand-in for the object: its speed grows with what the force lacks."""
+    session = controller.start(6.0, MOST_N)
+    assert isinstance(session, LetMove)
+    scale, gone, speed, forces = (0.1, 0.0, 0.0, []) if isinstance(controller, Slide) else (5.0, 0.0, 0.0, [])
+    for scan in range(600):
+        slide, turn = (speed, 0.0) if isinstance(controller, Slide) else (0.0, speed)
+        forces.append(session.step(alike(scan, 0.0, -slide, turn)))
+        speed = max(0.0, scale * (5.0 - forces[-1]))
+        gone += speed * DT_S
+    asked = controller.by_m if isinstance(controller, Slide) else controller.by_rad
+    assert session.shut
+    assert gone == pytest.approx(asked, rel=0.1)
+    assert session.felt == pytest.approx(gone, rel=0.05, abs=0.01 * asked)
+    assert min(forces) < 5.0 < forces[-1]
+
+
+def test_the_second_pad_is_mirrored_into_the_first_ones_frame() -> None:
+    sensor = sensor_of(Skin(noise_pa=0.0))
+    pads, random = TwoPads(sensor, "convolution"), np.random.default_rng(0)
+    places = sensor.layout.x_m[:256], sensor.layout.y_m[:256]
+    for scan in range(60):
+        x_m, y_m = 2e-4 * max(scan - 20, 0), -1e-4 * max(scan - 20, 0)  # 20 and -10 mm/s
+        image = [
+            6e4 * (scan > 15) * np.exp(-0.5 * ((places[0] - side * x_m) ** 2 + (places[1] - y_m) ** 2) / 0.003**2)
+            for side in (1, -1)
+        ]
+        told = pads.step(scan * DT_S, np.abs(np.array(image) + random.normal(0.0, 50.0, (2, 256))))
+        assert told.ready == (scan >= 11)
+    np.testing.assert_allclose(told.velocity[:, :2], [[0.02, -0.01], [0.02, -0.01]], atol=0.003)
+    assert told.force_n == pytest.approx(6e4 * 2 * np.pi * 0.003**2, rel=0.05)
+    assert told.dt_s == pytest.approx(DT_S)
+
+
+def test_a_sensor_without_two_pads_alike_is_refused() -> None:
+    with pytest.raises(ParameterInvalid, match="have two pads of the same shape"):
+        TwoPads(load_sensor("grid:4x4@4mm"), None)
+
+
+def test_every_controller_of_the_registry_starts() -> None:
+    for name in registry.names("controller"):
+        session = registry.find("controller", name)().start(5.0, MOST_N)
+        assert session.step(alike(0, 0.0, 0.0)) == pytest.approx(5.0, rel=0.01)

@@ -1,0 +1,178 @@
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from taxelflow.errors import ExtraMissing, NameUnknown, ParameterInvalid
+from taxelflow.simulation.mujoco.events import EVENTS, G_M_S2, LIFT_S, Happening, Load
+from taxelflow.simulation.mujoco.gripper import Actuator, Gripper, Held, sensor_of
+from taxelflow.simulation.mujoco.objects import OBJECTS, STANDARD_OBJECTS, shape
+from taxelflow.simulation.mujoco.skin import Skin
+from taxelflow.simulation.mujoco.trial import Rehearsal, Trial, drawn_in_turn
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+
+MASS_KG, FRICTION = 0.3, 0.6
+LEAST_N = MASS_KG * G_M_S2 / (2 * FRICTION)
+NO_EVENT = Happening("none", MASS_KG, 1.0, 1.0, 0.0, 1.0, 0.0)
+
+
+def gripper(kind: str, kinetic: float = 1.0, actuator: Actuator | None = None) -> Gripper:
+    pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxelflow[sim]'")
+    held = Held(shape(kind, np.random.default_rng(3)), MASS_KG, FRICTION, kinetic)
+    return Gripper(held, actuator=actuator or Actuator())
+
+
+def lifted(plant: Gripper, force_n: float, until_s: float = 1.8) -> Floats:
+    """(scans, 4): time, place along y and z, mean normal force of a lift with a constant force."""
+    path = []
+    while plant.t_s < until_s:
+        force = -5.0 if plant.t_s < 0.15 else max(force_n, 3.0) if plant.t_s < 0.5 else force_n
+        _, truth = plant.scan(force, NO_EVENT.load(plant.t_s))
+        path.append((truth.t_s, *truth.slid_m, truth.normal_n.mean()))
+    return np.array(path)
+
+
+@pytest.mark.parametrize("kind", STANDARD_OBJECTS)
+def test_twice_the_least_grip_holds_without_creep(kind: str) -> None:
+    path = lifted(gripper(kind), 2 * LEAST_N)
+    steady = path[path[:, 0] > 1.3]
+    assert abs(steady[-1, 2] - steady[0, 2]) / (steady[-1, 0] - steady[0, 0]) < 1e-6
+    assert path[-1, 3] == pytest.approx(2 * LEAST_N, rel=0.02)
+
+
+@pytest.mark.parametrize("kind", ["ball", "rod", "box"])
+def test_friction_holds_just_under_its_limit_and_slides_just_above(kind: str) -> None:
+    holding, sliding = (lifted(gripper(kind), LEAST_N / share) for share in (0.98, 1.02))
+    assert abs(holding[-1, 2] - holding[0, 2]) < 2e-5
+    assert sliding[-1, 2] < -5e-3
+
+
+def test_kinetic_friction_may_be_below_static() -> None:
+    held = lifted(gripper("ball", kinetic=0.7), 1.1 * LEAST_N)
+    assert abs(held[-1, 2]) < 1e-4  # it never starts
+    plant = gripper("ball", kinetic=0.7)
+    lifted(plant, 1.1 * LEAST_N)
+    for _ in range(5):
+        plant.scan(1.1 * LEAST_N, Load(2 * MASS_KG, np.array([0.0, 0.0, -G_M_S2]), np.zeros(3)))
+    before = plant.scan(1.1 * LEAST_N, NO_EVENT.load(9.0))[1]
+    for _ in range(5):
+        _, after = plant.scan(1.1 * LEAST_N, NO_EVENT.load(9.0))
+    assert after.speed_m_s > before.speed_m_s  # the old load is back, and it slides on, faster
+
+
+@pytest.mark.parametrize("kind", OBJECTS)
+def test_taxels_sum_to_the_normal_force(kind: str) -> None:
+    plant = gripper(kind)
+    lifted(plant, 2 * LEAST_N, until_s=LIFT_S)
+    _, truth = plant.scan(2 * LEAST_N, NO_EVENT.load(LIFT_S))
+    for side in range(2):
+        pressure = plant.pressure(side, truth.normal_n[side])
+        assert pressure.sum() * plant.skin.pitch_m**2 == pytest.approx(truth.normal_n[side], rel=0.02)
+        assert (pressure > 0).sum() > 10  # a field, not a point
+
+
+def test_pads_see_an_object_that_sinks_move_down_in_both() -> None:
+    plant = gripper("ball")
+    lifted(plant, 1.5 * LEAST_N, until_s=LIFT_S)
+    rows = np.repeat(np.arange(16), 16)
+    centres = []
+    for _ in range(2):
+        readings, truth = plant.scan(0.5 * LEAST_N, Load(MASS_KG, np.array([0, 2.0, -G_M_S2]), np.zeros(3)))
+        for _ in range(3):
+            readings, truth = plant.scan(0.5 * LEAST_N, Load(MASS_KG, np.array([0, 2.0, -G_M_S2]), np.zeros(3)))
+        centres.append([[pad @ rows, pad @ np.tile(np.arange(16), 16)] / pad.sum() for pad in readings])
+    assert truth.slid_m[1] < -1e-3
+    assert truth.slid_m[0] > 2e-4
+    (left, right) = np.array(centres[1]) - np.array(centres[0])
+    assert left[0] > 0.2  # row 0 is on top
+    assert right[0] > 0.2
+    assert left[1] > 0 > right[1]  # the pads face each other
+
+
+@pytest.mark.parametrize("kind", ["ball", "rod", "bottle"])
+def test_pads_press_as_hard_on_an_object_that_slides_fast(kind: str) -> None:
+    plant = gripper(kind)
+    lifted(plant, 1.5 * LEAST_N, until_s=LIFT_S)
+    gravity = np.array([0.0, 0.0, -G_M_S2])
+    truths = [plant.scan(0.7 * LEAST_N, Load(MASS_KG, gravity, np.zeros(3)))[1] for _ in range(12)]
+    assert truths[-1].speed_m_s > 0.15
+    for truth in truths[8:]:
+        assert truth.normal_n == pytest.approx(0.7 * LEAST_N, rel=0.1)
+    gained = np.diff([truth.speed_m_s for truth in truths[8:]]) * plant.rate_hz
+    np.testing.assert_allclose(gained, 0.3 * G_M_S2, rtol=0.1)  # friction is mu times the normal force
+
+
+def test_latency_delays_the_force() -> None:
+    prompt, late = gripper("ball"), gripper("ball", actuator=Actuator(latency_s=0.05))
+    for plant in (prompt, late):
+        lifted(plant, 2 * LEAST_N, until_s=LIFT_S)
+        plant.forces = [plant.scan(4 * LEAST_N, NO_EVENT.load(LIFT_S))[1].normal_n.mean() for _ in range(10)]  # type: ignore[attr-defined]
+    np.testing.assert_allclose(late.forces[5:], prompt.forces[:5], rtol=0.02)  # type: ignore[attr-defined]
+
+
+def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(ExtraMissing, match=r"mujoco is not installed; .*taxelflow\[sim\]"):
+        Gripper(Held(shape("ball", np.random.default_rng(0)), 0.3, 0.6))
+
+
+@pytest.mark.parametrize(("name", "value"), [("bandwidth_hz", 0.0), ("latency_s", -1.0), ("max_n", np.nan)])
+def test_an_actuator_out_of_range_is_refused(name: str, value: float) -> None:
+    with pytest.raises(ParameterInvalid, match=rf"actuator\.{name} must be"):
+        replace(Actuator(), **{name: value})
+
+
+def test_a_rate_that_does_not_divide_the_solvers_is_refused() -> None:
+    pytest.importorskip("mujoco")
+    with pytest.raises(ParameterInvalid, match="rate_hz must divide 2000 Hz"):
+        Gripper(Held(shape("ball", np.random.default_rng(0)), 0.3, 0.6), rate_hz=30.0)
+
+
+def test_a_trial_is_drawn_from_its_seed_alone() -> None:
+    assert Trial.drawn(7, "bumpy", "pull") == Trial.drawn(7, "bumpy", "pull") != Trial.drawn(8, "bumpy", "pull")
+    with pytest.raises(NameUnknown, match="unknown object 'bal'; did you mean 'ball'"):
+        Trial.drawn(7, "bal", "pull")
+    with pytest.raises(NameUnknown, match="unknown event 'push'"):
+        Trial.drawn(7, "ball", "push")
+    with pytest.raises(ParameterInvalid, match="seed must be 0 or more"):
+        Trial.drawn(-1, "ball", "pull")
+
+
+def test_objects_and_events_come_in_turn() -> None:
+    trials = list(drawn_in_turn(5, 8, ("ball", "rod"), ("pour", "weak", "pull", "none"), Trial.drawn))
+    assert len({(trial.object, trial.event) for trial in trials}) == 8
+    assert [trial.seed for trial in trials] == list(range(5, 13))
+    with pytest.raises(ParameterInvalid, match="trials must be at least 1"):
+        next(drawn_in_turn(5, 0, ("ball",), ("pour",), Trial.drawn))
+
+
+@pytest.mark.parametrize("event", EVENTS)
+def test_the_least_force_follows_the_load(event: str) -> None:
+    trial = Trial.drawn(4, "ball", event)
+    before, after = trial.least_n(1.2), trial.least_n(4.0)
+    assert before == pytest.approx(trial.held.mass_kg * G_M_S2 / (2 * trial.held.friction))
+    assert (after > 1.2 * before) == (event in {"pour", "pull", "shake"})
+    assert (trial.first_n < before) == (event == "weak")
+
+
+def test_a_rehearsal_says_whether_the_object_was_grasped() -> None:
+    pytest.importorskip("mujoco")
+    trial = Trial.drawn(1, "ball", "none")
+    grasping = Rehearsal(trial)
+    assert len(list(grasping.start())) == 80
+    assert grasping.grasped
+    weak = Rehearsal(trial, actuator=Actuator(max_n=0.1 * trial.first_n))
+    assert list(weak.start())
+    assert not weak.grasped
+
+
+def test_the_sensor_has_two_pads_of_the_skin() -> None:
+    layout = sensor_of(Skin(rows=8)).layout
+    assert layout.pads == ("left", "right")
+    assert layout.taxels == 2 * 8 * 16
