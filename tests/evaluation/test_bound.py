@@ -113,7 +113,7 @@ def dense(scenario: Scenario, t_s: Floats, contact: Floats) -> tuple[Floats, Flo
     layout = load_sensor(scenario.sensor).layout
     pad = layout.pads.index(scenario.pad)
     own = layout.of_pad(pad)
-    model = bounds._modelled(scenario, layout, pad, t_s)
+    model = bounds.modelled(scenario, layout, pad, t_s)
     knot_m = float(layout.pitch_m[pad].min()) / 2
     scans, taxels = len(contact), model.pressure.shape[1]
     pose = bound_of(scenario, t_s).pose[contact]

@@ -200,7 +200,7 @@ def test_what_cannot_be_calibrated_says_why(stroke: Recording) -> None:
         calibrate(stroke, truth)
     with pytest.raises(ParameterInvalid, match=r"can be calibrated: lnorm, convolution \(got 'sum'\)"):
         calibrate(stroke, truth, "sum")
-    with pytest.raises(NameUnknown, match="unknown estimator 'magic'"):
+    with pytest.raises(NameUnknown, match="unknown method 'magic'"):
         calibrate(stroke, truth, "magic")
     with pytest.raises(NameUnknown, match="pad0"):
         calibrate(stroke, truth, pad="thumb")

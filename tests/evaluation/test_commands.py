@@ -19,7 +19,21 @@ if TYPE_CHECKING:
 
 Capture = pytest.CaptureFixture[str]
 TINY = ("score", "table1", "--strokes", "2", "--methods", "lnorm")
-NAMES = ["table1", "hard", "field", "slip", "limits", "peers", "contacts", "prediction", "robustness", "xela"]
+NAMES = [
+    "table1",
+    "hard",
+    "field",
+    "slip",
+    "hand",
+    "limits",
+    "peers",
+    "contacts",
+    "prediction",
+    "robustness",
+    "xela",
+    "live",
+    "view",
+]
 PLUGIN = '''
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,7 +111,7 @@ def test_help_lists_every_score_with_one_line_of_its_own(capsys: Capture) -> Non
     ("name", "own", "others"),
     [
         ("table1", ["--strokes", "--seed", "--methods", "--solver"], ["--hours", "--topic", "--seeds", "--mode"]),
-        ("field", ["--seeds"], ["--seed ", "--methods", "--solver"]),
+        ("field", ["--seeds", "--methods"], ["--seed ", "--solver"]),
         ("slip", ["--hours", "--alarms-per-hour", "--processes"], ["--strokes", "--solver", "--mode"]),
         ("prediction", ["--sensor", "--topic"], ["--seeds", "--methods"]),
     ],
@@ -114,9 +128,10 @@ def test_a_score_has_its_own_options_and_no_others(
         assert option not in shown
 
 
-@pytest.mark.parametrize("name", ["table2", "real"])
-def test_an_unknown_score_is_refused_with_the_list(capsys: Capture, name: str) -> None:
-    assert refused(capsys, "score", name) == f"taxelflow: unknown score '{name}'; known are {', '.join(NAMES)}\n"
+@pytest.mark.parametrize(("name", "meant"), [("table2", "did you mean 'table1'? "), ("real", "")])
+def test_an_unknown_score_is_refused_with_the_list(capsys: Capture, name: str, meant: str) -> None:
+    line = refused(capsys, "score", name)
+    assert line == f"taxelflow: unknown score '{name}'; {meant}known are {', '.join(NAMES)}\n"
 
 
 @pytest.mark.parametrize(
@@ -146,7 +161,7 @@ def test_what_is_not_understood_ends_with_2(capsys: Capture, arguments: list[str
         (["slip", "--hours", "-1"], ["hours must be 0 or more (got -1.0)"]),
         (["table1", "--strokes", "1"], ["strokes must be at least 2 (got 1)"]),
         (["table1", "--strokes", "2", "--methods", "sum"], ["must give a position", "'sum'"]),
-        (["hard", "--methods", "magic"], ["unknown estimator 'magic'", "convolution"]),
+        (["hard", "--methods", "magic"], ["unknown method 'magic'", "convolution"]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

@@ -37,7 +37,7 @@ def test_every_scenario_has_its_rows_and_says_whether_it_was_noted(scored: Conta
 
 
 def test_an_unknown_method() -> None:
-    with pytest.raises(NameUnknown, match="unknown estimator 'magic'"):
+    with pytest.raises(NameUnknown, match="unknown method 'magic'"):
         Contacts(1, methods=("magic",)).run()
 
 

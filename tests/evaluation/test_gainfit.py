@@ -136,5 +136,5 @@ def test_what_cannot_be_known_is_an_error() -> None:
         fit_gains(seen, Trajectory(truth.t_s, truth.place_m * [1, -1]), PITCH, 1.0)
     with pytest.raises(GainsUnknown, match="only 0 scans"):
         fit_gains(seen, Trajectory(truth.t_s + 100, truth.place_m), PITCH, 1.0)
-    with pytest.raises(GainsUnknown, match="spreads by only"):
+    with pytest.raises(GainsUnknown, match="spans only"):
         fit_gains(seen, Trajectory(truth.t_s, 0 * truth.place_m), PITCH, 1.0)

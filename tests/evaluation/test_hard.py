@@ -96,7 +96,7 @@ def test_json_makes_the_round_trip(flow: HardReport) -> None:
 
 
 def test_what_cannot_be_scored_is_refused() -> None:
-    with pytest.raises(NameUnknown, match="unknown estimator 'magic'"):
+    with pytest.raises(NameUnknown, match="unknown method 'magic'"):
         Hard(1, methods=("magic",)).run()
     with pytest.raises(ParameterInvalid, match=r"methods must give a position.*'sum'"):
         Hard(1, methods=("sum",)).run()

@@ -252,9 +252,10 @@ def test_json_makes_the_round_trip(stroke: LimitsReport) -> None:
 
 
 def test_what_is_unknown_is_refused_with_the_list() -> None:
-    with pytest.raises(NameUnknown, match="unknown scenario 'strok'; known are stroke, fast-stroke"):
+    said = r"unknown scenario 'strok'; did you mean 'stroke'\? known are stroke, fast-stroke"
+    with pytest.raises(NameUnknown, match=said):
         Limits("strok", 1).run()
-    with pytest.raises(NameUnknown, match="unknown estimator 'magic'"):
+    with pytest.raises(NameUnknown, match="unknown method 'magic'"):
         Limits("stroke", 1, methods=("magic",)).run()
     with pytest.raises(ParameterInvalid, match=r"methods must give a position.*'sum'"):
         Limits("stroke", 1, methods=("lnorm", "sum")).run()

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
@@ -14,7 +15,8 @@ import pytest
 from rigged import estimated, rigged, strokes_by_both, svg_words
 from synthetic import dome, grid_sensor
 from taxelflow.errors import ExtraMissing, ResultMissing
-from taxelflow.evaluation.plot import plot_results
+from taxelflow.evaluation.plot import gathered, plot_results
+from taxelflow.publish.results import read_result
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.simulation.simulate import save
@@ -304,9 +306,41 @@ def test_a_touch_too_short_for_a_displacement_is_drawn(tmp_path: Path, scans: in
     assert 3.0 <= float(title.split()[2]) < 3.5  # the scan that is seen is one in contact
 
 
-def test_an_object_over_several_pads_is_drawn_as_a_field(tmp_path: Path) -> None:
-    save(rigged("turn-over-hand"), tmp_path / "turn.npz")
-    made = plot_results([estimated(tmp_path / "turn.npz", tmp_path / "result")], tmp_path / "out", "svg")
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("turn")
+    save(rigged("turn-over-hand"), folder / "turn.npz")
+    return estimated(folder / "turn.npz", folder / "result")
+
+
+def test_the_field_is_drawn_at_moments_when_most_pads_slip(turned: Path) -> None:
+    (result,) = gathered([turned]).results
+    _, tracks = read_result(turned)
+    layout = result.layout
+    slipping = np.stack([track.flags["slipping"] for track in tracks], axis=1)[:, layout.independent]
+    t_s = tracks[0].numbers["t_s"] - tracks[0].numbers["t_s"][0]
+    assert len(result.moments) == 3
+    for moment in result.moments:
+        k = int(np.argmin(np.abs(t_s - float(moment.title.split()[0]))))
+        assert slipping[k].sum() == slipping.sum(axis=1).max()
+        assert moment.pressure is not None
+        assert moment.pressure.max() > 0
+        assert moment.faint is not None
+        np.testing.assert_array_equal(~moment.faint[layout.independent], slipping[k])
+
+
+def test_where_no_pad_slips_there_is_no_field(turned: Path, tmp_path: Path) -> None:
+    still = shutil.copytree(turned, tmp_path / "still")
+    rows = list(csv.DictReader((turned / "slips.csv").read_text().splitlines()))
+    with (still / "slips.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(row | {"slipping": "0"} for row in rows)
+    assert not any(path.stem.startswith("field") for path in plot_results([still], tmp_path / "out", "svg"))
+
+
+def test_an_object_over_several_pads_is_drawn_as_a_field(turned: Path, tmp_path: Path) -> None:
+    made = plot_results([turned], tmp_path / "out", "svg")
     (field,) = (path for path in made if path.stem == "field-convolution")
     turns = [float(word.split()[-2]) for word in svg_words(field) if word.startswith("estimated: ")]
     assert len(turns) == 3

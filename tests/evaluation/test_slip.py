@@ -187,5 +187,5 @@ def test_options_that_cannot_be_are_refused(options: dict[str, Any], message: st
 
 
 def test_an_unknown_method_is_refused_before_the_work_begins() -> None:
-    with pytest.raises(NameUnknown, match="unknown estimator 'guess'; known are lnorm"):
+    with pytest.raises(NameUnknown, match="unknown method 'guess'; known are lnorm"):
         Slip(methods=("guess",)).run()

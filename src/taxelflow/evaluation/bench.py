@@ -22,7 +22,7 @@ from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.estimation.centroid.paper_reference import convolution_index
 from taxelflow.estimation.completion import start_slips
-from taxelflow.evaluation.base import table_of
+from taxelflow.evaluation.base import Watch, table_of, unwatched
 from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency, bench_peers, last_of
 from taxelflow.evaluation.bench_reading import ReadingRate, reading_rates
 from taxelflow.evaluation.bench_throughput import Throughput, throughput
@@ -108,10 +108,10 @@ class Bench(msgspec.Struct, frozen=True):
         ]
 
 
-def bench(recording: Path | None) -> Bench:
+def bench(recording: Path | None, watched: Watch = unwatched) -> Bench:
     """Run everything; `recording` is what the shares are measured on (default: a simulated one of its length)."""
-    latencies = [row for sensor in _sensors() for row in _latencies(sensor)]
-    throughputs = [row for size in (16, 32, 64) for row in throughput(size)]
+    latencies = [row for sensor in watched(_sensors(), "sensors") for row in _latencies(sensor)]
+    throughputs = [row for size in watched((16, 32, 64), "sizes of a pad") for row in throughput(size)]
     with tempfile.TemporaryDirectory() as folder:
         if recording is None:
             recording = Path(folder) / "simulated.npz"
@@ -185,7 +185,7 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     """What a live loop does per scan, stage by stage and together, once noise and tare are known."""
     conditioner, monitor = Conditioner(), SlipMonitor().watch(sensor.layout, stream=True)
     condition = conditioner.start(sensor, np.zeros(sensor.layout.taxels, dtype=np.bool_), None)
-    segment = ContactFeatures().start(sensor, conditioner.contact_on, conditioner.contact_off)
+    segment = ContactFeatures().start(sensor, conditioner.contact_on, conditioner.contact_off, stream=True)
     estimate = start_slips(api.estimator("convolution"), sensor.layout, "stream")
     fuse = RigidField().start(sensor.layout)
     conditioned = _fed(lambda raw: list(condition.step(raw)), values)
@@ -201,7 +201,7 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
         "stage contacts": lambda k: segment.step(scans[k % 16]),
         "stage estimate": lambda k: estimate.step(scans[k % 16]),
         "stage monitor": watch,
-        "stage fuse": lambda k: fuse.step(slips[k % 16]),
+        "stage fuse": lambda k: fuse.step(slips[k % 16], slips[k % 16].pose[..., :2]),
         "all stages": live_step(sensor, values),
     }
 
@@ -261,7 +261,7 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
     start = timed("parsing", start)
     estimate = start_slips(api.estimator("convolution"), recording.layout, "batch")
     monitor, fuse = SlipMonitor().watch(recording.layout, stream=True), RigidField().start(recording.layout)
-    segment = ContactFeatures().start(recording.sensor, conditioner.contact_on, conditioner.contact_off)
+    segment = ContactFeatures().start(recording.sensor, conditioner.contact_on, conditioner.contact_off, stream=True)
     with Tables(out, recording.layout.pads) as tables:
         for raw in blocks:
             start = perf_counter()
@@ -271,15 +271,15 @@ def _shares(recording: Recording, out: Path) -> tuple[int, list[Share]]:
             start = timed("segmenting", start)
             slips = [estimate.step(block.scans) for block in segmented]
             start = timed("estimating", start)
-            for one in segmented:
-                monitor.see(one.scans)
-            found = [(block, monitor.step(block), fuse.step(block)) for block in slips]
+            found = []
+            for block, own in zip(slips, segmented, strict=True):
+                monitor.see(own.scans)
+                found.append((block, monitor.step(block), fuse.step(block, own.contacts.centroid), own))
             start = timed("monitoring and fusing", start)
-            for (block, judged, motions), own in zip(found, segmented, strict=True):
+            for block, judged, motions, own in found:
                 tables.write(block, judged.slipping, motions, judged.events, own.contacts, judged.evidence)
             timed("writing", start)
-    total = sum(spent.values())
-    return sum(map(len, blocks)), [Share(stage, s, s / total) for stage, s in spent.items()]
+    return sum(map(len, blocks)), [Share(stage, s, s / sum(spent.values())) for stage, s in spent.items()]
 
 
 def _starts() -> list[Start]:

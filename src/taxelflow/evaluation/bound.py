@@ -72,7 +72,7 @@ class Bound:
 
 
 @dataclass(frozen=True, slots=True)
-class _Model:
+class Model:
     """Readings over their noise, and derivatives: pressure (scans, taxels), by_pose (scans, taxels, 3), both with gain
     and baseline projected out but for `nuisance` (scans, taxels, 2), an orthonormal basis of what was.
 
@@ -101,7 +101,7 @@ def bound_of(scenario: Scenario, t_s: Floats, *, jointly: bool = True) -> Bound:
         raise NameUnknown("pad", scenario.pad, pads)
     pad = pads.index(scenario.pad)
     pitch = layout.pitch_m[pad]
-    model = _modelled(scenario, layout, pad, t_s)
+    model = modelled(scenario, layout, pad, t_s)
     pose = move(scenario.motion, t_s, scenario.seed).pose
     information = np.swapaxes(model.by_pose, 1, 2) @ model.by_pose
     known, axes = _deviations(information), slice(3)
@@ -159,7 +159,8 @@ def _runs(flags: Bools) -> list[Any]:
     return [np.arange(first, last) for first, last in pairwise(edges.tolist()) if flags[first]]
 
 
-def _modelled(scenario: Scenario, layout: Layout, pad: int, t_s: Floats) -> _Model:
+def modelled(scenario: Scenario, layout: Layout, pad: int, t_s: Floats) -> Model:
+    """Readings of a pad at the true times (scans,), and their derivatives by the object's pose in the pad's frame."""
     own, sensing = layout.of_pad(pad), scenario.sensing
     taxels = np.arange(layout.taxels)[own]
     pressure = pressures(scenario, layout, [pad], t_s)[:, own]
@@ -182,10 +183,10 @@ def _modelled(scenario: Scenario, layout: Layout, pad: int, t_s: Floats) -> _Mod
     gain = state_at(scenario.load, scenario.motion, when, np.zeros_like(when)).force
     lever = np.stack([layout.x_m[own], layout.y_m[own]], axis=-1) - path.pose[..., :2]
     points = (rotation(-path.pose[..., 2]) @ lever[..., np.newaxis])[..., 0]
-    return _Model(pressure, by_pose, nuisance, points, weight, np.broadcast_to(gain, pressure.shape))
+    return Model(pressure, by_pose, nuisance, points, weight, np.broadcast_to(gain, pressure.shape))
 
 
-def _jointly(model: _Model, pose: Floats, known: Floats, contact: Any, knot_m: float) -> tuple[Floats, Floats]:
+def _jointly(model: Model, pose: Floats, known: Floats, contact: Any, knot_m: float) -> tuple[Floats, Floats]:
     """Standard deviations of one contact with the pattern unknown: (scans, axes) of its poses, and (scans - 1, axes) of
     its motions since the first scan. known: those with the pattern known.
     """
@@ -234,7 +235,7 @@ def _spread(scale: Floats) -> Floats:
     return spread
 
 
-def _pattern(model: _Model, contact: Any, knot_m: float) -> Any:
+def _pattern(model: Model, contact: Any, knot_m: float) -> Any:
     """Readings by coefficients (scans * taxels, coefficients), sparse, coefficients over the largest pressure."""
     points, pressure = model.points[contact].reshape(-1, 2), model.pressure[contact].reshape(-1)
     most = pressure.max()

@@ -9,8 +9,6 @@ import numpy as np
 
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.condition.units import full_scale, in_si
-from taxelflow.contacts.features import ContactFeatures
-from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -28,7 +26,7 @@ _FEWEST_IDLE = 5
 
 
 class TaxelFinding(msgspec.Struct, frozen=True):
-    """A taxel that is not well."""
+    """A taxel that is faulty."""
 
     taxel: int
     row: int
@@ -78,7 +76,7 @@ class PadCheckup(msgspec.Struct, frozen=True):
     """Highest reading of each taxel less its offset, row by row from the top; None where there is no taxel, or no
     reading was known."""
     marks: list[str]
-    """One letter a place, row by row: o well, . never loaded, F reached full scale, ! not well, x masked; blank where
+    """One letter a place, row by row: o well, . never loaded, F reached full scale, ! faulty, x masked; blank where
     there is no taxel."""
 
 
@@ -109,10 +107,16 @@ class Checkup(msgspec.Struct, frozen=True):
     loss: str | None = None
 
 
-def check_up(recording: Recording, watched: Callable[[Iterable[RawScans]], Iterable[RawScans]] = iter) -> Checkup:
-    """Read a recording once. `watched` may show progress. Raises what reading raises."""
+def check_up(
+    recording: Recording,
+    watched: Callable[[Iterable[RawScans]], Iterable[RawScans]] = iter,
+    condition: Conditioner | None = None,
+) -> Checkup:
+    """Read a recording once. `watched` may show progress. Raises what reading raises, ParameterInvalid."""
     tally = _Tally(recording)
-    session = Conditioner().start(recording.sensor, recording.masked, tally.count(watched(tally.reading)))
+    session = (condition or Conditioner()).start(
+        recording.sensor, recording.masked, tally.count(watched(tally.reading))
+    )
     if tally.fault is not None:
         raise tally.fault
     counts, learned = session.lookahead_counts, session.baseline
@@ -136,7 +140,7 @@ def check_up(recording: Recording, watched: Callable[[Iterable[RawScans]], Itera
         gaps=counts.gaps,
         longest_gap_s=counts.longest_gap_s,
         pads=[_pad(pad, recording.sensor, learned, tally, seen) for pad in range(recording.layout.pad_count)],
-        notes=tally.reading.notes,
+        notes=[*tally.reading.notes, *session.likely_faults(touched=bool(seen.contact_share.any()))],
         loss=str(tally.reading.loss) if tally.reading.loss else None,
     )
 
@@ -201,15 +205,17 @@ class _Sampled:
     def __init__(self, session: ConditionSession, recording: Recording) -> None:
         layout = recording.layout
         pads = layout.pad_count
-        describe = FeatureExtractor(recording.sensor, ContactFeatures().threshold)
         contact, scans = np.zeros(pads), 0
+        newtons = layout.area_m2 if recording.sensor.si_unit == "Pa" else np.nan  # counts are no force
         self.load_n = np.full(pads, np.nan)
         starts_s, levels = [], []
         for block in filter(len, session.sampled()):
             touching = block.contact[:, :pads]
             contact += touching.sum(axis=0)
             scans += len(block)
-            self.load_n = np.fmax(self.load_n, np.fmax.reduce(describe.step(block).force[:, :pads], axis=0))
+            force = np.add.reduceat(block.pressure * newtons, layout.starts[:-1], axis=1)
+            loaded = np.where(block.contact & block.complete, force, np.nan)[:, :pads]
+            self.load_n = np.fmax(self.load_n, np.fmax.reduce(loaded, axis=0))
             level = np.add.reduceat(block.pressure, layout.starts[:-1], axis=1)[:, :pads].mean(axis=0)
             starts_s.append(block.t_s[0])
             levels.append(np.where(touching.any(axis=0), np.nan, level / np.diff(layout.starts)[:pads]))

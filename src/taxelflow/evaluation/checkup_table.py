@@ -19,7 +19,7 @@ _OPTIONAL = ("drift", "load N", "full", "masked", "missing")
 
 
 def show_checkup(checkup: Checkup) -> None:
-    """The recording in lines, the pads in a table and in pictures, then what is not well."""
+    """The recording in lines, the pads in a table and in pictures, then the faulty taxels."""
     console = Console(markup=False, highlight=False)
     promised = "" if checkup.scans_promised in (None, checkup.scans) else f" of {checkup.scans_promised} promised"
     console.print(f"{checkup.file} ({checkup.format})", style="bold", soft_wrap=True)
@@ -45,7 +45,7 @@ def show_checkup(checkup: Checkup) -> None:
         meanings = f"{meanings}\n{digits}"
     console.print(meanings, style="dim")
     for finding in (finding for pad in checkup.pads for finding in pad.findings):
-        console.print(f"not well: {finding.words}", style="yellow", soft_wrap=True)
+        console.print(f"faulty: {finding.words}", style="yellow", soft_wrap=True)
 
 
 def _pads_table(checkup: Checkup) -> tuple[Table, str]:

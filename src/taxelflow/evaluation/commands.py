@@ -6,7 +6,7 @@ A dataclass per command, whose fields are its options. NumPy is imported when a 
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, make_dataclass
+from dataclasses import dataclass, field, make_dataclass
 from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,6 +16,7 @@ from tyro.conf import Positional
 
 from taxelflow import registry
 from taxelflow.acquire.options import Recorded
+from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import at_least, write_tables
 
@@ -34,20 +35,24 @@ class Calibrate(Recorded):
     """
 
     out: Path
-    """The .toml file to write, for `taxelflow estimate --calibration`."""
+    """TOML file to write, for `taxelflow estimate --calibration`."""
     truth: Path | None = None
-    """csv t_s,x_m,y_m[,theta_rad] of the contact's centre, in the robot's frame (seen from outside the skin) and on its
-    clock; if left out, the truth inside a simulated recording."""
+    """Trajectory of the contact's centre in the robot's frame (seen from outside the skin) and on its clock: a csv
+    t_s,x_m,y_m[,theta_rad], a TUM file (.tum, .txt), or a bag or .mcap with PoseStamped messages. If left out, the
+    truth inside a simulated recording."""
+    truth_topic: str | None = None
+    """Topic of the PoseStamped messages, where --truth is a bag with several."""
     method: str = "convolution"
-    """lnorm, convolution, or one from another package that can be calibrated."""
+    """Estimator to calibrate: lnorm, convolution, or one of another package that can be calibrated."""
     pad: str | None = None
-    """This pad only; all that can be calibrated if left out."""
+    """Pad to calibrate; all that can be calibrated if left out."""
     search_s: float = 1.0
-    """Largest offset between the robot's clock and the sensor's, s; 0: the clocks agree exactly."""
+    """Largest clock offset to search, s; 0: the clocks of robot and sensor agree."""
     edge: float = 1.0
-    """Weight of what the pad's border may hide; 0 trusts contacts that are cut as much as whole ones."""
+    """Weight of the error at a pad's border, a ratio; at 0 contacts that the border cuts count as much as whole
+    ones."""
     within_m: float | None = None
-    """Use only positions at most this far from the pad's centre along each axis, m."""
+    """Largest distance of a position from the pad's centre along each axis, m; others are not used."""
 
     def run(self, _rest: list[str]) -> int:
         """Read, fit, write, print."""
@@ -59,8 +64,10 @@ class Calibrate(Recorded):
 
         if self.out.suffix != ".toml":
             raise ParameterInvalid("out", str(self.out), "end in .toml")
-        recording = api.read(self.recording, self.sensor, topic=self.topic, columns=self.own_columns)
-        truth = None if self.truth is None else read_trajectory(self.truth)
+        recording = api.read(
+            self.recording, self.sensor, topic=self.topic, columns=self.own_columns, joints=self.joints
+        )
+        truth = None if self.truth is None else read_trajectory(self.truth, self.truth_topic)
         found = calibrate(
             recording,
             truth,
@@ -77,13 +84,14 @@ class Calibrate(Recorded):
 
 @dataclass(frozen=True, kw_only=True)
 class Info(Recorded):
-    """Check a sensor up by a recording: rate, gaps, repeated scans; noise, drift, load and bad taxels of each pad.
+    """Check a sensor by a recording: rate, gaps, repeated scans; noise, drift, load and bad taxels of each pad.
 
-    Taxels that are not well are named with the evidence; `taxelflow estimate --condition.mask auto` leaves them out.
+    Faulty taxels are listed with the evidence; `taxelflow estimate --condition.mask auto` leaves them out.
     """
 
     json: bool = False
     """Print JSON instead of tables."""
+    condition: Conditioner = field(default_factory=Conditioner)
 
     def run(self, _rest: list[str]) -> int:
         """Read once, count, print."""
@@ -93,8 +101,10 @@ class Info(Recorded):
         from taxelflow.publish.summary import to_json
         from taxelflow.publish.terminal import progress
 
-        recording = api.read(self.recording, self.sensor, topic=self.topic, columns=self.own_columns)
-        checkup = check_up(recording, lambda blocks: progress(blocks, recording.scans, "reading"))
+        recording = api.read(
+            self.recording, self.sensor, topic=self.topic, columns=self.own_columns, joints=self.joints
+        )
+        checkup = check_up(recording, lambda blocks: progress(blocks, recording.scans, "reading"), self.condition)
         if self.json:
             sys.stdout.buffer.write(to_json(checkup))
         else:
@@ -113,15 +123,20 @@ class Plot:
     out: Path | None = None
     """Directory for the pictures; the first result's if left out."""
     format: Literal["svg", "png", "pdf"] = "svg"
+    """File format of the pictures."""
 
     def run(self, _rest: list[str]) -> int:
         """Draw and name the files."""
         from taxelflow.evaluation.plot import plot_results
+        from taxelflow.publish.results import read_summary
 
         if not self.results:
             raise ParameterInvalid("results", "nothing", "name at least one directory")
         for path in plot_results(self.results, self.out or self.results[0], self.format):
             print(path)
+        source = read_summary(self.results[0]).input
+        if not Path(source).exists():
+            print(f"taxelflow: recording {source} not found: truth and pictures of scans are left out", file=sys.stderr)
         return 0
 
 
@@ -130,20 +145,22 @@ class Figures:
     """Draw the paper's figures 2, 4, 5, 6, 7, 9 and Table I, rotation error by slip vectors, error over the bound."""
 
     out: Path
-    """Directory for the pictures; made if it does not exist."""
+    """Directory for the pictures; created if it does not exist."""
     format: Literal["svg", "png", "pdf"] = "svg"
+    """File format of the pictures."""
     strokes: int = 1000
-    """Strokes a speed in Table I."""
+    """Number of strokes at each speed in Table I."""
     seeds: int = 10
-    """Seeds a scenario in the curves of rotation error and of error against the bound."""
+    """Number of seeds per scenario in the curves of rotation error and of error against the bound."""
 
     def run(self, _rest: list[str]) -> int:
         """Simulate, estimate, draw."""
         from taxelflow.evaluation.paper import draw_paper
+        from taxelflow.publish.terminal import counted
 
         at_least("strokes", self.strokes, 2)
         at_least("seeds", self.seeds, 1)
-        for path in draw_paper(self.out, self.format, strokes=self.strokes, seeds=self.seeds):
+        for path in draw_paper(self.out, self.format, strokes=self.strokes, seeds=self.seeds, watched=counted):
             print(path)
         return 0
 
@@ -153,28 +170,29 @@ class Bench:
     """Measure speed: kernels against the literal equations, where the time goes, start of the command line."""
 
     recording: Path | None = None
-    """Recording whose reading and estimating is measured; a simulated one if left out."""
+    """Recording to measure reading and estimating on; a simulated one if left out."""
     json: bool = False
     """Print JSON instead of tables."""
     csv: Path | None = None
-    """Also write the steps to this .csv file; further tables go to NAME-TABLE.csv beside NAME.csv."""
+    """Write the steps to this .csv file, too; further tables go to NAME-TABLE.csv beside NAME.csv."""
 
     def __post_init__(self) -> None:
-        _check_csv(self.csv)
+        check_csv(self.csv)
 
     def run(self, _rest: list[str]) -> int:
         """Run and print."""
         from taxelflow.evaluation.bench import bench
         from taxelflow.evaluation.bench_table import show_bench
         from taxelflow.publish.summary import to_json
+        from taxelflow.publish.terminal import counted
 
-        found = bench(self.recording)
+        found = bench(self.recording, counted)
         written = [] if self.csv is None else write_tables(found.tables(), self.csv)
         if self.json:
             sys.stdout.buffer.write(to_json(found))
         else:
             show_bench(found)
-            _name_files(written)
+            name_files(written)
         return 0
 
 
@@ -203,7 +221,7 @@ class Score:
             sys.stdout.buffer.write(to_json(report))
             return 0
         report.show()
-        _name_files(written)
+        name_files(written)
         return 0
 
 
@@ -214,10 +232,10 @@ class Output:
     json: bool = False
     """Print JSON instead of tables."""
     csv: Path | None = None
-    """Also write the rows to this .csv file; further tables of the score go to NAME-TABLE.csv beside NAME.csv."""
+    """Write the rows to this .csv file, too; further tables of the score go to NAME-TABLE.csv beside NAME.csv."""
 
     def __post_init__(self) -> None:
-        _check_csv(self.csv)
+        check_csv(self.csv)
 
 
 @dataclass(frozen=True)
@@ -250,7 +268,7 @@ def _parsed(kind: Any, words: list[str]) -> tuple[AnyScore, Output]:
     return found.score, found.output
 
 
-def _check_csv(path: Path | None) -> None:
+def check_csv(path: Path | None) -> None:
     """Raises ParameterInvalid for a file that cannot be written, before the work begins."""
     if path is not None and path.suffix != ".csv":
         raise ParameterInvalid("csv", str(path), "end in .csv")
@@ -258,6 +276,7 @@ def _check_csv(path: Path | None) -> None:
         raise ParameterInvalid("csv", str(path), "lie in a directory that exists")
 
 
-def _name_files(written: list[Path]) -> None:
+def name_files(written: list[Path]) -> None:
+    """Print the names of files with rows or pictures."""
     for path in written:
         print(f"rows in {path}")

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from taxelflow.estimation.base import Estimator, Mode
     from taxelflow.evaluation.base import Cell, Watch
     from taxelflow.messages import Bools, Floats
+    from taxelflow.result import Result
     from taxelflow.simulation.scenario import Scenario
 
 TWO = ("two-contacts", "two-contacts-meet")
@@ -69,7 +70,7 @@ class Contacts:
     """
 
     seeds: int = 10
-    """Recordings of each scenario, 1 or more."""
+    """Number of recordings of each scenario, 1 or more."""
     seed: int = 0
     """Seed of the first recording, 0 or more; the others count up from it."""
     methods: tuple[str, ...] = METHODS
@@ -238,7 +239,7 @@ class _Contact:
     ok: Bools
 
 
-def _contact(result: api.Result, pad: int, true: Floats) -> _Contact:
+def _contact(result: Result, pad: int, true: Floats) -> _Contact:
     slips = result.slips
     pose, quality, touched = slips.pose[:, pad], slips.quality[:, pad], slips.contact[:, pad]
     known = np.isfinite(pose[:, :2]).all(axis=1) & (quality != LOST)

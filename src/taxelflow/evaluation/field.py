@@ -7,7 +7,7 @@ the same hand into other pads and groups.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
@@ -16,7 +16,7 @@ from rich.console import Console
 
 from taxelflow import api
 from taxelflow.evaluation.base import at_least, table_of, unwatched
-from taxelflow.evaluation.cells import caption, number
+from taxelflow.evaluation.cells import caption, number, short
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor
@@ -25,6 +25,7 @@ from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording, Truth
+    from taxelflow.estimation.base import Estimator
     from taxelflow.evaluation.base import Table, Watch
     from taxelflow.messages import Floats
 
@@ -34,9 +35,10 @@ _TURNS_RAD_S = 0.05
 
 
 class FieldRow(msgspec.Struct, frozen=True):
-    """Errors of one way of cutting up the hand, over all scans and seeds of a scenario."""
+    """Errors of one method and one way of cutting up the hand, over all scans and seeds of a scenario."""
 
     scenario: str
+    method: str
     vectors: int
     """Slip vectors of the hand that may take part."""
     cut: str
@@ -65,22 +67,27 @@ class Field:
 
     seeds: int = 10
     """Recordings of each scenario, 1 or more; seeds 0, 1, ..."""
+    methods: tuple[str, ...] = ("convolution",)
+    """Estimators to score."""
 
     def __post_init__(self) -> None:
         at_least("seeds", self.seeds, 1)
 
     def run(self, watched: Watch = unwatched) -> FieldReport:
-        """Run the recordings of every scenario through every cut of the hand."""
+        """Run the recordings of every scenario through every cut of the hand. Raises NameUnknown."""
+        kinds = {method: api.estimator(method) for method in self.methods}
         rows = []
         for scene in SCENES:
-            errors: dict[str, list[tuple[Floats, Floats]]] = {}
+            errors: dict[tuple[str, str], list[tuple[Floats, Floats]]] = {}
             cuts: list[_Cut] = []
             for seed in watched(range(self.seeds), "seeds"):
                 recording = simulate(replace(SCENARIOS[scene], seed=seed))
                 cuts = cuts_of(recording.sensor)
-                for cut in cuts:
-                    errors.setdefault(cut.name, []).append(_twists(replace(recording, sensor=cut.sensor)))
-            rows += [_row(scene, cut, *map(np.concatenate, zip(*errors[cut.name], strict=True))) for cut in cuts]
+                for cut, (method, kind) in product(cuts, kinds.items()):
+                    found = _twists(replace(recording, sensor=cut.sensor), kind)
+                    errors.setdefault((method, cut.name), []).append(found)
+            for method, cut in product(kinds, cuts):
+                rows.append(_row(scene, method, cut, *map(np.concatenate, zip(*errors[method, cut.name], strict=True))))
         return FieldReport(self.seeds, rows)
 
 
@@ -99,12 +106,15 @@ class FieldReport(msgspec.Struct, frozen=True):
         console = Console(markup=False)
         for scenario in dict.fromkeys(row.scenario for row in self.rows):
             title = f"{scenario}, {self.seeds} seeds"
-            table = quiet_table("vectors", "hand:", "direction deg", "speed %", "turn %", "turn bias %", title=title)
+            table = quiet_table(
+                "vectors", "hand:", "method:", "direction deg", "speed %", "turn %", "turn bias %", title=title
+            )
             for row in self.rows:
                 if row.scenario == scenario:
                     table.add_row(
                         str(row.vectors),
                         row.cut,
+                        short(row.method),
                         number(row.direction_deg, 1),
                         number(row.speed_percent, 1),
                         f"{row.turn_percent:.1f}",
@@ -152,9 +162,9 @@ def _parts(pad: Pad, parts: int) -> list[Group]:
     return [Group(f"{pad.name}_{k}", (Patch(pad.name, **{side: span}),)) for k, span in enumerate(spans)]
 
 
-def _twists(recording: Recording) -> tuple[Floats, Floats]:
+def _twists(recording: Recording, method: Estimator) -> tuple[Floats, Floats]:
     """Estimated and true twists (scans, 3) at the hand's origin, where one was estimated."""
-    result, truth = api.estimate(recording, "convolution"), recording.known_truth
+    result, truth = api.estimate(recording, method), recording.known_truth
     known = np.isfinite(result.motions.velocity[:, 0])
     slips = result.slips
     window_s = np.nanmax(np.where(slips.valid, slips.span_s + 2 * slips.lag_s, np.nan)[known], axis=1)
@@ -171,7 +181,7 @@ def true_twist(truth: Truth, from_s: Floats, to_s: Floats) -> Floats:
     return twist
 
 
-def _row(scene: str, cut: _Cut, estimated: Floats, true: Floats) -> FieldRow:
+def _row(scene: str, method: str, cut: _Cut, estimated: Floats, true: Floats) -> FieldRow:
     speed, turn = np.hypot(true[:, 0], true[:, 1]), true[:, 2]
     moves = speed > _MOVES_M_S
     turns = (np.abs(turn) > _TURNS_RAD_S) & np.isfinite(estimated[:, 2])
@@ -181,6 +191,7 @@ def _row(scene: str, cut: _Cut, estimated: Floats, true: Floats) -> FieldRow:
     wrong = (estimated - true)[turns, 2]
     return FieldRow(
         scenario=scene,
+        method=method,
         vectors=int(_vectors(cut.sensor)),
         cut=cut.name,
         direction_deg=float(np.degrees(np.median(off))) if moves.any() else None,

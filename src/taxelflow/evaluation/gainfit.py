@@ -85,13 +85,13 @@ def fit_gains(seen: Sightings, truth: Trajectory, pitch_m: Floats, search_s: flo
     problem = _Problem(seen.chosen(used), truth, search_s, np.zeros(2))
     length, width = problem.spread(offset)
     if length < 0.3 * pitch_m.max():
-        seen_mm = f"the object's way spreads by only {1e3 * length:.2g} mm where the pad sees it well"
+        seen_mm = f"the object's path spans only {1e3 * length:.2g} mm within the pad's interior"
         raise GainsUnknown(seen_mm, "move it over at least two taxels, away from the border")
     plane = width > _FLAT * length
     if plane:
         problem.refuse_mirror(offset)
     fit = problem.refined(offset, tied=not plane)
-    note = "" if plane else "the way is a line: one gain for both axes"
+    note = "" if plane else "the path is a line: one gain for both axes"
     if plane and (fit.std > _UNSURE * fit.gain).any():
         lost = int(np.argmax(fit.std / fit.gain))
         fit = problem.refined(offset, tied=True)

@@ -80,13 +80,13 @@ class Hard:
     """
 
     seeds: int = 10
-    """Recordings of each case and speed, 1 or more."""
+    """Number of recordings of each case and speed, 1 or more."""
     seed: int = 0
     """Seed of the first recording, 0 or more; the others count up from it."""
     methods: tuple[str, ...] = METHODS
     """Estimators to score."""
     solver: Solver = "analytic"
-    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `sim`)."""
+    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `elastic`)."""
 
     def __post_init__(self) -> None:
         at_least("seeds", self.seeds, 1)

@@ -70,17 +70,18 @@ class Limits:
     """
 
     scenario: Positional[str] = "stroke"
-    """One of the scenarios of `taxelflow simulate`, on one pad."""
+    """Scenario of `taxelflow simulate`, on one pad."""
     seeds: int = 10
-    """Recordings of the scenario, 1 or more."""
+    """Number of recordings of the scenario, 1 or more."""
     seed: int = 0
     """Seed of the first recording, 0 or more; the others count up from it."""
     methods: tuple[str, ...] = ()
     """Estimators to score; all that give a position if left out."""
     mode: Mode = "batch"
-    """batch: learn tare and noise from the whole recording first. stream: scan by scan, as from a live device."""
+    """Processing mode. batch: learn tare and noise from the whole recording first. stream: scan by scan, as from a live
+    device."""
     solver: Solver = "analytic"
-    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `sim`)."""
+    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `elastic`)."""
 
     def __post_init__(self) -> None:
         at_least("seeds", self.seeds, 1)

@@ -90,9 +90,9 @@ class Peers:
     seed: int = 0
     """Seed of the first trial, 0 or more; the trials are those of `score table1` with this seed."""
     methods: tuple[str, ...] = ()
-    """Our estimators to score; lnorm, convolution and template if left out."""
+    """Estimators of taxelflow to score; lnorm, convolution and template if left out."""
     solver: Solver = "analytic"
-    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `sim`)."""
+    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `elastic`)."""
 
     def __post_init__(self) -> None:
         at_least("strokes", self.strokes, 2)

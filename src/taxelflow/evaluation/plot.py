@@ -8,41 +8,42 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow import api
-from taxelflow.condition.parameters import Conditioner
-from taxelflow.errors import RecordingError, ResultMissing
+from taxelflow.errors import ResultMissing
 from taxelflow.estimation.centroid.paper_reference import convolution_matrix
-from taxelflow.geometry import transform
+from taxelflow.evaluation.source import SAME_S, images, pressure_at, source_of
 from taxelflow.publish.figures import PadTracks, Pictures, ResultPictures, Views, draw_results
 from taxelflow.publish.patterns import read_patterns
-from taxelflow.publish.plots.hand import Moment
+from taxelflow.publish.plots.hand import Moment, at_contacts
 from taxelflow.publish.plots.pattern import Contact
-from taxelflow.publish.results import Track, read_result
+from taxelflow.publish.results import Track, read_events, read_orientations, read_result
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from taxelflow.acquire.base import Recording, Truth
-    from taxelflow.messages import Floats, LearnedPattern
+    from taxelflow.messages import Event, Floats, LearnedPattern
     from taxelflow.publish.summary import Summary
 
 _MOST_PADS = 4
 """Pads that are drawn, those with the longest contact."""
 _FEWEST_PADS = 2
 """Pads that must have a slip vector at the same time for a field of them."""
-_MOMENTS = (0.2, 0.5, 0.8)
-"""Of the scans in which most pads have a slip vector, the ones that are drawn, as shares."""
-_SAME_S = 1e-6
-"""Times closer than this are of one scan; results hold microseconds."""
+_MOMENTS = 3
+"""Scans drawn of those in which most pads slip: one in each part of them."""
+_FAST = 0.75
+"""The scan drawn is this quantile of its part by speed: clearly moving, and not the one that is farthest off."""
 
 
 class _Result(NamedTuple):
-    """A result as it was read. tracks: of all pads. placed: those of which some position is known."""
+    """A result as it was read. tracks: of all pads. placed: those of which some position is known. seen: events by
+    pad.
+    """
 
     directory: Path
     ran: Summary
     tracks: list[Track]
     placed: list[Track]
+    seen: dict[str, list[Event]]
 
 
 def plot_results(directories: Sequence[Path], out: Path, form: str) -> list[Path]:
@@ -57,7 +58,13 @@ def plot_results(directories: Sequence[Path], out: Path, form: str) -> list[Path
 def gathered(directories: Sequence[Path]) -> Pictures:
     """What is drawn of these results. Raises ResultMissing."""
     results = [
-        _Result(directory, ran, tracks, [track for track in tracks if np.isfinite(track.position_m).any()])
+        _Result(
+            directory,
+            ran,
+            tracks,
+            [track for track in tracks if np.isfinite(track.position_m).any()],
+            _by_pad(read_events(directory)),
+        )
         for directory in directories
         for ran, tracks in [read_result(directory)]
     ]
@@ -68,18 +75,26 @@ def gathered(directories: Sequence[Path]) -> Pictures:
     pads = _busiest(summary)
     drawn = [track for result in results for track in result.placed if track.pad in pads]
     if not drawn:
-        raise ResultMissing(directories[0], f"position: method {summary.method!r} knows none, there is nothing to draw")
-    recording = _recording(summary)
+        raise ResultMissing(directories[0], f"position: method {summary.method!r} estimates none, so nothing is drawn")
+    recording = source_of(summary)
     truth = None if recording is None else recording.truth
     positions = []
     for pad in pads:
         if own := [track for track in drawn if track.pad == pad]:
             known = (truth.t_s, truth.pose) if truth is not None and truth.pad == pad else None
-            positions.append(PadTracks(pad, own, known))
+            seen = [result.seen.get(pad, []) for result in results if any(track.pad == pad for track in result.placed)]
+            positions.append(PadTracks(pad, own, known, seen))
     views = None
     if recording is not None and any(track.pad == pads[0] for track in drawn):
         views = _views(results, pads[0], recording)
     return Pictures(positions, [_pictures(result, pads, results, recording) for result in results], views)
+
+
+def _by_pad(events: Sequence[Event]) -> dict[str, list[Event]]:
+    found: dict[str, list[Event]] = {}
+    for event in events:
+        found.setdefault(event.pad, []).append(event)
+    return found
 
 
 def _busiest(summary: Summary) -> list[str]:
@@ -92,18 +107,6 @@ def _busiest(summary: Summary) -> list[str]:
     return [name for _, name in sorted(loaded, reverse=True)[:_MOST_PADS]]
 
 
-def _recording(summary: Summary) -> Recording | None:
-    """The recording that a result came from, if it is still where it was."""
-    try:
-        recording = api.read(summary.input, summary.layout)
-        first = next(recording.blocks())
-    except RecordingError:
-        return None
-    count = summary.scans + summary.repeated_scans_dropped
-    same = recording.scans in (None, count) or summary.loss is not None
-    return recording if same and first.t_s[0] == summary.t_first_s else None
-
-
 def _pictures(
     result: _Result, pads: Sequence[str], results: Sequence[_Result], recording: Recording | None
 ) -> ResultPictures:
@@ -112,13 +115,12 @@ def _pictures(
     patterns = sorted(read_patterns(result.directory), key=lambda one: one.scans)
     longest = {one.pad: one for one in patterns}  # of each pad the contact whose pattern was learned from most scans
     contacts = [
-        _contact(
-            result.ran, track, longest[track.pad], _axis_track(track.pad, result.ran, results, recording), recording
-        )
+        _contact(result.ran, track, longest[track.pad], _axis_track(track.pad, result, results), recording)
         for track in result.placed
         if track.pad in longest
     ]
-    return ResultPictures(result.ran.method, layout, tracks, contacts, _moments(result))
+    moments = _moments(result, recording)
+    return ResultPictures(result.ran.method, layout, tracks, contacts, moments, patterns, result.ran.unit)
 
 
 def _contact(
@@ -143,9 +145,9 @@ def _contact(
 def _span(ran: Summary, track: Track, pattern: LearnedPattern) -> slice:
     """Scans of the contact in which the pattern was learned."""
     t_s, touching = track.numbers["t_s"], track.flags["contact"]
-    last = int(np.searchsorted(t_s, pattern.t_last_s - _SAME_S))
+    last = int(np.searchsorted(t_s, pattern.t_last_s - SAME_S))
     end = last + int(np.argmin(np.append(touching[last:], False)))
-    first = int(np.searchsorted(t_s, pattern.t_first_s - _SAME_S))
+    first = int(np.searchsorted(t_s, pattern.t_first_s - SAME_S))
     if ran.mode == "batch":  # poses of a contact that was solved as a whole are all in one frame
         first -= int(np.argmin(np.append(touching[:first][::-1], False)))
     return slice(first, max(end, last + 1))
@@ -164,41 +166,51 @@ def _levelled(turn: Floats, like: Floats) -> Floats:
     return turn + (float(np.median(gap[np.isfinite(gap)])) if np.isfinite(gap).any() else 0.0)
 
 
-def _axis_track(pad: str, ran: Summary, results: Sequence[_Result], recording: Recording | None) -> Track | None:
-    """The contact's principal axis, from a result if one was given, else estimated here if the recording is there."""
+def _axis_track(pad: str, result: _Result, results: Sequence[_Result]) -> Track | None:
+    """The contact's principal axis, by its own method if such a result was given, else from the contacts' features."""
     for other in results:
         for track in other.placed:
             if other.ran.method == "principal_axis" and track.pad == pad:
                 return track
-    if recording is None:
+    t_s = next(track.numbers["t_s"] for track in result.tracks if track.pad == pad)
+    angle = np.full(len(t_s), np.nan)
+    for when, value in read_orientations(result.directory, pad):
+        near = min(int(np.searchsorted(t_s, when - SAME_S)), len(t_s) - 1)
+        angle[near] = value
+    known = np.isfinite(angle)
+    if not known.any():
         return None
-    found = api.estimate(recording, "principal_axis", condition=Conditioner(**ran.parameters["condition"]))
-    number = found.pads.index(pad)
-    return Track("principal_axis", pad, {"theta_rad": found.slips.pose[:, number, 2]}, {})
+    angle[known] = np.unwrap(angle[known], period=np.pi)  # an axis has no direction
+    return Track("principal_axis", pad, {"theta_rad": angle}, {})
 
 
-def _moments(result: _Result) -> list[Moment]:
-    """Up to three moments at which most pads have a slip vector; none if no two pads ever do at once."""
+def _moments(result: _Result, recording: Recording | None) -> list[Moment]:
+    """Up to three moments at which most pads slip; none if no two pads ever have a slip vector while one slips."""
     layout = result.ran.layout.layout
     t_s = result.tracks[0].numbers["t_s"]
     own = {track.pad: track for track in result.tracks}
     ordered = [own[pad] for pad in layout.pads]
     at = np.stack([track.position_m for track in ordered], axis=1)
-    v = np.stack([[track.numbers["vx_m_s"], track.numbers["vy_m_s"]] for track in ordered]).transpose(2, 0, 1)
+    names = ("vx_m_s", "vy_m_s", "omega_rad_s")
+    v = np.stack([[track.numbers[name] for name in names] for track in ordered]).transpose(2, 0, 1)
+    slipping = np.stack([track.flags["slipping"] for track in ordered], axis=1)
     known = np.isfinite(v[..., 0]) & np.isfinite(layout.T_hand[:, 0])
-    count = known[:, : layout.pad_count].sum(axis=1)
+    several = known[:, : layout.pad_count].sum(axis=1) >= _FEWEST_PADS
     known &= layout.independent
-    if count.max(initial=0) < _FEWEST_PADS:
+    count = np.where(several, (known & slipping).sum(axis=1), 0)
+    if not count.max(initial=0):
         return []
-    full = np.flatnonzero(count == count.max())
-    turn = layout.T_hand.copy()
-    turn[:, :2] = 0.0
+    speed = np.where(known & slipping, np.hypot(v[..., 0], v[..., 1]), 0.0).sum(axis=1)
+    parts = filter(len, np.array_split(np.flatnonzero(count == count.max()), _MOMENTS))
+    chosen = [int(part[np.argsort(speed[part])[int(np.ceil(_FAST * (len(part) - 1)))]]) for part in parts]
+    pressure = {} if recording is None else pressure_at(result.ran, recording, t_s[chosen].tolist())
     twists = _twists(result.directory)
     moments = []
-    for k in np.unique(full[(np.array(_MOMENTS) * (len(full) - 1)).astype(int)]).tolist():
-        places, vectors = transform(layout.T_hand, at[k]), transform(turn, v[k])
+    for k in chosen:
+        title, shade = f"{t_s[k] - t_s[0]:.2f} s", pressure.get(float(t_s[k]))
+        places, vectors = at_contacts(layout, at[k], v[k], shade)
         places[~known[k]] = vectors[~known[k]] = np.nan
-        moments.append(Moment(f"{t_s[k] - t_s[0]:.2f} s", places, vectors, twists[k, :3], twists[k, 3:]))
+        moments.append(Moment(title, places, vectors, twists[k, :3], twists[k, 3:], shade, faint=~slipping[k]))
     return moments
 
 
@@ -252,8 +264,8 @@ def _settled(moved: Floats) -> Floats:
 def _two_scans(ran: Summary, recording: Recording, pad: int, t_s: float) -> tuple[Floats, Floats]:
     """The scan at t_s and the one before it, conditioned as in the run, as images of one pad."""
     before: Floats | None = None
-    for when, image in _images(ran, recording, pad):
-        if when >= t_s - _SAME_S:
+    for when, image in images(ran, recording, pad):
+        if when >= t_s - SAME_S:
             return (image if before is None else before), image
         before = image
     raise ResultMissing(Path(ran.input), f"scan at {t_s} s")
@@ -261,12 +273,5 @@ def _two_scans(ran: Summary, recording: Recording, pad: int, t_s: float) -> tupl
 
 def _images_between(ran: Summary, recording: Recording, pad: str, t_s: Floats) -> Floats:
     """(n, rows, cols), the pad in the scans at t_s (n,), conditioned as in the run."""
-    images = _images(ran, recording, recording.layout.pads.index(pad))
-    return np.stack([image for when, image in images if t_s[0] - _SAME_S <= when <= t_s[-1] + _SAME_S])
-
-
-def _images(ran: Summary, recording: Recording, pad: int) -> Iterator[tuple[float, Floats]]:
-    """Time and image (rows, cols) of one pad in every scan, conditioned as in the run; NaN where no taxel is."""
-    for scans in api.segmented(recording, Conditioner(**ran.parameters["condition"])):
-        for when, pressure in zip(scans.t_s, scans.pressure, strict=True):
-            yield float(when), recording.layout.grid(pad, pressure)
+    found = images(ran, recording, recording.layout.pads.index(pad))
+    return np.stack([image for when, image in found if t_s[0] - SAME_S <= when <= t_s[-1] + SAME_S])

@@ -90,9 +90,10 @@ class Prediction:
     """
 
     recordings: Positional[tuple[Path, ...]] = ()
-    """One recording or more, in any format that `taxelflow estimate` reads."""
+    """Recordings, one or more, in any format that `taxelflow estimate` reads."""
     sensor: str | None = None
-    """A built-in sensor (see `taxelflow sensors`) or a TOML file; not needed where the recording names its own."""
+    """Name of a built-in sensor (see `taxelflow sensors`) or a TOML file; not needed where the recording names its
+    own."""
     topic: str | None = None
     """Topic of a bag or .mcap; not needed where only one fits."""
 

@@ -48,24 +48,24 @@ class Robustness:
     """
 
     seeds: int = 1
-    """Recordings of each case, 1 or more."""
+    """Number of recordings of each case, 1 or more."""
     seed: int = 0
     """Seed of the first recording, 0 or more; the others count up from it."""
     methods: tuple[str, ...] = METHODS
     """Estimators to score. Ratios are to the best of lnorm, convolution and registration, as far as they are named."""
     mode: Mode = "batch"
-    """batch: learn tare and noise from the whole recording first. stream: scan by scan, scored from one second after
-    the first contact on."""
+    """Processing mode. batch: learn tare and noise from the whole recording first. stream: scan by scan, scored from
+    one second after the first contact on."""
     effects: tuple[str, ...] = ("all",)
-    """What departs from an ideal sensor; an unknown name lists them."""
+    """Faults of the sensor to simulate; an unknown name lists them."""
     shapes: tuple[str, ...] = ()
-    """Shapes, on every layout asked for; each on one layout if both are left out."""
+    """Shapes of the object, on every layout given; each on one layout if both are left out."""
     layouts: tuple[str, ...] = ()
-    """palm, sdh, grid, xela, hex; all of them if shapes are named."""
+    """Layouts of taxels: palm, sdh, grid, xela, hex; all of them if shapes are given."""
     moved: Moved = "slide-turn"
-    """hold, slide, turn, slide-turn: how the object moves."""
+    """Motion of the object: hold, slide, turn or slide-turn."""
     full: bool = False
-    """Every effect, on every shape and layout: hours."""
+    """Run every effect on every shape and layout; this takes hours."""
 
     def __post_init__(self) -> None:
         at_least("seeds", self.seeds, 1)

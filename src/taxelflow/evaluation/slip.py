@@ -95,17 +95,17 @@ class Slip:
     """
 
     seeds: int = 10
-    """Recordings of each object that sticks and slips, 0 or more."""
+    """Number of recordings of each object that sticks and slips, 0 or more."""
     seed: int = 0
-    """Added to all seeds, which begin at 1000; 0 or more."""
+    """Offset added to all seeds, which begin at 1000; 0 or more."""
     methods: tuple[str, ...] = METHODS
     """Estimators to score."""
     hours: float = 0.1
-    """Hours of each scenario that holds an object still, 0 or more."""
+    """Duration of each scenario that holds an object still, h, 0 or more."""
     alarms_per_hour: float = 1.0
     """Accepted rate of false alarms of the slip detector, 1/h, above 0."""
     processes: int = 1
-    """Recordings to work on at the same time, 1 or more."""
+    """Number of recordings to process at the same time, 1 or more."""
 
     def __post_init__(self) -> None:
         at_least("seeds", self.seeds, 0)

@@ -57,13 +57,13 @@ class Table1:
     """
 
     strokes: int = 1000
-    """Strokes at each speed, 2 or more; half of them go backward, so an odd number is rounded up."""
+    """Number of strokes at each speed, 2 or more; half of them go backward, so an odd number is rounded up."""
     seed: int = 0
     """Seed of the first trial, 0 or more; the others count up from it."""
     methods: tuple[str, ...] = ()
     """Estimators to score; lnorm, convolution and template if left out."""
     solver: Solver = "analytic"
-    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `sim`)."""
+    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `elastic`)."""
 
     def __post_init__(self) -> None:
         at_least("strokes", self.strokes, 2)

@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 
     from rich.table import Table as Shown
 
-    from taxelflow.api import Result
     from taxelflow.evaluation.base import Table, Watch
     from taxelflow.evaluation.marked import Marked
     from taxelflow.messages import Bools, Floats
+    from taxelflow.result import Result
 
 Half = Literal["tune", "test"]
 MODES: tuple[Mode, ...] = ("batch", "stream")
@@ -105,11 +105,11 @@ class Xela:
     methods: tuple[str, ...] = ("convolution", "registration", "template")
     """Estimators to score."""
     mode: Mode | Literal["both"] = "both"
-    """batch, stream or both."""
+    """Processing mode: batch, stream or both."""
     half: Half | Literal["all"] = "all"
-    """Recordings by which slip detection was tuned, those that test it, or both, apart."""
+    """Part of the recordings: those by which slip detection was tuned, those that test it, or both in turn."""
     stream_delay_s: float = 0.0
-    """Delay of the slips of a stream besides that of its poses, s: they are judged so much earlier."""
+    """Delay of the slips of a stream besides that of its poses, s; subtracted before they are scored."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.stream_delay_s < float("inf"):

@@ -1,0 +1,201 @@
+"""Trials of grip controllers in MuJoCo: the streaming estimator in the loop, and what is scored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from taxelflow.control.motion import LetMove, Pivot, Slide
+from taxelflow.control.touch import TwoPads
+from taxelflow.simulation.mujoco.events import END_S
+from taxelflow.simulation.mujoco.gripper import Actuator, Gripper, sensor_of
+from taxelflow.simulation.mujoco.skin import Skin
+from taxelflow.simulation.mujoco.trial import Moment, Rehearsal, Trial
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from taxelflow.control.base import Controller, Touch
+
+DROPPED_M, RESTING_M, RESTING_S = 0.03, 0.001, 1.0
+"""An object is held if it slid less than 30 mm (a pad is 32 mm high), and less than 1 mm in the last second."""
+WITHIN_MM = 5.0
+MOTION_END_S, RESTED_S = 9.0, 0.5
+"""Latest end of a trial in which an object is let slide or turn, and the time it is watched after the motion."""
+
+
+class TrialRow(msgspec.Struct, frozen=True):
+    """Score of a trial. force_over_least: mean force per pad in the last second over the least that holds; NaN if
+    the trial ended before, and of a trial not grasped.
+    """
+
+    seed: int
+    object: str
+    event: str
+    grasped: bool
+    held: bool
+    slid_mm: float
+    force_over_least: float | None
+
+
+class ControlReport(msgspec.Struct, frozen=True):
+    """Trials of a controller. Shares are of the grasped trials; quantiles are of the held ones."""
+
+    controller: str
+    trials: list[TrialRow]
+    held: float | None
+    within_5_mm: float | None
+    force_p50: float | None
+    force_p90: float | None
+
+    @classmethod
+    def of(cls, controller: str, rows: list[TrialRow]) -> ControlReport:
+        """Shares and quantiles; None where no trial counts."""
+        grasped = [row for row in rows if row.grasped]
+        ratios = [row.force_over_least for row in grasped if row.held and row.force_over_least is not None]
+        p50, p90 = (float(np.quantile(ratios, share)) if ratios else None for share in (0.5, 0.9))
+        held = float(np.mean([row.held for row in grasped])) if grasped else None
+        near = float(np.mean([is_near(row) for row in grasped])) if grasped else None
+        return cls(controller, rows, held, near, p50, p90)
+
+
+def is_near(row: TrialRow) -> bool:
+    """Whether an object was held and slid less than 5 mm."""
+    return row.held and row.slid_mm < WITHIN_MM
+
+
+class MotionRow(msgspec.Struct, frozen=True):
+    """A commanded motion: mm or degrees. closed: whether the controller ended the motion."""
+
+    seed: int
+    object: str
+    event: str
+    grasped: bool
+    closed: bool
+    asked: float
+    felt: float
+    moved: float
+
+
+class MotionReport(msgspec.Struct, frozen=True):
+    """Commanded motions of a controller. Quantiles of the absolute error are of the grasped trials."""
+
+    controller: str
+    unit: str
+    trials: list[MotionRow]
+    error_p50: float | None
+    error_p90: float | None
+
+    @classmethod
+    def of(cls, controller: str, unit: str, rows: list[MotionRow]) -> MotionReport:
+        """Quantiles; None where no trial counts."""
+        errors = [abs(row.moved - row.asked) for row in rows if row.grasped]
+        p50, p90 = (float(np.quantile(errors, share)) if errors else None for share in (0.5, 0.9))
+        return cls(controller, unit, rows, p50, p90)
+
+
+def report_of(
+    name: str, courses: list[Course], watched: Callable[[list[Course]], Iterable[Course]]
+) -> ControlReport | MotionReport:
+    """Run trials of a controller, one after the other. Raises ExtraMissing."""
+    first = courses[0].controller
+    if isinstance(first, Slide | Pivot):
+        unit = "mm" if isinstance(first, Slide) else "deg"
+        return MotionReport.of(name, unit, [moved(course) for course in watched(courses)])
+    return ControlReport.of(name, [held(course) for course in watched(courses)])
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One scan under control. slid_m, turned_rad: from where the object was at the handover. least_n: least force per
+    pad that holds now. commanded_n: force per pad during the scan.
+    """
+
+    moment: Moment
+    touch: Touch
+    commanded_n: float
+    slid_m: float
+    turned_rad: float
+    least_n: float
+
+
+class Course:
+    """A trial with a controller at work. Iterate over it once: the scans under control until the object has slid out.
+
+    session: the controller's. grasped: whether both pads held the object at the lift.
+    """
+
+    def __init__(
+        self,
+        trial: Trial,
+        controller: Controller,
+        method: str | None = None,
+        *,
+        skin: Skin | None = None,
+        actuator: Actuator | None = None,
+        end_s: float = END_S,
+    ) -> None:
+        """method: estimator instead of the controller's own. Raises ParameterInvalid."""
+        self.trial, self.controller = trial, controller
+        self.skin, self._actuator, self._end_s = skin or Skin(), actuator or Actuator(), end_s
+        self._method = None if controller.method is None else method or controller.method
+        self.session = controller.start(trial.first_n, self._actuator.max_n)
+        self.grasped = False
+        self._rehearsal: Rehearsal | None = None
+
+    @property
+    def gripper(self) -> Gripper:
+        """The plant, once the trial runs."""
+        assert self._rehearsal is not None
+        return self._rehearsal.gripper
+
+    def __iter__(self) -> Iterator[Seen]:
+        rehearsal = self._rehearsal = Rehearsal(self.trial, self.skin, self._actuator)
+        pads = TwoPads(sensor_of(self.skin), self._method)
+        for moment in rehearsal.start():
+            touch, origin = pads.step(moment.truth.t_s, moment.readings), moment.truth
+        self.grasped, slid_m = rehearsal.grasped, 0.0
+        while rehearsal.t_s < self._end_s - 1e-9 and slid_m < DROPPED_M:
+            commanded_n = self.session.step(touch)
+            moment = rehearsal.step(commanded_n)
+            touch = pads.step(moment.truth.t_s, moment.readings)
+            slid_m = float(np.linalg.norm(moment.truth.slid_m - origin.slid_m))
+            turned_rad = moment.truth.turned_rad - origin.turned_rad
+            yield Seen(moment, touch, commanded_n, slid_m, turned_rad, self.trial.least_n(moment.truth.t_s))
+
+
+def held(course: Course) -> TrialRow:
+    """Run a trial and score how the object was held."""
+    return score(course, list(course))
+
+
+def score(course: Course, seen: Sequence[Seen]) -> TrialRow:
+    """Score the scans of a finished trial."""
+    trial, end_s = course.trial, seen[-1].moment.truth.t_s
+    last = [one for one in seen if one.moment.truth.t_s > end_s - RESTING_S]
+    slid_m = max(one.slid_m for one in seen)
+    inside = course.grasped and slid_m < DROPPED_M
+    rests = abs(last[-1].slid_m - last[0].slid_m) < RESTING_M
+    force_n = sum(float(one.moment.truth.normal_n.mean()) for one in last)
+    ratio = force_n / sum(one.least_n for one in last) if inside else None
+    return TrialRow(trial.seed, trial.object, trial.event, course.grasped, inside and rests, 1e3 * slid_m, ratio)
+
+
+def moved(course: Course) -> MotionRow:
+    """Run a commanded motion until it has ended and rested, and score it."""
+    controller, session, shut_s = course.controller, course.session, float("inf")
+    assert isinstance(controller, Slide | Pivot) and isinstance(session, LetMove)
+    for last in course:
+        shut_s = min(shut_s, last.moment.truth.t_s) if session.shut else shut_s
+        if last.moment.truth.t_s > shut_s + RESTED_S:
+            break
+    if isinstance(controller, Slide):
+        asked, scale, true = controller.by_m, 1e3, last.slid_m
+    else:
+        asked, scale, true = controller.by_rad, float(np.degrees(1.0)), abs(last.turned_rad)
+    numbers = (scale * asked, scale * abs(session.felt), scale * true)
+    trial = course.trial
+    return MotionRow(trial.seed, trial.object, trial.event, course.grasped, session.shut, *numbers)

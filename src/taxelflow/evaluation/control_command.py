@@ -1,0 +1,181 @@
+"""The command `taxelflow control`: trials of a grip controller in MuJoCo."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from taxelflow import registry
+from taxelflow.errors import ParameterInvalid
+
+if TYPE_CHECKING:
+    from taxelflow.evaluation.control import Course
+    from taxelflow.simulation.mujoco.trial import Trial
+
+NOT_GRASPED = 1
+_MOTIONS = ("slide", "pivot")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Control:
+    """Run a grip controller in MuJoCo (extra `sim`): a gripper with two taxel pads holds objects whose load changes.
+
+    hold raises the grip on slip and relaxes it; constant, threshold and centroid are baselines; slide and pivot let an
+    object move by a distance or an angle. Trial k has the seed SEED + k.
+    Exit code: 0; 1 if an object was not grasped before the lift, a fault of the bench; 2 on bad input.
+    """
+
+    controller: str
+    """Name of the controller: hold, constant, threshold, centroid, slide, pivot, or one of another package."""
+    trials: int = 20
+    """Number of trials."""
+    seed: int = 0
+    """Seed of the first trial, 0 or more."""
+    objects: tuple[str, ...] = ()
+    """Names of objects in turn: ball, rod, box, bottle, bumpy (the default), plate (flat, larger than the pads),
+    convex (random convex meshes). slide: bottle, bumpy. pivot: bumpy."""
+    events: tuple[str, ...] = ()
+    """Names of events in turn: pour, pull, shake, weak (the default), none. slide and pivot: none only."""
+    method: str | None = None
+    """Estimator in the loop, instead of the controller's own."""
+    bandwidth_hz: float = 10.0
+    """Cut-off frequency of the gripper's force, Hz."""
+    latency_ms: float = 0.0
+    """Delay of the commanded force, ms."""
+    by_mm: float = 5.0
+    """Distance of slide, mm."""
+    by_deg: float = 45.0
+    """Angle of pivot, deg."""
+    against: tuple[str, ...] = ()
+    """Names of other controllers on the same trials, compared in the table."""
+    json: bool = False
+    """Print one JSON object instead of a table."""
+    tune: int = 0
+    """Number of sets of parameters to try on the trials beside the defaults; prints them, the cheapest first."""
+
+    film: Path | None = None
+    """Film the first trial at half speed into this .mp4 or .gif: gripper, both pads, slip vectors, force and way."""
+    plot: Path | None = None
+    """Draw force, load and slid distance of the first trial of each event into this directory."""
+
+    lerobot: Path | None = None
+    """Write the trials as episodes of a LeRobot data set (format v3.0) into this new directory."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Run the trials, print, and say whether the bench worked."""
+        from threadpoolctl import threadpool_limits
+
+        with threadpool_limits(1):  # the matrices are too small to share among cores
+            return self._run()
+
+    def _run(self) -> int:
+        from taxelflow.evaluation.control import report_of
+        from taxelflow.evaluation.control_table import show
+
+        if self.tune < 0:
+            raise ParameterInvalid("tune", self.tune, "be 0 or more")
+        if self.json and self.against:
+            raise ParameterInvalid("against", " ".join(self.against), "be left out with --json, one controller each")
+        if self.against and {self.controller, *self.against} & set(_MOTIONS):
+            raise ParameterInvalid("against", " ".join(self.against), f"not be used with {' or '.join(_MOTIONS)}")
+        names = (self.controller, *self.against)
+        if self.tune:
+            return self._search(names)
+        if self.lerobot is not None:
+            from taxelflow.evaluation.episodes import courses_to_lerobot
+
+            count = courses_to_lerobot(self._watched(self._courses(self.controller)), self.lerobot)
+            print(f"{count} episodes in {self.lerobot}")
+            return 0
+        if self.film is not None or self.plot is not None:
+            return self._show()
+        reports = [report_of(name, self._courses(name), self._watched) for name in names]
+        if self.json:
+            import msgspec
+
+            sys.stdout.write(msgspec.json.encode(reports[0]).decode() + "\n")
+        else:
+            show(reports)
+        lost = [row for report in reports for row in report.trials if not row.grasped]
+        for row in lost:
+            print(f"taxelflow: trial {row.seed} ({row.object}) was not grasped before the lift", file=sys.stderr)
+        return NOT_GRASPED if lost else 0
+
+    def _show(self) -> int:
+        """Film a trial and draw one of each event; a film is left out where nothing can be rendered."""
+        from taxelflow.errors import GraphicsMissing
+        from taxelflow.evaluation.control_plot import film_course, plot_course
+
+        courses = self._courses(self.controller)
+        for course in {course.trial.event: course for course in reversed(courses)}.values():
+            if self.plot is not None:
+                print(plot_course(course, self.plot / f"{self.controller}-{course.trial.event}.svg"))
+        if self.film is not None:
+            try:
+                frames = film_course(self._courses(self.controller)[0], self.film)
+                print(f"{frames} frames in {self.film}")
+            except GraphicsMissing as error:
+                print(f"taxelflow: no film: {error}", file=sys.stderr)
+        return 0
+
+    def _search(self, names: tuple[str, ...]) -> int:
+        """Tune each controller on the same trials."""
+        import msgspec
+
+        from taxelflow.evaluation.control_table import show_tuned
+        from taxelflow.evaluation.control_tune import tune
+        from taxelflow.publish.terminal import counted
+        from taxelflow.simulation.mujoco.gripper import Actuator
+
+        actuator = Actuator(self.bandwidth_hz, 1e-3 * self.latency_ms)
+        reports = []
+        for name in names:
+            courses = self._courses(name)
+            trials = [course.trial for course in courses]
+            reports.append(
+                tune(name, courses[0].controller, trials, self.tune, actuator, lambda points: counted(points, "sets"))
+            )
+        if self.json:
+            sys.stdout.write(msgspec.json.encode(reports[0]).decode() + "\n")
+        else:
+            show_tuned(reports)
+        return 0
+
+    def _watched(self, courses: list[Course]) -> Any:
+        from taxelflow.publish.terminal import counted
+
+        return counted(courses, "trials")
+
+    def _courses(self, name: str) -> list[Course]:
+        """The trials of one controller, not run yet. Raises NameUnknown, ParameterInvalid."""
+        from taxelflow.evaluation.control import MOTION_END_S, Course
+        from taxelflow.simulation.mujoco.events import END_S, STANDARD_EVENTS
+        from taxelflow.simulation.mujoco.gripper import Actuator
+        from taxelflow.simulation.mujoco.objects import STANDARD_OBJECTS
+        from taxelflow.simulation.mujoco.trial import Trial, drawn_in_turn
+
+        for option, most in (("by_mm", 25), ("by_deg", 180)):
+            if not 0 < getattr(self, option) < most:
+                raise ParameterInvalid(option, getattr(self, option), f"be above 0 and below {most}")
+        kind = registry.find("controller", name)
+        if self.method is not None:
+            registry.find("estimator", self.method)
+        own: dict[str, Any] = {}
+        objects, events, draw = STANDARD_OBJECTS, STANDARD_EVENTS, Trial.drawn
+        if name == "slide":
+            own, objects, draw = {"by_m": 1e-3 * self.by_mm}, ("bottle", "bumpy"), Trial.to_slide
+        elif name == "pivot":
+            own, objects, draw = {"by_rad": radians(self.by_deg)}, ("bumpy",), Trial.to_pivot
+        if name in _MOTIONS:
+            events = ("none",)
+            if set(self.events) - {"none"}:
+                raise ParameterInvalid("events", " ".join(self.events), f"be none for {name}")
+        actuator = Actuator(self.bandwidth_hz, 1e-3 * self.latency_ms)
+        trials: list[Trial] = list(
+            drawn_in_turn(self.seed, self.trials, self.objects or objects, self.events or events, draw)
+        )
+        end_s = MOTION_END_S if name in _MOTIONS else END_S
+        return [Course(trial, kind(**own), self.method, actuator=actuator, end_s=end_s) for trial in trials]

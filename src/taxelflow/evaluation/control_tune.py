@@ -1,0 +1,109 @@
+"""One search for all grip controllers: the same quasi-random draws, trials and cost for each, ours and others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from taxelflow.errors import NameUnknown
+from taxelflow.evaluation.control import ControlReport, Course, held, is_near
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from taxelflow.control.base import Controller
+    from taxelflow.evaluation.control import TrialRow
+    from taxelflow.simulation.mujoco.gripper import Actuator
+    from taxelflow.simulation.mujoco.trial import Trial
+
+_UP, _RELAX = (1.02, 1.3), (0.005, 0.2)
+SPACES: dict[str, dict[str, tuple[float, float]]] = {
+    "hold": {
+        "stop_s": (0.01, 0.1),
+        "margin": (1.02, 1.4),
+        "foresee_s": (0.05, 0.6),
+        "agreement.slip_m_s": (2e-3, 1e-2),
+    },
+    "threshold": {"change": (0.01, 0.3), "up": _UP, "relax_1_s": _RELAX},
+    "centroid": {"speed_m_s": (0.003, 0.1), "up": _UP, "relax_1_s": _RELAX},
+    "constant": {"times": (1.0, 8.0)},
+}
+"""Least and largest value of each parameter that is searched, drawn evenly in its logarithm."""
+FORCE_COST = 0.25
+"""Cost of a force of twice the least; an object that is lost, or slides 5 mm or more, costs 1."""
+
+
+class Tried(msgspec.Struct, frozen=True):
+    """One draw: parameters, and what trials with them cost."""
+
+    parameters: dict[str, float]
+    cost: float
+    held: float | None
+    within_5_mm: float | None
+    force_p50: float | None
+    force_p90: float | None
+
+
+class TuneReport(msgspec.Struct, frozen=True):
+    """All draws of one controller, the cheapest first; the defaults are one of them."""
+
+    controller: str
+    tried: list[Tried]
+
+
+def tune(
+    name: str,
+    controller: Controller,
+    trials: Sequence[Trial],
+    draws: int,
+    actuator: Actuator,
+    watched: Callable[[list[dict[str, float]]], Iterable[dict[str, float]]],
+) -> TuneReport:
+    """Try the defaults and `draws` points of a Halton sequence. Raises NameUnknown for a controller without a space."""
+    if name not in SPACES:
+        raise NameUnknown("controller to tune", name, SPACES)
+    points: list[dict[str, float]] = [{}, *drawn(SPACES[name], draws)]
+    tried = [_try(name, controller, point, trials, actuator) for point in watched(points)]
+    return TuneReport(name, sorted(tried, key=lambda one: one.cost))
+
+
+def drawn(space: dict[str, tuple[float, float]], draws: int) -> list[dict[str, float]]:
+    """Points of a space that fill it evenly; the first ones stay the same when more are asked for."""
+    from scipy.stats import qmc
+
+    shares = qmc.Halton(len(space), scramble=False).random(draws + 1)[1:]  # without the corner
+    low, high = np.log(np.array(list(space.values()))).T
+    places = np.exp(low + shares * (high - low))
+    return [dict(zip(space, (float(f"{value:.3g}") for value in place), strict=True)) for place in places]
+
+
+def changed(controller: Any, parameters: dict[str, float]) -> Any:
+    """A controller with other values of parameters; a dot leads into a parameter that has some of its own."""
+    for name, value in parameters.items():
+        first, _, rest = name.partition(".")
+        controller = replace(
+            controller, **{first: changed(getattr(controller, first), {rest: value}) if rest else value}
+        )
+    return controller
+
+
+def cost_of(rows: Sequence[TrialRow]) -> float:
+    """Mean cost of the grasped trials."""
+    costs = []
+    for row in rows:
+        if row.grasped:
+            excess = max((row.force_over_least or 1.0) - 1.0, 0.0)
+            costs.append(float(not is_near(row)) + FORCE_COST * excess)
+    return float(np.mean(costs)) if costs else float("inf")
+
+
+def _try(
+    name: str, controller: Controller, point: dict[str, float], trials: Sequence[Trial], actuator: Actuator
+) -> Tried:
+    candidate = changed(controller, point)
+    report = ControlReport.of(name, [held(Course(trial, candidate, actuator=actuator)) for trial in trials])
+    shares = (report.held, report.within_5_mm, report.force_p50, report.force_p90)
+    return Tried(point, cost_of(report.trials), *shares)

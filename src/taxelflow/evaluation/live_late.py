@@ -1,0 +1,72 @@
+"""What it costs when a busy machine learns late: errors of the template by how late it uses what it has learned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from taxelflow.background.adoption import Late
+from taxelflow.estimation.template.parameters import Template
+from taxelflow.evaluation.pose_errors import FEWEST, without_frame
+from taxelflow.evaluation.strokes import ungrouped
+from taxelflow.messages import LOST, OK
+from taxelflow.pipeline import Output, Pipeline
+from taxelflow.simulation.motion import move
+from taxelflow.simulation.scenario import SCENARIOS, Scenario
+from taxelflow.simulation.simulate import simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from taxelflow.messages import Floats
+
+DELAYS_S = (0.0, 0.1, 0.5, 2.0)
+"""The first is what the others are compared with: used in the next scan."""
+_SCENARIOS = ("stroke", "slide-and-turn", "feet-on-grid")
+
+
+class LateRow(msgspec.Struct, frozen=True):
+    """Errors of position against the rig's truth, of poses that are `ok`, each contact's frame taken off."""
+
+    scenario: str
+    delay_s: float
+    rms_mm: float
+    ratio: float
+    """To that without delay."""
+    posed: float
+    """Share of the scans in contact whose pose is `ok`."""
+
+
+def late_rows(seeds: int, delays_s: Sequence[float] = DELAYS_S) -> Iterator[LateRow]:
+    """A row for each scenario and delay, over so many seeds."""
+    for name in _SCENARIOS:
+        first = None
+        for delay_s in delays_s:
+            found = [_squares(replace(SCENARIOS[name], seed=seed), delay_s) for seed in range(seeds)]
+            squares = np.concatenate(found)
+            known = squares[np.isfinite(squares)]
+            rms_m = float(np.sqrt(np.mean(known))) if len(known) else np.nan
+            first = first or rms_m
+            yield LateRow(name, delay_s, 1e3 * rms_m, rms_m / first, len(known) / len(squares))
+
+
+def _squares(scenario: Scenario, delay_s: float) -> Floats:
+    """(scans in contact,), squared errors of position, m^2; NaN without a pose."""
+    recording = ungrouped(simulate(scenario))
+    pad = recording.layout.pads.index(recording.known_truth.pad)
+    run = Pipeline(Template(), "stream").start(recording, Late(delay_s))
+    slips = Output.joined(list(run)).slips
+    pose, quality = slips.pose[:, pad], slips.quality[:, pad]
+    true = move(scenario.motion, slips.t_s - np.nan_to_num(slips.lag_s[:, pad]), scenario.seed).pose
+    known = np.isfinite(pose[:, :2]).all(axis=1) & (quality == OK)
+    piece = np.cumsum(~slips.contact[:, pad] | (quality == LOST))
+    squares = np.full(len(slips), np.nan)
+    for number in np.unique(piece[known]):
+        own = np.flatnonzero(known & (piece == number))
+        if len(own) >= FEWEST:
+            error = without_frame(pose[own], true[own], np.ones((len(own), 3)))
+            squares[own] = np.sum(error[:, :2] ** 2, axis=1)
+    return squares[slips.contact[:, pad]]

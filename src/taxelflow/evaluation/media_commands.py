@@ -1,0 +1,140 @@
+"""The commands that show results to people: film, report, view.
+
+A dataclass per command, whose fields are its options. NumPy is imported when a command runs, so that help is fast.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from tyro.conf import Positional, UseAppendAction
+
+from taxelflow import registry
+from taxelflow.errors import ParameterInvalid
+
+_METHOD = "convolution"
+
+
+@dataclass(frozen=True)
+class Film:
+    """Film a result: pressure on the hand, slip vectors, load and events against time."""
+
+    result: Positional[Path]
+    """Directory that `taxelflow estimate --out` wrote; its recording must still be where it was."""
+    out: Positional[Path]
+    """File to write: .gif, or .mp4 (extra `video`)."""
+    fps: float = 10.0
+    """Frames per second of the film, 1/s."""
+    speed: float = 1.0
+    """Speed of the film relative to the recording; 0.25 is slow motion, 4 is time lapse."""
+    from_s: float = 0.0
+    """Time at which the film begins, s since the first scan."""
+    to_s: float | None = None
+    """Time at which the film ends, s since the first scan; the last scan if left out."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Read, draw, write, print."""
+        from taxelflow.evaluation.film import make_film
+        from taxelflow.publish.terminal import counted
+
+        count = make_film(
+            self.result,
+            self.out,
+            fps=self.fps,
+            speed=self.speed,
+            from_s=self.from_s,
+            to_s=self.to_s,
+            watched=counted,
+        )
+        print(f"{count} frames in {self.out}")
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """Write results as one HTML file that opens offline: timeline, trajectories, key scans, health, parameters."""
+
+    results: Positional[tuple[Path, ...]]
+    """Directories that `taxelflow estimate --out` wrote: methods of one recording are drawn together, recordings one
+    after the other."""
+    out: Path = Path("report.html")
+    """File to write: .html."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Read, gather, write, print."""
+        from taxelflow.evaluation.report import make_report
+
+        size = make_report(self.results, self.out)
+        print(f"{self.out}: {size / 1e6:.2f} MB")
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Play a recording or a live source in the browser: the hand in 3-D, slip vectors, time plots; step and scrub.
+
+    The page is served to this computer only. Results come while it is open; end with Ctrl-C.
+    """
+
+    shown: Annotated[Positional[str], tyro.conf.arg(metavar="RECORDING|SOURCE")]
+    """Recording, as for `taxelflow estimate`, or live source, as for `taxelflow run`: tcp://HOST:PORT,
+    serial:/dev/ttyUSB0, replay:FILE, ..."""
+    sensor: str | None = None
+    """Name of a built-in sensor (see `taxelflow sensors`), or a TOML file; not needed where the recording or source
+    names its own."""
+    topic: str | None = None
+    """Topic of a bag or .mcap; not needed where only one fits."""
+    method: UseAppendAction[tuple[str, ...]] = ()
+    """Estimator, see `taxelflow estimate`; convolution if left out. Give it twice to compare two on a recording, as in
+    --method template --method convolution."""
+    joints: str | None = None
+    """Joint angles of the hand, by which its fingers move, see `taxelflow estimate`; recordings only."""
+    flat: bool = False
+    """Draw the hand laid flat even if its joint angles are known: there the object's path is drawn."""
+    contacts: str | None = None
+    """Largest number of contacts that are separated, see `taxelflow estimate`."""
+    port: int = 8080
+    """Port of the page; the next free one if it is taken."""
+    host: str = "127.0.0.1"
+    """Address to bind to. 0.0.0.0 shows the page to the network, without a password."""
+    film: Path | None = None
+    """File to write the scene of a recording to, instead of serving the page: .mp4 (extra `video`) or .gif. Needs a
+    browser."""
+    from_s: Annotated[float, tyro.conf.arg(aliases=("--from",))] = 0.0
+    """Time at which the film begins, s since the first scan."""
+    to_s: Annotated[float | None, tyro.conf.arg(aliases=("--to",))] = None
+    """Time at which it ends, s since the first scan; the last scan if left out."""
+    speed: float = 1.0
+    """Speed of the film relative to the recording; 0.25 is slow motion."""
+    fps: float = 20.0
+    """Frames per second of the film, 1/s."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Serve until interrupted, or until the source ends."""
+        from taxelflow import api
+        from taxelflow.evaluation.view import Server, view_recording, view_source
+        from taxelflow.evaluation.view_film import Part, film_recording
+        from taxelflow.publish.terminal import counted
+        from taxelflow.sensors.catalogue import load_sensor
+
+        server = Server(self.host, self.port, lambda url: print(f"{url} (end with Ctrl-C)", flush=True))
+        methods = self.method or (_METHOD,)
+        scheme, colon, _ = self.shown.partition(":")
+        if colon and scheme in registry.names("source"):
+            if len(methods) > 1 or self.joints is not None or self.film is not None:
+                raise ParameterInvalid("source", self.shown, "be a recording for two methods, --joints or --film")
+            sensor = None if self.sensor is None else load_sensor(self.sensor)
+            view_source(self.shown, sensor, methods[0], self.contacts, server)
+            return 0
+        recording = api.read(Path(self.shown), self.sensor, topic=self.topic, joints=self.joints)
+        recording = recording.with_contacts(self.contacts)
+        if self.film is None:
+            view_recording(recording, methods, server, flat=self.flat)
+            return 0
+        part = Part(self.from_s, self.to_s, self.speed, self.fps, self.flat)
+        count = film_recording(recording, methods, self.film, part, counted)
+        print(f"{count} frames in {self.film}")
+        return 0

@@ -1,0 +1,188 @@
+"""Key scans and the sensor's health, for the report, from the recording."""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from taxelflow.evaluation.checkup import check_up
+from taxelflow.evaluation.source import SAME_S, pressure_at
+from taxelflow.publish.plots.film import box_mm
+from taxelflow.publish.plots.hand import at_contacts
+from taxelflow.publish.report.charts import shades
+from taxelflow.publish.report.page import Sheet
+from taxelflow.publish.results import spans
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from taxelflow.acquire.base import Recording
+    from taxelflow.messages import Event, Floats
+    from taxelflow.publish.results import Track
+    from taxelflow.publish.summary import Summary
+    from taxelflow.sensors.layout import Layout
+
+_MOST_SCANS = 12
+_APART_S = 0.5
+"""Key scans are at least this far apart."""
+_LONGEST = 0.18
+"""The longest arrow of a scan, as a share of the width of the picture."""
+_GONE = "The recording is gone or has changed since: no scans to show."
+
+
+class Shown(NamedTuple):
+    """A result as the report shows it. tracks: of pads that touched; label: method, and folder if it is not unique."""
+
+    directory: Path
+    ran: Summary
+    tracks: list[Track]
+    events: list[Event]
+    label: str
+    colour: str
+
+
+class Health(NamedTuple):
+    """The sensor's health. picture: shades and marks per taxel, None without the recording."""
+
+    sheet: Sheet
+    findings: list[str]
+    picture: dict[str, Any] | None
+
+
+class _Moment(NamedTuple):
+    t_s: float
+    pad: str
+    said: str
+
+
+def health_of(ran: Summary, recording: Recording | None) -> Health:
+    """A check-up of the recording; what the summary knows if it is gone."""
+    if recording is None:
+        rows = [
+            [name, "" if pad.noise is None else f"{pad.noise:.3g} {ran.unit}", "yes" if pad.tared else "no"]
+            for name, pad in ran.pads.items()
+        ]
+        return Health(Sheet(["pad", "noise", "tared"], rows), [], None)
+    found = check_up(recording)
+    heading = ["pad", "taxels", "masked", f"lowest {found.unit}", f"highest {found.unit}", f"noise {found.unit}",
+               f"drift {found.unit}", "tared", "never loaded", "saturated", "missing readings", "findings"]  # fmt: skip
+    rows = [
+        [
+            pad.name, str(pad.taxels), str(pad.masked), _said(pad.lowest), _said(pad.highest), _said(pad.noise),
+            _said(pad.idle_drift), "yes" if pad.tared else "no", str(len(pad.idle_taxels)),
+            str(len(pad.saturated_taxels)), str(pad.missing_readings), str(len(pad.findings)),
+        ]
+        for pad in found.pads
+    ]  # fmt: skip
+    layout = recording.layout
+    peak, marks = np.full(layout.taxels, np.nan), [" "] * layout.taxels
+    for number, pad in enumerate(found.pads):
+        for taxel in range(*layout.of_pad(number).indices(layout.taxels)):
+            row, col = layout.row[taxel], layout.col[taxel]
+            value = pad.picture[row][col]
+            peak[taxel] = np.nan if value is None else value
+            marks[taxel] = pad.marks[row][col]
+    largest = float(np.nanmax(peak, initial=0.0))
+    said = (
+        f"Largest reading of each taxel, from light (0) to dark ({largest:.4g} {found.unit}). "
+        "Red outline: taxel with a finding; magenta: reached full scale; white: masked."
+    )
+    masked = [taxel for taxel, mark in enumerate(marks) if mark == "x"]
+    picture = {"shades": shades(peak, masked), "marks": "".join(marks), "said": said}
+    findings = [finding.words for pad in found.pads for finding in pad.findings]
+    return Health(Sheet(heading, rows, [bool(pad.findings) for pad in found.pads]), findings, picture)
+
+
+def _said(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"
+
+
+def key_scans(
+    results: Sequence[Shown], recording: Recording | None, layout: Layout, touched: Sequence[int]
+) -> tuple[list[dict[str, Any]], str]:
+    """The scan of the largest load and those within the longest slips, with slip vectors; why there are none.
+
+    layout: all pads have a place. touched: numbers of the pads that the picture shows.
+    """
+    moving = next((result for result in results if any(track.flags["slipping"].any() for track in result.tracks)), None)
+    shown = moving or next((result for result in results if result.tracks), None)
+    if shown is None:
+        return [], "No pad was touched."
+    if recording is None:
+        return [], _GONE
+    moments = _moments(shown)
+    left, right, *_ = box_mm(layout, touched)
+    wide_mm = right - left
+    found = pressure_at(shown.ran, recording, [moment.t_s for moment in moments])
+    return [
+        _scan(moment, found[moment.t_s], results, layout, shown.ran.t_first_s, wide_mm)
+        for moment in moments
+        if moment.t_s in found
+    ], "No scan of the recording has the time of a slip."
+
+
+def _moments(shown: Shown) -> list[_Moment]:
+    """In the order of time."""
+    pads = shown.ran.layout.layout.pads[: shown.ran.layout.layout.pad_count]
+    tracks = [track for track in shown.tracks if track.pad in pads]
+    load = np.sum([np.nan_to_num(track.numbers["load_pa"]) for track in tracks], axis=0)
+    t_s = tracks[0].numbers["t_s"]
+    largest = int(np.argmax(load))
+    busiest = max(tracks, key=lambda track: float(np.nan_to_num(track.numbers["load_pa"][largest])))
+    chosen = [_Moment(float(t_s[largest]), busiest.pad, "largest load")]
+    slips = [(track, first, stop) for track in tracks for first, stop in spans(track.flags["slipping"])]
+    slips.sort(key=lambda slip: -_path_mm(*slip))
+    for track, first, stop in slips:
+        middle = float(t_s[(first + stop) // 2 if stop - first > 1 else first])
+        if len(chosen) < _MOST_SCANS and all(abs(middle - moment.t_s) >= _APART_S for moment in chosen):
+            duration_s = t_s[stop - 1] - t_s[max(first - 1, 0)]
+            path_mm = _path_mm(track, first, stop)
+            chosen.append(_Moment(middle, track.pad, f"{track.pad} slips {path_mm:.1f} mm in {duration_s:.2f} s"))
+    return sorted(chosen)
+
+
+def _path_mm(track: Track, first: int, stop: int) -> float:
+    steps = np.hypot(track.numbers["dx_m"][first:stop], track.numbers["dy_m"][first:stop])
+    return 1e3 * float(np.nansum(steps))
+
+
+def _scan(
+    moment: _Moment, pressure: Floats, results: Sequence[Shown], layout: Layout, zero_s: float, wide_mm: float
+) -> dict[str, Any]:
+    """A scan as the page draws it. Arrows: x, y, dx, dy in mm on the hand, colour."""
+    arrows = []
+    for result in results:
+        own = {track.pad: track for track in result.tracks}
+        t_s = next(iter(own.values())).numbers["t_s"] if own else np.zeros(0)
+        k = int(np.searchsorted(t_s, moment.t_s - SAME_S))
+        if k >= len(t_s) or abs(t_s[k] - moment.t_s) > SAME_S:
+            continue
+        pose, velocity = np.full((2, len(layout.pads), 3), np.nan)
+        for pad, name in enumerate(layout.pads):
+            if name in own and layout.independent[pad]:
+                pose[pad] = [own[name].numbers[column][k] for column in ("x_m", "y_m", "theta_rad")]
+                velocity[pad] = [own[name].numbers[column][k] for column in ("vx_m_s", "vy_m_s", "omega_rad_s")]
+        places, vectors = at_contacts(layout, pose, velocity, pressure)
+        known = np.isfinite(places).all(axis=1) & np.isfinite(vectors).all(axis=1)
+        arrows += [
+            (*place, *vector, result.colour)
+            for place, vector in zip(places[known].tolist(), vectors[known].tolist(), strict=True)
+        ]
+    fastest = max((hypot(vx, vy) for _, _, vx, vy, _ in arrows), default=0.0)
+    scale = _LONGEST * wide_mm / (fastest or 1.0)
+    title = f"{moment.t_s - zero_s:.2f} s: {moment.said}"
+    if fastest:
+        title += f"; longest arrow {1e3 * fastest:.3g} mm/s"
+    return {
+        "t_s": round(moment.t_s - zero_s, 3),
+        "pad": moment.pad,
+        "title": title,
+        "shades": shades(pressure[: layout.taxels]),
+        "arrows": [
+            [round(1e3 * x, 2), round(1e3 * y, 2), round(scale * vx, 2), round(scale * vy, 2), colour]
+            for x, y, vx, vy, colour in arrows
+        ],
+    }

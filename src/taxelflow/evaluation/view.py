@@ -1,0 +1,171 @@
+"""`taxelflow view`: a recording played in the browser while it is being estimated, or a live source."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from taxelflow import api, registry
+from taxelflow.acquire.joints import declared_joints
+from taxelflow.addresses import parse_address
+from taxelflow.errors import ParameterInvalid, TaxelflowError
+from taxelflow.live.face import Live
+from taxelflow.live.loop import Limits, run_live
+from taxelflow.live.view import LiveView
+from taxelflow.pipeline import Pipeline
+from taxelflow.publish.view.history import History, Results
+from taxelflow.publish.view.page import Page
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from taxelflow.acquire.base import Recording
+    from taxelflow.sensors.sensor import Sensor
+
+
+@dataclass
+class Filling:
+    """Fills the history of a method from a recording."""
+
+    recording: Recording
+    pipeline: Pipeline
+    history: History
+
+    def fill(self) -> None:
+        """Read, condition, estimate: first the pressures, then the results."""
+        self.see()
+        self.estimate()
+
+    def see(self) -> None:
+        """The pressures."""
+        taxels = self.recording.layout.taxels
+        for scans in api.segmented(self.recording, self.pipeline.condition):
+            self.history.see(scans.t_s, scans.pressure[:, :taxels])
+
+    def estimate(self) -> None:
+        """The results, block by block."""
+        run = self.pipeline.start(self.recording)
+        for output in run:
+            self.history.add(Results(output.slips, output.slipping, output.motions, output.evidence), output.events)
+        self.history.patterns = run.patterns
+        self.history.complete = True
+
+    def decide(self, alarms_per_hour: float) -> None:
+        """The results anew, at another rate of false alarms; the old ones are shown until then."""
+        self.pipeline = replace(self.pipeline, monitor=replace(self.pipeline.monitor, alarms_per_hour=alarms_per_hour))
+        outputs = [*self.pipeline.start(self.recording)]
+        blocks = [Results(one.slips, one.slipping, one.motions, one.evidence) for one in outputs if len(one)]
+        self.history.replace(blocks, [event for one in outputs for event in one.events])
+
+
+class Playing:
+    """The page of a recording, and the threads that fill and show it."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        methods: Sequence[str],
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        *,
+        flat: bool = False,
+    ) -> None:
+        """Opens the page. flat: the hand is laid flat, whatever is known of its joint angles.
+
+        Raises ExtraMissing, NameUnknown, ParameterInvalid.
+        """
+        if len(set(methods)) < len(methods):
+            raise ParameterInvalid("method", " ".join(methods), "be different ones")
+        self._fillings = [
+            Filling(recording, Pipeline(api.estimator(method)), History(method=method)) for method in methods
+        ]
+        self._stop, self._busy = threading.Event(), threading.Lock()
+        self.error: Exception | None = None
+        name = recording.source.name if isinstance(recording.source, Path) else recording.source
+        self.page = Page(
+            recording.sensor,
+            tuple(filling.history for filling in self._fillings),
+            f"{name}, {' and '.join(methods)}",
+            host,
+            port,
+            None if flat else recording.joints or declared_joints(recording.sensor),
+        )
+        self.page.on_decide(self.decide)
+
+    def fill(self) -> None:
+        """Read and estimate, by one method after the other. Raises what reading raises."""
+        self._fillings[0].see()
+        for filling in self._fillings:
+            filling.estimate()
+
+    def decide(self, alarms_per_hour: float) -> None:
+        """Decide on slips anew, unless that is being done."""
+        tell = self.page.panel.tell_decided
+        if not all(filling.history.complete for filling in self._fillings) or not self._busy.acquire(blocking=False):
+            tell("wait until the recording is estimated")
+            return
+        try:
+            tell("deciding ...")
+            for filling in self._fillings:
+                filling.decide(alarms_per_hour)
+            slips = sum(event.event == "slip_start" for event in self._fillings[0].history.events)
+            tell(f"{slips} slips at {alarms_per_hour:g} false alarms per hour")
+        except TaxelflowError as error:
+            tell(str(error))
+        finally:
+            self._busy.release()
+
+    def run(self) -> None:
+        """Fill and show until interrupted. Raises what reading raises."""
+        threading.Thread(target=self._guarded, name="estimate", daemon=True).start()
+        showing = threading.Thread(target=self.page.run, args=(self._stop,), name="view", daemon=True)
+        showing.start()
+        while showing.is_alive():
+            showing.join(0.2)
+            if self.error is not None:
+                raise self.error
+
+    def close(self) -> None:
+        """Stop to show, and the server."""
+        self._stop.set()
+        self.page.close()
+
+    def _guarded(self) -> None:
+        try:
+            self.fill()
+        except Exception as error:  # raised by the thread that waits
+            self.error = error
+
+
+class Server(NamedTuple):
+    """Where the page is served. announce: called with its address."""
+
+    host: str
+    port: int
+    announce: Callable[[str], None]
+
+
+def view_recording(recording: Recording, methods: Sequence[str], server: Server, *, flat: bool = False) -> None:
+    """Serve a page with the recording until interrupted.
+
+    Raises ExtraMissing, NameUnknown, ParameterInvalid, and what reading raises.
+    """
+    playing = Playing(recording, methods, server.host, server.port, flat=flat)
+    try:
+        server.announce(playing.page.url)
+        playing.run()
+    except KeyboardInterrupt:
+        return  # the way to end it
+    finally:
+        playing.close()
+
+
+def view_source(url: str, sensor: Sensor | None, method: str, contacts: str | None, server: Server) -> None:
+    """Serve a page with a live source until it ends. Raises as `view_recording`, and what the source raises."""
+    address = parse_address(url)
+    source = registry.find("source", address.scheme)(address, sensor)
+    live = Live(source.recording, method, contacts=contacts)
+    sink = LiveView(live, f"{url}, {method}", server.host, server.port, server.announce)
+    run_live(source, {"view": sink}, live, Limits(), method)

@@ -1,0 +1,97 @@
+"""`taxelflow view RECORDING --film`: the scene of the view as a film."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from taxelflow.errors import ParameterInvalid
+from taxelflow.evaluation.base import Watch, unwatched
+from taxelflow.evaluation.view import Playing
+from taxelflow.publish.video import check_video, write_video
+from taxelflow.publish.view.browser import drawn_by, headless, installed_browser
+from taxelflow.publish.view.camera import FOV_RAD
+from taxelflow.publish.view.page import PANEL_PIXELS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from taxelflow.acquire.base import Recording
+    from taxelflow.messages import Floats
+    from taxelflow.publish.plots.film import Frame
+    from taxelflow.publish.view.page import Page
+
+WIDTH, HEIGHT = 1280, 720
+_BORDER = 160
+"""Of the window around the picture, pixels."""
+_MOST_FRAMES = 10_000
+_TIMEOUT_S = 120.0
+
+
+class Part(NamedTuple):
+    """Of a recording: from and to, s since its first scan (None: its end), speed of the film, frames per second, and
+    whether the hand is laid flat.
+    """
+
+    from_s: float = 0.0
+    to_s: float | None = None
+    speed: float = 1.0
+    fps: float = 20.0
+    flat: bool = False
+
+
+def film_recording(
+    recording: Recording, methods: Sequence[str], out: Path, part: Part, watched: Watch = unwatched
+) -> int:
+    """Film the scene into a .mp4 or .gif; return the number of frames.
+
+    Raises BrowserMissing, BrowserFailed, ExtraMissing, NameUnknown, ParameterInvalid, and what reading raises.
+    """
+    check_video(out)
+    installed_browser()
+    _check(part)
+    playing = Playing(recording, methods, port=0, flat=part.flat)
+    try:
+        playing.fill()
+        times = frame_times(playing.page, part)
+        with headless(playing.page.url, WIDTH + PANEL_PIXELS + _BORDER, HEIGHT + _BORDER):
+            drawn = drawn_by(playing.page, WIDTH + _BORDER)
+            return write_video(_frames(playing.page, drawn, watched(times.tolist(), "filming")), out, part.fps)
+    finally:
+        playing.close()
+
+
+def frame_times(page: Page, part: Part) -> Floats:
+    """Times of the frames, s of the sensor's clock. Raises ParameterInvalid."""
+    first_s, last_s = page.span_s
+    length = last_s - first_s
+    to_s = length if part.to_s is None else min(part.to_s, length)
+    if part.from_s >= to_s:
+        raise ParameterInvalid("from", part.from_s, f"lie before the end, {to_s:.3f} s")
+    count = int((to_s - part.from_s) * part.fps / part.speed + 1e-9) + 1
+    if count > _MOST_FRAMES:
+        raise ParameterInvalid("frames", count, f"be at most {_MOST_FRAMES}: choose a part by --from and --to")
+    times: Floats = first_s + part.from_s + np.arange(count, dtype=np.float64) * (part.speed / part.fps)
+    return times
+
+
+def _frames(page: Page, drawn: Any, times: Any) -> Iterator[Frame]:
+    camera: dict[str, Any] = {}
+    for at_s in times:
+        page.show_at(at_s)
+        if not camera:
+            found = page.scene.frame(page.direction(), WIDTH / HEIGHT)
+            camera = {"wxyz": found.wxyz, "position": found.position, "fov": FOV_RAD}
+            drawn.get_render(HEIGHT, WIDTH, timeout=_TIMEOUT_S, **camera)  # the first one may lack its labels
+        frame = drawn.get_render(HEIGHT, WIDTH, timeout=_TIMEOUT_S, **camera)
+        yield np.ascontiguousarray(frame[..., :3])
+
+
+def _check(part: Part) -> None:
+    for name, value in (("fps", part.fps), ("speed", part.speed)):
+        if not 0 < value < float("inf"):
+            raise ParameterInvalid(name, value, "be above 0")
+    if not part.from_s >= 0:
+        raise ParameterInvalid("from", part.from_s, "be 0 or more")

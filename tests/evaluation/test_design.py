@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxelflow.cli import main
+from taxelflow.errors import ParameterInvalid
+from taxelflow.evaluation.design import Design, Skin, lattice
+
+
+@pytest.mark.parametrize("layout", ["square", "hexagonal", "triangular"])
+def test_taxels_of_all_layouts_have_the_same_area(layout: Skin) -> None:
+    centres, places = lattice(layout, 0.1, 2.0)
+    inside = np.hypot(*centres.T) < 1.5
+    assert 0.01 * inside.sum() == pytest.approx(np.pi * 1.5**2, rel=0.02)
+    np.testing.assert_allclose(places.mean(axis=1), 0, atol=0.02 * 0.1)
+
+
+def test_smaller_taxels_see_better_and_fits_attain_the_bound() -> None:
+    rows = Design(pitch_mm=(4.0, 10.0), layouts=("square",), trials=6).run().rows
+    fine, coarse = rows
+    assert fine.bound_mm < 0.5 * coarse.bound_mm
+    for row in rows:
+        assert row.error_mm < 2 * row.bound_mm
+        assert row.error_deg is not None
+        assert row.lost_percent == 0
+
+
+def test_a_round_object_has_no_turn() -> None:
+    (row,) = Design(pitch_mm=(5.0,), layouts=("hexagonal",), shapes=("round",), trials=2).run().rows
+    assert row.bound_deg is None
+    assert row.error_mm < 3 * row.bound_mm
+
+
+def test_the_command_writes_table_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--trials", "1", "--pitch-mm", "8", "16", "--layouts", "square"]
+    assert main(["design", "--json", "--csv", str(tmp_path / "d.csv"), "--plot", str(tmp_path / "d.svg"), *words]) == 0
+    assert len(json.loads(capsys.readouterr().out)["rows"]) == 2
+    assert (tmp_path / "d.csv").read_text().startswith("shape,size_mm,pitch_mm,ratio")
+    assert (tmp_path / "d.svg").stat().st_size > 1000
+
+
+def test_bad_options_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ParameterInvalid, match="pitch_mm"):
+        Design(pitch_mm=(100.0,))
+    assert main(["design", "--plot", "d.txt"]) == 2
+    assert "end in .svg" in capsys.readouterr().err

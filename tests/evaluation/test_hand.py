@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taxelflow.errors import ParameterInvalid
+from taxelflow.evaluation.field import SCENES
+from taxelflow.evaluation.hand import Hand, hand_bound
+from taxelflow.simulation.scenario import SCENARIOS
+
+
+def test_convolution_is_far_above_the_bound_and_its_covariance_allows_for_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    report = Hand(seeds=1, methods=("convolution",)).run()
+    assert [row.scenario for row in report.rows] == list(SCENES)
+    for row in report.rows:
+        assert row.translation_ratio > 3
+        assert row.turn_ratio > 3
+        assert row.nees < 5
+    report.show()
+    assert "NEES" in capsys.readouterr().out
+
+
+def test_the_bound_falls_with_the_noise() -> None:
+    scenario = SCENARIOS[SCENES[0]]
+    t_s = np.array([2.0, 2.5])
+    quiet = replace(scenario, sensing=replace(scenario.sensing, noise_pa=scenario.sensing.noise_pa / 2, bits=16))
+    loud = replace(scenario, sensing=replace(scenario.sensing, bits=16))
+    np.testing.assert_allclose(hand_bound(loud, t_s), 2 * hand_bound(quiet, t_s), rtol=1e-3)
+
+
+def test_without_recordings_there_is_no_score() -> None:
+    with pytest.raises(ParameterInvalid, match="seeds"):
+        Hand(seeds=0)
