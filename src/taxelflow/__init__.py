@@ -6,67 +6,118 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording, Truth
     from taxelflow.acquire.columns import Columns
-    from taxelflow.api import Result, convert, estimate, estimator, read
+    from taxelflow.acquire.trajectory import Trajectory, read_trajectory
+    from taxelflow.api import convert, estimate, estimator, read, recording
     from taxelflow.condition.parameters import Conditioner
+    from taxelflow.contacts.features import ContactFeatures
     from taxelflow.errors import TaxelflowError
+    from taxelflow.estimation.smoothing.parameters import Smoothing
+    from taxelflow.evaluation.calibrate import calibrate
+    from taxelflow.fusion.parameters import RigidField
+    from taxelflow.live.face import Live
     from taxelflow.messages import Estimates, Event, Motions, RawScans, Scans, Slips
     from taxelflow.pipeline import Pipeline
+    from taxelflow.result import PadResult, Result
+    from taxelflow.sensors.calibration import Calibration, load_calibration, save_calibration
     from taxelflow.sensors.catalogue import load_sensor
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.pads import Pad
     from taxelflow.sensors.sensor import Sensor
+    from taxelflow.simulation.parameters import Contact, Load, Motion, Second, Sensing
+    from taxelflow.simulation.scenario import SCENARIOS, Scenario
+    from taxelflow.simulation.simulate import simulate
     from taxelflow.slip.parameters import SlipMonitor
 
 __version__ = "0.1.0"
 
 _HOME = {
+    "Calibration": "sensors.calibration",
     "Columns": "acquire.columns",
     "Conditioner": "condition.parameters",
+    "Contact": "simulation.parameters",
+    "ContactFeatures": "contacts.features",
     "Estimates": "messages",
     "Event": "messages",
     "Layout": "sensors.layout",
+    "Live": "live.face",
+    "Load": "simulation.parameters",
+    "Motion": "simulation.parameters",
     "Motions": "messages",
     "Pad": "sensors.pads",
+    "PadResult": "result",
     "Pipeline": "pipeline",
     "RawScans": "messages",
     "Recording": "acquire.base",
-    "Result": "api",
+    "Result": "result",
+    "RigidField": "fusion.parameters",
+    "SCENARIOS": "simulation.scenario",
     "Scans": "messages",
+    "Scenario": "simulation.scenario",
+    "Second": "simulation.parameters",
+    "Sensing": "simulation.parameters",
     "Sensor": "sensors.sensor",
     "SlipMonitor": "slip.parameters",
     "Slips": "messages",
+    "Smoothing": "estimation.smoothing.parameters",
     "TaxelflowError": "errors",
+    "Trajectory": "acquire.trajectory",
     "Truth": "acquire.base",
+    "calibrate": "evaluation.calibrate",
     "convert": "api",
     "estimate": "api",
     "estimator": "api",
+    "load_calibration": "sensors.calibration",
     "load_sensor": "sensors.catalogue",
     "read": "api",
+    "read_trajectory": "acquire.trajectory",
+    "recording": "api",
+    "save_calibration": "sensors.calibration",
+    "simulate": "simulation.simulate",
 }
 
 __all__ = [
+    "SCENARIOS",
+    "Calibration",
     "Columns",
     "Conditioner",
+    "Contact",
+    "ContactFeatures",
     "Estimates",
     "Event",
     "Layout",
+    "Live",
+    "Load",
+    "Motion",
     "Motions",
     "Pad",
+    "PadResult",
     "Pipeline",
     "RawScans",
     "Recording",
     "Result",
+    "RigidField",
     "Scans",
+    "Scenario",
+    "Second",
+    "Sensing",
     "Sensor",
     "SlipMonitor",
     "Slips",
+    "Smoothing",
     "TaxelflowError",
+    "Trajectory",
     "Truth",
+    "calibrate",
     "convert",
     "estimate",
     "estimator",
+    "load_calibration",
     "load_sensor",
     "read",
+    "read_trajectory",
+    "recording",
+    "save_calibration",
+    "simulate",
 ]
 
 

@@ -2,64 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from importlib.metadata import version
+from dataclasses import replace
 from inspect import signature
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-import msgspec
 import numpy as np
 
 from taxelflow import registry
 from taxelflow.acquire.base import Reading, Recording
 from taxelflow.acquire.columns import Columns
+from taxelflow.acquire.joints import asked_joints
 from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
-from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing
-from taxelflow.estimation.smoothing.parameters import NOTE, Smoothing
-from taxelflow.messages import Bools, Contacts, Event, Floats, LearnedPattern, Motions, RawScans, Scans, Slips, joined
-from taxelflow.pipeline import Pipeline, Run
-from taxelflow.publish.summary import Summary, Totals
+from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing, written_at
+from taxelflow.estimation.smoothing.parameters import Smoothing
+from taxelflow.messages import RawScans, Scans, joined, joined_spatial
+from taxelflow.pipeline import Pipeline
+from taxelflow.publish.summary import Totals
+from taxelflow.result import Result, summarise
 from taxelflow.sensors.calibration import Calibration, load_calibration
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from taxelflow.condition.baseline import Baseline
+    from numpy.typing import ArrayLike
+
     from taxelflow.estimation.base import Estimator, Mode
-
-_MOST_WORDS = 4
-
 
 _BAG_DIRECTORY = "metadata.yaml"
 """What makes a directory a ROS 2 bag; the registry knows its reader by this name."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Result:
-    """Everything that a recording gave, in memory.
-
-    pads: names along the second axis of the arrays of `slips` and of slipping (scans, pads): pads, groups, and contacts
-    that are separated. `motions` is the object's motion per scan, `contacts` what each pad's contact is like,
-    `patterns` what a method that learns has learned, `summary` what `summary.json` holds, `evidence`
-    (scans, pads) the log odds of a slip by the change of the pattern, NaN where unknown.
-    """
-
-    pads: tuple[str, ...]
-    slips: Slips
-    slipping: Bools
-    motions: Motions
-    events: list[Event]
-    patterns: list[LearnedPattern]
-    summary: Summary
-    contacts: Contacts
-    evidence: Floats
+_PADS_DIRECTORY = "folder"
+"""Name of the reader of a directory with one file per pad."""
 
 
 def read(
@@ -68,6 +47,7 @@ def read(
     *,
     topic: str | None = None,
     columns: Columns | None = None,
+    joints: str | None = None,
 ) -> Recording:
     """Open a recording; its scans are read when asked for.
 
@@ -80,17 +60,44 @@ def read(
     suffix = path.suffix.lower()
     if (path / _BAG_DIRECTORY).is_file():
         suffix = _BAG_DIRECTORY
+    elif path.is_dir() and sensor is not None:
+        suffix = _PADS_DIRECTORY
     elif not path.is_file():
         raise RecordingMissing(path)
     if suffix not in registry.names("reader"):
         raise FormatUnknown(path, registry.names("reader"))
     if sensor is not None and not isinstance(sensor, Sensor):
         sensor = load_sensor(str(sensor))
+    if suffix == _PADS_DIRECTORY and not (
+        (columns and columns.pads) or (sensor and any(pad.files for pad in sensor.pads))
+    ):
+        raise RecordingMissing(path)
     opener = registry.find("reader", suffix)
     asked = {name: value for name, value in {"topic": topic, "columns": columns}.items() if value is not None}
     for name in asked.keys() - signature(opener).parameters.keys():
         raise ParameterInvalid(name, asked[name], f"be left out for {suffix} recordings: it has no meaning there")
-    return cast("Recording", opener(path, sensor, **asked))
+    recording = cast("Recording", opener(path, sensor, **asked))
+    return recording if joints is None else replace(recording, joints=asked_joints(joints, recording.sensor))
+
+
+def recording(
+    t_s: ArrayLike, values: ArrayLike, sensor: str | Path | Sensor, *, masked: Sequence[int] = ()
+) -> Recording:
+    """A recording from arrays.
+
+    t_s: (scans,), s, increasing. values: (scans, taxels) in the sensor's unit and the order of its layout, NaN where
+    missing, or (scans, rows, cols) of a sensor that is one full grid. sensor: a built-in name, a plain grid such as
+    `grid:16x16@4mm,kPa`, a TOML file or a `Sensor`. masked: numbers of taxels that are switched off.
+    Raises RecordingCorrupt, TaxelCountWrong, NameUnknown, SensorFileInvalid, ParameterInvalid.
+    """
+    chosen = sensor if isinstance(sensor, Sensor) else load_sensor(str(sensor))
+    found = Recording.of_arrays(t_s, values, chosen)
+    off = np.zeros(chosen.layout.taxels, dtype=np.bool_)
+    for taxel in masked:
+        if not 0 <= taxel < len(off):
+            raise ParameterInvalid("masked", taxel, f"hold numbers from 0 to {len(off) - 1}")
+        off[taxel] = True
+    return replace(found, masked=off)
 
 
 def convert(
@@ -111,7 +118,8 @@ def convert(
     part = path.with_name(path.name + ".part")
     reading = recording.source_blocks()
     try:
-        write(recording, part, watched(reading))
+        with written_at(path):
+            write(recording, part, watched(reading))
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
@@ -123,9 +131,11 @@ def segmented(recording: Recording, conditioner: Conditioner | None = None) -> I
     conditioner = conditioner or Conditioner()
     with announced():
         session = conditioner.start(recording.sensor, recording.masked, recording.blocks())
-        contacts = ContactFeatures().start(recording.sensor, conditioner.contact_on, conditioner.contact_off)
+        split = bool((recording.layout.contact_of >= 0).any())
+        limits = conditioner.contact_on, conditioner.contact_off
+        contacts = ContactFeatures().start(recording.sensor, *limits) if split else None
     for scans in chain(chain.from_iterable(map(session.step, recording.blocks())), session.finish()):
-        yield contacts.step(scans).scans
+        yield scans if contacts is None else contacts.step(scans).scans
 
 
 def conditioned(recording: Recording) -> Scans:
@@ -183,10 +193,10 @@ def estimate(
     totals = Totals(recording.layout)
     outputs = []
     for output in run:
-        totals.add(output.slips, output.slipping, output.events)
+        totals.add(output.slips, output.events)
         outputs.append(output)
     return Result(
-        pads=recording.layout.pads,
+        sensor=recording.sensor,
         slips=joined([output.slips for output in outputs]),
         slipping=np.concatenate([output.slipping for output in outputs]),
         motions=joined([output.motions for output in outputs]),
@@ -195,96 +205,5 @@ def estimate(
         summary=summarise(name, pipeline, run, totals),
         contacts=joined([output.contacts for output in outputs]),
         evidence=np.concatenate([output.evidence for output in outputs]),
+        spatial=joined_spatial([output.spatial for output in outputs]),
     )
-
-
-def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summary:
-    """What a finished run amounts to."""
-    recording, learned = run.recording, run.learned
-    layout = recording.layout
-    pads = {}
-    masked: list[int] = []
-    notes = list(run.reading.notes)
-    if learned is not None:
-        masked = [int(taxel) for taxel in np.flatnonzero(learned.masked)]
-        for number, name in enumerate(totals.pads):
-            live = learned.noise[layout.source[layout.of_pad(number)]]
-            live = live[live > 0]
-            noise = float(np.median(live)) if len(live) else None
-            home = int(np.searchsorted(layout.starts, layout.source[layout.starts[number]], side="right")) - 1
-            pads[name] = totals.of_pad(
-                number, tared=bool(learned.tared[home]), noise=noise, scatter=float(run.scatter[number])
-            )
-    if not totals.contact_scans.any():
-        notes.append("no contact: no pad was touched in this recording")
-    untared = [name for name, pad in pads.items() if not pad.tared and pad.contact_scans]
-    if untared and pipeline.condition.tare == "auto":
-        notes.append(f"not tared, because no idle scans were found: {', '.join(untared)}")
-    if pipeline.calibration is not None:
-        known = {pad.name for pad in pipeline.calibration.pads}
-        own = totals.pads[: layout.pad_count]
-        if bare := [name for name in own if name in pads and pads[name].contact_scans and name not in known]:
-            notes.append(f"not in the calibration, so at gain 1: {', '.join(bare)}")
-    if learned is not None:
-        notes += _of_taxels(recording, learned)
-    counts = run.counts
-    rate_hz = 1 / counts.usual_s if counts.usual_s > 0 else None
-    if counts.repeated:
-        notes.append(
-            f"dropped {counts.repeated} scans that repeat the one before bit for bit: {rate_hz:.4g} scans/s are new"
-        )
-    if counts.gaps:
-        gaps = "1 gap" if counts.gaps == 1 else f"{counts.gaps} gaps, the longest"
-        notes.append(f"{gaps} of {counts.longest_gap_s:.3g} s: no motion is followed across it")
-    if run.lag_s:
-        notes.append(f"filtered over time: every lag_s is {1e3 * run.lag_s:.3g} ms longer for it")
-    notes += run.notes
-    if pipeline.smooth.acceleration_m_s2:
-        notes.append(NOTE)
-    return Summary(
-        taxelflow=version("taxelflow"),
-        input=str(recording.source),
-        format=recording.format,
-        sensor=recording.sensor.name,
-        unit=recording.sensor.si_unit,
-        method=method,
-        mode=pipeline.mode,
-        parameters={
-            "method": asdict(cast("Any", pipeline.estimator)),
-            "condition": asdict(pipeline.condition),
-            "monitor": asdict(pipeline.monitor),
-            "features": asdict(pipeline.features),
-            "smooth": asdict(pipeline.smooth),
-        }
-        | ({} if pipeline.calibration is None else {"calibration": msgspec.to_builtins(pipeline.calibration)}),
-        scans=totals.scans,
-        repeated_scans_dropped=run.reading.repeated,
-        t_first_s=totals.t_first_s,
-        t_last_s=totals.t_last_s,
-        contact=bool(totals.contact_scans.any()),
-        masked_taxels=masked,
-        pads=pads,
-        events=dict(totals.events),
-        notes=notes,
-        layout=recording.sensor,
-        loss=str(run.reading.loss) if run.reading.loss else None,
-        repeated_values_dropped=counts.repeated,
-        rate_hz=rate_hz,
-        gaps=counts.gaps,
-    )
-
-
-def _of_taxels(recording: Recording, learned: Baseline) -> list[str]:
-    """Notes on masked taxels and on those that are not well."""
-    judged = {finding.taxel for finding in learned.findings}
-    silent = np.flatnonzero(learned.masked & ~recording.masked)
-    asked = [int(taxel) for taxel in silent if taxel not in judged]
-    sensor = recording.sensor
-    notes = [f"masked besides what the recording declares off: taxels {', '.join(map(str, asked))}"] if asked else []
-    for masked, what in ((True, "masked"), (False, "not well, and used all the same (--condition.mask auto)")):
-        found = [finding for finding in learned.findings if learned.masked[finding.taxel] == masked]
-        if found:
-            words = "; ".join(finding.words(sensor) for finding in found[:_MOST_WORDS])
-            rest = len(found) - _MOST_WORDS
-            notes.append(f"{what}: {words}" + (f"; and {rest} more, see `taxelflow info`" if rest > 0 else ""))
-    return notes

@@ -6,83 +6,71 @@ evaluation/commands.py.
 
 from __future__ import annotations
 
+import errno
 import io
 import logging
 import os
 import sys
-from dataclasses import dataclass, field
+import typing
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 from tyro.conf import Positional
 
+from taxelflow import __version__, registry
 from taxelflow.acquire.options import Recorded
-from taxelflow.condition.parameters import Conditioner
-from taxelflow.contacts.features import ContactFeatures
-from taxelflow.errors import TaxelflowError
-from taxelflow.estimation.smoothing.parameters import Smoothing
+from taxelflow.batch.command import Batch
+from taxelflow.errors import NameUnknown, OptionsUnknown, RecordingsSeveral, TaxelflowError, written_at
 from taxelflow.evaluation.commands import PARTLY_READ, Bench, Calibrate, Figures, Info, Plot, Score
-from taxelflow.fusion.parameters import RigidField
+from taxelflow.evaluation.control_command import Control
+from taxelflow.evaluation.design_command import Design
+from taxelflow.evaluation.media_commands import Film, Report, View
+from taxelflow.live.command import Record, Run
+from taxelflow.live.emulators.command import Emulate
+from taxelflow.options import Estimating
 from taxelflow.simulation.command import Simulate
-from taxelflow.slip.parameters import SlipMonitor
+from taxelflow.simulation.scenario import SCENARIOS
 
+DESCRIPTION = """Touch-based motion sensing for robot hands: pressure scans in, object motion and slip out.
+
+Version: taxelflow --version. Shell completion: taxelflow --tyro-print-completion bash (or zsh)."""
 BAD_INPUT, INTERRUPTED = 2, 130
+_OUTPUT = "standard output"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate(Recorded):
+class Estimate(Recorded, Estimating):
     """Estimate motion and slip from a recording: slips.csv, object.csv, events.csv, contacts.csv, summary.json.
 
+    Where the places of the pads in space are known (pose, or link and joint angles), object3d.csv, too.
     A method that learns the object's pressure pattern (template) writes patterns.npz, too.
     A method's own parameters follow as options, e.g. --gain 1.04 for lnorm and convolution.
     Exit code: 0; 1 if the recording is truncated and only a part could be read; 2 on bad input.
     """
 
     out: Path
-    """Directory for the results; made if it does not exist."""
-    method: str = "convolution"
-    """lnorm or convolution (the paper's methods I and II), template (learns the object's pressure pattern, with
-    rotation), registration (of two scans, with rotation), the baselines sum (no direction) or principal_axis (with
-    rotation), or one from another package."""
-    mode: Literal["batch", "stream"] = "batch"
-    """batch: learn tare and noise from the whole recording first. stream: scan by scan, as from a live device."""
-    calibration: Path | None = None
-    """Gains per pad and axis: a file by `taxelflow calibrate`, of the same sensor and method."""
-    contacts: str | None = None
-    """Split contacts that move independently, as pads of their own (palm#1, palm#2): at most this many on every pad, or
-    by pad, such as palm=2,thumb=3. As in the sensor file, usually 1, if left out: a rigid object with several feet is
-    one contact."""
-    condition: Conditioner = field(default_factory=Conditioner)
-    monitor: SlipMonitor = field(default_factory=SlipMonitor)
-    fusion: RigidField = field(default_factory=RigidField)
-    features: ContactFeatures = field(default_factory=ContactFeatures)
-    smooth: Smoothing = field(default_factory=Smoothing)
+    """Directory for the results; created if it does not exist."""
+    json: bool = False
+    """Print the summary as JSON instead of a table."""
 
     def run(self, rest: list[str]) -> int:
         """Read, estimate, write."""
-        from taxelflow import api, registry
-        from taxelflow.pipeline import Pipeline
-        from taxelflow.publish.summary import Totals
+        from taxelflow import api
+        from taxelflow.publish.summary import Totals, to_json
         from taxelflow.publish.tables import Tables
-        from taxelflow.publish.terminal import progress, say
-        from taxelflow.sensors.calibration import load_calibration
+        from taxelflow.publish.terminal import note_on_stderr, progress, say
+        from taxelflow.result import summarise
 
-        kind = registry.find("estimator", self.method)
-        estimator = tyro.cli(kind, args=rest, prog=f"taxelflow estimate --method {self.method}")
-        recording = api.read(self.recording, self.sensor, topic=self.topic, columns=self.own_columns)
-        recording = recording.with_contacts(self.contacts)
-        calibration = None if self.calibration is None else load_calibration(self.calibration)
-        pipeline = Pipeline(
-            estimator,
-            self.mode,
-            self.condition,
-            self.monitor,
-            self.fusion,
-            calibration,
-            self.features,
-            self.smooth,
+        if further := [word for word in rest if not word.startswith("-") and Path(word).exists()]:
+            raise RecordingsSeveral(str(self.recording), *further)
+        pipeline = self.pipeline(rest, "estimate")
+        recording = api.read(
+            self.recording, self.sensor, topic=self.topic, columns=self.own_columns, joints=self.joints
         )
+        recording = recording.with_contacts(self.contacts)
         totals = Totals(recording.layout)
         with Tables(self.out, recording.layout.pads) as tables:
             run = pipeline.start(recording)
@@ -90,11 +78,17 @@ class Estimate(Recorded):
                 tables.write(
                     output.slips, output.slipping, output.motions, output.events, output.contacts, output.evidence
                 )
-                totals.add(output.slips, output.slipping, output.events)
-            summary = api.summarise(self.method, pipeline, run, totals)
+                if output.spatial is not None:
+                    tables.write_spatial(output.spatial)
+                totals.add(output.slips, output.events)
+            summary = summarise(self.method, pipeline, run, totals)
             tables.write_patterns(run.patterns)
             tables.write_summary(summary)
-        say(summary, self.out)
+        if self.json:
+            sys.stdout.buffer.write(to_json(summary))
+            note_on_stderr(summary)
+        else:
+            say(summary, self.out)
         return PARTLY_READ if summary.loss else 0
 
 
@@ -102,18 +96,31 @@ class Estimate(Recorded):
 class Convert(Recorded):
     """Write a recording as .npz, .csv, .parquet or .mcap, exact; all but .csv keep sensor, mask and truth.
 
+    --to lerobot writes a directory: a data set of one episode, in LeRobot's format v3.0 (extra `tables`).
+
     Exit code: 0; 1 if the recording is truncated and only a part could be written; 2 on bad input.
     """
 
     out: Positional[Path]
-    """The file to write; its suffix gives the format."""
+    """File to write; its suffix gives the format. With --to lerobot: a directory that is new or empty."""
+    to: Literal["lerobot"] | None = None
+    """Format that is not a file of its own."""
+    method: str | None = None
+    """Estimator whose velocities and slips go with the readings, with --to lerobot."""
 
     def run(self, _rest: list[str]) -> int:
         """Read, write, print."""
         from taxelflow import api
         from taxelflow.publish.terminal import progress
 
-        recording = api.read(self.recording, self.sensor, topic=self.topic, columns=self.own_columns)
+        recording = api.read(
+            self.recording, self.sensor, topic=self.topic, columns=self.own_columns, joints=self.joints
+        )
+        if self.to == "lerobot":
+            from taxelflow.evaluation.episodes import recording_to_lerobot
+
+            print(f"{recording_to_lerobot(recording, self.out, self.method)} scans in {self.out}")
+            return 0
         reading = api.convert(recording, self.out, lambda blocks: progress(blocks, recording.scans, "converting"))
         print(f"{reading.scans} scans of {recording.sensor.name} in {self.out}")
         if self.out.suffix.lower() == ".csv":
@@ -129,9 +136,11 @@ class Sensors:
     """List the built-in sensors, or draw one."""
 
     name: Positional[str | None] = None
-    """A built-in sensor, a plain grid (grid:16x16@4mm) or a TOML file to draw."""
+    """Name of a built-in sensor, a plain grid (grid:16x16@4mm) or a TOML file to draw."""
     plot: Path | None = None
     """Draw a picture: a .svg, .png or .pdf file, or a directory for NAME.svg. Without a name: all built-in sensors."""
+    joints: str | None = None
+    """Joint angles at which --plot draws the hand in space, such as `spread=60deg f1=1.2`, or a named pose of it."""
 
     def run(self, _rest: list[str]) -> int:
         """Print a table or a drawing, or write pictures."""
@@ -139,7 +148,14 @@ class Sensors:
         from taxelflow.publish.terminal import list_sensors
         from taxelflow.sensors.catalogue import catalogue, load_sensor
 
-        if self.plot is not None:
+        if self.joints is not None:
+            from taxelflow.errors import ParameterInvalid
+            from taxelflow.publish.plots.space import draw_space
+
+            if self.plot is None or self.name is None:
+                raise ParameterInvalid("joints", self.joints, "be given with the name of one sensor and --plot FILE")
+            print(draw_space(load_sensor(self.name), self.joints, self.plot))
+        elif self.plot is not None:
             from taxelflow.publish.figures import draw_sensors
 
             sensors = [sensor for _, sensor in catalogue()] if self.name is None else [load_sensor(self.name)]
@@ -154,16 +170,51 @@ class Sensors:
 
 Command = (
     Annotated[Estimate, tyro.conf.subcommand("estimate")]
+    | Annotated[Batch, tyro.conf.subcommand("batch")]
+    | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Record, tyro.conf.subcommand("record")]
+    | Annotated[Emulate, tyro.conf.subcommand("emulate")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Info, tyro.conf.subcommand("info")]
     | Annotated[Convert, tyro.conf.subcommand("convert")]
     | Annotated[Plot, tyro.conf.subcommand("plot")]
+    | Annotated[Film, tyro.conf.subcommand("film")]
+    | Annotated[Report, tyro.conf.subcommand("report")]
+    | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Sensors, tyro.conf.subcommand("sensors")]
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Figures, tyro.conf.subcommand("figures")]
     | Annotated[Score, tyro.conf.subcommand("score")]
+    | Annotated[Design, tyro.conf.subcommand("design")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
+    | Annotated[Control, tyro.conf.subcommand("control")]
 )
+
+
+def _check_names(args: list[str]) -> None:
+    """Raises NameUnknown for a command or scenario that does not exist, with the nearest one that does."""
+    commands = [typing.get_args(command)[1].name for command in typing.get_args(Command)]
+    known = [("command", commands), ("scenario", list(SCENARIOS))]
+    for (kind, names), word in zip(known[: 2 if args[:1] == ["simulate"] else 1], args, strict=False):
+        if not word.startswith("-") and word not in names:
+            raise NameUnknown(kind, word, names)
+
+
+def _method(args: list[str]) -> str | None:
+    """The value of --method among words of the command line."""
+    for word, following in zip(args, [*args[1:], ""], strict=True):
+        option, equals, value = word.partition("=")
+        if option == "--method":
+            return value if equals else following
+    return None
+
+
+def _show_method(command: str, method: str) -> None:
+    """Print the help of a command, then that of the method, whose own options it also takes."""
+    kind = registry.find("estimator", method)
+    with suppress(SystemExit):
+        tyro.cli(Command, args=[command, "--help"], prog="taxelflow", description=DESCRIPTION)
+    tyro.cli(kind, args=["--help"], prog=f"taxelflow {command} --method {method}")
 
 
 def main(args: list[str] | None = None) -> int:
@@ -175,17 +226,25 @@ def main(args: list[str] | None = None) -> int:
     args = sys.argv[1:] if args is None else args
     own = args[1:] if args[:1] == ["score"] else []  # a score parses its own words
     try:
+        if args[:1] == ["--version"]:
+            print(f"taxelflow {__version__}")
+            return 0
+        _check_names(args)
+        if args[:1] in (["estimate"], ["batch"]) and {"-h", "--help"} & set(args) and (method := _method(args)):
+            _show_method(args[0], method)
         command, rest = tyro.cli(
             Command,
             args=args[: len(args) - len(own)],
             prog="taxelflow",
-            description="Touch-based motion sensing for robot hands: pressure scans in, object motion and slip out.",
+            description=DESCRIPTION,
             return_unknown_args=True,
         )
-        if rest and not isinstance(command, Estimate):
-            print(f"taxelflow: unrecognised options: {' '.join(rest)}; see --help", file=sys.stderr)
-            return BAD_INPUT
-        return command.run([*rest, *own])
+        if rest and not isinstance(command, Estimating | Run | Design):
+            raise OptionsUnknown(*rest)
+        code = command.run([*rest, *own])
+        with written_at(_OUTPUT):
+            sys.stdout.flush()
+        return code
     except TaxelflowError as error:
         print(f"taxelflow: {error}", file=sys.stderr)
         return BAD_INPUT
@@ -196,7 +255,12 @@ def main(args: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        print(f"taxelflow: {error.strerror or error}: {error.filename}; check path and rights", file=sys.stderr)
+        if error.errno == errno.ENOSPC and error.filename in (None, _OUTPUT):
+            error.filename = _OUTPUT
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # its buffer would raise again at exit
+        print(
+            f"taxelflow: {error.strerror or error}: {error.filename}; check the path and permissions", file=sys.stderr
+        )
         return BAD_INPUT
 
 

@@ -1,4 +1,4 @@
-"""Every exchangeable part by name: the one place where a new reader, writer, estimator or score is announced.
+"""Every exchangeable part by name: the one place where a new reader, writer, estimator, source or sink is announced.
 
 Built-in parts stand in these tables and are imported on use; other packages add theirs as entry points
 of the group `taxelflow.<stage>`.
@@ -26,7 +26,11 @@ PARTS: dict[str, dict[str, str]] = {
         ".db3": "taxelflow.acquire.ros.open:open_bag",
         ".mcap": "taxelflow.acquire.ros.open:open_bag",
         ".parquet": "taxelflow.acquire.parquet:open_parquet",
+        ".npy": "taxelflow.acquire.npy:open_npy",
+        ".h5": "taxelflow.acquire.hdf5:open_hdf5",
+        ".hdf5": "taxelflow.acquire.hdf5:open_hdf5",
         "metadata.yaml": "taxelflow.acquire.ros.open:open_bag",
+        "folder": "taxelflow.acquire.padfiles:open_pads",
     },
     "writer": {
         ".npz": "taxelflow.acquire.npz:write_npz",
@@ -42,19 +46,75 @@ PARTS: dict[str, dict[str, str]] = {
         "sum": "taxelflow.estimation.centroid.load_sum:Sum",
         "principal_axis": "taxelflow.estimation.centroid.principal_axis:PrincipalAxis",
     },
+    "source": {
+        "tcp": "taxelflow.acquire.devices.tcp:connect",
+        "tcp-listen": "taxelflow.acquire.devices.tcp:listen",
+        "udp-listen": "taxelflow.acquire.devices.udp:listen",
+        "serial": "taxelflow.acquire.devices.serial:connect",
+        "stdin": "taxelflow.acquire.devices.stdin:read",
+        "ros2": "taxelflow.acquire.devices.dds:connect",
+        "rosbridge": "taxelflow.acquire.devices.rosbridge:connect",
+        "inspire-modbus": "taxelflow.acquire.devices.inspire:connect",
+        "inspire-dds": "taxelflow.acquire.devices.dds:inspire",
+        "xela": "taxelflow.acquire.devices.xela:connect",
+        "dsa": "taxelflow.acquire.devices.dsa:connect",
+        "barrett-can": "taxelflow.acquire.devices.barrett:connect",
+        "replay": "taxelflow.live.replay:replay",
+        "rig": "taxelflow.live.replay:rig",
+    },
+    "emulator": {
+        "tcp": "taxelflow.live.emulators.streams:TcpServer",
+        "tcp-listen": "taxelflow.live.emulators.streams:TcpClient",
+        "udp-listen": "taxelflow.live.emulators.streams:UdpSender",
+        "serial": "taxelflow.live.emulators.streams:SerialDevice",
+        "stdin": "taxelflow.live.emulators.streams:StandardOutput",
+        "ros2": "taxelflow.live.emulators.ros:Ros2",
+        "rosbridge": "taxelflow.live.emulators.ros:Rosbridge",
+        "inspire-modbus": "taxelflow.live.emulators.devices:Inspire",
+        "inspire-dds": "taxelflow.live.emulators.ros:InspireDds",
+        "xela": "taxelflow.live.emulators.devices:Xela",
+        "dsa": "taxelflow.live.emulators.devices:Dsa",
+        "barrett-can": "taxelflow.live.emulators.devices:Barrett",
+    },
+    "sink": {
+        "tables": "taxelflow.publish.sinks.tables:write",
+        "parquet": "taxelflow.publish.sinks.parquet:write",
+        "mcap": "taxelflow.live.mcap_sink:write",
+        "jsonl": "taxelflow.publish.sinks.jsonl:write",
+        "jsonl-listen": "taxelflow.publish.sinks.jsonl:listen",
+        "ros2": "taxelflow.live.ros2_sink:write",
+        "foxglove": "taxelflow.publish.sinks.foxglove:listen",
+    },
+    "controller": {
+        "hold": "taxelflow.control.hold:Hold",
+        "constant": "taxelflow.control.baselines:Constant",
+        "threshold": "taxelflow.control.baselines:Threshold",
+        "centroid": "taxelflow.control.baselines:CentroidSpeed",
+        "slide": "taxelflow.control.motion:Slide",
+        "pivot": "taxelflow.control.motion:Pivot",
+    },
+    "drawing": {
+        "results": "taxelflow.evaluation.plot:plot_results",
+    },
     "score": {
         "table1": "taxelflow.evaluation.table1:Table1",
         "hard": "taxelflow.evaluation.hard:Hard",
         "field": "taxelflow.evaluation.field:Field",
         "slip": "taxelflow.evaluation.slip:Slip",
+        "hand": "taxelflow.evaluation.hand:Hand",
         "limits": "taxelflow.evaluation.limits:Limits",
         "peers": "taxelflow.evaluation.peers:Peers",
         "contacts": "taxelflow.evaluation.contacts:Contacts",
         "prediction": "taxelflow.evaluation.prediction:Prediction",
         "robustness": "taxelflow.evaluation.robustness:Robustness",
         "xela": "taxelflow.evaluation.xela:Xela",
+        "live": "taxelflow.evaluation.live_bench:LiveBench",
+        "view": "taxelflow.evaluation.view_bench:ViewBench",
     },
 }
+
+_KINDS = {"estimator": "method"}
+"""What the command line calls a part of a stage, where that is not the stage's name."""
 
 
 def names(stage: str) -> list[str]:
@@ -70,7 +130,7 @@ def find(stage: str, name: str) -> Any:
     plugins = _plugins(stage)
     if name in plugins:
         return plugins[name].load()
-    raise NameUnknown(stage, name, names(stage))
+    raise NameUnknown(_KINDS.get(stage, stage), name, names(stage))
 
 
 def summary(stage: str, name: str) -> str:
