@@ -3,10 +3,13 @@
 TaxelflowError
 ├── RecordingError            a recording cannot be used
 │   ├── RecordingMissing      no such file
+│   ├── RecordingsSeveral     more than one where one is taken
+│   ├── RecordingsAlike       two whose results would have one name
 │   ├── FormatUnknown         no reader for this file
 │   ├── RecordingCorrupt      not of the format of its suffix, or damaged before the first scan
 │   ├── RecordingTruncated    damaged after some scans, which were read
 │   ├── TaxelCountWrong       the scans do not fit the sensor
+│   ├── RecordingTooLarge     it would take more memory or time than its size explains
 │   ├── TimesNotIncreasing    a time stamp decreases
 │   ├── SensorNeeded          the recording contains no sensor and none was given
 │   └── TopicUnclear          a bag has no suitable topic, or several
@@ -14,28 +17,65 @@ TaxelflowError
 ├── PitchNeeded               a built-in sensor whose pitch the user has to give
 ├── GridNameInvalid           the name of a plain grid is malformed
 ├── NameUnknown               no sensor, estimator, ... of that name
+├── OptionsUnknown            words that a command has no option for
 ├── ParameterInvalid          a parameter is out of range
 ├── ResultMissing             a directory is not a result, or lacks a file
+├── SourceMissing             the recording of a result is gone
 ├── CalibrationError          gains cannot be estimated or used
 │   ├── CalibrationInvalid    a calibration file is invalid
 │   ├── CalibrationUnfit      a calibration of another sensor or method
 │   └── GainsUnknown          recording and truth do not determine the gains
+├── BatchUnlike               a directory holds a batch with other settings
+├── ClusterFault              workers or the scheduler failed; recordings are left undone
 ├── EstimatorBroken           an estimator of another package breaks its protocol
 ├── TruthInvalid              a robot's trajectory cannot be read
+├── AddressInvalid            the URL of a source or sink is malformed
+├── SourceUnreachable         a source cannot be opened
+├── SinkUnusable              a sink cannot be opened
+├── GraphicsMissing           pictures of the simulator cannot be rendered here
 └── ExtraMissing              an optional dependency is not installed
 """
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
+
+
+_MOST_LISTED = 30
+"""Names that a message lists at most."""
+_LONGEST = 4000
+"""Characters of a message at most: it may quote what a file contains."""
+
+
+def printable(text: str) -> str:
+    """Text for one line of a terminal: characters that do not print, such as escapes, become `\\x1b`."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 class TaxelflowError(Exception):
     """Root of all errors that taxelflow raises; the CLI prints them as one line."""
+
+    def __init__(self, message: str) -> None:
+        if len(message) > _LONGEST:
+            message = f"{message[: _LONGEST // 2]} [...] {message[-_LONGEST // 2 :]}"
+        super().__init__(printable(message))
+
+
+@contextmanager
+def written_at(place: Path | str) -> Iterator[None]:
+    """Name the place in an OSError that has no file name, as one of a full disk."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None:
+            error.filename = str(place)
+        raise
 
 
 class RecordingError(TaxelflowError):
@@ -46,8 +86,32 @@ class RecordingMissing(RecordingError):
     """There is no file or bag at the path."""
 
     def __init__(self, path: Path) -> None:
-        what = "is a directory but no ROS 2 bag (it has no metadata.yaml)" if path.is_dir() else "does not exist"
-        super().__init__(f"recording {path} {what}; give the path of a recording")
+        if path.is_dir():
+            super().__init__(
+                f"recording {path} is a directory but no ROS 2 bag (it has no metadata.yaml), and no pad has `files` "
+                "in it; give one recording, or estimate all recordings of a directory with `taxelflow batch`"
+            )
+        else:
+            super().__init__(f"recording {path} does not exist; give the path of a recording")
+
+
+class RecordingsSeveral(RecordingError):
+    """More than one recording where a command takes one."""
+
+    def __init__(self, *paths: str) -> None:
+        super().__init__(
+            f"`taxelflow estimate` takes one recording, got {', '.join(paths)}; use `taxelflow batch` for several"
+        )
+
+
+class RecordingsAlike(RecordingError):
+    """Two recordings of a batch whose results would be in one directory."""
+
+    def __init__(self, one: Path | str, other: Path | str, directory: Path) -> None:
+        super().__init__(
+            f"the results of {one} and of {other} would both be in {directory}; rename one of them, or give it another "
+            "--out"
+        )
 
 
 class FormatUnknown(RecordingError):
@@ -88,6 +152,13 @@ class TaxelCountWrong(RecordingError):
         )
 
 
+class RecordingTooLarge(RecordingError):
+    """The recording would take more memory or time than its size in the file explains."""
+
+    def __init__(self, path: Path | str, seen: str, remedy: str) -> None:
+        super().__init__(f"{path} is refused: {seen}; {remedy}")
+
+
 class TimesNotIncreasing(RecordingError):
     """A time stamp is smaller than the previous one, or not finite."""
 
@@ -99,9 +170,9 @@ class TimesNotIncreasing(RecordingError):
 
 
 class SensorNeeded(RecordingError):
-    """The recording contains no sensor, and none was given."""
+    """The recording or source contains no sensor, and none was given."""
 
-    def __init__(self, path: Path, known: Iterable[str]) -> None:
+    def __init__(self, path: Path | str, known: Iterable[str]) -> None:
         super().__init__(
             f"{path} does not contain its sensor; add --sensor NAME ({', '.join(known)}) or --sensor FILE.toml"
         )
@@ -110,9 +181,11 @@ class SensorNeeded(RecordingError):
 class TopicUnclear(RecordingError):
     """A bag has no suitable topic, or several."""
 
-    def __init__(self, path: Path, seen: str, topics: Iterable[str]) -> None:
-        listed = ", ".join(topics)
-        remedy = f"choose one with --topic: {listed}" if listed else "the bag has no topics: record it again"
+    def __init__(self, path: Path, seen: str, topics: Iterable[str], option: str = "--topic") -> None:
+        names = list(topics)
+        more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
+        listed = ", ".join(names[:_MOST_LISTED]) + more
+        remedy = f"choose one with {option}: {listed}" if listed else "the bag has no topics: record it again"
         super().__init__(f"cannot choose a topic of {path}: {seen}; {remedy}")
 
 
@@ -147,7 +220,17 @@ class NameUnknown(TaxelflowError):
     """Nothing of this kind has that name. known: the names that exist."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        super().__init__(f"unknown {kind} {name!r}; known are {', '.join(known)}")
+        names = list(known)
+        near = get_close_matches(name.lower(), names, n=1)
+        meant = f"did you mean {near[0]!r}? " if near else ""
+        super().__init__(f"unknown {kind} {name!r}; {meant}known are {', '.join(names)}")
+
+
+class OptionsUnknown(TaxelflowError):
+    """Words of the command line that the command has no option for."""
+
+    def __init__(self, *words: str) -> None:
+        super().__init__(f"unrecognised options: {' '.join(words)}; see --help")
 
 
 class ParameterInvalid(TaxelflowError):
@@ -162,6 +245,15 @@ class ResultMissing(TaxelflowError):
 
     def __init__(self, directory: Path, lacks: str) -> None:
         super().__init__(f"{directory} holds no {lacks}; give a directory that `taxelflow estimate --out` has written")
+
+
+class SourceMissing(TaxelflowError):
+    """A result's recording is needed, and is gone or has changed since."""
+
+    def __init__(self, directory: Path, source: str) -> None:
+        super().__init__(
+            f"{directory} is the result of {source}, which is gone or has changed; put it back, or estimate again"
+        )
 
 
 class CalibrationError(TaxelflowError):
@@ -192,6 +284,20 @@ class GainsUnknown(CalibrationError):
         super().__init__(f"gains cannot be estimated: {seen}; {remedy}")
 
 
+class BatchUnlike(TaxelflowError):
+    """A directory holds results of a batch with other settings. seen: which differ, and what they are."""
+
+    def __init__(self, directory: Path, seen: str) -> None:
+        super().__init__(f"{directory} holds results with other settings: {seen}; use the same, or another --out")
+
+
+class ClusterFault(TaxelflowError):
+    """Workers or the scheduler of a batch failed; no recording is called failed for it."""
+
+    def __init__(self, seen: str, remedy: str) -> None:
+        super().__init__(f"{seen}; {remedy}")
+
+
 class EstimatorBroken(TaxelflowError):
     """An estimator's session breaks its protocol."""
 
@@ -207,9 +313,40 @@ class TruthInvalid(TaxelflowError):
 
     def __init__(self, path: Path | str, seen: str) -> None:
         super().__init__(
-            f"trajectory {path}: {seen}; give a csv with the header t_s,x_m,y_m or t_s,x_m,y_m,theta_rad and then rows "
-            "of numbers in s, m, rad, with increasing times"
+            f"trajectory {path}: {seen}; give a csv with the header t_s,x_m,y_m or t_s,x_m,y_m,theta_rad and rows of "
+            "numbers in s, m, rad, with increasing times; or a TUM file (.tum), or a bag with PoseStamped messages"
         )
+
+
+class AddressInvalid(TaxelflowError):
+    """The URL of a source or sink is malformed. form: what it should look like."""
+
+    def __init__(self, url: str, seen: str, form: str) -> None:
+        super().__init__(f"cannot use {url!r}: {seen}; give {form}")
+
+
+class SourceUnreachable(TaxelflowError):
+    """A source could not be opened in the time that is allowed."""
+
+    def __init__(self, url: str, seen: str, waited_s: float) -> None:
+        super().__init__(
+            f"cannot open {url}: {seen} (tried for {waited_s:g} s); check that the device is on and the address is "
+            "right, or wait longer with ?wait=SECONDS"
+        )
+
+
+class SinkUnusable(TaxelflowError):
+    """A sink could not be opened."""
+
+    def __init__(self, url: str, seen: str) -> None:
+        super().__init__(f"cannot open {url}: {seen}; check path, rights and port")
+
+
+class GraphicsMissing(TaxelflowError):
+    """No way to render without a display. seen: what each way said."""
+
+    def __init__(self, seen: str) -> None:
+        super().__init__(f"cannot render pictures: {seen}; install EGL (libegl1 with Mesa) or OSMesa (libosmesa6)")
 
 
 class ExtraMissing(TaxelflowError):

@@ -1,4 +1,4 @@
-"""Messages between the stages: raw scans, scans, estimates, slips, motions, contacts, events and learned patterns.
+"""Messages between the stages: raw scans, joints, scans, estimates, slips, motions, contacts, events, patterns.
 
 A message holds a block of one or more scans in time order, so that the same kernels process a live stream (blocks of
 one scan) and a recording (blocks of thousands). No result depends on the sizes of the blocks.
@@ -18,11 +18,27 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    Block = TypeVar("Block", "RawScans", "Scans", "Footprint", "Estimates", "Slips", "Motions", "Contacts")
+    Block = TypeVar(
+        "Block",
+        "RawScans",
+        "Scans",
+        "Footprint",
+        "Estimates",
+        "Slips",
+        "Motions",
+        "SpatialMotions",
+        "Contacts",
+        "Texture",
+    )
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]
+
+_GAP_S = 0.5
+"""Longest time between two joint angles over which they are interpolated."""
+_LATE_S = 0.05
+"""Time before the first and after the last joint angle in which that one holds."""
 
 NO_POSE, OK, AMBIGUOUS, UNRESOLVED, LOST = range(5)
 QUALITY = ("", "ok", "ambiguous", "unresolved", "lost")
@@ -45,6 +61,36 @@ class RawScans:
 
     def __len__(self) -> int:
         return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joints:
+    """Joint angles of the hand over time, from the recording or constant.
+
+    names: of the joints. t_s: (times,), sensor's clock in s, strictly increasing; a single time stands for all times.
+    angles: (times, joints), rad (m for a slide).
+    """
+
+    names: tuple[str, ...]
+    t_s: Floats
+    angles: Floats
+
+    def at(self, t_s: Floats, names: Sequence[str]) -> Floats:
+        """(n, names) angles at times (n,), interpolated linearly; NaN before the first and after the last time, in
+        gaps of more than `_GAP_S`, and for names that are not known.
+        """
+        found = np.full((len(t_s), len(names)), np.nan)
+        if not len(self.t_s):
+            return found
+        after = np.clip(np.searchsorted(self.t_s, t_s), 1, max(len(self.t_s) - 1, 1))
+        inside = (t_s >= self.t_s[0] - _LATE_S) & (t_s <= self.t_s[-1] + _LATE_S)
+        if len(self.t_s) > 1:
+            inside &= (self.t_s[after] - self.t_s[after - 1] <= _GAP_S) | np.isin(t_s, self.t_s)
+        for column, name in enumerate(names):
+            if name in self.names:
+                angles = np.interp(t_s, self.t_s, self.angles[:, self.names.index(name)])
+                found[:, column] = angles if len(self.t_s) == 1 else np.where(inside, angles, np.nan)
+        return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,6 +268,37 @@ class Motions:
 
 
 @dataclass(frozen=True, slots=True)
+class SpatialMotions:
+    """Motion of the object in space, one row per scan, in the hand's 3-D frame.
+
+    Twists are (vx, vy, vz, wx, wy, wz), m/s and rad/s, v that of the object's point at the hand's origin.
+    t_s: (scans,). twist: (scans, 6), mean of the window that ends at t_s; a component is NaN where it is not
+    observable. twist_covariance: (scans, 6, 6). pose: (scans, 7), [x, y, z, qx, qy, qz, qw] that takes the object's
+    points from where they were at first contact. pose_covariance: (scans, 6, 6), of a small motion from the left
+    (dx, dy, dz, rotation vector) at the hand's origin. rank, pose_rank: (scans,), observable directions of 6, 0 without
+    contact. blind, pose_blind: (scans, 6, 6), directions that are not observable, as rows; rows of 0 follow.
+    blamed: (scans, pads), whether the pad contradicts the others and was left out. contradicted: (scans,), whether
+    pads contradict each other and none could be blamed. pads: (scans,), number that contribute to the twist.
+    """
+
+    t_s: Floats
+    twist: Floats
+    twist_covariance: Floats
+    pose: Floats
+    pose_covariance: Floats
+    rank: NDArray[np.int64]
+    pose_rank: NDArray[np.int64]
+    blind: Floats
+    pose_blind: Floats
+    blamed: Bools
+    contradicted: Bools
+    pads: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
 class Contacts:
     """Features of the contact per scan and pad, in each pad's frame; NaN without contact, or where a loaded taxel is
     missing.
@@ -250,6 +327,26 @@ class Contacts:
 
 
 @dataclass(frozen=True, slots=True)
+class Texture:
+    """What the pattern of each contact can tell about the surface that moves under it.
+
+    t_s: (scans,). smooth: (scans, pads), whether the pattern is that of a smooth contact: it shows where the object
+    touches, and stays where it is when a round object spins. turns: (scans, pads), whether the pattern changes when it
+    is turned about the pad's normal; False for a smooth round one. untold: (scans, pads, 2, 2), b b^T + e^2 a a^T of a
+    direction b along the pad, in its frame, in which the pattern has no gradient, and the one across it, a, with the
+    variance e^2 of their angle; 1 where neither is told, 0 where both are.
+    """
+
+    t_s: Floats
+    smooth: Bools
+    turns: Bools
+    untold: Floats
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
 class Event:
     """An event on a pad: `contact`, `release`, `slip_start`, `slip_stop` or `slip_suspected`.
 
@@ -257,8 +354,10 @@ class Event:
 
     t_s: time of the scan in which it was detected; in a recording, where slips are dated offline, of the first scan
     after it. onset_s: its estimated time.
-    direction_rad, speed_m_s, turn_rad_s: motion of the slip in the pad's frame: the part known at slip_start, the mean
-    of the whole slip at slip_stop. NaN where unknown, and for contact and release.
+    direction_rad, speed_m_s, turn_rad_s: motion of the slip in the pad's frame: direction of the net displacement, path
+    and turn over duration. path_m, turn_rad, duration_s: length of the path, net rotation, time from begin to end.
+    std_*: standard deviations. All of the whole slip, at slip_start and at slip_stop; in a stream slip_start has the
+    speed so far and no path. NaN where unknown, and for contact and release.
     evidence: log odds of a slip by the change of the pattern, NaN where unknown. quality: of the pose, in `QUALITY`.
     Both of slips only.
     """
@@ -272,6 +371,13 @@ class Event:
     turn_rad_s: float = nan
     evidence: float = nan
     quality: str = ""
+    path_m: float = nan
+    turn_rad: float = nan
+    duration_s: float = nan
+    std_speed_m_s: float = nan
+    std_path_m: float = nan
+    std_turn_rad: float = nan
+    std_duration_s: float = nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -323,13 +429,17 @@ def joined(blocks: Sequence[Block]) -> Block:
     return type(first)(**parts)
 
 
+def joined_spatial(blocks: Sequence[SpatialMotions | None]) -> SpatialMotions | None:
+    """Consecutive blocks as one; None where the places of the pads are unknown."""
+    known = [block for block in blocks if block is not None]
+    return joined(known) if known else None
+
+
 def cut(block: Block, start: int, stop: int) -> Block:
     """Scans `start` to `stop` (excluded) of a block, as views."""
-    parts = {
-        field.name: getattr(block, field.name)[... if field.name in _SHARED else slice(start, stop)]
-        for field in fields(block)
-    }
-    return type(block)(**parts)
+    kind, scans = type(block), slice(start, stop)
+    names = kind.__match_args__  # of the dataclass; `fields` makes its answer anew each time
+    return kind(*(getattr(block, name) if name in _SHARED else getattr(block, name)[scans] for name in names))
 
 
 def _unknown(*shape: int) -> Floats:

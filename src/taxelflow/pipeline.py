@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 
 from taxelflow import registry
+from taxelflow.acquire.joints import declared_joints
 from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import CalibrationUnfit, NameUnknown, TaxelflowError
-from taxelflow.estimation.base import Calibratable, Learning, Mode
+from taxelflow.estimation.base import Background, Calibratable, Learning, Mode
 from taxelflow.estimation.completion import SlipsSession
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.fusion.parameters import RigidField
+from taxelflow.fusion.spatial.parameters import SpatialField
 from taxelflow.messages import (
     OK,
     UNRESOLVED,
@@ -29,17 +31,22 @@ from taxelflow.messages import (
     Motions,
     RawScans,
     Slips,
+    SpatialMotions,
+    Texture,
     cut,
     joined,
+    joined_spatial,
     no_scans,
 )
 from taxelflow.sensors.calibration import Calibration
 from taxelflow.slip.parameters import SlipMonitor
+from taxelflow.warmup import made_up
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from taxelflow.acquire.base import Reading, Recording
+    from taxelflow.background.adoption import Adopting
     from taxelflow.condition.baseline import Baseline
     from taxelflow.condition.deduplicate import Counts
     from taxelflow.estimation.base import Estimator, EstimatorSession
@@ -49,9 +56,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Output:
-    """One block of results, all of the same scans: motion and quality of every pad, whether it slips (scans, pads), the
-    object's motion, what the contacts are like, the events that these scans raised, and evidence (scans, pads): log
-    odds of a slip by the change of the pattern.
+    """Results of some scans: motion and quality of every pad, whether it slips (scans, pads), the object's motion, what
+    the contacts are like, the events that are complete (in a batch, those from a slip's begin on wait for its end),
+    evidence (scans, pads): log odds of a slip by the pattern's change, and motion in space where pads have places.
     """
 
     slips: Slips
@@ -60,6 +67,7 @@ class Output:
     events: list[Event]
     contacts: Contacts
     evidence: Floats
+    spatial: SpatialMotions | None = None
 
     def __len__(self) -> int:
         return len(self.slips)
@@ -67,6 +75,8 @@ class Output:
     @classmethod
     def joined(cls, outputs: Sequence[Output]) -> Output:
         """Consecutive blocks, at least one, as a single block."""
+        if len(outputs) == 1:
+            return outputs[0]
         return cls(
             joined([output.slips for output in outputs]),
             np.concatenate([output.slipping for output in outputs]),
@@ -74,7 +84,12 @@ class Output:
             [event for output in outputs for event in output.events],
             joined([output.contacts for output in outputs]),
             np.concatenate([output.evidence for output in outputs]),
+            joined_spatial([output.spatial for output in outputs]),
         )
+
+
+_warm: set[tuple[object, ...]] = set()
+"""Pipelines whose kernels are ready, by what they are compiled for."""
 
 
 @dataclass(frozen=True)
@@ -89,14 +104,38 @@ class Pipeline:
     calibration: Calibration | None = None
     features: ContactFeatures = field(default_factory=ContactFeatures)
     smooth: Smoothing = field(default_factory=Smoothing)
+    spatial: SpatialField = field(default_factory=SpatialField)
 
     def __post_init__(self) -> None:
         if self.mode not in get_args(Mode):
             raise NameUnknown("mode", self.mode, get_args(Mode))
 
-    def start(self, recording: Recording) -> Run:
-        """Learn what must be known first and compile the kernels; then iterate over the run, or push scans into it."""
-        return Run(self, recording)
+    def start(self, recording: Recording, adopting: Adopting | None = None) -> Run:
+        """A run to iterate over or to push scans into, all kernels compiled. adopting: when it uses what it learns."""
+        if self.mode == "stream":
+            self.warm_up(split=bool((recording.layout.contact_of >= 0).any()))
+        return Run(self, recording, adopting)
+
+    def warm_up(self, *, split: bool = False) -> None:
+        """Compile, or load, what a stream of any sensor needs, once in a process. split: with split contacts.
+
+        Stages run on a made-up recording; an estimator of another package does not, it may know its sensor only.
+        """
+        known = type(self.estimator).__module__.startswith("taxelflow.")
+        estimator = self.estimator if known else registry.find("estimator", "convolution")()
+        asked = self.condition
+        condition = Conditioner(
+            lowpass_hz=min(asked.lowpass_hz, 10.0), median_scans=asked.median_scans, drift=asked.drift
+        )
+        made = replace(self, estimator=estimator, mode="stream", condition=condition, calibration=None)
+        filters = (condition.drift, condition.median_scans > 1 or condition.lowpass_hz > 0.0)
+        needs = (type(estimator), *filters, self.smooth.acceleration_m_s2 > 0.0, split)
+        if needs in _warm:
+            return
+        with announced():
+            for _ in Run(made, made_up(split=split)):
+                pass
+        _warm.add(needs)
 
 
 class Run:
@@ -105,7 +144,7 @@ class Run:
     A batch has learned tare and noise from the whole recording when it starts; a stream learns them as scans come.
     """
 
-    def __init__(self, pipeline: Pipeline, recording: Recording) -> None:
+    def __init__(self, pipeline: Pipeline, recording: Recording, adopting: Adopting | None = None) -> None:
         layout = recording.layout
         self.recording = recording
         self.reading: Reading = recording.blocks()
@@ -115,10 +154,16 @@ class Run:
             self._estimator = _started(pipeline, recording)
             self._estimate = pipeline.smooth.around(SlipsSession(self._estimator, layout), layout, pipeline.mode)
             self._condition = pipeline.condition.start(recording.sensor, recording.masked, lookahead)
+            for learns in (self._condition, self._estimator):
+                if adopting is not None and isinstance(learns, Background):
+                    learns.adopt_by(adopting)
             self._fuse = pipeline.fusion.start(layout)
+            joints = recording.joints or declared_joints(recording.sensor)
+            self._space, self._space_notes = pipeline.spatial.begin(recording.sensor, joints)
             on, off = pipeline.condition.contact_on, pipeline.condition.contact_off
-            self._segment = pipeline.features.start(recording.sensor, on, off)
+            self._segment = pipeline.features.start(recording.sensor, on, off, stream=self._stream)
         self._segmented: list[Contacts] = []
+        self._textures: list[Texture] = []
         self._moved_apart: list[Bools] = []
         self._estimated: list[Slips] = []
         self._slip = pipeline.monitor.watch(layout, stream=self._stream)
@@ -134,6 +179,10 @@ class Run:
         """What the filters of the conditioner add to every lag."""
         return self._condition.lag_s
 
+    def likely_faults(self, *, touched: bool) -> list[str]:
+        """Notes on what is likely wrong with the sensor's description. touched: whether any pad was in contact."""
+        return self._condition.likely_faults(touched=touched)
+
     @property
     def learned(self) -> Baseline | None:
         """Tare, noise and masks, as far as they are known."""
@@ -147,7 +196,11 @@ class Run:
     @property
     def notes(self) -> list[str]:
         """What was found out about contacts, and by the estimator about the sensor."""
-        return [*self._segment.notes, *(self._estimator.notes if isinstance(self._estimator, Learning) else [])]
+        return [
+            *self._space_notes,
+            *self._segment.notes,
+            *(self._estimator.notes if isinstance(self._estimator, Learning) else []),
+        ]
 
     @property
     def scatter(self) -> Floats:
@@ -167,7 +220,8 @@ class Run:
     def __iter__(self) -> Iterator[Output]:
         try:
             for block in self.reading:
-                for raw in _single(block) if self._stream else (block,):
+                single = (cut(block, scan, scan + 1) for scan in range(len(block)))  # as a live device gives it
+                for raw in single if self._stream else (block,):
                     yield from self._through(raw)
         except (TaxelflowError, KeyboardInterrupt):  # what came before is given all the same
             yield from self._judged(self._slip.finish())
@@ -187,6 +241,7 @@ class Run:
     def _segment_and_estimate(self, scans: Scans) -> Iterator[Output]:
         segmented = self._segment.step(scans)
         self._segmented.append(segmented.contacts)
+        self._textures.append(segmented.texture)
         self._moved_apart.append(segmented.moved_apart)
         self._slip.see(segmented.scans)
         yield from self._detect(self._estimate.step(segmented.scans))
@@ -205,27 +260,31 @@ class Run:
     def _judged(self, judged: Judged) -> Iterator[Output]:
         """The oldest scans, as many as the slip detector has judged."""
         if not len(judged):
+            if judged.events:
+                yield replace(self._nothing, events=judged.events)
             return
         slips, self._estimated = _split(self._estimated, len(judged))
         contacts, self._segmented = _split(self._segmented, len(judged))
-        yield Output(slips, judged.slipping, self._fuse.step(slips), judged.events, contacts, judged.evidence)
+        texture, self._textures = _split(self._textures, len(judged))
+        motions = self._fuse.step(slips, contacts.centroid, texture)
+        spatial = None if self._space is None else self._space.step(slips, contacts.centroid, texture)
+        yield Output(slips, judged.slipping, motions, judged.events, contacts, judged.evidence, spatial)
 
     def _joined(self, outputs: Iterable[Output]) -> Output:
         return Output.joined([*outputs] or [self._nothing])
 
     def _without_scans(self, scans: Scans) -> Output:
         """An output of no scans."""
-        border = np.zeros((*scans.contact.shape, 2), dtype=np.bool_)
-        footprint = Footprint(scans.t_s, scans.contact, border, np.zeros(scans.contact.shape))
-        slips = Slips.of(footprint, Estimates.unknown(scans))
-        contacts = self._segment.step(scans).contacts
-        return Output(slips, slips.contact, self._fuse.step(slips), [], contacts, np.zeros(slips.contact.shape))
+        none = np.zeros((*scans.contact.shape, 2))
+        footprint = Footprint(scans.t_s, scans.contact, none.astype(np.bool_), none[..., 0])
+        slips, contacts = Slips.of(footprint, Estimates.unknown(scans)), self._segment.step(scans).contacts
+        return Output(slips, slips.contact, self._fuse.step(slips, contacts.centroid), [], contacts, none[..., 0])
 
 
 def _split(held: list[Block], count: int) -> tuple[Block, list[Block]]:
     """The first `count` scans of blocks, and what is left; estimator and detector may hold some back."""
     block = joined(held)
-    return cut(block, 0, count), [cut(block, count, len(block))] if len(block) > count else []
+    return (block, []) if len(block) == count else (cut(block, 0, count), [cut(block, count, len(block))])
 
 
 def _started(pipeline: Pipeline, recording: Recording) -> EstimatorSession:
@@ -238,8 +297,3 @@ def _started(pipeline: Pipeline, recording: Recording) -> EstimatorSession:
         raise CalibrationUnfit(f"method {calibration.method!r}", f"another, {type(estimator).__name__}")
     gains = calibration.gains(recording.sensor)
     return estimator.start(recording.layout, pipeline.mode, gains)
-
-
-def _single(block: RawScans) -> Iterator[RawScans]:
-    """A block as a live device gives it: scan by scan."""
-    return (cut(block, scan, scan + 1) for scan in range(len(block)))

@@ -1,0 +1,1 @@
+"""The loop that runs for hours: sources in, estimates out, nothing lost."""

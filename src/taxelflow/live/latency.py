@@ -1,0 +1,52 @@
+"""Latencies of a run of any length in constant memory: a histogram with logarithmic bins."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+_LEAST_S, _MOST_S = 1e-6, 1e3
+_PER_DECADE = 40
+"""Bins of 6 %."""
+
+
+class Latencies:
+    """Counts of durations in s."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(math.ceil(_PER_DECADE * math.log10(_MOST_S / _LEAST_S)) + 1, np.int64)
+        self.longest_s = 0.0
+
+    def add(self, seconds: float) -> None:
+        """One more."""
+        place = _PER_DECADE * math.log10(max(seconds, _LEAST_S) / _LEAST_S)
+        self._counts[min(int(place), len(self._counts) - 1)] += 1
+        self.longest_s = max(self.longest_s, seconds)
+
+    def __len__(self) -> int:
+        return int(self._counts.sum())
+
+    def quantile_s(self, share: float) -> float:
+        """Upper edge of the bin in which this share of all is reached; NaN if there is none."""
+        if not len(self):
+            return math.nan
+        number = int(np.searchsorted(np.cumsum(self._counts), share * len(self)))
+        return min(_LEAST_S * 10 ** ((number + 1) / _PER_DECADE), self.longest_s)
+
+    def decades(self) -> list[tuple[float, float, int]]:
+        """From, to in s and count, for thirds of decades that are not empty at the ends."""
+        third = _PER_DECADE // 4
+        sums = np.add.reduceat(self._counts, np.arange(0, len(self._counts), third))
+        used = np.flatnonzero(sums)
+        if not len(used):
+            return []
+        edge = [_LEAST_S * 10 ** (k * third / _PER_DECADE) for k in range(len(sums) + 1)]
+        return [(edge[k], edge[k + 1], int(sums[k])) for k in range(int(used[0]), int(used[-1]) + 1)]
+
+    def words(self) -> str:
+        """Median, 99th percentile and largest, in ms."""
+        if not len(self):
+            return "unknown"
+        p50, p99 = (1e3 * self.quantile_s(share) for share in (0.5, 0.99))
+        return f"p50 {p50:.3g} ms, p99 {p99:.3g} ms, max {1e3 * self.longest_s:.3g} ms"

@@ -1,0 +1,162 @@
+"""Results to ROS 2 without ROS, by cyclonedds: `ros2:`. Experimental.
+
+/taxelflow/object: geometry_msgs/TwistWithCovarianceStamped, the object's motion where it is known, in the frame `hand`.
+/taxelflow/object3d: the same in space, and /taxelflow/pose3d: geometry_msgs/PoseWithCovarianceStamped, since first
+contact, where pads have places in space.
+/taxelflow/scans: tactile_msgs/TactileState, a channel for each pad. /taxelflow/events: std_msgs/String, JSON.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from taxelflow.acquire.devices.dds import best_effort, cyclonedds, dds_type, domain_of
+from taxelflow.acquire.ros.decode import store_of
+from taxelflow.acquire.ros.kinds import kind_of
+from taxelflow.publish.sinks.drawn import nanoseconds
+from taxelflow.publish.sinks.lines import event_row
+
+if TYPE_CHECKING:
+    from taxelflow.addresses import Address
+    from taxelflow.messages import RawScans, SpatialMotions
+    from taxelflow.publish.sinks.base import Ending, Head, Update
+
+_TWIST, _POSE, _TOUCH, _TEXT = (
+    "geometry_msgs/msg/TwistWithCovarianceStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "tactile_msgs/msg/TactileState",
+    "std_msgs/msg/String",
+)
+_PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
+"""Places of x, y and the turn about z in a covariance of 6 x 6."""
+
+
+class Ros2Types:
+    """Classes of the messages that are published."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, Any] = {}
+        touch = kind_of(_TOUCH)
+        for name in (_TWIST, _POSE, _TOUCH, _TEXT):
+            fallback = touch.definition if touch is not None and name == _TOUCH else ""
+            dds_type(store_of(name, "", "", fallback), name, self._made)
+
+    def __getitem__(self, name: str) -> Any:
+        """The class of `package/msg/Name`."""
+        return self._made[name]
+
+    def header(self, t_s: float) -> Any:
+        """A header of the frame `hand`."""
+        sec, nanosec = divmod(nanoseconds(t_s), 10**9)
+        stamp = self["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
+        return self["std_msgs/msg/Header"](stamp=stamp, frame_id="hand")
+
+    def touch(self, t_s: float, channels: dict[str, list[float]]) -> Any:
+        """A tactile_msgs/TactileState."""
+        channel = self["sensor_msgs/msg/ChannelFloat32"]
+        sensors = [channel(name=name, values=values) for name, values in channels.items()]
+        return self[_TOUCH](header=self.header(t_s), sensors=sensors)
+
+    def twist(self, t_s: float, velocity: np.ndarray, covariance: np.ndarray) -> Any:
+        """A geometry_msgs/TwistWithCovarianceStamped from (3,) and (3, 3); unknown numbers are 0 with variance -1."""
+        six, whole = np.zeros(6), np.zeros((6, 6))
+        six[[0, 1, 5]], whole[_PLANAR] = velocity, covariance
+        return self.twist_in_space(t_s, six, whole)
+
+    def twist_in_space(self, t_s: float, velocity: np.ndarray, covariance: np.ndarray) -> Any:
+        """The same from (6,) and (6, 6)."""
+        vector = self["geometry_msgs/msg/Vector3"]
+        whole = np.nan_to_num(covariance)
+        for place in np.flatnonzero(np.isnan(velocity)):
+            whole[place, place] = -1.0
+        vx, vy, vz, wx, wy, wz = np.nan_to_num(velocity).tolist()
+        twist = self["geometry_msgs/msg/Twist"](linear=vector(x=vx, y=vy, z=vz), angular=vector(x=wx, y=wy, z=wz))
+        known = self["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=whole.ravel().tolist())
+        return self[_TWIST](header=self.header(t_s), twist=known)
+
+    def pose(self, t_s: float, pose: np.ndarray, covariance: np.ndarray) -> Any:
+        """A geometry_msgs/PoseWithCovarianceStamped from (7,), see `SpatialMotions`, and (6, 6)."""
+        x, y, z, qx, qy, qz, qw = pose.tolist()
+        point, turn = self["geometry_msgs/msg/Point"], self["geometry_msgs/msg/Quaternion"]
+        placed = self["geometry_msgs/msg/Pose"](position=point(x=x, y=y, z=z), orientation=turn(x=qx, y=qy, z=qz, w=qw))
+        known = self["geometry_msgs/msg/PoseWithCovariance"](pose=placed, covariance=covariance.ravel().tolist())
+        return self[_POSE](header=self.header(t_s), pose=known)
+
+    def text(self, content: object) -> Any:
+        """A std_msgs/String of JSON."""
+        return self[_TEXT](data=msgspec.json.encode(content).decode())
+
+
+class Ros2Sink:
+    """Publishes with best effort: who is slow misses messages."""
+
+    lossless = False
+    raw = True
+    dropped = 0
+
+    def __init__(self, domain: int) -> None:
+        self._domain, self._dds = domain, cyclonedds()
+
+    def open(self, head: Head) -> None:
+        """See `Sink`."""
+        self._types, self._head = Ros2Types(), head
+        participant = self._dds.domain.DomainParticipant(self._domain)
+
+        def writer(topic: str, name: str) -> Any:
+            made = self._dds.topic.Topic(participant, f"rt/taxelflow/{topic}", self._types[name])
+            return self._dds.pub.DataWriter(participant, made, qos=best_effort())
+
+        self._object3d, self._pose3d = writer("object3d", _TWIST), writer("pose3d", _POSE)
+        self._object, self._scans, self._events = (
+            writer("object", _TWIST),
+            writer("scans", _TOUCH),
+            writer("events", _TEXT),
+        )
+
+    def write_raw(self, scans: RawScans, *, late: bool) -> None:
+        """See `Sink`."""
+        if late:
+            return
+        sensor, layout = self._head.sensor, self._head.sensor.layout
+        readings = sensor.channel_map.to_readings(scans.values)
+        for t_s, values in zip(scans.t_s.tolist(), readings, strict=True):
+            pads = {layout.pads[pad]: values[layout.of_pad(pad)].tolist() for pad in range(layout.pad_count)}
+            self._scans.write(self._types.touch(t_s, pads))
+
+    def write(self, update: Update) -> None:
+        """See `Sink`."""
+        motions = update.motions
+        for scan, t_s in enumerate(motions.t_s.tolist()):
+            if np.isfinite(motions.velocity[scan, :2]).all():
+                self._object.write(self._types.twist(t_s, motions.velocity[scan], motions.velocity_covariance[scan]))
+        if update.spatial is not None:
+            self._write_spatial(update.spatial)
+        for event in update.events:
+            self._events.write(self._types.text(event_row(event)))
+
+    def _write_spatial(self, motions: SpatialMotions) -> None:
+        for scan, t_s in enumerate(motions.t_s.tolist()):
+            twist, pose = motions.twist[scan], motions.pose[scan]
+            if np.isfinite(twist).any():
+                self._object3d.write(self._types.twist_in_space(t_s, twist, motions.twist_covariance[scan]))
+            if np.isfinite(pose).all():
+                self._pose3d.write(self._types.pose(t_s, pose, motions.pose_covariance[scan]))
+
+    def tick(self) -> None:
+        """Nothing is held."""
+
+    def hurry(self) -> None:
+        """Nothing is waited for."""
+
+    def close(self, _ending: Ending) -> None:
+        """See `Sink`."""
+        del self._object, self._object3d, self._pose3d, self._scans, self._events
+
+
+def write(address: Address) -> Ros2Sink:
+    """`ros2:?domain=0`. Raises AddressInvalid, ExtraMissing."""
+    address.check_options(("domain",))
+    return Ros2Sink(domain_of(address))

@@ -1,0 +1,77 @@
+"""A live source in the browser: the sink of `taxelflow view SOURCE`."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.acquire.joints import declared_joints
+from taxelflow.condition.units import in_si
+from taxelflow.publish.view.history import History, Results
+from taxelflow.publish.view.page import Page
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from taxelflow.live.face import Live
+    from taxelflow.messages import RawScans
+    from taxelflow.publish.sinks.base import Ending, Head, Update
+
+KEPT_S = 60.0
+"""Time that can be scrubbed."""
+
+
+class LiveView:
+    """Feeds a page, which shows the newest scan; what comes faster than it draws is not shown. See `Sink`.
+
+    live: what estimates; its learned tare is taken from the pressures.
+    """
+
+    lossless = False
+    raw = True
+    dropped = 0
+
+    def __init__(self, live: Live, title: str, host: str, port: int, announce: Callable[[str], None]) -> None:
+        """Opens the page. announce: called with its address. Raises ExtraMissing."""
+        self._live, self._stop = live, threading.Event()
+        recording = live.recording
+        joints = recording.joints or declared_joints(recording.sensor)
+        self.history = History(keep_s=KEPT_S)
+        self.page = Page(recording.sensor, (self.history,), title, host, port, joints)
+        self.page.player.following = True
+        announce(self.page.url)
+
+    def open(self, _head: Head) -> None:
+        """Begin to show."""
+        self._thread = threading.Thread(target=self.page.run, args=(self._stop,), name="view", daemon=True)
+        self._thread.start()
+
+    def write_raw(self, scans: RawScans, *, late: bool) -> None:
+        """Pressures, as soon as tare is known."""
+        learned = self._live.run.learned
+        if late or learned is None:
+            return
+        sensor = self._live.recording.sensor
+        readings = np.ascontiguousarray(sensor.channel_map.to_readings(scans.values))
+        pressure = np.nan_to_num(in_si(readings, sensor) - learned.offset)
+        pressure[:, learned.masked] = 0.0
+        self.history.see(scans.t_s, pressure)
+
+    def write(self, update: Update) -> None:
+        """Results."""
+        results = Results(update.slips, update.slipping, update.motions, update.evidence)
+        self.history.add(results, update.events)
+
+    def tick(self) -> None:
+        """The page has a thread of its own."""
+
+    def hurry(self) -> None:
+        """Nothing is waited for."""
+
+    def close(self, _ending: Ending) -> None:
+        """Stop the page."""
+        self._stop.set()
+        self._thread.join(1.0)
+        self.page.close()
