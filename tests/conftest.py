@@ -16,12 +16,38 @@ settings.register_profile("taxelflow", deadline=None, max_examples=40, derandomi
 settings.load_profile("taxelflow")
 
 CHECKOUT = Path(__file__).resolve().parents[1]
+LONG = (
+    "test_template",
+    "test_plot",
+    "test_sinks",
+    "test_cli",
+    "test_cluster",
+    "test_warmup",
+    "test_api",
+    "test_paper",
+    "test_slip",
+    "test_browser",
+    "test_scaling",
+    "test_split",
+    "test_hard",
+    "test_prediction",
+    "test_map_export",
+)
+"""Files of tests that take 10 s and more; some of them wait for processes or a browser while others compute."""
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile the kernels before workers start; a run in one process compiles what it needs."""
+    """Compile the kernels before workers start, each of which has one core; a run in one process does what it needs."""
     if getattr(session.config.option, "numprocesses", None):
+        for library in ("OPENBLAS", "OMP", "MKL"):
+            os.environ.setdefault(f"{library}_NUM_THREADS", "1")
         warm_up()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The files that take longest first: else a worker would be left with one of them at the end."""
+    order = {name: place for place, name in enumerate(LONG)}
+    items.sort(key=lambda item: order.get(item.path.stem, len(LONG)))
 
 
 @pytest.fixture(scope="session")

@@ -32,28 +32,48 @@ if TYPE_CHECKING:
 
 PALM = grid_sensor(4, 7)
 PUBLIC = {
+    "Calibration",
     "Columns",
     "Conditioner",
+    "Contact",
+    "ContactFeatures",
     "Estimates",
     "Event",
     "Layout",
+    "Live",
+    "Load",
+    "Motion",
     "Motions",
     "Pad",
+    "PadResult",
     "Pipeline",
     "RawScans",
     "Recording",
     "Result",
+    "RigidField",
+    "SCENARIOS",
     "Scans",
+    "Scenario",
+    "Second",
+    "Sensing",
     "Sensor",
     "SlipMonitor",
     "Slips",
+    "Smoothing",
     "TaxelflowError",
+    "Trajectory",
     "Truth",
+    "calibrate",
     "convert",
     "estimate",
     "estimator",
+    "load_calibration",
     "load_sensor",
     "read",
+    "read_trajectory",
+    "recording",
+    "save_calibration",
+    "simulate",
 }
 DSA = ["masked_matrix", "reactive_grasping", "slip_and_rotation_teapot_handle", "tennisball"]
 LONG_DSA = "slip_examples_pen_and_wooden_block"
@@ -63,7 +83,6 @@ BEGINNING = 1500
 
 def test_the_public_face_is_exactly_this() -> None:
     assert set(taxelflow.__all__) == PUBLIC
-    assert sorted(taxelflow.__all__) == list(taxelflow.__all__)
     assert set(taxelflow._HOME) == PUBLIC
 
 
@@ -238,8 +257,9 @@ def test_every_real_recording_is_estimated(
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_the_teapots_handle_slides_about_19_mm_along_one_pad(recordings: Path, method: str, mode: str) -> None:
     path = recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa"
-    pads = api.estimate(path, method, mode=mode).summary.pads  # type: ignore[arg-type]
-    assert 0.015 < float(np.hypot(*pads["finger2_distal"].net_m)) < 0.025
+    contacts = api.estimate(path, method, mode=mode).summary.contacts  # type: ignore[arg-type]
+    nets = [contact.net_m for contact in contacts if contact.pad == "finger2_distal"]
+    assert 0.015 < float(np.hypot(*np.sum(np.array(nets, dtype=float), axis=0))) < 0.025
 
 
 def test_the_many_slips_of_pen_and_block_are_seen(recordings: Path) -> None:

@@ -200,6 +200,25 @@ def test_contacts_have_rows_of_their_own_that_are_read_back_and_drawn(tmp_path: 
     assert (tmp_path / "pictures" / "position-pad0_1.svg").is_file()
 
 
+def test_a_result_is_drawn_with_its_recording_from_any_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_npz(tmp_path / "a.npz")
+    assert main(["estimate", "a.npz", "--out", "out"]) == 0
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path / "other")
+    capsys.readouterr()
+    assert main(["plot", "../out"]) == 0
+    assert (tmp_path / "out" / "views.svg").is_file()
+    assert capsys.readouterr().err == ""
+    (tmp_path / "a.npz").unlink()
+    assert main(["plot", "../out", "--out", "later"]) == 0
+    assert not (tmp_path / "other" / "later" / "views.svg").exists()
+    line = f"taxelflow: recording {tmp_path / 'a.npz'} not found: truth and pictures of scans are left out\n"
+    assert capsys.readouterr().err == line
+
+
 def test_contacts_of_a_pad_that_the_sensor_lacks(tmp_path: Path, capsys: Capture) -> None:
     line = refused_estimate(capsys, tmp_path, save_npz(tmp_path / "a.npz"), "--contacts", "palm=2")
     assert line == "taxelflow: unknown pad 'palm'; known are pad0\n"
@@ -257,7 +276,7 @@ def test_a_directory_for_a_recording(tmp_path: Path, capsys: Capture) -> None:
     assert "is a directory" in refused_estimate(capsys, tmp_path, tmp_path)
 
 
-@pytest.mark.parametrize("name", ["a.xyz", "a", "a.npy", "a.dsa.gz"])
+@pytest.mark.parametrize("name", ["a.xyz", "a", "a.pkl", "a.dsa.gz"])
 def test_an_unknown_suffix_with_the_known_ones(tmp_path: Path, capsys: Capture, name: str) -> None:
     (tmp_path / name).write_bytes(b"x")
     assert ".npz, .csv, .dsa" in refused_estimate(capsys, tmp_path, tmp_path / name)
@@ -327,7 +346,7 @@ def test_an_unknown_sensor_with_the_list(tmp_path: Path, capsys: Capture, comman
     }
     line = refused(capsys, *arguments[command])
     assert "'barret'" in line
-    assert "barretthand-162, barretthand-bh280-96, grid-16x16, icub-" in line
+    assert "barretthand-162, barretthand-bh280-96, grid-16x16, hexagon-61, icub-" in line
 
 
 def test_an_unknown_method_with_the_list(tmp_path: Path, capsys: Capture) -> None:
@@ -473,7 +492,7 @@ def test_an_option_that_the_method_lacks_ends_with_2_and_names_it(tmp_path: Path
 
 @both_modes
 def test_a_truncated_dsa_is_estimated_as_far_as_it_goes(tmp_path: Path, capsys: Capture, mode: str) -> None:
-    values = np.maximum(np.round(np.tile(grasp(100) / 20, (30, 1))), 0)
+    values = np.maximum(np.round(np.tile(grasp(100) / 20, (8, 1))), 0)
     path = write_dsa(tmp_path / "a.dsa", values, [DsaMatrix(4, 7)])
     content = path.read_bytes()
     path.write_bytes(content[: int(0.8 * len(content))])
@@ -482,8 +501,8 @@ def test_a_truncated_dsa_is_estimated_as_far_as_it_goes(tmp_path: Path, capsys: 
     said = capsys.readouterr().err
     summary = json.loads((out / "summary.json").read_text())
     rows = rows_of(out / "slips.csv")
-    assert 0 < len(rows) == summary["scans"] < 3000
-    assert f"{len(rows)} of 3000 scans" in summary["loss"]
+    assert 0 < len(rows) == summary["scans"] < 800
+    assert f"{len(rows)} of 800 scans" in summary["loss"]
     assert summary["loss"] in said
     assert not list(out.glob("*.part"))
 
@@ -571,8 +590,8 @@ def test_info_draws_the_pads_and_names_what_is_not_well(tmp_path: Path, capsys: 
     assert main(["info", str(file)]) == 0
     said = capsys.readouterr().out
     assert "scans are the one before again, bit for bit: 30.00 Hz are new" in said.replace("\n", " ")
-    assert "not well: taxel 5 (pad0, row 0, col 5) stuck at 3e+04 Pa" in said
-    assert "! not well" in said
+    assert "faulty: taxel 5 (pad0, row 0, col 5) stuck at 3e+04 Pa" in said
+    assert "! faulty" in said
     assert any(re.fullmatch(r"[0-9.] ([0-9.!] ){6}", line.rstrip() + " ") for line in said.splitlines())
     assert main(["info", str(file), "--json"]) == 0
     pad = json.loads(capsys.readouterr().out)["pads"][0]
@@ -751,6 +770,7 @@ def test_the_program_writes_to_a_terminal_that_knows_only_ascii() -> None:
 def test_the_teapots_handle_by_the_program(recordings: Path, tmp_path: Path) -> None:
     recording = recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa"
     assert main(["estimate", str(recording), "--out", str(tmp_path / "out")]) == 0
-    pad = json.loads((tmp_path / "out" / "summary.json").read_text())["pads"]["finger2_distal"]
-    assert 0.015 < float(np.hypot(*pad["net_m"])) < 0.025
+    contacts = json.loads((tmp_path / "out" / "summary.json").read_text())["contacts"]
+    nets = [contact["net_m"] for contact in contacts if contact["pad"] == "finger2_distal"]
+    assert 0.015 < float(np.hypot(*np.sum(nets, axis=0))) < 0.025
     assert len(rows_of(tmp_path / "out" / "slips.csv")) == 109 * 6

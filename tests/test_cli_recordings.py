@@ -90,7 +90,7 @@ def test_times_in_a_wrong_unit_are_told(tmp_path: Path, sensor: Path, capsys: Ca
     convert(recorded(VALUES, PALM, t_s=100.0 * np.arange(70)), tmp_path / "a.csv")
     code, out, err = run(capsys, "info", tmp_path / "a.csv", "--sensor", sensor, "--json")
     assert code == 0
-    assert "a rate of 0.01 Hz is implausible for a tactile sensor: check that times are in s" in err
+    assert "a rate of 0.01 Hz is implausible for a tactile sensor: they are likely in ms" in err
     assert json.loads(out)["notes"]
 
 

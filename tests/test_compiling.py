@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numba
@@ -15,7 +17,6 @@ from taxelflow.compiling import kernel
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
 MODULE = """
 from taxelflow.compiling import kernel
@@ -51,20 +52,32 @@ def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], An
     return kernel
 
 
-def said(folder: Path, *, inside: bool = True) -> list[str]:
-    """Lines on stderr of a fresh process that calls two kernels."""
+def started(folder: Path, *, inside: bool = True, **environment: str) -> subprocess.Popen[str]:
+    """A fresh process that calls two kernels."""
     (folder / "kernels.py").write_text(MODULE)
     paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
-    done = subprocess.run(
+    own = {"PYTHONPATH": os.pathsep.join(paths), "NUMBA_CACHE_DIR": str(folder / "cache")}
+    return subprocess.Popen(
         [sys.executable, "-W", "error", "-c", PROGRAM.format(inside=inside)],
-        check=True,
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "NUMBA_CACHE_DIR": str(folder / "cache")},
+        env={**os.environ, **own, **environment},
     )
-    assert done.stdout == "3.0 4.5 2.0 3.0\n5.0\n"
-    return done.stderr.splitlines()
+
+
+def lines_of(process: subprocess.Popen[str]) -> list[str]:
+    """Lines on its stderr, once it has printed what it should."""
+    out, lines = process.communicate()
+    assert process.returncode == 0, lines
+    assert out == "3.0 4.5 2.0 3.0\n5.0\n"
+    return lines.splitlines()
+
+
+def said(folder: Path, *, inside: bool = True, **environment: str) -> list[str]:
+    """Lines on stderr of a fresh process that calls two kernels."""
+    return lines_of(started(folder, inside=inside, **environment))
 
 
 def test_the_first_compile_is_announced_once_and_a_cached_load_stays_silent(tmp_path: Path) -> None:
@@ -78,6 +91,53 @@ def test_the_first_compile_is_announced_once_and_a_cached_load_stays_silent(tmp_
 
 def test_outside_of_the_context_nothing_is_announced(tmp_path: Path) -> None:
     assert said(tmp_path, inside=False) == []
+
+
+def test_two_first_runs_at_once_do_no_harm(tmp_path: Path) -> None:
+    both = [started(tmp_path), started(tmp_path)]
+    for process in both:
+        (line,) = lines_of(process)
+        assert "compiling" in line
+    assert said(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{"NUMBA_CACHE_DIR": "{taken}"}, {"NUMBA_CACHE_DIR": "", "HOME": "{taken}", "XDG_CACHE_HOME": "{taken}/cache"}],
+)
+def test_without_a_folder_that_can_be_written_each_run_compiles_and_says_so(
+    tmp_path: Path, environment: dict[str, str]
+) -> None:
+    (tmp_path / "taken").write_text("a file, where a folder is needed")
+    own = {name: text.format(taken=tmp_path / "taken") for name, text in environment.items()}
+    for _ in range(2):
+        (line,) = said(tmp_path, **own)
+        assert line.endswith(
+            "as in every run: there is no folder to cache them; set NUMBA_CACHE_DIR to a folder that can be written"
+        )
+
+
+def test_a_kernel_is_cached_beside_its_name_and_the_hash_of_its_sources(tmp_path: Path) -> None:
+    said(tmp_path)
+    (folder,) = (tmp_path / "cache").iterdir()
+    assert folder.name == f"kernels-{compiling.hash_of('kernels')[:16]}"
+
+
+def test_while_a_kernel_compiles_a_watched_terminal_shows_a_bar(
+    fresh: Callable[[Any], Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+
+    @fresh
+    def half(x: float) -> float:
+        return 0.5 * x
+
+    assert gc.isenabled()
+    with compiling.announced():
+        assert half(3.0) == 1.5
+    assert gc.isenabled()
+    assert "compiling" in capsys.readouterr().err
 
 
 def test_a_kernel_is_compiled_without_python_and_its_lock(fresh: Callable[[Any], Any]) -> None:
@@ -143,6 +203,16 @@ def test_a_hash_covers_a_module_and_all_that_it_imports(tmp_path: Path) -> None:
         after = compiling.hash_of("taxelflow.stage.kernels", package)
         assert (after == before) == (name == "stage/other.py"), name
         (package / name).write_text(text)
+
+
+@pytest.mark.parametrize("stage", ["condition", "contacts", "estimation", "fusion", "slip"])
+def test_no_kernel_depends_on_the_sources_of_another_stage(stage: str) -> None:
+    stages = {"condition", "contacts", "estimation", "fusion", "slip"} - {stage}
+    package = Path(compiling.__file__).parent
+    for path in (package / stage).rglob("*.py"):
+        module = "taxelflow." + ".".join(path.relative_to(package).with_suffix("").parts)
+        others = {file for file in compiling.sources_of(module) if file.relative_to(package).parts[0] in stages}
+        assert not others, module
 
 
 def test_a_kernel_may_ask_whether_a_number_is_one(fresh: Callable[[Any], Any]) -> None:

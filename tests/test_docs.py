@@ -17,12 +17,12 @@ from taxelflow.simulation.scenario import SCENARIOS
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
-PAGES = sorted(DOCS.glob("*.md"))
+PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("tutorials/*.md")])
 README = ROOT / "README.md"
 MOST_WORDS = 1200
 """On a page of the documentation, by white space. The glossary is read a line at a time, a decision record once."""
 
-CODE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+CODE = re.compile(r"^```([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SPAN = re.compile(r"`([^`]+)`")
 SHELL = ("sh", "console", "text", "")
 FILE = re.compile(r"(?<![\w/.*<-])((?:[\w.-]+/)*[\w-]+\.py)\b")

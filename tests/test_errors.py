@@ -12,10 +12,16 @@ from taxelflow.errors import TaxelflowError
 CLASSES = {name: kind for name, kind in vars(errors).items() if inspect.isclass(kind) and issubclass(kind, Exception)}
 FACTS: dict[str, tuple[object, ...]] = {
     "RecordingMissing": (Path("a.npz"),),
+    "RecordingsSeveral": ("a.npz", "b.npz"),
+    "RecordingsAlike": ("a/x.npz", "b/x.npz", Path("out/x")),
+    "BatchUnlike": (Path("out"), "method was 'lnorm', is 'sum'"),
+    "ClusterFault": ("the scheduler was lost", "run the same command again"),
+    "OptionsUnknown": ("--speed", "3"),
     "FormatUnknown": (Path("a.xyz"), [".npz", ".csv"]),
     "RecordingCorrupt": (Path("a.npz"), "it is empty", "record it again"),
     "RecordingTruncated": (Path("a.dsa"), 7, 10, "end of file"),
     "TaxelCountWrong": (Path("a.npz"), 7, "hand", 10),
+    "RecordingTooLarge": (Path("a.npz"), "it unpacks to 9 GB", "save it uncompressed"),
     "TimesNotIncreasing": (Path("a.npz"), 7, 2.0, 1.0),
     "SensorNeeded": (Path("a.npz"), ["hand"]),
     "TopicUnclear": (Path("a.bag"), "2 topics fit", ["/a (pkg/msg/Touch)", "/b (pkg/msg/Touch)"]),
@@ -25,11 +31,16 @@ FACTS: dict[str, tuple[object, ...]] = {
     "NameUnknown": ("sensor", "hnad", ["hand"]),
     "ParameterInvalid": ("gain", 0, "be above 0"),
     "ResultMissing": (Path("out"), "slips.csv"),
+    "SourceMissing": (Path("out"), "a.npz"),
     "CalibrationInvalid": (Path("cal.toml"), "it is empty"),
     "CalibrationUnfit": ("sensor 'hand'", "sensor 'foot'"),
     "GainsUnknown": ("the object did not move", "move it"),
     "EstimatorBroken": ("MySession", 3, 2),
     "TruthInvalid": (Path("truth.csv"), "it is empty"),
+    "AddressInvalid": ("tcp:5000", "it has no host and port", "tcp://HOST:PORT"),
+    "SourceUnreachable": ("tcp://127.0.0.1:5", "connection refused", 5.0),
+    "SinkUnusable": ("jsonl:/none/a", "no such directory"),
+    "GraphicsMissing": ("egl: no library; osmesa: no library",),
     "ExtraMissing": ("plot", "matplotlib"),
 }
 

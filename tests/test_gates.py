@@ -4,7 +4,7 @@ import os
 import subprocess
 from typing import TYPE_CHECKING
 
-from gates import long_modules, long_subjects, recent_subjects
+from gates import dear_constructs, long_modules, long_subjects, recent_subjects
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,3 +41,26 @@ def test_without_git_or_its_history_no_subject_is_checked(tmp_path: Path) -> Non
     assert recent_subjects(origin / ".git") == []
     subprocess.run(["git", "clone", "-q", "--depth", "1", f"file://{origin}", str(clone)], check=True)
     assert recent_subjects(clone) == []
+
+
+def test_a_construct_in_a_kernel_that_takes_long_to_compile_is_named(tmp_path: Path) -> None:
+    source = """
+@routine
+def dear(a, b, record):
+    c = a @ b
+    a[1:] = b[:-1]
+    a[:] = 0.0
+    return np.median(c) + record.mean + np.linalg.norm(a)
+
+def cheap(a, b):
+    return a @ b
+"""
+    (tmp_path / "stage.py").write_text(source)
+    end = "in a kernel takes long to compile; write a loop"
+    named = [("4", "@"), ("5", "a slice filled from an array"), ("7", "median"), ("7", "linalg")]
+    assert sorted(dear_constructs(tmp_path, {})) == sorted(f"stage.py:{line}: {what} {end}" for line, what in named)
+    may = {"stage.py": dict.fromkeys(("@", "a slice filled from an array", "median", "linalg"), "why")}
+    assert dear_constructs(tmp_path, may) == []
+    assert dear_constructs(tmp_path, {"stage.py": {**may["stage.py"], "sort": "why"}}) == [
+        "stage.py may use sort but does not"
+    ]

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-HEAVY = ("numpy", "numba", "scipy", "matplotlib", "rosbags", "mcap", "pyarrow")
+HEAVY = ("numpy", "numba", "scipy", "matplotlib", "rosbags", "mcap", "pyarrow", "distributed", "viser")
 
 
 def loaded_after(program: str) -> set[str]:
@@ -22,8 +22,10 @@ def loaded_after(program: str) -> set[str]:
     [
         ["--help"],
         ["estimate", "--help"],
+        ["batch", "--help"],
         ["calibrate", "--help"],
         ["info", "--help"],
+        ["view", "--help"],
         ["convert", "--help"],
         ["sensors", "--help"],
         ["score", "--help"],

@@ -15,7 +15,8 @@ from taxelflow.messages import Event, cut, joined
 PALM = grid_sensor(4, 7)
 SCANS = scans_of(PALM, [dome(PALM, x) for x in np.linspace(0, 0.01, 8)], noise=10.0)
 SLIPS = slips_by("convolution", PALM, SCANS)
-BLOCKS = [raw_scans(SCANS.pressure), SCANS, SLIPS, RigidField().start(PALM.layout).step(SLIPS)]
+CENTROIDS = np.zeros((*SLIPS.contact.shape, 2))
+BLOCKS = [raw_scans(SCANS.pressure), SCANS, SLIPS, RigidField().start(PALM.layout).step(SLIPS, CENTROIDS)]
 
 
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: type(block).__name__)

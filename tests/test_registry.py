@@ -62,7 +62,7 @@ def test_ours_and_the_baselines_have_their_names() -> None:
 
 
 def test_an_unknown_name_comes_with_the_list() -> None:
-    with pytest.raises(NameUnknown, match=r"unknown estimator 'magic'; known are lnorm, convolution"):
+    with pytest.raises(NameUnknown, match=r"unknown method 'magic'; known are lnorm, convolution"):
         registry.find("estimator", "magic")
 
 

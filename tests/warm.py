@@ -66,7 +66,21 @@ def estimators() -> None:
             session.finish()
 
 
-PARTS = {"stages": stages, "estimators": estimators}
+def space() -> None:
+    """The fusion of pads that have a place in space."""
+    from taxelflow.evaluation.slip_scoring import still_slips
+    from taxelflow.fusion.spatial.parameters import SpatialField
+    from taxelflow.sensors.pads import Pad
+    from taxelflow.sensors.sensor import Sensor
+
+    pad = Pad(name="pad", rows=2, cols=2, pitch_m=(0.005, 0.005), pose=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    session = SpatialField().start(Sensor(name="hand", unit="Pa", pads=(pad,)), None)
+    assert session is not None
+    slips = still_slips(np.arange(3.0), np.zeros((3, 3)), np.full(3, 1e-5), np.full(3, np.nan))
+    session.step(slips, slips.pose[..., :2])
+
+
+PARTS = {"stages": stages, "estimators": estimators, "space": space}
 
 
 if __name__ == "__main__":

@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+
+from rigged import refused
+from taxelflow.acquire.base import Recording
+from taxelflow.api import convert, estimate, estimator
+from taxelflow.errors import ExtraMissing
+from taxelflow.evaluation.view import Filling, Playing
+from taxelflow.live.face import Live
+from taxelflow.live.loop import Limits, run_live
+from taxelflow.live.replay import Replay
+from taxelflow.live.view import LiveView
+from taxelflow.pipeline import Pipeline
+from taxelflow.publish.view.history import History
+from taxelflow.publish.view.page import Page
+from taxelflow.slip.parameters import SlipMonitor
+
+
+def test_a_live_source_fills_the_page_on_this_computer_only(stroke: Recording) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    said: list[str] = []
+    live = Live(stroke, "convolution")
+    sink = LiveView(live, "stroke", "127.0.0.1", 0, said.append)
+    run_live(Replay(stroke, 20.0), {"view": sink}, live, Limits())
+    assert said[0].startswith("http://127.0.0.1:")
+    times, known = sink.history.times, sink.history.within(-np.inf, np.inf)
+    assert known is not None
+    assert set(times) <= set(known.slips.t_s)
+    assert len(times) > 30  # those from which tare is learned are not shown
+    moving = sink.history.at(float(times[len(times) // 2]))
+    assert moving is not None
+    assert moving.pressure.max() > 5 * live.run.learned.noise.max()  # type: ignore[union-attr]
+    assert {event.event for event in sink.history.events} >= {"contact", "release"}
+
+
+def test_a_recording_fills_the_page_with_what_estimate_gives(stroke: Recording) -> None:
+    history = History()
+    Filling(stroke, Pipeline(estimator("convolution")), history).fill()
+    known, asked = history.within(-np.inf, np.inf), estimate(stroke)
+    assert history.complete
+    assert known is not None
+    assert np.array_equal(known.slips.pose, asked.slips.pose, equal_nan=True)
+    assert np.array_equal(known.slipping, asked.slipping)
+    assert np.array_equal(history.times, asked.slips.t_s)
+    assert history.events == asked.events
+
+
+def test_slips_are_decided_anew_at_another_rate_of_false_alarms(stroke: Recording) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    playing = Playing(stroke, ("convolution", "sum"), port=0)
+    try:
+        playing.decide(1e-3)
+        assert "wait" in playing.page.panel.decided
+        playing.fill()
+        history = playing.page.histories[0]
+        before = history.events
+        playing.decide(1e-3)
+        assert history.changes == 1
+        assert history.events == estimate(stroke, monitor=SlipMonitor(alarms_per_hour=1e-3)).events
+        assert [event.event for event in before][:1] == ["contact"]
+        assert "slips at 0.001 false alarms per hour" in playing.page.panel.decided
+    finally:
+        playing.close()
+
+
+def test_methods_that_are_compared_differ(
+    capsys: pytest.CaptureFixture[str], stroke: Recording, tmp_path: Path
+) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    convert(stroke, tmp_path / "stroke.npz")
+    twice = ("--method", "sum", "--method", "sum")
+    assert "be different ones" in refused(capsys, "view", tmp_path / "stroke.npz", *twice)
+    assert "be a recording" in refused(capsys, "view", f"replay:{tmp_path / 'stroke.npz'}", "--film", "a.mp4")
+
+
+def test_the_command_says_where_its_page_is_and_ends_with_ctrl_c(stroke: Recording, tmp_path: Path) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    convert(stroke, tmp_path / "stroke.npz")
+    command = [sys.executable, "-m", "taxelflow.cli", "view", str(tmp_path / "stroke.npz"), "--port", "18733"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            said = process.stdout.readline() if process.stdout else ""
+            with urlopen(said.split()[0]) as page:
+                assert b"<html" in page.read(2000)
+        finally:
+            process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+    assert said.startswith("http://127.0.0.1:")
+
+
+def test_without_viser_the_extra_is_named(stroke: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(ExtraMissing, match=r"taxelflow\[view\]"):
+        Page(stroke.sensor, (History(),), "stroke", port=0)
+
+
+def test_a_recording_that_is_missing_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "does not exist" in refused(capsys, "view", tmp_path / "none.npz")

@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rigged import refused
+from synthetic import dome, grid_sensor
+
+FULL = Path("/dev/full")
+needs_full = pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full here")
+SENSOR = "grid:4x7@10mm"
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    palm = grid_sensor(4, 7)
+    values = [np.zeros(28)] * 30 + [dome(palm, 0.0005 * k - 0.01) for k in range(40)]
+    path = tmp_path / "a.npz"
+    np.savez(path, t=np.arange(70) / 30, pressure=np.array(values) + np.random.default_rng(0).normal(0, 100, (70, 28)))
+    return path
+
+
+@needs_full
+@pytest.mark.parametrize("table", ["slips.csv.part", "summary.json.part"])
+def test_results_on_a_full_disk_name_the_place(
+    tmp_path: Path, recording: Path, table: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / table).symlink_to(FULL)
+    said = refused(capsys, "estimate", recording, "--sensor", SENSOR, "--out", out)
+    assert "No space left on device" in said
+    assert str(out) in said
+
+
+@needs_full
+@pytest.mark.parametrize("suffix", [".npz", ".csv", ".mcap", ".parquet"])
+def test_a_conversion_on_a_full_disk_names_the_place(
+    tmp_path: Path, recording: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / f"b{suffix}"
+    out.with_name(f"{out.name}.part").symlink_to(FULL)
+    said = refused(capsys, "convert", recording, out, "--sensor", SENSOR)
+    assert "No space left on device" in said
+    assert str(out) in said
+
+
+@needs_full
+def test_a_full_disk_under_standard_output_is_one_line() -> None:
+    with FULL.open("w") as full:
+        ran = subprocess.run(
+            [sys.executable, "-m", "taxelflow.cli", "sensors"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert ran.returncode == 2
+    assert ran.stderr.count("\n") == 1
+    assert "No space left on device: standard output" in ran.stderr
