@@ -5,33 +5,24 @@ Without one it simulates the paper's experiment.
 """
 
 import sys
-import tempfile
-from pathlib import Path
 
 import numpy as np
 
 import taxelflow
-from taxelflow.simulation.scenario import SCENARIOS
-from taxelflow.simulation.simulate import save
 
-if len(sys.argv) > 1:
-    recording = taxelflow.read(*sys.argv[1:3])
-else:
-    path = Path(tempfile.mkdtemp()) / "stroke.npz"
-    save(SCENARIOS["stroke"], path)
-    recording = taxelflow.read(path)
-
+recording = taxelflow.read(*sys.argv[1:3]) if len(sys.argv) > 1 else taxelflow.simulate("stroke")
 result = taxelflow.estimate(recording, method="convolution")
+print(recording, result, sep="\n")
 
-for number, pad in enumerate(result.pads):
-    touched = result.slips.contact[:, number]
-    if not touched.any():
+for name in result:
+    pad = result[name]
+    if not pad.contact.any():
         continue
-    known = result.slips.valid[:, number]
-    speed_mm_s = 1e3 * np.hypot(*result.slips.velocity[known, number, :2].T)
-    std_mm = 1e3 * np.sqrt(result.slips.covariance[known, number, 0, 0])
-    print(f"{pad}: {touched.sum()} scans in contact, median speed {np.median(speed_mm_s):.1f} mm/s,")
-    print(f"  standard deviation of x {np.median(std_mm):.3f} mm (noise alone; edges bias the paper's methods)")
+    speed_mm_s = 1e3 * np.hypot(pad.velocity[:, 0], pad.velocity[:, 1])
+    std_mm = 1e3 * np.sqrt(pad.covariance[:, 0, 0])
+    print(f"{name}: {pad.contact.sum()} scans in contact, median speed {np.nanmedian(speed_mm_s):.1f} mm/s,")
+    print(f"  standard deviation of x {np.nanmedian(std_mm):.3f} mm (noise alone; edges bias the paper's methods)")
 
 for event in result.events:
-    print(f"{event.t_s:10.3f} s  {event.pad:12s} {event.event}")
+    path = f" {1e3 * event.path_m:.1f} mm in {event.duration_s:.2f} s" if np.isfinite(event.path_m) else ""
+    print(f"{event.t_s:10.3f} s  {event.pad:12s} {event.event}{path}")

@@ -1,0 +1,1 @@
+"""taxelflow as a ROS 2 node."""

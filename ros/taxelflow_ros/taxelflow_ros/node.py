@@ -1,0 +1,112 @@
+"""The node `slip`: a topic of tactile scans in; the object's twist, slips and events out.
+
+Parameters: sensor, topic, type, method, and the fields of taxelflow's dataclasses by their names, as in
+`condition.contact_on` or `monitor.alarms_per_hour`. Publishes ~/object (geometry_msgs/TwistWithCovarianceStamped) and
+~/slips, ~/events (std_msgs/String, JSON as on `taxelflow run --to jsonl:-`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from importlib import import_module
+from typing import Any
+
+import msgspec
+import numpy as np
+import rclpy
+from geometry_msgs.msg import TwistWithCovarianceStamped
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import String
+
+from taxelflow import Conditioner, Live, SlipMonitor
+from taxelflow.acquire.ros.decode import follow
+from taxelflow.acquire.ros.kinds import kind_of
+from taxelflow.acquire.ros.open import columns_of
+from taxelflow.live.loop import update_of
+from taxelflow.publish.sinks.lines import event_row, json_lines
+
+_USUAL = {
+    "sensor": "barretthand-162",
+    "topic": "/touch",
+    "type": "tactile_msgs/msg/TactileState",
+    "method": "convolution",
+}
+_STAGES = {"condition": Conditioner, "monitor": SlipMonitor}
+
+
+class SlipNode(Node):  # type: ignore[misc]  # rclpy has no types
+    """Steps a `Live` with every message."""
+
+    def __init__(self) -> None:
+        super().__init__("taxelflow")
+        asked = {name: self.declare_parameter(name, usual).value for name, usual in _USUAL.items()}
+        stages = {name: kind(**self._stage(name, kind)) for name, kind in _STAGES.items()}
+        self.live = Live(asked["sensor"], asked["method"], **stages)
+        self._kind = kind_of(asked["type"])
+        if self._kind is None:
+            raise ValueError(f"no known tactile message is called {asked['type']!r}")
+        package, _, name = asked["type"].partition("/msg/")
+        message = getattr(import_module(f"{package}.msg"), name)
+        self._object = self.create_publisher(TwistWithCovarianceStamped, "~/object", 10)
+        self._slips = self.create_publisher(String, "~/slips", 10)
+        self._events = self.create_publisher(String, "~/events", 10)
+        self.create_subscription(message, asked["topic"], self.scan, qos_profile_sensor_data)
+
+    def _stage(self, stage: str, kind: Any) -> dict[str, Any]:
+        """Parameters of a stage, a field each; None is written as an empty text."""
+        found = {}
+        for one in fields(kind):
+            usual = one.default
+            if isinstance(usual, bool | int | float | str):
+                found[one.name] = self.declare_parameter(f"{stage}.{one.name}", usual).value
+        return found
+
+    def scan(self, message: Any) -> None:
+        """One message."""
+        found = [np.asarray(item, np.float64) for path in self._kind.values for item in follow(message, path)]
+        columns = columns_of(self.live.recording.sensor, self._kind, [part.size for part in found])
+        if columns is None:
+            self.get_logger().warning("a message does not fit the sensor and is left out", once=True)
+            return
+        now = self.get_clock().now().nanoseconds * 1e-9
+        stamp = follow(message, self._kind.stamp)[0] if self._kind.stamp else None
+        sent_s = stamp.sec + 1e-9 * stamp.nanosec if hasattr(stamp, "nanosec") else stamp
+        output = self.live.step(sent_s or now, np.concatenate(found)[columns])
+        if not len(output):
+            return
+        for line in json_lines(update_of(output), self.live.pads):
+            self._slips.publish(String(data=line.decode().rstrip()))
+        for event in output.events:
+            self._events.publish(String(data=msgspec.json.encode(event_row(event)).decode()))
+        self._publish_twist(output.motions, getattr(message, "header", None))
+
+    def _publish_twist(self, motions: Any, header: Any) -> None:
+        velocity = motions.velocity[-1]
+        if not np.isfinite(velocity[:2]).all():
+            return
+        out = TwistWithCovarianceStamped()
+        if header is not None:
+            out.header.stamp = header.stamp
+        out.header.frame_id = "hand"
+        out.twist.twist.linear.x, out.twist.twist.linear.y = velocity[:2].tolist()
+        out.twist.twist.angular.z = float(np.nan_to_num(velocity[2]))
+        covariance = np.zeros((6, 6))
+        covariance[np.ix_([0, 1, 5], [0, 1, 5])] = np.nan_to_num(motions.velocity_covariance[-1])
+        if not np.isfinite(velocity[2]):
+            covariance[5, 5] = -1.0  # unknown
+        out.twist.covariance = covariance.ravel().tolist()
+        self._object.publish(out)
+
+
+def main() -> None:
+    """Spin until Ctrl-C."""
+    rclpy.init()
+    node = SlipNode()
+    try:
+        rclpy.spin(node)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
