@@ -4,8 +4,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 TAXELFLOW := $(BIN)/taxelflow
 READY := .venv/ready
+DOCS_READY := .venv/ready-docs
 
-.PHONY: setup demo test check golden golden-update bench pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench) constraints format clean
+.PHONY: setup demo demo-live demo-control bench-live bench-view test check docs wheel golden golden-update fuzz bench bench-start pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench) constraints format clean
 .DELETE_ON_ERROR:
 
 setup: $(READY)
@@ -13,10 +14,10 @@ setup: $(READY)
 $(READY): pyproject.toml constraints.txt
 	@if command -v uv >/dev/null 2>&1; then \
 	  uv venv --allow-existing --quiet --python $(PYTHON) .venv && \
-	  uv pip install --quiet --python .venv --constraint constraints.txt --editable '.[plot,bench,dev]'; \
+	  uv pip install --quiet --python .venv --constraint constraints.txt --editable '.[plot,bench,report,video,view,devices,ros,cluster,sim,dev]'; \
 	else \
 	  { test -x $(BIN)/python || $(PYTHON) -m venv .venv; } && \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,bench,dev]'; \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,bench,report,video,view,devices,ros,cluster,sim,dev]'; \
 	fi
 	@touch $@
 
@@ -30,6 +31,30 @@ demo: $(READY)
 	$(TAXELFLOW) plot demo/lnorm demo/convolution demo/template --out demo/pictures --format png
 	$(TAXELFLOW) score table1 --strokes 40
 
+# A hand that is not there, over TCP, into three sinks; then the file that was recorded is read, and compared bit by bit.
+LIVE := demo/live
+demo-live: $(READY)
+	@rm -rf $(LIVE) && mkdir -p $(LIVE)
+	$(TAXELFLOW) simulate slide-and-turn-over-hand --out $(LIVE)/hand.npz
+	$(TAXELFLOW) emulate tcp://127.0.0.1:5055 --from $(LIVE)/hand.npz --fault garbage@3 & \
+	$(TAXELFLOW) run 'tcp://127.0.0.1:5055?wait=60' --sensor barretthand-162 \
+	  --to mcap:$(LIVE)/hand.mcap --to tables:$(LIVE)/tables --to jsonl:$(LIVE)/hand.jsonl; \
+	status=$$?; wait; exit $$status
+	$(TAXELFLOW) info $(LIVE)/hand.mcap
+	$(TAXELFLOW) estimate $(LIVE)/hand.mcap --mode stream --out $(LIVE)/again
+	cmp $(LIVE)/tables/slips.csv $(LIVE)/again/slips.csv
+	cmp $(LIVE)/tables/events.csv $(LIVE)/again/events.csv
+	$(TAXELFLOW) convert $(LIVE)/hand.npz $(LIVE)/sent.csv
+	$(TAXELFLOW) convert $(LIVE)/hand.mcap $(LIVE)/recorded.csv
+	cmp $(LIVE)/sent.csv $(LIVE)/recorded.csv
+	@echo "every scan, slip and event is equal, live and read back"
+
+# One object poured into, and caught: a film (without graphics: a message), and plots of one trial of each event.
+demo-control: $(READY)
+	@mkdir -p demo/control
+	$(TAXELFLOW) control --controller hold --objects bumpy --events pour --trials 1 --seed 7004 --film demo/control/pour.mp4
+	$(TAXELFLOW) control --controller hold --objects ball bottle --trials 4 --seed 7000 --plot demo/control
+
 test: $(READY)
 	$(BIN)/pytest
 
@@ -41,6 +66,20 @@ check: $(READY)
 	$(BIN)/vulture
 	$(BIN)/python tests/gates.py
 
+# The documentation as a site in docs/_build/html. Its tutorials are executed; a warning is an error.
+docs: $(DOCS_READY)
+	$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+$(DOCS_READY): $(READY)
+	$(BIN)/python -m pip --version >/dev/null 2>&1 || $(BIN)/python -m ensurepip --upgrade
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs]'
+	@touch $@
+
+# Build the wheel, install it into a fresh environment outside the checkout, and run the demo's commands with it there.
+wheel: $(READY)
+	PYTHON=$(PYTHON) sh tests/wheel.sh
+
 # Results of every method on fixed recordings, bit for bit; GOLDEN="--only stroke" or "--rtol 1e-9" narrows or loosens it.
 golden: $(READY)
 	PYTHONPATH=tests $(BIN)/python -m golden compare $(GOLDEN)
@@ -49,8 +88,25 @@ golden: $(READY)
 golden-update: $(READY)
 	PYTHONPATH=tests $(BIN)/python -m golden update
 
+# What hostile files cost, and which message refuses them; then files changed for FUZZ_S seconds. Findings are kept.
+FUZZ_S ?= 60
+fuzz: $(READY)
+	PYTHONPATH=tests $(BIN)/python -m hostile --fuzz $(FUZZ_S) $(FUZZ)
+
 bench: $(READY)
 	$(TAXELFLOW) bench $(BENCH)
+
+# LIVE_BENCH="--paced-s 600" for ten minutes at 1 kHz, on a machine that does nothing else.
+bench-live: $(READY)
+	$(TAXELFLOW) score live $(LIVE_BENCH)
+
+# VIEW_BENCH="--seconds 600" for ten minutes. Needs a browser.
+bench-view: $(READY)
+	$(TAXELFLOW) score view $(VIEW_BENCH)
+
+# CPU time of first estimates from an empty kernel cache; AGAINST=REF measures another commit beside it.
+bench-start: $(READY)
+	$(BIN)/python tests/first_run.py $(if $(AGAINST),--against $(AGAINST))
 
 # The tables in docs/results, of which docs show a part; many hours, most of them for the elastic solver. One of them
 # alone: make results-hard. The real recordings are those in $TAXELFLOW_DATA, the folder that holds sdh-dsa/ and sdh-bags/.
@@ -120,13 +176,13 @@ pictures: $(READY)
 	$(TAXELFLOW) estimate demo/slide.npz --method template --out demo/slide
 	$(TAXELFLOW) plot demo/slide
 	cp demo/slide/pattern-finger2_proximal.svg docs/pictures/pattern.svg
-	rm docs/pictures/path-*.svg docs/pictures/pattern-palm*.svg
+	rm docs/pictures/path-*.svg docs/pictures/pattern-palm*.svg docs/pictures/patterns-*.svg
 
 # Resolve anew, then pin what was resolved. Lines are name==version and nothing else.
 constraints:
 	rm -rf .venv
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,bench,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,bench,report,video,view,devices,ros,cluster,docs,dev]'
 	{ sed -n '/^#/p' constraints.txt; $(BIN)/python -m pip freeze --exclude-editable | grep -E '^[A-Za-z0-9_.-]+==[^ ]+$$'; } > constraints.new
 	mv constraints.new constraints.txt
 
@@ -135,4 +191,4 @@ format: $(READY)
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf .venv demo .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf .venv demo docs/_build docs/jupyter_execute .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
