@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from taxelflow.compiling import kernel as compiled
+from taxelflow.runtime.compiling import kernel as compiled
 
 __all__ = ["compiled"]

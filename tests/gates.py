@@ -28,7 +28,7 @@ SINCE = "2026-11-22T13:10:00Z"
 """When the redesign began: subjects of older commits are not checked."""
 
 KERNELS = {"kernel", "brief_kernel", "routine", "inlined"}
-"""Decorators of `taxelflow.compiling`."""
+"""Decorators of `taxelflow.runtime.compiling`."""
 DEAR = {
     "linalg",
     "median",

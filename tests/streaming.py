@@ -13,11 +13,11 @@ import numpy as np
 from synthetic import dome, grid_sensor
 from taxelflow import registry
 from taxelflow.acquire.devices.line import line_of
-from taxelflow.addresses import parse_address
 from taxelflow.live.command import opened_sinks
 from taxelflow.live.face import Live
 from taxelflow.live.loop import Limits, run_live
 from taxelflow.messages import RawScans
+from taxelflow.runtime.addresses import parse_address
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 
-from taxelflow import compiling
-from taxelflow.compiling import kernel
+from taxelflow.runtime import compiling
+from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 MODULE = """
-from taxelflow.compiling import kernel
+from taxelflow.runtime.compiling import kernel
 
 @kernel
 def twice(x: float) -> float:
@@ -34,7 +34,7 @@ PROGRAM = """
 import logging
 logging.basicConfig(format="%(name)s|%(levelname)s|%(message)s")
 from kernels import thrice, twice
-from taxelflow.compiling import announced
+from taxelflow.runtime.compiling import announced
 if {inside}:
     with announced():
         print(twice(1.5), thrice(1.5), twice(1), thrice(1))

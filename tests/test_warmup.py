@@ -5,12 +5,13 @@ import sys
 
 import pytest
 
-from taxelflow.warmup import made_up
+from taxelflow.simulation.warmup import made_up
 
 PROGRAM = """
 from numba.core import event
 from rigged import rigged
-from taxelflow import Conditioner, compiling, estimator
+from taxelflow import Conditioner, estimator
+from taxelflow.runtime import compiling
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.messages import RawScans
 from taxelflow.pipeline import Pipeline

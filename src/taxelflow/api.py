@@ -14,7 +14,6 @@ from taxelflow import registry
 from taxelflow.acquire.base import Reading, Recording
 from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.joints import asked_joints
-from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing, written_at
@@ -23,6 +22,7 @@ from taxelflow.messages import RawScans, Scans, joined, joined_spatial
 from taxelflow.pipeline import Pipeline
 from taxelflow.publish.summary import Totals
 from taxelflow.result import Result, summarise
+from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.calibration import Calibration, load_calibration
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.sensor import Sensor

@@ -23,6 +23,7 @@ from tyro.conf import Positional
 from taxelflow import __version__, registry
 from taxelflow.acquire.options import Recorded
 from taxelflow.batch.command import Batch
+from taxelflow.batch.options import Estimating
 from taxelflow.errors import NameUnknown, OptionsUnknown, RecordingsSeveral, TaxelflowError, written_at
 from taxelflow.evaluation.commands import PARTLY_READ, Bench, Calibrate, Figures, Info, Plot, Score
 from taxelflow.evaluation.control_command import Control
@@ -30,7 +31,6 @@ from taxelflow.evaluation.design_command import Design
 from taxelflow.evaluation.media_commands import Film, Report, View
 from taxelflow.live.command import Record, Run
 from taxelflow.live.emulators.command import Emulate
-from taxelflow.options import Estimating
 from taxelflow.simulation.command import Simulate
 from taxelflow.simulation.scenario import SCENARIOS
 

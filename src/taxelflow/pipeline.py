@@ -9,7 +9,6 @@ import numpy as np
 
 from taxelflow import registry
 from taxelflow.acquire.joints import declared_joints
-from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import CalibrationUnfit, NameUnknown, TaxelflowError
@@ -38,19 +37,20 @@ from taxelflow.messages import (
     joined_spatial,
     no_scans,
 )
+from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.calibration import Calibration
+from taxelflow.simulation.warmup import made_up
 from taxelflow.slip.parameters import SlipMonitor
-from taxelflow.warmup import made_up
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from taxelflow.acquire.base import Reading, Recording
-    from taxelflow.background.adoption import Adopting
     from taxelflow.condition.baseline import Baseline
     from taxelflow.condition.deduplicate import Counts
     from taxelflow.estimation.base import Estimator, EstimatorSession
     from taxelflow.messages import Block, Scans
+    from taxelflow.runtime.adoption import Adopting
     from taxelflow.slip.stage import Judged
 
 

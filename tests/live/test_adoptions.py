@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 from streaming import PALM, published, slid
-from taxelflow.background.adoption import Adoption, AsRecorded, Lane, Late, WhenReady
-from taxelflow.background.worker import Worker
 from taxelflow.errors import AddressInvalid
 from taxelflow.estimation.template.online import session
 from taxelflow.live.adoptions import asked_adoptions
@@ -21,6 +19,8 @@ from taxelflow.live.face import Live
 from taxelflow.live.loop import Limits, run_live
 from taxelflow.live.replay import Replay
 from taxelflow.pipeline import Output
+from taxelflow.runtime.adoption import Adoption, AsRecorded, Lane, Late, WhenReady
+from taxelflow.runtime.worker import Worker
 
 if TYPE_CHECKING:
     from collections.abc import Callable

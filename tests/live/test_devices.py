@@ -19,8 +19,8 @@ from taxelflow.acquire.devices.dsa import DsaParser
 from taxelflow.acquire.devices.frames import FrameParser
 from taxelflow.acquire.devices.line import LineParser
 from taxelflow.acquire.devices.xela import XelaParser
-from taxelflow.addresses import parse_address
 from taxelflow.live.emulators.base import Fault, Playback
+from taxelflow.runtime.addresses import parse_address
 from taxelflow.sensors.frame import Frame
 
 if TYPE_CHECKING:

@@ -13,11 +13,11 @@ import pytest
 from rigged import refused
 from streaming import PALM, free_port, published, running, slid
 from taxelflow import registry
-from taxelflow.addresses import parse_address
 from taxelflow.cli import main
 from taxelflow.live.emulators.base import Fault, Playback, parse_fault
 from taxelflow.live.emulators.command import Emulate
 from taxelflow.live.loop import Limits
+from taxelflow.runtime.addresses import parse_address
 from taxelflow.sensors.frame import Frame
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate

@@ -15,11 +15,11 @@ from streaming import PALM, SCANS, free_port, lines, opened, published, running,
 from taxelflow import load_sensor, registry
 from taxelflow.acquire.ros.decode import store_of
 from taxelflow.acquire.ros.kinds import kind_of
-from taxelflow.addresses import parse_address
 from taxelflow.errors import TaxelflowError
 from taxelflow.live.emulators.base import Playback
 from taxelflow.live.loop import Limits
 from taxelflow.live.ros2_sink import Ros2Types
+from taxelflow.runtime.addresses import parse_address
 
 if TYPE_CHECKING:
     from pathlib import Path

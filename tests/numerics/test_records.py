@@ -4,9 +4,9 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, Vector, record, record_dtype, records, unknown
+from taxelflow.runtime.compiling import kernel
 
 
 class Inner:

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from taxelflow.compiling import kernel
 from taxelflow.numerics.robust import gate, huber_weight
+from taxelflow.runtime.compiling import kernel
 
 
 @kernel

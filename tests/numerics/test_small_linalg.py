@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.compiling import kernel
 from taxelflow.messages import Floats
 from taxelflow.numerics.small_linalg import (
     eigenvalues2,
@@ -16,6 +15,7 @@ from taxelflow.numerics.small_linalg import (
     solve_factored,
     solve_small,
 )
+from taxelflow.runtime.compiling import kernel
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -8,10 +8,10 @@ from scipy.signal import lfilter
 from scipy.stats import poisson
 
 from compiled import compiled
-from taxelflow.compiling import kernel
 from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import records
+from taxelflow.runtime.compiling import kernel
 from taxelflow.slip.detector import PadState
 from taxelflow.slip.measurement import Measurement, Parameters
 from taxelflow.slip.onset import REACH, alarm_threshold

@@ -9,8 +9,8 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from taxelflow.acquire.options import Source
+from taxelflow.batch.options import Estimating
 from taxelflow.errors import ParameterInvalid
-from taxelflow.options import Estimating
 
 SOME_FAILED, INTERRUPTED = 1, 130
 

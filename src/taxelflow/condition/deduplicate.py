@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.condition.gaps import judge_new_step, judge_stamp
 from taxelflow.condition.stream_state import RUNS, StreamState, TaxelHistory
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, record, records
+from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, record, records
+from taxelflow.runtime.compiling import kernel, routine
 
 _TRIAL_SCANS, _TRIAL_TAXELS, _TRIAL_SETTLING_SCANS = 20_000, 8, 2_000
 """White noise that is filtered to measure the noise gain, to 1 %."""

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.condition.stream_state import STEPS, StreamState
 from taxelflow.messages import Floats
 from taxelflow.numerics.median import median_of_first
+from taxelflow.runtime.compiling import routine
 
 GAP_RATIO = 3.0
 """A time step longer than this many usual ones is a gap: 3 lost scans are one, jitter and a single lost scan are not.

@@ -11,16 +11,16 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import TYPE_CHECKING
 
-from taxelflow.background.adoption import AtFixedTimes, Lane
 from taxelflow.condition.baseline import update_baseline
+from taxelflow.runtime.adoption import AtFixedTimes, Lane
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from taxelflow.background.adoption import Adopting
     from taxelflow.condition.base import ConditionSettings
     from taxelflow.condition.baseline import Baseline
     from taxelflow.condition.sample import Sample
+    from taxelflow.runtime.adoption import Adopting
     from taxelflow.sensors.sensor import Sensor
 
 _LEAST_S, _PER_WINDOW_S = 0.1, 2e-3

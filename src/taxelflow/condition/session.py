@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.condition.baseline import Baseline, estimate_baseline, with_masked
 from taxelflow.condition.blocks import Blockwise, condition_block, deduplicate_block
 from taxelflow.condition.deduplicate import Counts, Deduplicator, NewScans, deduplicate
@@ -19,14 +18,15 @@ from taxelflow.condition.unloaded import falls_under_load, no_contact
 from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, Floats, RawScans, Scans
 from taxelflow.numerics.records import Records, records
+from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from taxelflow.background.adoption import Adopting
     from taxelflow.condition.base import ConditionSettings
     from taxelflow.condition.drift import DriftTracker
     from taxelflow.condition.filters import Filters
+    from taxelflow.runtime.adoption import Adopting
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 

@@ -11,10 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.contacts.tracks import Component, Memory, SegmentedPad, Taxel, Track
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
+from taxelflow.runtime.compiling import routine
 
 MIN_OVERLAP = 0.25
 """Share of a track's previous load that a component must hold to continue it. Up to 4 components can."""

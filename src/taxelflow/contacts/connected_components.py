@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.contacts.adjacency import Adjacency, Indices
 from taxelflow.contacts.tracks import SegmentedPad, Taxel
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
+from taxelflow.runtime.compiling import routine
 
 _LOADED, _BRIDGE = -1, -2
 _MIN_LOADED_NEIGHBOURS = 2

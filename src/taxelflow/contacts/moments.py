@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.messages import Bools, Contacts, Floats, Scans, no_scans
 from taxelflow.numerics.records import Records, record_dtype
+from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import announced, kernel, routine
 from taxelflow.contacts.pairs import CheckedPad, Memory, Pair, Place, Shape
 from taxelflow.contacts.segmentation import NEAR, ContactState, ContactTracker, Labels
 from taxelflow.messages import Bools, Floats, cut, no_scans
 from taxelflow.numerics.records import Records, records
+from taxelflow.runtime.compiling import announced, kernel, routine
 
 if TYPE_CHECKING:
     from taxelflow.messages import Scans

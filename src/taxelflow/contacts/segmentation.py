@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.contacts.adjacency import Adjacency, Indices, adjacency
 from taxelflow.contacts.association import associate
 from taxelflow.contacts.connected_components import label_components
@@ -22,6 +21,7 @@ from taxelflow.contacts.tracks import Component, Memory, SegmentedPad, Taxel, Tr
 from taxelflow.contacts.watershed import label_taxels, merge_peakless
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, records
+from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
     from taxelflow.messages import Scans

@@ -5,12 +5,12 @@ Most recordings never show a second component, and the kernels that track severa
 
 from __future__ import annotations
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.contacts.adjacency import Adjacency
 from taxelflow.contacts.connected_components import label_components
 from taxelflow.contacts.tracks import Memory, SegmentedPad, Taxel, Track
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
+from taxelflow.runtime.compiling import kernel, routine
 
 
 @kernel

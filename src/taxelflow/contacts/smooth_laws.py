@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.messages import Floats
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
+from taxelflow.runtime.compiling import routine
 
 LOADED = 4.0
 """Standard deviations of noise from which a taxel is loaded."""

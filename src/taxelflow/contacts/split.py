@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
 from taxelflow.contacts.segmentation import ABSENT, SEPARATE, ContactState, ContactTracker, Labels
 from taxelflow.messages import Bools, Floats, no_scans
 from taxelflow.numerics.records import Records, records
+from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
     from taxelflow.messages import Scans

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.contacts.smooth_laws import LOADED, TERMS, fit_smooth
 from taxelflow.messages import Bools, Floats, Scans, Texture
 from taxelflow.numerics.records import Records, records
 from taxelflow.numerics.small_linalg import inverse2
+from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.contacts.adjacency import Adjacency
 from taxelflow.contacts.association import MIN_PARTED_SCANS, first_owner, owners_of
 from taxelflow.contacts.tracks import SegmentedPad, Taxel, Track
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
+from taxelflow.runtime.compiling import routine
 
 MARKER_LEVEL = 0.5
 """Share of a contact's previous peak above which its taxels are markers: noise does not move them, and a contact's

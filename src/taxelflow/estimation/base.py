@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from taxelflow.background.adoption import Adopting
     from taxelflow.messages import Estimates, Floats, LearnedPattern, Scans, Slips
+    from taxelflow.runtime.adoption import Adopting
     from taxelflow.sensors.layout import Layout
 
 Mode = Literal["batch", "stream"]

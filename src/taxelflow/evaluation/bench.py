@@ -17,7 +17,6 @@ import numpy as np
 
 from taxelflow import api
 from taxelflow.acquire.base import Recording
-from taxelflow.compiling import announced
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.estimation.centroid.paper_reference import convolution_index
@@ -30,6 +29,7 @@ from taxelflow.fusion.parameters import RigidField
 from taxelflow.messages import RawScans, Scans, cut
 from taxelflow.pipeline import Pipeline
 from taxelflow.publish.tables import Tables
+from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor

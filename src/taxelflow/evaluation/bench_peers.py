@@ -17,11 +17,11 @@ import msgspec
 import numpy as np
 
 from taxelflow import api, registry
-from taxelflow.compiling import announced
 from taxelflow.errors import ExtraMissing
 from taxelflow.estimation.template.online.session import StreamSession
 from taxelflow.evaluation.pairs import needed
 from taxelflow.messages import Scans, cut
+from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.scenario import SCENARIOS, Contact, Motion
 from taxelflow.simulation.simulate import simulate

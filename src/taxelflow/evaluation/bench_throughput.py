@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 
 from taxelflow import api
-from taxelflow.compiling import kernel
 from taxelflow.estimation.centroid.convolution_kernel import weighted_sums
 from taxelflow.messages import Scans
+from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from taxelflow.background.adoption import Late
 from taxelflow.estimation.template.parameters import Template
 from taxelflow.evaluation.pose_errors import FEWEST, without_frame
 from taxelflow.evaluation.strokes import ungrouped
 from taxelflow.messages import LOST, OK
 from taxelflow.pipeline import Output, Pipeline
+from taxelflow.runtime.adoption import Late
 from taxelflow.simulation.motion import move
 from taxelflow.simulation.scenario import SCENARIOS, Scenario
 from taxelflow.simulation.simulate import simulate

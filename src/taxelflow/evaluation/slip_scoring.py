@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow import api
-from taxelflow.compiling import announced
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.oracle import called
 from taxelflow.messages import OK, Event, Slips, joined
+from taxelflow.runtime.compiling import announced
 from taxelflow.simulation.parameters import Contact
 from taxelflow.simulation.scenario import SCENARIOS, Scenario
 from taxelflow.simulation.simulate import simulate

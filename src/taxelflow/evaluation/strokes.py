@@ -14,11 +14,11 @@ import msgspec
 import numpy as np
 
 from taxelflow import api, registry
-from taxelflow.compiling import announced
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.base import unwatched
 from taxelflow.evaluation.bound import bound_of
 from taxelflow.messages import LOST, joined
+from taxelflow.runtime.compiling import announced
 from taxelflow.simulation.scenario import SCENARIOS, Scenario
 
 if TYPE_CHECKING:

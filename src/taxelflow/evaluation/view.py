@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from taxelflow import api, registry
 from taxelflow.acquire.joints import declared_joints
-from taxelflow.addresses import parse_address
 from taxelflow.errors import ParameterInvalid, TaxelflowError
 from taxelflow.live.face import Live
 from taxelflow.live.loop import Limits, run_live
@@ -17,6 +16,7 @@ from taxelflow.live.view import LiveView
 from taxelflow.pipeline import Pipeline
 from taxelflow.publish.view.history import History, Results
 from taxelflow.publish.view.page import Page
+from taxelflow.runtime.addresses import parse_address
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

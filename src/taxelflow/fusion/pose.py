@@ -6,13 +6,13 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import inlined, kernel, routine
 from taxelflow.fusion.twist import Equations, Row, add_point, clear, solve_rigid, solve_translation, turn_is_observable
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.se2 import rotate, rotate_back
 from taxelflow.numerics.se3 import count_true
 from taxelflow.numerics.small_linalg import inverse2
+from taxelflow.runtime.compiling import inlined, kernel, routine
 
 _ITERATIONS = 8
 _PLAIN = 3

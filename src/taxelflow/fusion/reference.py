@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel
+from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips, Texture

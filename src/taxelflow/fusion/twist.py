@@ -13,10 +13,10 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.small_linalg import eigenvalues2, inverse2, inverse3
+from taxelflow.runtime.compiling import kernel, routine
 
 _LEAST_DISTANCE_M = 1e-3
 """Places closer together than this contain no information on a turn."""

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from taxelflow.acquire.ros.mcap import McapSource
-from taxelflow.addresses import parse_address
-from taxelflow.background.adoption import Adoption
 from taxelflow.errors import AddressInvalid, RecordingTruncated
+from taxelflow.runtime.addresses import parse_address
+from taxelflow.runtime.adoption import Adoption
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
+    from taxelflow.runtime.addresses import Address
 
 ADOPTIONS = "/adoptions"
 """The topic in an MCAP file."""

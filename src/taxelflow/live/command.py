@@ -11,10 +11,10 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from taxelflow import registry
-from taxelflow.addresses import parse_address
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import AddressInvalid, ParameterInvalid
 from taxelflow.estimation.smoothing.parameters import Smoothing
+from taxelflow.runtime.addresses import parse_address
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:

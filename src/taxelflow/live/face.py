@@ -12,12 +12,12 @@ from taxelflow.acquire.base import Recording
 from taxelflow.acquire.devices.base import Arrival, Faults
 from taxelflow.acquire.devices.timeline import Timeline
 from taxelflow.api import estimator
-from taxelflow.background.adoption import AsRecorded, WhenReady
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import TaxelCountWrong
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.messages import RawScans
 from taxelflow.pipeline import Output, Pipeline
+from taxelflow.runtime.adoption import AsRecorded, WhenReady
 from taxelflow.sensors.calibration import Calibration, load_calibration
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.slip.parameters import SlipMonitor
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from taxelflow.background.adoption import Adoption
     from taxelflow.estimation.base import Estimator
+    from taxelflow.runtime.adoption import Adoption
     from taxelflow.sensors.sensor import Sensor
 
 

@@ -19,9 +19,9 @@ from taxelflow.publish.sinks.lines import event_row, object_rows, pad_rows, spat
 from taxelflow.publish.sinks.patient import PatientFile
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
     from taxelflow.messages import RawScans
     from taxelflow.publish.sinks.base import Ending, Head, Update
+    from taxelflow.runtime.addresses import Address
 
 _FLUSH_S = 0.5
 """Time between chunks on disk: half of what may be lost when the process is killed."""

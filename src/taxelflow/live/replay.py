@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.addresses import Address
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 

@@ -20,9 +20,9 @@ from taxelflow.publish.sinks.drawn import nanoseconds
 from taxelflow.publish.sinks.lines import event_row
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
     from taxelflow.messages import RawScans, SpatialMotions
     from taxelflow.publish.sinks.base import Ending, Head, Update
+    from taxelflow.runtime.addresses import Address
 
 _TWIST, _POSE, _TOUCH, _TEXT = (
     "geometry_msgs/msg/TwistWithCovarianceStamped",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from taxelflow.compiling import kernel, routine
+from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import inlined, kernel, routine
+from taxelflow.runtime.compiling import inlined, kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

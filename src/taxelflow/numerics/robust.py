@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import inlined, kernel
+from taxelflow.runtime.compiling import inlined, kernel
 
 OUTLIER = 25.0
 """The most that one reading adds to chi-square: 5 standard deviations, squared."""

@@ -5,7 +5,7 @@ cos, sin: of the angle, anticlockwise from the x axis of the outer frame.
 
 from __future__ import annotations
 
-from taxelflow.compiling import inlined
+from taxelflow.runtime.compiling import inlined
 
 
 @inlined

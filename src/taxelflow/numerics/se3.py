@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import lean_kernel
 from taxelflow.messages import Bools, Floats
+from taxelflow.runtime.compiling import lean_kernel
 
 _SWEEPS = 30
 _NEGLIGIBLE = 1e-30

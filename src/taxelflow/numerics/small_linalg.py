@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import inlined, routine
 from taxelflow.messages import Floats
+from taxelflow.runtime.compiling import inlined, routine
 
 
 @inlined

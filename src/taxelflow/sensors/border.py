@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.messages import Bools, Floats
+from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

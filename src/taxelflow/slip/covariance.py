@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Vector
+from taxelflow.runtime.compiling import routine
 
 
 class Covariance:

@@ -6,9 +6,9 @@ from math import erfc
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, Vector
+from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.slip.covariance import multiply, translation_variance
 from taxelflow.slip.ending import SlideState, start_slide, start_stopped, stop_odds
 from taxelflow.slip.jump import LOAD_JUMP, JumpState, jump_p_value, start_jump, store_rest, track_jump

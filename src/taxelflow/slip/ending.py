@@ -13,9 +13,9 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, Vector
+from taxelflow.runtime.compiling import routine
 from taxelflow.slip.covariance import (
     Cholesky,
     factorize,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.numerics.records import Records
+from taxelflow.runtime.compiling import routine
 
 
 @routine

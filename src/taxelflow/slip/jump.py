@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.messages import LOST
+from taxelflow.runtime.compiling import routine
 from taxelflow.slip.measurement import Measurement, Observation, Parameters
 
 LOAD_JUMP = 0.7

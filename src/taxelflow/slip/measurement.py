@@ -6,9 +6,9 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats, Slips
 from taxelflow.numerics.records import Records, Vector, record_dtype
+from taxelflow.runtime.compiling import routine
 from taxelflow.slip.covariance import Covariance
 
 _UNRESOLVED_FACTOR = 9.0

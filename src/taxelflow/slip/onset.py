@@ -19,8 +19,8 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.numerics.records import Records, Vector
+from taxelflow.runtime.compiling import routine
 from taxelflow.slip.hypotheses import merge_closest, remove
 from taxelflow.slip.measurement import Measurement
 from taxelflow.slip.rest_filter import RestState, correlation_inflation, noise_scale

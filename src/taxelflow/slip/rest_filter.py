@@ -16,9 +16,9 @@ from math import exp
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Vector
+from taxelflow.runtime.compiling import routine
 from taxelflow.slip.covariance import Cholesky, factorize, translation_axes, translation_variance, whiten
 from taxelflow.slip.measurement import Measurement, Parameters
 

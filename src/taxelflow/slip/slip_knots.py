@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.messages import Floats
+from taxelflow.runtime.compiling import kernel, routine
 
 _MOST_SEGMENTS = 12
 _MIN_SEGMENT_SCANS = 3

@@ -17,8 +17,8 @@ from taxelflow.errors import ExtraMissing
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
     from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 PUCKS = (11, 12, 13, 14)

@@ -24,8 +24,8 @@ from taxelflow.errors import AddressInvalid, ExtraMissing
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-    from taxelflow.addresses import Address
     from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 _WAITING = 64

@@ -19,8 +19,8 @@ from taxelflow.errors import AddressInvalid
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
     from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.layout import Indices, Layout
     from taxelflow.sensors.sensor import Sensor
 

@@ -15,8 +15,8 @@ from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSou
 from taxelflow.errors import ExtraMissing
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
     from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 PORT, FIRST, BYTES = 6000, 3000, 2

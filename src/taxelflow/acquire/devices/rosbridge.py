@@ -23,8 +23,8 @@ from taxelflow.errors import AddressInvalid
 
 if TYPE_CHECKING:
     from taxelflow.acquire.ros.kinds import Kind
-    from taxelflow.addresses import Address
     from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 PORT = 9090

@@ -9,7 +9,7 @@ from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSou
 from taxelflow.errors import ExtraMissing
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 _BAUD = 115200

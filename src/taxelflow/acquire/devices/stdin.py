@@ -11,7 +11,7 @@ from taxelflow.acquire.devices.base import POLL_S, Faults
 from taxelflow.acquire.devices.streams import ByteSource, Ended, need_sensor, parser_of
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 _PIECE = 1 << 16

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from typing import Self
 
     from taxelflow.acquire.devices.base import Faults, Parser
-    from taxelflow.addresses import Address
     from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 WAIT_S, TIMEOUT_S = 5.0, 10.0

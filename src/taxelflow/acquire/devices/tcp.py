@@ -12,7 +12,7 @@ from taxelflow.acquire.devices.base import POLL_S, Faults
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource, Ended, need_sensor, parser_of
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 _CONNECT_S = 2.0

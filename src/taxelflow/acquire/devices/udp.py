@@ -12,8 +12,8 @@ from taxelflow.acquire.devices.streams import TIMEOUT_S, ByteSource, need_sensor
 
 if TYPE_CHECKING:
     from taxelflow.acquire.devices.base import Parser
-    from taxelflow.addresses import Address
     from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 _LONGEST_DATAGRAM = 1 << 16

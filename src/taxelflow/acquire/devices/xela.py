@@ -17,8 +17,8 @@ from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, need_s
 from taxelflow.acquire.devices.websocket import WebSocket
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
     from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 PORT = 5000

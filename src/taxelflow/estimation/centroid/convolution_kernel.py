@@ -17,10 +17,10 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.estimation.centroid.records import Pad, Place, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, records
+from taxelflow.runtime.compiling import kernel, routine
 
 
 class NoiseSums:

@@ -6,10 +6,10 @@ from math import erfc
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.estimation.centroid.records import Pad, Place, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
+from taxelflow.runtime.compiling import kernel, routine
 
 _TIE_SIGMAS = 6.0
 """A taxel this many standard deviations below the largest cannot be the largest by noise."""

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.estimation.centroid.records import Pad, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
+from taxelflow.runtime.compiling import kernel, routine
 
 
 class Memory:

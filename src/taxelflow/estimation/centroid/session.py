@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.estimation.centroid.records import Estimate, Row, ScanBlock, pads_of
 from taxelflow.messages import Estimates, Floats, Scans, no_scans
 from taxelflow.numerics.records import Records, records, unknown
+from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.template.observations import across, reach
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.banded import WIDTH, Factor, add_square, smoothness, solve_band
 from taxelflow.numerics.bspline import GAIN, KNOTS, evaluate, gather, spread
+from taxelflow.runtime.compiling import routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import inlined, routine
 from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE
 from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
 from taxelflow.estimation.template.linearization import laid_out
@@ -19,6 +18,7 @@ from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bspline import GAIN, STATE, THETA, X, Y, evaluate
 from taxelflow.numerics.robust import OUTLIER, huber_weight
 from taxelflow.numerics.se2 import rotate_back
+from taxelflow.runtime.compiling import inlined, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

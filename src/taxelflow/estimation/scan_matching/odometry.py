@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.estimation.scan_matching.interpolant import Interpolant, fill_missing, interpolate
 from taxelflow.estimation.scan_matching.matching import (
     DOF,
@@ -45,6 +44,7 @@ from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import eigenvalues2
+from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,10 +6,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import THETA
 from taxelflow.numerics.records import Vector
+from taxelflow.runtime.compiling import routine
 
 _SCALE_ERROR = 0.03
 """Standard deviation of the share by which steps are too long or too short: a spline through taxels is too flat between

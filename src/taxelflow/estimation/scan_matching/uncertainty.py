@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import inlined, routine
 from taxelflow.estimation.scan_matching.interpolant import Interpolant
 from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import solve_band
 from taxelflow.numerics.bspline import GAIN, THETA, X, Y, gather, spread
 from taxelflow.numerics.small_linalg import solve_small
+from taxelflow.runtime.compiling import inlined, routine
 
 _REGULARIZATION = 1e-6
 """Added to the diagonal of H, so that it has an inverse where nothing determines a state."""

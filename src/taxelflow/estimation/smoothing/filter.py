@@ -12,9 +12,9 @@ from typing import Annotated, TypeAlias
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
+from taxelflow.runtime.compiling import kernel, routine
 
 STATES = 6
 State: TypeAlias = Annotated[Floats, 6]

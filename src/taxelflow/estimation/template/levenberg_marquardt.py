@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.template.linearization import linearise
 from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y
 from taxelflow.numerics.small_linalg import mirror, solve_small
+from taxelflow.runtime.compiling import kernel, lean_kernel
 
 _ENOUGH = 1e-2
 """A step that lowers chi-square by less is the last, and not looked at: it is a tenth of a standard deviation, and what

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import inlined, kernel, lean_kernel
 from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import GAIN, SIZE, THETA, X, Y, value_at
 from taxelflow.numerics.robust import OUTLIER
+from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
 PLACE_X, PLACE_Y, COS, SIN, READING, VARIANCE, CEILING, ROWS = range(8)
 """Rows of a scan that is laid out: places, less how far the object has come when the taxel is read; cosine and sine of

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import kernel
 from taxelflow.estimation.template.observations import Readings
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import WIDTH, Factor, add_square, smoothness
 from taxelflow.numerics.bspline import GAIN, KNOTS, evaluate, spread
+from taxelflow.runtime.compiling import kernel
 
 SPACING = 0.5
 """Of the knots, in pitches."""

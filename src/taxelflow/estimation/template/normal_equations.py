@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.observations import Readings
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import WIDTH, add_square
 from taxelflow.numerics.bspline import GAIN, KNOTS, SIZE, STATE, THETA, X, Y, evaluate, spread
 from taxelflow.numerics.robust import OUTLIER, huber_weight
+from taxelflow.runtime.compiling import kernel, lean_kernel
 
 _HUBER = 4.0
 """Standard deviations from which on a reading is held down."""

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import kernel, routine
 from taxelflow.fusion.spatial.pose import Anchor, Body, fit_pose, inherit, set_anchors, start_body
 from taxelflow.fusion.spatial.robust import Verdict
 from taxelflow.fusion.spatial.solve import Contacts, Solution, room
@@ -26,6 +25,7 @@ from taxelflow.fusion.spatial.window import Seen, Velocities, put_under, rates
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.se3 import compose, copy_matrix, count_true
+from taxelflow.runtime.compiling import kernel, routine
 
 _ATTEMPTS = 3
 """Smooth contacts as those of a round object; as knobs on its surface; as the first again if that was not better."""

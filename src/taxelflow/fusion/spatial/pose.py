@@ -12,7 +12,6 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.fusion.reference import UNTOLD_M
 from taxelflow.fusion.spatial.robust import Verdict, solve_robustly
 from taxelflow.fusion.spatial.solve import Contacts, Solution, add_product
@@ -28,6 +27,7 @@ from taxelflow.fusion.spatial.window import Seen, put_under, turned
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.se3 import cholesky, compose, copy_matrix, exponential, invert, multiply
+from taxelflow.runtime.compiling import routine
 
 _ITERATIONS = 4
 """Steps of Gauss-Newton."""

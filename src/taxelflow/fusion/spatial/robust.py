@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import lean_kernel, routine
 from taxelflow.fusion.spatial.solve import Contacts, Solution, solve
+from taxelflow.runtime.compiling import lean_kernel, routine
 
 _SIGMAS = 3.09
 """Normal deviate of 99.9 %: the quantile of chi-square beyond which contacts contradict each other."""

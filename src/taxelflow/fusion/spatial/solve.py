@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import lean_kernel, routine
 from taxelflow.messages import Floats
 from taxelflow.numerics.se3 import eigen_symmetric
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
+from taxelflow.runtime.compiling import lean_kernel, routine
 
 BLIND = 10.0
 """Standard deviation of a direction that is not observable, over the limit of observability."""

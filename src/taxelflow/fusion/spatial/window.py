@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import routine
 from taxelflow.fusion.reference import UNTOLD_M_S
 from taxelflow.messages import Bools, Floats
+from taxelflow.runtime.compiling import routine
 
 _FEWEST = 3
 """Scans through which a line is drawn."""

@@ -12,8 +12,8 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from taxelflow import registry
-from taxelflow.addresses import Address, parse_address
 from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.runtime.addresses import Address, parse_address
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -19,8 +19,8 @@ from taxelflow.live.emulators.streams import Pty
 if TYPE_CHECKING:
     from typing import Self
 
-    from taxelflow.addresses import Address
     from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 _POLL_S = 0.02

@@ -16,8 +16,8 @@ from taxelflow.live.ros2_sink import Ros2Types
 if TYPE_CHECKING:
     from typing import Self
 
-    from taxelflow.addresses import Address
     from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 _TYPE = "tactile_msgs/msg/TactileState"

@@ -12,7 +12,6 @@ from taxelflow.messages import joined, joined_spatial
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from taxelflow.background.adoption import Adoption
     from taxelflow.messages import (
         Bools,
         Contacts,
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
         SpatialMotions,
     )
     from taxelflow.publish.summary import Summary
+    from taxelflow.runtime.adoption import Adoption
     from taxelflow.sensors.sensor import Sensor
 
 

@@ -9,9 +9,9 @@ from taxelflow.publish.sinks.drawn import Drawing, nanoseconds
 from taxelflow.publish.sinks.lines import event_row, object_rows, pad_rows
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
     from taxelflow.messages import RawScans
     from taxelflow.publish.sinks.base import Ending, Head, Update
+    from taxelflow.runtime.addresses import Address
 
 _PORT = 8765
 _BACKLOG = 256

@@ -15,8 +15,8 @@ from taxelflow.publish.sinks.lines import json_lines
 from taxelflow.publish.sinks.patient import PatientFile
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
     from taxelflow.publish.sinks.base import Ending, Head, Update
+    from taxelflow.runtime.addresses import Address
 
 _MOST_WAITING = 1 << 20
 """Bytes held for a client that does not read; lines that would be more are dropped."""

@@ -12,8 +12,8 @@ from taxelflow.publish.parquet import ParquetTables
 from taxelflow.publish.sinks.base import ResultSink, Update
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
     from taxelflow.publish.sinks.base import Ending, Head
+    from taxelflow.runtime.addresses import Address
 
 _GROUP_S = 2.0
 """Time between row groups: small groups read slowly, large ones would hold up the end of a run."""

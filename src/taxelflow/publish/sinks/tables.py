@@ -12,8 +12,8 @@ from taxelflow.publish.sinks.patient import PatientFile
 from taxelflow.publish.tables import Tables
 
 if TYPE_CHECKING:
-    from taxelflow.addresses import Address
     from taxelflow.publish.sinks.base import Ending, Head, Update
+    from taxelflow.runtime.addresses import Address
 
 
 class TablesSink(ResultSink):

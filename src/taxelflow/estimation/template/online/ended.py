@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from concurrent.futures import Future
 
-    from taxelflow.background.worker import Runs
     from taxelflow.messages import LearnedPattern
+    from taxelflow.runtime.worker import Runs
 
     Work = Callable[[], LearnedPattern | None]
 

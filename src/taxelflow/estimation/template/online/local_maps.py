@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.background.adoption import AtFixedTimes
 from taxelflow.estimation.template.map_export import as_map
 from taxelflow.estimation.template.observations import across, delays_of
 from taxelflow.estimation.template.online.ended import Ended
@@ -29,11 +28,12 @@ from taxelflow.messages import no_scans
 from taxelflow.numerics.bspline import GAIN, SIZE, THETA
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import record, records
+from taxelflow.runtime.adoption import AtFixedTimes
 
 if TYPE_CHECKING:
-    from taxelflow.background.adoption import Adopting
     from taxelflow.estimation.template.online.local_map import Learned
     from taxelflow.messages import Bools, Floats
+    from taxelflow.runtime.adoption import Adopting
     from taxelflow.sensors.layout import Layout
 
 _TURN_STD = 0.1

@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from taxelflow.background.adoption import Lane
 from taxelflow.estimation.template.online.map_update import learn
 from taxelflow.numerics.bspline import GAIN, THETA
+from taxelflow.runtime.adoption import Lane
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from taxelflow.background.adoption import Adopting
-    from taxelflow.background.worker import Runs
     from taxelflow.estimation.template.online.local_map import Learned
     from taxelflow.estimation.template.online.starting import Begun
     from taxelflow.messages import Floats
+    from taxelflow.runtime.adoption import Adopting
+    from taxelflow.runtime.worker import Runs
 
 _LIBRARY = 4
 """Patterns of former contacts that a pad remembers."""

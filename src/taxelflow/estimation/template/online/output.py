@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
 from taxelflow.numerics.bspline import GAIN, STATE, THETA
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import eigenvalues2, factor_small, solve_factored
+from taxelflow.runtime.compiling import kernel, lean_kernel
 
 _FAR_OFF = 10.0
 """Chi-square over the usual above which a scan does not fit at all."""

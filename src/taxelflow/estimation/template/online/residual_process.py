@@ -18,13 +18,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.template.linearization import CEILING, READING, VARIANCE, linearise, look_up
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import GAIN, STATE
 from taxelflow.numerics.small_linalg import mirror
+from taxelflow.runtime.compiling import kernel, lean_kernel
 
 _TIME_S, _LENGTH = 1.0, 0.3
 """In which a rest dies away: s, pitches."""

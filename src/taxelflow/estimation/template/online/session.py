@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.background.worker import worker
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.prediction import expected
@@ -30,13 +29,14 @@ from taxelflow.estimation.template.warmup import compile_batch, compile_stream
 from taxelflow.messages import Bools, Estimates, Scans, no_scans
 from taxelflow.numerics.bspline import GAIN, THETA
 from taxelflow.numerics.robust import gate
+from taxelflow.runtime.worker import worker
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from taxelflow.background.adoption import Adopting
-    from taxelflow.background.worker import Runs
     from taxelflow.messages import Floats, LearnedPattern
+    from taxelflow.runtime.adoption import Adopting
+    from taxelflow.runtime.worker import Runs
     from taxelflow.sensors.layout import Layout
 
 _MISTAKEN = 2

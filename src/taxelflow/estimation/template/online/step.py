@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.compiling import brief_kernel
 from taxelflow.estimation.template.online.output import report
 from taxelflow.estimation.template.online.track_state import NOTHING, Hand, Patterns, Rows, Scan, Track
 from taxelflow.estimation.template.online.tracking import follow
 from taxelflow.numerics.records import Records
+from taxelflow.runtime.compiling import brief_kernel
 
 FOLLOW, REPORT, BOTH = range(1, 4)
 """What to do with a scan."""

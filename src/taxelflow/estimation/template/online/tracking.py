@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.compiling import kernel, lean_kernel
 from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
 from taxelflow.estimation.template.linearization import VARIANCE, laid_out, linearise
 from taxelflow.estimation.template.map import Surface
@@ -18,6 +17,7 @@ from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import mirror
+from taxelflow.runtime.compiling import kernel, lean_kernel
 
 _PREDICTED, _AS_BEFORE, _WITH_CENTROID, _LOOSE, _TURNS, _GROWS, _ATTEMPTS = range(7)
 """Ways to register a scan: from where it should be, where it was, where its centroid has gone; with a gain that may

@@ -1,1 +1,0 @@
-"""Work beside a stream of scans, and when its results are put to use."""
