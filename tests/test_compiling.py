@@ -95,9 +95,9 @@ def test_outside_of_the_context_nothing_is_announced(tmp_path: Path) -> None:
 
 def test_two_first_runs_at_once_do_no_harm(tmp_path: Path) -> None:
     both = [started(tmp_path), started(tmp_path)]
-    for process in both:
-        (line,) = lines_of(process)
-        assert "compiling" in line
+    lines = [line for process in both for line in lines_of(process)]
+    assert len(lines) in (1, 2)  # one that starts late finds what the other compiled
+    assert all("compiling" in line for line in lines)
     assert said(tmp_path) == []
 
 
