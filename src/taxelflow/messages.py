@@ -427,9 +427,10 @@ def joined(blocks: Sequence[Joined]) -> Joined:
     first = blocks[0]
     if len(blocks) == 1:
         return first
+    shared = _SHARED if isinstance(first, Scans) else ()
     parts = {
         field.name: getattr(first, field.name)
-        if field.name in _SHARED
+        if field.name in shared
         else _joined_field([getattr(block, field.name) for block in blocks])
         for field in fields(first)
     }

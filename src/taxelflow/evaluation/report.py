@@ -209,7 +209,7 @@ def _moves(tracks: Sequence[Track], ran: Summary) -> list[str]:
 
 
 def _events(events: Sequence[tuple[Event, Shown]], zero_s: float) -> Sheet:
-    heading = ["time s", "pad", "event", "method", "onset s", "speed mm/s", "direction deg", "quality"]
+    heading = ["time s", "pad", "event", "method", "onset s", "path mm", "speed mm/s", "direction deg", "quality"]
     rows = [
         [
             f"{event.t_s - zero_s:.3f}",
@@ -217,6 +217,7 @@ def _events(events: Sequence[tuple[Event, Shown]], zero_s: float) -> Sheet:
             event.event.replace("_", " "),
             result.label,
             _said(event.onset_s - zero_s, ".3f"),
+            _said(1e3 * event.path_m, ".1f"),
             _said(1e3 * event.speed_m_s, ".1f"),
             _said(float(np.degrees(event.direction_rad)), ".0f"),
             event.quality,
