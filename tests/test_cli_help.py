@@ -76,6 +76,15 @@ def test_help_of_a_method_shows_its_own_options(capsys: Capture, option: list[st
     assert "--window-scans" not in helped(capsys, "estimate", "--help")
 
 
+def test_help_texts_flow(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lines of a docstring in the source are no lines of the help."""
+    monkeypatch.setenv("COLUMNS", "2000")
+    said = helped(capsys, "estimate", "--help")
+    assert "of two scans, with rotation), the baselines sum" in said
+    assert "a ROS 2 bag (directory or .db3), or a directory" in said
+    assert "estimate [-h] [ESTIMATE OPTIONS] RECORDING" in said
+
+
 def test_help_of_an_unknown_method(capsys: Capture) -> None:
     assert "did you mean 'lnorm'" in refused(capsys, "estimate", "--method", "lnrom", "--help")
 

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bagged import write_bag
 from synthetic import dome, grid_sensor, recorded
-from taxelflow.api import convert
+from taxelflow.api import convert, recording
 from taxelflow.cli import main
+from taxelflow.sensors.catalogue import load_sensor
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    Capture = pytest.CaptureFixture[str]
+Capture = pytest.CaptureFixture[str]
 
 SENSOR = """name = "plain"
 unit = "Pa"
@@ -90,7 +88,7 @@ def test_times_in_a_wrong_unit_are_told(tmp_path: Path, sensor: Path, capsys: Ca
     convert(recorded(VALUES, PALM, t_s=100.0 * np.arange(70)), tmp_path / "a.csv")
     code, out, err = run(capsys, "info", tmp_path / "a.csv", "--sensor", sensor, "--json")
     assert code == 0
-    assert "a rate of 0.01 Hz is implausible for a tactile sensor: they are likely in ms" in err
+    assert "a rate of 0.01 Hz is implausible for a tactile sensor: the times are likely in ms" in err
     assert json.loads(out)["notes"]
 
 
@@ -121,3 +119,78 @@ def test_an_unindexed_bag_is_one_line_that_says_what_to_run(tmp_path: Path, sens
     assert (code, out) == (2, "")
     assert "run `rosbag reindex a.bag`" in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "options", "says"),
+    [
+        ("a.mcap", "", [], "cannot read a.mcap: the file is empty; record or copy it again"),
+        ("log", "t_s,p0\n", [], "no reader for log: it has no suffix; known are .npz, .csv, "),
+        ("a.csv", "t_s;p0;p1\n0;1;2\n", [], "set --columns.delimiter ';'"),
+        ("a.npz", "PK", ["--columns.time", "t"], "must be left out for .npz recordings: it has no meaning there (got "),
+        ("a.npz", "PK", ["--columns.time", "t"], "(got {'time': 't'})"),
+        ("/dev/null", None, [], "recording /dev/null is a device or pipe; give the path of a regular file"),
+    ],
+)
+def test_what_cannot_be_a_recording_is_named(
+    tmp_path: Path,
+    sensor: Path,
+    capsys: Capture,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    content: str | None,
+    options: list[str],
+    says: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if content is None and not Path(name).exists():
+        pytest.skip("this system has no such device")
+    if content is not None:
+        Path(name).write_text(content)
+    code, out, err = run(capsys, "info", name, "--sensor", sensor, *options)
+    assert (code, out) == (2, "")
+    assert says in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("reading", [np.nan, 0.0])
+def test_a_recording_that_says_nothing_is_reported(
+    tmp_path: Path, sensor: Path, capsys: Capture, reading: float
+) -> None:
+    convert(recorded(np.full((60, 28), reading), PALM), tmp_path / "a.csv")
+    code, out, err = run(capsys, "info", tmp_path / "a.csv", "--sensor", sensor, "--json")
+    assert code == 0
+    assert json.loads(out)["pads"][0]["noise"] is None
+    assert "no contact: no pad was touched in this recording" in err
+
+
+def test_the_threshold_of_contact_decides_which_taxels_were_loaded(
+    tmp_path: Path, sensor: Path, capsys: Capture
+) -> None:
+    convert(recorded(VALUES, PALM), tmp_path / "a.csv")
+    idle = []
+    for threshold in (6.0, 400.0):
+        code, out, _ = run(
+            capsys, "info", tmp_path / "a.csv", "--sensor", sensor, "--condition.contact-on", threshold, "--json"
+        )
+        assert code == 0
+        idle.append(len(json.loads(out)["pads"][0]["idle_taxels"]))
+    assert idle[0] < idle[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "joints", "says"),
+    [
+        ("grid:4x7@10mm", "spread=1", "sensor grid:4x7@10mm has no [hand]: leave --joints out"),
+        ("schunk-sdh2", "sdh_thumb_9_joint=1", "the hand has no joint 'sdh_thumb_9_joint', only sdh_knuckle_joint, "),
+    ],
+)
+def test_joints_that_no_hand_has_are_refused(
+    tmp_path: Path, capsys: Capture, name: str, joints: str, says: str
+) -> None:
+    pytest.importorskip("mujoco")
+    chosen = load_sensor(name)
+    convert(recording(np.arange(20) / 10, np.zeros((20, chosen.layout.taxels)), chosen), tmp_path / "a.npz")
+    code, out, err = run(capsys, "info", tmp_path / "a.npz", "--joints", joints)
+    assert (code, out) == (2, "")
+    assert says in err

@@ -9,13 +9,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import assert_same, dome, grid_sensor, pieces, raw_scans, scans_of, slips_by
+from taxelflow.contacts.features import ContactFeatures
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.messages import Event, cut, joined
+from taxelflow.publish.sinks.base import Update
+from taxelflow.slip.pattern_change import PatternChanges
 
 PALM = grid_sensor(4, 7)
 SCANS = scans_of(PALM, [dome(PALM, x) for x in np.linspace(0, 0.01, 8)], noise=10.0)
 SLIPS = slips_by("convolution", PALM, SCANS)
 CENTROIDS = np.zeros((*SLIPS.contact.shape, 2))
+NONE = np.zeros(SLIPS.contact.shape)
+CONTACTS = ContactFeatures().start(PALM, 6.0, 4.0).step(SCANS).contacts
 BLOCKS = [raw_scans(SCANS.pressure), SCANS, SLIPS, RigidField().start(PALM.layout).step(SLIPS, CENTROIDS)]
 
 
@@ -25,6 +30,24 @@ def test_what_is_cut_and_joined_is_whole_again(block: Any, cuts: list[int]) -> N
     parts = pieces(block, cuts)
     assert sum(len(part) for part in parts) == len(block) == 8
     assert_same(joined(parts), block)
+
+
+def test_blocks_within_a_block_are_joined_field_by_field() -> None:
+    """Lists are chained, None stays None, and a field named `noise` is shared by scans only."""
+    updates = [
+        Update(
+            np.arange(len(part)) + 0.0, part, part.contact, BLOCKS[3], [Event(0.0, "palm", "contact")], CONTACTS, NONE
+        )
+        for part in pieces(SLIPS, [3])
+    ]
+    whole = joined(updates)
+    assert_same(whole.slips, SLIPS)
+    assert whole.arrived_s.tolist() == [0, 1, 2, 0, 1, 2, 3, 4]
+    assert [event.event for event in whole.events] == ["contact"] * 2
+    assert whole.spatial is None
+    assert len(whole.contacts) == 16
+    changes = PatternChanges(*(np.full(shape, 1.0) for shape in (3, 3, *[(3, 2)] * 5)))
+    assert joined([changes, changes]).noise.shape == (6, 2)
 
 
 def test_a_cut_block_looks_into_the_same_memory() -> None:

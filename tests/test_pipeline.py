@@ -228,14 +228,14 @@ def pushed(recording: Recording, method: str, mode: str, size: int) -> Output:
     run = pipeline(method, mode).start(recording)
     raw = recording.load()
     outputs = [run.step(cut(raw, start, start + size)) for start in range(0, len(raw), size)]
-    return Output.joined([*outputs, run.finish()])
+    return joined([*outputs, run.finish()])
 
 
 @both_methods
 @both_modes
 @pytest.mark.parametrize("size", [1, 7, 200])
 def test_scans_that_are_pushed_give_what_reading_gives(method: str, mode: str, size: int, stroke: Recording) -> None:
-    read, pushes = Output.joined(list(pipeline(method, mode).start(stroke))), pushed(stroke, method, mode, size)
+    read, pushes = joined(list(pipeline(method, mode).start(stroke))), pushed(stroke, method, mode, size)
     for stage in ("slips", "motions", "contacts"):
         assert_same(getattr(read, stage), getattr(pushes, stage))
     np.testing.assert_array_equal(read.slipping, pushes.slipping)

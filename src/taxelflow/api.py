@@ -16,9 +16,9 @@ from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.joints import asked_joints
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
-from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingMissing, written_at
+from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingCorrupt, RecordingMissing, written_at
 from taxelflow.estimation.smoothing.parameters import Smoothing
-from taxelflow.messages import RawScans, Scans, joined, joined_spatial
+from taxelflow.messages import RawScans, Scans, joined
 from taxelflow.pipeline import Pipeline
 from taxelflow.publish.summary import Totals
 from taxelflow.result import Result, summarise
@@ -66,6 +66,8 @@ def read(
         raise RecordingMissing(path)
     if suffix not in registry.names("reader"):
         raise FormatUnknown(path, registry.names("reader"))
+    if path.is_file() and not path.stat().st_size:
+        raise RecordingCorrupt(path, "the file is empty", "record or copy it again")
     if sensor is not None and not isinstance(sensor, Sensor):
         sensor = load_sensor(str(sensor))
     if suffix == _PADS_DIRECTORY and not (
@@ -75,7 +77,8 @@ def read(
     opener = registry.find("reader", suffix)
     asked = {name: value for name, value in {"topic": topic, "columns": columns}.items() if value is not None}
     for name in asked.keys() - signature(opener).parameters.keys():
-        raise ParameterInvalid(name, asked[name], f"be left out for {suffix} recordings: it has no meaning there")
+        seen = columns.changed() if columns is not None and name == "columns" else asked[name]
+        raise ParameterInvalid(name, seen, f"be left out for {suffix} recordings: it has no meaning there")
     recording = cast("Recording", opener(path, sensor, **asked))
     return recording if joints is None else replace(recording, joints=asked_joints(joints, recording.sensor))
 
@@ -195,15 +198,16 @@ def estimate(
     for output in run:
         totals.add(output.slips, output.events)
         outputs.append(output)
+    whole = joined(outputs)
     return Result(
         sensor=recording.sensor,
-        slips=joined([output.slips for output in outputs]),
-        slipping=np.concatenate([output.slipping for output in outputs]),
-        motions=joined([output.motions for output in outputs]),
-        events=[event for output in outputs for event in output.events],
+        slips=whole.slips,
+        slipping=whole.slipping,
+        motions=whole.motions,
+        events=whole.events,
         patterns=run.patterns,
         summary=summarise(name, pipeline, run, totals),
-        contacts=joined([output.contacts for output in outputs]),
-        evidence=np.concatenate([output.evidence for output in outputs]),
-        spatial=joined_spatial([output.spatial for output in outputs]),
+        contacts=whole.contacts,
+        evidence=whole.evidence,
+        spatial=whole.spatial,
     )

@@ -14,10 +14,13 @@ import sys
 import typing
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Literal
 
+import docstring_parser
 import tyro
+from docstring_parser import DocstringStyle
 from tyro.conf import Positional
 
 from taxelflow import __version__, registry
@@ -101,7 +104,7 @@ class Convert(Recorded):
     Exit code: 0; 1 if the recording is truncated and only a part could be written; 2 on bad input.
     """
 
-    out: Positional[Path]
+    out: Annotated[Positional[Path], tyro.conf.arg(metavar="OUT")]
     """File to write; its suffix gives the format. With --to lerobot: a directory that is new or empty."""
     to: Literal["lerobot"] | None = None
     """Format that is not a file of its own."""
@@ -135,7 +138,7 @@ class Convert(Recorded):
 class Sensors:
     """List the built-in sensors, or draw one."""
 
-    name: Positional[str | None] = None
+    name: Annotated[Positional[str | None], tyro.conf.arg(metavar="NAME")] = None
     """Name of a built-in sensor, a plain grid (grid:16x16@4mm) or a TOML file to draw."""
     plot: Path | None = None
     """Draw a picture: a .svg, .png or .pdf file, or a directory for NAME.svg. Without a name: all built-in sensors."""
@@ -217,12 +220,27 @@ def _show_method(command: str, method: str) -> None:
     tyro.cli(kind, args=["--help"], prog=f"taxelflow {command} --method {method}")
 
 
+@cache
+def _join_lines_of_help() -> None:
+    """Let help texts flow: tyro keeps a line break of a field's docstring before a line that is indented."""
+    parse = docstring_parser.parse_from_object
+
+    def joined(kind: object, style: DocstringStyle = DocstringStyle.AUTO) -> docstring_parser.Docstring:
+        found = parse(kind, style)
+        for field in found.params:
+            field.description = field.description and " ".join(field.description.split())
+        return found
+
+    docstring_parser.parse_from_object = joined  # type: ignore[assignment]
+
+
 def main(args: list[str] | None = None) -> int:
     """Run one command; errors that were foreseen become one line on stderr and exit code 2."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that lacks a letter shows a mark instead
     logging.basicConfig(format="taxelflow: %(message)s", level=logging.WARNING)
+    _join_lines_of_help()
     args = sys.argv[1:] if args is None else args
     own = args[1:] if args[:1] == ["score"] else []  # a score parses its own words
     try:

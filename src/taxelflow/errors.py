@@ -91,6 +91,8 @@ class RecordingMissing(RecordingError):
                 f"recording {path} is a directory but no ROS 2 bag (it has no metadata.yaml), and no pad has `files` "
                 "in it; give one recording, or estimate all recordings of a directory with `taxelflow batch`"
             )
+        elif path.exists():
+            super().__init__(f"recording {path} is a device or pipe; give the path of a regular file")
         else:
             super().__init__(f"recording {path} does not exist; give the path of a recording")
 
@@ -118,9 +120,9 @@ class FormatUnknown(RecordingError):
     """No reader or writer is registered for the file's suffix."""
 
     def __init__(self, path: Path, known: Iterable[str], part: str = "reader") -> None:
-        super().__init__(
-            f"no {part} for {path}: its suffix is {path.suffix or 'empty'!r}; known are {', '.join(known)}"
-        )
+        seen = f"its suffix is {path.suffix!r}" if path.suffix else "it has no suffix"
+        suffixes = [name for name in known if name.startswith(".")]
+        super().__init__(f"no {part} for {path}: {seen}; known are {', '.join(suffixes)}")
 
 
 class RecordingCorrupt(RecordingError):
@@ -339,7 +341,7 @@ class SinkUnusable(TaxelflowError):
     """A sink could not be opened."""
 
     def __init__(self, url: str, seen: str) -> None:
-        super().__init__(f"cannot open {url}: {seen}; check path, rights and port")
+        super().__init__(f"cannot open {url}: {seen}; check the path, permissions and port")
 
 
 class GraphicsMissing(TaxelflowError):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from math import nan
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from _typeshed import DataclassInstance
+
+    Joined = TypeVar("Joined", bound=DataclassInstance)
     Block = TypeVar(
         "Block",
         "RawScans",
@@ -415,24 +418,32 @@ def no_scans(entries: int, pads: int, scans: int = 0) -> Scans:
     return Scans(np.zeros(scans), np.zeros((scans, entries)), noise, ceiling, untouched, ~untouched)
 
 
-def joined(blocks: Sequence[Block]) -> Block:
-    """One or more blocks of one kind as a single block. Scans must have the same noise and ceiling."""
+def joined(blocks: Sequence[Joined]) -> Joined:
+    """One or more consecutive blocks of one kind as a single block, field by field.
+
+    Arrays and lists are joined, blocks within blocks as well; a field that is None in all stays None. Scans must have
+    the same noise and ceiling.
+    """
     first = blocks[0]
     if len(blocks) == 1:
         return first
+    shared = _SHARED if isinstance(first, Scans) else ()
     parts = {
         field.name: getattr(first, field.name)
-        if field.name in _SHARED
-        else np.concatenate([getattr(block, field.name) for block in blocks])
+        if field.name in shared
+        else _joined_field([getattr(block, field.name) for block in blocks])
         for field in fields(first)
     }
     return type(first)(**parts)
 
 
-def joined_spatial(blocks: Sequence[SpatialMotions | None]) -> SpatialMotions | None:
-    """Consecutive blocks as one; None where the places of the pads are unknown."""
-    known = [block for block in blocks if block is not None]
-    return joined(known) if known else None
+def _joined_field(parts: list[Any]) -> Any:
+    known = [part for part in parts if part is not None]
+    if not known:
+        return None
+    if isinstance(known[0], np.ndarray):
+        return np.concatenate(known)
+    return [item for part in known for item in part] if isinstance(known[0], list) else joined(known)
 
 
 def cut(block: Block, start: int, stop: int) -> Block:

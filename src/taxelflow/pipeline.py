@@ -34,7 +34,6 @@ from taxelflow.messages import (
     Texture,
     cut,
     joined,
-    joined_spatial,
     no_scans,
 )
 from taxelflow.runtime.compiling import announced
@@ -43,7 +42,7 @@ from taxelflow.simulation.warmup import made_up
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator
 
     from taxelflow.acquire.base import Reading, Recording
     from taxelflow.condition.baseline import Baseline
@@ -71,21 +70,6 @@ class Output:
 
     def __len__(self) -> int:
         return len(self.slips)
-
-    @classmethod
-    def joined(cls, outputs: Sequence[Output]) -> Output:
-        """Consecutive blocks, at least one, as a single block."""
-        if len(outputs) == 1:
-            return outputs[0]
-        return cls(
-            joined([output.slips for output in outputs]),
-            np.concatenate([output.slipping for output in outputs]),
-            joined([output.motions for output in outputs]),
-            [event for output in outputs for event in output.events],
-            joined([output.contacts for output in outputs]),
-            np.concatenate([output.evidence for output in outputs]),
-            joined_spatial([output.spatial for output in outputs]),
-        )
 
 
 _warm: set[tuple[object, ...]] = set()
@@ -271,7 +255,7 @@ class Run:
         yield Output(slips, judged.slipping, motions, judged.events, contacts, judged.evidence, spatial)
 
     def _joined(self, outputs: Iterable[Output]) -> Output:
-        return Output.joined([*outputs] or [self._nothing])
+        return joined([*outputs] or [self._nothing])
 
     def _without_scans(self, scans: Scans) -> Output:
         """An output of no scans."""

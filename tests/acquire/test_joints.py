@@ -26,8 +26,8 @@ def test_angles_are_interpolated_and_never_invented() -> None:
 
 
 def test_constant_angles_hold_at_all_times() -> None:
-    joints = asked_joints("a=30deg b=1.5", load_sensor("grid:4x4@4mm"))
-    np.testing.assert_allclose(joints.at(np.array([-5.0, 1e9]), ["b", "a"]), [[1.5, np.pi / 6]] * 2)
+    joints = asked_joints("f1=30deg f2=1.5", load_sensor("barretthand-162"))
+    np.testing.assert_allclose(joints.at(np.array([-5.0, 1e9]), ["f2", "f1"]), [[1.5, np.pi / 6]] * 2)
 
 
 def test_a_named_pose_of_the_hand_is_known_by_its_name() -> None:

@@ -118,7 +118,7 @@ def test_times_in_another_unit_are_guessed(tmp_path: Path, t_s: Any, unit: str) 
     reading = read(tmp_path / "a.csv", SENSOR).blocks()
     assert sum(map(len, reading)) == 50
     (note,) = reading.notes
-    assert f"they are likely in {unit} (--columns.time-unit {unit}" in note
+    assert f"the times are likely in {unit} (--columns.time-unit {unit}" in note
 
 
 def test_a_recording_of_one_scan_is_noted(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from taxelflow.errors import ParameterInvalid
         ({"contact_off": 7.0}, "contact_off must be above 0 and at most contact_on, 6.0 (got 7.0)"),
         ({"contact_off": 0.0}, "contact_off must be above 0 and at most contact_on, 6.0 (got 0.0)"),
         ({"contact_off": -1.0}, "contact_off must be above 0 and at most contact_on, 6.0 (got -1.0)"),
-        ({"contact_on": float("nan")}, "contact_off must be above 0 and at most contact_on, nan (got 4.0)"),
+        ({"contact_on": float("nan")}, "contact_on must be a finite number above 0 (got nan)"),
         ({"contact_off": float("nan")}, "contact_off must be above 0 and at most contact_on, 6.0 (got nan)"),
         ({"tare": "sometimes"}, "tare must be one of auto, none, start (got 'sometimes')"),
         ({"repeats": "perhaps"}, "repeats must be one of drop, keep (got 'perhaps')"),

@@ -59,6 +59,22 @@ def test_methods_of_one_recording_stand_side_by_side(page: str) -> None:
     assert "<h2>stroke.npz</h2>" in page
 
 
+def test_numbers_of_slips_are_those_of_the_summary(page: str, results: list[Path]) -> None:
+    """Terminal, events.csv and report tell one path, that of the fit."""
+    from taxelflow.publish.results import read_result
+
+    for result in results:
+        ran, _ = read_result(result)
+        palm = [contact for contact in ran.contacts if contact.pad == "palm"]
+        path_mm = sum(1e3 * contact.path_m for contact in palm if contact.path_m is not None)
+        seen = [f"{path_mm:.1f}", f"{sum(contact.slip_s for contact in palm):.2f}"]
+        assert path_mm > 0
+        assert seen[0] in cells(page)
+        assert seen[1] in cells(page)
+    titles = [scan["title"] for scan in charts(page)[0]["scans"]]
+    assert any(re.search(r"palm slips [\d.]+ mm in [\d.]+ s by L norm", title) for title in titles)
+
+
 def test_lanes_hold_the_contacts_and_slips_of_the_result(page: str, results: list[Path]) -> None:
     from taxelflow.publish.results import read_result, spans
 

@@ -18,6 +18,7 @@ from taxelflow.live.command import opened_sinks
 from taxelflow.live.face import Live
 from taxelflow.live.loop import Limits, run_live
 from taxelflow.live.replay import Replay
+from taxelflow.messages import joined
 from taxelflow.pipeline import Output
 from taxelflow.runtime.adoption import Adoption, AsRecorded, Lane, Late, WhenReady
 from taxelflow.runtime.worker import Worker
@@ -64,7 +65,7 @@ def _with_workers(beside: Stalled, patched: pytest.MonkeyPatch) -> Live:
 
 def steps(live: Live, begin: int, end: int) -> Output:
     scans = slid()
-    return Output.joined([live.step(float(scans.t_s[k]), scans.values[k]) for k in range(begin, end)])
+    return joined([live.step(float(scans.t_s[k]), scans.values[k]) for k in range(begin, end)])
 
 
 def test_a_loop_goes_on_while_nothing_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ from taxelflow.errors import SourceUnreachable, TaxelCountWrong, TaxelflowError
 from taxelflow.live.face import Live
 from taxelflow.live.loop import Limits
 from taxelflow.live.status import drawn, totals
-from taxelflow.messages import RawScans
+from taxelflow.messages import RawScans, joined
 from taxelflow.pipeline import Output
 from taxelflow.publish.tables import EVENTS
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 def streamed(scans: RawScans) -> Output:
     live = Live(PALM)
     steps = [live.step(t, v) for t, v in zip(scans.t_s.tolist(), scans.values, strict=True)]
-    return Output.joined([*steps, live.finish()])
+    return joined([*steps, live.finish()])
 
 
 def test_scans_over_tcp_come_out_of_every_sink_and_the_mcap_reads_back_bit_equal(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ def test_a_sensor_file_is_read(tmp_path: Path) -> None:
 
 
 def test_whole_numbers_will_do_as_lengths() -> None:
-    parse(GOOD.replace("[0.01, 0.012]", "[1, 1]"))
+    parse(GOOD.replace("[0.01, 0.012]", "[0.01, 0.012]\norigin_m = [1, 0]"))
 
 
 def test_counts_without_a_scale_stay_counts() -> None:

@@ -253,7 +253,7 @@ class Reading:
             return
         units = [name for name, seconds in SECONDS_PER.items() if _LATEST_S / 4 < first_s * seconds < _LATEST_S]
         units += [name for name, seconds in SECONDS_PER.items() if _USUAL_HZ[0] <= rate_hz / seconds <= _USUAL_HZ[1]]
-        likely = f"they are likely in {units[0]}" if units and units[0] != "s" else "check that times are in s"
+        likely = f"the times are likely in {units[0]}" if units and units[0] != "s" else "check that times are in s"
         how = f"--columns.time-unit {units[0]}" if units and units[0] != "s" else "--columns.time-unit"
         self.notes.append(
             f"a rate of {rate_hz:.3g} Hz is implausible for a tactile sensor: {likely} ({how} for a table; else convert"

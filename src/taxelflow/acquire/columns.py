@@ -20,6 +20,10 @@ REMEDY = (
 
 JOINT = "joint:"
 """Beginning of the names of columns with joint angles, in rad."""
+_SEPARATORS = {",": "','", ";": "';'", "\t": "tab", "|": "'|'", " ": "space"}
+"""Separators of fields that a header of one field suggests, as `--columns.delimiter` takes them."""
+_SHOWN = 60
+"""Characters of a header that a message shows."""
 SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of times."""
 
@@ -96,6 +100,10 @@ class Columns:
             raise ParameterInvalid("columns.file", str(self.file), f"be a readable TOML file: {error}") from error
         return replace(from_file, **given)
 
+    def changed(self) -> dict[str, object]:
+        """The fields that differ from their defaults."""
+        return {one.name: getattr(self, one.name) for one in fields(self) if getattr(self, one.name) != one.default}
+
     def find(self, path: Path, names: list[str], *, timed: bool = False) -> tuple[int | None, list[int]]:
         """Numbers of the columns of the time (None if there is none) and of the taxels. Raises RecordingCorrupt.
 
@@ -121,8 +129,10 @@ class Columns:
             return names.index(self.time)
         if self.time.isdecimal() and int(self.time) < len(names):
             return int(self.time)
-        seen = f"no column {self.time!r}: the header starts with {','.join(names[:3])!r}"
-        raise RecordingCorrupt(path, seen[:300], REMEDY)
+        seen = f"no column {self.time!r}: the header starts with {','.join(names[:3])[:_SHOWN]!r}"
+        separator = next((one for one in _SEPARATORS if one in names[0]), None) if len(names) == 1 else None
+        remedy = REMEDY if separator is None else f"set --columns.delimiter {_SEPARATORS[separator]}"
+        raise RecordingCorrupt(path, seen, remedy)
 
     def _ordered(self, path: Path, names: list[str], found: list[int]) -> list[int]:
         if len({re.sub(r"\d+", "#", names[number]) for number in found}) > 1 and self.order is None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import csv
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.errors import ExtraMissing
 from taxelflow.messages import Joints
 from taxelflow.sensors.hand import JointsInvalid, joint_angles
+from taxelflow.sensors.kinematics import hand_model
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +42,20 @@ def asked_joints(given: str, sensor: Sensor) -> Joints:
     pose = None if sensor.hand is None else sensor.hand.pose(given)
     if pose is not None:
         return constant_joints(joint_angles(pose))
-    return read_joints(Path(given)) if given.endswith(".csv") else constant_joints(joint_angles(given))
+    joints = read_joints(Path(given)) if given.endswith(".csv") else constant_joints(joint_angles(given))
+    _check_names(joints, given, sensor)
+    return joints
+
+
+def _check_names(joints: Joints, given: str, sensor: Sensor) -> None:
+    """Raises JointsInvalid for a joint that the sensor's hand lacks; without MuJoCo nothing is known of it."""
+    if sensor.hand is None:
+        raise JointsInvalid(given, f"sensor {sensor.name} has no [hand]: leave --joints out")
+    with suppress(ExtraMissing):
+        known = hand_model(sensor.hand.urdf, sensor.hand.base, sensor.name).joints
+        for name in joints.names:
+            if name not in known:
+                raise JointsInvalid(given, f"the hand has no joint {name!r}, only {', '.join(known)}")
 
 
 def declared_joints(sensor: Sensor) -> Joints | None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
+import tyro
 from tyro.conf import Positional
 
 from taxelflow.acquire.columns import Columns
@@ -35,6 +37,6 @@ class Source:
 class Recorded(Source):
     """Which recording, of which sensor."""
 
-    recording: Positional[Path]
+    recording: Annotated[Positional[Path], tyro.conf.arg(metavar="RECORDING")]
     """Recording to read: .npz, .npy, .h5, .csv, .tsv, .txt, .parquet, .dsa, .mcap, a ROS 1 .bag, a ROS 2 bag
     (directory or .db3), or a directory with one file per pad."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
+import tyro
 from tyro.conf import Positional
 
 from taxelflow.acquire.options import Source
@@ -25,7 +27,7 @@ class Batch(Source, Estimating):
     Exit code: 0 if all are done; 1 if some failed, now or before; 2 on bad input, or if the cluster failed.
     """
 
-    recordings: Positional[tuple[str, ...]]
+    recordings: Annotated[Positional[tuple[str, ...]], tyro.conf.arg(metavar="RECORDING")]
     """Recordings: paths, quoted patterns such as 'runs/**/*.npz', or directories of recordings. Their names without
     suffix must differ."""
     out: Path

@@ -26,7 +26,7 @@ from taxelflow.numerics.records import Records, record, records
 from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -58,15 +58,6 @@ class NewScans:
     def part(self, start: int, stop: int) -> NewScans:
         """Scans `start` to `stop` (excluded), as views."""
         return NewScans(self.t_s[start:stop], self.values[start:stop], self.gap[start:stop])
-
-    @classmethod
-    def joined(cls, parts: Sequence[NewScans]) -> NewScans:
-        """One after the other; at least one."""
-        return cls(
-            np.concatenate([part.t_s for part in parts]),
-            np.concatenate([part.values for part in parts]),
-            np.concatenate([part.gap for part in parts]),
-        )
 
     def __len__(self) -> int:
         return len(self.t_s)

@@ -66,8 +66,8 @@ _RANGE_QUANTILE = 0.995
 """Quantile of the distinct readings that stands for the largest: one glitch is not the sensor's range."""
 MIN_NOISE_SHARE = 1e-4
 """Smallest noise as a share of the range of the readings: no tactile sensor resolves more than 13 bits."""
-_MIN_NOISE = 1e-150
-"""Noise is above 0, and so is its square."""
+UNKNOWN_NOISE = 1e-150
+"""Noise of a sensor whose readings are all alike, without a declared step: above 0, and so is its square."""
 
 
 def estimate_noise(
@@ -93,7 +93,7 @@ def estimate_noise(
     found_step, reach = _step(levels), _range(levels)
     floor = max(_floor(found_step, reach), step / 12**0.5)
     if reach <= 0.0:
-        noise[~masked] = floor if floor > _MIN_NOISE else max(unknown, _MIN_NOISE)
+        noise[~masked] = floor if floor > UNKNOWN_NOISE else max(unknown, UNKNOWN_NOISE)
         return noise
     live[live >= np.broadcast_to(ceiling, masked.shape)] = np.inf  # loaded, by how much is not known
     grid = floor * _GRID_RATIO ** np.arange(1 + max(1.0, np.log(_LARGEST_SHARE * reach / floor) / np.log(_GRID_RATIO)))
@@ -122,7 +122,7 @@ def _without_repeats(live: Floats) -> Floats:
 def noise_floor(readings: Floats) -> float:
     """Standard deviation of the quantisation step found in any array of readings, at least a share of their range."""
     levels = _levels(readings)
-    return _floor(_step(levels), _range(levels)) if len(levels) else _MIN_NOISE
+    return _floor(_step(levels), _range(levels)) if len(levels) else UNKNOWN_NOISE
 
 
 def lowest_reading(windows: Floats) -> float:
@@ -167,7 +167,7 @@ def _step(levels: Floats) -> float:
 
 
 def _floor(step: float, reach: float) -> float:
-    return max(step / 12**0.5, MIN_NOISE_SHARE * reach, _MIN_NOISE)
+    return max(step / 12**0.5, MIN_NOISE_SHARE * reach, UNKNOWN_NOISE)
 
 
 def _rest_likelihood(live: Floats, near: NDArray[np.int64], grid: Floats, cut: float, reach: float) -> Floats:

@@ -16,7 +16,7 @@ from taxelflow.condition.sample import Sample
 from taxelflow.condition.units import SATURATED_SHARE, full_scale, in_si
 from taxelflow.condition.unloaded import falls_under_load, no_contact
 from taxelflow.errors import RecordingError
-from taxelflow.messages import Bools, Floats, RawScans, Scans
+from taxelflow.messages import Bools, Floats, RawScans, Scans, joined
 from taxelflow.numerics.records import Records, records
 from taxelflow.runtime.compiling import kernel, routine
 
@@ -139,7 +139,7 @@ class ConditionSession:
         """The first scans of a stream, if it ended before there were enough for a baseline."""
         if self._held:
             self.sample.close()
-            held, self._held = NewScans.joined(self._held), []
+            held, self._held = joined(self._held), []
             self._estimate_baseline(float(np.median(np.diff(held.t_s))) if len(held) > 1 else float("nan"))
             yield from self._condition(held)
 

@@ -54,9 +54,9 @@ def falls_under_load(windows: Floats, learned: Baseline) -> str:
     The taxels that change least rest at their idle level. Those that change most go from there to one side.
     """
     live = ~learned.masked & np.isfinite(windows).any(axis=(0, 1))
-    readings = windows[:, :, live].reshape(-1, int(live.sum()))
-    if readings.shape[1] < _FEWEST:
+    if live.sum() < _FEWEST:
         return ""
+    readings = windows[:, :, live].reshape(-1, int(live.sum()))
     known = np.isfinite(readings)
     lowest = np.min(readings, axis=0, initial=np.inf, where=known)
     highest = np.max(readings, axis=0, initial=-np.inf, where=known)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from taxelflow.condition.noise import UNKNOWN_NOISE
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.condition.units import full_scale, in_si
 from taxelflow.errors import RecordingError
@@ -114,9 +115,8 @@ def check_up(
 ) -> Checkup:
     """Read a recording once. `watched` may show progress. Raises what reading raises, ParameterInvalid."""
     tally = _Tally(recording)
-    session = (condition or Conditioner()).start(
-        recording.sensor, recording.masked, tally.count(watched(tally.reading))
-    )
+    condition = condition or Conditioner()
+    session = condition.start(recording.sensor, recording.masked, tally.count(watched(tally.reading)))
     if tally.fault is not None:
         raise tally.fault
     counts, learned = session.lookahead_counts, session.baseline
@@ -139,18 +139,25 @@ def check_up(
         jitter_s=counts.step_std_s if rate_hz else None,
         gaps=counts.gaps,
         longest_gap_s=counts.longest_gap_s,
-        pads=[_pad(pad, recording.sensor, learned, tally, seen) for pad in range(recording.layout.pad_count)],
+        pads=[
+            _pad(pad, recording.sensor, learned, tally, seen, condition.contact_on)
+            for pad in range(recording.layout.pad_count)
+        ],
         notes=[*tally.reading.notes, *session.likely_faults(touched=bool(seen.contact_share.any()))],
         loss=str(tally.reading.loss) if tally.reading.loss else None,
     )
 
 
-def _pad(number: int, sensor: Sensor, learned: Baseline, tally: _Tally, seen: _Sampled) -> PadCheckup:
+def _pad(
+    number: int, sensor: Sensor, learned: Baseline, tally: _Tally, seen: _Sampled, contact_on: float
+) -> PadCheckup:
+    """contact_on: in standard deviations of the noise."""
     layout, to_si = sensor.layout, sensor.to_si
     own = layout.of_pad(number)
     live = ~learned.masked[own]
     most, offset, noise = tally.most[own], learned.offset[own], learned.noise[own]
-    touched = most - offset > Conditioner.contact_on * noise
+    touched = most - offset > contact_on * noise
+    typical = float(np.median(noise[live])) if live.any() else UNKNOWN_NOISE
     saturated = most >= full_scale(sensor)[own]
     findings = [found for found in learned.findings if own.start <= found.taxel < own.stop]
     bad = np.isin(np.arange(own.start, own.stop), [found.taxel for found in findings])
@@ -169,7 +176,7 @@ def _pad(number: int, sensor: Sensor, learned: Baseline, tally: _Tally, seen: _S
         masked=int(np.sum(~live)),
         lowest=_finite(tally.lowest[own].min()),
         highest=_finite(tally.highest[own].max()),
-        noise=float(np.median(noise[live])) / to_si if live.any() else None,
+        noise=typical / to_si if typical > UNKNOWN_NOISE else None,
         tared=bool(learned.tared[number]),
         contact_scans=round(seen.contact_share[number] * tally.reading.scans),
         idle_taxels=[own.start + int(k) for k in np.flatnonzero(live & ~touched)],

@@ -9,7 +9,7 @@ import sys
 from dataclasses import dataclass, field, make_dataclass
 from inspect import cleandoc
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from tyro.conf import Positional
@@ -118,7 +118,7 @@ class Info(Recorded):
 class Plot:
     """Draw results: position against time, path over the pads, and one scan in the paper's three views."""
 
-    results: Positional[tuple[Path, ...]]
+    results: Annotated[Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RESULT")]
     """Directories that `taxelflow estimate --out` wrote, of one recording; several methods are drawn together."""
     out: Path | None = None
     """Directory for the pictures; the first result's if left out."""

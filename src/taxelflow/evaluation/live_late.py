@@ -11,8 +11,8 @@ import numpy as np
 from taxelflow.estimation.template.parameters import Template
 from taxelflow.evaluation.pose_errors import FEWEST, without_frame
 from taxelflow.evaluation.strokes import ungrouped
-from taxelflow.messages import LOST, OK
-from taxelflow.pipeline import Output, Pipeline
+from taxelflow.messages import LOST, OK, joined
+from taxelflow.pipeline import Pipeline
 from taxelflow.runtime.adoption import Late
 from taxelflow.simulation.motion import move
 from taxelflow.simulation.scenario import SCENARIOS, Scenario
@@ -58,7 +58,7 @@ def _squares(scenario: Scenario, delay_s: float) -> Floats:
     recording = ungrouped(simulate(scenario))
     pad = recording.layout.pads.index(recording.known_truth.pad)
     run = Pipeline(Template(), "stream").start(recording, Late(delay_s))
-    slips = Output.joined(list(run)).slips
+    slips = joined(list(run)).slips
     pose, quality = slips.pose[:, pad], slips.quality[:, pad]
     true = move(scenario.motion, slips.t_s - np.nan_to_num(slips.lag_s[:, pad]), scenario.seed).pose
     known = np.isfinite(pose[:, :2]).all(axis=1) & (quality == OK)

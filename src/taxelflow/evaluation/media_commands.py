@@ -22,9 +22,9 @@ _METHOD = "convolution"
 class Film:
     """Film a result: pressure on the hand, slip vectors, load and events against time."""
 
-    result: Positional[Path]
+    result: Annotated[Positional[Path], tyro.conf.arg(metavar="RESULT")]
     """Directory that `taxelflow estimate --out` wrote; its recording must still be where it was."""
-    out: Positional[Path]
+    out: Annotated[Positional[Path], tyro.conf.arg(metavar="OUT")]
     """File to write: .gif, or .mp4 (extra `video`)."""
     fps: float = 10.0
     """Frames per second of the film, 1/s."""
@@ -57,7 +57,7 @@ class Film:
 class Report:
     """Write results as one HTML file that opens offline: timeline, trajectories, key scans, health, parameters."""
 
-    results: Positional[tuple[Path, ...]]
+    results: Annotated[Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RESULT")]
     """Directories that `taxelflow estimate --out` wrote: methods of one recording are drawn together, recordings one
     after the other."""
     out: Path = Path("report.html")

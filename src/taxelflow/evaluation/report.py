@@ -15,7 +15,7 @@ from taxelflow.publish.plots.outlines import extent_mm
 from taxelflow.publish.plots.style import look
 from taxelflow.publish.report.charts import hand_chart, result_chart, truth_chart
 from taxelflow.publish.report.page import Report, Section, Sheet, write_report
-from taxelflow.publish.results import Track, read_events, read_result, spans
+from taxelflow.publish.results import Track, read_events, read_result
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -192,26 +192,24 @@ def _counts(ran: Summary, track: Track) -> bool:
 
 def _moves(tracks: Sequence[Track], ran: Summary) -> list[str]:
     """Contacts, slips, path while slipping, its duration and mean speed, shares of poses ok and of border contact."""
-    contacts = sum(len(spans(track.flags["contact"])) for track in tracks)
-    slips = sum(len(spans(track.flags["slipping"])) for track in tracks)
-    path_mm = slip_s = 0.0
+    pads = {track.pad for track in tracks}
+    contacts = [contact for contact in ran.contacts if contact.pad in pads]
+    slips = sum(contact.slips for contact in contacts)
+    path_mm = sum(1e3 * contact.path_m for contact in contacts if contact.path_m is not None)
+    slip_s = sum(contact.slip_s for contact in contacts)
     ok = known = border = touching = 0.0
     for track in tracks:
-        slipping, t_s = track.flags["slipping"], track.numbers["t_s"]
-        step_mm = 1e3 * np.hypot(track.numbers["dx_m"], track.numbers["dy_m"])
-        path_mm += float(np.nansum(step_mm[slipping]))
-        slip_s += float(np.sum(np.diff(t_s, prepend=t_s[0])[slipping]))
         poses = np.isfinite(track.numbers["x_m"])
         ok, known = ok + float((track.flags["ok"] & poses).sum()), known + float(poses.sum())
         count = float(track.flags["contact"].sum())
         border, touching = border + ran.pads[track.pad].border_share * count, touching + count
     speed = f"{path_mm / slip_s:.1f}" if slip_s > 0 else "-"
     shares = [f"{100 * part / all_:.0f}" if all_ else "-" for part, all_ in ((ok, known), (border, touching))]
-    return [str(contacts), str(slips), f"{path_mm:.1f}", f"{slip_s:.2f}", speed, *shares]
+    return [str(len(contacts)), str(slips), f"{path_mm:.1f}", f"{slip_s:.2f}", speed, *shares]
 
 
 def _events(events: Sequence[tuple[Event, Shown]], zero_s: float) -> Sheet:
-    heading = ["time s", "pad", "event", "method", "onset s", "speed mm/s", "direction deg", "quality"]
+    heading = ["time s", "pad", "event", "method", "onset s", "path mm", "speed mm/s", "direction deg", "quality"]
     rows = [
         [
             f"{event.t_s - zero_s:.3f}",
@@ -219,6 +217,7 @@ def _events(events: Sequence[tuple[Event, Shown]], zero_s: float) -> Sheet:
             event.event.replace("_", " "),
             result.label,
             _said(event.onset_s - zero_s, ".3f"),
+            _said(1e3 * event.path_m, ".1f"),
             _said(1e3 * event.speed_m_s, ".1f"),
             _said(float(np.degrees(event.direction_rad)), ".0f"),
             event.quality,

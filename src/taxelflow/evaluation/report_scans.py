@@ -113,7 +113,7 @@ def key_scans(
         return [], "No pad was touched."
     if recording is None:
         return [], _GONE
-    moments = _moments(shown)
+    moments = _moments(shown, shown.label if len(results) > 1 else "")
     left, right, *_ = box_mm(layout, touched)
     wide_mm = right - left
     found = pressure_at(shown.ran, recording, [moment.t_s for moment in moments])
@@ -124,8 +124,8 @@ def key_scans(
     ], "No scan of the recording has the time of a slip."
 
 
-def _moments(shown: Shown) -> list[_Moment]:
-    """In the order of time."""
+def _moments(shown: Shown, label: str) -> list[_Moment]:
+    """In the order of time. label: of the method whose slips these are, where it is not clear."""
     pads = shown.ran.layout.layout.pads[: shown.ran.layout.layout.pad_count]
     tracks = [track for track in shown.tracks if track.pad in pads]
     load = np.sum([np.nan_to_num(track.numbers["load_pa"]) for track in tracks], axis=0)
@@ -133,20 +133,24 @@ def _moments(shown: Shown) -> list[_Moment]:
     largest = int(np.argmax(load))
     busiest = max(tracks, key=lambda track: float(np.nan_to_num(track.numbers["load_pa"][largest])))
     chosen = [_Moment(float(t_s[largest]), busiest.pad, "largest load")]
-    slips = [(track, first, stop) for track in tracks for first, stop in spans(track.flags["slipping"])]
-    slips.sort(key=lambda slip: -_path_mm(*slip))
-    for track, first, stop in slips:
-        middle = float(t_s[(first + stop) // 2 if stop - first > 1 else first])
-        if len(chosen) < _MOST_SCANS and all(abs(middle - moment.t_s) >= _APART_S for moment in chosen):
-            duration_s = t_s[stop - 1] - t_s[max(first - 1, 0)]
-            path_mm = _path_mm(track, first, stop)
-            chosen.append(_Moment(middle, track.pad, f"{track.pad} slips {path_mm:.1f} mm in {duration_s:.2f} s"))
+    slips = [_slip(track, span, shown) for track in tracks for span in spans(track.flags["slipping"])]
+    for _, middle_s, pad, said in sorted(slips, key=lambda slip: -slip[0]):
+        if len(chosen) < _MOST_SCANS and all(abs(middle_s - moment.t_s) >= _APART_S for moment in chosen):
+            chosen.append(_Moment(middle_s, pad, said + (f" by {label}" if label else "")))
     return sorted(chosen)
 
 
-def _path_mm(track: Track, first: int, stop: int) -> float:
-    steps = np.hypot(track.numbers["dx_m"][first:stop], track.numbers["dy_m"][first:stop])
-    return 1e3 * float(np.nansum(steps))
+def _slip(track: Track, span: tuple[int, int], shown: Shown) -> tuple[float, float, str, str]:
+    """Path in m, 0 if unknown, time of the middle scan, pad, and what is said of a slip, as its event tells it."""
+    (first, stop), t_s = span, track.numbers["t_s"]
+    middle_s = float(t_s[(first + stop) // 2 if stop - first > 1 else first])
+    last_s = float(t_s[min(stop, len(t_s) - 1)])
+    for event in shown.events:
+        inside = t_s[first] - SAME_S <= event.t_s <= last_s + SAME_S
+        if event.pad == track.pad and event.event in ("slip_start", "slip_stop") and inside and event.path_m > 0:
+            said = f"{track.pad} slips {1e3 * event.path_m:.1f} mm in {event.duration_s:.2f} s"
+            return event.path_m, middle_s, track.pad, said
+    return 0.0, middle_s, track.pad, f"{track.pad} slips"
 
 
 def _scan(

@@ -120,7 +120,7 @@ class Record(FromSource):
     Exit code: 0; 2 on bad input, or where the source cannot be opened.
     """
 
-    out: Positional[Path]
+    out: Annotated[Positional[Path], tyro.conf.arg(metavar="OUT")]
     """File to write: .mcap."""
 
     def run(self, _rest: list[str]) -> int:

@@ -18,6 +18,7 @@ from taxelflow.acquire.metadata import texts_of
 from taxelflow.live.intake import Intake
 from taxelflow.live.latency import Latencies
 from taxelflow.live.workers import SinkWorker
+from taxelflow.messages import joined
 from taxelflow.pipeline import Output
 from taxelflow.publish.sinks.base import Ending, Head, Update
 from taxelflow.publish.summary import Totals
@@ -191,7 +192,7 @@ class _Estimate:
 
     def _count(self) -> None:
         if self._uncounted:
-            output = Output.joined(self._uncounted)
+            output = joined(self._uncounted)
             self._totals.add(output.slips, output.events)
             self._uncounted.clear()
 

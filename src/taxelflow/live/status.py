@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from taxelflow.live.loop import Report
 
 _ARROWS = "→↗↑↖←↙↓↘"
+_SAME_CLOCK_S = 1e6
+"""Clocks farther apart have different zeros: the offset says nothing."""
 
 
 class StatusScreen:
@@ -124,7 +126,11 @@ def totals(report: Report) -> list[str]:
     offset, drift = intake.timeline.offset_s, intake.timeline.skew.drift_ppm
     if math.isfinite(offset):
         slow = "" if math.isnan(drift) else f", {drift:+.1f} ppm slow against it"
-        lines.append(f"sensor's clock: {offset:.6f} s behind the computer's{slow}")
+        lines.append(
+            f"sensor's clock: {offset:.6f} s behind the computer's{slow}"
+            if abs(offset) < _SAME_CLOCK_S
+            else f"sensor's clock: counts from a time of its own{slow}"
+        )
     return lines
 
 

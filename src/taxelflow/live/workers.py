@@ -179,4 +179,4 @@ def _together(items: list[Update | Raw]) -> Update | Raw:
     raws = [item for item in items if isinstance(item, Raw)]
     if raws:
         return Raw(joined([raw.scans for raw in raws]), raws[0].late)
-    return Update.joined([item for item in items if isinstance(item, Update)])
+    return joined([item for item in items if isinstance(item, Update)])

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 _FORMATS = ("svg", "png", "pdf")
 _FIELD_CAPTION = (
-    "Slip vectors on the hand laid flat, at moments when most pads slip: red where the pad slips, grey where it does "
-    "not; + is the centre of rotation. Taxels are shaded by pressure where the recording is at hand."
+    "Slip vectors on the hand laid flat, at moments when the most pads slip: orange where the pad slips, grey where it "
+    "does not; + is the centre of rotation. Taxels are shaded by pressure where the recording is at hand."
 )
 
 

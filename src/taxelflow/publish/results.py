@@ -13,6 +13,7 @@ import numpy as np
 from taxelflow.errors import ResultMissing
 from taxelflow.messages import OK, QUALITY, Event
 from taxelflow.publish.summary import Summary
+from taxelflow.publish.tables import EVENTS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,7 +26,7 @@ _COLUMNS = (
     "std_theta_rad", "lag_s", "load_pa",
 )
 # fmt: on
-_EVENT_NUMBERS = ("onset_s", "direction_rad", "speed_m_s", "turn_rad_s")
+_EVENT_NUMBERS = tuple(name for name in EVENTS if name not in ("t_s", "pad", "event", "quality"))
 _FLAGS = ("contact", "slipping")
 _PIECE = 1 << 24
 """Characters of a table that are parsed at once."""

@@ -26,6 +26,8 @@ _NORMAL_TOLERANCE = 0.01
 """Largest error of a normal's length: tables are rounded to a few digits."""
 _QUATERNION_TOLERANCE = 1e-3
 """Largest error of a quaternion's length."""
+_LARGEST_PITCH_M = 0.2
+"""Largest pitch of a grid: a mat to walk on has less; more is a pitch in mm."""
 _CURVED_NUMBERS = 6
 """Numbers in a row of a table with normals."""
 _GRID_FIELDS = ("rows", "cols", "missing")
@@ -34,7 +36,12 @@ _GRID_FIELDS = ("rows", "cols", "missing")
 def schema_error(source: str, message: str) -> SensorFileInvalid:
     """An error from msgspec's message `... - at `$.pads[0].rows``, in the terms of TOML."""
     what, _, path = message.partition(" - at `$")
-    seen = what.replace("Object", "table").replace("object", "table").replace("`array`", "a list")
+    seen = (
+        what.replace("Invalid enum value", "Unknown value")
+        .replace("Object", "table")
+        .replace("object", "table")
+        .replace("`array`", "a list")
+    )
     table = re.match(r"\.(pads|groups)\[(\d+)\]", path)
     field = re.sub(r"^\.(pads|groups)\[\d+\]", "", path.rstrip("`")).lstrip(".")
     where = f"table [[{table[1]}]] number {int(table[2]) + 1}" if table else "top level"
@@ -96,6 +103,8 @@ def _of_grid(pad: Pad) -> Iterator[tuple[str, str, str]]:
             yield field, "it is missing or 0", _SCHEMA
     if pad.pitch_m is None:
         yield "pitch_m", "it is missing", _SCHEMA
+    elif max(pad.pitch_m) > _LARGEST_PITCH_M:
+        yield "pitch_m", f"{max(pad.pitch_m):g} m between taxels", "give it in m: 4 mm are 0.004"
     for row, col in pad.missing:
         if row >= pad.rows or col >= pad.cols:
             seen = f"[{row}, {col}] is outside {pad.rows} rows and {pad.cols} cols"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.messages import joined
 from taxelflow.slip.evidence import log_likelihood_ratio, looked_back, updated
 from taxelflow.slip.pattern_change import BEFORE_BINS
 from taxelflow.slip.restless import RestlessPads
@@ -113,7 +114,7 @@ class OfflineOdds:
         while len(self._bins) >= 2 * _CHUNK_BINS:
             parts.append(self._chunk(self._bins[: 2 * _CHUNK_BINS], _CHUNK_BINS, self._bins[_CHUNK_BINS].since_s))
             self._bins = self._bins[_CHUNK_BINS:]
-        return _joined(parts)
+        return joined(parts)
 
     def finish(self) -> Odds:
         """Odds of the scans that `step` has held back."""
@@ -150,7 +151,3 @@ def _log(one: _Bin) -> Floats:
     """Log odds; NaN before any evidence of a contact."""
     with np.errstate(divide="ignore"):
         return np.where(one.odds > 0, np.log(one.odds), np.nan)
-
-
-def _joined(parts: list[Odds]) -> Odds:
-    return Odds(np.concatenate([part.log_odds for part in parts]), np.concatenate([part.restless for part in parts]))

@@ -85,7 +85,7 @@ class SlipStage:
         count = sum(map(len, parts))
         if not count:
             return Judged(posed[:0], np.empty((0, *posed.shape[1:])), self._completed.finish() if last else [])
-        odds = parts[0] if len(parts) == 1 else _joined(parts, Odds)
+        odds = joined(parts)
         slips = joined(self._slips)
         flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
         left = len(slips) > count  # a stream holds nothing back, and copies nothing
@@ -101,16 +101,10 @@ class SlipStage:
 
     def _taken(self, count: int) -> PatternChanges:
         """The oldest changes, of so many scans."""
-        whole = self._changes[0] if len(self._changes) == 1 else _joined(self._changes, PatternChanges)
+        whole = joined(self._changes)
         if len(whole) == count:
             self._changes = []
             return whole
         arrays = [getattr(whole, field.name) for field in fields(whole)]
         self._changes = [PatternChanges(*(array[count:] for array in arrays))]
         return PatternChanges(*(array[:count] for array in arrays))
-
-
-def _joined(parts: list[Block], kind: type[Block]) -> Block:
-    """Blocks of consecutive scans as one."""
-    names = [field.name for field in fields(kind)]
-    return kind(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))

@@ -184,7 +184,7 @@ class _Moving:
         hand.annotate("", xy=tip, xytext=(x, y), arrowprops=arrow)
         place: Any = {"textcoords": "offset points", "fontsize": 7}
         hand.annotate(f"{speed:g} mm/s", (x, y), (0, 4), **place)
-        words.text(0, 0.0, "arrows: red where the pad slips, else grey", fontsize=7, color=INK)
+        words.text(0, 0.0, "arrows: orange where the pad slips, else grey", fontsize=7, color=INK)
 
     def at(self, t_s: float) -> list[tuple[Axes, Any]]:
         """Axes and artists to draw at a time."""

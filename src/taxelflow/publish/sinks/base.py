@@ -5,10 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-
-from taxelflow.messages import joined, joined_spatial
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -46,23 +42,6 @@ class Update:
 
     def __len__(self) -> int:
         return len(self.slips)
-
-    @classmethod
-    def joined(cls, updates: Sequence[Update]) -> Update:
-        """Consecutive updates, at least one, as a single one."""
-        if len(updates) == 1:
-            return updates[0]
-        return cls(
-            np.concatenate([update.arrived_s for update in updates]),
-            joined([update.slips for update in updates]),
-            np.concatenate([update.slipping for update in updates]),
-            joined([update.motions for update in updates]),
-            [event for update in updates for event in update.events],
-            joined([update.contacts for update in updates]),
-            np.concatenate([update.evidence for update in updates]),
-            spatial=joined_spatial([update.spatial for update in updates]),
-            adoptions=[adoption for update in updates for adoption in update.adoptions],
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

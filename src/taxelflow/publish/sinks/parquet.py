@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import SinkUnusable
+from taxelflow.messages import joined
 from taxelflow.publish.parquet import ParquetTables
 from taxelflow.publish.sinks.base import ResultSink, Update
 
@@ -60,7 +61,7 @@ class ParquetSink(ResultSink):
         self._tables.__exit__()
 
     def _write(self) -> None:
-        whole = Update.joined(self._held)
+        whole = joined(self._held)
         self._held, self._written_s = [], time.monotonic()
         self._tables.write(whole.slips, whole.slipping, whole.motions, whole.events, whole.evidence)
 
