@@ -9,7 +9,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.fusion.spatial.parameters import SpatialField
 from taxelflow.geometry import adjoint, se3_exp, se3_inverse, se3_log, se3_of
-from taxelflow.messages import Floats, Slips, SpatialMotions, cut, joined
+from taxelflow.messages import UNRESOLVED, Floats, Slips, SpatialMotions, cut, joined
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 
@@ -188,6 +188,25 @@ def test_one_wrong_pad_of_seven_is_blamed_and_changes_little() -> None:
     assert wrong.blamed[30:, 3].all()
     assert not np.delete(wrong.blamed[30:], 3, axis=1).any()
     assert not right.blamed.any()
+
+
+def test_a_pad_that_sticks_is_blamed_though_its_contact_began_unresolved() -> None:
+    sensor, random = hand(around(7)), np.random.default_rng(4)
+    X = moved(90, np.zeros(6))
+    X[30:] = moved(60, np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.4]))
+    slips = slips_of(sensor, X)
+    slips.pose[:] += random.normal(size=slips.pose.shape) * [1e-5, 1e-5, 1e-3]
+    slips.pose[:4] += random.normal(size=slips.pose[:4].shape) * [1e-3, 1e-3, 0.0]  # while it is pressed on
+    slips.quality[:4] = UNRESOLVED
+    right = fused(sensor, slips)
+    slips.pose[30:, 3] = slips.pose[29, 3]
+    wrong = fused(sensor, slips)
+    for found in (right, wrong):
+        T = np.array([se3_of(pose[:3], pose[3:]) for pose in found.pose[30:]])
+        apart = se3_log(se3_inverse(X[30:]) @ T)
+        assert np.abs(apart - apart[0])[:, :3].max() < 2e-4
+    assert wrong.blamed[35:, 3].all()
+    assert not np.delete(wrong.blamed[35:], 3, axis=1).any()
 
 
 def test_with_three_pads_nobody_can_be_blamed() -> None:

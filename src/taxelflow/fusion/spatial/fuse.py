@@ -248,7 +248,7 @@ def pose_step(
     else:
         pose.rank = 6.0
     find_heights(seen, scan, memory)
-    set_anchors(seen, scan, pose.covariance, memory.anchors, body)
+    set_anchors(seen, scan, pose.covariance, contacts.use, memory.anchors, body)
     out.body[row] = body.pose
 
 

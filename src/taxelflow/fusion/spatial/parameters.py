@@ -26,7 +26,8 @@ class SpatialField:
     length_m: float = 0.05
     """Length by which rotations are compared with translations, about the object's radius, m."""
     edge_doubt: float = 0.3
-    """Share that is added for ambiguous poses at a pad's border, as in `fusion`."""
+    """Share that is added for ambiguous poses at a pad's border, as in `fusion`; of a pitch, too, where a contact is
+    anchored in a scan whose pose is not resolved."""
 
     def __post_init__(self) -> None:
         for name in ("window_s", "edge_doubt"):

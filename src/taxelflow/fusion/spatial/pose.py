@@ -33,6 +33,9 @@ _ITERATIONS = 4
 """Steps of Gauss-Newton."""
 _SMALLEST_STEP = 1e-10
 """In m and rad."""
+_SHARPER = 0.1
+"""Variance of a contact's place, over that of its anchor, below which it is anchored anew: while a contact is pressed
+on, its first scans are often not resolved, and what is anchored there would blur all that follow."""
 
 
 class Anchor:
@@ -196,15 +199,27 @@ def inherit(
 
 
 @routine
-def set_anchors(seen: Seen, scan: int, covariance: Floats, anchors: Records, body: Body) -> None:
-    """Anchor the contacts that are new; covariance: (6, 6), of the body's pose, from the left, at the hand's origin."""
+def set_anchors(seen: Seen, scan: int, covariance: Floats, use: Floats, anchors: Records, body: Body) -> None:
+    """Anchor the contacts that are new, and those that are far better known than when they were anchored.
+
+    covariance: (6, 6), of the body's pose, from the left, at the hand's origin. use: see `Contacts`; who is blamed
+    keeps its anchor.
+    """
     inverse, turn, turned_frame = np.empty((4, 4)), np.zeros((4, 4)), np.empty((4, 4))
     invert(body.pose, inverse)
-    root = np.zeros((6, 6))
+    root, own = np.zeros((6, 6)), np.empty((3, 3))
     rooted = False
     for pad in range(len(anchors)):
         anchor: Anchor = anchors[pad]
-        if seen.known[scan, pad] and not anchor.anchored:
+        if not seen.known[scan, pad]:
+            anchor.anchored = anchor.anchored and seen.held[scan, pad]
+            continue
+        place_covariance(seen, scan, pad, own)
+        own[0, 0] += seen.doubt[scan, pad]
+        own[1, 1] += seen.doubt[scan, pad]
+        was = anchor.covariance
+        sharper = own[0, 0] + own[1, 1] < _SHARPER * (was[0, 0] + was[1, 1]) and use[pad] > 0.0
+        if sharper or not anchor.anchored:
             if body.started and not rooted:
                 factor_in_body(covariance, inverse, root)
                 rooted = True
@@ -216,10 +231,9 @@ def set_anchors(seen: Seen, scan: int, covariance: Floats, anchors: Records, bod
             turn[2, 2] = turn[3, 3] = 1.0
             compose(seen.frames[scan, pad], turn, turned_frame)
             compose(inverse, turned_frame, anchor.frame)
-            place_covariance(seen, scan, pad, anchor.covariance)
+            copy_matrix(own, anchor.covariance)
             copy_matrix(root, anchor.root)
             anchor.anchored = True
-        anchor.anchored = anchor.anchored and seen.held[scan, pad]
     body.started = True
 
 

@@ -1,9 +1,10 @@
 """Which contact is wrong: leave-one-out on top of the weighted solution.
 
 If chi-square is too large, each contact is left out in turn. It is blamed if that explains the contradiction and
-leaving out any other explains it significantly worse; else nobody is, as with three contacts, where leaving out any
-one explains everything. Fewer than a third of the contacts can be blamed: if more contradict, all covariances are
-doubted instead. What remains of the contradiction is for the covariance (`Verdict`).
+leaving out any other explains it significantly worse, by the scatter of those that are left; else nobody is, as with
+three contacts, where leaving out any one explains everything. Fewer than a third of the contacts can be blamed: if
+more contradict, all covariances are doubted instead. What remains of the contradiction is for the covariance
+(`Verdict`).
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ def misfit(contacts: Contacts, rank: int, out: Solution) -> tuple[float, float]:
 @routine
 def most_to_blame(contacts: Contacts, limit: float, rank: int, out: Solution) -> int:
     """The contact without which the others agree, far better than without any other; -1 if there is none."""
-    worst, best, second = -1, np.inf, np.inf
+    worst, best, second, scatter = -1, np.inf, np.inf, 1.0
     for pad in range(len(contacts.use)):
         if contacts.use[pad] > 0.0:
             contacts.use[pad] = 0.0
@@ -89,6 +90,7 @@ def most_to_blame(contacts: Contacts, limit: float, rank: int, out: Solution) ->
                 chi2 = 0.0  # nothing is left to contradict: this one may be to blame as well as any
             if chi2 < best:
                 worst, best, second = pad, chi2, best
+                scatter = max(1.0, chi2 / freedom) if freedom > 0.0 else 1.0
             else:
                 second = min(second, chi2)
-    return worst if second - best > _CLEARLY else -1
+    return worst if second - best > _CLEARLY * scatter else -1

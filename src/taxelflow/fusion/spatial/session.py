@@ -13,7 +13,7 @@ from taxelflow.fusion.spatial.roundness import centres
 from taxelflow.fusion.spatial.twist import Limits, Misfit, Sixfold
 from taxelflow.fusion.spatial.window import Seen, Velocities
 from taxelflow.geometry import quaternion_of
-from taxelflow.messages import AMBIGUOUS, Bools, Floats, SpatialMotions, Texture
+from taxelflow.messages import AMBIGUOUS, UNRESOLVED, Bools, Floats, SpatialMotions, Texture
 from taxelflow.numerics.records import records
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.sensors.surface import PadSurface
@@ -68,12 +68,14 @@ class SpatialSession:
             covariance[~texture.turns, :, 2] = np.nan
             theta[~texture.turns] = np.nan
         known &= held
+        pitch_m = self._layout.pitch_m.max(axis=1)
         now = Seen(
             slips.t_s,
             frames,
             theta,
             covariance,
             noise,
+            (self._asked.edge_doubt * pitch_m * (slips.quality >= UNRESOLVED)) ** 2,
             known,
             held,
             held & (np.isfinite(slips.displacement[..., 0]) | ~known),
@@ -238,6 +240,7 @@ def _nothing_seen(pads: int) -> Seen:
         np.zeros((0, pads)),
         np.zeros((0, pads, 3, 3)),
         np.zeros((0, pads, 3, 3)),
+        np.zeros((0, pads)),
         none,
         none,
         none,

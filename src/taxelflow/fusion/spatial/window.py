@@ -25,7 +25,8 @@ class Seen(NamedTuple):
 
     t_s: (scans,). frames: (scans, pads, 4, 4), contact frames in the hand, axes those of the pad. theta: (scans, pads),
     turn of the contact on its pad, NaN if unknown. covariance: (scans, pads, 3, 3), of the pose in the pad's axes.
-    noise: (scans, pads, 3, 3), the part of it that is independent from scan to scan. known, held: (scans, pads),
+    noise: (scans, pads, 3, 3), the part of it that is independent from scan to scan. doubt: (scans, pads), variance of
+    the place, m^2, if a contact is anchored in a scan that contradicts its method's model. known, held: (scans, pads),
     whether the pose is known, and whether there is contact. kept: (scans, pads), the contact goes on, and where its
     pose is known so is the way from its last one. height: (scans, pads), of the point over its pad, m, filled in by the
     fit of the pose: pads do not tell how deep the object is pressed in. under: (scans, pads, 3), from the contact to
@@ -37,6 +38,7 @@ class Seen(NamedTuple):
     theta: Floats
     covariance: Floats
     noise: Floats
+    doubt: Floats
     known: Bools
     held: Bools
     kept: Bools

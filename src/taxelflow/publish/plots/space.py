@@ -139,6 +139,8 @@ def _draw_field(space: Any, flat: Axes, field: SpaceField, projection: SphereMap
     flat.quiver(
         on_map[:, 0], on_map[:, 1], carried[:, 0], carried[:, 1], color=VERMILION, width=0.007, zorder=5, **arrows
     )
+    flat.update_datalim(on_map + carried)  # which leaves out arrows by itself
+    flat.autoscale_view()
     flat.plot([0], [0], marker="+", color=MAGENTA, markersize=9)
 
 
