@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from browsed import installed_browser, opened
 from rigged import rigged
 from taxelflow import api
@@ -27,11 +29,21 @@ SHOTS = {
     "icub": ("bulb-pull", {"sensor": "icub-forearm"}, "convolution"),
 }
 GRASP = "grasp"
+OBLIQUE = (0.45, -0.75, 0.75)
+"""From there the motion along the hand's axis is seen."""
 REAL = ("sdh", "sdh-dsa/tennisball.dsa", "template")
 
 
-def shoot(recording: Path, method: str, out: Path, *, light: bool, flat: bool = False) -> None:
-    """A picture at the middle of the strongest slip."""
+def shoot(
+    recording: Path,
+    method: str,
+    out: Path,
+    *,
+    light: bool = False,
+    flat: bool = False,
+    direction: tuple[float, float, float] | None = None,
+) -> None:
+    """A picture at the middle of the strongest slip. direction: to the camera, if not the usual one."""
     read = api.read(recording)
     history = History()
     Filling(read, Pipeline(api.estimator(method)), history).fill()
@@ -49,7 +61,8 @@ def shoot(recording: Path, method: str, out: Path, *, light: bool, flat: bool = 
                 page.apply_look()
             browsed.tick()
             camera = browsed.client.camera
-            found = page.scene.frame(page.scene.seen_from(loudest.pad), camera.image_width / camera.image_height)
+            seen_from = page.scene.seen_from(loudest.pad) if direction is None else np.array(direction)
+            found = page.scene.frame(seen_from, camera.image_width / camera.image_height)
             camera.position, camera.look_at = found.position, found.look_at
             note = browsed.tab.get_by_text("Software WebGL")
             note.wait_for()
@@ -74,10 +87,10 @@ def main() -> None:
         if not wanted or GRASP in wanted:
             recording = Path(made) / f"{GRASP}.npz"
             api.convert(simulate_grasp(Grasp()).recording, recording)
-            shoot(recording, "template", folder / f"view-{GRASP}.png", light=False)
+            shoot(recording, "template", folder / f"view-{GRASP}.png", direction=OBLIQUE)
     real = Path(os.environ.get("TAXELFLOW_DATA", "")) / REAL[1]
     if real.is_file() and (not wanted or REAL[0] in wanted):
-        shoot(real, REAL[2], folder / f"view-{REAL[0]}.png", light=False, flat=True)
+        shoot(real, REAL[2], folder / f"view-{REAL[0]}.png", flat=True)
 
 
 if __name__ == "__main__":

@@ -279,7 +279,8 @@ class SpatialMotions:
     observable. twist_covariance: (scans, 6, 6). pose: (scans, 7), [x, y, z, qx, qy, qz, qw] that takes the object's
     points from where they were at first contact. pose_covariance: (scans, 6, 6), of a small motion from the left
     (dx, dy, dz, rotation vector) at the hand's origin. rank, pose_rank: (scans,), observable directions of 6, 0 without
-    contact. blind, pose_blind: (scans, 6, 6), directions that are not observable, as rows; rows of 0 follow.
+    contact. blind, pose_blind: (scans, 6, 6), directions that are not observable, as rows; rows of 0 follow. observed:
+    (scans, 6), the twist less its part along them, without NaN for what they leave unknown.
     blamed: (scans, pads), whether the pad contradicts the others and was left out. contradicted: (scans,), whether
     pads contradict each other and none could be blamed. pads: (scans,), number that contribute to the twist.
     """
@@ -293,6 +294,7 @@ class SpatialMotions:
     pose_rank: NDArray[np.int64]
     blind: Floats
     pose_blind: Floats
+    observed: Floats
     blamed: Bools
     contradicted: Bools
     pads: NDArray[np.int64]

@@ -71,6 +71,7 @@ def motions() -> SpatialMotions:
         pose_rank=np.array([0, 6, 6]),
         blind=unseen,
         pose_blind=np.zeros((3, 6, 6)),
+        observed=np.nan_to_num(twist),
         blamed=blamed,
         contradicted=np.zeros(3, dtype=np.bool_),
         pads=np.array([0, 2, 2]),

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from taxelflow.acquire.base import Recording
+    from taxelflow.pipeline import Output
     from taxelflow.sensors.sensor import Sensor
 
 
@@ -48,7 +49,7 @@ class Filling:
         """The results, block by block."""
         run = self.pipeline.start(self.recording)
         for output in run:
-            self.history.add(Results(output.slips, output.slipping, output.motions, output.evidence), output.events)
+            self.history.add(_results_of(output), output.events)
         self.history.patterns = run.patterns
         self.history.complete = True
 
@@ -56,8 +57,12 @@ class Filling:
         """The results anew, at another rate of false alarms; the old ones are shown until then."""
         self.pipeline = replace(self.pipeline, monitor=replace(self.pipeline.monitor, alarms_per_hour=alarms_per_hour))
         outputs = [*self.pipeline.start(self.recording)]
-        blocks = [Results(one.slips, one.slipping, one.motions, one.evidence) for one in outputs if len(one)]
+        blocks = [_results_of(one) for one in outputs if len(one)]
         self.history.replace(blocks, [event for one in outputs for event in one.events])
+
+
+def _results_of(output: Output) -> Results:
+    return Results(output.slips, output.slipping, output.motions, output.evidence, output.spatial)
 
 
 class Playing:

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.fusion.in_hand import Home, carry
 from taxelflow.fusion.pose import Anchor, Body, follow_pose
-from taxelflow.fusion.reference import UNTOLD_M, UNTOLD_M_S, Reference
+from taxelflow.fusion.reference import Reference
 from taxelflow.fusion.twist import Equations, Row, fuse_twists
 from taxelflow.geometry import rotation
-from taxelflow.messages import AMBIGUOUS, Bools, Floats, Motions, Slips, Texture
+from taxelflow.messages import Bools, Floats, Motions, Slips, Texture
 from taxelflow.numerics.records import records, unknown
 
 if TYPE_CHECKING:
@@ -29,14 +30,12 @@ class FieldSession:
 
     def __init__(self, layout: Layout, edge_doubt: float) -> None:
         """edge_doubt: see `RigidField`."""
-        self._doubt = edge_doubt
         placed: Bools = np.asarray(np.isfinite(layout.T_hand).all(axis=1))
         self._turns = bool(placed.any())  # where no pad has a place, the mean translation is all there is
         home = np.where(placed[:, np.newaxis], layout.T_hand, 0.0)
-        self._used: Bools = layout.independent & (placed if self._turns else True)
-        self._R, self._origin = rotation(home[:, 2]), home[:, :2]
-        self._R_back = self._R.transpose(0, 2, 1)
-        self._pitch_m = layout.pitch_m
+        used: Bools = layout.independent & (placed if self._turns else True)
+        origin, pitch_m = np.ascontiguousarray(home[:, :2]), np.ascontiguousarray(layout.pitch_m)
+        self._home = Home(rotation(home[:, 2]), origin, pitch_m, used, edge_doubt)
         self._anchors, self._body = records(Anchor, len(layout.pads)), records(Body, 1)
         self._scratch = records(Equations, 1)
         self._reference = Reference(len(layout.pads))
@@ -47,17 +46,14 @@ class FieldSession:
         without one every pattern tells all directions.
         """
         point = self._reference.step(slips, centroid, texture)
-        place, place_cov, moved, moved_cov, turn = self._in_hand(slips, point, texture)
+        here, place_cov, moved_cov = carry(slips, point, texture, self._home)
         rows = unknown(Row, len(slips))
-        known: Bools = slips.valid & self._used
         span_s = np.ascontiguousarray(slips.span_s)  # kernels are compiled for one layout only
-        fuse_twists(place, moved, moved_cov, turn, span_s, known, self._turns, self._scratch, rows)
-        held: Bools = slips.contact & self._used
-        told: Bools = np.isfinite(place[..., 0]) & held
-        kept: Bools = held & (np.isfinite(slips.displacement[..., 0]) | ~told)
-        own_turn = _turn(slips.pose, slips.covariance, texture)
+        fuse_twists(here.place, here.moved, moved_cov, here.turn, span_s, here.known, self._turns, self._scratch, rows)
         anchors, body, turns = self._anchors, self._body, self._turns
-        follow_pose(place, place_cov, own_turn, told, kept, turns, anchors, body, self._scratch, rows)
+        follow_pose(
+            here.place, place_cov, here.own_turn, here.told, here.kept, turns, anchors, body, self._scratch, rows
+        )
         return Motions(
             t_s=slips.t_s,
             velocity=rows["velocity"],
@@ -70,44 +66,6 @@ class FieldSession:
             pose_covariance=rows["pose_covariance"],
             pads=rows["pads"].astype(np.int64),
         )
-
-    def _in_hand(
-        self, slips: Slips, point: Floats, texture: Texture | None
-    ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """Places, displacements and their covariances (scans, pads, 2[, 2]) in the hand; turns (scans, pads, 2)."""
-        moved = slips.displacement[..., :2]
-        own = np.empty((2, *slips.contact.shape, 2, 2))
-        own[0], own[1] = slips.covariance[..., :2, :2], slips.displacement_covariance[..., :2, :2]
-        cut_off = slips.border & (slips.quality == AMBIGUOUS)[..., np.newaxis]
-        if cut_off.any():
-            doubt = self._doubt * cut_off
-            most = np.fmax.reduce(
-                np.hypot(moved[..., 0], moved[..., 1]), axis=1, initial=0.0
-            )  # an edge may have hidden
-            along = own.reshape(2, *slips.contact.shape, 4)[..., ::3]
-            along[0] += (doubt * self._pitch_m) ** 2
-            along[1] += (doubt * most[:, np.newaxis, np.newaxis]) ** 2
-        if texture is not None:
-            span_s = np.nan_to_num(slips.span_s)[..., np.newaxis, np.newaxis]
-            own[0] += UNTOLD_M**2 * texture.untold
-            own[1] += (UNTOLD_M_S * span_s) ** 2 * texture.untold
-        place_cov, moved_cov = self._R @ own @ self._R_back
-        return (
-            np.einsum("pij,spj->spi", self._R, point) + self._origin,
-            place_cov,
-            np.einsum("pij,spj->spi", self._R, moved),
-            moved_cov,
-            _turn(slips.displacement, slips.displacement_covariance, texture),
-        )
-
-
-def _turn(vector: Floats, covariance: Floats, texture: Texture | None) -> Floats:
-    """(scans, pads, 2), the turn of (scans, pads, 3) and its variance; NaN where the pattern does not change by it."""
-    turn = np.empty((*vector.shape[:2], 2))
-    turn[..., 0], turn[..., 1] = vector[..., 2], covariance[..., 2, 2]
-    if texture is not None:
-        turn[~texture.turns] = np.nan
-    return turn
 
 
 def nothing(pads: int) -> Slips:

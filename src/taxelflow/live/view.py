@@ -61,7 +61,7 @@ class LiveView:
 
     def write(self, update: Update) -> None:
         """Results."""
-        results = Results(update.slips, update.slipping, update.motions, update.evidence)
+        results = Results(update.slips, update.slipping, update.motions, update.evidence, update.spatial)
         self.history.add(results, update.events)
 
     def tick(self) -> None:

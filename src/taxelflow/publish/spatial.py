@@ -63,13 +63,18 @@ def spatial_values(motions: SpatialMotions, pads: tuple[str, ...]) -> Iterable[l
 
 
 def in_words(blind: Floats) -> list[str]:
-    """Directions (6, 6) of `SpatialMotions.blind`, in words: turns about an axis, translations, screws.
+    """Directions (6, 6) of `SpatialMotions.blind`, in words: turns about an axis, translations, screws."""
+    shifts, turns = basis_of(blind)
+    return [*(_translation(shift) for shift in shifts), *(_turn(motion) for motion in turns)]
 
-    The directions span the motions that cannot be seen; a basis with as many pure translations as possible is named.
+
+def basis_of(blind: Floats) -> tuple[Floats, Floats]:
+    """Pure translations (n, 3), as many as possible, and twists (m, 6) that span directions (6, 6) as in
+    `SpatialMotions.blind`: motions that cannot be seen.
     """
     rows = blind[np.abs(blind).max(axis=1) > 0]
     if not len(rows):
-        return []
+        return np.zeros((0, 3)), np.zeros((0, 6))
     _, sizes, mixed = np.linalg.svd(rows[:, 3:].T)
     turning = int(np.sum(sizes > 1e-6 * max(float(np.abs(rows).max()), 1e-12)))
     basis = mixed @ rows
@@ -78,7 +83,7 @@ def in_words(blind: Floats) -> list[str]:
         free, *_ = np.linalg.svd(shifts.T) if len(shifts) else (np.zeros((3, 0)),)
         span = free[:, : len(shifts)]
         basis[:turning, :3] -= basis[:turning, :3] @ span @ span.T
-    return [*(_translation(shift) for shift in shifts), *(_turn(motion) for motion in basis[:turning])]
+    return shifts, basis[:turning]
 
 
 def _translation(shift: Floats) -> str:

@@ -47,6 +47,11 @@ def kernel(function: Kernel) -> Kernel:
     return _compiled(function, nogil=True)
 
 
+def exact_kernel(function: Kernel) -> Kernel:
+    """A `kernel` that rounds each operation as Python and NumPy do."""
+    return _compiled(function, nogil=True, fastmath=False)
+
+
 def brief_kernel(function: Kernel) -> Kernel:
     """A `kernel` that keeps Python's lock while it runs: for calls of microseconds beside a thread that works."""
     return _compiled(function, nogil=False)
@@ -73,14 +78,16 @@ def lean_kernel(function: Kernel) -> Kernel:
     return cast("Kernel", routine_(function))
 
 
-def _compiled(function: Kernel, *, nogil: bool) -> Kernel:
+def _compiled(function: Kernel, *, nogil: bool, **options: object) -> Kernel:
     folder = _cache_folder(function)
     compile_: Any = numba.njit
     with _setting:  # numba asks for the folder when it is told to cache
         before = _config.CACHE_DIR
         try:
             _config.CACHE_DIR = str(folder) if folder else before
-            compiled = compile_(cache=folder is not None, nogil=nogil, no_cfunc_wrapper=True, **_OPTIONS)(function)
+            compiled = compile_(cache=folder is not None, nogil=nogil, no_cfunc_wrapper=True, **(_OPTIONS | options))(
+                function
+            )
         finally:
             _config.CACHE_DIR = before
     KERNELS.append(compiled)

@@ -18,6 +18,8 @@ from taxelflow.messages import Floats
 from taxelflow.slip.measurement import MIN_STD_M, MIN_STD_RAD, UNOBSERVABLE_M, UNOBSERVABLE_RATIO
 from taxelflow.slip.slip_knots import knots_of
 
+_NORMAL = "ni,nj,nab->iajb"
+"""Normal equations of a linear spline (scans, knots) of several coordinates with weights (scans, axes, axes)."""
 _MAX_CORRELATION = 0.95
 """Upper limit of the estimated autocorrelation, against division by 0."""
 
@@ -116,7 +118,9 @@ def _solve(basis: Floats, moved: Floats, weight: Floats) -> tuple[Floats, Floats
     """Positions at the knots (knots, axes), their covariance (knots * axes, knots * axes), and chi-square."""
     knots, axes = basis.shape[1], moved.shape[1]
     weighted = np.einsum("nab,nb->na", weight, moved)
-    normal = np.einsum("ni,nj,nab->iajb", basis, basis, weight, optimize=True).reshape(knots * axes, knots * axes)
+    terms = (_NORMAL, basis, basis, weight)
+    path, _ = np.einsum_path(*terms, optimize="greedy")  # found here, einsum takes half the time
+    normal = np.einsum(*terms, optimize=path).reshape(knots * axes, knots * axes)
     right = (basis.T @ weighted).reshape(-1)
     inverse = np.linalg.inv(normal)
     solution = inverse @ right

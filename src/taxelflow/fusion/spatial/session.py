@@ -177,12 +177,14 @@ class SpatialSession:
         )
 
     def _motions(self, t_s: Floats, out: Written) -> SpatialMotions:
-        twist, rank = out.twists["value"].copy(), out.twists["rank"].astype(np.int64)
+        observed, rank = out.twists["value"].copy(), out.twists["rank"].astype(np.int64)
         deviation = np.sqrt(np.diagonal(out.twists["covariance"], axis1=1, axis2=2))
         worst = _MOST_STD * self._limits.twist_m_s * np.array([1.0] * 3 + [1.0 / self._limits.length_m] * 3)
         partly: Bools = np.asarray(rank < 6)
         none: Bools = np.asarray(out.pads == 0)
-        twist[(deviation > worst) & partly[:, np.newaxis] | none[:, np.newaxis]] = np.nan
+        observed[none] = np.nan
+        twist = observed.copy()
+        twist[(deviation > worst) & partly[:, np.newaxis]] = np.nan
         known = np.isfinite(out.body[:, 0, 0])
         pose = np.full((len(t_s), 7), np.nan)
         pose[known, :3] = out.body[known, :3, 3]
@@ -197,6 +199,7 @@ class SpatialSession:
             pose_rank=out.poses["rank"].astype(np.int64),
             blind=out.twists["blind"].copy(),
             pose_blind=out.poses["blind"].copy(),
+            observed=observed,
             blamed=out.blamed,
             contradicted=out.contradicted,
             pads=out.pads.astype(np.int64),

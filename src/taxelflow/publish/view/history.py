@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from taxelflow.messages import cut, joined
+from taxelflow.messages import cut, joined, joined_spatial
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from taxelflow.messages import Bools, Event, Floats, LearnedPattern, Motions, Slips
+    from taxelflow.messages import Bools, Event, Floats, LearnedPattern, Motions, Slips, SpatialMotions
 
 SAME_S = 1e-6
 """Times closer than this are of one scan."""
@@ -35,6 +35,7 @@ class Results(NamedTuple):
     slipping: Bools
     motions: Motions
     evidence: Floats
+    spatial: SpatialMotions | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,8 +178,10 @@ def _joined_scans(blocks: Sequence[Seen]) -> Seen:
 
 
 def _joined_results(blocks: Sequence[Results]) -> Results:
-    slips, slipping, motions, evidence = zip(*blocks, strict=True)
-    return Results(joined(slips), np.concatenate(slipping), joined(motions), np.concatenate(evidence))
+    slips, slipping, motions, evidence, spatial = zip(*blocks, strict=True)
+    return Results(
+        joined(slips), np.concatenate(slipping), joined(motions), np.concatenate(evidence), joined_spatial(spatial)
+    )
 
 
 def _rows(results: Results, first: int, last: int) -> Results:
@@ -187,4 +190,5 @@ def _rows(results: Results, first: int, last: int) -> Results:
         results.slipping[first:last],
         cut(results.motions, first, last),
         results.evidence[first:last],
+        None if results.spatial is None else cut(results.spatial, first, last),
     )

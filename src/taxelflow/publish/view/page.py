@@ -37,6 +37,9 @@ _RENDER = (1080, 1920)
 class Page:
     """A hand in the browser. Raises ExtraMissing without viser.
 
+    Browsers call from threads of their own; the scene is changed by one thread at a time, or an older one of two
+    pictures could be drawn over the newer one, and stay.
+
     url: where the page is. player: what is shown when. draws: how often the scene was drawn.
     """
 
@@ -58,6 +61,7 @@ class Page:
         except ImportError as error:
             raise ExtraMissing("view", "viser") from error
         self.player, self._history = Player(), histories[0]
+        self._drawing = threading.RLock()
         self._methods = {history.method: history for history in histories}
         with redirect_stdout(StringIO()):  # viser prints a banner, and our own line says where the page is
             self._server: Any = viser.ViserServer(host=host, port=port, label="taxelflow", verbose=False)
@@ -117,11 +121,12 @@ class Page:
         """Draw the scene alone at a time, and write the time beside the scales."""
         self.player.extend(*self.span_s)
         self.player.seek(at_s)
-        self._scale_once()
-        snapshot = self._snapshot()
-        if snapshot is not None:
-            self.scene.legend.tell(f"{snapshot.t_s - self.player.first_s:.2f} s")
-            self._draw(snapshot)
+        with self._drawing:
+            self._scale_once()
+            snapshot = self._snapshot()
+            if snapshot is not None:
+                self.scene.legend.tell(f"{snapshot.t_s - self.player.first_s:.2f} s")
+                self._draw(snapshot)
 
     def direction(self) -> Any:
         """(3,), from which the scene that is shown is seen best."""
@@ -129,6 +134,10 @@ class Page:
 
     def tick(self, now_s: float, elapsed_s: float) -> None:
         """Advance by the time that has passed; draw if that changes what is shown."""
+        with self._drawing:
+            self._tick(now_s, elapsed_s)
+
+    def _tick(self, now_s: float, elapsed_s: float) -> None:
         times = self._history.times
         if not len(times):
             return
@@ -138,7 +147,7 @@ class Page:
         snapshot = self._snapshot()
         if snapshot is None:
             return
-        self._scale_once()
+        self._scale_once(now_s)
         chosen, decided = (self.panel.method.value, self.panel.second.value), [*map(_progress, self._methods.values())]
         shown = (snapshot.t_s, snapshot.results is None, len(times), chosen, decided)
         if shown != self._shown:
@@ -159,7 +168,7 @@ class Page:
 
     def _draw(self, snapshot: Snapshot) -> None:
         self.draws += 1
-        trail = self._results(snapshot.t_s - SHOWN_S, snapshot.t_s) if self.scene.motion else None
+        trail = self._results(snapshot.t_s - SHOWN_S, snapshot.t_s) if self.scene.follows else None
         self.scene.show(snapshot, trail, self._compared(snapshot.t_s, snapshot.t_s))
 
     def _tell(self, snapshot: Snapshot, times: Any) -> None:
@@ -189,12 +198,13 @@ class Page:
         second = self._methods.get(self.panel.second.value)
         return None if second is None or second is self._chosen else second.within(from_s, to_s)
 
-    def _scale_once(self) -> None:
+    def _scale_once(self, now_s: float = 0.0) -> None:
         """Choose the scales from what is known: of pressure with the first scans, of speed with all results."""
         by_pressure, by_speed = self._scaled
         complete = self._history.complete
         if self.player.following:
-            self._scale_up()
+            if not by_pressure or now_s - self._plotted_s >= _PLOT_S:
+                self._scale_up()
             return
         if by_pressure and (by_speed or not complete):
             return
@@ -218,10 +228,11 @@ class Page:
 
     def apply_look(self) -> None:
         """Draw with the theme and scales that the panel holds."""
-        theme = LIGHT if self.panel.light.value else DARK
-        self._server.gui.configure_theme(dark_mode=theme.dark, show_logo=False, show_share_button=False)
-        top, ring_m_s = self.panel.scales
-        self.scene.configure(theme=theme, top=top, ring_m_s=ring_m_s)
+        with self._drawing:
+            theme = LIGHT if self.panel.light.value else DARK
+            self._server.gui.configure_theme(dark_mode=theme.dark, show_logo=False, show_share_button=False)
+            top, ring_m_s = self.panel.scales
+            self.scene.configure(theme=theme, top=top, ring_m_s=ring_m_s)
 
     def _face(self, event: Any) -> None:
         """Move the user's camera to where the pad of the plots, or else the most loaded one, is seen best."""
@@ -229,7 +240,8 @@ class Page:
             return
         pad = self._loaded_pad() if self.panel.pad.value == OBJECT else self.panel.pad.value
         camera = event.client.camera
-        found = self.scene.frame(self.scene.facing(pad), camera.aspect)
+        with self._drawing:
+            found = self.scene.frame(self.scene.facing(pad), camera.aspect)
         with event.client.atomic():
             camera.position, camera.look_at = found.position, found.look_at
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from taxelflow.messages import QUALITY
+from taxelflow.publish.spatial import in_words
 from taxelflow.publish.view.charts import Charts
 from taxelflow.publish.view.palette import DARK, ramp
 from taxelflow.publish.view.placement import WORDS
@@ -109,7 +110,7 @@ class Panel:
             gui.add_markdown(
                 "Light of a pad: green contact, orange slip. Arrow: velocity of the object relative to the skin; "
                 "grey where the pose is not ok; none within 3 standard deviations of 0; blue: of the method that is "
-                "compared. Magenta: motion of the object."
+                "compared. Magenta: motion of the object; grey lines: directions in which its contacts do not show it."
             )
 
     def on_look(self, changed: Callable[[], None]) -> None:
@@ -200,8 +201,15 @@ def _table(pads: tuple[str, ...], results: Results | None, scale: float, unit: s
         state = "**slip**" if results.slipping[0, pad] else "rest"
         quality = QUALITY[slips.quality[0, pad]] or "no pose"
         rows.append(f"| {pads[pad]} | {state} | {known} | {_load(slips.load[0, pad] * scale)} | {quality} |")
+    spatial = results.spatial
+    blind = [] if spatial is None or not spatial.pads[0] else in_words(spatial.blind[0])
+    unseen = "".join(f"  \n_not observable: {words}_" for words in blind)
     more = f"\n\n{len(touched) - len(most)} more pads in contact" if len(touched) > len(most) else ""
-    return "\n".join([f"| pad | state | mm/s | {unit} | quality |", "|---|---|---|---|---|", *rows]) + more
+    return (
+        "\n".join([f"| pad | state | mm/s | {unit} | quality |", "|---|---|---|---|---|", *rows])
+        + more
+        + (f"\n{unseen}" if unseen else "")
+    )
 
 
 def _load(value: float) -> str:

@@ -20,6 +20,7 @@ from taxelflow.publish.view.object_motion import ObjectMotion
 from taxelflow.publish.view.palette import DARK, GREEN, GREY, VERMILION, Theme, ramp, round_up
 from taxelflow.publish.view.placement import IN_SPACE, placed, spots_in_space, spots_of
 from taxelflow.publish.view.plates import plates_of
+from taxelflow.publish.view.space_motion import SpaceMotion
 from taxelflow.publish.view.vectors import Field
 
 if TYPE_CHECKING:
@@ -76,7 +77,8 @@ class Scene:
         self._arrows = Arrows(server, "/slip", entries, size, rings=True)
         self._compared = Arrows(server, "/compared", entries, size, wide=0.7, rings=False) if compares else None
         self.legend = Legend(server)
-        self.motion = ObjectMotion(server, size) if self.placement.flat else None
+        self._motion = ObjectMotion(server, size) if self.placement.flat else None
+        self._in_space = SpaceMotion(server, size) if self.placement.spatial else None
         self._field = Field(self.layout, self.placement)
         self._axes = picture_axes(self._front() if self.placement.spatial else np.array([0.0, 0.0, 1.0]))
         self._put()
@@ -116,11 +118,16 @@ class Scene:
             vectors = self._field.vectors(snapshot.pressure, results)
             self._arrows.draw(vectors, self._colours(results, self.theme.line), self._per_speed_s, raised_m)
             if self._compared is not None:
-                vectors = self._field.vectors(snapshot.pressure, compared)
+                others = self._field.vectors(snapshot.pressure, compared)
                 colours = self._colours(compared, self.theme.second)
-                self._compared.draw(vectors, colours, self._per_speed_s, raised_m + 0.3 * self._high)
-            if self.motion is not None:
-                self.motion.show(results, trail, self._high * (1.3 + _RAISED), self._per_speed_s)
+                self._compared.draw(others, colours, self._per_speed_s, raised_m + 0.3 * self._high)
+            if self._motion is not None:
+                self._motion.show(results, trail, self._high * (1.3 + _RAISED), self._per_speed_s)
+            if self._in_space is not None:
+                touched = vectors.start[vectors.touched]
+                middle = touched.mean(axis=0) if len(touched) else np.full(3, np.nan)
+                now, before = (None if one is None else one.spatial for one in (results, trail))
+                self._in_space.show(now, before, middle, self._per_speed_s)
 
     def frame(self, direction: Floats, aspect: float) -> Camera:
         """Place the camera of browsers that open later, and the scales, for a view from a direction (3,)."""
@@ -151,6 +158,11 @@ class Scene:
         own = self.layout.of_pad(self.layout.pads.index(pad))
         direction: Floats = self.placement.normal[self.layout.source[own]].mean(axis=0)
         return np.asarray(direction + _OVER)
+
+    @property
+    def follows(self) -> bool:
+        """Whether the object's motion is drawn, and its path over the last seconds with it."""
+        return self._motion is not None or self._in_space is not None
 
     @property
     def _per_speed_s(self) -> float:

@@ -7,7 +7,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from taxelflow.geometry import quaternion_of
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from taxelflow.messages import Floats
 
 NONE = 1e-9
@@ -16,6 +20,10 @@ NONE = 1e-9
 
 _SPARE, _LEAST = 0.95, 0.4
 """Of a solid inside a skin: its size over that at which it would touch a taxel, and its least size over the skin's."""
+
+
+_ROUND = 24
+"""Sections of a turned solid."""
 
 
 class Shape(NamedTuple):
@@ -27,30 +35,31 @@ class Shape(NamedTuple):
 
 def box() -> Shape:
     """A cube that stands on the origin."""
-    import trimesh
-
-    return _standing(trimesh.creation.box((1.0, 1.0, 1.0)), 0.5)
+    x, y, z = np.meshgrid((-0.5, 0.5), (-0.5, 0.5), (0.0, 1.0), indexing="ij")
+    corners = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
+    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # anticlockwise
+    return Shape(corners, np.array([(side[0], *pair) for side in sides for pair in (side[1:3], side[2:])]))
 
 
 def disc() -> Shape:
     """A cylinder of diameter 1 that stands on the origin."""
-    import trimesh
+    return _turned(((0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (0.0, 1.0)), _ROUND)
 
-    return _standing(trimesh.creation.cylinder(0.5, 1.0, sections=24), 0.5)
+
+def ball() -> Shape:
+    """A sphere of diameter 1 around the origin."""
+    lean = np.linspace(-np.pi / 2, np.pi / 2, _ROUND // 2 + 1)
+    return _turned(tuple(zip((0.5 * np.cos(lean)).tolist(), (0.5 * np.sin(lean)).tolist(), strict=True)), _ROUND)
 
 
 def cone() -> Shape:
     """A cone of diameter 1 that stands on the origin, tip up."""
-    import trimesh
-
-    return _standing(trimesh.creation.cone(0.5, 1.0, sections=24), 0.0)
+    return _turned(((0.0, 0.0), (0.5, 0.0), (0.0, 1.0)), _ROUND)
 
 
 def ring(inner: float) -> Shape:
     """A flat ring of radius 1. inner: radius of its hole."""
-    import trimesh
-
-    return _standing(trimesh.creation.annulus(inner, 1.0, 1e-3, sections=64), 0.0)
+    return _turned(((inner, 0.0), (1.0, 0.0), (1.0, 1e-3), (inner, 1e-3), (inner, 0.0)), 64)
 
 
 def inside(points: Floats) -> Shape | None:
@@ -81,16 +90,27 @@ def standing(normal: Floats) -> Floats:
 
 def along(normal: Floats, x_axis: Floats) -> Floats:
     """(n, 4), quaternions w, x, y, z of frames with z along the normals (n, 3) and x near the directions (n, 3)."""
-    from scipy.spatial.transform import Rotation
-
     z = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     x = x_axis - (x_axis * z).sum(axis=1, keepdims=True) * z
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     frames = np.stack([x, np.cross(z, x), z], axis=2)
-    quaternions: Floats = Rotation.from_matrix(frames).as_quat()[:, (3, 0, 1, 2)]
+    quaternions: Floats = quaternion_of(frames)[:, (3, 0, 1, 2)]
     return quaternions
 
 
-def _standing(mesh: Any, lift: float) -> Shape:
-    mesh.apply_translation((0.0, 0.0, lift))
-    return Shape(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+def _turned(outline: Sequence[tuple[float, float]], sections: int) -> Shape:
+    """An outline of (radius, height), with its solid to the left, turned about the z axis."""
+    radius, height = np.array(outline).T
+    turn = 2 * np.pi * np.arange(sections) / sections
+    places = np.stack(
+        np.broadcast_arrays(radius * np.cos(turn)[:, np.newaxis], radius * np.sin(turn)[:, np.newaxis], height), axis=2
+    )
+    count = len(outline)
+    here = np.arange(sections)[:, np.newaxis] * count + np.arange(count - 1)
+    there = (here + count) % (sections * count)
+    quads = np.stack([here, there, there + 1, here + 1], axis=2).reshape(-1, 4)
+    vertices = places.reshape(-1, 3)
+    faces = quads[:, [(0, 1, 2), (0, 2, 3)]].reshape(-1, 3)
+    sides = vertices[faces]
+    area = np.linalg.norm(np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0]), axis=1)
+    return Shape(vertices, faces[area > 1e-12 * area.max()])  # those at the axis have none

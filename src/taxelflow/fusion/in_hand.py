@@ -1,0 +1,118 @@
+"""Slips in the hand's frame: where contacts lie and how they move there, with covariances; which of them count.
+
+Each operation is rounded as in the equations, which a test holds in NumPy: so results do not depend on how many pads
+are worked on at once.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from taxelflow.fusion.reference import UNTOLD_M, UNTOLD_M_S
+from taxelflow.messages import AMBIGUOUS
+from taxelflow.runtime.compiling import exact_kernel
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Bools, Bytes, Floats, Slips, Texture
+
+
+class Home(NamedTuple):
+    """Where pads are in the hand. R: (pads, 2, 2). origin, pitch: (pads, 2), m. used: (pads,), whether it counts.
+
+    doubt: see `RigidField.edge_doubt`.
+    """
+
+    R: Floats
+    origin: Floats
+    pitch: Floats
+    used: Bools
+    doubt: float
+
+
+class Carried(NamedTuple):
+    """place, moved: (scans, pads, 2), of the contact's point and of its motion in the hand. turn, own_turn: (scans,
+    pads, 2), of the motion and of the pose, with its variance; NaN where the pattern does not change by it. known,
+    told, kept: (scans, pads), the motion is known, the place is, and contact goes on with all of its way known.
+    """
+
+    place: Floats
+    moved: Floats
+    turn: Floats
+    own_turn: Floats
+    known: Bools
+    told: Bools
+    kept: Bools
+
+
+def carry(slips: Slips, point: Floats, texture: Texture | None, home: Home) -> tuple[Carried, Floats, Floats]:
+    """What slips are in the hand, with covariances (scans, pads, 2, 2) of place and motion. point: (scans, pads, 2)."""
+    shape = slips.contact.shape
+    room = np.empty((4, *shape, 2))
+    flags = np.empty((3, *shape), dtype=np.bool_)
+    out = Carried(room[0], room[1], room[2], room[3], flags[0], flags[1], flags[2])
+    own = np.empty((2, *shape, 2, 2))
+    told = texture is not None
+    turns, untold = (texture.turns, texture.untold) if texture is not None else (slips.contact, own[0])
+    seen = (slips.displacement, slips.displacement_covariance, slips.pose, slips.covariance)
+    marks = (slips.contact, slips.border, slips.quality)
+    fill_carried(seen, marks, np.ascontiguousarray(slips.span_s), point, told, (turns, untold), home, own, out)
+    covariances = home.R @ own @ home.R.transpose(0, 2, 1)
+    return out, covariances[0], covariances[1]
+
+
+@exact_kernel
+def fill_carried(
+    seen: tuple[Floats, Floats, Floats, Floats],
+    marks: tuple[Bools, Bools, Bytes],
+    span_s: Floats,
+    point: Floats,
+    judged: bool,
+    texture: tuple[Bools, Floats],
+    home: Home,
+    own: Floats,
+    out: Carried,
+) -> None:
+    """Fill what is carried, and the covariances own (2, scans, pads, 2, 2) of place and motion in the pads' axes.
+
+    seen: displacement and pose (scans, pads, 3), each with its covariance (scans, pads, 3, 3). marks: contact, border
+    and quality. judged: whether there is a texture: turns and untold.
+    """
+    moved, moved_cov, pose, pose_cov = seen
+    contact, border, quality = marks
+    turns, untold = texture
+    scans, pads = contact.shape
+    most = np.zeros(scans)  # a border may have hidden so much motion
+    for row in range(scans * pads):
+        scan, pad = row // pads, row % pads
+        most[scan] = np.fmax(most[scan], np.hypot(moved[scan, pad, 0], moved[scan, pad, 1]))
+    for row in range(scans * pads):
+        scan, pad = row // pads, row % pads
+        R, span_ = home.R[pad], span_s[scan, pad]
+        span = 0.0 if np.isnan(span_) else span_
+        for a in range(2):
+            out.place[scan, pad, a] = (
+                0.0 + R[a, 0] * point[scan, pad, 0] + R[a, 1] * point[scan, pad, 1] + home.origin[pad, a]
+            )
+            out.moved[scan, pad, a] = 0.0 + R[a, 0] * moved[scan, pad, 0] + R[a, 1] * moved[scan, pad, 1]
+        for k in range(4):
+            a, b = k // 2, k % 2
+            own[0, scan, pad, a, b] = pose_cov[scan, pad, a, b]
+            own[1, scan, pad, a, b] = moved_cov[scan, pad, a, b]
+            if a == b and border[scan, pad, a] and quality[scan, pad] == AMBIGUOUS:
+                own[0, scan, pad, a, a] += (home.doubt * home.pitch[pad, a]) ** 2
+                own[1, scan, pad, a, a] += (home.doubt * most[scan]) ** 2
+            if judged:
+                own[0, scan, pad, a, b] += UNTOLD_M**2 * untold[scan, pad, a, b]
+                own[1, scan, pad, a, b] += (UNTOLD_M_S * span) ** 2 * untold[scan, pad, a, b]
+        shown = not judged or turns[scan, pad]
+        out.turn[scan, pad, 0] = moved[scan, pad, 2] if shown else np.nan
+        out.turn[scan, pad, 1] = moved_cov[scan, pad, 2, 2] if shown else np.nan
+        out.own_turn[scan, pad, 0] = pose[scan, pad, 2] if shown else np.nan
+        out.own_turn[scan, pad, 1] = pose_cov[scan, pad, 2, 2] if shown else np.nan
+        valid = bool(np.isfinite(moved[scan, pad, 0]))
+        held = contact[scan, pad] and home.used[pad]
+        out.known[scan, pad] = valid and home.used[pad]
+        out.told[scan, pad] = held and np.isfinite(out.place[scan, pad, 0])
+        out.kept[scan, pad] = held and (valid or not out.told[scan, pad])

@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import pytest
+
+from taxelflow.sensors.catalogue import load_sensor
+from viewed import viewed
+
+PAD = "finger1_proximal"
+
+
+def test_a_browser_that_changes_the_look_does_not_bring_back_an_older_picture() -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    from taxelflow.publish.view.page import Page
+
+    sensor = load_sensor("schunk-sdh2")
+    histories = viewed(sensor, PAD, 0.0), viewed(sensor, PAD, 1.0)
+    histories[0].method, histories[1].method = "first", "second"
+    page = Page(sensor, histories, "a slip", port=0)
+    compared: Any = page.scene._compared
+    drawn, inside, go_on = compared.draw, threading.Event(), threading.Event()
+
+    def slowly(*asked: Any) -> None:
+        inside.set()
+        assert go_on.wait(60.0)
+        drawn(*asked)
+
+    try:
+        page.player.playing = False
+        page.show_at(11.5)
+        assert compared._heads.batched_scales.max() > 1e-4
+        compared.draw = slowly
+        looking = threading.Thread(target=page.apply_look)  # as a callback of the browser does
+        looking.start()
+        assert inside.wait(60.0)
+        page.panel.second.value = "none"
+        ticking = threading.Thread(target=page.tick, args=(1.0, 0.0))
+        ticking.start()
+        assert not page._drawing.acquire(blocking=False)  # nobody draws in between
+        go_on.set()
+        looking.join(60.0)
+        ticking.join(60.0)
+        assert compared._heads.batched_scales.max() < 1e-6
+    finally:
+        page.close()
