@@ -59,7 +59,10 @@ def report(t: float, k: int, pad: int, scale: float, m: Track, rows: Rows) -> No
             m.flag = NOVEL
     else:
         rows.quality[k, pad] = UNRESOLVED
-        m.poor += 1.0 if m.chi / m.usual <= _FAR_OFF else 2.0
+        if m.chi / m.usual > _FAR_OFF:
+            m.poor += 2.0
+        elif m.poor < _PATIENCE:  # a pattern that changes is learned from, not given up
+            m.poor += 1.0
         if m.poor >= _PATIENCE or m.keyframes < _YOUNG:
             m.flag = NOVEL
     if unsure:
