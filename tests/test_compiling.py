@@ -205,10 +205,15 @@ def test_a_hash_covers_a_module_and_all_that_it_imports(tmp_path: Path) -> None:
         (package / name).write_text(text)
 
 
+def test_the_hash_of_a_kernel_of_the_package_holds_its_own_source() -> None:
+    names = {file.name for file in compiling.sources_of("taxelflow.numerics.banded")}
+    assert {"banded.py", "compiling.py"} <= names
+
+
 @pytest.mark.parametrize("stage", ["condition", "contacts", "estimation", "fusion", "slip"])
 def test_no_kernel_depends_on_the_sources_of_another_stage(stage: str) -> None:
     stages = {"condition", "contacts", "estimation", "fusion", "slip"} - {stage}
-    package = Path(compiling.__file__).parent
+    package = Path(compiling.__file__).parents[1]
     for path in (package / stage).rglob("*.py"):
         module = "taxelflow." + ".".join(path.relative_to(package).with_suffix("").parts)
         others = {file for file in compiling.sources_of(module) if file.relative_to(package).parts[0] in stages}
