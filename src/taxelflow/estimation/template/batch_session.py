@@ -127,10 +127,11 @@ class BatchSession:
             fitted = (solved.pattern, scanned, solved.states, error)
             information = without_tilt(information_of(*fitted, stiffness), *fitted, layout.unseen_error)
             moment = Moment(solved.pattern, scanned, solved.states, np.arange(len(scanned)), solved.turns)
-            poses = poses_of(solved, information, pitch_m)
+            poses, rival = poses_of(solved, information, pitch_m), solved.rival
             if solved.error > CHANGES and len(scanned) > MEMORY:
                 poses, moment = follow_changing(scanned, pitch_m, turns=solved.turns)
-            poses = bridged(poses, scanned.t_s).open_across(scanned, pitch_m)
+                rival = rival[:0]
+            poses = bridged(poses, scanned.t_s).doubted(rival, pitch_m).open_across(scanned, pitch_m)
         is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
         poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
         if len(solved.dead):

@@ -40,6 +40,8 @@ _SHARP = 0.005
 """Error with which a sharper pattern is tried."""
 _SAME = 0.1
 """Largest distance, in pitches, at which two starts agree on a scan."""
+_RIVAL = 1.5
+"""A hypothesis that leaves up to so many times the error is a rival: faults of the sensor may have decided."""
 _FAR_WORSE = 20.0
 """A start whose coarse fit costs so much more a scan is not refined: that is some twice what a free angle costs."""
 _MOST, _STILL = 0.9, 9.0
@@ -70,7 +72,17 @@ def solve(scanned: Scanned) -> Solved:
 
 
 def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
-    """The hypothesis of the lowest cost; one that lets the object turn only if it surely turns, or keeps its angle."""
+    """The hypothesis of the lowest cost, and how far off its rivals are.
+
+    One that lets the object turn only if it surely turns, or keeps its angle.
+    """
+    best = _chosen(solved, scanned)
+    rivals = [one for one in solved if one.turns != best.turns and one.grows == best.grows]
+    near = [one for one in rivals if one.error <= _RIVAL * best.error]
+    return replace(best, rival=_apart(best, min(near, key=lambda one: one.error))) if near else best
+
+
+def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
     ranked = sorted(solved, key=lambda one: cost(one, scanned))
     best = ranked[0]
     held = [one for one in ranked if not one.turns]
@@ -185,6 +197,24 @@ def _agree(best: Solved, other: Solved) -> Bools:
     apart -= np.median(apart, axis=0)
     agrees: Bools = np.hypot(*apart.T) < _SAME
     return agrees
+
+
+def _apart(best: Solved, rival: Solved) -> Floats:
+    """(scans, 2), see `distance`, with the turn of the one that turns."""
+    return distance(best.states, rival.states, (best if best.turns else rival).states[:, THETA])
+
+
+def distance(states: Floats, others: Floats, theta: Floats) -> Floats:
+    """(scans, 2), in pitches, how far apart two courses (scans, 5) of a body are that turns by theta (scans,).
+
+    Each may follow a point of its own of the body: those that differ least.
+    """
+    cos, sin = np.cos(theta), np.sin(theta)
+    still, none = np.ones_like(cos), np.zeros_like(cos)
+    points = np.stack([cos, -sin, still, none, sin, cos, none, still], axis=1).reshape(-1, 4)
+    apart = (others - states)[:, :2].ravel()
+    left: Floats = (apart - points @ np.linalg.lstsq(points, apart, rcond=None)[0]).reshape(-1, 2)
+    return left
 
 
 def _explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:

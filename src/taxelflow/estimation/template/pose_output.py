@@ -54,6 +54,17 @@ class Poses:
         covariance[:, across, across] = (pitch_m * scanned.reach) ** 2
         return Poses(self.pose, covariance, np.maximum(self.quality, AMBIGUOUS))
 
+    def doubted(self, rival: Floats, pitch_m: float) -> Poses:
+        """With the distance (scans, 2), in pitches, of a hypothesis that explains nearly as much in the covariance."""
+        if len(rival) != len(self):
+            return self
+        covariance = self.covariance.copy()
+        covariance[:, :2, :2] += pitch_m**2 * rival[:, :, np.newaxis] * rival[:, np.newaxis, :]
+        quality = np.maximum(
+            self.quality, np.where(self.quality == OK, judge(covariance, np.zeros(len(self)), pitch_m), 0)
+        )
+        return Poses(self.pose, covariance, quality.astype(np.uint8))
+
     def tail(self, count: int) -> Poses:
         """The last `count` scans."""
         return Poses(self.pose[-count:], self.covariance[-count:], self.quality[-count:])

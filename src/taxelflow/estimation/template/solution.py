@@ -22,8 +22,9 @@ class Solved:
     states: (scans, 5), see `bspline`. error: share of the contact's largest reading, see `Scanned.with_error`.
     gain_std: of the gains around 1. turns, grows: whether the object turns, and its contact grows with the load around
     the origin of the pattern's frame. agrees: (scans,), whether independent starts put the object at the same place;
-    empty where there was one start. dead: taxels that do not answer. gains: (taxels,), by which the readings were
-    divided; empty if they were not.
+    empty where there was one start. rival: (scans, 2), in pitches, how far from here a hypothesis that explains the
+    scans nearly as well puts the object; empty if there is none. dead: taxels that do not answer. gains: (taxels,), by
+    which the readings were divided; empty if they were not.
     """
 
     pattern: Pattern
@@ -34,6 +35,7 @@ class Solved:
     turns: bool
     grows: bool = False
     agrees: Bools = field(default_factory=lambda: np.ones(0, np.bool_))
+    rival: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     dead: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     gains: Floats = field(default_factory=lambda: np.zeros(0))
 
@@ -41,6 +43,11 @@ class Solved:
     def kind(self) -> tuple[bool, bool]:
         """The hypothesis."""
         return self.turns, self.grows
+
+    @property
+    def rival_variance(self) -> float:
+        """Variance of x and y, in pitches^2, by `rival`."""
+        return 0.5 * float(np.mean(np.sum(self.rival**2, axis=1))) if len(self.rival) else 0.0
 
     def middle(self) -> Floats:
         """(2,) the point of the body whose places are given out: its pattern's centre, or where it does not grow."""

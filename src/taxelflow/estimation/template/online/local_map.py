@@ -30,7 +30,8 @@ class Learned:
 
     keyframes: it was learned from, their states in its frame. gains: (taxels,), of the pad's taxels. usual: chi-square
     per reading of a scan that fits. slack: (2,) how wrong poses on the pattern before have been, variance of x and y
-    (pitches^2) and of theta (rad^2). tilt: variance of x and y that a tilt of the load may explain, pitches^2. fresh:
+    (pitches^2) and of theta (rad^2). tilt, rival: variance of x and y, pitches^2, that a tilt of the load, and another
+    hypothesis, may explain. fresh:
     how many of the last keyframes were registered on the pattern before. looked: keyframes at which the hypotheses were
     last compared. turned: by how much its theta differs from that of the pattern before. error: see
     `Scanned.with_error`. gain_std: from scan to scan. turns, grows: see `Solved`. told: whether fits have agreed well
@@ -54,6 +55,7 @@ class Learned:
     slack: Floats = field(default_factory=lambda: np.array(FIRST_SLACK))
     unseen_error: float = 0.0
     tilt: float = 0.0
+    rival: float = 0.0
     origin: Floats = field(default_factory=lambda: np.zeros(2))
     fresh: int = 0
     looked: int = 0

@@ -213,7 +213,7 @@ class LocalMaps:
         m.turn_std = _TURN_STD if learned.turns else 0.0
         m.gain_std = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
         m.changing, m.seen, m.grows = learned.changing, learned.told, learned.grows or m.grows
-        m.slack, m.slack_t = learned.slack[0] + learned.tilt, learned.slack[1]
+        m.slack, m.slack_t = learned.slack[0] + learned.tilt + learned.rival, learned.slack[1]
         self._open_across(pad, learned)
         states = learned.keyframes.states
         m.keyframes = len(states)
@@ -248,7 +248,7 @@ class LocalMaps:
         self._register_again(pad)
         stepped = float(np.sum((m.state[:2] + m.origin - place) ** 2))  # by so much one of the patterns is wrong
         new.slack[0] = max(new.slack[0], 0.5 * stepped)
-        m.slack = new.slack[0] + new.tilt
+        m.slack = new.slack[0] + new.tilt + new.rival
         self.go_on(pad)
 
     def _register_again(self, pad: int) -> None:

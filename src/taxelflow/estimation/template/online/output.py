@@ -14,7 +14,8 @@ from taxelflow.runtime.compiling import kernel, lean_kernel
 _FAR_OFF = 10.0
 """Chi-square over the usual above which a scan does not fit at all."""
 _PATIENCE, _MOST_POOR = 5, 20
-"""After so many scans in a row that do not fit, they are learned from, and the pattern is given up."""
+"""After so many scans in a row that do not fit, they are learned from, and the pattern is given up: the latter only
+where they do not fit at all, for a pattern that changes is learned anew."""
 _LEAP = 1.5
 """A scan that moves so many radii and pitches at once is not believed."""
 _YOUNG = 12
@@ -59,7 +60,7 @@ def report(t: float, k: int, pad: int, scale: float, m: Track, rows: Rows) -> No
             m.flag = NOVEL
     else:
         rows.quality[k, pad] = UNRESOLVED
-        m.poor += 1.0 if m.chi / m.usual <= _FAR_OFF else 2.0
+        m.poor = m.poor + 2.0 if m.chi / m.usual > _FAR_OFF else max(m.poor, min(m.poor + 1.0, _PATIENCE))
         if m.poor >= _PATIENCE or m.keyframes < _YOUNG:
             m.flag = NOVEL
     if unsure:

@@ -1,0 +1,31 @@
+from __future__ import annotations
+
+import numpy as np
+
+from taxelflow.estimation.template.hypotheses import distance
+from taxelflow.estimation.template.pose_output import Poses
+from taxelflow.messages import AMBIGUOUS, OK
+
+PITCH_M = 0.002
+
+
+def test_hypotheses_that_follow_two_points_of_one_body_do_not_differ() -> None:
+    theta = np.linspace(0.0, 0.6, 30)
+    own = np.zeros((30, 5))
+    own[:, 0], own[:, 2] = np.linspace(0.0, 3.0, 30), theta
+    other = own.copy()
+    other[:, :2] += np.column_stack([np.cos(theta) - 2 * np.sin(theta), np.sin(theta) + 2 * np.cos(theta)])
+    assert np.abs(distance(own, other, theta)).max() < 1e-9
+    other[:, 1] += np.sin(np.arange(30))
+    assert 0.5 < np.abs(distance(own, other, theta)[:, 1]).max() <= 1.5
+
+
+def test_a_rival_hypothesis_widens_the_covariance_along_its_distance() -> None:
+    poses = Poses(np.zeros((3, 3)), np.tile(1e-8 * np.eye(3), (3, 1, 1)), np.full(3, OK, np.uint8))
+    rival = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 1.0]])
+    doubted = poses.doubted(rival, PITCH_M)
+    added = (doubted.covariance - poses.covariance)[:, :2, :2]
+    np.testing.assert_allclose(added[1], [[(0.1 * PITCH_M) ** 2, 0.0], [0.0, 0.0]])
+    np.testing.assert_allclose(added[2], [[0.0, 0.0], [0.0, PITCH_M**2]])
+    assert doubted.quality.tolist() == [OK, OK, AMBIGUOUS]
+    assert poses.doubted(rival[:0], PITCH_M) is poses
