@@ -64,9 +64,6 @@ DEAR = {
 MAY = {
     "condition/filters.py": {"median": "a filter that the user asks for; by rank it would be slow for 99 scans"},
     "estimation/scan_matching/interpolant.py": {"reshape": "a view of contiguous coefficients as one row"},
-    "estimation/smoothing/filter.py": dict.fromkeys(
-        ("@", "linalg", "ascontiguousarray", "a slice filled from an array"), "a smoother that the user asks for"
-    ),
 }
 """Dear constructs that kernels of a module of src/taxelflow may use, and why."""
 
