@@ -136,7 +136,7 @@ def _criterion(
         return inf
     chi_square = sums.square - explained
     scale = max(chi_square / readings, 1.0)  # the noise is not below what the covariances claim
-    return readings * log(scale) + chi_square / scale + held * (axes + 1) * log(readings)
+    return float(readings * log(scale) + chi_square / scale + held * (axes + 1) * log(readings))
 
 
 @routine
