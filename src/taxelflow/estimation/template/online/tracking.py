@@ -22,7 +22,7 @@ from taxelflow.runtime.compiling import kernel, lean_kernel
 _PREDICTED, _AS_BEFORE, _WITH_CENTROID, _LOOSE, _TURNS, _GROWS, _ATTEMPTS = range(7)
 """Ways to register a scan: from where it should be, where it was, where its centroid has gone; with a gain that may
 jump; and for an object that may have begun to turn, or to grow with the load."""
-_ITERATIONS = np.int64(12)  # numba compiles `register` again for each constant of Python
+_ITERATIONS = 12
 _POOR = 2.0
 """A scan that fits so many times worse than usual is tried from other starts."""
 _REST = 2.0
