@@ -4,24 +4,41 @@ PYTHON ?= python3
 BIN := .venv/bin
 TAXELFLOW := $(BIN)/taxelflow
 READY := .venv/ready
+DEMO_READY := .venv/ready-demo
+CONTROL_READY := .venv/ready-control
 DOCS_READY := .venv/ready-docs
+CONTROL := plot,sim,video
+EVERYTHING := plot,bench,report,video,view,devices,ros,cluster,sim,dev
 
 .PHONY: setup demo demo-live demo-control bench-live bench-view test check docs wheel golden golden-update fuzz bench bench-start pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench) constraints format clean
 .DELETE_ON_ERROR:
 
 setup: $(READY)
 
-$(READY): pyproject.toml constraints.txt
+# Install the project with extras into .venv, which is made if there is none. What is there already stays.
+define install
 	@if command -v uv >/dev/null 2>&1; then \
 	  uv venv --allow-existing --quiet --python $(PYTHON) .venv && \
-	  uv pip install --quiet --python .venv --constraint constraints.txt --editable '.[plot,bench,report,video,view,devices,ros,cluster,sim,dev]'; \
+	  uv pip install --quiet --python .venv --constraint constraints.txt --editable '.[$(1)]'; \
 	else \
 	  { test -x $(BIN)/python || $(PYTHON) -m venv .venv; } && \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,bench,report,video,view,devices,ros,cluster,sim,dev]'; \
+	  { $(BIN)/python -m pip --version >/dev/null 2>&1 || $(BIN)/python -m ensurepip; } && \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[$(1)]'; \
 	fi
 	@touch $@
+endef
 
-demo: $(READY)
+$(READY): pyproject.toml constraints.txt
+	$(call install,$(EVERYTHING))
+	@touch $(DEMO_READY) $(CONTROL_READY)
+
+$(DEMO_READY): pyproject.toml constraints.txt
+	$(call install,plot)
+
+$(CONTROL_READY): pyproject.toml constraints.txt
+	$(call install,$(CONTROL))
+
+demo: $(DEMO_READY)
 	@mkdir -p demo
 	$(TAXELFLOW) simulate stroke --out demo/stroke.npz
 	$(TAXELFLOW) info demo/stroke.npz
@@ -33,7 +50,7 @@ demo: $(READY)
 
 # A hand that is not there, over TCP, into three sinks; then the file that was recorded is read, and compared bit by bit.
 LIVE := demo/live
-demo-live: $(READY)
+demo-live: $(DEMO_READY)
 	@rm -rf $(LIVE) && mkdir -p $(LIVE)
 	$(TAXELFLOW) simulate slide-and-turn-over-hand --out $(LIVE)/hand.npz
 	$(TAXELFLOW) emulate tcp://127.0.0.1:5055 --from $(LIVE)/hand.npz --fault garbage@3 & \
@@ -50,7 +67,7 @@ demo-live: $(READY)
 	@echo "every scan, slip and event is equal, live and read back"
 
 # One object poured into, and caught: a film (without graphics: a message), and plots of one trial of each event.
-demo-control: $(READY)
+demo-control: $(CONTROL_READY)
 	@mkdir -p demo/control
 	$(TAXELFLOW) control --controller hold --objects bumpy --events pour --trials 1 --seed 7004 --film demo/control/pour.mp4
 	$(TAXELFLOW) control --controller hold --objects ball bottle --trials 4 --seed 7000 --plot demo/control

@@ -27,7 +27,7 @@ MOST_CHARACTERS = 72
 SINCE = "2026-11-22T13:10:00Z"
 """When the redesign began: subjects of older commits are not checked."""
 
-KERNELS = {"kernel", "brief_kernel", "routine", "inlined"}
+KERNELS = {"kernel", "brief_kernel", "routine", "inlined", "lean_kernel"}
 """Decorators of `taxelflow.runtime.compiling`."""
 DEAR = {
     "linalg",
@@ -64,9 +64,6 @@ DEAR = {
 MAY = {
     "condition/filters.py": {"median": "a filter that the user asks for; by rank it would be slow for 99 scans"},
     "estimation/scan_matching/interpolant.py": {"reshape": "a view of contiguous coefficients as one row"},
-    "estimation/smoothing/filter.py": dict.fromkeys(
-        ("@", "linalg", "ascontiguousarray", "a slice filled from an array"), "a smoother that the user asks for"
-    ),
 }
 """Dear constructs that kernels of a module of src/taxelflow may use, and why."""
 
@@ -117,7 +114,7 @@ def _dear_in(module: ast.Module) -> Iterator[tuple[int, str]]:
                 yield node.lineno, "@"
             elif isinstance(node, ast.Attribute) and node.attr in DEAR and not _is_field(node, function):
                 yield node.lineno, node.attr
-            elif isinstance(node, ast.Assign) and _copies_slice(node):
+            elif isinstance(node, ast.Assign | ast.AugAssign) and _fills_slice(node):
                 yield node.lineno, "a slice filled from an array"
 
 
@@ -127,13 +124,18 @@ def _is_field(node: ast.Attribute, function: ast.FunctionDef) -> bool:
     return node.attr != "linalg" and all(one is not node for one in called)
 
 
-def _copies_slice(node: ast.Assign) -> bool:
-    """Whether an assignment fills a slice from more than one number."""
+def _fills_slice(node: ast.Assign | ast.AugAssign) -> bool:
+    """Whether an assignment fills a slice from more than one number; a name counts as an array."""
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target]
     sliced = any(
         isinstance(one, ast.Subscript) and any(isinstance(part, ast.Slice) for part in ast.walk(one.slice))
-        for one in node.targets
+        for target in targets
+        for one in ast.walk(target)
     )
-    return sliced and not isinstance(node.value, ast.Constant | ast.UnaryOp | ast.Name | ast.Attribute)
+    values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
+    return sliced and (
+        isinstance(node, ast.AugAssign) or not all(isinstance(one, ast.Constant | ast.UnaryOp) for one in values)
+    )
 
 
 def long_subjects(subjects: Iterable[str]) -> list[str]:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 
+import taxelflow
 from taxelflow.runtime import compiling
 from taxelflow.runtime.compiling import kernel
 
@@ -213,10 +214,14 @@ def test_the_hash_of_a_kernel_of_the_package_holds_its_own_source() -> None:
 @pytest.mark.parametrize("stage", ["condition", "contacts", "estimation", "fusion", "slip"])
 def test_no_kernel_depends_on_the_sources_of_another_stage(stage: str) -> None:
     stages = {"condition", "contacts", "estimation", "fusion", "slip"} - {stage}
-    package = Path(compiling.__file__).parents[1]
-    for path in (package / stage).rglob("*.py"):
+    package = Path(taxelflow.__file__).parent
+    paths = list((package / stage).rglob("*.py"))
+    assert paths
+    for path in paths:
         module = "taxelflow." + ".".join(path.relative_to(package).with_suffix("").parts)
-        others = {file for file in compiling.sources_of(module) if file.relative_to(package).parts[0] in stages}
+        sources = compiling.sources_of(module)
+        assert path in sources
+        others = {file for file in sources if file.relative_to(package).parts[0] in stages}
         assert not others, module
 
 

@@ -50,6 +50,9 @@ def dear(a, b, record):
     c = a @ b
     a[1:] = b[:-1]
     a[:] = 0.0
+    a[:], b[:] = 0.0, -1.0
+    a[1:] = b
+    a[1:] *= 2.0
     return np.median(c) + record.mean + np.linalg.norm(a)
 
 def cheap(a, b):
@@ -57,7 +60,8 @@ def cheap(a, b):
 """
     (tmp_path / "stage.py").write_text(source)
     end = "in a kernel takes long to compile; write a loop"
-    named = [("4", "@"), ("5", "a slice filled from an array"), ("7", "median"), ("7", "linalg")]
+    filled = [(line, "a slice filled from an array") for line in ("5", "8", "9")]
+    named = [("4", "@"), *filled, ("10", "median"), ("10", "linalg")]
     assert sorted(dear_constructs(tmp_path, {})) == sorted(f"stage.py:{line}: {what} {end}" for line, what in named)
     may = {"stage.py": dict.fromkeys(("@", "a slice filled from an array", "median", "linalg"), "why")}
     assert dear_constructs(tmp_path, may) == []

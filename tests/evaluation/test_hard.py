@@ -63,15 +63,18 @@ def test_later_strokes_keep_their_number(flow: HardReport) -> None:
 
 
 def test_the_template_is_far_below_the_flow_where_taxels_are_dead_or_streamed(monkeypatch: pytest.MonkeyPatch) -> None:
-    slow = {"smaller than a taxel", "rolling scan"}
-    monkeypatch.setattr(hard, "CASES", [case for case in CASES if case.rows[0][0] not in slow])
-    found = {(row.nominal_mm_s, row.case): row for row in Hard(1, 7).run().rows}
+    most = {
+        "as in Table I": 0.6,
+        "2 unknown dead taxels": 1.0,
+        "stream, 2nd to 4th": 2.0,
+        "saturated, censored": 0.6,
+        "saturated, dropped": 1.0,
+    }
+    monkeypatch.setattr(hard, "CASES", [case for case in CASES if {name for name, _ in case.rows} & set(most)])
+    found = {(row.nominal_mm_s, row.case): row for row in Hard(1, 7, ("template",)).run().rows}
     for speed in (25, 50):
-        assert found[speed, "as in Table I"].rmse_percent < 0.6
-        assert found[speed, "2 unknown dead taxels"].rmse_percent < 1.0
-        assert found[speed, "stream, 2nd to 4th"].rmse_percent < 2.0
-        assert found[speed, "saturated, censored"].rmse_percent < 0.6
-        assert found[speed, "saturated, dropped"].rmse_percent < 1.0
+        for case, percent in most.items():
+            assert found[speed, case].rmse_percent < percent, case
 
 
 def test_dropped_readings_are_those_that_saturate_and_no_others() -> None:

@@ -33,7 +33,7 @@ class Reference:
         if texture is not None:
             turns &= texture.turns
         point = np.empty(centroid.shape)
-        place_points(slips.pose, turns, centroid, slips.contact, self._offset, point)
+        place_points(slips.pose, turns, np.ascontiguousarray(centroid), slips.contact, self._offset, point)
         return point
 
 

@@ -34,7 +34,7 @@ class ParquetTables:
             import pyarrow
             from pyarrow import parquet
         except ImportError as error:
-            raise ExtraMissing("cluster", "pyarrow") from error
+            raise ExtraMissing("tables", "pyarrow") from error
         self._arrow, self._parquet = pyarrow, parquet
         self.directory, self._pads = directory, pads
         self._files: dict[str, Any] = {}

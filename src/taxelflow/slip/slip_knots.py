@@ -6,7 +6,7 @@ equations are banded, as the hat functions of a linear spline overlap with their
 
 from __future__ import annotations
 
-from math import inf, log
+from math import inf, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -32,25 +32,50 @@ class Sums(NamedTuple):
     square: float
 
 
+class Scratch(NamedTuple):
+    """Room for what is tried. band: (knots * axes, 2 * axes), element [i, d] is (i, i - d) of the lower triangle of the
+    normal equations. right: (knots * axes,), their right-hand side. knots, first: as of `place_knots`.
+    """
+
+    band: Floats
+    right: Floats
+    knots: Floats
+    first: NDArray[np.int64]
+
+
 def knots_of(t: Floats, moved: Floats, weight: Floats, start_s: float, end_s: float) -> Floats:
     """(knots,), the dates, and between them times at which the velocity changes, by the information criterion.
 
     t: (scans,), increasing. moved: (scans, axes). weight: (scans, axes, axes), inverse covariances.
     """
-    knots, first = np.zeros(_MOST_SEGMENTS + 2), np.zeros(_MOST_SEGMENTS + 2, np.int64)
+    most, axes = _MOST_SEGMENTS + 2, moved.shape[1]
+    knots, first = np.zeros(most), np.zeros(most, np.int64)
     knots[1], first[1] = end_s - start_s, len(t)
-    held = place_knots(t - start_s, np.ascontiguousarray(moved), np.ascontiguousarray(weight), knots, first)
+    since = t - start_s
+    scratch = Scratch(
+        np.zeros((most * axes, 2 * axes)), np.zeros(most * axes), np.zeros(most), np.zeros(most, np.int64)
+    )
+    held = place_knots(since, _running(since, moved, weight), moved.size, scratch, knots, first)
     return np.array([start_s, *t[first[1 : held - 1]], end_s])
 
 
+def _running(t: Floats, moved: Floats, weight: Floats) -> Sums:
+    scans, axes = moved.shape
+    weights, pulls = np.zeros((3, scans + 1, axes, axes)), np.zeros((2, scans + 1, axes))
+    pull = np.einsum("nab,nb->na", weight, moved)
+    for power in range(3):
+        np.cumsum(weight * (t**power)[:, np.newaxis, np.newaxis], axis=0, out=weights[power, 1:])
+    for power in range(2):
+        np.cumsum(pull * (t**power)[:, np.newaxis], axis=0, out=pulls[power, 1:])
+    return Sums(weights, pulls, float(np.sum(pull * moved)))
+
+
 @kernel
-def place_knots(t: Floats, moved: Floats, weight: Floats, knots: Floats, first: NDArray[np.int64]) -> int:
+def place_knots(t: Floats, sums: Sums, readings: int, scratch: Scratch, knots: Floats, first: NDArray[np.int64]) -> int:
     """Add knots between the first two; how many there are then. first: of each segment, the number of its first scan;
-    after the last segment the number of scans.
+    after the last segment the number of scans. readings: scans times axes.
     """
-    sums = _running(t, moved, weight)
-    held, best = 2, _criterion(sums, knots, first, 2, moved.size)
-    tried, tried_first = knots.copy(), first.copy()
+    held, best = 2, _criterion(sums, knots, first, 2, readings, scratch)
     while held <= _MOST_SEGMENTS:
         room = 0
         for segment in range(held - 1):
@@ -59,15 +84,16 @@ def place_knots(t: Floats, moved: Floats, weight: Floats, knots: Floats, first: 
         least, chosen = inf, 0
         for candidate in range(count):
             number = candidate * (room - 1) // (count - 1) if room > count else candidate
-            _with_another(knots, first, held, number, t, tried, tried_first)
-            found = _criterion(sums, tried, tried_first, held + 1, moved.size)
+            _with_another(knots, first, held, number, t, scratch)
+            found = _criterion(sums, scratch.knots, scratch.first, held + 1, readings, scratch)
             if found < least:
                 least, chosen = found, number
         if not least < best:
             break
-        _with_another(knots, first, held, chosen, t, tried, tried_first)
-        knots[:], first[:] = tried, tried_first
+        _with_another(knots, first, held, chosen, t, scratch)
         held, best = held + 1, least
+        for k in range(held):
+            knots[k], first[k] = scratch.knots[k], scratch.first[k]
     return held
 
 
@@ -78,59 +104,37 @@ def _room(first: NDArray[np.int64], segment: int) -> int:
 
 
 @routine
-def _with_another(
-    knots: Floats,
-    first: NDArray[np.int64],
-    held: int,
-    number: int,
-    t: Floats,
-    more: Floats,
-    more_first: NDArray[np.int64],
-) -> None:
-    """Fill `more` with the held knots and one at the scan of this number among those that are possible."""
+def _with_another(knots: Floats, first: NDArray[np.int64], held: int, number: int, t: Floats, scratch: Scratch) -> None:
+    """Fill the scratch with the held knots and one at the scan of this number among those that are possible."""
     segment = 0
     while number >= _room(first, segment):
         number -= _room(first, segment)
         segment += 1
     scan = first[segment] + _MIN_SEGMENT_SCANS + number
     for k in range(held + 1):
-        if k == segment + 1:
-            more[k], more_first[k] = t[scan], scan
-        else:
-            old = k if k <= segment else k - 1
-            more[k], more_first[k] = knots[old], first[old]
+        old = k if k <= segment else k - 1
+        scratch.knots[k] = knots[old] if k != segment + 1 else t[scan]
+        scratch.first[k] = first[old] if k != segment + 1 else scan
 
 
 @routine
-def _running(t: Floats, moved: Floats, weight: Floats) -> Sums:
-    scans, axes = moved.shape
-    weights, pulls, square = np.zeros((3, scans + 1, axes, axes)), np.zeros((2, scans + 1, axes)), 0.0
-    for scan in range(scans):
-        at = t[scan]
-        for a in range(axes):
-            pull = 0.0
-            for b in range(axes):
-                pull += weight[scan, a, b] * moved[scan, b]
-            square += pull * moved[scan, a]
-            pulls[0, scan + 1, a] = pulls[0, scan, a] + pull
-            pulls[1, scan + 1, a] = pulls[1, scan, a] + pull * at
-        weights[0, scan + 1] = weights[0, scan] + weight[scan]
-        weights[1, scan + 1] = weights[1, scan] + weight[scan] * at
-        weights[2, scan + 1] = weights[2, scan] + weight[scan] * (at * at)
-    return Sums(weights, pulls, square)
-
-
-@routine
-def _criterion(sums: Sums, knots: Floats, first: NDArray[np.int64], held: int, readings: int) -> float:
+def _criterion(
+    sums: Sums, knots: Floats, first: NDArray[np.int64], held: int, readings: int, scratch: Scratch
+) -> float:
     """Of Schwarz, with a scale of the noise that is at least 1; infinite where the knots cannot be fitted."""
+    band, right = scratch.band, scratch.right
     axes = sums.pull.shape[2]
     count = held * axes
-    band, right = np.zeros((count, 2 * axes)), np.zeros(count)  # band[i, d]: element (i, i - d) of the lower triangle
+    for i in range(count):
+        right[i] = 0.0
+        for d in range(2 * axes):
+            band[i, d] = 0.0
     for segment in range(held - 1):
         _add_segment(sums, knots, first, segment, band, right)
-    if not _factor(band):
+    explained = _explained(band, right, count)
+    if explained == inf:
         return inf
-    chi_square = float(sums.square - _explained(band, right))
+    chi_square = sums.square - explained
     scale = max(chi_square / readings, 1.0)  # the noise is not below what the covariances claim
     return float(readings * log(scale) + chi_square / scale + held * (axes + 1) * log(readings))
 
@@ -143,52 +147,46 @@ def _add_segment(
     axes = sums.pull.shape[2]
     begin, end, start = first[segment], first[segment + 1], knots[segment]
     span = knots[segment + 1] - start
-    pull, weight = sums.pull[:, end] - sums.pull[:, begin], sums.weight[:, end] - sums.weight[:, begin]
-    rising = (pull[1] - start * pull[0]) / span
-    up = (weight[1] - start * weight[0]) / span
-    up_up = (weight[2] - 2.0 * start * weight[1] + start * start * weight[0]) / (span * span)
-    down_down, up_down = weight[0] - 2.0 * up + up_up, up - up_up
     for a in range(axes):
         i, j = segment * axes + a, (segment + 1) * axes + a
-        right[i] += pull[0, a] - rising[a]
-        right[j] += rising[a]
+        pull = sums.pull[0, end, a] - sums.pull[0, begin, a]
+        rising = (sums.pull[1, end, a] - sums.pull[1, begin, a] - start * pull) / span
+        right[i] += pull - rising
+        right[j] += rising
         for b in range(axes):
-            band[j, axes + a - b] += up_down[a, b]
+            weight = sums.weight[0, end, a, b] - sums.weight[0, begin, a, b]
+            first_moment = sums.weight[1, end, a, b] - sums.weight[1, begin, a, b]
+            second_moment = sums.weight[2, end, a, b] - sums.weight[2, begin, a, b]
+            up = (first_moment - start * weight) / span
+            up_up = (second_moment - 2.0 * start * first_moment + start * start * weight) / (span * span)
+            band[j, axes + a - b] += up - up_up
             if b <= a:
-                band[i, a - b] += down_down[a, b]
-                band[j, a - b] += up_up[a, b]
+                band[i, a - b] += weight - 2.0 * up + up_up
+                band[j, a - b] += up_up
 
 
 @routine
-def _factor(band: Floats) -> bool:
-    """Replace a banded matrix by its Cholesky factor; whether it is positive definite."""
-    count, width = band.shape
-    for i in range(count):
-        for j in range(max(0, i - width + 1), i + 1):
-            total = band[i, i - j] - _overlap(band, i, j)
-            if i == j and not total > 0.0:
-                return False
-            band[i, i - j] = np.sqrt(total) if i == j else total / band[j, 0]
-    return True
+def _explained(band: Floats, right: Floats, count: int) -> float:
+    """right @ inverse @ right of the first `count` rows of a banded matrix, infinite if it is not positive definite.
 
-
-@routine
-def _overlap(band: Floats, i: int, j: int) -> float:
-    """Product of rows i and j of the factor, up to column j."""
-    total = 0.0
-    for k in range(max(0, i - band.shape[1] + 1), j):
-        total += band[i, i - k] * band[j, j - k]
-    return total
-
-
-@routine
-def _explained(band: Floats, right: Floats) -> float:
-    """right @ inverse @ right, from the factor; right is used up."""
+    The matrix becomes its Cholesky factor, right is used up.
+    """
     width = band.shape[1]
     explained = 0.0
-    for i in range(len(right)):
-        for k in range(max(0, i - width + 1), i):
+    for i in range(count):
+        low = max(0, i - width + 1)
+        for j in range(low, i):
+            total = band[i, i - j]
+            for k in range(low, j):
+                total -= band[i, i - k] * band[j, j - k]
+            band[i, i - j] = total / band[j, 0]
+        total = band[i, 0]
+        for k in range(low, i):
+            total -= band[i, i - k] * band[i, i - k]
             right[i] -= band[i, i - k] * right[k]
+        if not total > 0.0:
+            return inf
+        band[i, 0] = sqrt(total)
         right[i] /= band[i, 0]
         explained += right[i] * right[i]
-    return float(explained)
+    return explained

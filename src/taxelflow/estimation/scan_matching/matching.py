@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 DOF = 4
 """Of a state: x, y, theta, gain."""
-_ITERATIONS = 20
+_ITERATIONS = np.int64(20)  # numba compiles `register` again for each constant of Python
 _HUBER = 5.0
 """Standard deviations from which on a reading's weight is reduced."""
 _LOOSE_SHIFT, _LOOSE_TURN, _LOOSE_GAIN = 1e-6, 1.0, 1e-2
@@ -136,12 +136,14 @@ def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Flo
     information = np.zeros((STATE, STATE))
     trial, best = np.empty(STATE), np.inf
     for start in range(2):
-        trial[:] = mean
+        for a in range(STATE):
+            trial[a] = mean[a]
         trial[X], trial[Y] = start * guess.x, start * guess.y
         cost, chi, count = register(known, taxels, prior, _HUBER, _ITERATIONS, trial, information)
         if cost < best - _LEAST_IMPROVEMENT:
             best = cost
-            state[:] = trial
+            for a in range(STATE):
+                state[a] = trial[a]
         if chi <= _FITS * count:
             break
 

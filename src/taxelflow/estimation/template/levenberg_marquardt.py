@@ -32,7 +32,13 @@ class Prior(NamedTuple):
 
 @kernel
 def register(  # noqa: PLR0912  loops over a state are written out
-    surface: Surface, taxels: Floats, prior: Prior, huber: float, iterations: int, state: Floats, information: Floats
+    surface: Surface,
+    taxels: Floats,
+    prior: Prior,
+    huber: float,
+    iterations: int | np.int64,
+    state: Floats,
+    information: Floats,
 ) -> tuple[float, float, int]:
     """Refine state (5,) so that the pattern explains one scan; information (5, 5) becomes J^T W J with the prior.
 

@@ -91,7 +91,8 @@ def fuse_scans(
     for row in range(len(out.body)):
         pose_step(seen, first + row, row, moving, limits, contacts, solution, memory, out)
         scan, own = first + row, of_scan(velocities, row)
-        usual, under, deep_chi2 = usual_misfit(memory.misfits[0]), seen.under[first + row].copy(), 0.0
+        usual, under, was, deep_chi2 = usual_misfit(memory.misfits[0]), np.empty((pads, 3)), np.empty((pads, 3)), 0.0
+        copy_matrix(seen.under[scan], under)
         verdict = Verdict(0, 0.0, 0.0, False)
         for attempt in range(_ATTEMPTS):
             if window_s > 0.0:
@@ -99,10 +100,10 @@ def fuse_scans(
             verdict = twist_step(row, own, usual, moving, limits, contacts, solution)
             if attempt == 0:
                 deep_chi2 = verdict.chi2
-            was = seen.under[scan].copy()
+            copy_matrix(seen.under[scan], was)
             if not another(attempt, verdict, deep_chi2, contacts, under, seen.under[scan]):
                 break
-            shift(own, seen.under[scan] - was)
+            shift(own, was, seen.under[scan])
         write_twist(row, own, usual, verdict, limits, contacts, solution, memory, out)
 
 
@@ -142,21 +143,25 @@ def another(attempt: int, verdict: Verdict, deep_chi2: float, contacts: Contacts
         wrong = wrong or contacts.use[pad] < 0.0
         smooth = smooth or deep[pad, 2] > 0.0
     if attempt == 0 and wrong and smooth:
-        under[:] = 0.0
+        for pad in range(len(under)):
+            for i in range(3):
+                under[pad, i] = 0.0
         return True
     if attempt == 1 and (wrong or deep_chi2 - verdict.chi2 < _PROOF):
-        under[:] = deep
+        copy_matrix(deep, under)
         return True
     return False
 
 
 @routine
-def shift(velocities: Velocities, by: Floats) -> None:
-    """Shift the places of velocities by (pads, 3), in the axes of their frames."""
+def shift(velocities: Velocities, was: Floats, now: Floats) -> None:
+    """Shift the places of velocities by now - was, both (pads, 3), in the axes of their frames."""
     for pad in range(len(velocities.known)):
-        point = put_under(velocities.frames[pad], by[pad])
-        for i in range(3):
-            velocities.frames[pad, i, 3] = point[i]
+        frame = velocities.frames[pad]
+        for j in range(3):
+            by = now[pad, j] - was[pad, j]
+            for i in range(3):
+                frame[i, 3] += frame[i, j] * by
 
 
 @routine
@@ -196,9 +201,9 @@ def find_heights(seen: Seen, scan: int, memory: Memory) -> None:
         if seen.known[scan, pad] and anchor.anchored:
             compose(body.pose, anchor.frame, B)
             K, under = seen.frames[scan, pad], seen.under[scan, pad]
-            apart = put_under(B, under) - put_under(K, under)
+            there, here = put_under(B, under), put_under(K, under)
             for i in range(3):
-                seen.height[scan, pad] += K[i, 2] * apart[i]
+                seen.height[scan, pad] += K[i, 2] * (there[i] - here[i])
 
 
 @routine
@@ -229,7 +234,9 @@ def pose_step(
         usual = usual_misfit(past)
         joint_std = np.sqrt(2.0) * moving.joint_std  # of now, and of when the contact was anchored
         doubts = (moving.J[row], joint_std, usual)
-        before, under, deep_chi2 = body.pose.copy(), seen.under[scan].copy(), 0.0
+        before, under, deep_chi2 = np.empty((4, 4)), np.empty((len(memory.anchors), 3)), 0.0
+        copy_matrix(body.pose, before)
+        copy_matrix(seen.under[scan], under)
         verdict = Verdict(0, 0.0, 0.0, False)
         for attempt in range(_ATTEMPTS):
             copy_matrix(before, body.pose)
@@ -249,7 +256,7 @@ def pose_step(
         pose.rank = 6.0
     find_heights(seen, scan, memory)
     set_anchors(seen, scan, pose.covariance, contacts.use, memory.anchors, body)
-    out.body[row] = body.pose
+    copy_matrix(body.pose, out.body[row])
 
 
 @kernel

@@ -172,13 +172,15 @@ def inherit(
     if not old:
         return
     total = np.zeros((6, 6))
-    A, lever = np.zeros((6, 6)), body.pose[:3, 3] - centre
+    A = np.zeros((6, 6))
     for i in range(3):  # from the object's frame to the hand's axes at the centre, scaled
         n, m = (i + 1) % 3, (i + 2) % 3
         for j in range(3):
             A[i, j] = body.pose[i, j]
             A[3 + i, 3 + j] = limits.length_m * body.pose[i, j]
-            A[i, 3 + j] = lever[n] * body.pose[m, j] - lever[m] * body.pose[n, j]
+            A[i, 3 + j] = (body.pose[n, 3] - centre[n]) * body.pose[m, j] - (body.pose[m, 3] - centre[m]) * body.pose[
+                n, j
+            ]
     error, told, weighted = np.zeros((6, 6)), np.zeros((3, 6)), np.zeros((6, 6))
     for pad in range(len(anchors)):
         if contacts.use[pad] > 0.0:

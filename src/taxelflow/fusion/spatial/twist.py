@@ -77,7 +77,9 @@ def centre_of(frames: Floats, known: Bools) -> Floats:
             count += 1
             for i in range(3):
                 centre[i] += frames[pad, i, 3]
-    return centre / max(count, 1)
+    for i in range(3):
+        centre[i] /= max(count, 1)
+    return centre
 
 
 @routine
@@ -85,7 +87,9 @@ def fill_rows(frames: Floats, centre: Floats, length_m: float, rows: Floats) -> 
     """Fill rows (pads, 3, 6): what each contact sees of a twist at the centre, scaled."""
     for pad in range(len(frames)):
         planar_rows(frames[pad], centre, rows[pad])
-        rows[pad, :, 3:] /= length_m
+        for a in range(3):
+            for i in range(3, 6):
+                rows[pad, a, i] /= length_m
 
 
 @routine
@@ -114,7 +118,9 @@ def seen_of(row: Floats, twist: Floats, centre: Floats, length_m: float) -> floa
 @routine
 def fill_information(covariance: Floats, known: bool, W: Floats) -> None:
     """Fill W (3, 3) with the inverse of a covariance whose last axis may be unknown (NaN): it then has none."""
-    W[:] = 0.0
+    for a in range(3):
+        for b in range(3):
+            W[a, b] = 0.0
     if not known:
         return
     n = 3 if covariance[2, 2] > 0.0 else 2
@@ -126,8 +132,8 @@ def fill_information(covariance: Floats, known: bool, W: Floats) -> None:
     if not factor_small(factor, n):
         return
     for a in range(n):
-        column[:] = 0.0
-        column[a] = 1.0
+        for b in range(n):
+            column[b] = 1.0 if a == b else 0.0
         solve_factored(factor, column, n)
         for b in range(n):
             W[a, b] = column[b]

@@ -12,6 +12,7 @@ import numpy as np
 
 from taxelflow.fusion.reference import UNTOLD_M_S
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.se3 import copy_matrix
 from taxelflow.runtime.compiling import routine
 
 _FEWEST = 3
@@ -98,17 +99,14 @@ def fit_line(seen: Seen, pad: int, first: int, last: int, out: Velocities) -> No
             if abs(off) < nearest:
                 middle, nearest = k, abs(off)
     slow = 2.0 / (seen.t_s[last] - seen.t_s[first]) ** 2
-    out.frames[pad] = seen.frames[middle, pad]
-    out.frames[pad, :3, 3] = 0.0
-    out.rate[pad] = 0.0
-    out.covariance[pad] = 0.0
+    begin_at(seen.frames[middle, pad], out.frames[pad], out.rate[pad], out.covariance[pad])
     for k in range(first, last + 1):
         if seen.known[k, pad]:
             share = 1.0 / (seen.covariance[k, pad, 0, 0] + seen.covariance[k, pad, 1, 1])
             slope = share * (seen.t_s[k] - seen.t_s[last] - mean_s) / spread
             add_scan(seen, pad, (k, last), share / weight, slope, out)
             own, noise = seen.covariance[k, pad], seen.noise[k, pad]
-            out.covariance[pad] += slope * slope * noise + share / weight * slow * (own - noise)
+            add_covariance(slope * slope, share / weight * slow, own, noise, out.covariance[pad])
             out.rate[pad, 2] += slope * (seen.theta[k, pad] - seen.theta[middle, pad])
     if seen.under[last, pad, 2] > 0.0:  # points that are one stay one: levers of noise would pretend to see a turn
         point = put_under(seen.frames[last, pad], seen.under[last, pad])
@@ -135,6 +133,24 @@ def add_scan(seen: Seen, pad: int, scans: tuple[int, int], share: float, slope: 
         out.rate[pad, 0] += slope * K[i, 0] * point
         out.rate[pad, 1] += slope * K[i, 1] * point
     out.rate[pad, 2] += slope * turned(K, F)
+
+
+@routine
+def begin_at(middle: Floats, frame: Floats, rate: Floats, covariance: Floats) -> None:
+    """Take the axes of a frame (4, 4) in the middle of the window; its origin, rate and covariance are sums from 0."""
+    copy_matrix(middle, frame)
+    for a in range(3):
+        frame[a, 3] = rate[a] = 0.0
+        for b in range(3):
+            covariance[a, b] = 0.0
+
+
+@routine
+def add_covariance(of_noise: float, of_rest: float, own: Floats, noise: Floats, total: Floats) -> None:
+    """Add a pose's noise (3, 3) and the rest of its own covariance (3, 3) to the total, each with its factor."""
+    for a in range(3):
+        for b in range(3):
+            total[a, b] += of_noise * noise[a, b] + of_rest * (own[a, b] - noise[a, b])
 
 
 @routine
