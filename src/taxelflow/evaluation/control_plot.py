@@ -139,16 +139,16 @@ def _draw_force(axis: Any, trial: Trial, seen: Sequence[Seen]) -> None:
     t_s = [one.moment.truth.t_s for one in seen]
     axis.plot(t_s, [one.moment.truth.normal_n.mean() for one in seen], color=BLUE, label="force per pad")
     load_n = [trial.happening.load(time_s).tangential_n() / (2.0 * trial.held.friction) for time_s in t_s]
-    axis.plot(t_s, load_n, color=VERMILION, linewidth=0.8, label="load, as the force that carries it")
+    axis.plot(t_s, load_n, color=VERMILION, linewidth=0.8, label="least for the load now")
     axis.plot(t_s, [one.least_n for one in seen], color=VERMILION, linestyle="--", label="least that holds")
     slips = [bool(one.touch.slipping.any()) for one in seen]
     if any(slips):
         shade = {"transform": axis.get_xaxis_transform(), "color": SLIP, "label": "slip detected"}
         axis.fill_between(t_s, 0, 1, where=slips, **shade)
     _mark_event(axis, trial)
-    axis.set_ylim(0.0, 1.4 * max(one.moment.truth.normal_n.mean() for one in seen))  # room for the legend
+    axis.set_ylim(0.0, None)
     axis.set_ylabel("force, N")
-    axis.legend(loc="upper left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=7, frameon=True, framealpha=0.8)
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize=6, borderaxespad=0.1)  # above
 
 
 def _mark_event(axis: Any, trial: Trial) -> None:
