@@ -10,7 +10,7 @@ DOCS_READY := .venv/ready-docs
 CONTROL := plot,sim,video
 EVERYTHING := plot,bench,report,video,view,devices,ros,cluster,sim,dev
 
-.PHONY: setup demo demo-live demo-control bench-live bench-view test check docs wheel golden golden-update fuzz bench bench-start pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench) constraints format clean
+.PHONY: setup demo demo-live demo-control bench-live bench-view test check docs wheel golden golden-update fuzz bench bench-start pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench control) constraints format clean
 .DELETE_ON_ERROR:
 
 setup: $(READY)
@@ -132,7 +132,7 @@ LIMITS := stroke:stream:5 slide-and-turn:stream:5 bar-on-grid:batch:5 bar-on-gri
   feet-on-grid:stream:5 texture-on-grid:batch:5 stick-slip:stream:5 stick-slip-bar:stream:5 stick-slip-feet:stream:5
 JOINED := awk 'FNR == 1 && NR > 1 { next } { print }'
 
-results: results-table1 results-hard results-peers results-limits results-contacts results-prediction results-bench
+results: results-table1 results-hard results-peers results-limits results-contacts results-prediction results-bench results-control
 
 results-table1: $(READY)
 	@mkdir -p $(RUNS)
@@ -178,6 +178,15 @@ results-bench: $(READY)
 	@mkdir -p $(RUNS)
 	$(TAXELFLOW) bench --recording $(TAXELFLOW_DATA)/sdh-dsa/slip_examples_pen_and_wooden_block.dsa --csv $(RUNS)/bench.csv
 	cp $(RUNS)/bench*.csv docs/results/
+
+# Fresh seeds: 100 trials on objects that can be felt, 20 on a plate.
+results-control: $(READY)
+	@mkdir -p $(RUNS)
+	$(TAXELFLOW) control --controller hold --against threshold centroid constant --objects ball rod box bottle bumpy plate \
+	  --trials 120 --seed 9000 --csv $(RUNS)/control.csv
+	$(TAXELFLOW) control --controller hold --sweep actuator --objects ball bottle bumpy --trials 12 --seed 9500 \
+	  --csv $(RUNS)/control-actuator.csv
+	cp $(RUNS)/control.csv $(RUNS)/control-trials.csv $(RUNS)/control-actuator.csv docs/results/
 
 # The pictures that README and docs show.
 pictures: $(READY)

@@ -43,6 +43,7 @@ def test_every_example_is_tested_here() -> None:
         "03_new_estimator.py",
         "04_slip_control.py",
         "05_live_client.py",
+        "06_live_grip.py",
     ]
 
 
@@ -119,3 +120,12 @@ def test_05_follows_a_run_by_json_lines(ran: Callable[..., str], monkeypatch: py
     assert "pad0: contact" in said
     assert re.search(r"pad0: \+\d+\.\d, [-+]\d+\.\d mm/s", said)
     assert len((EXAMPLES / "05_live_client.py").read_text().splitlines()) <= 20
+
+
+def test_06_holds_a_bottle_that_is_filled_over_tcp(ran: Callable[..., str]) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxelflow[sim]'")
+    said = ran("06_live_grip.py")
+    first, times, slid, last, least = map(float, re.findall(r"([\d.]+)(?: N| times| mm)", said))
+    assert slid < 5.0
+    assert times > 1.5
+    assert first < least < last < 2.5 * least

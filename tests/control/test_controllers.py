@@ -18,6 +18,7 @@ from taxelflow.simulation.mujoco.gripper import sensor_of
 from taxelflow.simulation.mujoco.skin import Skin
 
 DT_S, MOST_N = 0.01, 40.0
+FELT = np.full(2, 0.002)
 NOISE = np.tile(np.diag([0.002, 0.002, 0.05]) ** 2, (2, 1, 1))
 
 
@@ -26,7 +27,7 @@ def touch(
 ) -> Touch:
     """A scan in which the pads say these velocities in the grip's frame."""
     pressure = np.full((2, 4), 1e4)
-    return Touch(scan * DT_S, DT_S, pressure, force_n, np.zeros(2, dtype=bool), np.array([left, right]), NOISE)
+    return Touch(scan * DT_S, DT_S, pressure, force_n, np.zeros(2, dtype=bool), np.array([left, right]), NOISE, FELT)
 
 
 def alike(scan: int, vx: float, vy: float, omega: float = 0.0) -> Touch:

@@ -2,12 +2,18 @@ from __future__ import annotations
 
 import json
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from taxelflow.cli import main
-from taxelflow.evaluation.control import ControlReport, TrialRow
-from taxelflow.evaluation.control_table import interval, paired
+from taxelflow.evaluation.control import ControlReport, Outcome, Scans, TrialRow
+from taxelflow.evaluation.control_summary import paired, summary, tables_of, wilson
+from taxelflow.evaluation.control_table import share
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 Capture = pytest.CaptureFixture[str]
 in_mujoco = pytest.mark.skipif(
@@ -83,7 +89,7 @@ def test_an_object_that_is_not_grasped_is_a_fault_of_the_bench(capsys: Capture) 
 
 
 @in_mujoco
-def test_the_table_compares_controllers_on_the_same_trials(capsys: Capture) -> None:
+def test_the_table_compares_controllers_on_the_same_trials(tmp_path: Path, capsys: Capture) -> None:
     words = [
         "control",
         "--controller",
@@ -98,9 +104,12 @@ def test_the_table_compares_controllers_on_the_same_trials(capsys: Capture) -> N
         "weak",
         "none",
     ]
-    assert main(words) == 0
+    assert main([*words, "--csv", str(tmp_path / "control.csv")]) == 0
     out = capsys.readouterr().out
-    assert "threshold against constant, within 5 mm:" in out
+    assert "threshold against constant, felt, within 5 mm:" in out
+    assert "a step of the estimator" in out
+    assert len((tmp_path / "control.csv").read_text().splitlines()) == 3
+    assert len((tmp_path / "control-trials.csv").read_text().splitlines()) == 5
     assert main(["control", "--controller", "constant", "--trials", "1", "--events", "none"]) == 0
     assert "ball" in capsys.readouterr().out
 
@@ -140,12 +149,30 @@ def test_shares_are_of_the_grasped_trials() -> None:
 
 
 def test_intervals_are_wilsons_and_pairs_count_wins() -> None:
-    assert interval([True] * 100) == "96%-100%"
-    assert interval([True, False]) == "9%-91%"
-    assert interval([]) == "-"
+    assert wilson([True] * 100) == pytest.approx((0.963, 1.0), abs=1e-3)
+    assert wilson([True, False]) == pytest.approx((0.095, 0.905), abs=1e-3)
+    assert wilson([]) is None
+    assert share(0.5, 0.0945, 0.9055) == "50 (9-91)"
+    assert share(None, None, None) == "-"
     ours = ControlReport.of("hold", [row(seed, 1.0) for seed in range(10)])
     other = ControlReport.of("constant", [row(seed, 9.0) for seed in range(10)])
-    assert (
-        paired(ours, other)
-        == "hold against constant, within 5 mm: 10 wins, 0 losses of 10; difference +100% [+100% +100%]"
-    )
+    assert paired(ours, other) == (10, 10, 0, 1.0, 1.0, 1.0)
+    none = ControlReport.of("hold", [row(0, 1.0, grasped=False)])
+    assert paired(none, none) is None
+
+
+def test_featureless_objects_have_rows_of_their_own() -> None:
+    plate = TrialRow(1, "plate", "pour", True, True, 6.0, 3.0)
+    scans = [Scans(np.array([False] * 4), np.full(4, 1e-3)), Scans(np.array([True] * 3 + [False]), np.full(4, 2e-3))]
+    outcomes = [
+        Outcome(ControlReport.of(name, [row(0, slid_mm), plate]), scans) for name, slid_mm in (("a", 1.0), ("b", 9.0))
+    ]
+    felt, other, featureless, _ = summary(outcomes)
+    assert [(one.controller, one.objects, one.trials) for one in (felt, other)] == [("a", "felt", 1), ("b", "felt", 1)]
+    assert (felt.blind, featureless.blind, featureless.objects) == (0.0, 0.75, "featureless")
+    assert (felt.step_ms_p99, featureless.step_ms_p99) == pytest.approx((1.0, 2.0))
+    assert (felt.wins, other.wins, other.losses, other.gain) == (None, 1, 0, 1.0)
+    assert featureless.force_p50 == 3.0
+    rows, trials = tables_of(outcomes)
+    assert (len(rows.rows), len(trials.rows)) == (4, 4)
+    assert trials.rows[1][:4] == ("a", 1, "plate", "pour")

@@ -97,3 +97,26 @@ def test_convert_writes_a_recording_with_its_results(tmp_path: Path, capsys: pyt
     assert data.schema.field("observation.pressure").type.list_size == taxels
     assert data.schema.field("observation.velocity").type.list_size == 3 * len(source.sensor.layout.pads)
     assert max(map(max, data["observation.slipping"].to_pylist())) in (0.0, 1.0)
+
+
+def test_trials_of_a_controller_are_episodes_of_the_format(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxelflow[sim]'")
+    out = tmp_path / "set"
+    words = ["--controller", "constant", "--trials", "2", "--seed", "7", "--events", "weak", "none"]
+    assert main(["control", *words, "--lerobot", str(out)]) == 0
+    info = json.loads((out / "meta/info.json").read_text())
+    assert set(info) == INFO
+    assert (info["fps"], info["total_episodes"], info["robot_type"]) == (100, 2, "two-pad-gripper")
+    shapes = {name: feature["shape"] for name, feature in info["features"].items()}
+    assert shapes["observation.pressure"] == [512]
+    assert shapes["observation.velocity"] == [6]
+    assert info["features"]["observation.state"]["names"] == ["left_m", "right_m", "force_n"]
+    data = parquet.read_table(out / info["data_path"].format(chunk_index=0, file_index=0))
+    assert set(data.column_names) == set(shapes)
+    for name, shape in shapes.items():
+        kind = data.schema.field(name).type
+        assert shape == ([kind.list_size] if pa.types.is_fixed_size_list(kind) else [1])
+    episodes = parquet.read_table(out / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert [row["tasks"] for row in episodes] == [["hold the ball: weak"], ["hold the rod: none"]]
+    assert sum(row["length"] for row in episodes) == len(data) == info["total_frames"]
+    assert all(np.isfinite(action[0]) for action in data["action"].to_pylist())

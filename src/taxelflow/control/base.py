@@ -17,6 +17,8 @@ class Touch:
     t_s, dt_s: time, and time since the scan before. pressure: (2, taxels), Pa. force_n: mean of both pads' normal
     forces. slipping: (2,), by the slip detector. velocity: (2, 3), of the object, m/s, m/s, rad/s; NaN where unknown.
     covariance: (2, 3, 3), of the velocity of an object at rest, by the noise of the readings alone.
+    detail_m: (2,), how far the object has to move, in the direction in which that is least, to change a pad's image by
+    as much as the image itself; NaN where unknown.
     ready: False while the conditioner learns noise and tare.
     """
 
@@ -27,6 +29,7 @@ class Touch:
     slipping: Bools
     velocity: Floats
     covariance: Floats
+    detail_m: Floats
     ready: bool = True
 
 

@@ -7,6 +7,8 @@ the load,
     F* = F / (1 - a / w),    and    F = F* (1 + d / w)
 
 slows it down by d. Neither mass nor friction need be known: a slip of some scans measures what the grip needs.
+
+Pads that a flat face covers cannot feel a slip. Then hold squeezes once, by the growth of the load that it has to bear.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import numpy as np
 
 from taxelflow.control.agreement import Agreement
 from taxelflow.control.base import Touch
+from taxelflow.control.blindness import Blindness
 
 G_M_S2 = 9.81
 """Load over mass of an object that hangs in the grip; one that is pulled or shaken has more, and is overestimated."""
@@ -46,7 +49,10 @@ class Hold:
     """Time without slip after which the force is relaxed."""
     relax_1_s: float = 0.02
     """Rate of that relaxation, 1/s."""
+    blind_times: float = 4.0
+    """Force over the first one where the pads cannot tell a slip: the growth of the load that is to be borne."""
     agreement: Agreement = field(default_factory=Agreement)
+    blindness: Blindness = field(default_factory=Blindness)
     method: str = "registration"
     """Estimator."""
 
@@ -63,12 +69,17 @@ class HoldSession:
         self._both = parameters.agreement.start()
         self._speeds: deque[tuple[float, float, float]] = deque(maxlen=_LOOK_BACK)  # time, speed, force
         self._slips, self._least_n = False, 0.0
+        self._blindness = parameters.blindness.start()
         self._taught: tuple[float, float] | None = None  # time and least force of the slip before
         self._target_n, self._calm_s = force_n, 0.0
+        self._blind_n = min(parameters.blind_times * force_n, most_n)
 
     def step(self, touch: Touch) -> float:
         """The force to command, N."""
         motion, p, was = self._both.step(touch), self._p, self._slips
+        if self._blindness.step(touch):
+            self._target_n, self._force_n = max(self._target_n, self._blind_n), max(self._force_n, self._blind_n)
+            self._calm_s = 0.0
         self._slips = motion.slipping
         self._speeds.append((touch.t_s, motion.speed_m_s, touch.force_n))
         if motion.slipping:
@@ -84,6 +95,11 @@ class HoldSession:
             self._target_n *= 1.0 - p.relax_1_s * touch.dt_s
         self._force_n += (self._target_n - self._force_n) * min(touch.dt_s / p.settle_s, 1.0)
         return self._force_n
+
+    @property
+    def blind(self) -> bool:
+        """Whether the pads cannot tell a slip now."""
+        return self._blindness.blind
 
     def _weighed(self) -> float:
         """Least force that carries the load, from the acceleration under the force that was felt meanwhile, N."""

@@ -24,6 +24,10 @@ class Loosening:
     """Growth of the force for a speed of twice the wanted one, 1/s."""
     ahead_s: float = 0.03
     """Time that the gripper takes to close: the object moves on that long."""
+    near_s: float = 0.2
+    """Time before the end from which on the speed comes down, to that share of it that `slow` says."""
+    slow: float = 0.3
+    """Share of the speed at the end."""
     shut: float = 1.6
     """Factor on the force that closes."""
     smooth: float = 0.4
@@ -50,7 +54,7 @@ class Pivot:
 
     by_rad: float = radians(45.0)
     speed_rad_s: float = 0.8
-    loosening: Loosening = Loosening(loosen_1_s=0.3, brake=0.05, adapt_1_s=0.12, shut=2.0)
+    loosening: Loosening = Loosening(loosen_1_s=0.3, brake=0.05, adapt_1_s=0.4, shut=2.0)
     method: str = "registration"
 
     def start(self, force_n: float, most_n: float) -> LetMove:
@@ -90,6 +94,7 @@ class LetMove:
         if abs(self.felt) + abs(self._speed) * p.ahead_s >= self._goal:
             self.shut, self._base_n = True, min(p.shut * self._base_n, self._most_n)
             return self._base_n
-        excess = abs(now) / self._wanted - 1.0
+        left_s = (self._goal - abs(self.felt)) / self._wanted
+        excess = abs(now) / (self._wanted * float(np.clip(left_s / p.near_s, p.slow, 1.0))) - 1.0
         self._base_n *= 1.0 + float(np.clip(p.adapt_1_s * excess * touch.dt_s, -0.004, 0.02))
         return min(self._base_n * (1.0 + float(np.clip(p.brake * excess, -0.03, 0.4))), self._most_n)

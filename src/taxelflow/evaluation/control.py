@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from time import thread_time
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
+from taxelflow.control.hold import HoldSession
 from taxelflow.control.motion import LetMove, Pivot, Slide
 from taxelflow.control.touch import TwoPads
 from taxelflow.simulation.mujoco.events import END_S
@@ -19,6 +21,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from taxelflow.control.base import Controller, Touch
+    from taxelflow.messages import Bools, Floats
+
+    Watched = Callable[[list["Course"]], Iterable["Course"]]
+    """Passes courses on, and may show progress."""
 
 DROPPED_M, RESTING_M, RESTING_S = 0.03, 0.001, 1.0
 """An object is held if it slid less than 30 mm (a pad is 32 mm high), and less than 1 mm in the last second."""
@@ -97,21 +103,43 @@ class MotionReport(msgspec.Struct, frozen=True):
         return cls(controller, unit, rows, p50, p90)
 
 
-def report_of(
-    name: str, courses: list[Course], watched: Callable[[list[Course]], Iterable[Course]]
-) -> ControlReport | MotionReport:
-    """Run trials of a controller, one after the other. Raises ExtraMissing."""
-    first = courses[0].controller
-    if isinstance(first, Slide | Pivot):
-        unit = "mm" if isinstance(first, Slide) else "deg"
-        return MotionReport.of(name, unit, [moved(course) for course in watched(courses)])
-    return ControlReport.of(name, [held(course) for course in watched(courses)])
+@dataclass(frozen=True)
+class Scans:
+    """Of one trial. blind: (scans,), the controller knows that its pads cannot tell a slip. step_s: (scans,)."""
+
+    blind: Bools
+    step_s: Floats
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Trials of a controller that holds, with what their scans tell of the estimator. scans: one of each trial."""
+
+    report: ControlReport
+    scans: list[Scans]
+
+
+def outcome_of(name: str, courses: list[Course], watched: Watched) -> Outcome:
+    """Run trials of a controller that holds, one after the other. Raises ExtraMissing."""
+    rows, scans = [], []
+    for course in watched(courses):
+        seen = list(course)
+        rows.append(score(course, seen))
+        scans.append(Scans(np.array([one.blind for one in seen]), np.array([one.step_s for one in seen])))
+    return Outcome(ControlReport.of(name, rows), scans)
+
+
+def motions_of(name: str, courses: list[Course], watched: Watched) -> MotionReport:
+    """Run commanded motions, one after the other. Raises ExtraMissing."""
+    unit = "mm" if isinstance(courses[0].controller, Slide) else "deg"
+    return MotionReport.of(name, unit, [moved(course) for course in watched(courses)])
 
 
 @dataclass(frozen=True)
 class Seen:
     """One scan under control. slid_m, turned_rad: from where the object was at the handover. least_n: least force per
-    pad that holds now. commanded_n: force per pad during the scan.
+    pad that holds now. commanded_n: force per pad during the scan. blind: the controller knows that its pads cannot
+    tell a slip. step_s: processor time from readings to touch.
     """
 
     moment: Moment
@@ -120,6 +148,8 @@ class Seen:
     slid_m: float
     turned_rad: float
     least_n: float
+    blind: bool
+    step_s: float
 
 
 class Course:
@@ -161,10 +191,16 @@ class Course:
         while rehearsal.t_s < self._end_s - 1e-9 and slid_m < DROPPED_M:
             commanded_n = self.session.step(touch)
             moment = rehearsal.step(commanded_n)
+            began_s = thread_time()
             touch = pads.step(moment.truth.t_s, moment.readings)
+            step_s = thread_time() - began_s
             slid_m = float(np.linalg.norm(moment.truth.slid_m - origin.slid_m))
             turned_rad = moment.truth.turned_rad - origin.turned_rad
-            yield Seen(moment, touch, commanded_n, slid_m, turned_rad, self.trial.least_n(moment.truth.t_s))
+            least_n, blind = (
+                self.trial.least_n(moment.truth.t_s),
+                isinstance(self.session, HoldSession) and self.session.blind,
+            )
+            yield Seen(moment, touch, commanded_n, slid_m, turned_rad, least_n, blind, step_s)
 
 
 def held(course: Course) -> TrialRow:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from taxelflow import registry
 from taxelflow.errors import ParameterInvalid
+from taxelflow.evaluation.commands import check_csv
 
 if TYPE_CHECKING:
-    from taxelflow.evaluation.control import Course
+    from collections.abc import Sequence
+
+    from taxelflow.evaluation.control import Course, MotionRow, TrialRow
+    from taxelflow.simulation.mujoco.gripper import Actuator
     from taxelflow.simulation.mujoco.trial import Trial
 
 NOT_GRASPED = 1
@@ -53,6 +57,10 @@ class Control:
     """Names of other controllers on the same trials, compared in the table."""
     json: bool = False
     """Print one JSON object instead of a table."""
+    csv: Path | None = None
+    """Write the rows to this .csv file, too; the trials go to NAME-trials.csv beside NAME.csv."""
+    sweep: Literal["actuator"] | None = None
+    """Run the trials with latencies of 0 to 50 ms and bandwidths of 5, 10 and 30 Hz; the weight doubles at once."""
     tune: int = 0
     """Number of sets of parameters to try on the trials beside the defaults; prints them, the cheapest first."""
 
@@ -72,16 +80,16 @@ class Control:
             return self._run()
 
     def _run(self) -> int:
-        from taxelflow.evaluation.control import report_of
-        from taxelflow.evaluation.control_table import show
-
         if self.tune < 0:
             raise ParameterInvalid("tune", self.tune, "be 0 or more")
+        check_csv(self.csv)
         if self.json and self.against:
             raise ParameterInvalid("against", " ".join(self.against), "be left out with --json, one controller each")
         if self.against and {self.controller, *self.against} & set(_MOTIONS):
             raise ParameterInvalid("against", " ".join(self.against), f"not be used with {' or '.join(_MOTIONS)}")
         names = (self.controller, *self.against)
+        if self.sweep:
+            return self._sweep()
         if self.tune:
             return self._search(names)
         if self.lerobot is not None:
@@ -92,17 +100,66 @@ class Control:
             return 0
         if self.film is not None or self.plot is not None:
             return self._show()
-        reports = [report_of(name, self._courses(name), self._watched) for name in names]
-        if self.json:
-            import msgspec
+        return self._move() if self.controller in _MOTIONS else self._hold(names)
 
-            sys.stdout.write(msgspec.json.encode(reports[0]).decode() + "\n")
+    def _hold(self, names: tuple[str, ...]) -> int:
+        """Let controllers hold objects."""
+        from taxelflow.evaluation.base import write_tables
+        from taxelflow.evaluation.control import outcome_of
+        from taxelflow.evaluation.control_summary import tables_of
+        from taxelflow.evaluation.control_table import show_holding
+
+        outcomes = [outcome_of(name, self._courses(name), self._watched) for name in names]
+        if self.csv is not None:
+            write_tables(tables_of(outcomes), self.csv)
+        if self.json:
+            self._print_json(outcomes[0].report)
         else:
-            show(reports)
-        lost = [row for report in reports for row in report.trials if not row.grasped]
-        for row in lost:
-            print(f"taxelflow: trial {row.seed} ({row.object}) was not grasped before the lift", file=sys.stderr)
-        return NOT_GRASPED if lost else 0
+            show_holding(outcomes)
+        return _blamed([row for outcome in outcomes for row in outcome.report.trials])
+
+    def _move(self) -> int:
+        """Let objects slide or turn."""
+        from taxelflow.evaluation.base import table_of, write_tables
+        from taxelflow.evaluation.control import MotionRow, motions_of
+        from taxelflow.evaluation.control_table import show_motion
+
+        report = motions_of(self.controller, self._courses(self.controller), self._watched)
+        if self.csv is not None:
+            write_tables([table_of("motions", report.trials, MotionRow)], self.csv)
+        if self.json:
+            self._print_json(report)
+        else:
+            show_motion(report)
+        return _blamed(report.trials)
+
+    def _sweep(self) -> int:
+        """Let a controller hold objects whose weight doubles, with slow and late grippers."""
+        from taxelflow.evaluation.base import write_tables
+        from taxelflow.evaluation.control import Outcome, outcome_of
+        from taxelflow.evaluation.control_sweep import sweep
+
+        if self.controller in _MOTIONS or self.against or self.events:
+            raise ParameterInvalid("sweep", "actuator", "be used with one controller that holds, and without events")
+
+        def run(actuator: Actuator) -> tuple[list[Trial], Outcome]:
+            doubled = replace(self, bandwidth_hz=actuator.bandwidth_hz, latency_ms=1e3 * actuator.latency_s)
+            courses = replace(doubled, events=("double",))._courses(self.controller)
+            return [course.trial for course in courses], outcome_of(self.controller, courses, self._watched)
+
+        report = sweep(self.controller, run)
+        if self.csv is not None:
+            write_tables(report.tables(), self.csv)
+        if self.json:
+            self._print_json(report)
+        else:
+            report.show()
+        return 0
+
+    def _print_json(self, report: Any) -> None:
+        import msgspec
+
+        sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
 
     def _show(self) -> int:
         """Film a trial and draw one of each event; a film is left out where nothing can be rendered."""
@@ -123,8 +180,6 @@ class Control:
 
     def _search(self, names: tuple[str, ...]) -> int:
         """Tune each controller on the same trials."""
-        import msgspec
-
         from taxelflow.evaluation.control_table import show_tuned
         from taxelflow.evaluation.control_tune import tune
         from taxelflow.publish.terminal import counted
@@ -139,7 +194,7 @@ class Control:
                 tune(name, courses[0].controller, trials, self.tune, actuator, lambda points: counted(points, "sets"))
             )
         if self.json:
-            sys.stdout.write(msgspec.json.encode(reports[0]).decode() + "\n")
+            self._print_json(reports[0])
         else:
             show_tuned(reports)
         return 0
@@ -179,3 +234,11 @@ class Control:
         )
         end_s = MOTION_END_S if name in _MOTIONS else END_S
         return [Course(trial, kind(**own), self.method, actuator=actuator, end_s=end_s) for trial in trials]
+
+
+def _blamed(rows: Sequence[TrialRow | MotionRow]) -> int:
+    """The exit code, after a line for each object that was not grasped."""
+    lost = [row for row in rows if not row.grasped]
+    for row in lost:
+        print(f"taxelflow: trial {row.seed} ({row.object}) was not grasped before the lift", file=sys.stderr)
+    return NOT_GRASPED if lost else 0

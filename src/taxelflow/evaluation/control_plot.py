@@ -38,8 +38,8 @@ def plot_course(course: Course, path: Path) -> Path:
 
         figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.2), sharex=True, layout="constrained")
         figure.suptitle(_title(course.trial), x=0.01, ha="left")
-        _draw_force(axes[0], seen)
-        _draw_slid(axes[1], seen)
+        _draw_force(axes[0], course.trial, seen)
+        _draw_slid(axes[1], course.trial, seen)
         return save(figure, path)
 
 
@@ -72,7 +72,7 @@ class _Sheet:
         import matplotlib.pyplot as plt
 
         skin = course.skin
-        self.camera, self._skin = Camera(course.gripper), skin
+        self.camera, self._skin, self._trial = Camera(course.gripper), skin, course.trial
         figure: Any = plt.figure(figsize=(8.8, 4.8), dpi=100, layout="constrained")
         self._figure: Figure = figure
         grid = figure.add_gridspec(4, 4)
@@ -106,7 +106,7 @@ class _Sheet:
             arrow.set_UVC([u], [v])
         for axis, draw in zip(self._curves, (_draw_force, _draw_slid), strict=True):
             axis.clear()
-            draw(axis, seen)
+            draw(axis, self._trial, seen)
             axis.set_xlim(LIFT_S, END_S)
         canvas: Any = self._figure.canvas
         canvas.draw()
@@ -134,23 +134,33 @@ def _title(trial: Trial) -> str:
     return f"{trial.object}, {trial.event} (seed {trial.seed})"
 
 
-def _draw_force(axis: Any, seen: Sequence[Seen]) -> None:
-    """Force per pad, and the least that carries the load; slips shaded."""
+def _draw_force(axis: Any, trial: Trial, seen: Sequence[Seen]) -> None:
+    """Force per pad, what carries the load of the moment, and the least that holds; slips shaded."""
     t_s = [one.moment.truth.t_s for one in seen]
     axis.plot(t_s, [one.moment.truth.normal_n.mean() for one in seen], color=BLUE, label="force per pad")
-    axis.plot(t_s, [one.least_n for one in seen], color=VERMILION, label="least that holds the load")
+    load_n = [trial.happening.load(time_s).tangential_n() / (2.0 * trial.held.friction) for time_s in t_s]
+    axis.plot(t_s, load_n, color=VERMILION, linewidth=0.8, label="least for the load now")
+    axis.plot(t_s, [one.least_n for one in seen], color=VERMILION, linestyle="--", label="least that holds")
     slips = [bool(one.touch.slipping.any()) for one in seen]
-    axis.fill_between(t_s, 0, 1, where=slips, transform=axis.get_xaxis_transform(), color=SLIP, label="slip detected")
-    axis.axvline(EVENT_S, color=GREY, linewidth=0.8)
+    if any(slips):
+        shade = {"transform": axis.get_xaxis_transform(), "color": SLIP, "label": "slip detected"}
+        axis.fill_between(t_s, 0, 1, where=slips, **shade)
+    _mark_event(axis, trial)
     axis.set_ylim(0.0, None)
-    axis.set_ylabel("N")
-    axis.legend(loc="lower right", fontsize=7)
+    axis.set_ylabel("force, N")
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize=6, borderaxespad=0.1)  # above
 
 
-def _draw_slid(axis: Any, seen: Sequence[Seen]) -> None:
+def _mark_event(axis: Any, trial: Trial) -> None:
+    """A line where the load begins to change."""
+    if trial.event not in {"none", "weak"}:
+        axis.axvline(EVENT_S, color=GREY, linewidth=0.8)
+
+
+def _draw_slid(axis: Any, trial: Trial, seen: Sequence[Seen]) -> None:
     """Distance from where the object was at the lift."""
     axis.plot([one.moment.truth.t_s for one in seen], [1e3 * one.slid_m for one in seen], color=GREEN)
-    axis.axvline(EVENT_S, color=GREY, linewidth=0.8)
+    _mark_event(axis, trial)
     axis.set_ylim(0.0, max(1.0, 1.1e3 * max(one.slid_m for one in seen)))
     axis.set_ylabel("slid, mm")
     axis.set_xlabel("s")

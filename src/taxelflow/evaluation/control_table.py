@@ -4,55 +4,57 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 from rich.console import Console
 
-from taxelflow.evaluation.control import ControlReport, MotionReport, is_near
+from taxelflow.evaluation.control_summary import summary
 from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from taxelflow.evaluation.control import ControlReport, MotionReport, Outcome
+    from taxelflow.evaluation.control_summary import SummaryRow
     from taxelflow.evaluation.control_tune import TuneReport
 
-_RESAMPLES = 10_000
-_Z = 1.96
 
-
-def show(reports: Sequence[ControlReport | MotionReport]) -> None:
-    """Print the reports; the first is compared with each other one, trial by trial."""
+def show_holding(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
+    """Print the reports; the first is compared with each other one, trial by trial. The rows that were printed."""
     console = Console(markup=False, highlight=False, soft_wrap=True)
-    holding = [report for report in reports if isinstance(report, ControlReport)]
-    if holding:
-        _show_holding(console, holding)
-    for report in reports:
-        if isinstance(report, MotionReport):
-            _show_motion(console, report)
-
-
-def _show_holding(console: Console, reports: list[ControlReport]) -> None:
-    table = quiet_table("controller:", "trials", "grasped", "held", "95 %:", "within 5 mm", "95 %:", "force p50", "p90")
-    for report in reports:
-        rows = [row for row in report.trials if row.grasped]
-        held, near = [row.held for row in rows], [is_near(row) for row in rows]
-        cells = [_share(report.held), interval(held), _share(report.within_5_mm), interval(near)]
-        forces = [_ratio(report.force_p50), _ratio(report.force_p90)]
-        table.add_row(report.controller, str(len(report.trials)), str(len(rows)), *cells, *forces)
+    rows = summary(outcomes)
+    table = quiet_table("controller:", "objects:", "grasped", "held %:", "<5 mm %:", "force", "p90", "blind")
+    for row in rows:
+        held = share(row.held, row.held_low, row.held_high)
+        near = share(row.within_5_mm, row.within_low, row.within_high)
+        forces, blind = (_ratio(row.force_p50), _ratio(row.force_p90)), f"{row.blind:.0%}"
+        table.add_row(row.controller, row.objects, f"{row.grasped}/{row.trials}", held, near, *forces, blind)
     console.print(table)
-    console.print("force: of the last second over the least that holds, of held trials", style="dim")
-    for other in reports[1:]:
-        console.print(paired(reports[0], other))
-    if len(reports) == 1:
-        table = quiet_table("seed:", "object:", "event:", "grasped:", "held:", "slid mm", "force over least")
-        for row in reports[0].trials:
-            yes = ["yes" if flag else "no" for flag in (row.grasped, row.held)]
-            table.add_row(
-                str(row.seed), row.object, row.event, *yes, f"{row.slid_mm:.2f}", _ratio(row.force_over_least)
-            )
-        console.print(table)
+    for note in (
+        "in brackets: 95 % intervals; force: of the last second over the least that holds, of held trials",
+        "blind: scans in which the controller knows that its pads cannot tell a slip",
+    ):
+        console.print(note, style="dim")
+    for row in rows:
+        if row.wins is not None:
+            console.print(_paired(rows[0].controller, row))
+    for row in rows:
+        step = f"p50 {row.step_ms_p50:.2f}, p99 {row.step_ms_p99:.2f} ms of processor time"
+        console.print(f"{row.controller}, {row.objects}: a step of the estimator for both pads {step}")
+    if len(outcomes) == 1:
+        _show_trials(console, outcomes[0].report)
+    return rows
 
 
-def _show_motion(console: Console, report: MotionReport) -> None:
+def _show_trials(console: Console, report: ControlReport) -> None:
+    table = quiet_table("seed:", "object:", "event:", "grasped:", "held:", "slid mm", "force over least")
+    for row in report.trials:
+        yes = ["yes" if flag else "no" for flag in (row.grasped, row.held)]
+        table.add_row(str(row.seed), row.object, row.event, *yes, f"{row.slid_mm:.2f}", _ratio(row.force_over_least))
+    console.print(table)
+
+
+def show_motion(report: MotionReport) -> None:
+    """Print commanded motions."""
+    console = Console(markup=False, highlight=False, soft_wrap=True)
     unit = report.unit
     table = quiet_table("seed:", "object:", "grasped:", "closed:", f"asked {unit}", f"felt {unit}", f"moved {unit}")
     for row in report.trials:
@@ -76,29 +78,18 @@ def show_tuned(reports: Sequence[TuneReport]) -> None:
     console.print(note, style="dim")
 
 
-def interval(flags: Sequence[bool]) -> str:
-    """Wilson's 95 % interval of a share."""
-    count = len(flags)
-    if not count:
+def share(middle: float | None, low: float | None, high: float | None) -> str:
+    """A share with its interval, in percent."""
+    if middle is None or low is None or high is None:
         return "-"
-    share = sum(flags) / count
-    middle = (share + _Z**2 / (2 * count)) / (1 + _Z**2 / count)
-    half = _Z / (1 + _Z**2 / count) * float(np.sqrt(share * (1 - share) / count + _Z**2 / (4 * count**2)))
-    return f"{middle - half:.0%}-{middle + half:.0%}"
+    return f"{100 * middle:.0f} ({100 * low:.0f}-{100 * high:.0f})"
 
 
-def paired(ours: ControlReport, other: ControlReport) -> str:
-    """Wins and losses in trials within 5 mm, with a bootstrap interval over trials of the difference of the shares."""
-    both = [pair for pair in zip(ours.trials, other.trials, strict=True) if pair[0].grasped and pair[1].grasped]
-    gains = np.array([int(is_near(mine)) - int(is_near(its)) for mine, its in both])
-    if not len(gains):
-        return f"{ours.controller} against {other.controller}: no trial in which both grasped"
-    picks = np.random.default_rng(0).integers(len(gains), size=(_RESAMPLES, len(gains)))
-    low, high = np.quantile(gains[picks].mean(axis=1), [0.025, 0.975])
-    wins, losses = int((gains > 0).sum()), int((gains < 0).sum())
+def _paired(ours: str, row: SummaryRow) -> str:
+    """The first controller against that of a row."""
     return (
-        f"{ours.controller} against {other.controller}, within 5 mm: {wins} wins, {losses} losses of {len(gains)}; "
-        f"difference {gains.mean():+.0%} [{low:+.0%} {high:+.0%}]"
+        f"{ours} against {row.controller}, {row.objects}, within 5 mm: {row.wins} wins, {row.losses} losses of "
+        f"{row.trials}; difference {row.gain:+.0%} [{row.gain_low:+.0%} {row.gain_high:+.0%}]"
     )
 
 

@@ -22,6 +22,7 @@ EVENTS = {
     "shake": "the gripper shakes up and down",
     "weak": "the first grip is below the least that holds",
     "none": "nothing changes after the lift",
+    "double": "the mass doubles at once",
 }
 """Events by name. The first four are those of the standard trials."""
 STANDARD_EVENTS = tuple(EVENTS)[:4]
@@ -80,6 +81,8 @@ class Happening:
         more = min(since_s / self.ramp_s, 1.0) * (self.times - 1.0)
         if self.event == "pour":
             mass *= 1.0 + more
+        elif self.event == "double" and t_s > EVENT_S - 1e-9:
+            mass *= 2.0
         elif self.event == "pull":
             pull[1:] = more * mass * G_M_S2 * np.array([np.sin(self.angle_rad), -np.cos(self.angle_rad)])
         elif self.event == "shake":

@@ -92,6 +92,8 @@ OBJECTS: dict[str, Callable[[np.random.Generator], Shape]] = {
 }
 """Kinds of objects by name. The first five are those of the standard trials."""
 STANDARD_OBJECTS = tuple(OBJECTS)[:5]
+FEATURELESS = ("plate",)
+"""Kinds whose faces cover the pads and have nothing to feel: a slip cannot be told from rest."""
 
 
 def shape(name: str, random: np.random.Generator) -> Shape:

@@ -8,6 +8,7 @@ until its pressures sum to the force that the solver has found.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -60,7 +61,7 @@ class Skin:
         if force_n <= 0.0 or not depth_m.any():
             return np.zeros(self.rows * self.cols)
         fine = self.stiffness_pa_m * balanced(depth_m, force_n / (self.step_m**2 * self.stiffness_pa_m))
-        rows, cols = self._spread(self.rows), self._spread(self.cols)
+        rows, cols = _spread(self, self.rows), _spread(self, self.cols)
         pressure: Floats = (rows @ fine.reshape(self.rows * self.fine, -1) @ cols.T).ravel()
         return pressure
 
@@ -69,13 +70,15 @@ class Skin:
         noisy: Floats = pressure_pa + random.normal(0.0, self.noise_pa, pressure_pa.shape)
         return np.clip(noisy, 0.0, self.full_scale_pa)
 
-    def _spread(self, taxels: int) -> Floats:
-        """(taxels, vertices) along one axis: the cover's blur, which keeps the sum, then the mean over each taxel."""
-        at = np.arange(taxels * self.fine) * self.step_m
-        apart = at[:, None] - at
-        blur = np.exp(-0.5 * (apart / self.cover_m) ** 2) if self.cover_m > 0.0 else np.eye(len(at))
-        mean = np.kron(np.eye(taxels), np.full((1, self.fine), 1.0 / self.fine))
-        return np.asarray(mean @ (blur / blur.sum(axis=0)), dtype=np.float64)
+
+@cache
+def _spread(skin: Skin, taxels: int) -> Floats:
+    """(taxels, vertices) along one axis: the cover's blur, which keeps the sum, then the mean over each taxel."""
+    at = np.arange(taxels * skin.fine) * skin.step_m
+    apart = at[:, None] - at
+    blur = np.exp(-0.5 * (apart / skin.cover_m) ** 2) if skin.cover_m > 0.0 else np.eye(len(at))
+    mean = np.kron(np.eye(taxels), np.full((1, skin.fine), 1.0 / skin.fine))
+    return np.asarray(mean @ (blur / blur.sum(axis=0)), dtype=np.float64)
 
 
 def balanced(depth_m: Floats, sum_m: float) -> Floats:

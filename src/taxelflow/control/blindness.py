@@ -1,0 +1,50 @@
+"""Whether two pads can feel a slip at all: a flat face that covers them looks the same wherever it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.errors import ParameterInvalid
+
+if TYPE_CHECKING:
+    from taxelflow.control.base import Touch
+
+
+@dataclass(frozen=True)
+class Blindness:
+    """When pads are blind. What an image does as its load tilts or its noise changes looks like motion, but is none."""
+
+    detail_m: float = 0.01
+    """Pads are blind if an object has to move so far, in every direction, to change their images by themselves."""
+    memory_s: float = 0.2
+    """Time over which that is learned."""
+
+    def __post_init__(self) -> None:
+        for name in ("detail_m", "memory_s"):
+            if not 0 < getattr(self, name) < float("inf"):
+                raise ParameterInvalid(f"blindness.{name}", getattr(self, name), "be a finite number above 0")
+
+    def start(self) -> BlindnessSession:
+        """Begin without knowledge: pads that say nothing are not blind."""
+        return BlindnessSession(self)
+
+
+class BlindnessSession:
+    """The mean detail of both pads' images. blind: what it says now."""
+
+    def __init__(self, parameters: Blindness) -> None:
+        self._p, self._details_1_m = parameters, float("nan")
+        self.blind = False
+
+    def step(self, touch: Touch) -> bool:
+        """Whether the pads are blind up to this scan."""
+        known = touch.detail_m[np.isfinite(touch.detail_m)]
+        if len(known):
+            now = float((1.0 / np.maximum(known, 1e-6)).max())
+            share = 1.0 if np.isnan(self._details_1_m) else min(touch.dt_s / self._p.memory_s, 1.0)
+            self._details_1_m = now if share >= 1.0 else self._details_1_m + share * (now - self._details_1_m)
+            self.blind = self._details_1_m * self._p.detail_m < 1.0
+        return self.blind

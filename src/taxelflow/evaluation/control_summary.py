@@ -1,0 +1,149 @@
+"""Rows of the comparison of controllers: shares with intervals, and wins in the same trials."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import msgspec
+import numpy as np
+
+from taxelflow.evaluation.base import Table, table_of
+from taxelflow.evaluation.control import ControlReport, TrialRow, is_near
+from taxelflow.simulation.mujoco.objects import FEATURELESS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from taxelflow.evaluation.control import Outcome
+
+_RESAMPLES = 10_000
+_Z = 1.96
+
+
+class SummaryRow(msgspec.Struct, frozen=True):
+    """One controller on objects that can be felt, or on featureless ones. Shares are of the grasped trials.
+
+    held_low and so on: Wilson's 95 % interval. blind: share of the scans in which the controller knows that its pads
+    cannot tell a slip. step_ms: processor time of the estimator for both pads. wins, losses: trials within 5 mm of the
+    first controller only, and of this one only; gain: difference of the shares, with a 95 % interval over trials.
+    """
+
+    controller: str
+    objects: str
+    trials: int
+    grasped: int
+    held: float | None
+    held_low: float | None
+    held_high: float | None
+    within_5_mm: float | None
+    within_low: float | None
+    within_high: float | None
+    force_p50: float | None
+    force_p90: float | None
+    blind: float
+    step_ms_p50: float
+    step_ms_p99: float
+    wins: int | None
+    losses: int | None
+    gain: float | None
+    gain_low: float | None
+    gain_high: float | None
+
+
+class Paired(NamedTuple):
+    """Trials in which both grasped: how often one was within 5 mm and the other was not."""
+
+    trials: int
+    wins: int
+    losses: int
+    gain: float
+    low: float
+    high: float
+
+
+def summary(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
+    """A row for each controller and kind of object; the first controller is compared with each other one."""
+    rows = []
+    for name, chosen in (("felt", is_felt), ("featureless", is_featureless)):
+        parts = [_part(outcome.report, chosen) for outcome in outcomes]
+        if parts[0].trials:
+            first = [None, *(paired(parts[0], other) for other in parts[1:])]
+            rows += [_row(name, *each, chosen) for each in zip(outcomes, parts, first, strict=True)]
+    return rows
+
+
+def tables_of(outcomes: Sequence[Outcome]) -> list[Table]:
+    """The rows of the comparison, and the trials behind them."""
+    rows = summary(outcomes)
+    trials = [(one.report.controller, *msgspec.structs.astuple(row)) for one in outcomes for row in one.report.trials]
+    return [table_of("summary", rows, SummaryRow), Table("trials", ("controller", *TrialRow.__struct_fields__), trials)]
+
+
+def is_felt(row: TrialRow) -> bool:
+    """Whether the pads had something to feel."""
+    return row.object not in FEATURELESS
+
+
+def is_featureless(row: TrialRow) -> bool:
+    """Whether the pads had nothing to feel."""
+    return row.object in FEATURELESS
+
+
+def wilson(flags: Sequence[bool]) -> tuple[float, float] | None:
+    """Wilson's 95 % interval of a share; None for no trials."""
+    count = len(flags)
+    if not count:
+        return None
+    share = sum(flags) / count
+    middle = (share + _Z**2 / (2 * count)) / (1 + _Z**2 / count)
+    half = _Z / (1 + _Z**2 / count) * float(np.sqrt(share * (1 - share) / count + _Z**2 / (4 * count**2)))
+    return middle - half, middle + half
+
+
+def paired(ours: ControlReport, other: ControlReport) -> Paired | None:
+    """Wins and losses with a bootstrap interval over trials; None without a trial in which both grasped."""
+    both = [pair for pair in zip(ours.trials, other.trials, strict=True) if pair[0].grasped and pair[1].grasped]
+    gains = np.array([int(is_near(mine)) - int(is_near(its)) for mine, its in both])
+    if not len(gains):
+        return None
+    picks = np.random.default_rng(0).integers(len(gains), size=(_RESAMPLES, len(gains)))
+    low, high = np.quantile(gains[picks].mean(axis=1), [0.025, 0.975])
+    wins, losses = int((gains > 0).sum()), int((gains < 0).sum())
+    return Paired(len(gains), wins, losses, float(gains.mean()), float(low), float(high))
+
+
+def _part(report: ControlReport, chosen: Callable[[TrialRow], bool]) -> ControlReport:
+    return ControlReport.of(report.controller, [row for row in report.trials if chosen(row)])
+
+
+def _row(
+    objects: str, outcome: Outcome, part: ControlReport, against: Paired | None, chosen: Callable[[TrialRow], bool]
+) -> SummaryRow:
+    grasped = [row for row in part.trials if row.grasped]
+    held_low, held_high = wilson([row.held for row in grasped]) or (None, None)
+    within_low, within_high = wilson([is_near(row) for row in grasped]) or (None, None)
+    mine = [trial for trial, row in zip(outcome.scans, outcome.report.trials, strict=True) if chosen(row)]
+    blind = float(np.mean(np.concatenate([scans.blind for scans in mine])))
+    p50, p99 = 1e3 * np.quantile(np.concatenate([scans.step_s for scans in mine]), [0.5, 0.99])
+    return SummaryRow(
+        controller=part.controller,
+        objects=objects,
+        trials=len(part.trials),
+        grasped=len(grasped),
+        held=part.held,
+        held_low=held_low,
+        held_high=held_high,
+        within_5_mm=part.within_5_mm,
+        within_low=within_low,
+        within_high=within_high,
+        force_p50=part.force_p50,
+        force_p90=part.force_p90,
+        blind=blind,
+        step_ms_p50=float(p50),
+        step_ms_p99=float(p99),
+        wins=against and against.wins,
+        losses=against and against.losses,
+        gain=against and against.gain,
+        gain_low=against and against.low,
+        gain_high=against and against.high,
+    )

@@ -1,0 +1,125 @@
+"""What latency and bandwidth of a gripper cost when the weight doubles at once, beside what no controller can avoid."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+from rich.console import Console
+
+from taxelflow.evaluation.base import Table, table_of
+from taxelflow.evaluation.control import ControlReport
+from taxelflow.publish.quiet import quiet_table
+from taxelflow.simulation.mujoco.events import EVENT_S, G_M_S2
+from taxelflow.simulation.mujoco.gripper import Actuator
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from taxelflow.evaluation.control import Outcome
+    from taxelflow.simulation.mujoco.trial import Trial
+
+LATENCIES_MS, BANDWIDTHS_HZ = (0.0, 10.0, 20.0, 50.0), (5.0, 10.0, 30.0)
+GENTLE = 1.3
+"""Force of the gentle bound over the least that holds the doubled weight."""
+_STEP_S, _LONGEST_S = 1e-4, 2.0
+
+
+class SweepRow(msgspec.Struct, frozen=True):
+    """Trials with one actuator; the weight doubles at once. slid, bounds: medians over the trials, mm.
+
+    bound_full_mm: of a controller that commands the largest force from the first scan on in which the object moves.
+    bound_gentle_mm: of one that commands 1.3 times the new least force then.
+    """
+
+    latency_ms: float
+    bandwidth_hz: float
+    trials: int
+    grasped: int
+    held: float | None
+    within_5_mm: float | None
+    slid_p50_mm: float | None
+    slid_p90_mm: float | None
+    force_p50: float | None
+    bound_full_mm: float
+    bound_gentle_mm: float
+
+
+class SweepReport(msgspec.Struct, frozen=True):
+    """A controller with slow and late grippers."""
+
+    controller: str
+    rows: list[SweepRow]
+
+    def tables(self) -> list[Table]:
+        """The rows."""
+        return [table_of("actuator", self.rows, SweepRow)]
+
+    def show(self) -> None:
+        """Print the rows."""
+        heads = ("held", "<5 mm", "slid mm", "p90", "force", "full mm", "gentle mm")
+        table = quiet_table("ms", "Hz", "grasped", *heads)
+        for row in self.rows:
+            shares = ["-" if share is None else f"{share:.0%}" for share in (row.held, row.within_5_mm)]
+            lengths = (row.slid_p50_mm, row.slid_p90_mm, row.force_p50, row.bound_full_mm, row.bound_gentle_mm)
+            cells = ["-" if length is None else f"{length:.2f}" for length in lengths]
+            actuator = (f"{row.latency_ms:g}", f"{row.bandwidth_hz:g}", f"{row.grasped}/{row.trials}")
+            table.add_row(*actuator, *shares, *cells)
+        console = Console(markup=False, highlight=False, soft_wrap=True)
+        console.print(f"{self.controller}: the weight doubles at once")
+        console.print(table)
+        for note in (
+            "ms, Hz: latency and bandwidth of the gripper; slid, force over least: medians",
+            f"full, gentle: medians of what is possible with the largest force, and with {GENTLE:g} times the least",
+        ):
+            console.print(note, style="dim")
+
+
+def sweep(name: str, run: Callable[[Actuator], tuple[Sequence[Trial], Outcome]]) -> SweepReport:
+    """Run the same trials with each actuator; run: trials with one of them."""
+    rows = []
+    for latency_ms in LATENCIES_MS:
+        for bandwidth_hz in BANDWIDTHS_HZ:
+            actuator = Actuator(bandwidth_hz, 1e-3 * latency_ms)
+            trials, outcome = run(actuator)
+            rows.append(_row(actuator, trials, outcome.report))
+    return SweepReport(name, rows)
+
+
+def doubled_bound_m(trial: Trial, actuator: Actuator, command_n: float, rate_hz: float = 100.0) -> float:
+    """Way of an object whose weight doubles, from the first force on, if `command_n` follows in the first scan after.
+
+    The scan in which the weight doubles ends before any command knows of it. A lag of first order follows the latency,
+    which the plant rounds to scans. Infinite for a force that never holds it.
+    """
+    least_n = trial.least_n(EVENT_S)
+    late_s = (1.0 + round(actuator.latency_s * rate_hz)) / rate_hz
+    since_s = np.maximum(np.arange(0.0, _LONGEST_S, _STEP_S) - late_s, 0.0)
+    shares = 1.0 - np.exp(-2.0 * np.pi * actuator.bandwidth_hz * since_s)
+    force_n = trial.first_n + (min(command_n, actuator.max_n) - trial.first_n) * shares
+    rising = G_M_S2 * (1.0 - force_n / least_n)  # m a = m g - 2 mu F, with the least force that carries m
+    speed = _STEP_S * np.cumsum(rising)
+    rests = np.flatnonzero(speed <= 0.0)
+    return float(_STEP_S * speed[: rests[0]].sum()) if len(rests) else float("inf")
+
+
+def _row(actuator: Actuator, trials: Sequence[Trial], report: ControlReport) -> SweepRow:
+    grasped = [row for row in report.trials if row.grasped]
+    slid = np.array([row.slid_mm for row in grasped])
+    p50, p90 = (float(np.quantile(slid, share)) if len(slid) else None for share in (0.5, 0.9))
+    full = [1e3 * doubled_bound_m(trial, actuator, actuator.max_n) for trial in trials]
+    gentle = [1e3 * doubled_bound_m(trial, actuator, GENTLE * trial.least_n(EVENT_S)) for trial in trials]
+    return SweepRow(
+        1e3 * actuator.latency_s,
+        actuator.bandwidth_hz,
+        len(report.trials),
+        len(grasped),
+        report.held,
+        report.within_5_mm,
+        p50,
+        p90,
+        report.force_p50,
+        float(np.median(full)),
+        float(np.median(gentle)),
+    )
