@@ -23,7 +23,6 @@ from taxelflow.messages import LOST
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips
     from taxelflow.sensors.layout import Layout
-    from taxelflow.slip.parameters import SlipMonitor
 
 WINDOWS = (2, 8)
 """Windows in scans: the short one finds a fast slip early, the long one a slow slip."""
@@ -87,8 +86,10 @@ class _Pair:
 class PadAgreement:
     """Whether facing pads agree that their object slips, scan by scan."""
 
-    def __init__(self, layout: Layout, monitor: SlipMonitor) -> None:
-        self._count, self._monitor = len(layout.pads), monitor
+    def __init__(self, layout: Layout, alarms_per_hour: float, creep_m_s: float, load_m: float) -> None:
+        """The options are those of `SlipMonitor`."""
+        self._count = len(layout.pads)
+        self._alarms_per_hour, self._creep_m_s, self._load_m = alarms_per_hour, creep_m_s, load_m
         self._pairs = [_Pair(pads, to_first) for pads, to_first in facing_pads(layout)]
 
     def step(self, slips: Slips) -> Bools:
@@ -121,7 +122,7 @@ class PadAgreement:
             return False
         dt_s = float(slips.span_s[scan, [first, second]].mean())
         p_value = min(self._p_value(pair, noise, dt_s, window) for window in WINDOWS)
-        accepted = dt_s * self._monitor.alarms_per_hour / 3600.0 / len(WINDOWS)
+        accepted = dt_s * self._alarms_per_hour / 3600.0 / len(WINDOWS)
         pair.agreed = p_value < (_STAYS if pair.agreed else accepted)
         return pair.agreed
 
@@ -132,8 +133,8 @@ class PadAgreement:
         steps = list(pair.steps)[-window:]
         both_x, both_y, apart_x, apart_y, _ = map(sum, zip(*steps, strict=True))
         # A sum of steps has the noise of its ends only: that of one step. Both skins feel load and creep alike.
-        shared = (self._monitor.load_m * (steps[-1].log_load - steps[0].log_load)) ** 2
-        shared += (self._monitor.creep_m_s * dt_s * window) ** 2
+        shared = (self._load_m * (steps[-1].log_load - steps[0].log_load)) ** 2
+        shared += (self._creep_m_s * dt_s * window) ** 2
         now = noise.half_square(apart_x, apart_y)
         scale = max(pair.noise, (now + pair.scans * pair.noise) / (pair.scans + 1), 1.0)
         f = noise.half_square(both_x, both_y, scale, shared)
