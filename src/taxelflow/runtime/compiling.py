@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 _log = logging.getLogger("taxelflow")
-_ROOT = Path(__file__).parent
+_ROOT = Path(__file__).parents[1]
 _IMPORT = re.compile(rb"^from (taxelflow[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 _OPTIONS = {"error_model": "numpy", "fastmath": {"reassoc", "contract"}}
 """Sums may be reordered; NaN stays NaN, and a division by 0 is one."""
