@@ -103,6 +103,11 @@ def _add_differences(
             np.add.at(stencil, (low, (high - low - dx) // nx, dx + WIDTH - 1), factor * sign * against)
 
 
+def add_diagonal(stencil: Floats, value: float) -> None:
+    """Add a value to the diagonal of a stencil."""
+    stencil[:, 0, WIDTH - 1] += value
+
+
 class Factor:
     """Cholesky factor of a positive matrix that is given as a stencil. lower: (band, knots), as LAPACK keeps it."""
 

@@ -16,7 +16,7 @@ from taxelflow.estimation.template.observability import sights
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.pose_output import Poses, to_pad
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED
-from taxelflow.numerics.bspline import STATE, THETA
+from taxelflow.numerics.bspline import STATE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -65,7 +65,7 @@ def follow_changing(scanned: Scanned, pitch_m: float, *, turns: bool) -> tuple[P
     sight = max(ahead[3], back[3])
     turns = turns or sight > _SIGHT
     pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=turns)
-    if turns and np.median(noise[:, THETA, THETA]) > _GUESS**2:
+    if turns and np.median(noise[:, 2, 2]) > _GUESS**2:
         turns = False
         pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=False)
     quality = np.where(misfit > _MISFIT, UNRESOLVED, AMBIGUOUS).astype(np.uint8)
@@ -103,7 +103,7 @@ def _chain(scanned: Scanned) -> tuple[Floats, Floats, Floats, float]:
         steps[k], misfit[k] = tracker.one(k)
         if k % looks == 0:
             factor = tracker.sums.solve(tracker.pattern)
-            looked.append(sights(tracker.pattern, scanned, tracker.states, factor, k, COARSE)[THETA])
+            looked.append(sights(tracker.pattern, scanned, tracker.states, factor, k, COARSE).theta)
     steps[0] = steps[1] if len(scanned) > 1 else 1e12 * np.eye(STATE)
     return tracker.states, steps, misfit, float(np.quantile(looked, _SEEN_IN))
 

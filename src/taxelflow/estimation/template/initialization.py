@@ -11,7 +11,7 @@ from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, regis
 from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.map import MARGIN, SPACING, Pattern, Sums
 from taxelflow.estimation.template.observations import COARSE
-from taxelflow.numerics.bspline import GAIN, STATE, THETA, in_object
+from taxelflow.numerics.bspline import STATE, in_object, pose_part, state_of, states_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,7 +42,7 @@ class Tracker:
         self._error = COARSE * scanned.amplitude
         self._loaded, self._centroid = scanned.loaded(), scanned.centroids()
         self.states = np.zeros((len(scanned), STATE))
-        self.states[:, GAIN] = 1.0
+        states_of(self.states).gain[:] = 1.0
         self.done = [start]
         self.states[start, :2] = self._centroid[start]
         places = scanned.places[:, self._loaded[start]].T - self._centroid[start]
@@ -97,7 +97,9 @@ class Tracker:
         """Register scan k from several starts; the cheapest wins. Its information (5, 5), chi-square per reading."""
         forward = 1 if k > self.start else -1
         scanned, last = self.scanned, self.states[k - forward]
-        starts = self._starts(k, forward)
+        starts = np.stack(self._starts(k, forward))
+        if np.isinf(state_of(self.stiffness).theta):
+            states_of(starts).theta[:] = 0.0
         prior = Prior(last.copy(), np.minimum(self.stiffness, HELD))
         taxels = laid_out(
             scanned.places, scanned.bends[k], scanned.readings[k], scanned.variance[k], scanned.ceiling, self._error
@@ -105,8 +107,6 @@ class Tracker:
         best, chi_per_reading, kept = np.inf, np.inf, np.zeros((STATE, STATE))
         information = np.zeros((STATE, STATE))
         for state in starts:
-            if np.isinf(self.stiffness[THETA]):
-                state[THETA] = 0.0
             cost, chi, count = register(self.pattern.surface, taxels, prior, _HUBER, _ITERATIONS, state, information)
             if cost < best - _CHEAPER:
                 best = cost
@@ -121,9 +121,9 @@ class Tracker:
         last = states[before]
         starts = [last.copy()]
         if (further - self.start) * forward >= 0:
-            step = (last - states[further])[: THETA + 1]
-            moved = last.copy()
-            moved[: THETA + 1] += step
+            step, moved = pose_part(last - states[further]), last.copy()
+            moved_pose = pose_part(moved)
+            moved_pose += step
             starts.insert(0, moved)
             if scanned.rolling:
                 speed = step / (scanned.t_s[before] - scanned.t_s[further])

@@ -13,7 +13,7 @@ from scipy.ndimage import convolve
 from taxelflow.estimation.template.extrapolation import looked_at, near
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.messages import LearnedPattern
-from taxelflow.numerics.bspline import STATE, THETA, evaluate
+from taxelflow.numerics.bspline import STATE, evaluate, state_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -103,9 +103,9 @@ def mapped(
 
     pose: (3,) of the last state, in the frame asked for. std: with the poses held.
     """
-    last, theta = states[-1], float(np.nan_to_num(pose[THETA]))
-    turn, back = _rotation(last[THETA] - theta), _rotation(-theta)
-    shift = back @ (last[:THETA] - pose[:THETA])
+    last, theta = states[-1], float(np.nan_to_num(pose[2]))
+    turn, back = _rotation(state_of(last).theta - theta), _rotation(-theta)
+    shift = back @ (last[:2] - pose[:2])
     looked = looked_at(scanned, states) @ turn.T + shift
     low, high = pattern.box
     corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]) @ turn.T + shift

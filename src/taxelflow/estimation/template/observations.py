@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import THETA
+from taxelflow.numerics.bspline import pose_part
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -184,8 +184,8 @@ class Scanned:
         if self.rolling:
             span = np.diff(self.t_s, prepend=np.nan, append=np.nan)
             before, after = span[:-1, np.newaxis], span[1:, np.newaxis]
-            step = np.diff(states[:, : THETA + 1], axis=0, prepend=np.nan, append=np.nan)
+            step = np.diff(pose_part(states), axis=0, prepend=np.nan, append=np.nan)
             velocity = (
-                np.nanmean([step[:-1] / before, step[1:] / after], axis=0) if len(self) > 1 else 0.0 * states[:, :3]
+                np.nanmean([step[:-1] / before, step[1:] / after], axis=0) if len(self) > 1 else 0.0 * pose_part(states)
             )
             self.bends[which] = (velocity[:, :, np.newaxis] * self.delay_s)[which]

@@ -11,7 +11,7 @@ from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, regis
 from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import HUBER
-from taxelflow.numerics.bspline import GAIN, STATE, THETA
+from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
@@ -53,14 +53,13 @@ def recognised(
     outward = middle / max(float(np.hypot(*middle)), 1e-9)
     steps = np.arange(12) if theta is None else np.arange(-1, 2)
     angles = steps * (np.pi / 6) if known.turns else np.zeros(1)
-    angles = angles + (known.keyframes.states[-1, THETA] if theta is None else theta)
+    angles = angles + (state_of(known.keyframes.states[-1]).theta if theta is None else theta)
     centre, best, found = pattern.centre(), np.inf, None
     information = np.zeros((STATE, STATE))
-    stiffness = np.array([_ABOUT**-2, _ABOUT**-2, 1e-6 if known.turns else HELD, 0.0, HELD])
     across = known.keyframes.scanned.across
-    stiffness[:2][across] = HELD
+    place = np.where(across, HELD, _ABOUT**-2)
     for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
-        stiffness[GAIN] = gain_std**-2
+        stiffness = np.array([*place, 1e-6 if known.turns else HELD, gain_std**-2, HELD])
         for angle, reach in product(angles, _REACHES):
             cos, sin = np.cos(angle), np.sin(angle)
             arm = np.array([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]])
@@ -77,7 +76,8 @@ def recognised(
 
 def close(found: Floats, known: Floats) -> bool:
     """Whether one state (5,) can have become the other at once."""
-    return bool(np.hypot(*(found - known)[:2]) < _LEAP[0] and abs(found[THETA] - known[THETA]) < _LEAP[1])
+    leap = state_of(found - known)
+    return bool(np.hypot(leap.x, leap.y) < _LEAP[0] and abs(leap.theta) < _LEAP[1])
 
 
 def surely_elsewhere(found: tuple[Floats, Floats, float, int], m: Track) -> bool:
