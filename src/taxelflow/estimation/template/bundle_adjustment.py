@@ -229,8 +229,7 @@ def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Flo
     def reduced(vector: Floats) -> Floats:
         step = vector.reshape(shape)
         result = np.einsum("kab,kb->ka", blocks, step) - linear.to_states(factor.solve(linear.to_knots(step)))
-        result_pose = pose_part(result)
-        result_pose += frame * pose_part(step).mean(axis=0)
+        pose_part(result)[:] += frame * pose_part(step).mean(axis=0)
         flat: Floats = result.ravel()
         return flat
 

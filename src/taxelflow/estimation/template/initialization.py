@@ -122,8 +122,7 @@ class Tracker:
         starts = [last.copy()]
         if (further - self.start) * forward >= 0:
             step, moved = pose_part(last - states[further]), last.copy()
-            moved_pose = pose_part(moved)
-            moved_pose += step
+            pose_part(moved)[:] += step
             starts.insert(0, moved)
             if scanned.rolling:
                 speed = step / (scanned.t_s[before] - scanned.t_s[further])
