@@ -9,7 +9,6 @@ are estimated together (empirical Bayes on a tree), so that a taxel that has sho
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,27 +20,16 @@ from taxelflow.messages import Bools, Floats
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-
-@dataclass(frozen=True, slots=True)
-class _Levels:
-    """Noise levels that are compared, and what is known of them before anything is seen."""
-
-    grid_ratio: float = 1.25
-    """Ratio of neighbouring noise levels that are compared: the posterior's mean interpolates between them."""
-    largest_share: float = 0.25
-    """Largest noise that is considered, as a share of the range of the readings."""
-    likely_share: float = 0.005
-    likely_log_std: float = 1.5
-    """Noise, as a share of the range, before anything is seen: within 0.02 and 10 % of it by two standard
-    deviations."""
-    alike_log_std: float = 0.25
-    """Standard deviation of the logarithm of the noise among the taxels of a pad, and among pads."""
-    strange_share: float = 1e-3
-    """Share of taxels whose noise is not like the others': it may have any level."""
-
-
-_LEVELS = _Levels()
-
+_GRID_RATIO = 1.25
+"""Ratio of neighbouring noise levels that are compared: the posterior's mean interpolates between them."""
+_LARGEST_SHARE = 0.25
+"""Largest noise that is considered, as a share of the range of the readings."""
+_LIKELY_SHARE, _LIKELY_LOG_STD = 0.005, 1.5
+"""Noise, as a share of the range, before anything is seen: within 0.02 and 10 % of it by two standard deviations."""
+_ALIKE_LOG_STD = 0.25
+"""Standard deviation of the logarithm of the noise among the taxels of a pad, and among pads."""
+_STRANGE_SHARE = 1e-3
+"""Share of taxels whose noise is not like the others': it may have any level."""
 _DOF_SHARE = 0.514
 """Degrees of freedom of the mean square of second differences, a difference: neighbouring ones are correlated."""
 _SECOND_DIFFERENCE_VARIANCE = 6.0
@@ -108,13 +96,11 @@ def estimate_noise(
         noise[~masked] = floor if floor > _MIN_NOISE else max(unknown, _MIN_NOISE)
         return noise
     live[live >= np.broadcast_to(ceiling, masked.shape)] = np.inf  # loaded, by how much is not known
-    grid = floor * _LEVELS.grid_ratio ** np.arange(
-        1 + max(1.0, np.log(_LEVELS.largest_share * reach / floor) / np.log(_LEVELS.grid_ratio))
-    )
+    grid = floor * _GRID_RATIO ** np.arange(1 + max(1.0, np.log(_LARGEST_SHARE * reach / floor) / np.log(_GRID_RATIO)))
     cut = float(levels[0]) + 0.5 * max(found_step, step)
     rest = _rest_likelihood(live, near, grid, cut, reach)
     steady, weight = _steady_likelihood(live, grid, float(levels[0]), pads)
-    prior = -0.5 * (np.log(grid / (_LEVELS.likely_share * reach)) / _LEVELS.likely_log_std) ** 2
+    prior = -0.5 * (np.log(grid / (_LIKELY_SHARE * reach)) / _LIKELY_LOG_STD) ** 2
     found = _pooled(rest + steady, rest + weight * steady, pads, grid, prior)
     noise[~masked] = np.maximum(found, floor)[~masked]
     return noise
@@ -278,9 +264,9 @@ def _pooled(own: Floats, shared: Floats, pads: NDArray[np.int64], grid: Floats, 
     of the sensor's level.
     """
     steps = np.arange(len(grid))
-    like = np.exp(-0.5 * ((steps - steps[:, np.newaxis]) * np.log(_LEVELS.grid_ratio) / _LEVELS.alike_log_std) ** 2)
+    like = np.exp(-0.5 * ((steps - steps[:, np.newaxis]) * np.log(_GRID_RATIO) / _ALIKE_LOG_STD) ** 2)
     like /= like.sum(axis=1, keepdims=True)
-    alike = (1 - _LEVELS.strange_share) * like + _LEVELS.strange_share / len(grid)
+    alike = (1 - _STRANGE_SHARE) * like + _STRANGE_SHARE / len(grid)
     to_pad = _passed(shared, alike)
     of_pads = np.zeros((int(pads.max(initial=0)) + 1, len(grid)))
     np.add.at(of_pads, pads, to_pad)
