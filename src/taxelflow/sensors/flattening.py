@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taxelflow.sensors.triangulation import NEIGHBOUR
+
 Floats = NDArray[np.float64]
 
 MOST_CURVED = 2048
@@ -41,9 +43,6 @@ class _Shape:
 
 
 _SHAPE = _Shape()
-
-_NEIGHBOUR = 1.6
-"""Taxels closer than this many median spacings are neighbours, as in `triangulation`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,5 +138,5 @@ def _stretch(xy: Floats, geodesic: Floats) -> float:
     """Largest relative error of a distance between neighbours."""
     distance = np.linalg.norm(xy[:, np.newaxis] - xy, axis=2)
     others = geodesic + np.diag(np.full(len(geodesic), np.inf))
-    near = others < _NEIGHBOUR * np.median(others.min(axis=1))
+    near = others < NEIGHBOUR * np.median(others.min(axis=1))
     return float(np.max(np.abs(distance[near] / geodesic[near] - 1.0), initial=0.0))
