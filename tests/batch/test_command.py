@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -162,7 +163,7 @@ def test_without_the_extra_the_message_names_it(
 
 def test_a_scheduler_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
     [slide] = slides(tmp_path / "runs", "a.npz")
-    monkeypatch.setattr(cluster, "_ANSWER_S", 0.1)
+    monkeypatch.setattr(cluster, "_PATIENCE", replace(cluster._PATIENCE, answer_s=0.1))
     for address in ("tcp://127.0.0.1:1", "nowhere://x"):
         words = ("batch", slide, "--out", tmp_path / "out", "--scheduler", address)
         assert f"no scheduler answers at {address}" in refused(capsys, *words)

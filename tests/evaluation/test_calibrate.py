@@ -15,6 +15,7 @@ from taxelflow.cli import main
 from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Calibratable
 from taxelflow.estimation.centroid.convolution import Convolution
+from taxelflow.evaluation import gainfit
 from taxelflow.evaluation.calibrate import calibrate, edge_reach
 from taxelflow.geometry import inverse_transform
 from taxelflow.messages import cut, joined
@@ -97,7 +98,7 @@ def test_without_the_edges_weight_the_gain_is_that_of_a_line_through_the_same_sc
 
 
 def test_on_a_diagonal_zigzag_everything_is_found_with_honest_errors(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("taxelflow.evaluation.gainfit._STARTS", 2)  # any angle of the frame: test_gainfit
+    monkeypatch.setattr(gainfit, "_SEARCH", replace(gainfit._SEARCH, starts=2))  # any angle of the frame: test_gainfit
     found = [calibrate(*zigzag(seed)).pads[0] for seed in range(16)]
     assert np.mean([pad.gain_x for pad in found]) == pytest.approx(GAIN[0], abs=0.003)
     assert np.mean([pad.gain_y for pad in found]) == pytest.approx(GAIN[1], abs=0.003)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from taxelflow.acquire.trajectory import Trajectory
 from taxelflow.errors import GainsUnknown
+from taxelflow.evaluation import gainfit
 from taxelflow.evaluation.gainfit import GainFit, Sightings, fit_gains
 from taxelflow.geometry import inverse_transform
 from taxelflow.messages import Floats
@@ -61,7 +63,9 @@ def test_gains_frame_and_clock_come_out_together() -> None:
 
 @pytest.mark.parametrize("averaged", [False, True], ids=["each scan by itself", "scans that share a centroid"])
 def test_standard_errors_are_those_of_many_seeds(averaged: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("taxelflow.evaluation.gainfit._STARTS", 2)  # any angle of the frame is the next test's
+    monkeypatch.setattr(
+        gainfit, "_SEARCH", replace(gainfit._SEARCH, starts=2)
+    )  # any angle of the frame is the next test's
     drawn = np.array([scores(fit_gains(*made(seed=seed, averaged=averaged), PITCH, 1.0)) for seed in range(16)])
     spread = drawn.std(axis=0)
     assert (spread > 0.5).all(), spread

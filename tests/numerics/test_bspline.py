@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.numerics.bspline import GAIN, KNOTS, SIZE, STATE, THETA, X, Y, evaluate, spread
+from taxelflow.numerics.bspline import KNOTS, STATE, State, evaluate, spread, state_of
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -21,9 +21,9 @@ seeds = st.integers(0, 2**32 - 1)
 def drawn(seed: int, *, delayed: bool = False) -> tuple[Floats, Floats, Floats]:
     """Coefficients, a state, and bends of a pattern that covers every taxel."""
     random = np.random.default_rng(seed)
-    state = np.zeros(STATE)
-    state[[X, Y]] = random.uniform(-1, 1, 2)
-    state[THETA], state[GAIN], state[SIZE] = random.uniform(-3, 3), 1.0, random.uniform(-0.1, 0.1)
+    state = np.array(
+        State(*random.uniform(-1, 1, 2), theta=random.uniform(-3, 3), gain=1.0, size=random.uniform(-0.1, 0.1))
+    )
     bend = random.uniform(-0.2, 0.2, (3, PLACES.shape[1] if delayed else 0))
     return random.normal(size=(24, 25)), state, bend
 
@@ -39,7 +39,7 @@ def test_derivatives_are_those_of_finite_differences(seed: int, delayed: bool) -
     c, state, bend = drawn(seed, delayed=delayed)
     out = seen(c, state, bend)
     assert np.isfinite(out).all()
-    for column, part in ((1, X), (2, Y), (3, THETA), (4, SIZE)):
+    for column, part in ((1, 0), (2, 1), (3, 2), (4, 4)):
         step = np.zeros(STATE)
         step[part] = 1e-5
         there, back = (seen(c, state + sign * step, bend)[:, 0] for sign in (1, -1))
@@ -61,15 +61,16 @@ def test_the_weights_of_the_coefficients_give_the_same_reading(seed: int, delaye
 def test_an_object_turned_and_moved_along_with_the_taxels_reads_the_same(seed: int) -> None:
     c, state, bend = drawn(seed)
     home = state.copy()
-    home[: THETA + 1] = 0.0
-    cos, sin = np.cos(state[THETA]), np.sin(state[THETA])
-    moved = np.array([[cos, -sin], [sin, cos]]) @ PLACES + state[[X, Y], np.newaxis]
+    home[:3] = 0.0
+    at = state_of(state)
+    cos, sin = np.cos(at.theta), np.sin(at.theta)
+    moved = np.array([[cos, -sin], [sin, cos]]) @ PLACES + state[:2, np.newaxis]
     np.testing.assert_allclose(seen(c, state, bend, moved)[:, 0], seen(c, home, bend)[:, 0], atol=1e-9)
 
 
 def test_a_taxel_off_the_lattice_reads_nothing() -> None:
     c, state, bend = drawn(0)
-    state[[X, Y, THETA, SIZE]] = 0.0
+    state = np.array(State(0.0, 0.0, 0.0, state_of(state).gain, 0.0))
     far = np.array([[0.0, 20.0, -6.0], [0.0, 0.0, 0.0]])
     out = seen(c, state, bend, far)
     assert np.isnan(out[:, 0]).tolist() == [False, True, True]

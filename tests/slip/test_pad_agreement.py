@@ -47,11 +47,15 @@ def sliding(speed_m_s: float, scans: int) -> np.ndarray:
     return np.tile(np.stack([one, MIRRORED * one]), (scans, 1, 1))
 
 
+def watch(alarms_per_hour: float = 1.0) -> PadAgreement:
+    options = SlipMonitor(alarms_per_hour=alarms_per_hour)
+    return PadAgreement(hand(LEFT, RIGHT), options.alarms_per_hour, options.creep_m_s, options.load_m)
+
+
 def agreed(
     moved: np.ndarray, reported_m: float = STD_M, alarms_per_hour: float = 1.0, **parts: np.ndarray
 ) -> np.ndarray:
-    watch = PadAgreement(hand(LEFT, RIGHT), SlipMonitor(alarms_per_hour=alarms_per_hour))
-    return watch.step(slips(moved, reported_m, **parts))
+    return watch(alarms_per_hour).step(slips(moved, reported_m, **parts))
 
 
 @pytest.mark.parametrize("speed_m_s", [0.01, 0.1])
@@ -108,8 +112,8 @@ def test_unknown_motion_ends_an_agreed_slip() -> None:
 def test_the_blocks_do_not_matter() -> None:
     moved = at_rest(80)
     moved[40:60] += sliding(0.02, 20)
-    watch = PadAgreement(hand(LEFT, RIGHT), SlipMonitor())
-    parts = [watch.step(slips(moved[start : start + 7])) for start in range(0, 80, 7)]
+    agreement = watch()
+    parts = [agreement.step(slips(moved[start : start + 7])) for start in range(0, 80, 7)]
     np.testing.assert_array_equal(np.concatenate(parts), agreed(moved))
 
 

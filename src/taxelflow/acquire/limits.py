@@ -26,6 +26,8 @@ MOST_MESSAGE_BYTES = 1 << 22
 """Bytes of a message: 32,768 taxels with three axes in float64 need 0.8 MB."""
 MOST_ARRAY_BYTES = 1 << 28
 """Bytes of an array that has to be read at once."""
+LONGEST_LINE = 4096
+"""Characters of a line of a text file that are read at once: a longer one is no line of numbers."""
 BLOCK_BYTES = 1 << 25
 """Bytes of a block of scans in float64."""
 BLOCK_SCANS = 1024

@@ -17,15 +17,35 @@ _INDEX_BYTES = 1 << 23
 """Bytes of an index that is parsed: it takes 1 us a byte."""
 _SMALL_BYTES = 20 << 20
 """Size of a file whose index must not be larger; of larger files such an index is trusted."""
-_STOP, _TRUE, _FALSE, _BYTE, _DOUBLE, _BINARY, _LIST, _SET, _STRUCT = 0, 1, 2, 3, 7, 8, 9, 10, 12
 _DEEPEST = 12
 """Structs and lists within each other; an index has 7."""
-_GROUPS, _COLUMNS, _COLUMN = 4, 1, 3
-_PATH, _CODEC, _PACKED_TOTAL, _FIRST_PAGE, _DICTIONARY = 3, 4, 7, 9, 11
-_PAGE_UNPACKED, _PAGE_PACKED = 2, 3
 
 Pages = list[list[int]]
 """Unpacked sizes of the pages of each column of a row group."""
+
+
+class _Type:
+    """Types of values in the compact protocol; integers lie between BYTE and DOUBLE."""
+
+    STOP, TRUE, FALSE, BYTE, DOUBLE, BINARY, LIST, SET, STRUCT = 0, 1, 2, 3, 7, 8, 9, 10, 12
+
+
+class _Index:
+    """Numbers of fields in the index: of FileMetaData, RowGroup and ColumnChunk."""
+
+    GROUPS, COLUMNS, COLUMN = 4, 1, 3
+
+
+class _Column:
+    """Numbers of fields of ColumnMetaData."""
+
+    PATH, CODEC, PACKED_TOTAL, FIRST_PAGE, DICTIONARY = 3, 4, 7, 9, 11
+
+
+class _Page:
+    """Numbers of fields of PageHeader."""
+
+    UNPACKED, PACKED = 2, 3
 
 
 def unpacked_pages(file: IO[bytes], columns: set[str]) -> list[Pages]:
@@ -43,18 +63,18 @@ def unpacked_pages(file: IO[bytes], columns: set[str]) -> list[Pages]:
             raise ValueError(f"its index has {length} of its {size} bytes: write it in larger row groups")
         return []
     file.seek(size - 8 - length)
-    groups = _parsed(file.read(length))[0].get(_GROUPS) or []
-    return [_group(file, group.get(_COLUMNS) or [], columns) for group in groups]
+    groups = _parsed(file.read(length))[0].get(_Index.GROUPS) or []
+    return [_group(file, group.get(_Index.COLUMNS) or [], columns) for group in groups]
 
 
 def _group(file: IO[bytes], chunks: list[Any], columns: set[str]) -> Pages:
     pages = []
     for chunk in chunks:
-        column = chunk.get(_COLUMN) or {}
-        path = column.get(_PATH) or [b""]
-        if column.get(_CODEC) and path[0].decode(errors="replace") in columns:
-            starts = [column[field] for field in (_FIRST_PAGE, _DICTIONARY) if column.get(field)]
-            pages.append(_sizes(file, min(starts, default=0), column.get(_PACKED_TOTAL) or 0))
+        column = chunk.get(_Index.COLUMN) or {}
+        path = column.get(_Column.PATH) or [b""]
+        if column.get(_Column.CODEC) and path[0].decode(errors="replace") in columns:
+            starts = [column[field] for field in (_Column.FIRST_PAGE, _Column.DICTIONARY) if column.get(field)]
+            pages.append(_sizes(file, min(starts, default=0), column.get(_Column.PACKED_TOTAL) or 0))
     return pages
 
 
@@ -65,7 +85,7 @@ def _sizes(file: IO[bytes], start: int, length: int) -> list[int]:
     while 0 <= start < end:
         file.seek(start)
         header, used = _parsed(file.read(min(_PAGE_HEADER_BYTES, end - start)))
-        unpacked, packed = header.get(_PAGE_UNPACKED, -1), header.get(_PAGE_PACKED, -1)
+        unpacked, packed = header.get(_Page.UNPACKED, -1), header.get(_Page.PACKED, -1)
         if not (isinstance(unpacked, int) and isinstance(packed, int) and unpacked >= 0 and packed >= 0):
             raise ValueError(f"a page declares {unpacked} bytes in {packed}")
         sizes.append(unpacked)
@@ -94,24 +114,24 @@ class _Compact:
             raise ValueError("its index is nested too deeply")
         fields: dict[int, Any] = {}
         field = 0
-        while (byte := self.byte()) != _STOP:
+        while (byte := self.byte()) != _Type.STOP:
             field = field + (byte >> 4) if byte >> 4 else self.zigzag()
             fields[field] = self.value(byte & 0xF, depth)
         return fields
 
     def value(self, kind: int, depth: int) -> Any:
         """A number, bytes, struct or list; None for a value of another type, which is skipped."""
-        if kind in (_TRUE, _FALSE):
+        if kind in (_Type.TRUE, _Type.FALSE):
             return None
-        if _BYTE < kind < _DOUBLE:
+        if _Type.BYTE < kind < _Type.DOUBLE:
             return self.zigzag()
-        if kind == _STRUCT:
+        if kind == _Type.STRUCT:
             return self.struct(depth + 1)
-        if kind in (_LIST, _SET):
+        if kind in (_Type.LIST, _Type.SET):
             return self.items(depth + 1)
-        if kind not in (_BYTE, _DOUBLE, _BINARY):
+        if kind not in (_Type.BYTE, _Type.DOUBLE, _Type.BINARY):
             raise ValueError(f"its index holds a value of type {kind}")
-        length = {_BYTE: 1, _DOUBLE: 8}.get(kind) or self.varint()
+        length = {_Type.BYTE: 1, _Type.DOUBLE: 8}.get(kind) or self.varint()
         self.at += length
         return self.content[self.at - length : self.at]
 
@@ -123,7 +143,7 @@ class _Compact:
             count = self.varint()
         if count > len(self.content):
             raise ValueError("its index is damaged")
-        if kind in (_TRUE, _FALSE):
+        if kind in (_Type.TRUE, _Type.FALSE):
             self.at += count
             return []
         return [self.value(kind, depth) for _ in range(count)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.acquire.limits import MOST_ARRAY_BYTES
+from taxelflow.acquire.limits import LONGEST_LINE, MOST_ARRAY_BYTES
 from taxelflow.errors import RecordingCorrupt
 from taxelflow.messages import Floats, RawScans
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-_LONGEST_LINE = 4096
 _REMEDY = "give a text file with one time per line, in s or as ISO 8601, or a one-dimensional .npy, by --columns.times"
 
 
@@ -59,7 +58,7 @@ def read_times(path: Path, seconds: float) -> Floats:
 def _text_times(path: Path, seconds: float) -> Floats:
     times = array("d")
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        for number, line in enumerate(iter(lambda: file.readline(_LONGEST_LINE), ""), 1):
+        for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE), ""), 1):
             field = re.split(r"[,;\t]", line.strip(), maxsplit=1)[0]
             if is_iso(field):
                 times.append(iso_seconds(field))

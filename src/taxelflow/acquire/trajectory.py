@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.acquire.limits import LONGEST_LINE
 from taxelflow.errors import ParameterInvalid, TruthInvalid
 from taxelflow.messages import Floats
 
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 _COLUMNS = (["t_s", "x_m", "y_m"], ["t_s", "x_m", "y_m", "theta_rad"])
 _TUM, _TUM_FIELDS = (".tum", ".txt"), 8
 _BAGS = (".bag", ".mcap", ".db3")
-_LONGEST_LINE = 4096
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +79,7 @@ def _tum_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line number and fields of each line that is not a comment."""
     try:
         with path.open(encoding="utf-8-sig") as file:
-            lines = enumerate(iter(lambda: file.readline(_LONGEST_LINE), ""), 1)
+            lines = enumerate(iter(lambda: file.readline(LONGEST_LINE), ""), 1)
             rows = ((number, line.partition("#")[0].split()) for number, line in lines)
             yield from ((number, row) for number, row in rows if row)
     except UnicodeDecodeError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from hashlib import blake2b
 from itertools import islice
 from pickle import dumps
@@ -17,14 +18,25 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-_PER_WORKER = 2
-"""Tasks submitted at once for each thread of a worker: one runs, one waits. More would fill the scheduler's memory."""
-_ANSWER_S, _WORKERS_S = 10, 60
-"""How long a scheduler may take to answer, and to have a worker, s."""
-_LOOK_S = 2.0
-"""Interval at which the client looks whether scheduler and workers are there, s."""
-_ATTEMPTS = 2
-"""How often a task is submitted that lost its worker more often than the scheduler allows."""
+
+@dataclass(frozen=True, slots=True)
+class _Patience:
+    """With a scheduler and its workers."""
+
+    per_worker: int = 2
+    """Tasks submitted at once for each thread of a worker: one runs, one waits. More would fill the scheduler's
+    memory."""
+    answer_s: int = 10
+    workers_s: int = 60
+    """How long a scheduler may take to answer, and to have a worker, s."""
+    look_s: float = 2.0
+    """Interval at which the client looks whether scheduler and workers are there, s."""
+    attempts: int = 2
+    """How often a task is submitted that lost its worker more often than the scheduler allows."""
+
+
+_PATIENCE = _Patience()
+
 _LOGS = ("distributed", "distributed.client", "tornado.application", "asyncio")
 """Loggers that tell of faults, each of which becomes one line of ours."""
 _AGAIN = "what is finished is kept: run the same command again"
@@ -58,13 +70,13 @@ def connected(scheduler: str | None, workers: int | None, *, most: int) -> Itera
             yield client
         return
     try:
-        client = Client(scheduler, timeout=_ANSWER_S, set_as_default=False)  # type: ignore[no-untyped-call]
+        client = Client(scheduler, timeout=_PATIENCE.answer_s, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
         remedy = "start one with `dask scheduler` and give its address, such as tcp://HOST:8786"
         raise ClusterFault(f"no scheduler answers at {scheduler}: {error}", remedy) from error
     try:
         try:
-            client.wait_for_workers(1, timeout=_WORKERS_S)
+            client.wait_for_workers(1, timeout=_PATIENCE.workers_s)
         except TimeoutError as error:
             remedy = f"start some with `dask worker {scheduler} --nthreads 1`"
             raise ClusterFault(f"the scheduler at {scheduler} has no workers", remedy) from error
@@ -94,7 +106,7 @@ def outcomes(client: Any, settings: Settings, tasks: Iterable[tuple[Path, Path]]
         future.add_done_callback(ended.put)
 
     def fill() -> None:
-        room = _PER_WORKER * max(1, sum(client.nthreads().values())) - len(under_way)
+        room = _PATIENCE.per_worker * max(1, sum(client.nthreads().values())) - len(under_way)
         for source, out in islice(waiting, max(0, room)):
             submit(source, out)
 
@@ -103,7 +115,7 @@ def outcomes(client: Any, settings: Settings, tasks: Iterable[tuple[Path, Path]]
         future = _next(client, ended)
         source, out, attempt, _ = under_way.pop(future.key)
         outcome = _outcome(client, future)
-        if outcome is None and attempt < _ATTEMPTS:
+        if outcome is None and attempt < _PATIENCE.attempts:
             submit(source, out, attempt + 1)
         else:
             yield source, outcome or Outcome("fault", message=f"its workers died while they estimated {source}")
@@ -115,12 +127,12 @@ def _next(client: Any, ended: SimpleQueue[Any]) -> Any:
     alone_s = 0.0
     while True:
         try:
-            return ended.get(timeout=_LOOK_S)
+            return ended.get(timeout=_PATIENCE.look_s)
         except Empty:
             workers = _workers(client)
-        alone_s = 0.0 if workers else alone_s + _LOOK_S
-        if alone_s >= _WORKERS_S:
-            raise ClusterFault(f"all workers were lost, and none came back within {_WORKERS_S} s", _AGAIN)
+        alone_s = 0.0 if workers else alone_s + _PATIENCE.look_s
+        if alone_s >= _PATIENCE.workers_s:
+            raise ClusterFault(f"all workers were lost, and none came back within {_PATIENCE.workers_s} s", _AGAIN)
 
 
 def _workers(client: Any) -> int:
@@ -136,7 +148,7 @@ def _outcome(client: Any, future: Any) -> Outcome | None:
     from distributed import KilledWorker
 
     try:
-        outcome: Outcome = future.result(timeout=_WORKERS_S)
+        outcome: Outcome = future.result(timeout=_PATIENCE.workers_s)
     except KilledWorker:
         return None
     except Exception as error:

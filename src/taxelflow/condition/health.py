@@ -25,37 +25,47 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 
-_MIN_SCANS = 48
-"""Known readings that a taxel needs to be judged: 4 windows."""
-_MIN_LOADED_SCANS = 24
-"""Scans with loaded neighbours, or with and without load elsewhere, that a finding needs."""
-_MIN_PEAK_PLACES = 3
-"""Places of the pad's largest reading in those scans: the load must have moved."""
-_MIN_NEIGHBOURS = 3
-"""Neighbours that a taxel needs to be compared with them."""
-_LOAD_SIGMAS = 12.0
-"""A reading this many standard deviations above where the taxel rests is a load."""
-_NOISE_RATIO = 6.0
-"""A noisy taxel has at least this ratio to the median noise of its pad,"""
-_NEIGHBOUR_NOISE_RATIO = 3.0
-"""... and this to the largest noise of its neighbours: where an object is hardly ever at rest, all of them seem noisy.
-"""
-_OUTLIER_SIGMAS = 10.0
-"""A taxel is an outlier if it rests this many robust standard deviations from where the pad's taxels do,"""
-_MIN_OUTLIER_SHARE = 0.01
-"""... and this share of the sensor's largest reading."""
-_GAIN_RATIO = 2.5
-"""A taxel of wrong gain reads this factor less than its least loaded neighbour, or more than its most loaded one,"""
-_MIN_GAIN_SHARE = 0.95
-"""... in this share of its scans."""
-_VISIBLE_NOISE_RATIO = 2.0
-"""Noise above its floor by this ratio is visible in every loaded reading: a constant one is then no reading."""
-_MAX_CONSTANT_SHARE = 0.5
-"""If at least half of the pad's readings change from scan to scan, and half of its taxels, a constant one is stuck."""
-_REST_DIVISOR = 10
-"""A taxel rests at the value that is exceeded in all but one of this many scans."""
-_MAX_REST_SCANS = 2000
-"""Scans from which it is taken, at most: sorting takes time."""
+
+@dataclass(frozen=True, slots=True)
+class _Evidence:
+    """What a finding needs."""
+
+    min_scans: int = 48
+    """Known readings that a taxel needs to be judged: 4 windows."""
+    min_loaded_scans: int = 24
+    """Scans with loaded neighbours, or with and without load elsewhere, that a finding needs."""
+    min_peak_places: int = 3
+    """Places of the pad's largest reading in those scans: the load must have moved."""
+    min_neighbours: int = 3
+    """Neighbours that a taxel needs to be compared with them."""
+    load_sigmas: float = 12.0
+    """A reading this many standard deviations above where the taxel rests is a load."""
+    noise_ratio: float = 6.0
+    """A noisy taxel has at least this ratio to the median noise of its pad,"""
+    neighbour_noise_ratio: float = 3.0
+    """... and this to the largest noise of its neighbours: where an object is hardly ever at rest, all of them seem
+    noisy."""
+    outlier_sigmas: float = 10.0
+    """A taxel is an outlier if it rests this many robust standard deviations from where the pad's taxels do,"""
+    min_outlier_share: float = 0.01
+    """... and this share of the sensor's largest reading."""
+    gain_ratio: float = 2.5
+    """A taxel of wrong gain reads this factor less than its least loaded neighbour, or more than its most loaded
+    one,"""
+    min_gain_share: float = 0.95
+    """... in this share of its scans."""
+    visible_noise_ratio: float = 2.0
+    """Noise above its floor by this ratio is visible in every loaded reading: a constant one is then no reading."""
+    max_constant_share: float = 0.5
+    """If at least half of the pad's readings change from scan to scan, and half of its taxels, a constant one is
+    stuck."""
+    rest_divisor: int = 10
+    """A taxel rests at the value that is exceeded in all but one of this many scans."""
+    max_rest_scans: int = 2000
+    """Scans from which it is taken, at most: sorting takes time."""
+
+
+_EVIDENCE = _Evidence()
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,11 +120,11 @@ def find_faults(windows: Floats, noise: Floats, masked: Bools, layout: Layout) -
     for taxel in np.flatnonzero(2 * counts < len(flat)):
         missing = 1.0 - float(counts[taxel]) / len(flat)
         found[int(taxel)] = Finding(int(taxel), "silent", missing, None, len(flat))
-    visible_noise = noise_floor(flat) * _VISIBLE_NOISE_RATIO
-    min_offset = _MIN_OUTLIER_SHARE * float(np.max(np.abs(flat), initial=0.0, where=known))
+    visible_noise = noise_floor(flat) * _EVIDENCE.visible_noise_ratio
+    min_offset = _EVIDENCE.min_outlier_share * float(np.max(np.abs(flat), initial=0.0, where=known))
     for pad in range(layout.pad_count):
         own = layout.of_pad(pad)
-        live = ~masked[own] & (2 * counts[own] >= len(flat)) & (counts[own] >= _MIN_SCANS)
+        live = ~masked[own] & (2 * counts[own] >= len(flat)) & (counts[own] >= _EVIDENCE.min_scans)
         if live.sum() > 2:
             sample = _PadSample(flat[:, own], noise[own], live, _neighbours(layout, pad), visible_noise, min_offset)
             for finding in sample.findings():
@@ -144,14 +154,16 @@ class _PadSample:
         self._noise_is_visible = bool(moving.any()) and float(np.median(noise[moving])) > visible_noise
         changes = float(np.median((np.diff(readings, axis=0) != 0).mean(axis=0)[live]))
         constant_share = float(self._constant[live].mean())
-        self._never_constant = changes > _MAX_CONSTANT_SHARE and constant_share < _MAX_CONSTANT_SHARE
+        self._never_constant = changes > _EVIDENCE.max_constant_share and constant_share < _EVIDENCE.max_constant_share
         rest = self._rest[live]
         self._usual_rest = float(np.median(rest))
         spread = max(
             1.4826 * float(np.median(np.abs(rest - self._usual_rest))), float(np.median(noise[live]))
         )  # 1.4826 MAD
         distance = np.abs(self._rest - self._usual_rest)
-        self._outlier = live & (distance > _OUTLIER_SIGMAS * np.maximum(spread, noise)) & (distance > min_offset)
+        self._outlier = (
+            live & (distance > _EVIDENCE.outlier_sigmas * np.maximum(spread, noise)) & (distance > min_offset)
+        )
 
     def findings(self) -> Iterator[Finding]:
         """Findings, with taxels numbered within the pad; the first one of a taxel counts."""
@@ -167,7 +179,7 @@ class _PadSample:
         level = float(self._rest[taxel])
         scans, least, _ = self._loaded_neighbours(taxel)
         alone = self._outlier[taxel] and self._noise_is_visible and not self._beside_outlier(taxel)
-        if len(scans) >= _MIN_LOADED_SCANS:
+        if len(scans) >= _EVIDENCE.min_loaded_scans:
             yield Finding(taxel, "stuck", level, _ratio(level, float(np.median(least))), len(scans))
         elif self._never_constant or alone:
             yield Finding(taxel, "stuck", level, _ratio(level, self._usual_rest), len(self._readings))
@@ -177,9 +189,9 @@ class _PadSample:
         if moving.sum() < 3:  # no median of others
             return
         usual = float(np.median(self._noise[moving]))
-        for taxel in np.flatnonzero(moving & (self._noise > _NOISE_RATIO * usual)).tolist():
+        for taxel in np.flatnonzero(moving & (self._noise > _EVIDENCE.noise_ratio * usual)).tolist():
             near, noise = self._near(taxel), float(self._noise[taxel])
-            if noise > _NEIGHBOUR_NOISE_RATIO * self._noise[near].max(initial=0.0):
+            if noise > _EVIDENCE.neighbour_noise_ratio * self._noise[near].max(initial=0.0):
                 yield Finding(taxel, "noisy", noise, _ratio(noise, usual), len(self._readings))
 
     def _offset(self, taxel: int) -> Iterator[Finding]:
@@ -192,15 +204,18 @@ class _PadSample:
         """A hole or a spike among loaded neighbours that stays while the load moves."""
         scans, least, most = self._loaded_neighbours(taxel)
         own = self._readings[scans, taxel] - self._rest[taxel]
-        if len(own) < _MIN_LOADED_SCANS:
+        if len(own) < _EVIDENCE.min_loaded_scans:
             return
-        if max((own * _GAIN_RATIO < least).mean(), (own > _GAIN_RATIO * most).mean()) < _MIN_GAIN_SHARE:
+        if (
+            max((own * _EVIDENCE.gain_ratio < least).mean(), (own > _EVIDENCE.gain_ratio * most).mean())
+            < _EVIDENCE.min_gain_share
+        ):
             return
         others = np.where(np.isfinite(self._readings[scans]), self._readings[scans] - self._rest, -np.inf)
         others[:, taxel] = -np.inf
         first, second = np.sort(np.partition(others, -2, axis=1)[:, -2:], axis=1).T[::-1]
-        clear = first - second > _LOAD_SIGMAS * np.median(self._noise[self._live])
-        if len(np.unique(np.argmax(others[clear], axis=1))) >= _MIN_PEAK_PLACES:
+        clear = first - second > _EVIDENCE.load_sigmas * np.median(self._noise[self._live])
+        if len(np.unique(np.argmax(others[clear], axis=1))) >= _EVIDENCE.min_peak_places:
             factor = float(np.nanmedian(own / (0.5 * (least + most))))
             yield Finding(taxel, "gain", factor, factor, len(scans))
 
@@ -216,11 +231,11 @@ class _PadSample:
     def _loaded_neighbours(self, taxel: int) -> tuple[NDArray[np.int64], Floats, Floats]:
         """Scans in which all its neighbours are loaded, and the least and the largest of their loads then."""
         near = self._near(taxel)
-        if len(near) < _MIN_NEIGHBOURS or not self._live[near].all():
+        if len(near) < _EVIDENCE.min_neighbours or not self._live[near].all():
             return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
         load = self._readings[:, near] - self._rest[near]
         least, most = load.min(axis=1), load.max(axis=1)
-        scans = np.flatnonzero(least > _LOAD_SIGMAS * np.median(self._noise[self._live]))
+        scans = np.flatnonzero(least > _EVIDENCE.load_sigmas * np.median(self._noise[self._live]))
         return scans, least[scans], most[scans]
 
     def _others_at_rest(self, taxel: int) -> NDArray[np.int64]:
@@ -232,9 +247,13 @@ class _PadSample:
             return none
         with np.errstate(invalid="ignore"):
             load = self._readings[:, others] - self._rest[others]
-            loaded = (load > _LOAD_SIGMAS * self._noise[others]).any(axis=1)
+            loaded = (load > _EVIDENCE.load_sigmas * self._noise[others]).any(axis=1)
         at_rest = np.flatnonzero(~loaded)
-        return at_rest if len(at_rest) >= _MIN_LOADED_SCANS and loaded.sum() >= _MIN_LOADED_SCANS else none
+        return (
+            at_rest
+            if len(at_rest) >= _EVIDENCE.min_loaded_scans and loaded.sum() >= _EVIDENCE.min_loaded_scans
+            else none
+        )
 
 
 def _neighbours(layout: Layout, pad: int) -> NDArray[np.int64]:
@@ -250,9 +269,9 @@ def _neighbours(layout: Layout, pad: int) -> NDArray[np.int64]:
 
 def _rest(readings: Floats, lowest: Floats) -> Floats:
     """(taxels,) where a taxel rests: at the lowest decile of its readings."""
-    some = readings[:: 1 + len(readings) // _MAX_REST_SCANS]
+    some = readings[:: 1 + len(readings) // _EVIDENCE.max_rest_scans]
     ranked = np.sort(np.where(np.isfinite(some), some, np.inf), axis=0)
-    place = np.isfinite(some).sum(axis=0) // _REST_DIVISOR
+    place = np.isfinite(some).sum(axis=0) // _EVIDENCE.rest_divisor
     rest: Floats = ranked[place, np.arange(readings.shape[1])]
     return np.where(np.isfinite(rest), rest, lowest)
 

@@ -25,21 +25,32 @@ NEAR_LOAD_SHARE = 0.1
 noise. The same share as that of the largest offset (`tare.py`)."""
 _NEAR_LOAD_SIGMAS = 6.0
 """... unless that is within this many standard deviations of the usual scatter: in a sensor without any load."""
-_SCATTERS = 0.5
-"""Share of scans in which the reading of a taxel that scatters changes: clipped ones do not show the noise."""
-_NORMAL_MEDIAN = 0.6745
-"""Median absolute value of normal numbers of standard deviation 1."""
-_ITERATIONS = 5
-"""Of the level: the last one changes it by less than a tenth of the noise."""
-_START_QUANTILE, _START_PLACE = 0.1, 2
-"""Where the search for the level starts: at this quantile, not below the third lowest reading: a taxel may be unloaded
-in few scans."""
-_LOWEST_LEVEL = -1.5
-"""Lowest level that is considered, in standard deviations from the lowest reading: farther below, all is clipped."""
-_STRAY = 1e-3
-"""Probability, relative to that of a light load, of a reading below the level that noise does not explain."""
-_EVEN = 1.0
-"""Readings of either kind that are added to the share: a taxel may be loaded in all scans that were seen."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Level:
+    """How the level of the unloaded readings is searched for."""
+
+    scatters: float = 0.5
+    """Share of scans in which the reading of a taxel that scatters changes: clipped ones do not show the noise."""
+    normal_median: float = 0.6745
+    """Median absolute value of normal numbers of standard deviation 1."""
+    iterations: int = 5
+    """Of the level: the last one changes it by less than a tenth of the noise."""
+    start_quantile: float = 0.1
+    start_place: int = 2
+    """Where the search for the level starts: at this quantile, not below the third lowest reading: a taxel may be
+    unloaded in few scans."""
+    lowest_level: float = -1.5
+    """Lowest level that is considered, in standard deviations from the lowest reading: farther below, all is
+    clipped."""
+    stray: float = 1e-3
+    """Probability, relative to that of a light load, of a reading below the level that noise does not explain."""
+    even: float = 1.0
+    """Readings of either kind that are added to the share: a taxel may be loaded in all scans that were seen."""
+
+
+_LEVEL = _Level()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,10 +85,10 @@ def far_from_loads(readings: Floats, near: NDArray[np.int64]) -> Floats:
         load = readings - lowest
         change = np.abs(readings[:-2] - 2 * readings[1:-1] + readings[2:])
     both = np.isfinite(readings[1:]) & np.isfinite(readings[:-1])
-    scatters = np.sum(both & (readings[1:] != readings[:-1]), axis=0) > _SCATTERS * both.sum(axis=0)
+    scatters = np.sum(both & (readings[1:] != readings[:-1]), axis=0) > _LEVEL.scatters * both.sum(axis=0)
     change = change[:, scatters]
     change = change[np.isfinite(change)]
-    scatter = float(np.median(change)) / _NORMAL_MEDIAN / 6**0.5 if change.size else 0.0
+    scatter = float(np.median(change)) / _LEVEL.normal_median / 6**0.5 if change.size else 0.0
     most = float(np.max(load, initial=0.0, where=np.isfinite(load)))
     loaded = ~(load <= max(NEAR_LOAD_SHARE * most, _NEAR_LOAD_SIGMAS * scatter)) & ~np.isnan(readings)
     beside: Bools = loaded.copy()
@@ -99,24 +110,24 @@ def find_rest(readings: Floats, noise: Floats | float, cut: float, reach: float)
     sigma = np.broadcast_to(np.asarray(noise, dtype=np.float64), y.shape[1:])
     ranked = np.sort(np.where(known, y, np.inf), axis=0)
     count = known.sum(axis=0)
-    place = np.minimum(np.maximum(_START_QUANTILE * count, _START_PLACE), count - 1).astype(int)
+    place = np.minimum(np.maximum(_LEVEL.start_quantile * count, _LEVEL.start_place), count - 1).astype(int)
     level = ranked[np.maximum(place, 0), np.arange(y.shape[1])]
     level = np.where(count > 0, level, cut)
     share = np.full(y.shape[1], 0.5)
     unit = np.log(sigma * (2 * np.pi) ** 0.5)
-    stray = np.log(_STRAY) - np.log(sigma * np.log1p(reach / sigma))
-    for _ in range(_ITERATIONS):
+    stray = np.log(_LEVEL.stray) - np.log(sigma * np.log1p(reach / sigma))
+    for _ in range(_LEVEL.iterations):
         edge = (cut - level) / sigma
         below = log_ndtr(edge)
         z = (y - level) / sigma
         log_rest = np.where(clipped, below, -0.5 * z * z - unit)
-        log_load = np.where((z < 0) | clipped, stray, stray - np.log(_STRAY) - np.log1p(np.maximum(z, 0.0)))
+        log_load = np.where((z < 0) | clipped, stray, stray - np.log(_LEVEL.stray) - np.log1p(np.maximum(z, 0.0)))
         odds = np.exp(np.clip(log_rest - log_load, -50.0, 50.0)) * (share / (1 - share))
         unloaded = np.where(known, odds / (1 + odds), 0.0)
         likelihood = np.sum(log_load + np.log1p(odds), axis=0, where=known) + count * np.log1p(-share)
         mills = np.exp(-0.5 * edge**2 - 0.5 * np.log(2 * np.pi) - below)
         total = unloaded.sum(axis=0)
         mean = (unloaded * np.where(clipped, level - sigma * mills, y)).sum(axis=0) / np.maximum(total, 1e-9)
-        level = np.maximum(np.where(total > 0, mean, level), cut + _LOWEST_LEVEL * sigma)
-        share = (total + _EVEN) / (count + 2 * _EVEN)
+        level = np.maximum(np.where(total > 0, mean, level), cut + _LEVEL.lowest_level * sigma)
+        share = (total + _LEVEL.even) / (count + 2 * _LEVEL.even)
     return Resting(level, unloaded, likelihood + np.log(sigma) * np.minimum(total, 1.0))

@@ -24,14 +24,22 @@ if TYPE_CHECKING:
     from taxelflow.acquire.trajectory import Trajectory
     from taxelflow.messages import Bools, Floats
 
-_FEWEST = 8
-_STARTS = 4
-_FLAT = 0.15
-"""A way whose width is less than this share of its length is a line: it shows one gain, not two."""
-_UNSURE = 0.1
-"""A gain with a larger relative standard deviation is called not observed."""
-_LAGS = 6
-_FINE = 400
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """Of the gains, and what it needs."""
+
+    fewest: int = 8
+    starts: int = 4
+    flat: float = 0.15
+    """A way whose width is less than this share of its length is a line: it shows one gain, not two."""
+    unsure: float = 0.1
+    """A gain with a larger relative standard deviation is called not observed."""
+    lags: int = 6
+    fine: int = 400
+
+
+_SEARCH = _Search()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,30 +85,30 @@ def fit_gains(seen: Sightings, truth: Trajectory, pitch_m: Floats, search_s: flo
     """Gains, frames and time offset (within +-search_s). Raises GainsUnknown."""
     offset = _coarse_offset(seen, truth, search_s)
     used = _covered(seen, truth, offset)
-    if used.sum() < _FEWEST:
+    if used.sum() < _SEARCH.fewest:
         raise GainsUnknown(
             f"only {used.sum()} scans have a position within the trajectory's times",
-            f"give at least {_FEWEST}, and check that both clocks agree within the search (now {search_s:g} s)",
+            f"give at least {_SEARCH.fewest}, and check that both clocks agree within the search (now {search_s:g} s)",
         )
     problem = _Problem(seen.chosen(used), truth, search_s, np.zeros(2))
     length, width = problem.spread(offset)
     if length < 0.3 * pitch_m.max():
         seen_mm = f"the object's path spans only {1e3 * length:.2g} mm within the pad's interior"
         raise GainsUnknown(seen_mm, "move it over at least two taxels, away from the border")
-    plane = width > _FLAT * length
+    plane = width > _SEARCH.flat * length
     if plane:
         problem.refuse_mirror(offset)
     fit = problem.refined(offset, tied=not plane)
     note = "" if plane else "the path is a line: one gain for both axes"
-    if plane and (fit.std > _UNSURE * fit.gain).any():
+    if plane and (fit.std > _SEARCH.unsure * fit.gain).any():
         lost = int(np.argmax(fit.std / fit.gain))
         fit = problem.refined(offset, tied=True)
         fit.std[lost] = np.nan
         note = f"the gain along {'xy'[lost]} is not observed: that of the other axis"
     elif not plane:
         moved = problem.along(fit)
-        fit.std[moved < _FLAT * moved.max()] = np.nan
-    if not (fit.std < 3 * _UNSURE * fit.gain).any():
+        fit.std[moved < _SEARCH.flat * moved.max()] = np.nan
+    if not (fit.std < 3 * _SEARCH.unsure * fit.gain).any():
         raise GainsUnknown(
             f"it would be {np.round(fit.gain, 2)} with a standard deviation of {np.round(fit.std, 2)}",
             "let the object move further, away from the pad's border",
@@ -179,7 +187,7 @@ class _Problem:
 
     def _best(self, offset: float, tied: bool) -> _Solution:
         """From several first angles, since the angle makes the problem many-valleyed."""
-        starts = np.arange(_STARTS) * 2 * np.pi / _STARTS
+        starts = np.arange(_SEARCH.starts) * 2 * np.pi / _SEARCH.starts
         return min((self._solve(phi, offset, tied) for phi in starts), key=lambda fit: fit.cost)
 
     def _solve(self, phi: float, offset: float, tied: bool) -> _Solution:
@@ -234,9 +242,9 @@ def _covered(seen: Sightings, truth: Trajectory, offset: float) -> Bools:
 
 def _coarse_offset(seen: Sightings, truth: Trajectory, search_s: float) -> float:
     """The offset of the best affine map between the two ways, by trial."""
-    if search_s <= 0 or len(seen) < _FEWEST:
+    if search_s <= 0 or len(seen) < _SEARCH.fewest:
         return 0.0
-    step = max(float(np.median(np.diff(seen.t_s))) / 2, 2 * search_s / _FINE)
+    step = max(float(np.median(np.diff(seen.t_s))) / 2, 2 * search_s / _SEARCH.fine)
     trials = step * np.arange(-int(search_s / step), int(search_s / step) + 1)
     costs = [_affine_cost(seen, truth, trial) for trial in trials.tolist()]
     return float(trials[int(np.argmin(costs))]) if np.isfinite(costs).any() else 0.0
@@ -245,7 +253,7 @@ def _coarse_offset(seen: Sightings, truth: Trajectory, search_s: float) -> float
 def _affine_cost(seen: Sightings, truth: Trajectory, offset: float) -> float:
     """Mean squared residual per scan of the best affine map, in standard deviations."""
     used = _covered(seen, truth, offset)
-    if used.sum() < max(_FEWEST, len(seen) // 4):
+    if used.sum() < max(_SEARCH.fewest, len(seen) // 4):
         return float("inf")
     part = seen.chosen(used)
     q = np.column_stack([_places(truth, part.t_s + offset), np.ones(len(part))])
@@ -259,7 +267,7 @@ def _affine_cost(seen: Sightings, truth: Trajectory, offset: float) -> float:
 
 def _clean(edge_m: Floats) -> Bools:
     """(scans, 2), per axis the quarter of the scans (at least 8) that the edge can do least to."""
-    share = max(0.25, _FEWEST / len(edge_m))
+    share = max(0.25, _SEARCH.fewest / len(edge_m))
     clean: Bools = edge_m <= np.quantile(edge_m, share, axis=0)
     return clean
 
@@ -267,7 +275,7 @@ def _clean(edge_m: Floats) -> Bools:
 def _inflation(whitened: Floats) -> float:
     """How much larger variances are because consecutive residuals (scans, 2) are alike: 1 + 2 sum of correlations."""
     power = float(np.sum(whitened**2))
-    lags = min(_LAGS, len(whitened) // 4)
+    lags = min(_SEARCH.lags, len(whitened) // 4)
     if power <= 0 or lags < 1:
         return 1.0
     alike = [float(np.sum(whitened[lag:] * whitened[:-lag])) / power for lag in range(1, lags + 1)]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.compiling import inlined, kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,45 +30,53 @@ def add_square(
 
     weight: (WIDTH * WIDTH,) on the square of knots from `first`.
     """
-    for qy in range(WIDTH):  # noqa: PLR1702  pairs of knots, each in two directions
+    for qy in range(WIDTH):
         for qx in range(WIDTH):
             wq = factor * weight[qy * WIDTH + qx]
-            if wq == 0.0:
-                continue
-            knot = first + qy * nx + qx
-            right[knot] += wq * reading
-            for ay in range(qy, WIDTH):
-                for ax in range(qx if ay == qy else 0, WIDTH):
-                    stencil[knot, ay - qy, ax - qx + WIDTH - 1] += wq * weight[ay * WIDTH + ax]
+            if wq != 0.0:
+                knot = first + qy * nx + qx
+                right[knot] += wq * reading
+                _add_knot(qy, qx, wq, weight, stencil[knot])
+
+
+@inlined
+def _add_knot(qy: int, qx: int, wq: float, weight: Floats, coupled: Floats) -> None:
+    """Add wq x weight to what a knot is coupled with (WIDTH, 2 WIDTH - 1): itself and those after it."""
+    for ay in range(qy, WIDTH):
+        for ax in range(qx if ay == qy else 0, WIDTH):
+            coupled[ay - qy, ax - qx + WIDTH - 1] += wq * weight[ay * WIDTH + ax]
 
 
 @kernel
 def multiply(stencil: Floats, nx: int, vector: Floats, out: Floats) -> None:
     """Fill out (knots,) with the symmetric matrix times vector."""
-    n = len(stencil)
     out[:] = 0.0
-    for j in range(n):  # noqa: PLR1702  knots, and offsets in two directions
-        for dy in range(WIDTH):
-            for k in range(stencil.shape[2]):
-                v = stencil[j, dy, k]
-                if v == 0.0:
-                    continue
-                i = j + dy * nx + k - WIDTH + 1
-                out[i] += v * vector[j]
-                if i != j:
-                    out[j] += v * vector[i]
+    for j in range(len(stencil)):
+        _multiply_knot(stencil[j], j, nx, vector, out)
+
+
+@routine
+def _multiply_knot(coupled: Floats, j: int, nx: int, vector: Floats, out: Floats) -> None:
+    """Add to out (knots,) the products of knot j with those that it is coupled with (WIDTH, 2 WIDTH - 1)."""
+    for dy, row in enumerate(coupled):
+        for k, v in enumerate(row):
+            if v == 0.0:
+                continue
+            i = j + dy * nx + k - WIDTH + 1
+            out[i] += v * vector[j]
+            if i != j:
+                out[j] += v * vector[i]
 
 
 @kernel
 def to_band(stencil: Floats, nx: int, band: Floats) -> None:
     """Fill the lower band (offsets, knots) that `scipy.linalg.cholesky_banded` takes."""
-    n = len(stencil)
     band[:] = 0.0
-    for j in range(n):  # noqa: PLR1702  knots, and offsets in two directions
-        for dy in range(WIDTH):
-            for k in range(stencil.shape[2]):
-                if stencil[j, dy, k] != 0.0:
-                    band[dy * nx + k - WIDTH + 1, j] = stencil[j, dy, k]
+    for dy in range(WIDTH):
+        for k in range(stencil.shape[2]):
+            offset = dy * nx + k - WIDTH + 1
+            for j in range(len(stencil) if offset >= 0 else 0):
+                band[offset, j] += stencil[j, dy, k]
 
 
 def smoothness(shape: tuple[int, int]) -> Floats:
@@ -93,6 +101,11 @@ def _add_differences(
             low, high = low[ahead], high[ahead]
             dx = high % nx - low % nx
             np.add.at(stencil, (low, (high - low - dx) // nx, dx + WIDTH - 1), factor * sign * against)
+
+
+def add_diagonal(stencil: Floats, value: float) -> None:
+    """Add a value to the diagonal of a stencil."""
+    stencil[:, 0, WIDTH - 1] += value
 
 
 class Factor:

@@ -4,29 +4,70 @@ Model of one reading:  y_i = g q(u_i) + n_i,  u_i = exp(-s) R(theta)^T (r_i - x)
 The surface q is what a taxel reads, averaged over the taxel's area. If the surface turns, that holds for small taxels
 only.
 
-Lengths are in pitches of the pad, angles in rad. A state is (x, y, theta, g, s): pose, gain, and logarithm of size.
+Lengths are in pitches of the pad, angles in rad. A state (5,) is (x, y, theta, g, s): pose, gain, and logarithm of
+size. `state_of` and `states_of` give its parts by name.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from taxelflow.messages import Floats
 from taxelflow.runtime.compiling import inlined, kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.messages import Floats
+STATE = 5
+"""Parts of a state."""
 
-X, Y, THETA, GAIN, SIZE, STATE = range(6)
-"""Places in a state."""
-
-_BASIS = 4
-KNOTS = _BASIS * _BASIS
-"""Knots that a reading depends on."""
+KNOTS = 16
+"""Knots that a reading depends on: four along each axis."""
 _1, _2, _3 = np.uint64(1), np.uint64(2), np.uint64(3)
+
+
+class State(NamedTuple):
+    """The parts of one state."""
+
+    x: float
+    y: float
+    theta: float
+    gain: float
+    size: float
+
+
+class States(NamedTuple):
+    """The parts of many states, views (n,) each: what is written to them is written to the states."""
+
+    x: Floats
+    y: Floats
+    theta: Floats
+    gain: Floats
+    size: Floats
+
+
+@inlined
+def state_of(vector: Floats) -> State:
+    """The parts of a state (5,)."""
+    return State(vector[0], vector[1], vector[2], vector[3], vector[4])
+
+
+@inlined
+def put(state: State, vector: Floats) -> None:
+    """Fill vector (5,) with a state."""
+    vector[0], vector[1], vector[2], vector[3], vector[4] = state
+
+
+def states_of(vectors: Floats) -> States:
+    """The parts of states (n, 5)."""
+    return States(*vectors.T)
+
+
+def pose_part(vectors: Floats) -> Floats:
+    """(..., 3), a view: x, y and theta of states (..., 5)."""
+    return vectors[..., :3]
 
 
 @inlined
@@ -106,14 +147,15 @@ def evaluate(c: Floats, lattice: Floats, places: Floats, state: Floats, bend: Fl
     """
     h, left, low = lattice
     left, low = left / h, low / h
-    scale = np.exp(-state[SIZE]) / h
-    cos, sin = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
+    at = state_of(state)
+    scale = np.exp(-at.size) / h
+    cos, sin = scale * np.cos(at.theta), scale * np.sin(at.theta)
     for i in range(places.shape[1]):
-        dx, dy = places[0, i] - state[X], places[1, i] - state[Y]
+        dx, dy = places[0, i] - at.x, places[1, i] - at.y
         if bend.shape[1]:
             dx -= bend[0, i]
             dy -= bend[1, i]
-            cos, sin = scale * np.cos(state[THETA] + bend[2, i]), scale * np.sin(state[THETA] + bend[2, i])
+            cos, sin = scale * np.cos(at.theta + bend[2, i]), scale * np.sin(at.theta + bend[2, i])
         out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = seen(c, left, low, cos, sin, dx, dy)
 
 
@@ -133,15 +175,16 @@ def spread(
     """
     ny, nx = shape
     h, left, low = lattice
-    shrink = np.exp(-state[SIZE])
-    cos, sin = shrink * np.cos(state[THETA]), shrink * np.sin(state[THETA])
+    at = state_of(state)
+    shrink = np.exp(-at.size)
+    cos, sin = shrink * np.cos(at.theta), shrink * np.sin(at.theta)
     for i in range(places.shape[1]):
-        dx, dy = places[0, i] - state[X], places[1, i] - state[Y]
+        dx, dy = places[0, i] - at.x, places[1, i] - at.y
         if bend.shape[1]:
             dx -= bend[0, i]
             dy -= bend[1, i]
-            cos = shrink * np.cos(state[THETA] + bend[2, i])
-            sin = shrink * np.sin(state[THETA] + bend[2, i])
+            cos = shrink * np.cos(at.theta + bend[2, i])
+            sin = shrink * np.sin(at.theta + bend[2, i])
         fx, fy = (cos * dx + sin * dy - left) / h, (cos * dy - sin * dx - low) / h
         ix, iy = int(np.floor(fx)), int(np.floor(fy))
         if ix < 1 or iy < 1 or ix + 2 >= nx or iy + 2 >= ny:
@@ -151,29 +194,35 @@ def spread(
             continue
         first[i] = (iy - 1) * nx + ix - 1
         bx, by = basis(fx - ix), basis(fy - iy)
-        for a in range(_BASIS):
-            for b in range(_BASIS):
-                weight[i, a * _BASIS + b] = by[a] * bx[b]
+        for a in range(KNOTS):
+            weight[i, a] = by[a // 4] * bx[a % 4]
+
+
+@inlined
+def knot_of(first: int, k: int, nx: int) -> int:
+    """Number of the k-th of the 4 x 4 knots from `first` on. nx: knots in a row of the lattice."""
+    return first + k // 4 * nx + k % 4
 
 
 @routine
 def gather(first: NDArray[np.int64], weight: Floats, values: Floats, nx: int, out: Floats) -> None:
     """Add values (n, taxels), spread over 4 x 4 knots each, to out (n, knots): the transpose of an evaluation.
 
-    first: (taxels,), weight: (taxels, 16), both from `spread`. nx: knots in a row of the lattice.
+    first: (taxels,), weight: (taxels, 16), both from `spread`. nx: see `knot_of`.
     """
     for i in range(len(first)):
         if first[i] < 0:
             continue
         for k in range(KNOTS):
-            knot = first[i] + k // 4 * nx + k % 4
+            knot = knot_of(first[i], k, nx)
             for row in range(len(values)):
                 out[row, knot] += weight[i, k] * values[row, i]
 
 
 def in_object(places: Floats, state: Floats) -> Floats:
     """Places (n, 2) on the pad, in the object's frame at a state (5,)."""
-    cos, sin = np.cos(state[THETA]), np.sin(state[THETA])
+    at = state_of(state)
+    cos, sin = np.cos(at.theta), np.sin(at.theta)
     d = places - state[:2]
-    inside: Floats = np.exp(-state[SIZE]) * np.stack([cos * d[:, 0] + sin * d[:, 1], cos * d[:, 1] - sin * d[:, 0]], 1)
+    inside: Floats = np.exp(-at.size) * np.stack([cos * d[:, 0] + sin * d[:, 1], cos * d[:, 1] - sin * d[:, 0]], 1)
     return inside

@@ -84,3 +84,23 @@ def mirror(matrix: Floats) -> None:
     for a in range(len(matrix)):
         for b in range(a):
             matrix[b, a] = matrix[a, b]
+
+
+@inlined
+def put_lower(rows: tuple[float, ...], matrix: Floats, n: int) -> None:
+    """Fill the lower half of a matrix (n, n), given row by row."""
+    k = 0
+    for a in range(n):
+        for b in range(a + 1):
+            matrix[a, b] = rows[k]
+            k += 1
+
+
+@inlined
+def add_lower(rows: tuple[float, ...], matrix: Floats, n: int) -> None:
+    """Add to the lower half of a matrix (n, n), given row by row."""
+    k = 0
+    for a in range(n):
+        for b in range(a + 1):
+            matrix[a, b] += rows[k]
+            k += 1

@@ -16,24 +16,33 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taxelflow.sensors.triangulation import NEIGHBOUR
+
 Floats = NDArray[np.float64]
 
 MOST_CURVED = 2048
 """Taxels of a curved pad: memory and time grow with the square of their number."""
-_FLAT_M = 1e-6
-"""A skin whose height varies by less is a plane."""
-_FLAT_NORMAL = 1e-6
-"""Largest difference of components between the unit normals of a plane."""
-_LEAST_MEAN_NORMAL = 0.1
-"""Norm of the mean unit normal below which the skin has no outside that one view shows."""
-_MOST_STEPS = 500
-"""Steps of SMACOF: the built-in sensors need at most about 100."""
-_CONVERGED_M = 1e-10
-"""Largest step of a coordinate at which SMACOF has converged."""
-_LEAST_GEODESIC_M = 1e-9
-"""Guards the weight 1 / geodesic^2 of coincident taxels."""
-_NEIGHBOUR = 1.6
-"""Taxels closer than this many median spacings are neighbours, as in `triangulation`."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """What counts as flat, and when the map of a curved skin has converged."""
+
+    flat_m: float = 1e-6
+    """A skin whose height varies by less is a plane."""
+    flat_normal: float = 1e-6
+    """Largest difference of components between the unit normals of a plane."""
+    least_mean_normal: float = 0.1
+    """Norm of the mean unit normal below which the skin has no outside that one view shows."""
+    most_steps: int = 500
+    """Steps of SMACOF: the built-in sensors need at most about 100."""
+    converged_m: float = 1e-10
+    """Largest step of a coordinate at which SMACOF has converged."""
+    least_geodesic_m: float = 1e-9
+    """Guards the weight 1 / geodesic^2 of coincident taxels."""
+
+
+_SHAPE = _Shape()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,11 +62,11 @@ def flatten(positions: Floats, normals: Floats) -> Flattening:
     Raises ValueError, with the cause and after a colon the remedy, for skin that closes around and for too many taxels.
     """
     outwards = normals.mean(axis=0)
-    if np.linalg.norm(outwards) < _LEAST_MEAN_NORMAL:
+    if np.linalg.norm(outwards) < _SHAPE.least_mean_normal:
         raise ValueError("the normals point in all directions, the skin is closed: split it into several pads")
     axes = _tangent_frame(outwards / np.linalg.norm(outwards))
     projected = (positions - positions.mean(axis=0)) @ axes.T
-    if np.ptp(projected[:, 2]) < _FLAT_M and np.abs(normals - normals[:1]).max() < _FLAT_NORMAL:
+    if np.ptp(projected[:, 2]) < _SHAPE.flat_m and np.abs(normals - normals[:1]).max() < _SHAPE.flat_normal:
         return Flattening(projected[:, :2], 0.0)
     if len(positions) > MOST_CURVED:
         raise ValueError(f"a curved pad has at most {MOST_CURVED} taxels, this one {len(positions)}: split it")
@@ -92,19 +101,19 @@ def _smacof(geodesic: Floats, fallback: Floats) -> Floats:
     from scipy.linalg import cho_factor, cho_solve
 
     count = len(geodesic)
-    weights = 1.0 / np.maximum(geodesic, _LEAST_GEODESIC_M) ** 2
+    weights = 1.0 / np.maximum(geodesic, _SHAPE.least_geodesic_m) ** 2
     np.fill_diagonal(weights, 0.0)
     weights /= weights.max()
     laplacian = np.diag(weights.sum(axis=1)) - weights + np.ones((count, count)) * weights.mean()
     factor = cho_factor(laplacian)
     xy = _classical_scaling(geodesic, fallback)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_SHAPE.most_steps):
         distance = np.linalg.norm(xy[:, np.newaxis] - xy, axis=2)
         pull = weights * geodesic / np.where(distance > 0, distance, 1.0)
         np.fill_diagonal(pull, 0.0)
         better = cho_solve(factor, np.diag(pull.sum(axis=1)) @ xy - pull @ xy)
         step, xy = np.abs(better - xy).max(), better
-        if step < _CONVERGED_M:
+        if step < _SHAPE.converged_m:
             break
     return xy
 
@@ -115,7 +124,7 @@ def _classical_scaling(geodesic: Floats, fallback: Floats) -> Floats:
     centred = centred - centred.mean(axis=0) - centred.mean(axis=1)[:, np.newaxis] + centred.mean()
     values, vectors = np.linalg.eigh(-0.5 * centred)
     xy: Floats = vectors[:, -2:] * np.sqrt(np.maximum(values[-2:], 0.0))
-    return xy if np.ptp(xy, axis=0).min() > _FLAT_M else fallback
+    return xy if np.ptp(xy, axis=0).min() > _SHAPE.flat_m else fallback
 
 
 def _aligned(xy: Floats, projected: Floats) -> Floats:
@@ -129,5 +138,5 @@ def _stretch(xy: Floats, geodesic: Floats) -> float:
     """Largest relative error of a distance between neighbours."""
     distance = np.linalg.norm(xy[:, np.newaxis] - xy, axis=2)
     others = geodesic + np.diag(np.full(len(geodesic), np.inf))
-    near = others < _NEIGHBOUR * np.median(others.min(axis=1))
+    near = others < NEIGHBOUR * np.median(others.min(axis=1))
     return float(np.max(np.abs(distance[near] / geodesic[near] - 1.0), initial=0.0))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_NEIGHBOUR = 1.6
+NEIGHBOUR = 1.6
 """Longest edge in spacings: beyond the diagonal of a square grid (1.41), short of every second taxel in a row (2)."""
 _ADJACENT = 1.4
 """Largest distance in spacings of an adjacent taxel: below the diagonal of a square grid (1.41)."""
@@ -47,9 +47,7 @@ def neighbours(xy: Floats, spacing: float) -> Indices:
     """
     from scipy.spatial import Delaunay, QhullError, cKDTree
 
-    close: Indices = (
-        cKDTree(xy).query_pairs(_NEIGHBOUR * spacing, output_type="ndarray").reshape(-1, 2).astype(np.int64)
-    )
+    close: Indices = cKDTree(xy).query_pairs(NEIGHBOUR * spacing, output_type="ndarray").reshape(-1, 2).astype(np.int64)
     if len(xy) < 4:
         return close
     try:
@@ -58,7 +56,7 @@ def neighbours(xy: Floats, spacing: float) -> Indices:
         return close
     edges = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [0, 2]]]), axis=1)
     edges = np.unique(edges, axis=0).astype(np.int64)
-    short: Indices = edges[np.linalg.norm(xy[edges[:, 0]] - xy[edges[:, 1]], axis=1) < _NEIGHBOUR * spacing]
+    short: Indices = edges[np.linalg.norm(xy[edges[:, 0]] - xy[edges[:, 1]], axis=1) < NEIGHBOUR * spacing]
     return short
 
 

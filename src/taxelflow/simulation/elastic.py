@@ -7,6 +7,7 @@ height scale together: E* is 1 Pa below, and pressures are relative to the peak.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -23,20 +24,31 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.simulation.parameters import Contact
 
-_LEVELS = 7
-"""Forces at which the contact is solved if the force changes; fields are interpolated between them."""
-_FEWEST, _MOST = 256, 1024
-"""Points of the grid along each axis, a power of 2."""
-_CELLS = 8
-"""Cells of the grid per pitch, and per radius of the object, where `_MOST` allows it."""
-_BOX, _BOX_FEET = 4.0, 2.6
-"""Side of the periodic box over the reach of the object, and of one on feet."""
+
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """Of the elastic solution."""
+
+    levels: int = 7
+    """Forces at which the contact is solved if the force changes; fields are interpolated between them."""
+    fewest: int = 256
+    most: int = 1024
+    """Points of the grid along each axis, a power of 2."""
+    cells: int = 8
+    """Cells of the grid per pitch, and per radius of the object, where `_MOST` allows it."""
+    box: float = 4.0
+    box_feet: float = 2.6
+    """Side of the periodic box over the reach of the object, and of one on feet."""
+    tolerance: float = 1e-6
+    """Relative error at which the solver stops."""
+
+
+_GRID = _Grid()
+
 _QUARTIC = 0.6525
 """A punch of profile 0.6525 p0 r^4 / (E* a^3) touches up to r = a under the force of the airbag p0 exp(-(r/a)^4), and
 its pressure (1 + 2 r^2/a^2) sqrt(1 - r^2/a^2) peaks at 1.04 p0 (from Sneddon's solution, 1965)."""
-_TOLERANCE = 1e-6
-"""Relative error at which the solver stops."""
-_CONVERGED = 100 * _TOLERANCE
+_CONVERGED = 100 * _GRID.tolerance
 """Relative error below which a solution is accepted."""
 
 
@@ -46,7 +58,7 @@ class Elastic:
     def __init__(self, contact: Contact, load: Load, seed: int, pitch_m: float) -> None:
         self._contact, self._load = contact, load
         low, high = load.extremes
-        self._forces = np.linspace(low, high, _LEVELS if high > low else 1)
+        self._forces = np.linspace(low, high, _GRID.levels if high > low else 1)
         box_m, points = grid_of(contact, high, pitch_m)
         self._cell_m = box_m / points
         self._fields = np.stack([solved(contact, seed, force, box_m, points) for force in self._forces])
@@ -69,10 +81,10 @@ def grid_of(contact: Contact, most_force: float, pitch_m: float) -> tuple[float,
 
     most_force: largest multiple of the nominal force.
     """
-    box = _BOX_FEET if contact.shape == "feet" else _BOX
+    box = _GRID.box_feet if contact.shape == "feet" else _GRID.box
     box_m = box * contact.reach_m * max(1.0, most_force) ** (1 / 3)
-    wanted = box_m / (min(pitch_m, contact.radius_m) / _CELLS)
-    return box_m, int(np.clip(2 ** np.ceil(np.log2(wanted)), _FEWEST, _MOST))
+    wanted = box_m / (min(pitch_m, contact.radius_m) / _GRID.cells)
+    return box_m, int(np.clip(2 ** np.ceil(np.log2(wanted)), _GRID.fewest, _GRID.most))
 
 
 @lru_cache(maxsize=16)
@@ -132,7 +144,7 @@ def _solve(surface: Floats, mean: float, box_m: float) -> Floats:
     try:
         model = tamaas.ModelFactory.createModel(tamaas.model_type.basic_2d, [box_m, box_m], list(surface.shape))
         model.E, model.nu = 1.0, 0.0
-        solver = tamaas.PolonskyKeerRey(model, np.ascontiguousarray(surface), _TOLERANCE)
+        solver = tamaas.PolonskyKeerRey(model, np.ascontiguousarray(surface), _GRID.tolerance)
         residual = solver.solve(mean)
         pressure: Floats = np.array(model.traction, dtype=np.float64)
     finally:

@@ -23,20 +23,29 @@ from taxelflow.messages import LOST
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips
     from taxelflow.sensors.layout import Layout
-    from taxelflow.slip.parameters import SlipMonitor
 
 WINDOWS = (2, 8)
 """Windows in scans: the short one finds a fast slip early, the long one a slow slip."""
-MEMORY_SCANS, LEAST_SCANS = 50, 10
-"""Scans over which the noise is measured, and how many a pair needs before it is judged."""
-_MOST = 25.0
-"""Most that one scan counts in the noise: a wrong registration is no noise."""
-_STAYS = 1e-2
-"""p-value below which an agreed slip goes on."""
-_OPPOSITE = -0.95
-"""Cosine between the normals of facing pads, or less."""
-_LEAST_VARIANCE_M2 = 1e-12
-"""Of a displacement: a method may report 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Test:
+    """Of facing pads, and of their agreement."""
+
+    memory_scans: int = 50
+    least_scans: int = 10
+    """Scans over which the noise is measured, and how many a pair needs before it is judged."""
+    most: float = 25.0
+    """Most that one scan counts in the noise: a wrong registration is no noise."""
+    stays: float = 1e-2
+    """p-value below which an agreed slip goes on."""
+    opposite: float = -0.95
+    """Cosine between the normals of facing pads, or less."""
+    least_variance_m2: float = 1e-12
+    """Of a displacement: a method may report 0."""
+
+
+_TEST = _Test()
 
 
 class _Step(NamedTuple):
@@ -80,15 +89,17 @@ class _Pair:
 
     def learn(self, half_square: float) -> None:
         """One more difference."""
-        self.scans = min(self.scans + 1, MEMORY_SCANS)
-        self.noise += (min(half_square, _MOST) - self.noise) / self.scans
+        self.scans = min(self.scans + 1, _TEST.memory_scans)
+        self.noise += (min(half_square, _TEST.most) - self.noise) / self.scans
 
 
 class PadAgreement:
     """Whether facing pads agree that their object slips, scan by scan."""
 
-    def __init__(self, layout: Layout, monitor: SlipMonitor) -> None:
-        self._count, self._monitor = len(layout.pads), monitor
+    def __init__(self, layout: Layout, alarms_per_hour: float, creep_m_s: float, load_m: float) -> None:
+        """The options are those of `SlipMonitor`."""
+        self._count = len(layout.pads)
+        self._alarms_per_hour, self._creep_m_s, self._load_m = alarms_per_hour, creep_m_s, load_m
         self._pairs = [_Pair(pads, to_first) for pads, to_first in facing_pads(layout)]
 
     def step(self, slips: Slips) -> Bools:
@@ -113,16 +124,16 @@ class PadAgreement:
         matrix = slips.displacement_covariance[scan, first, :2, :2]
         matrix = (matrix + turn @ slips.displacement_covariance[scan, second, :2, :2] @ turn.T) / 4.0
         (xx, xy), (_, yy) = matrix.tolist()
-        noise = _Covariance(xx + _LEAST_VARIANCE_M2, xy, yy + _LEAST_VARIANCE_M2)
+        noise = _Covariance(xx + _TEST.least_variance_m2, xy, yy + _TEST.least_variance_m2)
         load = float(np.log(np.maximum(slips.load[scan, [first, second]], 1e-9)).mean())
         pair.steps.append(_Step((x + u) / 2, (y + v) / 2, (x - u) / 2, (y - v) / 2, load))
         pair.learn(noise.half_square((x - u) / 2, (y - v) / 2))
-        if pair.scans < LEAST_SCANS:
+        if pair.scans < _TEST.least_scans:
             return False
         dt_s = float(slips.span_s[scan, [first, second]].mean())
         p_value = min(self._p_value(pair, noise, dt_s, window) for window in WINDOWS)
-        accepted = dt_s * self._monitor.alarms_per_hour / 3600.0 / len(WINDOWS)
-        pair.agreed = p_value < (_STAYS if pair.agreed else accepted)
+        accepted = dt_s * self._alarms_per_hour / 3600.0 / len(WINDOWS)
+        pair.agreed = p_value < (_TEST.stays if pair.agreed else accepted)
         return pair.agreed
 
     def _p_value(self, pair: _Pair, noise: _Covariance, dt_s: float, window: int) -> float:
@@ -132,8 +143,8 @@ class PadAgreement:
         steps = list(pair.steps)[-window:]
         both_x, both_y, apart_x, apart_y, _ = map(sum, zip(*steps, strict=True))
         # A sum of steps has the noise of its ends only: that of one step. Both skins feel load and creep alike.
-        shared = (self._monitor.load_m * (steps[-1].log_load - steps[0].log_load)) ** 2
-        shared += (self._monitor.creep_m_s * dt_s * window) ** 2
+        shared = (self._load_m * (steps[-1].log_load - steps[0].log_load)) ** 2
+        shared += (self._creep_m_s * dt_s * window) ** 2
         now = noise.half_square(apart_x, apart_y)
         scale = max(pair.noise, (now + pair.scans * pair.noise) / (pair.scans + 1), 1.0)
         f = noise.half_square(both_x, both_y, scale, shared)
@@ -155,6 +166,6 @@ def facing_pads(layout: Layout) -> list[tuple[tuple[int, int], Floats]]:
             axes[pad] = np.vstack([fitted, layout.normal[own].mean(axis=0)])
     found = []
     for first, second in combinations(axes, 2):
-        if axes[first][2] @ axes[second][2] < _OPPOSITE:
+        if axes[first][2] @ axes[second][2] < _TEST.opposite:
             found.append(((first, second), axes[first][:2] @ axes[second][:2].T))
     return found

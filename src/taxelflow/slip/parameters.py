@@ -39,7 +39,7 @@ class SlipMonitor:
         """Start the slip stage: poses, patterns and facing pads together, of a stream or of a recording."""
         from taxelflow.slip.stage import SlipStage
 
-        return SlipStage(layout, self, stream=stream)
+        return SlipStage(layout, **asdict(self), stream=stream)
 
     def begin(self, pads: tuple[str, ...]) -> SlipSession:
         """Start a session for a stream by poses alone, over pads of these names: each scan is decided at once."""

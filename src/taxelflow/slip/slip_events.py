@@ -9,15 +9,16 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import isnan, nan
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
-from taxelflow.messages import LOST
+from taxelflow.messages import LOST, Floats
+from taxelflow.numerics.records import Records, Vector, record_dtype, records
 from taxelflow.slip.slip_fit import SlipMotion, fit_slip, integrate_slip
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Bools, Event, Floats, Slips
+    from taxelflow.messages import Bools, Event, Slips
 
 _MOST_ROWS = 512
 """Rows of a slip that are held. Of a longer slip neighbours are averaged, so that memory and time are bounded."""
@@ -25,8 +26,16 @@ _MIN_POSES = 3
 """Poses for a fit of position and velocity with one to spare."""
 _SAME_S = 1e-9
 """Rounding of a clock."""
-_TIME, _POSE, _COVARIANCE, _STEP, _STEP_COVARIANCE = 0, slice(1, 4), slice(4, 13), slice(13, 16), slice(16, 25)
-"""Columns of a row: time of the pose, the pose, its covariance, the displacement, its covariance."""
+
+
+class _Row:
+    """What is held of a scan: time of the pose, the pose, the displacement."""
+
+    t_s: float
+    pose: Vector
+    covariance: Annotated[Floats, 3, 3]
+    displacement: Vector
+    displacement_covariance: Annotated[Floats, 3, 3]
 
 
 @dataclass(slots=True, eq=False)
@@ -39,23 +48,23 @@ class _Held:
 
 @dataclass(slots=True, eq=False)
 class _Slip:
-    """A slip that goes on. room: (_MOST_ROWS, 25), of which `held` rows are used. lost: its poses are in more than one
-    frame.
+    """A slip that goes on. room: (_MOST_ROWS,) of `_Row`, of which `held` are used. lost: its poses are in more than
+    one frame.
     """
 
     start: _Held
-    room: Floats = field(default_factory=lambda: np.empty((_MOST_ROWS, 25)))
+    room: Records = field(default_factory=lambda: records(_Row, _MOST_ROWS))
     held: int = 0
     last_s: float = nan
     lost: bool = False
 
     @property
-    def rows(self) -> Floats:
-        """(held, 25)."""
+    def rows(self) -> Records:
+        """(held,)."""
         return self.room[: self.held]
 
-    def add(self, new: Floats) -> None:
-        """Add scans (scans, 25) that slip; the result does not depend on how they are cut into blocks."""
+    def add(self, new: Records) -> None:
+        """Add scans (scans,) that slip; the result does not depend on how they are cut into blocks."""
         while len(new):
             count = min(len(new), _MOST_ROWS - self.held)
             self.room[self.held : self.held + count] = new[:count]
@@ -67,22 +76,21 @@ class _Slip:
     def motion(self, end_s: float) -> SlipMotion:
         """From the slip's onset to a time, s."""
         start_s, rows = self.start.event.onset_s, self.rows
-        inside = (rows[:, _TIME] >= start_s - _SAME_S) & (rows[:, _TIME] <= end_s + _SAME_S)
-        inside &= np.isfinite(rows[:, _POSE.start])
+        inside = (rows["t_s"] >= start_s - _SAME_S) & (rows["t_s"] <= end_s + _SAME_S)
+        inside &= _has_place(rows)
         if not self.lost and inside.sum() >= _MIN_POSES:
-            covariance = rows[inside, _COVARIANCE].reshape(-1, 3, 3)
+            known = rows[inside]
             with suppress(np.linalg.LinAlgError):  # a method from elsewhere may give poses without covariance
-                return fit_slip(rows[inside, _TIME], rows[inside, _POSE], covariance, start_s, end_s)
-        steps, covariance = rows[:, _STEP], rows[:, _STEP_COVARIANCE].reshape(-1, 3, 3)
-        return integrate_slip(steps, covariance, start_s, end_s)
+                return fit_slip(known["t_s"].copy(), known["pose"].copy(), known["covariance"].copy(), start_s, end_s)
+        return integrate_slip(rows["displacement"], rows["displacement_covariance"], start_s, end_s)
 
 
 class _Block(NamedTuple):
-    """Scans of one call. slipping: (scans, pads). rows: (scans, pads, 25)."""
+    """Scans of one call. slipping: (scans, pads). rows: (scans, pads), of `_Row`."""
 
     slips: Slips
     slipping: Bools
-    rows: Floats
+    rows: Records
 
 
 class SlipEvents:
@@ -196,27 +204,30 @@ def _with_motion(event: Event, motion: SlipMotion) -> Event:
     )
 
 
-def _rows(slips: Slips) -> Floats:
-    """(scans, pads, 25), what is held of each scan."""
-    shape = slips.contact.shape
-    rows = np.empty((*shape, 25))
-    lag_s = np.where(np.isnan(slips.lag_s), 0.0, slips.lag_s)
-    rows[..., _TIME] = slips.t_s[:, np.newaxis] - lag_s
-    rows[..., _POSE] = slips.pose
-    rows[..., _COVARIANCE] = slips.covariance.reshape(*shape, 9)
-    rows[..., _STEP] = slips.displacement
-    rows[..., _STEP_COVARIANCE] = slips.displacement_covariance.reshape(*shape, 9)
+def _rows(slips: Slips) -> Records:
+    """(scans, pads), what is held of each scan."""
+    rows = np.empty(slips.contact.shape, dtype=record_dtype(_Row))
+    rows["t_s"] = slips.t_s[:, np.newaxis] - np.where(np.isnan(slips.lag_s), 0.0, slips.lag_s)
+    rows["pose"], rows["covariance"] = slips.pose, slips.covariance
+    rows["displacement"], rows["displacement_covariance"] = slips.displacement, slips.displacement_covariance
     return rows
 
 
-def _in_pairs(rows: Floats) -> Floats:
-    """(rows / 2, 25): means of neighbouring poses, with their covariance, and sums of displacements."""
+def _has_place(rows: Records) -> Bools:
+    """(rows,), whether the place is known."""
+    known: Bools = np.isfinite(rows["pose"][:, 0])
+    return known
+
+
+def _in_pairs(rows: Records) -> Records:
+    """(rows / 2,): means of neighbouring poses, with their covariance, and sums of displacements."""
     one, other = rows[::2], rows[1::2]
-    pairs = 0.5 * (one + other)
-    pairs[:, _COVARIANCE] *= 0.5
-    steps = slice(_STEP.start, _STEP_COVARIANCE.stop)
-    pairs[:, steps] = np.where(np.isnan(one[:, steps]), other[:, steps], one[:, steps] + np.nan_to_num(other[:, steps]))
-    for known, lacks in ((one, other), (other, one)):
-        alone = np.isnan(lacks[:, _POSE.start]) & np.isfinite(known[:, _POSE.start])
-        pairs[alone, : _COVARIANCE.stop] = known[alone, : _COVARIANCE.stop]
+    pairs = np.empty_like(one)
+    for name, share in (("t_s", 0.5), ("pose", 0.5), ("covariance", 0.25)):
+        pairs[name] = share * (one[name] + other[name])
+        for known, lacks in ((one, other), (other, one)):
+            alone = ~_has_place(lacks) & _has_place(known)
+            pairs[name][alone] = known[name][alone]
+    for name in ("displacement", "displacement_covariance"):
+        pairs[name] = np.where(np.isnan(one[name]), other[name], one[name] + np.nan_to_num(other[name]))
     return pairs

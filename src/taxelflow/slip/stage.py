@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -20,7 +20,6 @@ from taxelflow.slip.verdict import Posed, Verdict
 if TYPE_CHECKING:
     from taxelflow.messages import Scans, Slips
     from taxelflow.sensors.layout import Layout
-    from taxelflow.slip.parameters import SlipMonitor
 
 Block = TypeVar("Block", Odds, PatternChanges)
 
@@ -43,12 +42,22 @@ class Judged:
 class SlipStage:
     """Slips of all pads. `see` gets the scans, `step` their slips, which may come later."""
 
-    def __init__(self, layout: Layout, monitor: SlipMonitor, *, stream: bool) -> None:
-        pads, parameters = layout.pads, parameter_record(**asdict(monitor))
-        self._watch = PatternWatch(layout, monitor.creep_m_s, LIVE_AFTER_BINS if stream else AFTER_BINS)
+    def __init__(
+        self,
+        layout: Layout,
+        *,
+        alarms_per_hour: float,
+        creep_m_s: float,
+        load_m: float,
+        settle_s: float,
+        stream: bool,
+    ) -> None:
+        """The options are those of `SlipMonitor`."""
+        pads, parameters = layout.pads, parameter_record(alarms_per_hour, load_m, creep_m_s, settle_s)
+        self._watch = PatternWatch(layout, creep_m_s, LIVE_AFTER_BINS if stream else AFTER_BINS)
         self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)
         self._odds = LiveOdds(len(pads)) if stream else OfflineOdds(len(pads))
-        self._agreement = PadAgreement(layout, monitor)
+        self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
         self._verdict = Verdict(pads)
         self._completed = SlipEvents(pads, stream=stream)
         self._changes: list[PatternChanges] = []

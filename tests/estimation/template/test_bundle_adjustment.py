@@ -7,7 +7,7 @@ from taxelflow.estimation.template.bundle_adjustment import refine
 from taxelflow.estimation.template.map import Pattern
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.numerics.banded import multiply, smoothness
-from taxelflow.numerics.bspline import GAIN, STATE
+from taxelflow.numerics.bspline import STATE, states_of
 
 
 def test_the_readings_determine_as_many_coefficients_as_a_trace_says() -> None:
@@ -15,7 +15,7 @@ def test_the_readings_determine_as_many_coefficients_as_a_trace_says() -> None:
     axis = np.arange(8.0)
     places = np.stack([grid.ravel() for grid in np.meshgrid(axis, axis)])
     states = np.zeros((6, STATE))
-    states[:, GAIN] = 1.0
+    states_of(states).gain[:] = 1.0
     states[:, :2] = random.uniform(3.0, 4.0, (6, 2))
     away = places[np.newaxis] - states[:, :2, np.newaxis]
     readings = np.exp(-(away**2).sum(axis=1) / 4.0) + 0.01 * random.standard_normal((6, 64))

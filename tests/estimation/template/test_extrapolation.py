@@ -9,7 +9,7 @@ from taxelflow.estimation.template.hypotheses import covering
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.numerics.bspline import State
 
 
 def scanned(*, slope: float = 0.0) -> Scanned:
@@ -22,9 +22,7 @@ def scanned(*, slope: float = 0.0) -> Scanned:
 
 def at_rest() -> Floats:
     """(1, 5)."""
-    state = np.zeros((1, STATE))
-    state[0, GAIN] = 1.0
-    return state
+    return np.array([State(0.0, 0.0, 0.0, 1.0, 0.0)])
 
 
 def levelled(scan: Scanned) -> tuple[tuple[Floats, Floats], Floats, Floats]:
@@ -39,7 +37,7 @@ def levelled(scan: Scanned) -> tuple[tuple[Floats, Floats], Floats, Floats]:
 def test_taxels_look_where_they_are_seen_from_the_object() -> None:
     scan, state = scanned(), at_rest()
     scan.variance[0, 5] = 0.0
-    state[0, [X, Y, THETA, SIZE]] = 1.0, -2.0, np.pi / 2, np.log(2.0)
+    state[0] = State(1.0, -2.0, np.pi / 2, 1.0, np.log(2.0))
     looked = looked_at(scan, state)
     assert len(looked) == 63
     x, y = scan.places[:, 0]

@@ -13,7 +13,7 @@ import numpy as np
 
 from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.frames import crc_table
-from taxelflow.acquire.devices.serial import SerialLine
+from taxelflow.acquire.devices.serial import BAUD, SerialLine
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource
 from taxelflow.errors import AddressInvalid
 from taxelflow.sensors.catalogue import load_sensor
@@ -29,7 +29,6 @@ SCAN, ACQUIRE = 0x00, 0x03
 RUN_LENGTHS = 0x01
 _ACQUIRES = 0x80
 _LONGEST = 8192
-_BAUD = 115200
 POLYNOMIAL = "8408"
 """CRC-16-CCITT, reversed: an assumption."""
 _RATE = 30
@@ -136,7 +135,7 @@ class _DsaLine(SerialLine):
     """Asks for scans when it has opened."""
 
     def __init__(self, device: str, command: bytes) -> None:
-        super().__init__(device, _BAUD)
+        super().__init__(device, BAUD)
         self._command = command
 
     def open(self) -> bool:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
-_BAUD = 115200
+BAUD = 115200
 
 
 class SerialLine:
@@ -77,5 +77,5 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     device = address.need_path("serial:/dev/ttyUSB0?baud=115200")
     sensor, faults = need_sensor(address, sensor), Faults()
     parser = parser_of(address, sensor, faults, joins_late=True)
-    transport = SerialLine(device, round(address.number("baud", _BAUD, 1)))
+    transport = SerialLine(device, round(address.number("baud", BAUD, 1)))
     return ByteSource(address, sensor, transport, parser, faults)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,19 +17,28 @@ import numpy as np
 if TYPE_CHECKING:
     from taxelflow.acquire.devices.base import Arrival, Faults
 
-_LATE_S = 1.0
-"""A stamp that is up to this much older than the last one is a late scan; one that is older still, a clock set back."""
-_MOST_LATE = 8
-"""After so many late scans in a row the clock was set back a little."""
-_JUMP_S = 1.0
-"""A stamp is ahead if it has advanced by so much more than the computer's clock;"""
-_JUMP_RATIO = 20.0
-"""... and by so many times as much: a recording may be replayed faster."""
-_GAP_RATIO = 3.0
-"""A step longer than so many usual ones, the median of the last ones, is a gap."""
-_STEPS = 32
-_WINDOW_S = 1.0
-_MOST_WINDOWS = 600
+
+@dataclass(frozen=True, slots=True)
+class _Clock:
+    """When a stamp is late, ahead, or after a gap."""
+
+    late_s: float = 1.0
+    """A stamp that is up to this much older than the last one is a late scan; one that is older still, a clock set
+    back."""
+    most_late: int = 8
+    """After so many late scans in a row the clock was set back a little."""
+    jump_s: float = 1.0
+    """A stamp is ahead if it has advanced by so much more than the computer's clock;"""
+    jump_ratio: float = 20.0
+    """... and by so many times as much: a recording may be replayed faster."""
+    gap_ratio: float = 3.0
+    """A step longer than so many usual ones, the median of the last ones, is a gap."""
+    steps: int = 32
+    window_s: float = 1.0
+    most_windows: int = 600
+
+
+_CLOCK = _Clock()
 
 
 class Timeline:
@@ -41,7 +51,7 @@ class Timeline:
         self._last_arrived_s = math.nan
         self._late = 0
         self._epoch_s = time.time() - time.monotonic()
-        self._steps_s: deque[float] = deque(maxlen=_STEPS)
+        self._steps_s: deque[float] = deque(maxlen=_CLOCK.steps)
         self.dropped = self.gaps = 0
         self.skew = Skew()
 
@@ -74,7 +84,7 @@ class Timeline:
                 return None
             t_s = found
         if math.isfinite(self._last_s):
-            self.gaps += t_s - self._last_s > _GAP_RATIO * self.usual_s
+            self.gaps += t_s - self._last_s > _CLOCK.gap_ratio * self.usual_s
             self._steps_s.append(t_s - self._last_s)
         self._last_s, self._last_arrived_s = t_s, arrival.arrived_s
         return t_s
@@ -88,12 +98,12 @@ class Timeline:
         if step_s == 0.0:
             self._faults.count("scan repeated", f"a second one at {stamp_s:.6f} s is dropped")
             return None
-        if -_LATE_S <= step_s < 0.0 and self._late < _MOST_LATE:
+        if -_CLOCK.late_s <= step_s < 0.0 and self._late < _CLOCK.most_late:
             self._late += 1
             self._faults.count("scan late", f"{stamp_s:.6f} s comes {-step_s:.3g} s too late and is dropped")
             return None
         self._late = 0
-        ahead = step_s > passed_s + _JUMP_S and step_s > _JUMP_RATIO * passed_s
+        ahead = step_s > passed_s + _CLOCK.jump_s and step_s > _CLOCK.jump_ratio * passed_s
         if step_s < 0.0 or ahead:
             t_s = self._after_jump(stamp_s, step_s, passed_s)
         else:
@@ -103,7 +113,7 @@ class Timeline:
     def _after_jump(self, stamp_s: float, step_s: float, passed_s: float) -> float:
         """Time of a scan before which the device's clock has jumped."""
         again_s = stamp_s + self._former_offset_s
-        if 0.0 < again_s - self._last_s < passed_s + _JUMP_S:  # one stamp was wrong: the clock is as before
+        if 0.0 < again_s - self._last_s < passed_s + _CLOCK.jump_s:  # one stamp was wrong: the clock is as before
             self._offset_s, self._former_offset_s = self._former_offset_s, self._offset_s
             return again_s
         self._faults.count("clock jumped", f"by {step_s:+.3f} s at {stamp_s:.6f} s; a gap is marked")
@@ -126,7 +136,7 @@ class Skew:
 
     def restart(self) -> None:
         """Forget the clock: it was set anew."""
-        self._least: deque[tuple[float, float]] = deque(maxlen=_MOST_WINDOWS)
+        self._least: deque[tuple[float, float]] = deque(maxlen=_CLOCK.most_windows)
         self._until_s = -math.inf
         self._best = (0.0, math.inf)
 
@@ -135,7 +145,7 @@ class Skew:
         if arrived_s >= self._until_s:
             if math.isfinite(self._best[1]):
                 self._least.append(self._best)
-            self._best, self._until_s = (0.0, math.inf), arrived_s + _WINDOW_S
+            self._best, self._until_s = (0.0, math.inf), arrived_s + _CLOCK.window_s
         if arrived_s - t_s < self._best[1]:
             self._best = arrived_s, arrived_s - t_s
 

@@ -14,8 +14,8 @@ import numpy as np
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.template.observations import across, reach
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.banded import WIDTH, Factor, add_square, smoothness, solve_band
-from taxelflow.numerics.bspline import GAIN, KNOTS, evaluate, gather, spread
+from taxelflow.numerics.banded import WIDTH, Factor, add_diagonal, add_square, smoothness, solve_band
+from taxelflow.numerics.bspline import KNOTS, evaluate, gather, spread, state_of
 from taxelflow.runtime.compiling import routine
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def _factor(shape: tuple[int, int], first: NDArray[np.int64], weight: Floats, tr
     for taxel in np.flatnonzero(trust > 0):
         add_square(first[taxel], weight[taxel], trust[taxel], 0.0, shape[1], stencil, nothing)
     stencil += _SMOOTHING * smoothness(shape)
-    stencil[:, 0, WIDTH - 1] += _PRIOR
+    add_diagonal(stencil, _PRIOR)
     return Factor(stencil, shape[1]).lower
 
 
@@ -146,6 +146,7 @@ def fill_missing(
     for i in range(len(noise)):
         where[0, i], where[1, i] = places[0, i] - origin[0], places[1, i] - origin[1]
     evaluate(c, lattice, where, state, np.zeros((3, 0)), values)
+    gain = state_of(state).gain
     for i in range(len(noise)):
         if variance[i] == 0.0 and noise[i] > 0.0 and not np.isnan(values[i, 0]):
-            reading[i] = state[GAIN] * values[i, 0]
+            reading[i] = gain * values[i, 0]

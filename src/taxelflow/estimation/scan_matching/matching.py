@@ -15,9 +15,10 @@ from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, regis
 from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.map import Surface as Known
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.bspline import GAIN, STATE, THETA, X, Y, evaluate
+from taxelflow.numerics.bspline import STATE, State, evaluate, put, state_of
 from taxelflow.numerics.robust import OUTLIER, huber_weight
 from taxelflow.numerics.se2 import rotate_back
+from taxelflow.numerics.small_linalg import add_lower, mirror
 from taxelflow.runtime.compiling import inlined, routine
 
 if TYPE_CHECKING:
@@ -125,20 +126,18 @@ def take(
 @routine
 def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Floats) -> None:
     """Fill state (5,) with the motion since the surface's scan; starts: no motion, and the centroid's."""
-    mean = np.array([0.0, 0.0, 0.0, guess.gain, 0.0])
+    mean, stiffness = np.empty(STATE), np.empty(STATE)
+    put(State(0.0, 0.0, 0.0, guess.gain, 0.0), mean)
+    loose_x = HELD if surface.unobservable[0] > 0.0 else _LOOSE_SHIFT
+    loose_y = HELD if surface.unobservable[1] > 0.0 else _LOOSE_SHIFT
     loose_turn = _LOOSE_TURN if turns else HELD
-    stiffness = np.array([_LOOSE_SHIFT, _LOOSE_SHIFT, loose_turn, _LOOSE_GAIN / guess.gain**2, HELD])
-    for a in range(2):
-        if surface.unobservable[a] > 0.0:
-            stiffness[a] = HELD
+    put(State(loose_x, loose_y, loose_turn, _LOOSE_GAIN / guess.gain**2, HELD), stiffness)
     prior, known = Prior(mean, stiffness), Known(surface.c, surface.variance, surface.lattice)
     taxels = laid_out(points.places, np.zeros((3, 0)), points.reading, points.variance, points.ceiling, 0.0)
     information = np.zeros((STATE, STATE))
     trial, best = np.empty(STATE), np.inf
     for start in range(2):
-        for a in range(STATE):
-            trial[a] = mean[a]
-        trial[X], trial[Y] = start * guess.x, start * guess.y
+        put(State(start * guess.x, start * guess.y, 0.0, guess.gain, 0.0), trial)
         cost, chi, count = register(known, taxels, prior, _HUBER, _ITERATIONS, trial, information)
         if cost < best - _LEAST_IMPROVEMENT:
             best = cost
@@ -160,7 +159,7 @@ def linearize(surface: Surface, points: Points, fit: Fit) -> tuple[float, float,
             fit.normal[a, b] = fit.noise_normal[a, b] = 0.0
     chi = misfit = count = 0.0
     h, left, low = surface.lattice
-    x, y, theta, gain, _ = fit.state
+    x, y, theta, gain, _ = state_of(fit.state)
     cos, sin = np.cos(theta), np.sin(theta)
     for i in range(len(points.reading)):
         fit.weight[i] = 0.0
@@ -184,14 +183,13 @@ def linearize(surface: Surface, points: Points, fit: Fit) -> tuple[float, float,
         count += 1.0
         w *= huber_weight(np.sqrt(z2), _HUBER)
         fit.weight[i] = w
-        for a in range(THETA + 1):
+        for a in range(3):
             fit.jacobian[i, a] = 0.0 if a < 2 and surface.unobservable[a] > 0.0 else gain * values[i, a + 1]
-        fit.jacobian[i, GAIN] = q
+        fit.jacobian[i, 3] = q
         _add_noise(w * noise_variance, gain, dx, dy, fit.noise_normal)
         _add_square(w, fit.jacobian[i], fit.normal)
-    for a in range(DOF):
-        for b in range(a):
-            fit.normal[b, a] = fit.normal[a, b]
+    mirror(fit.normal)
+    mirror(fit.noise_normal)
     return chi, misfit, max(count - DOF, 1.0)
 
 
@@ -205,13 +203,7 @@ def _add_square(w: float, row: Floats, normal: Floats) -> None:
 
 @inlined
 def _add_noise(share: float, gain: float, dx: float, dy: float, normal: Floats) -> None:
-    """Add to normal (4, 4) what noise in value and slopes of the surface at (dx, dy) makes of J^T W J."""
+    """Add to normal (4, 4), its lower half, what noise in value and slopes at (dx, dy) makes of J^T W J."""
     noise = share * gain * gain * SLOPE_NOISE / VALUE_NOISE
-    normal[X, X] += noise
-    normal[Y, Y] += noise
-    normal[X, THETA] -= noise * dy
-    normal[THETA, X] -= noise * dy
-    normal[Y, THETA] += noise * dx
-    normal[THETA, Y] += noise * dx
-    normal[THETA, THETA] += noise * (dx * dx + dy * dy)
-    normal[GAIN, GAIN] += share
+    turn = (-noise * dy, noise * dx, noise * (dx * dx + dy * dy))
+    add_lower((noise, 0.0, noise, *turn, 0.0, 0.0, 0.0, share), normal, DOF)

@@ -39,7 +39,7 @@ from taxelflow.estimation.scan_matching.uncertainty import (
     turn_variance,
 )
 from taxelflow.messages import AMBIGUOUS, LOST, NO_POSE, UNRESOLVED, Bools, Floats
-from taxelflow.numerics.bspline import GAIN, STATE
+from taxelflow.numerics.bspline import STATE, State, put
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
@@ -161,9 +161,9 @@ def advance(
     points = take(chosen, now, variance, block.ceiling, taxels.places, origin)
     surface = surface_of(last, taxels, block.ceiling, spline, origin)
     count = len(points.taxel)
-    fit = Fit(np.zeros(STATE), np.zeros((count, DOF)), np.empty(count), np.empty((DOF, DOF)), np.empty((DOF, DOF)))
+    fit = Fit(np.empty(STATE), np.zeros((count, DOF)), np.empty(count), np.empty((DOF, DOF)), np.empty((DOF, DOF)))
     g = np.empty((3, count))
-    fit.state[GAIN] = 1.0
+    put(State(0.0, 0.0, 0.0, 1.0, 0.0), fit.state)
     guess = Guess(0.0, 0.0, 1.0)
     turns = track.yaw != YAW_LOST and spline.unobservable[0] + spline.unobservable[1] == 0.0
     if not begins:

@@ -7,9 +7,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import THETA
 from taxelflow.numerics.records import Vector
-from taxelflow.runtime.compiling import routine
+from taxelflow.runtime.compiling import inlined, routine
 
 _SCALE_ERROR = 0.03
 """Standard deviation of the share by which steps are too long or too short: a spline through taxels is too flat between
@@ -59,6 +58,14 @@ def propagate(own: Floats, earlier: Floats, last: Last, total: Floats, step: Flo
             total[a, b] += own[a, b] + mine - mixed
 
 
+@inlined
+def forget_turn(pose: Floats, matrix: Floats) -> None:
+    """Make the turn of a pose (3,) with covariance (3, 3) unknown."""
+    pose[2] = np.nan
+    for a in range(3):
+        matrix[2, a] = matrix[a, 2] = np.nan
+
+
 @routine
 def write_step(state: Floats, turns: bool, units: Floats, displacement: Floats, matrix: Floats) -> None:
     """Fill displacement (3,) and bring its covariance (3, 3) to m and rad."""
@@ -67,9 +74,7 @@ def write_step(state: Floats, turns: bool, units: Floats, displacement: Floats, 
         for b in range(3):
             matrix[a, b] *= units[a] * units[b]
     if not turns:
-        displacement[THETA] = np.nan
-        for a in range(3):
-            matrix[THETA, a] = matrix[a, THETA] = np.nan
+        forget_turn(displacement, matrix)
 
 
 @routine
@@ -81,9 +86,7 @@ def write_pose(track: Track, shows_turn: bool, units: Floats, pose: Floats, matr
             scale = _SCALE_ERROR**2 * track.path[a] * track.path[b]
             matrix[a, b] = (track.covariance[a, b] + scale) * units[a] * units[b]
     if not shows_turn:
-        pose[THETA] = np.nan
-        for a in range(3):
-            matrix[THETA, a] = matrix[a, THETA] = np.nan
+        forget_turn(pose, matrix)
 
 
 @routine

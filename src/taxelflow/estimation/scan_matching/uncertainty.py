@@ -13,7 +13,7 @@ from taxelflow.estimation.scan_matching.interpolant import Interpolant
 from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import solve_band
-from taxelflow.numerics.bspline import GAIN, THETA, X, Y, gather, spread
+from taxelflow.numerics.bspline import gather, spread, state_of
 from taxelflow.numerics.small_linalg import solve_small
 from taxelflow.runtime.compiling import inlined, routine
 
@@ -26,13 +26,13 @@ _LEAST_SHARE = 0.5
 @routine
 def turn_observability(fit: Fit) -> float:
     """Information on the turn over what the surface's noise alone would add to it; 0 if there is none."""
-    unit, matrix, noise_normal = np.zeros(DOF), fit.normal.copy(), fit.noise_normal
-    unit[THETA] = 1.0
-    if not solve_small(matrix, unit, DOF) or not noise_normal[X, X] > 0.0:
+    turn, matrix = np.array([0.0, 0.0, 1.0, 0.0]), fit.normal.copy()
+    shift, (by_x, by_y, by_turn, _) = fit.noise_normal[0, 0], fit.noise_normal[2]
+    if not solve_small(matrix, turn, DOF) or not shift > 0.0:
         return 0.0
-    x, y = noise_normal[X, THETA] / noise_normal[X, X], noise_normal[Y, THETA] / noise_normal[X, X]
-    noise = noise_normal[THETA, THETA] - (x * x + y * y) * noise_normal[X, X]
-    return 1.0 / (unit[THETA] * noise) if noise > 0.0 else np.inf
+    x, y = by_x / shift, by_y / shift
+    noise = by_turn - (x * x + y * y) * shift
+    return 1.0 / (turn[2] * noise) if noise > 0.0 else np.inf
 
 
 @routine
@@ -46,7 +46,7 @@ def gains(fit: Fit, turns: bool, out: Floats) -> None:
     for a in range(DOF):
         for b in range(DOF):
             h[a, b] *= shrink[a] * shrink[b]
-            if not turns and a != b and THETA in (a, b):
+            if not turns and a != b and 2 in (a, b):  # the turn
                 h[a, b] = 0.0
         h[a, a] += _REGULARIZATION
     columns = np.zeros((DOF, DOF))  # of the inverse
@@ -55,13 +55,13 @@ def gains(fit: Fit, turns: bool, out: Floats) -> None:
         matrix = h.copy()
         solve_small(matrix, columns[a], DOF)
     for i in range(len(fit.weight)):
-        for a in range(THETA + 1):
+        for a in range(3):
             total = 0.0
             for b in range(DOF):
                 total += columns[b, a] * fit.jacobian[i, b]
             out[a, i] = total * fit.weight[i]
         if not turns:
-            out[THETA, i] = 0.0
+            out[2, i] = 0.0
 
 
 @routine
@@ -76,7 +76,7 @@ def earlier_gains(spline: Interpolant, lattice: Floats, points: Points, state: F
     start, share = np.empty(count, np.int64), np.empty((count, 16))
     spread(spline.shape, lattice, points.places, state, np.zeros((3, 0)), start, share)
     knots = np.zeros((3, ny * nx))
-    gather(start, share, state[GAIN] * g, nx, knots)
+    gather(start, share, state_of(state).gain * g, nx, knots)
     solve_band(spline.factor, knots)
     for i in range(len(spline.first)):
         if spline.first[i] >= 0 and spline.trust[i] > 0.0:
@@ -97,10 +97,10 @@ def _spread_back(first: int, weight: Floats, nx: int, knots: Floats) -> float:
 @routine
 def turn_variance(g: Floats, points: Points) -> float:
     """Variance of the turn by the later scan's noise, rad^2."""
-    total = 0.0
+    total, turn = 0.0, g[2]
     for j in range(len(points.reading)):
         if points.reading[j] != 0.0:
-            total += g[THETA, j] * g[THETA, j] * points.variance[j]
+            total += turn[j] * turn[j] * points.variance[j]
     return total
 
 

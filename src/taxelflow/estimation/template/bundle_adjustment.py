@@ -13,8 +13,8 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
 from taxelflow.estimation.template.normal_equations import Normal, assemble, to_knots, to_states
-from taxelflow.numerics.banded import WIDTH, Factor, multiply, smoothness
-from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA
+from taxelflow.numerics.banded import Factor, add_diagonal, multiply, smoothness
+from taxelflow.numerics.bspline import STATE, pose_part, states_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -98,7 +98,7 @@ class _Linear:
         pattern = self.pattern
         stencil, right = self.normal.stencil, self.normal.right
         stencil += pattern.smoothing * self.smooth
-        stencil[:, 0, WIDTH - 1] += pattern.prior
+        add_diagonal(stencil, pattern.prior)
         right -= pattern.smoothing * self.bent + pattern.prior * pattern.coefficients.ravel()
 
     def determined(self, factor: Factor) -> float:
@@ -148,7 +148,7 @@ def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, e
     linear = _Linear(pattern, scanned.with_error(error), fixed)
     normal = linear.normal
     best, damping = _Best(np.inf, states, pattern.coefficients, pattern.smoothing), 0.0
-    diagonal, moved = np.arange(STATE), np.arange(THETA + 1)
+    parts, diagonal = states_of(states), np.arange(STATE)
     for round_ in range(rounds + 1):
         linear.update(states)
         merit = float(normal.chi.sum() + (pull * (states - usual) ** 2).sum() + pattern.smoothing * linear.bending())
@@ -170,11 +170,11 @@ def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, e
             break
         step, back = _solve(factor, linear, damping)
         states += step
-        states[:, GAIN] = np.clip(states[:, GAIN], *_GAINS)
-        states[:, SIZE] = np.clip(states[:, SIZE], *_SIZES)
+        np.clip(parts.gain, *_GAINS, out=parts.gain)
+        np.clip(parts.size, *_SIZES, out=parts.size)
         pattern.coefficients = pattern.coefficients + back.reshape(pattern.shape)
-        relative = step[:, : THETA + 1] - step[:, : THETA + 1].mean(axis=0)
-        moves = relative**2 * normal.blocks[:, moved, moved]
+        relative = pose_part(step) - pose_part(step).mean(axis=0)
+        moves = relative**2 * pose_part(normal.blocks[:, diagonal, diagonal])
         if np.sqrt(moves.mean(axis=0).max()) < _SETTLED:
             break
     free = linear.determined(factor) + len(states) * int(np.sum(~fixed))
@@ -218,16 +218,18 @@ def _learn_smoothing(pattern: Pattern, bending: float, error: float) -> None:
 def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Floats]:
     """Steps of the states (scans, 5), none longer than allowed, and of the coefficients (knots,) that go with them."""
     blocks = linear.normal.blocks.copy()
-    diagonal, moved = np.arange(STATE), np.arange(THETA + 1)
+    diagonal = np.arange(STATE)
     blocks[:, diagonal, diagonal] *= 1.0 + damping
     inverse = np.linalg.inv(blocks)
-    frame = blocks[:, moved, moved].mean(axis=0)  # holds the mean step at 0, which pattern and poses leave open
+    frame = pose_part(blocks[:, diagonal, diagonal]).mean(
+        axis=0
+    )  # holds the mean step at 0, which pattern and poses leave open
     shape = linear.normal.gradient.shape
 
     def reduced(vector: Floats) -> Floats:
         step = vector.reshape(shape)
         result = np.einsum("kab,kb->ka", blocks, step) - linear.to_states(factor.solve(linear.to_knots(step)))
-        result[:, : THETA + 1] += frame * step[:, : THETA + 1].mean(axis=0)
+        pose_part(result)[:] += frame * pose_part(step).mean(axis=0)
         flat: Floats = result.ravel()
         return flat
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,21 +14,40 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Bools, Floats
 
-_BESIDE, _STRONG, _SILENT = 1.25, 10.0, 0.1
-"""Neighbours lie within so many pitches, are loaded above so many standard deviations, and a silent taxel reads less
-than this share of theirs."""
-_HIGH = 0.2
-"""Neighbours count that read more than this share of the largest reading: between feet, all get a little."""
-_FURTHER = 2.0
-"""A contact that has gone over silent taxels went so many pitches further than they reach: it did not just rock."""
-_ACROSS = 0.3
-"""A neighbour is on a side of a group if it lies so many pitches further out than its taxels."""
+
+@dataclass(frozen=True, slots=True)
+class _Silence:
+    """Taxels that stay silent beside loaded ones."""
+
+    beside: float = 1.25
+    strong: float = 10.0
+    silent: float = 0.1
+    """Neighbours lie within so many pitches, are loaded above so many standard deviations, and a silent taxel reads
+    less than this share of theirs."""
+    high: float = 0.2
+    """Neighbours count that read more than this share of the largest reading: between feet, all get a little."""
+    further: float = 2.0
+    """A contact that has gone over silent taxels went so many pitches further than they reach: it did not just rock."""
+    across: float = 0.3
+    """A neighbour is on a side of a group if it lies so many pitches further out than its taxels."""
 
 
-_DEAD, _LOADED_ENOUGH = 0.5, 400.0
-"""A taxel is dead below the first, its reading over the model; the model's power is above the second, in variances."""
-_READ = 0.5
-"""... and has never read this share of the largest reading: what has clearly read under load is not dead."""
+_SILENCE = _Silence()
+
+
+@dataclass(frozen=True, slots=True)
+class _Fault:
+    """Taxels that do not answer to the model."""
+
+    dead: float = 0.5
+    loaded_enough: float = 400.0
+    """A taxel is dead below the first, its reading over the model; the model's power is above the second, in
+    variances."""
+    read: float = 0.5
+    """... and has never read this share of the largest reading: what has clearly read under load is not dead."""
+
+
+_FAULT = _Fault()
 
 
 def unanswering(scanned: Scanned, fit: Fit) -> int | None:
@@ -37,20 +57,20 @@ def unanswering(scanned: Scanned, fit: Fit) -> int | None:
     power = (model**2).sum(axis=0)
     answer = (model * scanned.readings).sum(axis=0)
     noise = (model**2 * scanned.variance).sum(axis=0)
-    silent = scanned.readings.max(axis=0, initial=0.0) < np.maximum(_READ * model.max(axis=0, initial=0.0), 0.0)
-    sure = silent & (power**2 > _LOADED_ENOUGH * noise)
+    silent = scanned.readings.max(axis=0, initial=0.0) < np.maximum(_FAULT.read * model.max(axis=0, initial=0.0), 0.0)
+    sure = silent & (power**2 > _FAULT.loaded_enough * noise)
     share = np.where(sure, answer / np.maximum(power, 1e-300), np.inf)
     worst = int(np.argmin(share))
-    return worst if share[worst] < _DEAD else None
+    return worst if share[worst] < _FAULT.dead else None
 
 
 def silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
     """Taxels that read next to nothing though the object is on them: single ones, and pairs of neighbours."""
     beside = _beside(scanned.places)
-    strong = (scanned.readings > _STRONG * np.sqrt(scanned.variance)) & (scanned.variance > 0)
-    answers = np.any(scanned.loaded() & (scanned.readings > _SILENT * scanned.amplitude), axis=0)
+    strong = (scanned.readings > _SILENCE.strong * np.sqrt(scanned.variance)) & (scanned.variance > 0)
+    answers = np.any(scanned.loaded() & (scanned.readings > _SILENCE.silent * scanned.amplitude), axis=0)
     quiet: Bools = ~answers & np.any(scanned.variance > 0, axis=0)
-    high: Bools = strong & (scanned.readings > _HIGH * scanned.amplitude)
+    high: Bools = strong & (scanned.readings > _SILENCE.high * scanned.amplitude)
     found = set(np.flatnonzero(quiet & _surrounded(scanned.readings, high, beside)).tolist())
     on_its_way = quiet & (beside @ high.any(axis=0).astype(np.float64) > 1.5)
     found.update(*_passed_over(scanned, strong, beside, on_its_way))
@@ -60,7 +80,7 @@ def silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
 def _beside(places: Floats) -> Bools:
     """(taxels, taxels): which are neighbours. places: (2, taxels)."""
     apart = np.hypot(*(places[:, :, np.newaxis] - places[:, np.newaxis, :]))
-    near: Bools = (apart > 0) & (apart < _BESIDE)
+    near: Bools = (apart > 0) & (apart < _SILENCE.beside)
     return near
 
 
@@ -71,7 +91,7 @@ def _surrounded(readings: Floats, high: Bools, beside: Bools) -> Bools:
     around = (readings @ beside.astype(np.float64)) / np.maximum(count, 1)
     own = np.where(surrounded, readings, 0.0).sum(axis=0)
     expected = np.where(surrounded, around, 0.0).sum(axis=0)
-    share = np.where(count > 3, _SILENT, 0.5 * _SILENT)  # at a corner pressure may end
+    share = np.where(count > 3, _SILENCE.silent, 0.5 * _SILENCE.silent)  # at a corner pressure may end
     silent: Bools = (expected > 0) & (own < share * expected)
     return silent
 
@@ -105,7 +125,7 @@ def _goes_over(scanned: Scanned, strong: Bools, beside: Bools, centroid: Floats,
     touched = strong[:, around].any(axis=1)
     level = np.where(strong[:, around], scanned.readings[:, around], 0.0).sum(axis=1)
     level /= np.maximum(strong[:, around].sum(axis=1), 1)
-    if scanned.readings[touched][:, group].sum(axis=0).max() > _SILENT * level.sum():
+    if scanned.readings[touched][:, group].sum(axis=0).max() > _SILENCE.silent * level.sum():
         return False
     middle = places[:, group].mean(axis=1)
     along = places[:, group[-1]] - middle
@@ -113,10 +133,10 @@ def _goes_over(scanned: Scanned, strong: Bools, beside: Bools, centroid: Floats,
     along = along / length if length else np.array([1.0, 0.0])
     for axis, reach in ((along, length), (np.array([-along[1], along[0]]), 0.0)):
         out = axis @ (places[:, around] - middle[:, np.newaxis])
-        ahead = strong[:, around[out > reach + _ACROSS]].any(axis=1)
-        behind = strong[:, around[out < -reach - _ACROSS]].any(axis=1)
-        between = strong[:, around[np.abs(out) <= reach + _ACROSS]].any()
+        ahead = strong[:, around[out > reach + _SILENCE.across]].any(axis=1)
+        behind = strong[:, around[out < -reach - _SILENCE.across]].any(axis=1)
+        between = strong[:, around[np.abs(out) <= reach + _SILENCE.across]].any()
         passed = (ahead & ~behind).any() and (behind & ~ahead).any() and between
-        if passed and np.ptp(centroid @ axis) > 2 * reach + _FURTHER:
+        if passed and np.ptp(centroid @ axis) > 2 * reach + _SILENCE.further:
             return True
     return False

@@ -16,7 +16,7 @@ from taxelflow.estimation.template.observability import sights
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.pose_output import Poses, to_pad
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED
-from taxelflow.numerics.bspline import STATE, THETA
+from taxelflow.numerics.bspline import STATE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,10 +29,22 @@ MEMORY = 4
 """Scans that make the pattern."""
 CHANGES = 2.0 * COARSE
 """A contact whose one pattern leaves twice the error that fits begin with has a pattern that changes."""
-_SIGHT, _SEEN_IN, _LOOKS = 1.5, 0.9, 40
-"""A turn is seen if the patterns of a few scans tell it so well in the best of many looks; this share is worse."""
-_GUESS = 1.0
-"""A turn that is no better known than this, rad, is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Turning:
+    """When a turn is seen, and told."""
+
+    sight: float = 1.5
+    seen_in: float = 0.9
+    looks: int = 40
+    """A turn is seen if the patterns of a few scans tell it so well in the best of many looks; this share is worse."""
+    guess: float = 1.0
+    """A turn that is no better known than this, rad, is none."""
+
+
+_TURNING = _Turning()
+
 _LOADED = 0.25
 """The chain begins at the first scan with this share of the largest load."""
 _MISFIT = 3.0
@@ -63,9 +75,9 @@ def follow_changing(scanned: Scanned, pitch_m: float, *, turns: bool) -> tuple[P
         np.concatenate([one[:0:-1], other]) for one, other in zip(back[:3], ahead[:3], strict=True)
     )
     sight = max(ahead[3], back[3])
-    turns = turns or sight > _SIGHT
+    turns = turns or sight > _TURNING.sight
     pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=turns)
-    if turns and np.median(noise[:, THETA, THETA]) > _GUESS**2:
+    if turns and np.median(noise[:, 2, 2]) > _TURNING.guess**2:
         turns = False
         pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=False)
     quality = np.where(misfit > _MISFIT, UNRESOLVED, AMBIGUOUS).astype(np.uint8)
@@ -97,15 +109,15 @@ def _chain(scanned: Scanned) -> tuple[Floats, Floats, Floats, float]:
     """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), how well a turn is seen."""
     tracker = _tracker(scanned)
     steps, misfit, looked = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), [0.0]
-    looks = max(MEMORY, len(scanned) // _LOOKS)
+    looks = max(MEMORY, len(scanned) // _TURNING.looks)
     for k in range(1, len(scanned)):
         tracker.forget(k, MEMORY)
         steps[k], misfit[k] = tracker.one(k)
         if k % looks == 0:
             factor = tracker.sums.solve(tracker.pattern)
-            looked.append(sights(tracker.pattern, scanned, tracker.states, factor, k, COARSE)[THETA])
+            looked.append(sights(tracker.pattern, scanned, tracker.states, factor, k, COARSE).theta)
     steps[0] = steps[1] if len(scanned) > 1 else 1e12 * np.eye(STATE)
-    return tracker.states, steps, misfit, float(np.quantile(looked, _SEEN_IN))
+    return tracker.states, steps, misfit, float(np.quantile(looked, _TURNING.seen_in))
 
 
 def _tracker(scanned: Scanned) -> Tracker:

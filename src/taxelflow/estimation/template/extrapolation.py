@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from taxelflow.numerics.bspline import THETA, in_object
+from taxelflow.numerics.bspline import in_object
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
@@ -24,7 +24,7 @@ def looked_at(scanned: Scanned, states: Floats) -> Floats:
     """(n, 2) places in the pattern's own frame at which taxels were read."""
     places = np.broadcast_to(scanned.places, (len(scanned), *scanned.places.shape))
     if scanned.rolling:
-        places = places - scanned.bends[:, :THETA]
+        places = places - scanned.bends[:, :2]
     return np.concatenate(
         [in_object(at[:, own > 0].T, state) for at, own, state in zip(places, scanned.variance, states, strict=True)]
     )

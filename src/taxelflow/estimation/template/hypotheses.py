@@ -18,7 +18,7 @@ from taxelflow.estimation.template.pose_output import arm_of
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_start
 from taxelflow.estimation.template.solution import Solved
 from taxelflow.estimation.template.taxel_gains import with_gains
-from taxelflow.numerics.bspline import GAIN, STATE, THETA, in_object
+from taxelflow.numerics.bspline import STATE, States, in_object, states_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
@@ -104,7 +104,7 @@ def centred(scanned: Scanned, states: Floats) -> Floats:
     """States (scans, 5) with the object where the contact's centroid is, and its angle kept."""
     own, along = states.copy(), ~scanned.across
     own[:, :2][:, along] = scanned.centroids()[:, along]
-    own[:, THETA] = 0.0
+    states_of(own).theta[:] = 0.0
     return own
 
 
@@ -201,7 +201,7 @@ def _agree(best: Solved, other: Solved) -> Bools:
 
 def _apart(best: Solved, rival: Solved) -> Floats:
     """(scans, 2), see `distance`, with the turn of the one that turns."""
-    return distance(best.states, rival.states, (best if best.turns else rival).states[:, THETA])
+    return distance(best.states, rival.states, states_of((best if best.turns else rival).states).theta)
 
 
 def distance(states: Floats, others: Floats, theta: Floats) -> Floats:
@@ -226,8 +226,8 @@ def _explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
 
 def _turns_surely(free: Solved, scanned: Scanned) -> bool:
     """Whether an object that was let turn shows its angle, and turns no more jerkily than noise makes it seem."""
-    variance = np.linalg.inv(free.fit.information)[:, THETA, THETA]
-    jerk = np.diff(free.states[:, THETA], 2)
+    variance = _variances(free.fit.information).theta
+    jerk = np.diff(states_of(free.states).theta, 2)
     noise = variance[:-2] + 4.0 * variance[1:-1] + variance[2:]
     steady = len(jerk) == 0 or float(np.median(jerk**2 / noise)) < _JERKY
     return steady and _sight(free, scanned) > SEEN
@@ -235,16 +235,26 @@ def _turns_surely(free: Solved, scanned: Scanned) -> bool:
 
 def _keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
     """Whether an object that was let turn has kept its angle, and its pattern shows that: noise in one seems to."""
-    variance = np.linalg.inv(free.fit.information)[:, THETA, THETA]
-    theta = free.states[:, THETA] - np.median(free.states[:, THETA])
+    variance, theta = _variances(free.fit.information).theta, states_of(free.states).theta
+    theta = theta - np.median(theta)
     return bool(np.quantile(theta**2 / variance, _MOST) < _STILL and _sight(free, scanned) > SEEN)
 
 
 def _sight(free: Solved, scanned: Scanned) -> float:
     """How much better the pattern shows an angle than its own noise seems to, in the scan that shows it best."""
-    scan = int(np.argmax(free.fit.information[:, THETA, THETA]))
+    scan = int(np.argmax(_diagonals(free.fit.information).theta))
     error = max(free.error, COARSE)
-    return float(sights(free.pattern, scanned, free.states, free.fit.factor, scan, error)[THETA])
+    return float(sights(free.pattern, scanned, free.states, free.fit.factor, scan, error).theta)
+
+
+def _diagonals(matrices: Floats) -> States:
+    """Diagonals of matrices (scans, 5, 5) over states."""
+    return states_of(matrices.diagonal(axis1=1, axis2=2))
+
+
+def _variances(information: Floats) -> States:
+    """Of the states whose information (scans, 5, 5) is given."""
+    return _diagonals(np.asarray(np.linalg.inv(information), np.float64))
 
 
 def start_scan(scanned: Scanned) -> int:
@@ -259,12 +269,12 @@ def level(pattern: Pattern, states: Floats, fit: Fit) -> float:
 
     Both from the scans that determine theirs best.
     """
-    variance = np.linalg.inv(fit.information + 1e-9 * np.eye(STATE))[:, GAIN, GAIN]
+    variance, gains = _variances(fit.information + 1e-9 * np.eye(STATE)).gain, states_of(states).gain
     well = variance <= np.quantile(variance, _WELL_KNOWN)
-    mean = max(float(np.median(states[well, GAIN])), _LEAST_GAIN)
-    low, high = np.quantile(states[well, GAIN], _SPREAD)
+    mean = max(float(np.median(gains[well])), _LEAST_GAIN)
+    low, high = np.quantile(gains[well], _SPREAD)
     spread = float(high - low) / 3.29  # of a normal distribution; a load that changes for a short time counts, too
-    states[:, GAIN] /= mean
+    gains /= mean
     pattern.coefficients = pattern.coefficients * mean
     pattern.smoothing /= mean**2
     return float(np.sqrt(max(spread**2 - float(np.median(variance[well])), _LEAST_GAIN_STD**2)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,7 @@ from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, regis
 from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.map import MARGIN, SPACING, Pattern, Sums
 from taxelflow.estimation.template.observations import COARSE
-from taxelflow.numerics.bspline import GAIN, STATE, THETA, in_object
+from taxelflow.numerics.bspline import STATE, in_object, pose_part, state_of, states_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,17 +20,27 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
-_REFINE_AT = (3, 8, 20, 50)
-"""Numbers of scans at which pattern and poses are refined together."""
-_REFINE_ROUNDS = 6
-_YOUNG, _SOLVE_EVERY = 10, 3
-"""The pattern is solved anew after every scan up to the first number, then after every so many."""
-_HUBER, _ITERATIONS = 6.0, 30
-_CHEAPER = 1e-3
-"""What a further start must lower the cost by."""
-_NEAR_BORDER = 0.5
-"""Pitches from a loaded taxel to the border of the pattern below which the pattern grows."""
-_MOST_KNOTS = 40_000
+
+@dataclass(frozen=True, slots=True)
+class _Schedule:
+    """When pattern and poses are solved, and how a scan is registered."""
+
+    refine_at: tuple[int, int, int, int] = (3, 8, 20, 50)
+    """Numbers of scans at which pattern and poses are refined together."""
+    refine_rounds: int = 6
+    young: int = 10
+    solve_every: int = 3
+    """The pattern is solved anew after every scan up to the first number, then after every so many."""
+    huber: float = 6.0
+    iterations: int = 30
+    cheaper: float = 1e-3
+    """What a further start must lower the cost by."""
+    near_border: float = 0.5
+    """Pitches from a loaded taxel to the border of the pattern below which the pattern grows."""
+    most_knots: int = 40_000
+
+
+_SCHEDULE = _Schedule()
 
 
 class Tracker:
@@ -42,7 +53,7 @@ class Tracker:
         self._error = COARSE * scanned.amplitude
         self._loaded, self._centroid = scanned.loaded(), scanned.centroids()
         self.states = np.zeros((len(scanned), STATE))
-        self.states[:, GAIN] = 1.0
+        states_of(self.states).gain[:] = 1.0
         self.done = [start]
         self.states[start, :2] = self._centroid[start]
         places = scanned.places[:, self._loaded[start]].T - self._centroid[start]
@@ -70,9 +81,9 @@ class Tracker:
         self._cover(k)
         self._add(np.array([k]))
         count = len(self.done)
-        if count < _YOUNG or count % max(_SOLVE_EVERY, count // 10) == 0:
+        if count < _SCHEDULE.young or count % max(_SCHEDULE.solve_every, count // 10) == 0:
             self.sums.solve(self.pattern)
-        if count in _REFINE_AT and count < len(self.scanned):
+        if count in _SCHEDULE.refine_at and count < len(self.scanned):
             self._refine()
 
     def _refine(self) -> None:
@@ -80,7 +91,7 @@ class Tracker:
         states, part = self.states[which], self.scanned.taken(which)
         part.bend(states)
         self.scanned.bends[which] = part.bends
-        refine(self.pattern, part, states, rounds=_REFINE_ROUNDS, error=COARSE, stiffness=self.stiffness)
+        refine(self.pattern, part, states, rounds=_SCHEDULE.refine_rounds, error=COARSE, stiffness=self.stiffness)
         self.states[which] = states
         self._sum_up()
 
@@ -97,7 +108,9 @@ class Tracker:
         """Register scan k from several starts; the cheapest wins. Its information (5, 5), chi-square per reading."""
         forward = 1 if k > self.start else -1
         scanned, last = self.scanned, self.states[k - forward]
-        starts = self._starts(k, forward)
+        starts = np.stack(self._starts(k, forward))
+        if np.isinf(state_of(self.stiffness).theta):
+            states_of(starts).theta[:] = 0.0
         prior = Prior(last.copy(), np.minimum(self.stiffness, HELD))
         taxels = laid_out(
             scanned.places, scanned.bends[k], scanned.readings[k], scanned.variance[k], scanned.ceiling, self._error
@@ -105,10 +118,10 @@ class Tracker:
         best, chi_per_reading, kept = np.inf, np.inf, np.zeros((STATE, STATE))
         information = np.zeros((STATE, STATE))
         for state in starts:
-            if np.isinf(self.stiffness[THETA]):
-                state[THETA] = 0.0
-            cost, chi, count = register(self.pattern.surface, taxels, prior, _HUBER, _ITERATIONS, state, information)
-            if cost < best - _CHEAPER:
+            cost, chi, count = register(
+                self.pattern.surface, taxels, prior, _SCHEDULE.huber, _SCHEDULE.iterations, state, information
+            )
+            if cost < best - _SCHEDULE.cheaper:
                 best = cost
                 self.states[k] = state
                 kept, chi_per_reading = information.copy(), chi / max(count, 1)
@@ -121,9 +134,8 @@ class Tracker:
         last = states[before]
         starts = [last.copy()]
         if (further - self.start) * forward >= 0:
-            step = (last - states[further])[: THETA + 1]
-            moved = last.copy()
-            moved[: THETA + 1] += step
+            step, moved = pose_part(last - states[further]), last.copy()
+            pose_part(moved)[:] += step
             starts.insert(0, moved)
             if scanned.rolling:
                 speed = step / (scanned.t_s[before] - scanned.t_s[further])
@@ -138,10 +150,15 @@ class Tracker:
         if not len(places):
             return
         low, high = self.pattern.box
-        if (places.min(axis=0) - _NEAR_BORDER >= low).all() and (places.max(axis=0) + _NEAR_BORDER <= high).all():
+        if (places.min(axis=0) - _SCHEDULE.near_border >= low).all() and (
+            places.max(axis=0) + _SCHEDULE.near_border <= high
+        ).all():
             return
         corners = np.stack([low + MARGIN, high - MARGIN])
-        if np.prod((np.ptp(np.concatenate([corners, places]), axis=0) + 2 * MARGIN) / SPACING + 7) > _MOST_KNOTS:
+        if (
+            np.prod((np.ptp(np.concatenate([corners, places]), axis=0) + 2 * MARGIN) / SPACING + 7)
+            > _SCHEDULE.most_knots
+        ):
             return
         smoothing = self.pattern.smoothing
         self.pattern = Pattern.covering(np.concatenate([corners, places]), self.scanned.amplitude)

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import linearise
+from taxelflow.estimation.template.linearization import LaidOut, linearise
 from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.numerics.bspline import STATE, State, put, state_of
 from taxelflow.numerics.small_linalg import mirror, solve_small
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
@@ -18,6 +18,8 @@ _ENOUGH = 1e-2
 it leaves a hundredth of that or so."""
 HELD = 1e12
 """Stiffness of a part of the state that stays where its prior is."""
+MAY_BE_HELD = (0, 1, 2, 4)
+"""Parts of the state: all but the gain."""
 _LEAST_GAIN = 0.1
 """A gain falls at most to this share in one step."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
@@ -33,7 +35,7 @@ class Prior(NamedTuple):
 @kernel
 def register(  # noqa: PLR0912  loops over a state are written out
     surface: Surface,
-    taxels: Floats,
+    taxels: LaidOut,
     prior: Prior,
     huber: float,
     iterations: int | np.int64,
@@ -81,7 +83,8 @@ def register(  # noqa: PLR0912  loops over a state are written out
         for a in range(STATE):
             lowered += step[a] * best_right[a]
             state[a] = kept[a] + step[a]
-        state[GAIN] = max(state[GAIN], _LEAST_GAIN * kept[GAIN])  # pressure does not pull
+        x, y, theta, gain, size = state_of(state)
+        put(State(x, y, theta, max(gain, _LEAST_GAIN * state_of(kept).gain), size), state)  # pressure does not pull
         if lowered < _ENOUGH:
             best -= lowered
             for a in range(STATE):
@@ -104,7 +107,7 @@ def copy_lower(one: Floats, other: Floats) -> None:
 @lean_kernel
 def _hold(prior: Prior, state: Floats) -> None:
     """Put what is held where it stays."""
-    for part in (X, Y, THETA, SIZE):
+    for part in MAY_BE_HELD:
         if prior.stiffness[part] >= HELD:
             state[part] = prior.mean[part]
 
@@ -112,7 +115,7 @@ def _hold(prior: Prior, state: Floats) -> None:
 @lean_kernel
 def _add_prior(prior: Prior, state: Floats, normal: Floats, right: Floats) -> float:
     """Add the prior to the normal equations, from which what is held drops out; its cost."""
-    for part in (X, Y, THETA, SIZE):
+    for part in MAY_BE_HELD:
         if prior.stiffness[part] >= HELD:
             right[part] = 0.0
             for a in range(STATE):

@@ -6,42 +6,56 @@ without a branch, over arrays that are laid out for it.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import GAIN, SIZE, THETA, X, Y, value_at
+from taxelflow.numerics.bspline import STATE, State, put, state_of, value_at
 from taxelflow.numerics.robust import OUTLIER
+from taxelflow.numerics.small_linalg import put_lower
 from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
-PLACE_X, PLACE_Y, COS, SIN, READING, VARIANCE, CEILING, ROWS = range(8)
-"""Rows of a scan that is laid out: places, less how far the object has come when the taxel is read; cosine and sine of
-its turn by then; reading, noise and model error squared, and ceiling."""
 _LANES = 8
 _UNEXPLAINED = 9.0
 """Squared over the noise: what makes a reading off the lattice a load that is not explained. It counts as outlier."""
 
 
+class LaidOut(NamedTuple):
+    """A scan laid out for `linearise`, (taxels,) each: places, less how far the object has come when the taxel is read;
+    cosine and sine of its turn by then; reading, noise and model error squared, and ceiling.
+    """
+
+    x: Floats
+    y: Floats
+    cos: Floats
+    sin: Floats
+    reading: Floats
+    variance: Floats
+    ceiling: Floats
+
+
 @kernel
-def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ceiling: Floats, error: float) -> Floats:
-    """Scan as (ROWS, taxels), filled up with taxels that are masked. bend: (3, taxels) or (3, 0), see `evaluate`.
+def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ceiling: Floats, error: float) -> LaidOut:
+    """A scan, filled up with taxels that are masked. bend: (3, taxels) or (3, 0), see `evaluate`.
 
     error: standard deviation of what the model leaves of each reading beside noise.
     """
     count = len(reading)
-    taxels = np.empty((ROWS, (count + _LANES - 1) // _LANES * _LANES))
+    full = (count + _LANES - 1) // _LANES * _LANES
+    rows = np.zeros((7, full))  # at once, because memory takes time
+    taxels = LaidOut(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
     for i in range(count):
-        taxels[PLACE_X, i], taxels[PLACE_Y, i] = places[0, i], places[1, i]
-        taxels[READING, i], taxels[CEILING, i] = reading[i], ceiling[i]
-        taxels[VARIANCE, i] = variance[i] + error * error if variance[i] != 0.0 else 0.0
-    for i in range(count, taxels.shape[1]):
-        for row in range(ROWS):
-            taxels[row, i] = 0.0
-    taxels[COS], taxels[SIN] = 1.0, 0.0
+        taxels.x[i], taxels.y[i] = places[0, i], places[1, i]
+        taxels.reading[i], taxels.ceiling[i] = reading[i], ceiling[i]
+        taxels.variance[i] = variance[i] + error * error if variance[i] != 0.0 else 0.0
+    for i in range(full):
+        taxels.cos[i] = 1.0
     for i in range(bend.shape[1]):
-        taxels[PLACE_X, i] -= bend[0, i]
-        taxels[PLACE_Y, i] -= bend[1, i]
-        taxels[COS, i], taxels[SIN, i] = np.cos(bend[2, i]), np.sin(bend[2, i])
+        taxels.x[i] -= bend[0, i]
+        taxels.y[i] -= bend[1, i]
+        taxels.cos[i], taxels.sin[i] = np.cos(bend[2, i]), np.sin(bend[2, i])
     return taxels
 
 
@@ -70,7 +84,7 @@ def _log_inverse(share: float) -> float:
 
 @lean_kernel
 def linearise(  # noqa: PLR0915  one loop, as vector registers need it
-    surface: Surface, taxels: Floats, huber: float, state: Floats, normal: Floats, right: Floats
+    surface: Surface, taxels: LaidOut, huber: float, state: Floats, normal: Floats, right: Floats
 ) -> tuple[float, float, int]:
     """Fill normal (5, 5), its lower half, with J^T W J, right (5,) with J^T W (y - model) at a state (5,).
 
@@ -80,20 +94,20 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
     c, doubt = surface.c, surface.doubt
     h, left, low = surface.lattice
     left, low = left / h, low / h
-    x, y, gain = state[X], state[Y], state[GAIN]
-    scale = np.exp(-state[SIZE]) / h
-    cos_0, sin_0 = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
+    x, y, theta, gain, size = state_of(state)
+    scale = np.exp(-size) / h
+    cos_0, sin_0 = scale * np.cos(theta), scale * np.sin(theta)
     certain = len(doubt) == 0
     cost = chi = used = 0.0
     xx = xy = yy = xg = yg = gg = xr = yr = gr = 0.0
     tx = ty = tg = tt = tr = sx = sy = sg = st = ss = sr = 0.0
-    for i in range(taxels.shape[1]):
-        cos = cos_0 * taxels[COS, i] - sin_0 * taxels[SIN, i]
-        sin = sin_0 * taxels[COS, i] + cos_0 * taxels[SIN, i]
-        dx, dy = taxels[PLACE_X, i] - x, taxels[PLACE_Y, i] - y
+    for i in range(len(taxels.x)):
+        cos = cos_0 * taxels.cos[i] - sin_0 * taxels.sin[i]
+        sin = sin_0 * taxels.cos[i] + cos_0 * taxels.sin[i]
+        dx, dy = taxels.x[i] - x, taxels.y[i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
         q, qu, qw = pressure_at(c, u - left, w - low)
-        reading, variance = taxels[READING, i], taxels[VARIANCE, i]
+        reading, variance = taxels.reading[i], taxels.variance[i]
         known, live = not np.isnan(q), variance != 0.0
         model = gain * q if known else 0.0
         residual = reading - model
@@ -101,7 +115,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         doubtful = gain * gain * nearest(doubt, u - left, w - low) if known and not certain else 0.0
         weight = firm / (1.0 + firm * doubtful)
         clipped = reading == 0.0 and model <= 0.0  # the sensor clips there
-        above = reading >= taxels[CEILING, i] and residual < 0.0
+        above = reading >= taxels.ceiling[i] and residual < 0.0
         speaks = live and not clipped and not above
         fits = speaks and known
         z2 = residual * residual * weight
@@ -137,26 +151,23 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         tr += wr * jt
         gr += wr * q
         sr += wr * js
-    normal[X, X], normal[Y, X], normal[Y, Y] = xx, xy, yy
-    normal[THETA, X], normal[THETA, Y], normal[THETA, THETA] = tx, ty, tt
-    normal[GAIN, X], normal[GAIN, Y], normal[GAIN, THETA], normal[GAIN, GAIN] = xg, yg, tg, gg
-    normal[SIZE, X], normal[SIZE, Y], normal[SIZE, THETA], normal[SIZE, GAIN] = sx, sy, st, sg
-    normal[SIZE, SIZE] = ss
-    right[X], right[Y], right[THETA], right[GAIN], right[SIZE] = xr, yr, tr, gr, sr
+    put_lower((xx, xy, yy, tx, ty, tt, xg, yg, tg, gg, sx, sy, st, sg, ss), normal, STATE)
+    put(State(xr, yr, tr, gr, sr), right)
     return cost, chi, int(used)
 
 
 @lean_kernel
-def look_up(surface: Surface, taxels: Floats, state: Floats, out: Floats) -> None:
+def look_up(surface: Surface, taxels: LaidOut, state: Floats, out: Floats) -> None:
     """Fill out (2, n) with q at the first n taxels, NaN off the lattice, and its variance."""
     h, left, low = surface.lattice
     left, low = left / h, low / h
-    scale = np.exp(-state[SIZE]) / h
-    cos_0, sin_0 = scale * np.cos(state[THETA]), scale * np.sin(state[THETA])
+    at = state_of(state)
+    scale = np.exp(-at.size) / h
+    cos_0, sin_0 = scale * np.cos(at.theta), scale * np.sin(at.theta)
     for i in range(out.shape[1]):
-        cos = cos_0 * taxels[COS, i] - sin_0 * taxels[SIN, i]
-        sin = sin_0 * taxels[COS, i] + cos_0 * taxels[SIN, i]
-        dx, dy = taxels[PLACE_X, i] - state[X], taxels[PLACE_Y, i] - state[Y]
+        cos = cos_0 * taxels.cos[i] - sin_0 * taxels.sin[i]
+        sin = sin_0 * taxels.cos[i] + cos_0 * taxels.sin[i]
+        dx, dy = taxels.x[i] - at.x, taxels.y[i] - at.y
         u, w = cos * dx + sin * dy - left, cos * dy - sin * dx - low
         out[0, i] = pressure_at(surface.c, u, w)[0]
         out[1, i] = 0.0 if np.isnan(out[0, i]) else nearest(surface.doubt, u, w)

@@ -9,8 +9,8 @@ import numpy as np
 
 from taxelflow.estimation.template.observations import Readings
 from taxelflow.messages import Floats
-from taxelflow.numerics.banded import WIDTH, Factor, add_square, smoothness
-from taxelflow.numerics.bspline import GAIN, KNOTS, evaluate, spread
+from taxelflow.numerics.banded import WIDTH, Factor, add_diagonal, add_square, smoothness
+from taxelflow.numerics.bspline import KNOTS, evaluate, knot_of, spread, state_of
 from taxelflow.runtime.compiling import kernel
 
 SPACING = 0.5
@@ -124,7 +124,7 @@ class Sums:
     def solve(self, pattern: Pattern) -> Factor:
         """Put the best coefficients, and roughly how sure they are, into the pattern."""
         stencil = self.stencil + pattern.smoothing * self._smooth
-        stencil[:, 0, WIDTH - 1] += pattern.prior
+        add_diagonal(stencil, pattern.prior)
         factor = Factor(stencil, pattern.shape[1])
         pattern.coefficients = factor.solve(self.right).reshape(pattern.shape)
         pattern.doubt = (1.0 / (self.support + pattern.amplitude**-2)).reshape(pattern.shape)
@@ -154,7 +154,7 @@ def add_scans(
     for k in range(len(states)):
         spread(shape, surface.lattice, readings.places, states[k], readings.bends[k], first, weight)
         evaluate(surface.c, surface.lattice, readings.places, states[k], readings.bends[k], value)
-        gain = states[k, GAIN]
+        gain = state_of(states[k]).gain
         for i in range(taxels):
             variance, reading = readings.variance[k, i], readings.value[k, i]
             if first[i] < 0 or variance == 0.0:
@@ -164,4 +164,4 @@ def add_scans(
             w = gain / variance
             add_square(first[i], weight[i], w * gain, reading / gain, shape[1], stencil, right)
             for a in range(KNOTS):
-                support[first[i] + a // WIDTH * shape[1] + a % WIDTH] += w * gain * weight[i, a]
+                support[knot_of(first[i], a, shape[1])] += w * gain * weight[i, a]

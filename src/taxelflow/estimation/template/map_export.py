@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.ndimage import convolve
 from taxelflow.estimation.template.extrapolation import looked_at, near
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.messages import LearnedPattern
-from taxelflow.numerics.bspline import STATE, THETA, evaluate
+from taxelflow.numerics.bspline import STATE, evaluate, state_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,14 +22,26 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.numerics.banded import Factor
 
-_FINER, _MOST_POINTS = 8, 250_000
-"""Points per pitch, and how many a map has at most."""
-_DRAWS = 64
-_HALF_DIAGONAL = 0.7
-"""Pitches from a taxel's middle to its corner: so far it looks."""
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """Of a map, and of all that are kept."""
+
+    finer: int = 8
+    most_points: int = 250_000
+    """Points per pitch, and how many a map has at most."""
+    draws: int = 64
+    half_diagonal: float = 0.7
+    """Pitches from a taxel's middle to its corner: so far it looks."""
+    fewest: int = 5
+    most: int = 100
+    most_bytes: float = 1e8
+
+
+_LIMITS = _Limits()
+
 _AT_KNOT = np.outer([1.0, 4.0, 1.0], [1.0, 4.0, 1.0])[np.newaxis] / 36.0
 """A cubic B-spline's value at a knot, from the coefficients around it."""
-_FEWEST, _MOST, _MOST_BYTES = 5, 100, 1e8
 
 
 class Maps(Sequence[LearnedPattern]):
@@ -69,7 +81,7 @@ class Maps(Sequence[LearnedPattern]):
     def keep(self, found: LearnedPattern) -> None:
         """One more map."""
         self._kept.append(found)
-        while len(self._kept) > _MOST or sum(one.pressure.nbytes for one in self._kept) > _MOST_BYTES:
+        while len(self._kept) > _LIMITS.most or sum(one.pressure.nbytes for one in self._kept) > _LIMITS.most_bytes:
             self._kept.remove(min(self._kept, key=lambda one: one.scans))
 
 
@@ -89,7 +101,7 @@ def as_map(
 
     pose: (3,) that was given out for the last of the states, in m and rad.
     """
-    if len(states) < _FEWEST:
+    if len(states) < _LIMITS.fewest:
         return None
     x, y, pressure, std = mapped(pattern, scanned, states, pose / [pitch_m, pitch_m, 1.0], error)
     times = float(scanned.t_s[0]), float(scanned.t_s[-1])
@@ -103,20 +115,20 @@ def mapped(
 
     pose: (3,) of the last state, in the frame asked for. std: with the poses held.
     """
-    last, theta = states[-1], float(np.nan_to_num(pose[THETA]))
-    turn, back = _rotation(last[THETA] - theta), _rotation(-theta)
-    shift = back @ (last[:THETA] - pose[:THETA])
+    last, theta = states[-1], float(np.nan_to_num(pose[2]))
+    turn, back = _rotation(state_of(last).theta - theta), _rotation(-theta)
+    shift = back @ (last[:2] - pose[:2])
     looked = looked_at(scanned, states) @ turn.T + shift
     low, high = pattern.box
     corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]) @ turn.T + shift
     low = np.maximum(corners.min(axis=0), looked.min(axis=0) - 1.0)
     high = np.minimum(corners.max(axis=0), looked.max(axis=0) + 1.0)
-    step = max(1.0 / _FINER, float(np.sqrt(np.prod(high - low) / _MOST_POINTS)))
+    step = max(1.0 / _LIMITS.finer, float(np.sqrt(np.prod(high - low) / _LIMITS.most_points)))
     x, y = (np.arange(a, b, step) for a, b in zip(low, high, strict=True))
     places = (np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) - shift) @ turn
     pressure = _values(pattern, pattern.coefficients, places).reshape(len(y), len(x))
     variance = _values(pattern, _variance_at_knots(pattern, scanned, states, error), places).reshape(pressure.shape)
-    unseen = ~near(looked, x, y, _HALF_DIAGONAL)
+    unseen = ~near(looked, x, y, _LIMITS.half_diagonal)
     pressure[unseen] = np.nan
     known = np.isfinite(pressure)
     rows, cols = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
@@ -142,8 +154,8 @@ def _variance_at_knots(pattern: Pattern, scanned: Scanned, states: Floats, error
     """(ny, nx) variance of the pattern at its knots, from draws of what the readings leave open."""
     own = replace(pattern)
     factor: Factor = fill(own, scanned.with_error(error), states)
-    white = np.random.default_rng(0).standard_normal((own.coefficients.size, _DRAWS))
+    white = np.random.default_rng(0).standard_normal((own.coefficients.size, _LIMITS.draws))
     drawn, _ = dtbtrs(factor.lower, white, uplo="L", trans="T")
-    values = convolve(drawn.T.reshape(_DRAWS, *own.shape), _AT_KNOT, mode="nearest")
+    values = convolve(drawn.T.reshape(_LIMITS.draws, *own.shape), _AT_KNOT, mode="nearest")
     variance: Floats = np.mean(values**2, axis=0)
     return variance

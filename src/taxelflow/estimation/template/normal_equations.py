@@ -11,7 +11,7 @@ from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.observations import Readings
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import WIDTH, add_square
-from taxelflow.numerics.bspline import GAIN, KNOTS, SIZE, STATE, THETA, X, Y, evaluate, spread
+from taxelflow.numerics.bspline import KNOTS, STATE, State, evaluate, knot_of, put, spread, state_of
 from taxelflow.numerics.robust import OUTLIER, huber_weight
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
@@ -70,7 +70,7 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
         first, weight, slope = out.first[k], out.weight[k], out.slope[k]
         spread(c.shape, surface.lattice, places, states[k], readings.bends[k], first, weight)
         evaluate(c, surface.lattice, places, states[k], readings.bends[k], value)
-        gain = states[k, GAIN]
+        gain = state_of(states[k]).gain
         out.chi[k] = 0.0
         out.counts[k] = 0
         for i in range(places.shape[1]):
@@ -91,8 +91,8 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
             out.counts[k] += 1
             factor *= huber_weight(z, _HUBER)
             out.w[k, i] = factor
-            slope[i, X], slope[i, Y], slope[i, THETA] = gain * value[i, 1], gain * value[i, 2], gain * value[i, 3]
-            slope[i, GAIN], slope[i, SIZE] = value[i, 0], gain * value[i, 4]
+            q, by_x, by_y, by_theta, by_size = value[i]
+            put(State(gain * by_x, gain * by_y, gain * by_theta, q, gain * by_size), slope[i])
             for a in range(STATE):
                 slope[i, a] *= free[a]
             for a in range(KNOTS):
@@ -122,7 +122,7 @@ def to_knots(step: Floats, normal: Normal, nx: int, out: Floats) -> None:
                 pull += normal.slope[k, i, a] * step[k, a]
             pull *= normal.w[k, i]
             for a in range(KNOTS):
-                out[normal.first[k, i] + a // WIDTH * nx + a % WIDTH] += pull * normal.weight[k, i, a]
+                out[knot_of(normal.first[k, i], a, nx)] += pull * normal.weight[k, i, a]
 
 
 @kernel
@@ -134,7 +134,7 @@ def to_states(knots: Floats, normal: Normal, nx: int, out: Floats) -> None:
                 continue
             pull = 0.0
             for a in range(KNOTS):
-                pull += knots[normal.first[k, i] + a // WIDTH * nx + a % WIDTH] * normal.weight[k, i, a]
+                pull += knots[knot_of(normal.first[k, i], a, nx)] * normal.weight[k, i, a]
             pull *= normal.w[k, i]
             for a in range(STATE):
                 out[k, a] += pull * normal.slope[k, i, a]

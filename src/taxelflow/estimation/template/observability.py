@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
-from taxelflow.numerics.bspline import GAIN, evaluate
+from taxelflow.numerics.bspline import evaluate, state_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
@@ -18,8 +18,16 @@ if TYPE_CHECKING:
 _DRAWS = 8
 
 
-def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, scan: int, error: float) -> Floats:
-    """(3,), how many times better the pattern tells x, y and theta, in a given scan, than its own noise pretends to.
+class Sights(NamedTuple):
+    """How many times better a pattern tells each part of a pose than its own noise pretends to."""
+
+    x: float
+    y: float
+    theta: float
+
+
+def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, scan: int, error: float) -> Sights:
+    """How many times better the pattern tells x, y and theta, in a given scan, than its own noise pretends to.
 
     Slopes of a pattern that is not known are slopes all the same. What they pretend to tell is what patterns tell that
     are nothing but this one's noise: drawn from its posterior covariance, whose inverse `factor` factors. 0 across a
@@ -27,7 +35,7 @@ def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, s
     """
     base = _values(pattern, pattern.coefficients, scanned, states, scan)
     known = np.isfinite(base[:, 0]) & (scanned.variance[scan] > 0)
-    gain = states[scan, GAIN]
+    gain = state_of(states[scan]).gain
     w = 1.0 / (scanned.variance[scan, known] + (error * scanned.amplitude) ** 2)
     slopes, load = gain * base[known, 1:4], base[known, :1]
 
@@ -47,7 +55,7 @@ def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, s
         pretended += [told(values[:, of], of) / _DRAWS for of in range(3)]
     real = np.array([told(slopes[:, of], of) for of in range(3)])
     untold = scanned.across
-    return np.where([*untold, untold.any()], 0.0, real / np.maximum(pretended, 1e-300))
+    return Sights(*np.where([*untold, untold.any()], 0.0, real / np.maximum(pretended, 1e-300)))
 
 
 def _values(pattern: Pattern, coefficients: Floats, scanned: Scanned, states: Floats, scan: int) -> Floats:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import THETA
+from taxelflow.numerics.bspline import pose_part
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,10 +19,20 @@ if TYPE_CHECKING:
 COARSE = 0.06
 """Error of a reading, as a share of its contact's largest, with which every fit begins: the flanks of a contact, where
 cross-talk, offsets and hysteresis are large, then weigh no more than its middle. It finds the basin."""
-_LOADED_SIGMAS = 4.0
-_LOADED_SHARE = 0.03
-_WELL_LOADED = 0.9
-"""Quantile of the scans' largest readings."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Load:
+    """Which readings are loaded."""
+
+    sigmas: float = 4.0
+    share: float = 0.03
+    well: float = 0.9
+    """Quantile of the scans' largest readings."""
+
+
+_LOADED = _Load()
+
 _OUT = 3.0
 """Standard deviations from which a reading stands out."""
 _AT_ONCE_S = 1e-9
@@ -118,7 +128,7 @@ class Scanned:
         a single reading may be wrong.
         """
         largest = self.readings.max(axis=1, initial=0.0, where=self.variance > 0)
-        return float(np.quantile(largest, _WELL_LOADED)) or 1.0
+        return float(np.quantile(largest, _LOADED.well)) or 1.0
 
     @property
     def reach(self) -> float:
@@ -164,7 +174,7 @@ class Scanned:
 
     def loaded(self) -> NDArray[np.bool_]:
         """(scans, taxels), readings that the object surely makes."""
-        floor = np.maximum(_LOADED_SIGMAS * np.sqrt(self.variance), _LOADED_SHARE * self.amplitude)
+        floor = np.maximum(_LOADED.sigmas * np.sqrt(self.variance), _LOADED.share * self.amplitude)
         sure: NDArray[np.bool_] = (self.readings > floor) & (self.variance > 0)
         return sure
 
@@ -184,8 +194,8 @@ class Scanned:
         if self.rolling:
             span = np.diff(self.t_s, prepend=np.nan, append=np.nan)
             before, after = span[:-1, np.newaxis], span[1:, np.newaxis]
-            step = np.diff(states[:, : THETA + 1], axis=0, prepend=np.nan, append=np.nan)
+            step = np.diff(pose_part(states), axis=0, prepend=np.nan, append=np.nan)
             velocity = (
-                np.nanmean([step[:-1] / before, step[1:] / after], axis=0) if len(self) > 1 else 0.0 * states[:, :3]
+                np.nanmean([step[:-1] / before, step[1:] / after], axis=0) if len(self) > 1 else 0.0 * pose_part(states)
             )
             self.bends[which] = (velocity[:, :, np.newaxis] * self.delay_s)[which]

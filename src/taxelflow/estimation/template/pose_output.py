@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.estimation.template.likelihood import misfit
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
-from taxelflow.numerics.bspline import SIZE, STATE, THETA
+from taxelflow.numerics.bspline import STATE, states_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
@@ -83,11 +83,12 @@ def to_pad(
     states: Floats, information: Floats, centre: Floats, pitch_m: float, *, turns: bool
 ) -> tuple[Floats, Floats]:
     """Poses (scans, 3) and covariances (scans, 3, 3) of the body's point `centre` (2,), SI, from states (scans, 5)."""
-    own = np.linalg.inv(information + 1e-12 * np.eye(STATE))[:, : THETA + 1, : THETA + 1]
+    own = np.linalg.inv(information + 1e-12 * np.eye(STATE))[:, :3, :3]
     arm = arm_of(centre, states)
     pose = np.empty((len(states), 3))
     pose[:, :2] = pitch_m * (states[:, :2] + arm)
-    pose[:, 2] = np.unwrap(states[:, THETA]) - states[0, THETA]
+    theta = states_of(states).theta
+    pose[:, 2] = np.unwrap(theta) - theta[0]
     lever = np.zeros((len(states), 3, 3))
     lever[:, 0, 0] = lever[:, 1, 1] = pitch_m
     lever[:, 2, 2] = 1.0
@@ -103,9 +104,10 @@ def to_pad(
 
 def arm_of(centre: Floats, states: Floats) -> Floats:
     """(scans, 2), in pitches: from where the states (scans, 5) are to the body's point `centre` (2,)."""
-    cos, sin = np.cos(states[:, THETA]), np.sin(states[:, THETA])
+    parts = states_of(states)
+    cos, sin = np.cos(parts.theta), np.sin(parts.theta)
     turned = np.stack([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]], axis=1)
-    arm: Floats = np.exp(states[:, SIZE])[:, np.newaxis] * turned
+    arm: Floats = np.exp(parts.size)[:, np.newaxis] * turned
     return arm
 
 
@@ -113,7 +115,7 @@ def unturned(centre: Floats, states: Floats) -> Floats:
     """States (scans, 5) of an object that does not turn, with the body's point `centre` (2,) where it was."""
     fixed = states.copy()
     fixed[:, :2] += arm_of(centre, states)
-    fixed[:, THETA] = 0.0
+    states_of(fixed).theta[:] = 0.0
     return fixed
 
 

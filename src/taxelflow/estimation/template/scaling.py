@@ -13,7 +13,7 @@ import numpy as np
 from taxelflow.estimation.template.bundle_adjustment import refine
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.estimation.template.observations import COARSE
-from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, in_object
+from taxelflow.numerics.bspline import STATE, in_object, states_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.bundle_adjustment import Fit
@@ -49,7 +49,8 @@ def grown_start(scanned: Scanned, states: Floats, start: int) -> tuple[Pattern, 
     share = np.clip(load / max(float(load[start]), 1e-300), *_SHARES)
     held = np.zeros((len(scanned), STATE))
     held[:, :2] = scanned.centroids()[start]
-    held[:, GAIN], held[:, SIZE] = share**_POWER, _POWER * np.log(share)
+    parts = states_of(held)
+    parts.gain[:], parts.size[:] = share**_POWER, _POWER * np.log(share)
     places = [in_object(scanned.places[:, own].T, at) for own, at in zip(scanned.loaded(), held, strict=True)]
     pattern = Pattern.covering(np.concatenate(places), scanned.amplitude)
     fill(pattern, scanned.with_error(COARSE), held)
@@ -70,7 +71,8 @@ def centre(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
 
     An object that slides steadily as it is pressed has moved; one that went with the load up and down has grown.
     """
-    scale, theta = np.exp(states[:, SIZE]), states[:, THETA]
+    parts = states_of(states)
+    scale, theta = np.exp(parts.size), parts.theta
     cos, sin = scale * np.cos(theta), scale * np.sin(theta)
     arms = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)  # (scans, 2, 2)
     since = (scanned.t_s - scanned.t_s.mean())[:, np.newaxis, np.newaxis] * np.eye(2)

@@ -7,7 +7,7 @@ if they make the scans likelier, each of them counted as a parameter (Schwarz 19
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,14 +21,23 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Floats
 
-_SPREAD, _MOST_SPREAD = 0.1, 0.2
-"""Standard deviation of the gains before anything is known, and the largest."""
-_LIMITS = (0.5, 2.0)
-"""Bounds of a gain; a taxel beyond is faulty, which `dead_taxels` and `condition.health` detect."""
-_LOADED = 0.03
-"""Share of the contact's largest reading from which a model's reading shows its taxel's gain."""
-_FEWEST = 2
-_PASSES = 3
+
+@dataclass(frozen=True, slots=True)
+class _Learning:
+    """How gains of taxels are learned."""
+
+    spread: float = 0.1
+    most_spread: float = 0.2
+    """Standard deviation of the gains before anything is known, and the largest."""
+    limits: tuple[float, float] = (0.5, 2.0)
+    """Bounds of a gain; a taxel beyond is faulty, which `dead_taxels` and `condition.health` detect."""
+    loaded: float = 0.03
+    """Share of the contact's largest reading from which a model's reading shows its taxel's gain."""
+    fewest: int = 2
+    passes: int = 3
+
+
+_LEARNING = _Learning()
 
 
 class Gains(NamedTuple):
@@ -48,11 +57,11 @@ def with_gains(scanned: Scanned, solved: Solved, refined: Callable[[Scanned, Sol
     solved: a fit of the readings as they are, or divided by gains that were known before. refined: refines a fit, given
     the readings.
     """
-    found = _estimated(scanned, solved, np.ones(scanned.readings.shape[1]), _SPREAD)
+    found = _estimated(scanned, solved, np.ones(scanned.readings.shape[1]), _LEARNING.spread)
     if found.gain <= found.penalty:
         return solved
     best, corrected = solved, scanned
-    for _ in range(_PASSES):
+    for _ in range(_LEARNING.passes):
         corrected = scanned.divided(found.value)
         best = refined(corrected, replace(best, pattern=replace(best.pattern), states=best.states.copy()))
         known, found = found, _estimated(scanned, best, found.value, found.spread)
@@ -71,7 +80,7 @@ def with_gains(scanned: Scanned, solved: Solved, refined: Callable[[Scanned, Sol
 def _estimated(scanned: Scanned, solved: Solved, before: Floats, spread: float) -> Gains:
     """The gains with which the model of a fit explains the readings best; before: (taxels,), those in the fit."""
     fit, level = solved.fit, scanned.amplitude
-    seen = (fit.weight > 0) & (fit.model > _LOADED * level) & (scanned.readings < scanned.ceiling)
+    seen = (fit.weight > 0) & (fit.model > _LEARNING.loaded * level) & (scanned.readings < scanned.ceiling)
     model = np.where(seen, fit.model, 0.0)
     variance = np.where(scanned.variance > 0, scanned.variance + (solved.error * level * before) ** 2, np.inf)
     shown = np.sum(model**2 / variance, axis=0)
@@ -79,8 +88,8 @@ def _estimated(scanned: Scanned, solved: Solved, before: Floats, spread: float) 
     known = shown > 0
     off, left = pull / (shown + spread**-2), 1.0 / (shown + spread**-2)
     if known.any():
-        spread = float(min(np.sqrt(np.mean(off[known] ** 2 + left[known])), _MOST_SPREAD))
+        spread = float(min(np.sqrt(np.mean(off[known] ** 2 + left[known])), _LEARNING.most_spread))
     off, determined = pull / (shown + spread**-2), 1.0 - 1.0 / (1.0 + shown * spread**2)
-    counts = np.maximum(np.count_nonzero(seen, axis=0), _FEWEST)
+    counts = np.maximum(np.count_nonzero(seen, axis=0), _LEARNING.fewest)
     penalty = float(np.sum(off[known] ** 2) / spread**2 + np.sum(determined[known] * np.log(counts[known])))
-    return Gains(np.clip(1.0 + off, *_LIMITS), spread, penalty, float(np.sum(pull * off)))
+    return Gains(np.clip(1.0 + off, *_LEARNING.limits), spread, penalty, float(np.sum(pull * off)))

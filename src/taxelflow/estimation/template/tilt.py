@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.numerics.bspline import GAIN, STATE, evaluate
+from taxelflow.numerics.bspline import STATE, evaluate, state_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
@@ -47,8 +47,9 @@ def without_tilt(
         seen = (q > 0) & (readings.variance[k] > 0) & (scanned.readings[k] < scanned.ceiling)
         if np.count_nonzero(seen) < _FEWEST:
             continue
-        jacobian = np.column_stack([state[GAIN] * values[seen, 1 : STATE - 1], q[seen], state[GAIN] * values[seen, -1]])
-        modes = (state[GAIN] * q[seen])[:, np.newaxis] * _levers(scanned.places[:, seen], q[seen])
+        gain = state_of(state).gain
+        jacobian = np.column_stack([gain * values[seen, 1:4], q[seen], gain * values[seen, 4]])
+        modes = (gain * q[seen])[:, np.newaxis] * _levers(scanned.places[:, seen], q[seen])
         weighted = modes / readings.variance[k, seen, np.newaxis]
         shared = jacobian.T @ weighted
         explained = shared @ np.linalg.solve(modes.T @ weighted + prior, shared.T)

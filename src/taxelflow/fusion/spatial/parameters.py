@@ -55,5 +55,7 @@ class SpatialField:
         if not linked and all(pad.pose is None for pad in sensor.pads):
             return None
         from taxelflow.fusion.spatial.session import SpatialSession
+        from taxelflow.fusion.spatial.twist import Limits
 
-        return SpatialSession(self, sensor, joints)
+        limits = Limits(self.blind_m_s, self.blind_m, self.length_m)
+        return SpatialSession(sensor, joints, limits, window_s=self.window_s, edge_doubt=self.edge_doubt)

@@ -19,7 +19,6 @@ from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.sensors.surface import PadSurface
 
 if TYPE_CHECKING:
-    from taxelflow.fusion.spatial.parameters import SpatialField
     from taxelflow.messages import Joints, Slips
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
@@ -31,17 +30,19 @@ _MOST_STD = 1.0
 class SpatialSession:
     """Fuses block by block; remembers the scans of a window, and where each contact lies on the object."""
 
-    def __init__(self, asked: SpatialField, sensor: Sensor, joints: Joints | None) -> None:
-        """Raises HandModelInvalid, ExtraMissing."""
+    def __init__(
+        self, sensor: Sensor, joints: Joints | None, limits: Limits, *, window_s: float, edge_doubt: float
+    ) -> None:
+        """window_s, edge_doubt: see `SpatialField`. Raises HandModelInvalid, ExtraMissing."""
         layout = sensor.layout
-        self._asked, self._layout, self._joints = asked, layout, joints
+        self._layout, self._joints, self._limits = layout, joints, limits
+        self._window_s, self._edge_doubt = window_s, edge_doubt
         self._kinematics = PadKinematics(sensor)
         self._home = _home_of(layout)
         self._surfaces = [PadSurface(sensor.pads[pad]) for pad in self._home]
         placed = self._kinematics.placed[self._home]
         self._used: Bools = layout.independent & placed & ~np.isnan(_single(layout))
         self._reference = Reference(len(layout.pads))
-        self._limits = Limits(asked.blind_m_s, asked.blind_m, asked.length_m)
         moving = sensor.hand is not None and sensor.hand.joint_std_rad > 0.0
         self._joint_std = sensor.hand.joint_std_rad if moving and sensor.hand is not None else 0.0
         count = len(layout.pads)
@@ -58,7 +59,7 @@ class SpatialSession:
         lag = np.nan_to_num(slips.lag_s)
         frames = self._frames(slips.t_s[:, np.newaxis] - lag, point)
         covariance = slips.covariance.copy()
-        doubt = self._asked.edge_doubt * (slips.border & (slips.quality == AMBIGUOUS)[..., np.newaxis])
+        doubt = self._edge_doubt * (slips.border & (slips.quality == AMBIGUOUS)[..., np.newaxis])
         covariance[..., [0, 1], [0, 1]] += (doubt * self._layout.pitch_m) ** 2
         known = np.isfinite(frames).all(axis=(2, 3)) & np.isfinite(covariance[..., :2, :2]).all(axis=(2, 3))
         held = slips.contact & self._used
@@ -75,7 +76,7 @@ class SpatialSession:
             theta,
             covariance,
             noise,
-            (self._asked.edge_doubt * pitch_m * (slips.quality >= UNRESOLVED)) ** 2,
+            (self._edge_doubt * pitch_m * (slips.quality >= UNRESOLVED)) ** 2,
             known,
             held,
             held & (np.isfinite(slips.displacement[..., 0]) | ~known),
@@ -86,11 +87,11 @@ class SpatialSession:
         parts: Any = (np.concatenate([before, new]) for before, new in zip(self._past, now, strict=True))
         seen = Seen(*parts)
         first = len(self._past.t_s)
-        velocities = self._room(len(slips)) if self._asked.window_s else self._from_scans(slips, now, doubt, texture)
+        velocities = self._room(len(slips)) if self._window_s else self._from_scans(slips, now, doubt, texture)
         moving = self._moving(slips)
         out = self._written(len(slips))
-        fuse_scans(seen, first, self._asked.window_s, velocities, moving, self._limits, self._memory, out)
-        keep = int(np.searchsorted(seen.t_s, seen.t_s[-1] - self._asked.window_s)) if len(seen.t_s) else 0
+        fuse_scans(seen, first, self._window_s, velocities, moving, self._limits, self._memory, out)
+        keep = int(np.searchsorted(seen.t_s, seen.t_s[-1] - self._window_s)) if len(seen.t_s) else 0
         kept: Any = (part[keep:] for part in seen)
         self._past = Seen(*kept)
         return self._motions(slips.t_s, out)
@@ -153,7 +154,7 @@ class SpatialSession:
         J = np.nan_to_num(self._kinematics.jacobians(self._kinematics.angles_at(self._joints, slips.t_s)))[
             :, self._home
         ]
-        window_s = self._asked.window_s
+        window_s = self._window_s
         if window_s:
             step_s = (
                 float(np.median(np.diff(np.concatenate([self._past.t_s, slips.t_s])))) if scans > 1 else window_s / 9

@@ -25,16 +25,26 @@ if TYPE_CHECKING:
 Frame = NDArray[np.uint8]
 """(height, width, 3), RGB."""
 
-_DPI = 100
-_SIZE = 16
-"""Width and height of frames are multiples of this, as video codecs want them."""
-_LONGEST, _TYPICAL = 0.18, 0.8
-"""Arrow of this quantile of the slips' speeds, as a share of the hand's width; none is drawn twice as long."""
-_HEAD = 0.022
-_LINES = 4
-"""Pads whose load is drawn, and events that are listed."""
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """Of a frame."""
+
+    dpi: int = 100
+    size: int = 16
+    """Width and height of frames are multiples of this, as video codecs want them."""
+    longest: float = 0.18
+    typical: float = 0.8
+    """Arrow of this quantile of the slips' speeds, as a share of the hand's width; none is drawn twice as long."""
+    head: float = 0.022
+    lines: int = 4
+    """Pads whose load is drawn, and events that are listed."""
+    gap_mm: float = 8.0
+
+
+_LAYOUT = _Layout()
+
 _COLOURS = (BLUE, VERMILION, GREEN, MAGENTA)
-_GAP_MM = 8.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +77,7 @@ def on_one_plane(layout: Layout) -> Layout:
     for pad in range(layout.pad_count):
         left, end, low, top = extent_mm(layout, pad)
         T_row[pad] = 1e-3 * (right - left), -1e-3 * (low + top) / 2, 0.0
-        right += end - left + _GAP_MM
+        right += end - left + _LAYOUT.gap_mm
     for pad in range(layout.pad_count, len(layout.pads)):
         own = layout.source[layout.of_pad(pad)]
         home = np.unique(np.searchsorted(layout.starts[: layout.pad_count + 1], own, side="right") - 1)
@@ -102,8 +112,10 @@ def _sheet(film: Film) -> tuple[Figure, Axes, Axes, Axes]:
     ratio = (box[3] - box[2]) / (box[1] - box[0])
     wide = 7.0 if ratio < 0.8 else 4.8
     high = float(np.clip(wide * ratio, 2.0, 6.5))
-    width, height = (_SIZE * round(_DPI * size / _SIZE) / _DPI for size in (wide + 2.9, high + 2.3))
-    figure = plt.figure(figsize=(width, height), dpi=_DPI)
+    width, height = (
+        _LAYOUT.size * round(_LAYOUT.dpi * size / _LAYOUT.size) / _LAYOUT.dpi for size in (wide + 2.9, high + 2.3)
+    )
+    figure = plt.figure(figsize=(width, height), dpi=_LAYOUT.dpi)
     hand = figure.add_axes((0.02, 1.85 / height, wide / width, high / height))
     words = figure.add_axes(((wide + 0.25) / width, 1.85 / height, 2.5 / width, high / height))
     load = figure.add_axes((0.75 / width, 0.5 / height, 1 - 1.0 / width, 1.15 / height))
@@ -125,7 +137,7 @@ def _sheet(film: Film) -> tuple[Figure, Axes, Axes, Axes]:
 
 def _draw_load(axis: Axes, film: Film) -> None:
     pads = np.arange(film.layout.pad_count)
-    busiest = sorted(pads, key=lambda pad: -float(np.nanmax(film.load[:, pad], initial=0.0)))[:_LINES]
+    busiest = sorted(pads, key=lambda pad: -float(np.nanmax(film.load[:, pad], initial=0.0)))[: _LAYOUT.lines]
     most = float(np.nanmax(film.load[:, busiest], initial=0.0)) or 1.0
     t_s = film.t_s - film.zero_s
     for first, stop in spans(np.logical_or.reduce(film.slipping, axis=1)):
@@ -139,7 +151,7 @@ def _draw_load(axis: Axes, film: Film) -> None:
     axis.set_ylabel("load in %")
     axis.set_xlabel("time in s; shaded: slip", labelpad=1)
     if axis.lines:
-        axis.legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=_LINES, fontsize=7, borderaxespad=0.1)
+        axis.legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=_LAYOUT.lines, fontsize=7, borderaxespad=0.1)
 
 
 class _Moving:
@@ -166,7 +178,7 @@ class _Moving:
         self._wide_mm = right - left
         speed = np.hypot(*film.vectors[film.slipping].T) if film.slipping.any() else np.zeros(0)
         speed = speed[np.isfinite(speed)]
-        self._fastest = float(np.quantile(speed, _TYPICAL)) if len(speed) else 0.05
+        self._fastest = float(np.quantile(speed, _LAYOUT.typical)) if len(speed) else 0.05
         self._fastest = max(self._fastest, 1e-4)
         self._now = load.axvline(0.0, color=INK, linewidth=1.0, animated=True)
         self._clock = words.text(0, 0.98, "", fontsize=15, va="top", family="monospace", animated=True)
@@ -179,7 +191,7 @@ class _Moving:
         speed = max(step * decade for step in (1, 2, 5) if step * decade <= 1.0001e3 * self._fastest)
         left, low = hand.get_xlim()[0], hand.get_ylim()[0]
         x, y = left + 0.3 * self._wide_mm, low + 0.02 * self._wide_mm
-        tip = (x + 1e-3 * speed * _LONGEST * self._wide_mm / self._fastest, y)
+        tip = (x + 1e-3 * speed * _LAYOUT.longest * self._wide_mm / self._fastest, y)
         arrow = {"arrowstyle": "-|>", "color": VERMILION, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
         hand.annotate("", xy=tip, xytext=(x, y), arrowprops=arrow)
         place: Any = {"textcoords": "offset points", "fontsize": 7}
@@ -194,7 +206,7 @@ class _Moving:
         self._set_arrows(k)
         self._now.set_xdata([t_s - film.zero_s])
         self._clock.set_text(f"{t_s - film.zero_s:7.2f} s")
-        past = [event for event in film.events if event.t_s <= t_s][-2 * _LINES :]
+        past = [event for event in film.events if event.t_s <= t_s][-2 * _LAYOUT.lines :]
         self._seen.set_text("\n".join(_said(event, film.zero_s) for event in reversed(past)))
         drawn: list[tuple[Axes, Any]] = [(hand, self._taxels), (hand, self._shafts), (hand, self._heads)]
         return [*drawn, (load, self._now), (words, self._clock), (words, self._seen)]
@@ -202,12 +214,15 @@ class _Moving:
     def _set_arrows(self, k: int) -> None:
         film = self._film
         known = np.isfinite(film.vectors[k]).all(axis=1) & np.isfinite(film.places[k]).all(axis=1)
-        tail, vector = 1e3 * film.places[k][known], film.vectors[k][known] * _LONGEST * self._wide_mm / self._fastest
+        tail, vector = (
+            1e3 * film.places[k][known],
+            film.vectors[k][known] * _LAYOUT.longest * self._wide_mm / self._fastest,
+        )
         length = np.hypot(*vector.T)[:, np.newaxis]
-        vector *= np.minimum(1.0, 2.0 * _LONGEST * self._wide_mm / np.maximum(length, 1e-9))
+        vector *= np.minimum(1.0, 2.0 * _LAYOUT.longest * self._wide_mm / np.maximum(length, 1e-9))
         along = vector / np.maximum(np.hypot(*vector.T)[:, np.newaxis], 1e-9)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        head = np.minimum(_HEAD * self._wide_mm, np.hypot(*vector.T))[:, np.newaxis]
+        head = np.minimum(_LAYOUT.head * self._wide_mm, np.hypot(*vector.T))[:, np.newaxis]
         tip, neck = tail + vector, tail + vector - head * along
         corners = np.stack([tip, neck + 0.4 * head * across, neck - 0.4 * head * across], axis=1)
         colours = [VERMILION if slips else GREY for slips in film.slipping[k][known]]

@@ -24,7 +24,7 @@ _MARKS = 14
 _MARK_SHARE = 0.09
 """Half the length of a mark of orientation, as a share of the pad's longer side."""
 _HEIGHT = 4.4
-_SHOWN = 0.05
+SHOWN = 0.05
 """The picture reaches to where the pattern has this share of its largest pressure."""
 _DARK, _UNSEEN, _EDGE = "#000004", "#26262c", "#4a4a55"
 """The colour map's own black, where no taxel ever looked, outlines of taxels."""
@@ -114,7 +114,7 @@ def _box_mm(layout: Layout, pad: int, contact: Contact) -> tuple[float, float, f
     """The pad, the pattern at the pose shown and the way, with a margin, and room for the bar below."""
     left, right, low, high = extent_mm(layout, pad)
     x, y = _on_pad_mm(contact)
-    there = np.nan_to_num(contact.pattern.pressure) > _SHOWN * np.nanmax(contact.pattern.pressure)
+    there = np.nan_to_num(contact.pattern.pressure) > SHOWN * np.nanmax(contact.pattern.pressure)
     way = 1e3 * contact.pose[np.isfinite(contact.pose[:, 0]), :2]
     at = np.concatenate([np.stack([x[there], y[there]], axis=1), way, [[left, low], [right, high]]])
     (left, low), (right, high) = at.min(axis=0), at.max(axis=0)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.publish.plots.pattern import SHOWN
 from taxelflow.publish.plots.style import INK, caption, plain
 
 if TYPE_CHECKING:
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
 _ACROSS = 8
 _MOST = 64
-_SHOWN = 0.05
-"""A panel reaches to where its pattern has this share of its largest pressure."""
 
 
 def patterns_figure(patterns: Sequence[LearnedPattern], unit: str) -> Figure:
@@ -67,6 +66,6 @@ def patterns_figure(patterns: Sequence[LearnedPattern], unit: str) -> Figure:
 
 def _bounds_mm(pattern: LearnedPattern) -> Floats:
     """(2, 2), from and to along x and along y where the pattern has pressure."""
-    there = np.nan_to_num(pattern.pressure) > _SHOWN * np.nanmax(pattern.pressure)
+    there = np.nan_to_num(pattern.pressure) > SHOWN * np.nanmax(pattern.pressure)
     x, y = 1e3 * pattern.x_m[there.any(axis=0)], 1e3 * pattern.y_m[there.any(axis=1)]
     return np.array([[x[0], x[-1]], [y[0], y[-1]]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,13 +18,24 @@ if TYPE_CHECKING:
     from taxelflow.publish.results import Track
     from taxelflow.sensors.layout import Layout
 
-_POSITION_MM, _TURN_DEG, _LOAD_PERCENT, _TIME_S = 0.01, 0.05, 0.1, 1e-3
-"""Steps that numbers are rounded to."""
-_LEAST_BYTES = 2.0
-"""Text that a scan of one pad takes at least; what is longer by far for sure is not tried."""
-_MOST_TRUTH = 20_000
-"""Bins of a truth."""
-_SHADES = 99
+
+@dataclass(frozen=True, slots=True)
+class _Rounded:
+    """What keeps the report small."""
+
+    position_mm: float = 0.01
+    turn_deg: float = 0.05
+    load_percent: float = 0.1
+    time_s: float = 1e-3
+    """Steps that numbers are rounded to."""
+    least_bytes: float = 2.0
+    """Text that a scan of one pad takes at least; what is longer by far for sure is not tried."""
+    most_truth: int = 20_000
+    """Bins of a truth."""
+    shades: int = 99
+
+
+_ROUNDED = _Rounded()
 
 
 def result_chart(
@@ -40,7 +52,7 @@ def result_chart(
     known = sum(int(track.flags["contact"].sum()) for track in tracks)
     width = 1
     while True:
-        if known * _LEAST_BYTES <= most_bytes * width:
+        if known * _ROUNDED.least_bytes <= most_bytes * width:
             chart |= _trajectories(tracks, zero_s, width)
             if len(chart["packed"]["bytes"]) <= most_bytes:
                 return chart
@@ -49,7 +61,7 @@ def result_chart(
 
 def _trajectories(tracks: Sequence[Track], zero_s: float, width: int) -> dict[str, Any]:
     packer = Packer()
-    t = packer.add((tracks[0].numbers["t_s"] - zero_s)[::width], _TIME_S)
+    t = packer.add((tracks[0].numbers["t_s"] - zero_s)[::width], _ROUNDED.time_s)
     found = {track.pad: _quantities(track, packer, width) for track in tracks}
     return {"width": width, "t": t, "tracks": found, "packed": packer.packed()}
 
@@ -57,11 +69,11 @@ def _trajectories(tracks: Sequence[Track], zero_s: float, width: int) -> dict[st
 def truth_chart(pad: str, t_s: Floats, pose: Floats) -> dict[str, Any]:
     """The truth of one pad: times (n,) since the recording's first scan, pose (n, 3); no lane."""
     packer = Packer()
-    width = -(-len(t_s) // _MOST_TRUTH)
+    width = -(-len(t_s) // _ROUNDED.most_truth)
     chart: dict[str, Any] = {"label": "truth", "short": "truth", "colour": "#202124", "truth": True, "lag_s": 0.0}
-    chart |= {"width": width, "t": packer.add(t_s[::width], _TIME_S), "lanes": {}}
-    columns = (("x", 1e3 * pose[:, 0], _POSITION_MM), ("y", 1e3 * pose[:, 1], _POSITION_MM))
-    turn = ("theta", np.degrees(pose[:, 2]), _TURN_DEG)
+    chart |= {"width": width, "t": packer.add(t_s[::width], _ROUNDED.time_s), "lanes": {}}
+    columns = (("x", 1e3 * pose[:, 0], _ROUNDED.position_mm), ("y", 1e3 * pose[:, 1], _ROUNDED.position_mm))
+    turn = ("theta", np.degrees(pose[:, 2]), _ROUNDED.turn_deg)
     wanted = (*columns, turn) if np.ptp(pose[np.isfinite(pose[:, 2]), 2]) > 0 else columns
     chart["tracks"] = {pad: {name: _bins(values, step, packer, width) for name, values, step in wanted}}
     chart["packed"] = packer.packed()
@@ -71,15 +83,15 @@ def truth_chart(pad: str, t_s: Floats, pose: Floats) -> dict[str, Any]:
 def _quantities(track: Track, packer: Packer, width: int) -> dict[str, dict[str, int]]:
     """Numbers of the series of each quantity that is known."""
     found: dict[str, dict[str, int]] = {}
-    scales = (("x", "x_m", 1e3, _POSITION_MM), ("y", "y_m", 1e3, _POSITION_MM))
-    for name, column, scale, step in (*scales, ("theta", "theta_rad", 180 / np.pi, _TURN_DEG)):
+    scales = (("x", "x_m", 1e3, _ROUNDED.position_mm), ("y", "y_m", 1e3, _ROUNDED.position_mm))
+    for name, column, scale, step in (*scales, ("theta", "theta_rad", 180 / np.pi, _ROUNDED.turn_deg)):
         values, std = scale * track.numbers[column], scale * track.numbers[f"std_{column}"]
         if np.isfinite(values).any():
             found[name] = _bins(values, step, packer, width)
             found[name]["std"] = packer.add_log(binned(std, width)[1])
     load = track.numbers["load_pa"]
     most = float(np.nanmax(load, initial=0.0)) or 1.0
-    found["load"] = _bins(100 * load / most, _LOAD_PERCENT, packer, width)
+    found["load"] = _bins(100 * load / most, _ROUNDED.load_percent, packer, width)
     return found
 
 
@@ -111,6 +123,8 @@ def hand_chart(layout: Layout, touched: Sequence[int]) -> dict[str, Any]:
 def shades(values: Floats, masked: Sequence[int] = ()) -> list[int]:
     """Shade of each taxel (taxels,) from 0 to 99, -1 where it is masked or unknown."""
     top = float(np.nanmax(values, initial=0.0)) or 1.0
-    shade = np.where(np.isfinite(values), np.clip(np.round(_SHADES * values / top), 0, _SHADES), -1).astype(int)
+    shade = np.where(
+        np.isfinite(values), np.clip(np.round(_ROUNDED.shades * values / top), 0, _ROUNDED.shades), -1
+    ).astype(int)
     shade[list(masked)] = -1
     return [int(value) for value in shade]

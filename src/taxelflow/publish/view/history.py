@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from taxelflow.messages import cut, joined, joined_spatial
+from taxelflow.messages import cut, joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -179,8 +179,13 @@ def _joined_scans(blocks: Sequence[Seen]) -> Seen:
 
 def _joined_results(blocks: Sequence[Results]) -> Results:
     slips, slipping, motions, evidence, spatial = zip(*blocks, strict=True)
+    known = [one for one in spatial if one is not None]
     return Results(
-        joined(slips), np.concatenate(slipping), joined(motions), np.concatenate(evidence), joined_spatial(spatial)
+        joined(slips),
+        np.concatenate(slipping),
+        joined(motions),
+        np.concatenate(evidence),
+        joined(known) if known else None,
     )
 
 

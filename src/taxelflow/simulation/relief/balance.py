@@ -21,17 +21,25 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
     from taxelflow.simulation.relief.parameters import Skin
 
-_STEPS = 100
-_EXACT = 1e-9
-"""Imbalance, relative to the force and to the force times the object's size, at which the balance is found."""
-_ROUNDING = 1e-12
-"""Relative rise of the energy that is rounding."""
-_FLOOR = 1e-12
-"""Stiffness added to each axis, relative to that of all."""
-_NOTHING = 1e-9
-"""Stiffness in N/m that is added where nothing touches."""
-_STEEPEST = 0.5
-"""Tilt beyond which the object has tipped over."""
+
+@dataclass(frozen=True, slots=True)
+class _Newton:
+    """Of the search for the balance."""
+
+    steps: int = 100
+    exact: float = 1e-9
+    """Imbalance, relative to the force and to the force times the object's size, at which the balance is found."""
+    rounding: float = 1e-12
+    """Relative rise of the energy that is rounding."""
+    floor: float = 1e-12
+    """Stiffness added to each axis, relative to that of all."""
+    nothing: float = 1e-9
+    """Stiffness in N/m that is added where nothing touches."""
+    steepest: float = 0.5
+    """Tilt beyond which the object has tipped over."""
+
+
+_NEWTON = _Newton()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,10 +96,10 @@ def settle(skin: Skin, sites: Sites, load: Floats, start: Floats, tilts: bool) -
     unit = np.array([1.0, size_m, size_m])[:free]
     state, step, before = start.copy(), np.zeros((len(start), free)), np.full(len(start), np.inf)
     left = np.arange(len(start))
-    for _ in range(_STEPS):
+    for _ in range(_NEWTON.steps):
         now = _carried(skin, sites.of(left), state[left], load[left], free)
-        rises = now.energy > before[left] + _ROUNDING * np.abs(before[left])
-        exact = (np.abs(now.excess / unit).max(axis=1) < _EXACT * load[left, 0]) & ~rises
+        rises = now.energy > before[left] + _NEWTON.rounding * np.abs(before[left])
+        exact = (np.abs(now.excess / unit).max(axis=1) < _NEWTON.exact * load[left, 0]) & ~rises
         goes = ~rises & ~exact
         before[left[goes]] = now.energy[goes]
         step[left[rises]] /= 2
@@ -101,7 +109,7 @@ def settle(skin: Skin, sites: Sites, load: Floats, start: Floats, tilts: bool) -
         left = left[~exact]
         if not len(left):
             break
-    if len(left) or np.abs(state[:, 1:]).max(initial=0.0) > _STEEPEST:
+    if len(left) or np.abs(state[:, 1:]).max(initial=0.0) > _NEWTON.steepest:
         raise ParameterInvalid("object", "tips over", "have its load point over the part of the skin that carries it")
     return state
 
@@ -140,7 +148,7 @@ def _sum(values: Floats, arm: Floats | None) -> Floats:
 
 def _newton(slope: Floats, excess: Floats, unit: Floats) -> Floats:
     """Newton's steps (scans, free); a hair of stiffness keeps them finite where too few points touch."""
-    floor = _FLOOR * np.trace(slope / np.outer(unit, unit), axis1=1, axis2=2)
-    stiff = slope + (floor + _NOTHING)[:, np.newaxis, np.newaxis] * np.diag(unit**2)
+    floor = _NEWTON.floor * np.trace(slope / np.outer(unit, unit), axis1=1, axis2=2)
+    stiff = slope + (floor + _NEWTON.nothing)[:, np.newaxis, np.newaxis] * np.diag(unit**2)
     step: Floats = -np.linalg.solve(stiff, excess[:, :, np.newaxis])[..., 0]
     return step

@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.track_state import MOST_KEYFRAMES
-from taxelflow.numerics.bspline import SIZE, THETA
+from taxelflow.numerics.bspline import pose_part, states_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,27 +37,27 @@ class Keyframes:
     @property
     def grown(self) -> bool:
         """Whether their sizes differ."""
-        return bool(np.ptp(self.states[:, SIZE]) > _GROWN)
+        return bool(np.ptp(states_of(self.states).size) > _GROWN)
 
     def spread(self, radius: float) -> float:
         """How far the keyframes lie from one another, in pitches."""
         extent = np.ptp(self.states[:, :2], axis=0)
-        return float(max(extent.max(), radius * np.ptp(self.states[:, THETA])))
+        return float(max(extent.max(), radius * np.ptp(states_of(self.states).theta)))
 
     def with_scan(self, t_s: float, reading: Floats, variance: Floats, bend: Floats, state: Floats) -> Keyframes:
         """One more; if there are too many, the one in the most crowded place goes, never the first."""
         old = self.scanned
         states = np.concatenate([self.states, state[np.newaxis]])
-        ahead = state.copy()
-        ahead[THETA] = self.angled[-1, THETA]
-        angled = np.concatenate([self.angled, ahead[np.newaxis]])
+        angled = np.concatenate([self.angled, state[np.newaxis]])
+        states_of(angled).theta[-1] = states_of(self.angled).theta[-1]
         readings = np.concatenate([old.readings, reading[np.newaxis]])
         variances = np.concatenate([old.variance, variance[np.newaxis]])
         bends = np.concatenate([old.bends, bend[np.newaxis]])
         times = np.append(old.t_s, t_s)
         keep: NDArray[np.int64] = np.arange(len(states))
         if len(states) > MOST_KEYFRAMES:
-            apart = np.abs(states[:, np.newaxis, : THETA + 1] - states[np.newaxis, :, : THETA + 1])
+            poses = pose_part(states)
+            apart = np.abs(poses[:, np.newaxis] - poses[np.newaxis])
             apart = apart.sum(axis=2) + 1e6 * np.eye(len(states))
             crowded = np.sort(apart, axis=1)[:, :3].sum(axis=1)
             crowded[0] = crowded[-1] = np.inf

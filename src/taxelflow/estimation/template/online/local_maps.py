@@ -25,7 +25,7 @@ from taxelflow.estimation.template.online.track_state import (
     Track,
 )
 from taxelflow.messages import no_scans
-from taxelflow.numerics.bspline import GAIN, SIZE, THETA
+from taxelflow.numerics.bspline import pose_part, state_of
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import record, records
 from taxelflow.runtime.adoption import AtFixedTimes
@@ -82,7 +82,7 @@ class LocalMaps:
         novel = Novel(scan.t, part.reading.copy(), part.variance.copy(), bend, m.state.copy())
         self.learners[pad].learn_from(novel)
         if m.keyframes < MOST_KEYFRAMES:
-            m.keyframe[m.keyframes] = m.state[: GAIN + 1]
+            m.keyframe[m.keyframes] = m.state
             m.keyframes += 1
         self.go_on(pad)
 
@@ -148,7 +148,7 @@ class LocalMaps:
         m.state[:] = new.state
         m.state[:2] += middle[:2] - new.middle
         if new.again:
-            m.probation, m.theta_0 = _PROBATION, new.state[THETA]
+            m.probation, m.theta_0 = _PROBATION, state_of(new.state).theta
         m.last_t, m.load = last.t, middle[3]
         m.centroid[:] = middle[:2]
 
@@ -168,7 +168,7 @@ class LocalMaps:
         if not known_place:
             m.continues = False
             m.speed[:] = 0.0
-        m.theta_0 -= m.state[THETA]
+        m.theta_0 -= state_of(m.state).theta
         m.probation = m.poor = 0.0
         self.settle(pad, last.t)
         self._put(pad, new.learned)
@@ -217,7 +217,7 @@ class LocalMaps:
         self._open_across(pad, learned)
         states = learned.keyframes.states
         m.keyframes = len(states)
-        m.keyframe[: len(states)] = states[:, : GAIN + 1]
+        m.keyframe[: len(states)] = states
         self.learners[pad].learned, self.learners[pad].beginning = learned, False
 
     def adopt(self, last: Scan, now_s: float) -> None:
@@ -235,7 +235,7 @@ class LocalMaps:
         place = m.state[:2] + m.origin
         m.theta_0 += new.turned
         if new.turns and not old.turns:  # it has turned all the while
-            m.state[THETA] = new.keyframes.states[-1, THETA]
+            m.state[:] = state_of(m.state)._replace(theta=state_of(new.keyframes.states[-1]).theta)
         if new.grows:
             own.take_over(new, [m.state])
             if not old.grows:  # any size may be right
@@ -243,7 +243,7 @@ class LocalMaps:
         elif old.grows:
             own.forget_waiting()  # they were registered in another frame
             own.take_over(new, [m.state])
-            m.grows, m.state[SIZE] = False, 0.0
+            m.grows, m.state[:] = False, state_of(m.state)._replace(size=0.0)
         self._put(pad, new)
         self._register_again(pad)
         stepped = float(np.sum((m.state[:2] + m.origin - place) ** 2))  # by so much one of the patterns is wrong
@@ -254,7 +254,7 @@ class LocalMaps:
     def _register_again(self, pad: int) -> None:
         m = self.track(pad)
         self.follow_again(pad, self._last._replace(t=float(m.last_t)))
-        turn = m.state[THETA] - m.theta_0 if m.seen else np.nan
+        turn = state_of(m.state).theta - m.theta_0 if m.seen else np.nan
         m.before[:] = *(self._pitch_m[pad] * (m.state[:2] + m.origin)), turn
 
     def follow_again(self, pad: int, scan: Scan) -> None:
@@ -291,7 +291,7 @@ class LocalMaps:
                 known.pattern,
                 known.scanned,
                 states,
-                states[-1, : THETA + 1] * [pitch_m, pitch_m, 1.0] - [0.0, 0.0, theta_0],
+                pose_part(states[-1]) * [pitch_m, pitch_m, 1.0] - [0.0, 0.0, theta_0],
                 error=known.error,
                 pitch_m=float(pitch_m),
                 turns=known.turns,

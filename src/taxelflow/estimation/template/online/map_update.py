@@ -30,7 +30,7 @@ from taxelflow.estimation.template.pose_output import unturned
 from taxelflow.estimation.template.scaling import may_have_grown
 from taxelflow.estimation.template.taxel_gains import with_gains
 from taxelflow.estimation.template.tilt import without_tilt
-from taxelflow.numerics.bspline import STATE, THETA
+from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def _learn(known: Learned) -> Learned:
     scanned, pattern = replace(known, gains=gains).scanned, best.pattern
     before = (keyframes.angled if best.turns and not known.turns else keyframes.states).copy()
     before[:, :2] += known.origin
-    turned = float(np.mean(best.states[:, THETA] - before[:, THETA])) if best.turns else 0.0
+    turned = float(np.mean(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
     states = best.states
     origin = np.zeros(2)
     if best.grows:
@@ -265,7 +265,7 @@ def _slack(known: Learned, off: Floats) -> Floats:
     fresh = off[len(off) - known.fresh :]
     if not len(fresh):
         return known.slack
-    wrong = np.array([np.mean(fresh[:, :2] ** 2), np.mean(fresh[:, THETA] ** 2)])
+    wrong = np.array([np.mean(fresh[:, :2] ** 2), np.mean(states_of(fresh).theta ** 2)])
     slack: Floats = np.maximum(wrong, _FORGET * known.slack)
     return slack
 
@@ -278,7 +278,8 @@ def reframed(states: Floats, before: Floats, information: Floats, pattern: Patte
     """
     own = np.linalg.inv(information + 1e-9 * np.eye(STATE))
     weight = 1.0 / (own[:, 0, 0] + own[:, 1, 1])
-    cos, sin = np.cos(states[:, THETA]), np.sin(states[:, THETA])
+    theta = states_of(states).theta
+    cos, sin = np.cos(theta), np.sin(theta)
     gap = before[:, :2] - states[:, :2]
     body = np.array(
         [

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from taxelflow.estimation.template.online.map_update import learn
-from taxelflow.numerics.bspline import GAIN, THETA
+from taxelflow.numerics.bspline import State, state_of
 from taxelflow.runtime.adoption import Lane
 
 if TYPE_CHECKING:
@@ -120,8 +122,8 @@ class Learner:
         if self._newest is None:
             return
         last = new.keyframes.states[-1]
-        step, louder = last - self._newest, last[GAIN] / self._newest[GAIN]
-        step[[THETA, GAIN]] = 0.0
+        now, before = state_of(last), state_of(self._newest)
+        step = np.array(State(now.x - before.x, now.y - before.y, 0.0, 0.0, now.size - before.size))
+        times = np.array(State(1.0, 1.0, 1.0, now.gain / before.gain, 1.0))
         for state in (*states, *(scan.state for scan in self._waiting)):
-            state[:] = state + step
-            state[GAIN] *= louder
+            state[:] = (state + step) * times

@@ -6,7 +6,7 @@ import numpy as np
 
 from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
-from taxelflow.numerics.bspline import GAIN, STATE, THETA
+from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import eigenvalues2, factor_small, solve_factored
 from taxelflow.runtime.compiling import kernel, lean_kernel
@@ -29,10 +29,10 @@ _LOUDER = 0.5
 @kernel
 def report(t: float, k: int, pad: int, scale: float, m: Track, rows: Rows) -> None:
     """Fill one pad's part of row k, and m.flag. scale: of a pitch, m."""
-    room = np.empty((STATE + 4, STATE))
-    noise, cov, pose = room[STATE + 1 :, :3], rows.covariance[k, pad], rows.pose[k, pad]
-    _invert(m.doubted, scale, room, cov)
-    _invert(m.step, scale, room, noise)
+    matrix, unit, noise = np.empty((STATE, STATE)), np.empty(STATE), np.empty((3, 3))
+    cov, pose = rows.covariance[k, pad], rows.pose[k, pad]
+    _invert(m.doubted, scale, matrix, unit, cov)
+    _invert(m.step, scale, matrix, unit, noise)
     pose[0], pose[1] = scale * (m.state[0] + m.origin[0]), scale * (m.state[1] + m.origin[1])
     pose[2] = m.state[2] - m.theta_0
     if not m.seen:
@@ -65,7 +65,7 @@ def report(t: float, k: int, pad: int, scale: float, m: Track, rows: Rows) -> No
             m.flag = NOVEL
     if unsure:
         m.flag = NOTHING  # a pattern must not learn from where it is not
-    if m.state[GAIN] > FAINT and m.keyframes < _YOUNG:
+    if state_of(m.state).gain > FAINT and m.keyframes < _YOUNG:
         m.flag = NOVEL
     if moved > _LEAP * (1.0 + m.radius) or m.poor >= _MOST_POOR:
         m.flag = GONE
@@ -94,11 +94,12 @@ def _displacement(t: float, k: int, pad: int, m: Track, noise: Floats, rows: Row
 @lean_kernel
 def _shown(m: Track) -> bool:
     """Whether enough keyframes show the object where it is, as loud as it is."""
-    close = 0
+    now, close = state_of(m.state), 0
     for k in range(m.keyframes):
-        apart = np.hypot(m.state[0] - m.keyframe[k, 0], m.state[1] - m.keyframe[k, 1])
-        apart += m.radius * abs(m.state[THETA] - m.keyframe[k, 2])
-        apart += abs(np.log(m.state[GAIN] / m.keyframe[k, 3])) * _NEAR / _LOUDER
+        shown = state_of(m.keyframe[k])
+        apart = np.hypot(now.x - shown.x, now.y - shown.y)
+        apart += m.radius * abs(now.theta - shown.theta)
+        apart += abs(np.log(now.gain / shown.gain)) * _NEAR / _LOUDER
         close += 1 if apart < _NEAR else 0
         if close == _SAME:
             return True
@@ -106,12 +107,11 @@ def _shown(m: Track) -> bool:
 
 
 @lean_kernel
-def _invert(information: Floats, scale: float, room: Floats, cov: Floats) -> None:
+def _invert(information: Floats, scale: float, matrix: Floats, unit: Floats, cov: Floats) -> None:
     """Fill cov (3, 3), m and rad, with the covariance of x, y and theta, given that of (5, 5) in pitches and rad.
 
-    room: (6, 5), to work in.
+    matrix: (5, 5), unit: (5,), to work in.
     """
-    matrix, unit = room[:STATE], room[STATE]
     for a in range(STATE):
         for b in range(STATE):
             matrix[a, b] = information[a, b]

@@ -8,7 +8,7 @@ import numpy as np
 
 from taxelflow.estimation.template.online.residual_process import fades
 from taxelflow.estimation.template.online.track_state import Track
-from taxelflow.numerics.bspline import GAIN, THETA, X, Y, evaluate
+from taxelflow.numerics.bspline import evaluate, pose_part, state_of
 from taxelflow.numerics.records import record
 
 if TYPE_CHECKING:
@@ -32,20 +32,20 @@ def expected(maps: Patterns, hand: Hand, tracks: Records, t_s: float | None) -> 
         state, span = m.state.copy(), 0.0
         if t_s is not None:
             span = t_s - m.last_t
-            state[: THETA + 1] += span * _surely(m)
+            state += np.append(span * _surely(m), [0.0, 0.0])
         values = np.empty((own.stop - own.start, 5))
         where = np.ascontiguousarray(hand.places[:, own])
         evaluate(maps.patterns[pad], m.lattice.copy(), where, state, np.zeros((3, 0)), values)
         rest = maps.rests[3, own]
         if t_s is not None and m.carries:
-            rest = fades(span, span * np.hypot(m.speed[X], m.speed[Y])) * maps.rests[0, own]
-        readings[own] = np.maximum(state[GAIN] * np.maximum(np.nan_to_num(values[:, 0]), 0.0) + rest, 0.0)
+            rest = fades(span, span * np.hypot(m.speed[0], m.speed[1])) * maps.rests[0, own]
+        readings[own] = np.maximum(state_of(state).gain * np.maximum(np.nan_to_num(values[:, 0]), 0.0) + rest, 0.0)
     return readings
 
 
 def _surely(m: Track) -> Floats:
     """(3,), speeds of the last step as far as it was more than its noise."""
-    noise = 2.0 / np.maximum(np.diagonal(m.step)[: THETA + 1], 1e-9)
+    noise = 2.0 / np.maximum(pose_part(np.diagonal(m.step)), 1e-9)
     squared = np.maximum((m.speed * m.span) ** 2, 1e-12)
     surely: Floats = m.speed * np.maximum(1.0 - _NOISES * noise / squared, 0.0)
     return surely

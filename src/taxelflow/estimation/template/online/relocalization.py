@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, regis
 from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import HUBER
-from taxelflow.numerics.bspline import GAIN, STATE, THETA
+from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
@@ -21,16 +22,26 @@ if TYPE_CHECKING:
 
 DOUBT = 0.25
 """How much of a pattern's rough doubt counts when scans are registered."""
-_ABOUT = 1.0
-"""How far, in pitches, a recognised object may lie from where it is looked for."""
-_SURELY, _LEAP = 9.0, (2.0, 0.5)
-"""A place found all over the pad is followed only if chi-square is less by so much; an object that is known lies within
-so many pitches and rad of where it was."""
-_ITERATIONS = 20
-_REACHES = (0.0, 0.5, 1.0, 1.5, 2.0)
-"""Radii outwards of the scan's centroid at which the object is looked for."""
-_SAME = 0.5
-"""States closer than this, in pitches, are the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """Where a known pattern is looked for, and when it is found."""
+
+    about: float = 1.0
+    """How far, in pitches, a recognised object may lie from where it is looked for."""
+    surely: float = 9.0
+    leap: tuple[float, float] = (2.0, 0.5)
+    """A place found all over the pad is followed only if chi-square is less by so much; an object that is known lies
+    within so many pitches and rad of where it was."""
+    iterations: int = 20
+    reaches: tuple[float, float, float, float, float] = (0.0, 0.5, 1.0, 1.5, 2.0)
+    """Radii outwards of the scan's centroid at which the object is looked for."""
+    same: float = 0.5
+    """States closer than this, in pitches, are the same."""
+
+
+_SEARCH = _Search()
 
 
 def recognised(
@@ -53,21 +64,20 @@ def recognised(
     outward = middle / max(float(np.hypot(*middle)), 1e-9)
     steps = np.arange(12) if theta is None else np.arange(-1, 2)
     angles = steps * (np.pi / 6) if known.turns else np.zeros(1)
-    angles = angles + (known.keyframes.states[-1, THETA] if theta is None else theta)
+    angles = angles + (state_of(known.keyframes.states[-1]).theta if theta is None else theta)
     centre, best, found = pattern.centre(), np.inf, None
     information = np.zeros((STATE, STATE))
-    stiffness = np.array([_ABOUT**-2, _ABOUT**-2, 1e-6 if known.turns else HELD, 0.0, HELD])
     across = known.keyframes.scanned.across
-    stiffness[:2][across] = HELD
+    place = np.where(across, HELD, _SEARCH.about**-2)
     for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
-        stiffness[GAIN] = gain_std**-2
-        for angle, reach in product(angles, _REACHES):
+        stiffness = np.array([*place, 1e-6 if known.turns else HELD, gain_std**-2, HELD])
+        for angle, reach in product(angles, _SEARCH.reaches):
             cos, sin = np.cos(angle), np.sin(angle)
             arm = np.array([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]])
             state = np.array([*(middle + reach * known.radius * outward - arm), angle, 1.0, 0.0])
             state[:2][across] = known.keyframes.states[-1, :2][across]
             prior = Prior(state.copy(), stiffness)
-            cost, chi, count = register(surface, taxels, prior, HUBER, _ITERATIONS, state, information)
+            cost, chi, count = register(surface, taxels, prior, HUBER, _SEARCH.iterations, state, information)
             if cost < best and count and chi / count < gate(known.usual, count):
                 best, found = cost, (state.copy(), information.copy(), chi / count, count)
         if found is not None:
@@ -77,11 +87,12 @@ def recognised(
 
 def close(found: Floats, known: Floats) -> bool:
     """Whether one state (5,) can have become the other at once."""
-    return bool(np.hypot(*(found - known)[:2]) < _LEAP[0] and abs(found[THETA] - known[THETA]) < _LEAP[1])
+    leap = state_of(found - known)
+    return bool(np.hypot(leap.x, leap.y) < _SEARCH.leap[0] and abs(leap.theta) < _SEARCH.leap[1])
 
 
 def surely_elsewhere(found: tuple[Floats, Floats, float, int], m: Track) -> bool:
     """Whether a state found from nothing but a scan is to be believed, and not the one that was followed."""
     place, _, chi, count = found
-    better = m.chi * m.count < chi * count - _SURELY * m.usual
-    return bool(not better and np.hypot(*(place - m.state)[:2]) > _SAME)
+    better = m.chi * m.count < chi * count - _SEARCH.surely * m.usual
+    return bool(not better and np.hypot(*(place - m.state)[:2]) > _SEARCH.same)

@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import CEILING, READING, VARIANCE, linearise, look_up
+from taxelflow.estimation.template.linearization import LaidOut, linearise, look_up
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import GAIN, STATE
+from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.small_linalg import mirror
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
@@ -57,7 +57,7 @@ def fades(span: float, moved: float) -> float:
 @kernel
 def keep(
     surface: Surface,
-    taxels: Floats,
+    taxels: LaidOut,
     error: float,
     registered: float,
     still: bool,
@@ -85,12 +85,12 @@ def keep(
     count = rest.shape[1]
     values = np.empty((2, count))
     look_up(surface, taxels, state, values)
-    gain, peak = state[GAIN], 0.0
+    gain, peak = state_of(state).gain, 0.0
     for i in range(count):
-        peak = max(peak, taxels[READING, i])
+        peak = max(peak, taxels.reading[i])
     for i in range(count):
-        q, reading = values[0, i], taxels[READING, i]
-        variance = taxels[VARIANCE, i] - error * error if taxels[VARIANCE, i] > 0.0 else 0.0
+        q, reading = values[0, i], taxels.reading[i]
+        variance = taxels.variance[i] - error * error if taxels.variance[i] > 0.0 else 0.0
         off = np.isnan(q)
         model = 0.0 if off else gain * q
         own = error * error + gain * gain * values[1, i]
@@ -111,7 +111,7 @@ def keep(
         if brought.shape[1]:
             before = max(brought[1, i] - variance, 0.0) + sudden * brought[1, i]
         share = before / (before + variance)
-        if left < 0.0 and reading >= taxels[CEILING, i]:
+        if left < 0.0 and reading >= taxels.ceiling[i]:
             share = 0.0
         rest[0, i] = r + share * (left - r)
         rest[1, i] = (1.0 - share) * before

@@ -27,7 +27,7 @@ from taxelflow.estimation.template.online.track_state import (
 )
 from taxelflow.estimation.template.warmup import compile_batch, compile_stream
 from taxelflow.messages import Bools, Estimates, Scans, no_scans
-from taxelflow.numerics.bspline import GAIN, THETA
+from taxelflow.numerics.bspline import state_of
 from taxelflow.numerics.robust import gate
 from taxelflow.runtime.worker import worker
 
@@ -142,9 +142,9 @@ class StreamSession:
             if fits and m.probation == 0.0:
                 continue
             near = m.probation == 0.0
-            if fits and np.diagonal(m.information)[:THETA].min() > BLURRED**-2:
+            if fits and np.diagonal(m.information)[:2].min() > BLURRED**-2:
                 m.probation = max(m.probation - 1.0, 0.0)
-            found = recognised(known, m.centroid, part, float(m.state[THETA]) if near else None)
+            found = recognised(known, m.centroid, part, float(state_of(m.state).theta) if near else None)
             if found is None and not near and not fits and m.poor >= _MISTAKEN:
                 self._maps.learn_anew(pad, scan)
             if found is None or (near and not close(found[0], m.state)):
@@ -187,7 +187,7 @@ class StreamSession:
             return
         faintest = own.learned.keyframes.scanned.readings.max(axis=1).min()
         louder = self._maps.part(pad, scan).reading.max() > FAINT * faintest
-        if louder and m.state[GAIN] > FAINT and not own.learned.mature:  # what was learned from is too faint
+        if louder and state_of(m.state).gain > FAINT and not own.learned.mature:  # what was learned from is too faint
             self._maps.learn_anew(pad, scan)
             return
         self._maps.learn_from(pad, scan)

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.bspline import STATE
 from taxelflow.numerics.records import Vector
 
+StateVector = Annotated[Floats, 5]
+"""A state, see `bspline`."""
+StateMatrix = Annotated[Floats, 5, 5]
 MOST_KEYFRAMES = 60
 HUBER = 5.0
 """Standard deviations from which on a reading is held down."""
@@ -29,15 +31,15 @@ class Track:
     """Whether the pad has a pattern."""
     lattice: Vector
     """Of the pattern: knot spacing, x and y of knot (0, 0)."""
-    state: Annotated[Floats, STATE]
-    """Of the object in the last scan, see `bspline`."""
+    state: StateVector
+    """Of the object in the last scan."""
     origin: Annotated[Floats, 2]
     """Added to the state's x and y in what is reported."""
-    information: Annotated[Floats, STATE, STATE]
+    information: StateMatrix
     """Of the state, the pattern held."""
-    doubted: Annotated[Floats, STATE, STATE]
+    doubted: StateMatrix
     """The same, with the error that the sensor may have unseen."""
-    step: Annotated[Floats, STATE, STATE]
+    step: StateMatrix
     """Information on how far the state is from that of the scan before."""
     error: float
     """Of a reading, as a share of the contact's largest."""
@@ -100,8 +102,8 @@ class Track:
     before_covariance: Annotated[Floats, 3, 3]
     before_t: float
     keyframes: int
-    keyframe: Annotated[Floats, MOST_KEYFRAMES, 4]
-    """Pose and gain of the scans that the pattern is learned from."""
+    keyframe: Annotated[Floats, MOST_KEYFRAMES, 5]
+    """States of the scans that the pattern is learned from."""
 
 
 class Hand(NamedTuple):

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
-from taxelflow.estimation.template.linearization import VARIANCE, laid_out, linearise
+from taxelflow.estimation.template.levenberg_marquardt import HELD, MAY_BE_HELD, Prior, register
+from taxelflow.estimation.template.linearization import LaidOut, laid_out, linearise
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.residual_process import bring, keep
 from taxelflow.estimation.template.online.track_state import HUBER, Hand, PadScan, Patterns, Scan, Track
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import GAIN, SIZE, STATE, THETA, X, Y
+from taxelflow.numerics.bspline import STATE, State, put, state_of
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
@@ -114,7 +114,7 @@ def _follow_pad(
     for i in range(len(scan.reading)):
         rest[3, i] = scan.reading[i] - brought[0, i] if m.carries else 0.0
     if m.carries or still or chi > _REST * usual:
-        _stiffen(m, grown_std, stiffness)
+        _stiffen(m, m.turn_std, grown_std if m.grows else 0.0, state_of(stiffness).gain, stiffness)
         m.chi = keep(surface, taxels, error, chi / usual, still, brought, rest, stiffness, m)
         m.carries = still or m.chi > _REST * m.usual
     _doubt(surface, taxels, level, floor, stiffness, m, room)
@@ -133,7 +133,7 @@ def _level(scan: PadScan, m: Track) -> float:
 
 @lean_kernel
 def _doubt(
-    surface: Surface, taxels: Floats, level: float, floor: float, stiffness: Floats, m: Track, room: Floats
+    surface: Surface, taxels: LaidOut, level: float, floor: float, stiffness: Floats, m: Track, room: Floats
 ) -> None:
     """Fill m.doubted with the information that is left if readings have the error that the sensor may have unseen."""
     for a in range(STATE):
@@ -142,10 +142,10 @@ def _doubt(
     if floor <= m.error:
         return
     more = (floor * level) ** 2 - (m.error * level) ** 2
-    for i in range(taxels.shape[1]):
-        taxels[VARIANCE, i] += more if taxels[VARIANCE, i] > 0.0 else 0.0
+    for i in range(len(taxels.variance)):
+        taxels.variance[i] += more if taxels.variance[i] > 0.0 else 0.0
     linearise(surface, taxels, np.inf, m.state, m.doubted, room[3])
-    for part in (X, Y, THETA, SIZE):
+    for part in MAY_BE_HELD:
         if stiffness[part] >= HELD:
             for a in range(STATE):
                 m.doubted[max(a, part), min(a, part)] = 0.0
@@ -174,12 +174,12 @@ def _bend(m: Track, delay: Floats) -> Floats:
 @lean_kernel
 def _surely_moved(m: Track, span: float) -> float:
     """Pitches from scan to scan at the last speed, beyond what noise makes of them."""
-    moved = span * np.hypot(m.speed[X], m.speed[Y])
-    return float(np.sqrt(max(moved * moved - 4.0 / m.step[X, X] - 4.0 / m.step[Y, Y], 0.0)))
+    moved = span * np.hypot(m.speed[0], m.speed[1])
+    return float(np.sqrt(max(moved * moved - 4.0 / m.step[0, 0] - 4.0 / m.step[1, 1], 0.0)))
 
 
 @kernel
-def _search(surface: Surface, taxels: Floats, search: Search, m: Track) -> float:
+def _search(surface: Surface, taxels: LaidOut, search: Search, m: Track) -> float:
     """Register a scan in one way after the other until it fits; m.state and m.information become the best.
 
     Returns chi-square per reading.
@@ -191,18 +191,17 @@ def _search(surface: Surface, taxels: Floats, search: Search, m: Track) -> float
             break
         if (attempt == _TURNS and not search.may_turn) or (attempt == _GROWS and not search.may_grow):
             continue
-        _start(attempt, search, m)
-        _stiffen(m, search.grown_std, stiffness)
-        gain_std = m.gain_std if attempt < _LOOSE else _LOOSE_GAIN_STD
-        stiffness[GAIN] = 1.0 / (gain_std * search.last[GAIN]) ** 2
+        last = state_of(search.last)
+        put(_start(attempt, last, search, m), trial)
+        turn_std, grown_std = m.turn_std, search.grown_std if m.grows else 0.0
         if attempt == _TURNS:
-            stiffness[THETA] = 1.0 / _FIRST_TURN_STD**2
+            turn_std = _FIRST_TURN_STD
         elif attempt == _GROWS:
-            stiffness[SIZE] = 1.0 / _FIRST_GROWTH**2
-        for a in range(STATE):
-            search.prior[a] = search.last[a]
-        if m.turn_std > 0.0:
-            search.prior[THETA] = trial[THETA]
+            grown_std = _FIRST_GROWTH
+        gain_std = m.gain_std if attempt < _LOOSE else _LOOSE_GAIN_STD
+        _stiffen(m, turn_std, grown_std, 1.0 / (gain_std * last.gain) ** 2, stiffness)
+        theta = state_of(trial).theta if m.turn_std > 0.0 else last.theta
+        put(State(last.x, last.y, theta, last.gain, last.size), search.prior)
         prior = Prior(search.prior, stiffness)
         cost, chi, count = register(surface, taxels, prior, HUBER, _ITERATIONS, trial, found)
         if cost < best - (_CHEAPER if attempt < _TURNS else _PAID * _misfit(best, taxels)):
@@ -224,35 +223,35 @@ def _take(state: Floats, information: Floats, m: Track) -> None:
 
 
 @lean_kernel
-def _misfit(cost: float, taxels: Floats) -> float:
+def _misfit(cost: float, taxels: LaidOut) -> float:
     """What a cost is above that of readings which fit."""
-    for i in range(taxels.shape[1]):
-        cost -= 1.0 if taxels[VARIANCE, i] > 0.0 else 0.0
+    for i in range(len(taxels.variance)):
+        cost -= 1.0 if taxels.variance[i] > 0.0 else 0.0
     return max(cost, _CHEAPER)
 
 
 @lean_kernel
-def _start(attempt: int, search: Search, m: Track) -> None:
-    """Fill search.trial with where an attempt starts; from _LOOSE on with the best that was found."""
-    trial = search.trial
-    for a in range(STATE):
-        trial[a] = m.state[a] if attempt >= _LOOSE else search.last[a]
+def _start(attempt: int, last: State, search: Search, m: Track) -> State:
+    """Where an attempt starts; from _LOOSE on at the best that was found."""
+    if attempt >= _LOOSE:
+        return state_of(m.state)
+    dx = dy = turn = 0.0
     if attempt == _PREDICTED:
-        trial[X] += m.speed[X] * search.span
-        trial[Y] += m.speed[Y] * search.span
-        trial[THETA] += m.speed[THETA] * search.span if m.turn_std > 0.0 else 0.0
+        dx, dy = m.speed[0] * search.span, m.speed[1] * search.span
+        turn = m.speed[2] * search.span if m.turn_std > 0.0 else 0.0
     elif attempt == _WITH_CENTROID:
-        trial[X] += search.middle[0] - m.centroid[0]
-        trial[Y] += search.middle[1] - m.centroid[1]
+        dx, dy = search.middle[0] - m.centroid[0], search.middle[1] - m.centroid[1]
+    return State(last.x + dx, last.y + dy, last.theta + turn, last.gain, last.size)
 
 
 @lean_kernel
-def _stiffen(m: Track, grown_std: float, stiffness: Floats) -> None:
-    """Fill stiffness (5,), but for the gain, as a pad's pattern is known to turn and grow."""
-    stiffness[X] = HELD if m.across[0] > 0.0 else _FREE
-    stiffness[Y] = HELD if m.across[1] > 0.0 else _FREE
-    stiffness[THETA] = 1.0 / m.turn_std**2 if m.turn_std > 0.0 else HELD
-    stiffness[SIZE] = 1.0 / grown_std**2 if m.grows else HELD
+def _stiffen(m: Track, turn_std: float, grown_std: float, gain: float, stiffness: Floats) -> None:
+    """Fill stiffness (5,), with the gain's given; an angle or a size whose standard deviation is 0 is held."""
+    x = HELD if m.across[0] > 0.0 else _FREE
+    y = HELD if m.across[1] > 0.0 else _FREE
+    theta = 1.0 / turn_std**2 if turn_std > 0.0 else HELD
+    size = 1.0 / grown_std**2 if grown_std > 0.0 else HELD
+    put(State(x, y, theta, gain, size), stiffness)
 
 
 @lean_kernel
@@ -269,9 +268,10 @@ def _learn_freedom(attempt: int, m: Track) -> None:
 @lean_kernel
 def _stays(m: Track, span: float) -> bool:
     """Whether the object is where it has been lately, of which this scan becomes a part."""
-    away = np.hypot(m.state[X] - m.place[X], m.state[Y] - m.place[Y])
-    away += m.radius * abs(m.state[THETA] - m.place[THETA])
-    still = m.continues and away < _MOVES + 3.0 * np.sqrt(1.0 / m.step[X, X] + 1.0 / m.step[Y, Y])
+    now = state_of(m.state)
+    away = np.hypot(now.x - m.place[0], now.y - m.place[1])
+    away += m.radius * abs(now.theta - m.place[2])
+    still = m.continues and away < _MOVES + 3.0 * np.sqrt(1.0 / m.step[0, 0] + 1.0 / m.step[1, 1])
     follows = 1.0 - np.exp(-span / _SETTLES_S) if m.continues else 1.0
     for a in range(3):
         m.place[a] += follows * (m.state[a] - m.place[a])
