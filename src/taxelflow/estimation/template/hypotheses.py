@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
-_FIRST_ROUNDS, _ROUNDS = 4, (6, 10)
+_FIRST_ROUNDS, ROUNDS = 4, (6, 10)
 _LOADED_SHARE = 0.5
 """A scan to begin with has this share of the largest load."""
 _WELL_KNOWN, _SPREAD = 0.6, (0.05, 0.95)
@@ -159,7 +159,7 @@ def covering(scanned: Scanned, states: Floats) -> Pattern:
     return Pattern.covering(np.concatenate(reached), scanned.amplitude)
 
 
-def refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...] = _ROUNDS) -> Solved:
+def refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...] = ROUNDS) -> Solved:
     """Refine further from a coarse fit, learning the gains' spread and the error in between.
 
     A fit that leaves more than the coarse error may be held up by the smoothing that goes with it: of an object smaller

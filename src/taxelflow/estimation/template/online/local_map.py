@@ -67,6 +67,11 @@ class Learned:
         return scanned.divided(self.gains) if (self.gains != 1.0).any() else scanned
 
     @property
+    def unseen(self) -> float:
+        """Variance of x and y, in pitches^2, that does not show in the residuals."""
+        return self.tilt + self.rival
+
+    @property
     def mature(self) -> bool:
         """Whether the pattern is known well enough to look for it elsewhere."""
         known = len(self.keyframes) >= _MATURE and self.slack[0] < _SETTLED

@@ -213,7 +213,7 @@ class LocalMaps:
         m.turn_std = _TURN_STD if learned.turns else 0.0
         m.gain_std = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
         m.changing, m.seen, m.grows = learned.changing, learned.told, learned.grows or m.grows
-        m.slack, m.slack_t = learned.slack[0] + learned.tilt + learned.rival, learned.slack[1]
+        m.slack, m.slack_t = learned.slack[0] + learned.unseen, learned.slack[1]
         self._open_across(pad, learned)
         states = learned.keyframes.states
         m.keyframes = len(states)
@@ -223,14 +223,13 @@ class LocalMaps:
     def adopt(self, last: Scan, now_s: float) -> None:
         """Put in what is due. last: the scan before."""
         self._last = last
-        for own in self.learners:
-            if own.lane.due_s <= now_s:
-                own.lane.adopt(now_s)
+        for own in (own for own in self.learners if own.lane.due_s <= now_s):
+            own.lane.adopt(now_s)
 
     def _improve(self, pad: int, new: Learned) -> None:
         """Put in what was learned, and register the last scan anew, so that its change is no motion."""
-        own, m = self.learners[pad], self.track(pad)
-        if (old := own.learned) is None:
+        own, m, old = self.learners[pad], self.track(pad), self.learners[pad].learned
+        if old is None:
             return
         place = m.state[:2] + m.origin
         m.theta_0 += new.turned
@@ -248,7 +247,8 @@ class LocalMaps:
         self._register_again(pad)
         stepped = float(np.sum((m.state[:2] + m.origin - place) ** 2))  # by so much one of the patterns is wrong
         new.slack[0] = max(new.slack[0], 0.5 * stepped)
-        m.slack = new.slack[0] + new.tilt + new.rival
+        m.broken += 0.5 * stepped if old.mature else 0.0  # what is known well does not step
+        m.slack = new.slack[0] + new.unseen
         self.go_on(pad)
 
     def _register_again(self, pad: int) -> None:

@@ -12,6 +12,7 @@ from threadpoolctl import ThreadpoolController
 from taxelflow.estimation.template.extrapolation import level_off
 from taxelflow.estimation.template.hypotheses import (
     FIRST_GAIN_STD,
+    ROUNDS,
     YOUNG,
     coarse,
     covering,
@@ -63,7 +64,8 @@ _MOST_USUAL = 2.0
 """Chi-square per reading up to which scans are explained."""
 _STRANGE = 2.0
 """How many times what still fits a keyframe may be from the others."""
-_ROUNDS, _FIRST_ROUNDS, _YOUNG_ROUNDS = (3,), (3, 3), 6
+_ROUNDS, _YOUNG_ROUNDS = (3,), 6
+"""Rounds of refining the present hypothesis, and one of few keyframes; others, and the first time, as in a batch."""
 
 
 def first_pattern(
@@ -205,8 +207,7 @@ def _best(known: Learned) -> tuple[Solved, int]:
     """The likeliest hypothesis on the keyframes, and at how many keyframes they were last compared."""
     keyframes = known.keyframes
     scanned, count = known.scanned, len(keyframes)
-    rounds = _ROUNDS if known.looked else _FIRST_ROUNDS
-    present = _again(known, scanned, keyframes.states.copy(), rounds)
+    present = _again(known, scanned, keyframes.states.copy())
     misfits = count >= max(_SEEN_ENOUGH, known.looked + _LAST) and bool(_strange(present).any())
     due = count >= _MORE * known.looked or misfits
     if count < _DECIDE or not due:
@@ -237,19 +238,21 @@ def _rigid(known: Learned, scanned: Scanned) -> list[Solved]:
     return tried
 
 
-def _again(known: Learned, scanned: Scanned, states: Floats, rounds: tuple[int, ...]) -> Solved:
+def _again(known: Learned, scanned: Scanned, states: Floats) -> Solved:
     """The present hypothesis, from where the keyframes are."""
     if len(scanned) < YOUNG:
         starts = [states, _retraced(scanned, turns=known.turns)]
         fits = [coarse(scanned, one, turns=known.turns, rounds=_YOUNG_ROUNDS) for one in starts]
         return min(fits, key=lambda one: one.error)
     start = coarse(scanned, states, turns=known.turns, rounds=0)
-    return refined(scanned, replace(start, grows=known.grows, gain_std=known.gain_std), rounds)
+    return refined(
+        scanned, replace(start, grows=known.grows, gain_std=known.gain_std), _ROUNDS if known.looked else ROUNDS
+    )
 
 
 def _further(scanned: Scanned, start: Solved) -> Solved:
     """A coarse fit refined, where there are scans enough."""
-    return start if len(scanned) < YOUNG else refined(scanned, start, _FIRST_ROUNDS)
+    return start if len(scanned) < YOUNG else refined(scanned, start)
 
 
 def _retraced(scanned: Scanned, *, turns: bool) -> Floats:

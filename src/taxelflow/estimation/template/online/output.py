@@ -45,12 +45,12 @@ def report(t: float, k: int, pad: int, scale: float, m: Track, rows: Rows) -> No
         if m.across[a] > 0.0:
             in_line = True
             cov[a, a] = noise[a, a] = (m.across[a] * scale) ** 2
-        cov[a, a] += m.slack * scale * scale
+        cov[a, a] += (m.slack + m.broken) * scale * scale
     cov[2, 2] += m.slack_t
     if m.keyframes > 0:
         m.away = max(m.away, np.hypot(m.state[0] - m.keyframe[0, 0], m.state[1] - m.keyframe[0, 1]))
     moved = _displacement(t, k, pad, m, noise, rows) / scale
-    blurred = in_line or largest + m.slack * scale * scale > (BLURRED * scale) ** 2
+    blurred = in_line or largest + (m.slack + m.broken) * scale * scale > (BLURRED * scale) ** 2
     unsure = m.probation > 0.0
     rows.quality[k, pad] = AMBIGUOUS if blurred or unsure or m.changing else OK
     if m.chi <= gate(m.usual, m.count):

@@ -24,6 +24,7 @@ from taxelflow.estimation.template.online.track_state import (
     GONE,
     Rows,
     Scan,
+    Track,
 )
 from taxelflow.estimation.template.warmup import compile_batch, compile_stream
 from taxelflow.messages import Bools, Estimates, Scans, no_scans
@@ -146,6 +147,7 @@ class StreamSession:
                 m.probation = max(m.probation - 1.0, 0.0)
             found = recognised(known, m.centroid, part, float(state_of(m.state).theta) if near else None)
             if found is None and not near and not fits and m.poor >= _MISTAKEN:
+                m.broken += _doubt_of_place(m)
                 self._maps.learn_anew(pad, scan)
             if found is None or (near and not close(found[0], m.state)):
                 continue
@@ -180,10 +182,11 @@ class StreamSession:
         if own.learned is None or own.beginning:
             return
         if m.flag == GONE:
-            grows = m.grows
+            grows, broken = m.grows, m.broken + _doubt_of_place(m)
             self._maps.settle(pad, scan.t)
             self._maps.begin(pad, scan)
-            self._maps.track(pad).grows = grows  # it is the same contact
+            m = self._maps.track(pad)
+            m.grows, m.broken = grows, broken  # it is the same contact
             return
         faintest = own.learned.keyframes.scanned.readings.max(axis=1).min()
         louder = self._maps.part(pad, scan).reading.max() > FAINT * faintest
@@ -198,3 +201,8 @@ class StreamSession:
         compile_stream()
         none = rows_of(room_for(no_scans(self._layout.entries, len(self._layout.pads), 1)))
         self._maps.run(BOTH, self._last, none)
+
+
+def _doubt_of_place(m: Track) -> float:
+    """Variance of x and y, in pitches^2, between where the object was followed to and its contact's centroid."""
+    return 0.5 * float(np.sum((m.state[:2] + m.origin - m.centroid) ** 2))

@@ -77,6 +77,8 @@ class Track:
     slack: float
     slack_t: float
     """Variance of x and y, and of theta, from errors of the pattern."""
+    broken: float
+    """Variance of x and y since the contact began: it was lost, or its pattern, known well, put it elsewhere."""
     cut: bool
     """Whether this contact has ever been cut by the border."""
     probation: float
