@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from taxelflow.estimation.template.extrapolation import level_off
 from taxelflow.estimation.template.hypotheses import (
@@ -31,6 +29,7 @@ from taxelflow.estimation.template.pose_output import unturned
 from taxelflow.estimation.template.scaling import may_have_grown
 from taxelflow.estimation.template.taxel_gains import with_gains
 from taxelflow.estimation.template.tilt import without_tilt
+from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.robust import gate
 
@@ -90,16 +89,10 @@ def learn(known: Learned) -> Learned:
 
     The frame stays as well as the keyframes tell.
     """
-    with _pools().limit(limits=1, user_api="blas"):
+    with on_one_core():
         new = _forgetting(known) if known.changing else _learn(known)
     level_off(new.pattern, new.keyframes.scanned, new.keyframes.states)
     return new
-
-
-@cache
-def _pools() -> ThreadpoolController:
-    """The thread pools of the libraries, which take milliseconds to find."""
-    return ThreadpoolController()
 
 
 def _forgetting(known: Learned) -> Learned:
