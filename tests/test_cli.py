@@ -543,7 +543,7 @@ def test_an_interrupted_run_keeps_its_rows_in_part_files(
     monkeypatch.setattr(sys.modules[__name__], "passes", 0)
     monkeypatch.setitem(registry.PARTS["reader"], ".interrupted", f"{__name__}:{open_interrupted.__name__}")
     file = tmp_path / f"{interrupted_pass}.interrupted"
-    file.touch()
+    file.write_text("rows of a recording")
     out = tmp_path / "out"
     code = main(["estimate", str(file), "--out", str(out), "--mode", mode])
     said = capsys.readouterr().err

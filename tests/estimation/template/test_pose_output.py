@@ -28,4 +28,5 @@ def test_a_rival_hypothesis_widens_the_covariance_along_its_distance() -> None:
     np.testing.assert_allclose(added[1], [[(0.1 * PITCH_M) ** 2, 0.0], [0.0, 0.0]])
     np.testing.assert_allclose(added[2], [[0.0, 0.0], [0.0, PITCH_M**2]])
     assert doubted.quality.tolist() == [OK, OK, AMBIGUOUS]
+    np.testing.assert_allclose(doubted.steps(np.arange(3.0))[1], poses.steps(np.arange(3.0))[1])
     assert poses.doubted(rival[:0], PITCH_M) is poses

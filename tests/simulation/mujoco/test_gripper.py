@@ -157,7 +157,7 @@ def test_the_least_force_follows_the_load(event: str) -> None:
     trial = Trial.drawn(4, "ball", event)
     before, after = trial.least_n(1.2), trial.least_n(4.0)
     assert before == pytest.approx(trial.held.mass_kg * G_M_S2 / (2 * trial.held.friction))
-    assert (after > 1.2 * before) == (event in {"pour", "pull", "shake"})
+    assert (after > 1.2 * before) == (event in {"pour", "pull", "shake", "double"})
     assert (trial.first_n < before) == (event == "weak")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,12 +25,14 @@ _BLURRED = 0.25
 @dataclass(slots=True, eq=False)
 class Poses:
     """Poses (scans, 3) of the pattern's centre in a pad's frame, in m and rad, turned since the first; covariance
-    (scans, 3, 3), NaN where the turn is unknown; quality (scans,), see `messages.QUALITY`.
+    (scans, 3, 3), NaN where the turn is unknown; quality (scans,), see `messages.QUALITY`. shared: (scans, 3, 3), what
+    of the covariance consecutive scans share.
     """
 
     pose: Floats
     covariance: Floats
     quality: Bytes
+    shared: Floats | float = 0.0
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -41,8 +43,8 @@ class Poses:
         The pattern's error is common to both scans; what is left is the noise of both.
         """
         moved = np.diff(self.pose, axis=0, prepend=np.nan)
-        noise = np.full_like(self.covariance, np.nan)
-        noise[1:] = self.covariance[1:] + self.covariance[:-1]
+        noise, own = np.full_like(self.covariance, np.nan), self.covariance - self.shared
+        noise[1:] = own[1:] + own[:-1]
         return moved, noise, np.diff(t_s, prepend=np.nan)
 
     def open_across(self, scanned: Scanned, pitch_m: float) -> Poses:
@@ -52,22 +54,25 @@ class Poses:
             return self
         covariance = self.covariance.copy()
         covariance[:, across, across] = (pitch_m * scanned.reach) ** 2
-        return Poses(self.pose, covariance, np.maximum(self.quality, AMBIGUOUS))
+        return replace(self, covariance=covariance, quality=np.maximum(self.quality, AMBIGUOUS))
 
     def doubted(self, rival: Floats, pitch_m: float) -> Poses:
-        """With the distance (scans, 2), in pitches, of a hypothesis that explains nearly as much in the covariance."""
+        """With the distance (scans, 2), in pitches, of a hypothesis that explains nearly as much in the covariance.
+
+        Consecutive scans share it: it adds nothing to the noise of a step.
+        """
         if len(rival) != len(self):
             return self
-        covariance = self.covariance.copy()
-        covariance[:, :2, :2] += pitch_m**2 * rival[:, :, np.newaxis] * rival[:, np.newaxis, :]
-        quality = np.maximum(
-            self.quality, np.where(self.quality == OK, judge(covariance, np.zeros(len(self)), pitch_m), 0)
-        )
-        return Poses(self.pose, covariance, quality.astype(np.uint8))
+        shared = np.zeros_like(self.covariance)
+        shared[:, :2, :2] = pitch_m**2 * rival[:, :, np.newaxis] * rival[:, np.newaxis, :]
+        covariance = self.covariance + shared
+        worse = np.where(self.quality == OK, judge(covariance, np.zeros(len(self)), pitch_m), OK)
+        return Poses(self.pose, covariance, np.maximum(self.quality, worse).astype(np.uint8), shared)
 
     def tail(self, count: int) -> Poses:
         """The last `count` scans."""
-        return Poses(self.pose[-count:], self.covariance[-count:], self.quality[-count:])
+        shared = self.shared if isinstance(self.shared, float) else self.shared[-count:]
+        return Poses(self.pose[-count:], self.covariance[-count:], self.quality[-count:], shared)
 
 
 def poses_of(solved: Solved, information: Floats, pitch_m: float) -> Poses:
@@ -147,4 +152,4 @@ def aligned(poses: Poses, before: Poses) -> Poses:
     pose = poses.pose.copy()
     pose[:, :2] += rotation @ body
     pose[:, 2] += offset
-    return Poses(pose, poses.covariance, poses.quality)
+    return replace(poses, pose=pose)
