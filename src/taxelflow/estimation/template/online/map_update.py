@@ -152,7 +152,7 @@ def _learn(known: Learned) -> Learned:
         turned=turned,
         slack=slack,
         tilt=_tilt(best, scanned, known.unseen_error),
-        rival=known.rival if looked == known.looked else best.rival_variance,
+        rival=known.rival if looked == known.looked or not known.unseen_error else best.rival_variance,
         origin=origin,
         looked=looked,
     )
