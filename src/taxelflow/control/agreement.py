@@ -1,13 +1,13 @@
-"""Whether and how fast an object slips between two pads: what both report, weighed by what each can know.
+"""Whether and how fast an object slips between pads: what all report, weighed by what each can know.
 
-Pads that face each other touch one rigid object: both see the same velocity. Where they differ, at least one is wrong
-by the difference, whether the object moves or not. So the difference measures the noise of the velocities even during
-a slip, and a velocity counts as a slip when it is many standard deviations of that noise.
+Pads that grip one rigid object see the same velocity, each the part along itself. Where they differ, at least one is
+wrong by the difference, whether the object moves or not. So the difference measures the noise of the velocities even
+during a slip, and a velocity counts as a slip when it is many standard deviations of that noise.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +24,7 @@ _MOST = 25.0
 
 @dataclass(frozen=True)
 class Agreement:
-    """When the velocity of both pads is a slip."""
+    """When the velocity of the pads is a slip."""
 
     slip_m_s: float = 0.004
     """Least speed of a slip: apparent motion as the load changes stays below."""
@@ -51,7 +51,7 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What both pads say. velocity: (2,), of the object along the pads in the grip's frame, m/s. sigmas: from rest."""
+    """What the pads say. velocity: (2,) or (3,), of the object in the grip's frame, m/s. sigmas: from rest."""
 
     slipping: bool
     velocity: Floats
@@ -60,7 +60,7 @@ class Motion:
     @property
     def speed_m_s(self) -> float:
         """Size of the velocity."""
-        return float(np.hypot(self.velocity[0], self.velocity[1]))
+        return float(np.linalg.norm(self.velocity))
 
 
 class AgreementSession:
@@ -68,28 +68,44 @@ class AgreementSession:
 
     def __init__(self, parameters: Agreement) -> None:
         self._p = parameters
-        self._velocity, self._covariance = np.zeros(2), 1e-12 * np.eye(2)
+        self._velocity, self._covariance = np.zeros(0), np.zeros((0, 0))
         self._excess = 1.0
 
     def step(self, touch: Touch) -> Motion:
         """The motion of the object up to this scan."""
-        p = self._p
-        self._covariance = self._covariance + (p.acceleration_m_s2 * touch.dt_s) ** 2 * np.eye(2)
+        p, axes = self._p, touch.axes.shape[-1]
+        if len(self._velocity) != axes:
+            self._velocity, self._covariance = np.zeros(axes), 1e-12 * np.eye(axes)
+        self._covariance = self._covariance + (p.acceleration_m_s2 * touch.dt_s) ** 2 * np.eye(axes)
         known = np.isfinite(touch.velocity[:, :2]).all(axis=1)
         known &= np.isfinite(touch.covariance[:, :2, :2]).all(axis=(1, 2))
         velocity, noise = touch.velocity[known, :2], touch.covariance[known, :2, :2] + p.noise_m_s**2 * np.eye(2)
         now = self._excess
-        if len(velocity) == 2:
-            apart = velocity[0] - velocity[1]
-            chi_square = float(apart @ np.linalg.solve(noise[0] + noise[1], apart)) / 2.0
+        chi_square = _apart(velocity, touch.axes[known], noise)
+        if chi_square is not None:
             share = min(touch.dt_s / p.memory_s, 1.0)
             self._excess += share * (max(min(chi_square, _MOST), 1.0) - self._excess)
             now = max(self._excess, chi_square)
-        for measured, own in zip(velocity, now * noise, strict=True):
-            gain = self._covariance @ np.linalg.inv(self._covariance + own)
-            self._velocity = self._velocity + gain @ (measured - self._velocity)
-            self._covariance = self._covariance - gain @ self._covariance
+        for measured, along, own in zip(velocity, touch.axes[known], now * noise, strict=True):
+            shared = self._covariance @ along.T
+            gain = shared @ np.linalg.inv(along @ shared + own)
+            self._velocity = self._velocity + gain @ (measured - along @ self._velocity)
+            self._covariance = self._covariance - gain @ along @ self._covariance
         sigmas = float(np.sqrt(self._velocity @ np.linalg.solve(self._covariance, self._velocity)))
         needed = p.alerted_sigmas if touch.slipping.any() else p.sigmas
-        speed = float(np.hypot(self._velocity[0], self._velocity[1]))
-        return Motion(bool(sigmas > needed and speed > p.slip_m_s), self._velocity, sigmas)
+        motion = Motion(False, self._velocity, sigmas)
+        return replace(motion, slipping=bool(sigmas > needed and motion.speed_m_s > p.slip_m_s))
+
+
+def _apart(velocity: Floats, axes: Floats, noise: Floats) -> float | None:
+    """Chi-square per degree of freedom of velocities (pads, 2) from one rigid motion; None where there is no freedom.
+
+    Of two facing pads that is their difference. axes: (pads, 2, n). noise: (pads, 2, 2), covariances.
+    """
+    if len(velocity) < 2:
+        return None
+    whiten = np.linalg.inv(np.linalg.cholesky(noise))
+    A, b = (whiten @ axes).reshape(-1, axes.shape[-1]), (whiten @ velocity[:, :, None]).ravel()
+    found, _, rank, _ = np.linalg.lstsq(A, b, rcond=1e-6)
+    residual = b - A @ found
+    return float(residual @ residual) / (len(b) - int(rank))

@@ -11,14 +11,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """What two facing pads tell of one scan.
+    """What the pads of a grip tell of one scan.
 
-    The grip's frame is that of the first pad: x to its right, y up. The second pad's motion is mirrored into it.
-    t_s, dt_s: time, and time since the scan before. pressure: (2, taxels), Pa. force_n: mean of both pads' normal
-    forces. slipping: (2,), by the slip detector. velocity: (2, 3), of the object, m/s, m/s, rad/s; NaN where unknown.
-    covariance: (2, 3, 3), of the velocity of an object at rest, by the noise of the readings alone.
-    detail_m: (2,), how far the object has to move, in the direction in which that is least, to change a pad's image by
-    as much as the image itself; NaN where unknown.
+    The grip's frame of two facing pads is that of the first: x to its right, y up; the second pad's motion is mirrored
+    into it. That of a hand is the hand's frame in space.
+    t_s, dt_s: time, and time since the scan before. pressure: of all taxels, Pa, (2, taxels) of facing pads. force_n:
+    half of all pads' normal forces: with facing pads the mean of both. slipping: (pads,), by the slip detector.
+    velocity: (pads, 3), of the object along each pad, m/s, m/s, rad/s; NaN where unknown. axes: (pads, 2, n), the
+    directions of its first two components in the grip's frame, n = 2 for facing pads and 3 for a hand.
+    covariance: (pads, 3, 3), of the velocity of an object at rest, by the noise of the readings alone.
+    detail_m: (pads,), how far the object has to move, in the direction in which that is least, to change a pad's image
+    by as much as the image itself; NaN where unknown.
+    place_m: (pads, 2), place on the pad of the point of the object whose velocity is given; NaN where unknown.
     ready: False while the conditioner learns noise and tare.
     """
 
@@ -28,8 +32,10 @@ class Touch:
     force_n: float
     slipping: Bools
     velocity: Floats
+    axes: Floats
     covariance: Floats
     detail_m: Floats
+    place_m: Floats
     ready: bool = True
 
 
@@ -37,7 +43,7 @@ class ControlSession(Protocol):
     """A controller at work."""
 
     def step(self, touch: Touch) -> float:
-        """The force per pad to command until the next scan, N."""
+        """The force to command until the next scan, in the sense of `Touch.force_n`, N."""
         ...
 
 
@@ -50,5 +56,5 @@ class Controller(Protocol):
         ...
 
     def start(self, force_n: float, most_n: float) -> ControlSession:
-        """Take over a grip of `force_n` per pad, with a gripper that gives `most_n` at most."""
+        """Take over a grip of `force_n`, with a gripper or hand that gives `most_n` at most."""
         ...

@@ -1,6 +1,6 @@
-"""From scans of two facing pads to what a controller is told: all stages of a stream, scan by scan.
+"""From scans of a grip's pads to what a controller is told: all stages of a stream, scan by scan.
 
-`TwoPads` runs a pipeline of its own. A loop around `taxelflow.Live` gives each scan and its output to `Facing`.
+`TouchStream` runs a pipeline of its own. A loop around `taxelflow.Live` gives each scan and its output to `Facing`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from taxelflow.control.base import Touch
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import RawScans
 from taxelflow.pipeline import Pipeline
+from taxelflow.sensors.kinematics import PadKinematics
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Estimator
@@ -35,27 +36,55 @@ class Facing:
         layout = sensor.layout
         if len(layout.pads) != 2 or layout.shapes[0] != layout.shapes[1]:
             raise ParameterInvalid("sensor", sensor.name, "have two pads of the same shape, without groups")
-        self._to_si, self._last_s = sensor.to_si, np.nan
-        self._area_m2 = layout.area_m2[: len(layout.area_m2) // 2]
+        self._felt, self._axes = _Felt(sensor, _MIRRORED), np.tile(np.eye(2), (2, 1, 1))
 
     def touch(self, t_s: float, readings: Floats, out: Output | None) -> Touch:
         """readings: (2, taxels), in the sensor's unit. out: of this scan; None without an estimator."""
-        pressure = readings * self._to_si
+        return self._felt.touch(t_s, readings, out, self._axes)
+
+
+class OnHand:
+    """What the output of a stream says of a hand's pads, which lie on links that its joints move."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        """Raises HandModelInvalid, ExtraMissing."""
+        self._felt, self._kinematics = _Felt(sensor, np.ones((len(sensor.pads), 3))), PadKinematics(sensor)
+
+    def touch(self, t_s: float, readings: Floats, out: Output | None, joints: Floats) -> Touch:
+        """readings: (taxels,), in the sensor's unit. out: as of `Facing`. joints: angles in the order of its model."""
+        rotation = self._kinematics.poses(joints[np.newaxis])[0, :, :3, :3]
+        return self._felt.touch(t_s, readings, out, rotation[:, :, :2].transpose(0, 2, 1))
+
+
+class _Felt:
+    """What both have in common: pads' velocities with signs (pads, 3) that bring them into the grip's frame."""
+
+    def __init__(self, sensor: Sensor, signs: Floats) -> None:
+        self._signs, self._to_si, self._last_s = signs, sensor.to_si, np.nan
+        self._area_m2 = sensor.layout.area_m2[: sensor.layout.taxels]
+
+    def touch(self, t_s: float, readings: Floats, out: Output | None, axes: Floats) -> Touch:
+        pads, pressure = len(self._signs), readings * self._to_si
         dt_s, self._last_s = (0.0 if np.isnan(self._last_s) else t_s - self._last_s), t_s
-        force_n = float((pressure @ self._area_m2).mean())
-        slipping, velocity, ready = np.zeros(2, dtype=np.bool_), np.full((2, 3), np.nan), out is None
-        covariance, detail_m = np.full((2, 3, 3), np.nan), np.full(2, np.nan)
+        force_n = float(pressure.ravel() @ self._area_m2) / 2
+        slipping, velocity, ready = np.zeros(pads, dtype=np.bool_), np.full((pads, 3), np.nan), out is None
+        covariance, detail_m = np.full((pads, 3, 3), np.nan), np.full(pads, np.nan)
+        place_m = np.full((pads, 2), np.nan)
         if out is not None and len(out):
-            slipping, velocity, ready = out.slipping[-1], _MIRRORED * out.slips.velocity[-1], True
-            square_s2 = out.slips.span_s[-1][:, None, None] ** 2
-            signs = _MIRRORED[:, :, None] * _MIRRORED[:, None, :]
-            covariance = signs * out.slips.displacement_covariance[-1] / square_s2
-            detail_m = _detail_m(out)
-        return Touch(t_s, dt_s, pressure, force_n, slipping, velocity, covariance, detail_m, ready)
+            slips, signs = out.slips, self._signs
+            slipping, velocity, ready = out.slipping[-1, :pads], signs * slips.velocity[-1, :pads], True
+            square_s2 = slips.span_s[-1, :pads, None, None] ** 2
+            both = signs[:, :, None] * signs[:, None, :]
+            covariance = both * slips.displacement_covariance[-1, :pads] / square_s2
+            place_m = signs[:, :2] * slips.pose[-1, :pads, :2]
+            detail_m = _detail_m(out)[:pads]
+        return Touch(
+            t_s, dt_s, pressure, force_n, slipping, velocity, axes, covariance, detail_m, place_m, ready=ready
+        )
 
 
 def _detail_m(out: Output) -> Floats:
-    """(2,): the noise of a displacement, between two scans, over that of the force, as a share of the force."""
+    """(pads,): the noise of a displacement, between two scans, over that of the force, as a share of the force."""
     variance = out.slips.displacement_covariance[-1]
     xx, xy, yy = variance[:, 0, 0], variance[:, 0, 1], variance[:, 1, 1]
     least = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)  # eigenvalue
@@ -63,18 +92,20 @@ def _detail_m(out: Output) -> Floats:
     return detail_m
 
 
-class TwoPads:
+class TouchStream:
     """The estimator in the loop."""
 
     def __init__(self, sensor: Sensor, estimator: Estimator | str | None) -> None:
-        """estimator: None for pressures only. Raises ParameterInvalid for a sensor that has not two pads alike."""
-        self._facing, self._run = Facing(sensor), None
+        """estimator: None for pressures only. Raises ParameterInvalid for a sensor without a hand or two pads alike."""
+        self._grip, self._run = OnHand(sensor) if sensor.hand else Facing(sensor), None
         if estimator is not None:
             part = registry.find("estimator", estimator)() if isinstance(estimator, str) else estimator
             pipeline = Pipeline(part, "stream", Conditioner(tare="none"))
             self._run = pipeline.start(Recording.live(sensor))
 
-    def step(self, t_s: float, readings: Floats) -> Touch:
-        """readings: (2, taxels), in the sensor's unit."""
+    def step(self, t_s: float, readings: Floats, joints: Floats) -> Touch:
+        """readings: (2, taxels) or of a hand (taxels,), in the sensor's unit. joints: angles of a hand."""
         out = None if self._run is None else self._run.step(RawScans(np.array([t_s]), readings.reshape(1, -1)))
-        return self._facing.touch(t_s, readings, out)
+        if isinstance(self._grip, OnHand):
+            return self._grip.touch(t_s, readings, out, joints)
+        return self._grip.touch(t_s, readings, out)

@@ -11,9 +11,9 @@ import numpy as np
 
 from taxelflow.control.hold import HoldSession
 from taxelflow.control.motion import LetMove, Pivot, Slide
-from taxelflow.control.touch import TwoPads
+from taxelflow.control.touch import TouchStream
 from taxelflow.simulation.mujoco.events import END_S
-from taxelflow.simulation.mujoco.gripper import Actuator, Gripper, sensor_of
+from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.skin import Skin
 from taxelflow.simulation.mujoco.trial import Moment, Rehearsal, Trial
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from taxelflow.control.base import Controller, Touch
     from taxelflow.messages import Bools, Floats
+    from taxelflow.simulation.mujoco.plant import Grip
 
     Watched = Callable[[list["Course"]], Iterable["Course"]]
     """Passes courses on, and may show progress."""
@@ -167,32 +168,33 @@ class Course:
         skin: Skin | None = None,
         actuator: Actuator | None = None,
         end_s: float = END_S,
+        hand: str = "gripper",
     ) -> None:
-        """method: estimator instead of the controller's own. Raises ParameterInvalid."""
+        """method: estimator instead of the controller's own. hand: name of the plant. Raises ParameterInvalid."""
         self.trial, self.controller = trial, controller
-        self.skin, self._actuator, self._end_s = skin or Skin(), actuator or Actuator(), end_s
+        self.skin, self._actuator, self._end_s, self._hand = skin or Skin(), actuator or Actuator(), end_s, hand
         self._method = None if controller.method is None else method or controller.method
         self.session = controller.start(trial.first_n, self._actuator.max_n)
         self.grasped = False
         self._rehearsal: Rehearsal | None = None
 
     @property
-    def gripper(self) -> Gripper:
-        """The plant, once the trial runs."""
+    def plant(self) -> Grip:
+        """The gripper or hand, once the trial runs."""
         assert self._rehearsal is not None
-        return self._rehearsal.gripper
+        return self._rehearsal.plant
 
     def __iter__(self) -> Iterator[Seen]:
-        rehearsal = self._rehearsal = Rehearsal(self.trial, self.skin, self._actuator)
-        pads = TwoPads(sensor_of(self.skin), self._method)
+        rehearsal = self._rehearsal = Rehearsal(self.trial, self.skin, self._actuator, self._hand)
+        pads = TouchStream(rehearsal.plant.sensor, self._method)
         for moment in rehearsal.start():
-            touch, origin = pads.step(moment.truth.t_s, moment.readings), moment.truth
+            touch, origin = pads.step(moment.truth.t_s, moment.readings, moment.joints), moment.truth
         self.grasped, slid_m = rehearsal.grasped, 0.0
         while rehearsal.t_s < self._end_s - 1e-9 and slid_m < DROPPED_M:
             commanded_n = self.session.step(touch)
             moment = rehearsal.step(commanded_n)
             began_s = thread_time()
-            touch = pads.step(moment.truth.t_s, moment.readings)
+            touch = pads.step(moment.truth.t_s, moment.readings, moment.joints)
             step_s = thread_time() - began_s
             slid_m = float(np.linalg.norm(moment.truth.slid_m - origin.slid_m))
             turned_rad = moment.truth.turned_rad - origin.turned_rad
@@ -215,7 +217,7 @@ def score(course: Course, seen: Sequence[Seen]) -> TrialRow:
     slid_m = max(one.slid_m for one in seen)
     inside = course.grasped and slid_m < DROPPED_M
     rests = abs(last[-1].slid_m - last[0].slid_m) < RESTING_M
-    force_n = sum(float(one.moment.truth.normal_n.mean()) for one in last)
+    force_n = sum(one.moment.truth.force_n for one in last)
     ratio = force_n / sum(one.least_n for one in last) if inside else None
     return TrialRow(trial.seed, trial.object, trial.event, course.grasped, inside and rests, 1e3 * slid_m, ratio)
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from taxelflow.evaluation.control import Course, MotionRow, TrialRow
-    from taxelflow.simulation.mujoco.gripper import Actuator
+    from taxelflow.simulation.mujoco.plant import Actuator
     from taxelflow.simulation.mujoco.trial import Trial
 
 NOT_GRASPED = 1
@@ -45,6 +45,8 @@ class Control:
     """Names of events in turn: pour, pull, shake, weak (the default), none. slide and pivot: none only."""
     method: str | None = None
     """Estimator in the loop, instead of the controller's own."""
+    hand: Literal["gripper", "barrett"] = "gripper"
+    """Plant: a gripper with two pads, or the BarrettHand with its 162 taxels (objects jar, can; no slide, no pivot)."""
     bandwidth_hz: float = 10.0
     """Cut-off frequency of the gripper's force, Hz."""
     latency_ms: float = 0.0
@@ -83,6 +85,7 @@ class Control:
         if self.tune < 0:
             raise ParameterInvalid("tune", self.tune, "be 0 or more")
         check_csv(self.csv)
+        self._check_hand()
         if self.json and self.against:
             raise ParameterInvalid("against", " ".join(self.against), "be left out with --json, one controller each")
         if self.against and {self.controller, *self.against} & set(_MOTIONS):
@@ -101,6 +104,13 @@ class Control:
         if self.film is not None or self.plot is not None:
             return self._show()
         return self._move() if self.controller in _MOTIONS else self._hold(names)
+
+    def _check_hand(self) -> None:
+        """What only two facing pads can do. Raises ParameterInvalid."""
+        moves = {self.controller, *self.against} & set(_MOTIONS)
+        if self.hand != "gripper" and (moves or self.film is not None):
+            seen = " ".join(sorted(moves)) or "film"
+            raise ParameterInvalid("hand", f"{self.hand} with {seen}", "be gripper for slide, pivot and film")
 
     def _hold(self, names: tuple[str, ...]) -> int:
         """Let controllers hold objects."""
@@ -183,7 +193,7 @@ class Control:
         from taxelflow.evaluation.control_table import show_tuned
         from taxelflow.evaluation.control_tune import tune
         from taxelflow.publish.terminal import counted
-        from taxelflow.simulation.mujoco.gripper import Actuator
+        from taxelflow.simulation.mujoco.plant import Actuator
 
         actuator = Actuator(self.bandwidth_hz, 1e-3 * self.latency_ms)
         reports = []
@@ -208,8 +218,8 @@ class Control:
         """The trials of one controller, not run yet. Raises NameUnknown, ParameterInvalid."""
         from taxelflow.evaluation.control import MOTION_END_S, Course
         from taxelflow.simulation.mujoco.events import END_S, STANDARD_EVENTS
-        from taxelflow.simulation.mujoco.gripper import Actuator
-        from taxelflow.simulation.mujoco.objects import STANDARD_OBJECTS
+        from taxelflow.simulation.mujoco.plant import Actuator
+        from taxelflow.simulation.mujoco.hands import DEFAULT_OBJECTS
         from taxelflow.simulation.mujoco.trial import Trial, drawn_in_turn
 
         for option, most in (("by_mm", 25), ("by_deg", 180)):
@@ -219,7 +229,7 @@ class Control:
         if self.method is not None:
             registry.find("estimator", self.method)
         own: dict[str, Any] = {}
-        objects, events, draw = STANDARD_OBJECTS, STANDARD_EVENTS, Trial.drawn
+        objects, events, draw = DEFAULT_OBJECTS[self.hand], STANDARD_EVENTS, Trial.drawn
         if name == "slide":
             own, objects, draw = {"by_m": 1e-3 * self.by_mm}, ("bottle", "bumpy"), Trial.to_slide
         elif name == "pivot":
@@ -233,7 +243,7 @@ class Control:
             drawn_in_turn(self.seed, self.trials, self.objects or objects, self.events or events, draw)
         )
         end_s = MOTION_END_S if name in _MOTIONS else END_S
-        return [Course(trial, kind(**own), self.method, actuator=actuator, end_s=end_s) for trial in trials]
+        return [Course(trial, kind(**own), self.method, actuator=actuator, end_s=end_s, hand=self.hand) for trial in trials]
 
 
 def _blamed(rows: Sequence[TrialRow | MotionRow]) -> int:

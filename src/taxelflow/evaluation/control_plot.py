@@ -72,7 +72,7 @@ class _Sheet:
         import matplotlib.pyplot as plt
 
         skin = course.skin
-        self.camera, self._skin, self._trial = Camera(course.gripper), skin, course.trial
+        self.camera, self._skin, self._trial = Camera(course.plant), skin, course.trial
         figure: Any = plt.figure(figsize=(8.8, 4.8), dpi=100, layout="constrained")
         self._figure: Figure = figure
         grid = figure.add_gridspec(4, 4)
@@ -137,7 +137,7 @@ def _title(trial: Trial) -> str:
 def _draw_force(axis: Any, trial: Trial, seen: Sequence[Seen]) -> None:
     """Force per pad, what carries the load of the moment, and the least that holds; slips shaded."""
     t_s = [one.moment.truth.t_s for one in seen]
-    axis.plot(t_s, [one.moment.truth.normal_n.mean() for one in seen], color=BLUE, label="force per pad")
+    axis.plot(t_s, [one.moment.truth.force_n for one in seen], color=BLUE, label="force per pad")
     load_n = [trial.happening.load(time_s).tangential_n() / (2.0 * trial.held.friction) for time_s in t_s]
     axis.plot(t_s, load_n, color=VERMILION, linewidth=0.8, label="least for the load now")
     axis.plot(t_s, [one.least_n for one in seen], color=VERMILION, linestyle="--", label="least that holds")

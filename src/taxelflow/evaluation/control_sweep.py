@@ -12,7 +12,7 @@ from taxelflow.evaluation.base import Table, table_of
 from taxelflow.evaluation.control import ControlReport
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.simulation.mujoco.events import EVENT_S, G_M_S2
-from taxelflow.simulation.mujoco.gripper import Actuator
+from taxelflow.simulation.mujoco.plant import Actuator
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

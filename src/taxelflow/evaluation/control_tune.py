@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from taxelflow.control.base import Controller
     from taxelflow.evaluation.control import TrialRow
-    from taxelflow.simulation.mujoco.gripper import Actuator
+    from taxelflow.simulation.mujoco.plant import Actuator
     from taxelflow.simulation.mujoco.trial import Trial
 
 _UP, _RELAX = (1.02, 1.3), (0.005, 0.2)

@@ -52,12 +52,12 @@ def recording_to_lerobot(recording: Recording, directory: Path, method: str | No
 def courses_to_lerobot(courses: Iterable[Course], directory: Path) -> int:
     """Run trials and write each as an episode; their number.
 
-    Columns: `observation.pressure`, `observation.velocity`, `observation.slipping`, `observation.state` (closing of
-    each pad, m, and force, N) and `action`, the force per pad that was commanded for the next scan, N.
+    Columns: `observation.pressure`, `observation.velocity`, `observation.slipping`, `observation.state` (joints,
+    and force, N) and `action`, the force per pad that was commanded for the next scan, N.
     """
     episodes = []
     for course in courses:
-        rows = [(one, course.gripper.closed_m) for one in course]
+        rows = [(one, course.plant.joints) for one in course]
         seen, closed = zip(*rows, strict=True)
         force = np.array([one.touch.force_n for one in seen])[:, np.newaxis]
         commanded = np.array([one.commanded_n for one in seen])
@@ -69,8 +69,8 @@ def courses_to_lerobot(courses: Iterable[Course], directory: Path) -> int:
             "action": np.append(commanded[1:], commanded[-1])[:, np.newaxis],
         }
         floats = {name: values.astype(np.float32) for name, values in columns.items()}
-        names = {"observation.state": ["left_m", "right_m", "force_n"], "action": ["force_n"]}
+        names = {"observation.state": [*course.plant.joint_names, "force_n"], "action": ["force_n"]}
         trial = course.trial
         episodes.append(Episode(f"hold the {trial.object}: {trial.event}", floats, names))
-    write_lerobot(episodes, directory, course.gripper.rate_hz, "two-pad-gripper")
+    write_lerobot(episodes, directory, course.plant.rate_hz, course.plant.sensor.name)
     return len(episodes)

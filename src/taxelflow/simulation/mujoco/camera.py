@@ -12,7 +12,7 @@ from taxelflow.errors import GraphicsMissing
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.simulation.mujoco.gripper import Gripper
+    from taxelflow.simulation.mujoco.plant import Grip
 
 _MOST_GEOMS = 500
 _LOOKS_AT_M, _DISTANCE_M, _AZIMUTH_DEG, _ELEVATION_DEG = (0.0, 0.0, 0.02), 0.36, 62.0, -16.0
@@ -21,14 +21,14 @@ _LOOKS_AT_M, _DISTANCE_M, _AZIMUTH_DEG, _ELEVATION_DEG = (0.0, 0.0, 0.02), 0.36,
 class Camera:
     """A camera on the gripper. Close it, or use it as a context manager."""
 
-    def __init__(self, gripper: Gripper, height: int = 480, width: int = 480) -> None:
+    def __init__(self, grip: Grip, height: int = 480, width: int = 480) -> None:
         """Raises GraphicsMissing where neither EGL nor OSMesa works."""
         import mujoco
 
         self._mujoco: Any = mujoco
-        self._gripper, self._context = gripper, _context(height, width)
-        self._scene = mujoco.MjvScene(gripper.model, _MOST_GEOMS)
-        self._renderer = mujoco.MjrContext(gripper.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        self._grip, self._context = grip, _context(height, width)
+        self._scene = mujoco.MjvScene(grip.model, _MOST_GEOMS)
+        self._renderer = mujoco.MjrContext(grip.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
         self._options, self._view = mujoco.MjvOption(), mujoco.MjvCamera()
         self._view.lookat[:] = _LOOKS_AT_M
@@ -40,8 +40,8 @@ class Camera:
         """(height, width, 3), the plant now."""
         mujoco, pixels = self._mujoco, np.empty(self._size, dtype=np.uint8)
         self._context.make_current()
-        gripper, everything = self._gripper, mujoco.mjtCatBit.mjCAT_ALL
-        mujoco.mjv_updateScene(gripper.model, gripper.data, self._options, None, self._view, everything, self._scene)
+        grip, everything = self._grip, mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(grip.model, grip.data, self._options, None, self._view, everything, self._scene)
         mujoco.mjr_render(self._picture, self._scene, self._renderer)
         mujoco.mjr_readPixels(pixels, None, self._picture, self._renderer)
         return pixels[::-1].copy()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxelflow.simulation.mujoco.events import END_S, STANDARD_EVENTS
-from taxelflow.simulation.mujoco.gripper import Actuator
+from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.objects import STANDARD_OBJECTS
 from taxelflow.simulation.mujoco.skin import Skin
 from taxelflow.simulation.mujoco.trial import Rehearsal, Trial
@@ -91,8 +91,8 @@ class GripHold(gymnasium.Env[Observation, NDArray[np.float32]]):
         moment = rehearsal.step(force_n)
         slid_m, before_m = float(np.linalg.norm(moment.truth.slid_m - self._origin)), self._slid_m
         self._slid_m = slid_m
-        excess = max(float(moment.truth.normal_n.mean()) / rehearsal.trial.least_n(moment.truth.t_s) - 1.0, 0.0)
-        dt_s = 1.0 / rehearsal.gripper.rate_hz
+        excess = max(moment.truth.force_n / rehearsal.trial.least_n(moment.truth.t_s) - 1.0, 0.0)
+        dt_s = 1.0 / rehearsal.plant.rate_hz
         lost = slid_m >= DROPPED_M
         reward = -abs(slid_m - before_m) / _NEAR_M - _FORCE_COST_1_S * excess * dt_s + lost * _LOST
         over = rehearsal.t_s >= END_S - 1e-9
@@ -104,7 +104,7 @@ class GripHold(gymnasium.Env[Observation, NDArray[np.float32]]):
             return None
         from taxelflow.simulation.mujoco.camera import Camera
 
-        self._camera = self._camera or Camera(self._started().gripper)
+        self._camera = self._camera or Camera(self._started().plant)
         return self._camera.frame()
 
     def close(self) -> None:
@@ -121,7 +121,7 @@ class GripHold(gymnasium.Env[Observation, NDArray[np.float32]]):
     def _seen(self, readings: NDArray[np.float64], force_n: float) -> Observation:
         parts = {
             "pressure": readings.reshape(self.observation_space["pressure"].shape),
-            "joints": self._started().gripper.closed_m,
+            "joints": self._started().plant.joints,
             "force": np.array([force_n]),
         }
         return {name: part.astype(np.float32) for name, part in parts.items()}

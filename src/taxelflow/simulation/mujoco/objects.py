@@ -23,6 +23,8 @@ class Shape:
     """MJCF of the geoms."""
     half_m: float
     """Half of the width between the pads."""
+    back_m: float = 0.0
+    """How far it reaches from the origin against world y, to the palm of a hand; 0 for objects that fit no palm."""
     mesh: str = ""
     """MJCF of the mesh `object`, where a geom uses it."""
 
@@ -71,6 +73,19 @@ def bottle(random: np.random.Generator) -> Shape:
     return Shape("".join(parts), 0.03)
 
 
+def can(_random: np.random.Generator) -> Shape:
+    """An upright cylinder of 78 mm for the hand: nothing to feel along its axis."""
+    return Shape(f'<geom type="cylinder" size="0.039 0.08" {_PAINT}/>', 0.039, back_m=0.039)
+
+
+def jar(random: np.random.Generator) -> Shape:
+    """An upright cylinder of 75 mm for the hand, with ribs at random heights."""
+    parts = [f'<geom type="cylinder" size="0.0375 0.08" {_PAINT}/>']
+    for z in np.linspace(-0.075, 0.075, 11) + random.uniform(-0.002, 0.002, 11):
+        parts.append(f'<geom type="ellipsoid" size="0.039 0.039 0.006" pos="0 0 {z:.5f}" rgba="0.85 0.4 0.15 1"/>')
+    return Shape("".join(parts), 0.039, back_m=0.039)
+
+
 def convex(random: np.random.Generator) -> Shape:
     """The convex hull of 24 random places on an ellipsoid."""
     places = random.normal(size=(24, 3))
@@ -89,11 +104,15 @@ OBJECTS: dict[str, Callable[[np.random.Generator], Shape]] = {
     "bumpy": bumpy,
     "plate": plate,
     "convex": convex,
+    "jar": jar,
+    "can": can,
 }
 """Kinds of objects by name. The first five are those of the standard trials."""
 STANDARD_OBJECTS = tuple(OBJECTS)[:5]
-FEATURELESS = ("plate",)
-"""Kinds whose faces cover the pads and have nothing to feel: a slip cannot be told from rest."""
+HAND_OBJECTS = ("jar",)
+"""Kinds that fit the BarrettHand and have something to feel."""
+FEATURELESS = ("plate", "can")
+"""Kinds that cover the pads and have nothing to feel along their slip: it cannot be told from rest."""
 
 
 def shape(name: str, random: np.random.Generator) -> Shape:

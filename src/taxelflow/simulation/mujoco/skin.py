@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.messages import Floats
+from taxelflow.messages import Bools, Floats
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,8 @@ class Skin:
     """Standard deviation of a reading."""
     full_scale_pa: float = 6.0e5
     """A reading is clipped here, and at 0."""
+    missing: tuple[tuple[int, int], ...] = ()
+    """Cells [row, col] without a taxel, where there is no skin either."""
 
     def __post_init__(self) -> None:
         for name in ("rows", "cols", "fine"):
@@ -58,17 +60,37 @@ class Skin:
 
     def pressure(self, depth_m: Floats, force_n: float) -> Floats:
         """(taxels,), Pa, without noise. depth_m: (vertices,), 0 or more, in the order of `places_m`."""
+        present, kept = _present(self), _kept(self)
+        depth_m = np.where(np.kron(present, np.ones((self.fine, self.fine))).ravel() > 0, depth_m, 0.0)
         if force_n <= 0.0 or not depth_m.any():
-            return np.zeros(self.rows * self.cols)
+            return np.zeros(int(present.sum()))
         fine = self.stiffness_pa_m * balanced(depth_m, force_n / (self.step_m**2 * self.stiffness_pa_m))
         rows, cols = _spread(self, self.rows), _spread(self, self.cols)
-        pressure: Floats = (rows @ fine.reshape(self.rows * self.fine, -1) @ cols.T).ravel()
-        return pressure
+        pressure: Floats = rows @ (fine.reshape(kept.shape) / kept) @ cols.T
+        return pressure[present]
 
     def read(self, pressure_pa: Floats, random: np.random.Generator) -> Floats:
         """Readings of pressures: with noise, clipped."""
         noisy: Floats = pressure_pa + random.normal(0.0, self.noise_pa, pressure_pa.shape)
         return np.clip(noisy, 0.0, self.full_scale_pa)
+
+
+@cache
+def _present(skin: Skin) -> Bools:
+    """(rows, cols), whether there is a taxel."""
+    present = np.ones((skin.rows, skin.cols), dtype=np.bool_)
+    for row, col in skin.missing:
+        present[row, col] = False
+    return present
+
+
+@cache
+def _kept(skin: Skin) -> Floats:
+    """Of the pressure at each vertex (rows, cols) the share that taxels read; the cover spreads the rest beside them."""
+    if not skin.missing:
+        return np.ones((skin.rows * skin.fine, skin.cols * skin.fine))
+    share: Floats = skin.fine**2 * _spread(skin, skin.rows).T @ _present(skin) @ _spread(skin, skin.cols)
+    return share
 
 
 @cache

@@ -9,14 +9,16 @@ import numpy as np
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.simulation.mujoco.events import END_S, G_M_S2, LIFT_S, Happening
-from taxelflow.simulation.mujoco.gripper import Actuator, Gripper, Held, Truth
+from taxelflow.simulation.mujoco.plant import Actuator, Held
+from taxelflow.simulation.mujoco.hands import grip
 from taxelflow.simulation.mujoco.objects import shape
-from taxelflow.simulation.mujoco.skin import Skin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from taxelflow.messages import Floats
+    from taxelflow.simulation.mujoco.plant import Grip, Truth
+    from taxelflow.simulation.mujoco.skin import Skin
 
 OPEN_S, CLOSED_S = 0.15, 0.5
 """Until when the pads stay open, so that noise is learned, and from when on the first force is commanded."""
@@ -25,8 +27,6 @@ CLOSING_N = 3.0
 HANDOVER_S = LIFT_S
 """From when on the controller commands the force."""
 _LEVER_M = 0.03
-_GRASPED = 0.5
-"""Least share of the first force on each pad at the moment of the lift."""
 
 
 @dataclass(frozen=True)
@@ -74,41 +74,48 @@ class Trial:
 
 @dataclass(frozen=True)
 class Moment:
-    """One scan of a trial. readings: (2, taxels), Pa."""
+    """One scan of a trial. readings: of the plant's pads, in its sensor's unit; of the gripper (2, taxels).
+
+    joints: (joints,), of the plant.
+    """
 
     readings: Floats
     truth: Truth
+    joints: Floats
 
 
 class Rehearsal:
     """A trial at work: the caller commands the force of each scan from the handover on.
 
-    `start` closes the gripper; `step` lets one scan pass. `grasped` tells, from the lift on, whether both pads held
-    the object with half of the first force or more: a trial without is a fault of the bench, not of a controller.
+    `start` closes the gripper; `step` lets one scan pass. `grasped` is, from the lift on, whether the pads held the
+    object with half of the first force or more: a trial without is a fault of the bench, not of a controller.
     """
 
-    def __init__(self, trial: Trial, skin: Skin | None = None, actuator: Actuator | None = None) -> None:
+    def __init__(
+        self, trial: Trial, skin: Skin | None = None, actuator: Actuator | None = None, hand: str = "gripper"
+    ) -> None:
+        """skin: of the gripper. hand: a name of `HANDS`. Raises NameUnknown, ExtraMissing."""
         self.trial = trial
-        self.gripper = Gripper(trial.held, skin or Skin(), actuator or Actuator(), seed=trial.seed)
+        self.plant: Grip = grip(hand, trial.held, actuator or Actuator(), trial.seed, skin)
         self.grasped = False
 
     @property
     def t_s(self) -> float:
         """Time of the next scan's start."""
-        return self.gripper.t_s
+        return self.plant.t_s
 
     def start(self) -> Iterator[Moment]:
         """Open, close with 3 N, settle at the first force: all scans before the handover."""
         while self.t_s < HANDOVER_S - 1e-9:
             t_s, first_n = self.t_s, self.trial.first_n
             moment = self.step(-5.0 if t_s < OPEN_S else CLOSING_N if t_s < CLOSED_S else first_n)
-            self.grasped = bool((moment.truth.normal_n > _GRASPED * first_n).all())
+            self.grasped = self.plant.grasps(moment.truth, first_n)
             yield moment
 
     def step(self, force_n: float) -> Moment:
         """Let one scan pass."""
-        readings, truth = self.gripper.scan(force_n, self.trial.happening.load(self.t_s))
-        return Moment(readings, truth)
+        readings, truth = self.plant.scan(force_n, self.trial.happening.load(self.t_s))
+        return Moment(readings, truth, self.plant.joints)
 
 
 def drawn_in_turn(

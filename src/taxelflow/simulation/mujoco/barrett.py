@@ -1,0 +1,214 @@
+"""The BarrettHand from primitives: links, joints, pads and taxels are those of its sensor file.
+
+The hand lies on its side and grasps an upright object: hand x is world z (up), hand y is world x, the closing axis of
+its fingers, and the palm looks along world y. Its fingers close alike, with the published coupling of their outer
+joints; the clutch that lets these close on is not modelled. Only pads touch the object.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from taxelflow.geometry import quaternion_of, se3_of
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.kinematics import model_text
+from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
+from taxelflow.simulation.mujoco.scene import SHEET_M, add_contacts, mechanism, scene, sheet
+from taxelflow.simulation.mujoco.skin import Skin
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+    from taxelflow.sensors.pads import Pad
+    from taxelflow.sensors.sensor import Sensor
+    from taxelflow.simulation.mujoco.events import Load
+
+_PREFIX = "hand/"
+_FINGERS = ("f1", "f2", "f3")
+_SPREAD_RAD = 0.0
+"""Fingers 1 and 2 face finger 3."""
+_UP = (0.5, -0.5, -0.5, -0.5)
+"""Quaternion w, x, y, z of the hand in the world."""
+_VERTEX_M = 0.0015
+"""Largest distance of a sheet's vertices."""
+_COVER_M, _NOISE_PA = 0.002, 250.0
+"""Assumptions: spread of pressure in the cover, and noise of a reading."""
+_HALF_PAD_M = 0.005
+"""Half of a pad's thickness: a finger's pads lie 10 and 11 mm above its joints."""
+_PALM_GAP_M, _GAP_M = 0.002, 0.012
+"""Between the object and the palm, and the open fingers."""
+_ARMATURE, _DAMPING = 3e-4, 0.03
+"""Inertia and damping of a finger's joint, kg m^2 and N m s: those of the gripper's jaw at 50 mm."""
+_OUTER = 0.84 / 2.44
+"""Angle of an outer joint over that of its inner one, as in the hand's URDF."""
+_COUPLING_SOLREF = (0.004, 1.0)
+"""Time constant, s, and damping ratio of coupled joints: those of the gripper's jaws."""
+_LEVER_M, _LEVERS_M = 0.04, (0.01, 0.15)
+"""Torque of a finger over the force of the grip before anything is touched, and its limits."""
+_LEVER_S = 0.05
+"""Time constant with which the hand learns it."""
+_TOUCHED_N = 0.3
+"""Force from which on it does."""
+_GRASPED, _FINGER = 0.5, 0.1
+"""Least share of a force in the grip, and on each finger, that is a grasp."""
+
+
+@dataclass
+class BarrettHand:
+    """The plant at work. Raises ExtraMissing without MuJoCo (extra `sim`).
+
+    The force of the grip is half of all pads' normal forces, as friction carries 2 mu times as much. What torque gives
+    that force depends on where the fingers touch: the hand learns it from the forces of its pads.
+    """
+
+    held: Held
+    actuator: Actuator = field(default_factory=Actuator)
+    rate_hz: float = 100.0
+    seed: int = 0
+    joint_names = ("spread_rad", "f1_rad", "f2_rad", "f3_rad")
+
+    def __post_init__(self) -> None:
+        if not self.held.shape.back_m:
+            raise ParameterInvalid("object", "another", f"fit the palm of a hand: {', '.join(HAND_OBJECTS)}")
+        self.sensor: Sensor = load_sensor("barretthand-162")
+        pads = [(pad.name, skin_of(pad, self.sensor)) for pad in self.sensor.pads]
+        self._plant = Plant(self._spec, pads, self.held, self.actuator, rate_hz=self.rate_hz, seed=self.seed)
+        self.model, self.data = self._plant.model, self._plant.data
+        self._of_finger = [[n for n, pad in enumerate(self.sensor.pads) if f"finger{k}" in pad.name] for k in (1, 2, 3)]
+        self._lever_m = _LEVER_M
+        self._open()
+
+    @property
+    def t_s(self) -> float:
+        """Time since the start."""
+        return self._plant.t_s
+
+    @property
+    def joints(self) -> Floats:
+        """(4,): the spread, and how far each finger has closed, rad."""
+        return np.array([self.data.joint(_PREFIX + name.removesuffix("_rad")).qpos[0] for name in self.joint_names])
+
+    def scan(self, force_n: float, load: Load) -> tuple[Floats, Truth]:
+        """Let one scan period pass with a commanded force of the grip (below 0: open); readings (162,) in kPa."""
+        readings, truth = self._plant.scan(force_n, load, lambda due_n: self._lever_m * due_n)
+        if truth.force_n > _TOUCHED_N:
+            lever_m = float(np.clip(self.data.act.mean() / truth.force_n, *_LEVERS_M))
+            self._lever_m += min(1.0 / (self.rate_hz * _LEVER_S), 1.0) * (lever_m - self._lever_m)
+        return np.concatenate(readings) / self.sensor.to_si, truth
+
+    def pressure(self, pad: int, normal_n: float) -> Floats:
+        """(taxels,), Pa, what the taxels of a pad carry now, without noise."""
+        return self._plant.pressure(pad, normal_n)
+
+    def grasps(self, truth: Truth, force_n: float) -> bool:
+        """Whether the grip has half of that force or more, and each finger a tenth of that."""
+        fingers = [truth.normal_n[own].sum() for own in self._of_finger]
+        return truth.force_n > _GRASPED * force_n and min(fingers) > _FINGER * _GRASPED * force_n
+
+    def _spec(self, mujoco: Any) -> Any:
+        """The world with the object, and the hand attached to it."""
+        skins = {pad.name: skin_of(pad, self.sensor) for pad in self.sensor.pads}
+        sheets = "".join(sheet(f"{name}_sheet", skin) for name, skin in skins.items())
+        shape = self.held.shape
+        drives = {name: _PREFIX + name for name in _FINGERS}
+        named = {name: f"{name}_sheet" for name in skins}
+        moving = mechanism(drives, self.actuator, _LEVERS_M[1], _coupled(), named)
+        spec = mujoco.MjSpec.from_string(scene(shape, self.held.inertial(), sheets, moving))
+        palm_m = next(pad.pose[2] for pad in self.sensor.pads if pad.link == "base" and pad.pose)
+        place = [0.0, -(shape.back_m + _PALM_GAP_M + palm_m), 0.0]
+        spec.attach(_hand(mujoco, self.sensor), frame=spec.worldbody.add_frame(pos=place, quat=_UP), prefix=_PREFIX)
+        for pad in self.sensor.pads:
+            _add_pad(mujoco, spec, pad, skins[pad.name])
+        add_contacts(spec, [pad.name for pad in self.sensor.pads], self.held.friction)
+        for equality in spec.equalities:
+            equality.solref[:] = _COUPLING_SOLREF
+        for body in spec.bodies:
+            if body.name.startswith(_PREFIX) and not body.geoms:
+                _add_knuckle(mujoco, body)
+        for name in _FINGERS:
+            joint = spec.joint(_PREFIX + name)
+            joint.damping[0], joint.armature = _DAMPING, _ARMATURE
+        return spec
+
+    def _open(self) -> None:
+        """Turn the fingers to where the nearest pad is a gap away from the object."""
+        import mujoco
+
+        pads = [self.model.geom(f"{pad.name}_pad").id for pad in self.sensor.pads if pad.link != "base"]
+        first = int(self.model.body("object").geomadr[0])
+        things = [
+            geom
+            for geom in range(first, first + int(self.model.body("object").geomnum[0]))
+            if self.model.geom_contype[geom]
+        ]
+        address = [int(self.model.joint(_PREFIX + name).qposadr[0]) for name in _FINGERS]
+        outer = [int(self.model.joint(f"{_PREFIX}{name}_outer").qposadr[0]) for name in _FINGERS]
+        for angle in np.arange(0.5, 2.4, 0.01):
+            self.data.qpos[address], self.data.qpos[outer] = angle, _OUTER * angle
+            mujoco.mj_kinematics(self.model, self.data)
+            apart = [mujoco.mj_geomDistance(self.model, self.data, a, b, 1.0, None) for a in pads for b in things]
+            if min(apart) < _GAP_M:
+                break
+        mujoco.mj_forward(self.model, self.data)
+
+
+def skin_of(pad: Pad, sensor: Sensor) -> Skin:
+    """The skin of a hand's pad: its grid, and assumptions where nothing is published."""
+    assert pad.pitch_m is not None
+    assert sensor.full_scale is not None
+    return Skin(
+        pad.rows,
+        pad.cols,
+        pad.pitch_m[0],
+        fine=int(np.ceil(pad.pitch_m[0] / _VERTEX_M)),
+        cover_m=_COVER_M,
+        noise_pa=_NOISE_PA,
+        full_scale_pa=sensor.full_scale * sensor.to_si,
+        missing=pad.missing,
+    )
+
+
+def _coupled() -> str:
+    """Equalities: the spread stays, and fingers 2 and 3 close as finger 1. The outer joints' are the URDF's."""
+    fixed = f'<joint joint1="{_PREFIX}spread" polycoef="{_SPREAD_RAD} 0 0 0 0"/>'
+    followers = "".join(
+        f'<joint joint1="{_PREFIX}{name}" joint2="{_PREFIX}{_FINGERS[0]}"/>' for name in _FINGERS[1:]
+    )
+    return fixed + followers
+
+
+def _hand(mujoco: Any, sensor: Sensor) -> Any:
+    """The sensor's URDF as a spec, whose root link stays a body."""
+    assert sensor.hand is not None
+    root = ElementTree.fromstring(model_text(sensor.hand.urdf, sensor.name))
+    ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", {"fusestatic": "false"})
+    return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+
+
+def _add_knuckle(mujoco: Any, body: Any) -> None:
+    """A link without pads: a ball, for its mass."""
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.02, 0, 0], mass=0.1, contype=0, conaffinity=0)
+
+
+def _add_pad(mujoco: Any, spec: Any, pad: Pad, skin: Skin) -> None:
+    """A block with the pad's face, the sheet before it, and the pad's frame."""
+    assert pad.pose is not None
+    body = spec.body(f"{_PREFIX}{pad.link}")
+    T = se3_of(np.array(pad.pose[:3]), np.array(pad.pose[3:]))
+    quat = np.roll(quaternion_of(T[:3, :3]), 1)
+
+    def at(z_m: float) -> dict[str, Any]:
+        return {"pos": T[:3, 3] + z_m * T[:3, 2], "quat": quat}
+
+    half = [skin.cols * skin.pitch_m / 2, skin.rows * skin.pitch_m / 2, _HALF_PAD_M]
+    still = {"contype": 0, "conaffinity": 0}
+    touching = {"contype": 2, "conaffinity": 0}  # a tactile sensor needs one that collides; this one does in pairs only
+    box, mesh = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_MESH
+    grey = [0.15, 0.15, 0.17, 1.0]
+    body.add_geom(name=f"{pad.name}_pad", type=box, size=half, mass=0.04, rgba=grey, **at(-_HALF_PAD_M), **touching)
+    sheet_name = f"{pad.name}_sheet"
+    body.add_geom(name=f"{pad.name}_skin", type=mesh, meshname=sheet_name, mass=0.0, group=4, **at(SHEET_M), **still)
+    body.add_site(name=pad.name, group=4, **at(0.0))
