@@ -1,35 +1,19 @@
 """Hold an object with the least force: let its own motion weigh it, stop it in a set time, then keep a margin.
 
-While an object of mass m slips along the pads, m a = L - 2 mu F with its load L, a positive where it speeds up. The
-least force F* carries the load without acceleration, 2 mu F* = L. So with w = L / m, at least gravity where weight is
-the load,
-
-    F* = F / (1 - a / w),    and    F = F* (1 + d / w)
-
-slows it down by d. Neither mass nor friction need be known: a slip of some scans measures what the grip needs.
+What a slip says of the least force is in `balance`.
 
 Pads that a flat face covers cannot feel a slip. Then hold squeezes once, by the growth of the load that it has to bear.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, field
 from math import exp, log
 
-import numpy as np
-
 from taxelflow.control.agreement import Agreement
+from taxelflow.control.balance import G_M_S2, Balance
 from taxelflow.control.base import Touch
 from taxelflow.control.blindness import Blindness
-
-G_M_S2 = 9.81
-"""Load over mass of an object that hangs in the grip; one that is pulled or shaken has more, and is overestimated."""
-_LARGEST_SHARE = 0.7
-"""Most of gravity that an acceleration counts: beyond it the grip is as good as open."""
-_LOOK_BACK = 4
-"""Scans over which the acceleration is measured."""
-
 
 @dataclass(frozen=True)
 class Hold:
@@ -67,7 +51,7 @@ class HoldSession:
     def __init__(self, parameters: Hold, force_n: float, most_n: float) -> None:
         self._p, self._force_n, self._most_n = parameters, force_n, most_n
         self._both = parameters.agreement.start()
-        self._speeds: deque[tuple[float, float, float]] = deque(maxlen=_LOOK_BACK)  # time, speed, force
+        self._balance = Balance()
         self._slips, self._least_n = False, 0.0
         self._blindness = parameters.blindness.start()
         self._taught: tuple[float, float] | None = None  # time and least force of the slip before
@@ -81,9 +65,9 @@ class HoldSession:
             self._target_n, self._force_n = max(self._target_n, self._blind_n), max(self._force_n, self._blind_n)
             self._calm_s = 0.0
         self._slips = motion.slipping
-        self._speeds.append((touch.t_s, motion.speed_m_s, touch.force_n))
+        self._balance.add(touch.t_s, motion.speed_m_s, touch.force_n)
         if motion.slipping:
-            self._least_n = self._weighed()
+            self._least_n = self._balance.least_n()
             slow_m_s2 = max(motion.speed_m_s / p.stop_s, p.least_m_s2)
             braking_n = self._least_n * (1.0 + min(slow_m_s2 / G_M_S2, 1.0))
             self._force_n = min(max(braking_n, self._force_n), self._most_n)
@@ -100,13 +84,6 @@ class HoldSession:
     def blind(self) -> bool:
         """Whether the pads cannot tell a slip now."""
         return self._blindness.blind
-
-    def _weighed(self) -> float:
-        """Least force that carries the load, from the acceleration under the force that was felt meanwhile, N."""
-        t_s, speed, force_n = np.array(self._speeds).T
-        rising = float(np.polyfit(t_s - t_s[0], speed, 1)[0]) if len(t_s) > 1 else 0.0
-        share = float(np.clip(rising / G_M_S2, -_LARGEST_SHARE, _LARGEST_SHARE))
-        return float(force_n.mean() / (1.0 - share))
 
     def _learn(self, t_s: float) -> None:
         """A slip has ended: hold its least force with a margin, and more while it grows from slip to slip."""

@@ -1,0 +1,42 @@
+"""What an object's own motion says of the grip: a body that slips is a balance of its load and of friction.
+
+While an object of mass m slips along the pads, m a = L - 2 mu F with its load L, a positive where it speeds up. The
+least force F* carries the load without acceleration, 2 mu F* = L. So with w = L / m, the acceleration of the object if
+it were let go,
+
+    F* = F / (1 - a / w),    and    F = F* (1 + d / w)
+
+slows it down by d. Neither mass nor friction need be known: a slip of some scans measures what the grip needs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+G_M_S2 = 9.81
+"""Load over mass of an object that hangs in the grip; one that is pulled or shaken has more, and is overestimated."""
+_LARGEST_SHARE = 0.7
+"""Most of w that an acceleration counts: beyond it the grip is as good as open."""
+_LOOK_BACK = 4
+"""Scans over which the acceleration is measured."""
+
+
+class Balance:
+    """Speeds and forces of the last scans. free: w, m/s^2 of a slide or rad/s^2 of a turn."""
+
+    def __init__(self, free: float = G_M_S2) -> None:
+        self._free = free
+        self._seen: deque[tuple[float, float, float]] = deque(maxlen=_LOOK_BACK)
+
+    def add(self, t_s: float, speed: float, force_n: float) -> None:
+        """A scan: the speed of the motion, and the force that was felt."""
+        self._seen.append((t_s, speed, force_n))
+
+    def least_n(self) -> float:
+        """Least force that carries the load, from the acceleration under the force that was felt meanwhile, N."""
+        t_s, speed, force_n = np.array(self._seen).T
+        rising = float(np.polyfit(t_s - t_s[0], speed, 1)[0]) if len(t_s) > 1 else 0.0
+        share = float(np.clip(rising / self._free, -_LARGEST_SHARE, _LARGEST_SHARE))
+        return float(force_n.mean() / (1.0 - share))
