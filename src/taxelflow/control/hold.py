@@ -15,6 +15,7 @@ from taxelflow.control.balance import G_M_S2, Balance
 from taxelflow.control.base import Touch
 from taxelflow.control.blindness import Blindness
 
+
 @dataclass(frozen=True)
 class Hold:
     """Raise the grip on slip by what the slip says, and relax slowly."""

@@ -16,6 +16,9 @@ from taxelflow.control.agreement import Agreement
 from taxelflow.control.balance import G_M_S2, Balance
 from taxelflow.control.base import Touch
 
+_RATIO_S = 0.2
+"""Time over which the ratio of a commanded force to a felt one is learned."""
+
 
 @dataclass(frozen=True)
 class Loosening:
@@ -37,6 +40,8 @@ class Loosening:
     """Share of the speed at the end."""
     shut: float = 1.6
     """Factor on the force that closes."""
+    too_long: float = 1.035
+    """Way that is felt over the true one: `registration` reads steps far below a pitch too long, slides and turns."""
     smooth: float = 0.4
     """Weight of a new scan in the speed that begins and ends the motion."""
 
@@ -126,10 +131,6 @@ class Turned:
         return abs(self._angle_rad)
 
 
-_CORRECTED_S = 0.2
-"""Time over which the ratio of a commanded force to a felt one is learned."""
-
-
 class LetMove:
     """Hold, move, shut: one after the other. `felt` is the motion so far, `shut` whether it has ended."""
 
@@ -145,7 +146,7 @@ class LetMove:
     @property
     def felt(self) -> float:
         """Size of the motion so far."""
-        return self._motion.so_far()
+        return self._motion.so_far() / self._p.too_long
 
     def step(self, touch: Touch) -> float:
         """The force to command, N."""
@@ -153,7 +154,7 @@ class LetMove:
         self._speed += p.smooth * (self._now - self._speed)
         self._balance.add(touch.t_s, self._now, touch.force_n)
         if touch.force_n > 0.0:
-            self._ratio += min(touch.dt_s / _CORRECTED_S, 1.0) * (self._force_n / touch.force_n - self._ratio)
+            self._ratio += min(touch.dt_s / _RATIO_S, 1.0) * (self._force_n / touch.force_n - self._ratio)
         if self.shut:
             return self._force_n
         if not self._moves:

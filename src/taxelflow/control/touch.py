@@ -78,9 +78,7 @@ class _Felt:
             covariance = both * slips.displacement_covariance[-1, :pads] / square_s2
             place_m = signs[:, :2] * slips.pose[-1, :pads, :2]
             detail_m = _detail_m(out)[:pads]
-        return Touch(
-            t_s, dt_s, pressure, force_n, slipping, velocity, axes, covariance, detail_m, place_m, ready=ready
-        )
+        return Touch(t_s, dt_s, pressure, force_n, slipping, velocity, axes, covariance, detail_m, place_m, ready=ready)
 
 
 def _detail_m(out: Output) -> Floats:

@@ -218,8 +218,8 @@ class Control:
         """The trials of one controller, not run yet. Raises NameUnknown, ParameterInvalid."""
         from taxelflow.evaluation.control import MOTION_END_S, Course
         from taxelflow.simulation.mujoco.events import END_S, STANDARD_EVENTS
+        from taxelflow.simulation.mujoco.hands import DEFAULT_OBJECTS, check_objects
         from taxelflow.simulation.mujoco.plant import Actuator
-        from taxelflow.simulation.mujoco.hands import DEFAULT_OBJECTS
         from taxelflow.simulation.mujoco.trial import Trial, drawn_in_turn
 
         for option, most in (("by_mm", 25), ("by_deg", 180)):
@@ -238,12 +238,13 @@ class Control:
             events = ("none",)
             if set(self.events) - {"none"}:
                 raise ParameterInvalid("events", " ".join(self.events), f"be none for {name}")
-        actuator = Actuator(self.bandwidth_hz, 1e-3 * self.latency_ms)
-        trials: list[Trial] = list(
-            drawn_in_turn(self.seed, self.trials, self.objects or objects, self.events or events, draw)
-        )
+        actuator, objects = Actuator(self.bandwidth_hz, 1e-3 * self.latency_ms), self.objects or objects
+        trials: list[Trial] = list(drawn_in_turn(self.seed, self.trials, objects, self.events or events, draw))
+        check_objects(self.hand, objects)
         end_s = MOTION_END_S if name in _MOTIONS else END_S
-        return [Course(trial, kind(**own), self.method, actuator=actuator, end_s=end_s, hand=self.hand) for trial in trials]
+        return [
+            Course(trial, kind(**own), self.method, actuator=actuator, end_s=end_s, hand=self.hand) for trial in trials
+        ]
 
 
 def _blamed(rows: Sequence[TrialRow | MotionRow]) -> int:

@@ -10,8 +10,8 @@ import pytest
 from taxelflow.errors import ExtraMissing, NameUnknown, ParameterInvalid
 from taxelflow.simulation.mujoco.events import EVENTS, G_M_S2, LIFT_S, Happening, Load
 from taxelflow.simulation.mujoco.gripper import Gripper, sensor_of
-from taxelflow.simulation.mujoco.plant import Actuator, Held
 from taxelflow.simulation.mujoco.objects import OBJECTS, STANDARD_OBJECTS, shape
+from taxelflow.simulation.mujoco.plant import Actuator, Held
 from taxelflow.simulation.mujoco.skin import Skin
 from taxelflow.simulation.mujoco.trial import Rehearsal, Trial, drawn_in_turn
 

@@ -71,8 +71,6 @@ class BarrettHand:
     joint_names = ("spread_rad", "f1_rad", "f2_rad", "f3_rad")
 
     def __post_init__(self) -> None:
-        if not self.held.shape.back_m:
-            raise ParameterInvalid("object", "another", f"fit the palm of a hand: {', '.join(HAND_OBJECTS)}")
         self.sensor: Sensor = load_sensor("barretthand-162")
         pads = [(pad.name, skin_of(pad, self.sensor)) for pad in self.sensor.pads]
         self._plant = Plant(self._spec, pads, self.held, self.actuator, rate_hz=self.rate_hz, seed=self.seed)
@@ -174,9 +172,7 @@ def skin_of(pad: Pad, sensor: Sensor) -> Skin:
 def _coupled() -> str:
     """Equalities: the spread stays, and fingers 2 and 3 close as finger 1. The outer joints' are the URDF's."""
     fixed = f'<joint joint1="{_PREFIX}spread" polycoef="{_SPREAD_RAD} 0 0 0 0"/>'
-    followers = "".join(
-        f'<joint joint1="{_PREFIX}{name}" joint2="{_PREFIX}{_FINGERS[0]}"/>' for name in _FINGERS[1:]
-    )
+    followers = "".join(f'<joint joint1="{_PREFIX}{name}" joint2="{_PREFIX}{_FINGERS[0]}"/>' for name in _FINGERS[1:])
     return fixed + followers
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxelflow.simulation.mujoco.events import END_S, STANDARD_EVENTS
-from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.objects import STANDARD_OBJECTS
+from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.skin import Skin
 from taxelflow.simulation.mujoco.trial import Rehearsal, Trial
 

@@ -24,7 +24,7 @@ class Shape:
     half_m: float
     """Half of the width between the pads."""
     back_m: float = 0.0
-    """How far it reaches from the origin against world y, to the palm of a hand; 0 for objects that fit no palm."""
+    """How far it reaches from the origin against world y, towards the palm of a hand."""
     mesh: str = ""
     """MJCF of the mesh `object`, where a geom uses it."""
 
@@ -80,10 +80,10 @@ def can(_random: np.random.Generator) -> Shape:
 
 def jar(random: np.random.Generator) -> Shape:
     """An upright cylinder of 75 mm for the hand, with ribs at random heights."""
-    parts = [f'<geom type="cylinder" size="0.0375 0.08" {_PAINT}/>']
-    for z in np.linspace(-0.075, 0.075, 11) + random.uniform(-0.002, 0.002, 11):
-        parts.append(f'<geom type="ellipsoid" size="0.039 0.039 0.006" pos="0 0 {z:.5f}" rgba="0.85 0.4 0.15 1"/>')
-    return Shape("".join(parts), 0.039, back_m=0.039)
+    heights = np.linspace(-0.075, 0.075, 11) + random.uniform(-0.002, 0.002, 11)
+    rib = 'type="ellipsoid" size="0.039 0.039 0.006" rgba="0.85 0.4 0.15 1"'
+    ribs = "".join(f'<geom {rib} pos="0 0 {z:.5f}"/>' for z in heights)
+    return Shape(f'<geom type="cylinder" size="0.0375 0.08" {_PAINT}/>{ribs}', 0.039, back_m=0.039)
 
 
 def convex(random: np.random.Generator) -> Shape:
@@ -109,8 +109,8 @@ OBJECTS: dict[str, Callable[[np.random.Generator], Shape]] = {
 }
 """Kinds of objects by name. The first five are those of the standard trials."""
 STANDARD_OBJECTS = tuple(OBJECTS)[:5]
-HAND_OBJECTS = ("jar",)
-"""Kinds that fit the BarrettHand and have something to feel."""
+PALM_OBJECTS = ("jar", "can")
+"""Kinds that fit the palm of a hand. The first has something to feel."""
 FEATURELESS = ("plate", "can")
 """Kinds that cover the pads and have nothing to feel along their slip: it cannot be told from rest."""
 

@@ -185,7 +185,9 @@ class Plant:
         """Time since the start."""
         return float(self.data.time)
 
-    def scan(self, force_n: float, load: Load, controls: Callable[[float], Floats | float]) -> tuple[list[Floats], Truth]:
+    def scan(
+        self, force_n: float, load: Load, controls: Callable[[float], Floats | float]
+    ) -> tuple[list[Floats], Truth]:
         """Let one scan period pass with a commanded force; readings of each pad (taxels,) in Pa.
 
         controls: from the force that is due now to MuJoCo's actuators.

@@ -9,9 +9,9 @@ import numpy as np
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.simulation.mujoco.events import END_S, G_M_S2, LIFT_S, Happening
-from taxelflow.simulation.mujoco.plant import Actuator, Held
 from taxelflow.simulation.mujoco.hands import grip
 from taxelflow.simulation.mujoco.objects import shape
+from taxelflow.simulation.mujoco.plant import Actuator, Held
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -94,9 +94,9 @@ class Rehearsal:
     def __init__(
         self, trial: Trial, skin: Skin | None = None, actuator: Actuator | None = None, hand: str = "gripper"
     ) -> None:
-        """skin: of the gripper. hand: a name of `HANDS`. Raises NameUnknown, ExtraMissing."""
+        """skin: of the gripper. hand: a name of `HANDS`. Raises NameUnknown, ParameterInvalid, ExtraMissing."""
         self.trial = trial
-        self.plant: Grip = grip(hand, trial.held, actuator or Actuator(), trial.seed, skin)
+        self.plant: Grip = grip(hand, trial, actuator or Actuator(), skin)
         self.grasped = False
 
     @property
