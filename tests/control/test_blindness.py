@@ -15,7 +15,9 @@ def touch(scan: int, detail_m: float, slip_m_s: float = 0.0) -> Touch:
     """A scan of an image with this detail, in which both pads say that speed downwards."""
     velocity, noise = np.tile([0.0, -slip_m_s, 0.0], (2, 1)), np.tile(1e-6 * np.eye(3), (2, 1, 1))
     still = np.zeros(2, dtype=bool)
-    return Touch(scan * DT_S, DT_S, np.full((2, 4), 1e4), 5.0, still, velocity, noise, np.full(2, detail_m))
+    facing, detail, middle = np.tile(np.eye(2), (2, 1, 1)), np.full(2, detail_m), np.zeros((2, 2))
+    pressure = np.full((2, 4), 1e4)
+    return Touch(scan * DT_S, DT_S, pressure, 5.0, still, velocity, facing, noise, detail, middle)
 
 
 @pytest.mark.parametrize(("detail_m", "blind"), [(0.002, False), (0.009, False), (0.012, True), (0.03, True)])

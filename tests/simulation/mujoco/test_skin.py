@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -24,6 +26,17 @@ def test_balanced_depths_sum_to_what_is_asked_and_keep_their_order(depth: np.nda
 def test_taxels_sum_to_the_force(seed: int, force_n: float) -> None:
     depth = np.maximum(np.random.default_rng(seed).normal(0.0, 1e-3, len(SKIN.places_m())), 0.0)
     assert SKIN.pressure(depth, force_n).sum() * SKIN.pitch_m**2 == pytest.approx(force_n, rel=1e-9)
+
+
+def test_where_taxels_are_missing_there_is_no_skin() -> None:
+    gapped = replace(SKIN, missing=((0, 0), (0, 5)))
+    depth = np.random.default_rng(0).uniform(0.0, 1e-3, len(SKIN.places_m()))
+    pressure = gapped.pressure(depth, 5.0)
+    assert pressure.shape == (22,)
+    assert pressure.sum() * gapped.pitch_m**2 == pytest.approx(5.0, rel=1e-9)
+    corner = np.zeros((8, 12))
+    corner[:2, :2] = 1e-3
+    assert not gapped.pressure(corner.ravel(), 5.0).any()
 
 
 def test_a_deep_contact_is_lifted_and_a_shallow_one_scaled() -> None:

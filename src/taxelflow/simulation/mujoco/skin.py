@@ -86,7 +86,7 @@ def _present(skin: Skin) -> Bools:
 
 @cache
 def _kept(skin: Skin) -> Floats:
-    """(rows, cols) of vertices: share of the pressure there that taxels read; the cover spreads the rest beside them."""
+    """(rows, cols) of vertices: share of the pressure there that taxels read; the cover spreads the rest away."""
     if not skin.missing:
         return np.ones((skin.rows * skin.fine, skin.cols * skin.fine))
     share: Floats = skin.fine**2 * _spread(skin, skin.rows).T @ _present(skin) @ _spread(skin, skin.cols)
