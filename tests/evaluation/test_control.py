@@ -89,6 +89,16 @@ def test_an_object_that_is_not_grasped_is_a_fault_of_the_bench(capsys: Capture) 
 
 
 @in_mujoco
+def test_a_hand_takes_the_grippers_place(capsys: Capture) -> None:
+    words = ["control", "--hand", "barrett", "--trials", "1", "--seed", "5", "--events", "none", "--json"]
+    assert main([*words, "--controller", "constant"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    (trial,) = told["trials"]
+    assert (trial["object"], trial["grasped"], trial["held"]) == ("jar", True, True)
+    assert 1.15 <= trial["force_over_least"] <= 1.4
+
+
+@in_mujoco
 def test_the_table_compares_controllers_on_the_same_trials(tmp_path: Path, capsys: Capture) -> None:
     words = [
         "control",
@@ -128,6 +138,15 @@ def test_the_table_compares_controllers_on_the_same_trials(tmp_path: Path, capsy
         ("--controller slide --events pour", "events must be none for slide (got 'pour')"),
         ("--controller hold --against constant --json", "against must be left out with --json"),
         ("--controller hold --against slide", "against must not be used with slide or pivot (got 'slide')"),
+        (
+            "--controller slide --hand barrett",
+            "hand must be gripper for slide, pivot and film (got 'barrett with slide')",
+        ),
+        ("--controller hold --hand barrett --film a.gif", "hand must be gripper for slide, pivot and film"),
+        (
+            "--controller hold --hand barrett --objects ball",
+            "objects must be jar or can for the BarrettHand (got 'ball')",
+        ),
         ("--controller hold --bandwidth-hz 0", "actuator.bandwidth_hz must be a finite number above 0 (got 0.0)"),
     ],
 )

@@ -104,7 +104,7 @@ class BarrettHand:
     def grasps(self, truth: Truth, force_n: float) -> bool:
         """Whether the grip has half of that force or more, and each finger a tenth of that."""
         fingers = [truth.normal_n[own].sum() for own in self._of_finger]
-        return truth.force_n > _GRASPED * force_n and min(fingers) > _FINGER * _GRASPED * force_n
+        return truth.force_n > _GRASPED * force_n and bool(min(fingers) > _FINGER * _GRASPED * force_n)
 
     def _spec(self, mujoco: Any) -> Any:
         """The world with the object, and the hand attached to it."""
