@@ -25,7 +25,7 @@ _MOTIONS = ("slide", "pivot")
 
 @dataclass(frozen=True, kw_only=True)
 class Control:
-    """Run a grip controller in MuJoCo (extra `sim`): a gripper with two taxel pads holds objects whose load changes.
+    """Run a grip controller in MuJoCo (extra `sim`): a gripper or a hand holds objects whose load changes.
 
     hold raises the grip on slip and relaxes it; constant, threshold and centroid are baselines; slide and pivot let an
     object move by a distance or an angle. Trial k has the seed SEED + k.
@@ -46,7 +46,7 @@ class Control:
     method: str | None = None
     """Estimator in the loop, instead of the controller's own."""
     hand: Literal["gripper", "barrett"] = "gripper"
-    """Plant: a gripper with two pads, or the BarrettHand with its 162 taxels (objects jar, can; no slide, no pivot)."""
+    """Name of the hand: a gripper with two pads, or the BarrettHand with 162 taxels (jar, can; no slide, pivot, film)."""
     bandwidth_hz: float = 10.0
     """Cut-off frequency of the gripper's force, Hz."""
     latency_ms: float = 0.0
