@@ -46,7 +46,7 @@ class Control:
     method: str | None = None
     """Estimator in the loop, instead of the controller's own."""
     hand: Literal["gripper", "barrett"] = "gripper"
-    """Name of the hand: a gripper with two pads, or the BarrettHand with 162 taxels (jar, can; no slide, pivot, film)."""
+    """Name of the hand: a gripper with two pads, or the BarrettHand with 162 taxels (jar, can; no slide, no film)."""
     bandwidth_hz: float = 10.0
     """Cut-off frequency of the gripper's force, Hz."""
     latency_ms: float = 0.0

@@ -42,8 +42,6 @@ _PALM_GAP_M, _GAP_M = 0.002, 0.012
 """Between the object and the palm, and the open fingers."""
 _ARMATURE, _DAMPING = 3e-4, 0.03
 """Inertia and damping of a finger's joint, kg m^2 and N m s: those of the gripper's jaw at 50 mm."""
-_OUTER = 0.84 / 2.44
-"""Angle of an outer joint over that of its inner one, as in the hand's URDF."""
 _COUPLING_SOLREF = (0.004, 1.0)
 """Time constant, s, and damping ratio of coupled joints: those of the gripper's jaws."""
 _LEVER_M, _LEVERS_M = 0.04, (0.01, 0.15)
@@ -61,7 +59,7 @@ class BarrettHand:
     """The plant at work. Raises ExtraMissing without MuJoCo (extra `sim`).
 
     The force of the grip is half of all pads' normal forces, as friction carries 2 mu times as much. What torque gives
-    that force depends on where the fingers touch: the hand learns it from the forces of its pads.
+    that force depends on where the fingers touch: the hand learns it from its pads' forces, measured without error.
     """
 
     held: Held
@@ -144,8 +142,10 @@ class BarrettHand:
         ]
         address = [int(self.model.joint(_PREFIX + name).qposadr[0]) for name in _FINGERS]
         outer = [int(self.model.joint(f"{_PREFIX}{name}_outer").qposadr[0]) for name in _FINGERS]
+        followers = [self.model.joint(f"{_PREFIX}{name}_outer").id for name in _FINGERS]
+        ratios = np.array([self.model.eq_data[self.model.eq_obj1id == joint, 1].item() for joint in followers])
         for angle in np.arange(0.5, 2.4, 0.01):
-            self.data.qpos[address], self.data.qpos[outer] = angle, _OUTER * angle
+            self.data.qpos[address], self.data.qpos[outer] = angle, ratios * angle
             mujoco.mj_kinematics(self.model, self.data)
             apart = [mujoco.mj_geomDistance(self.model, self.data, a, b, 1.0, None) for a in pads for b in things]
             if min(apart) < _GAP_M:
