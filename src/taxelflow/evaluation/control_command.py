@@ -15,6 +15,7 @@ from taxelflow.evaluation.commands import check_csv
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from taxelflow.control.base import Controller
     from taxelflow.evaluation.control import Course, MotionRow, TrialRow
     from taxelflow.simulation.mujoco.plant import Actuator
     from taxelflow.simulation.mujoco.trial import Trial
@@ -190,24 +191,30 @@ class Control:
 
     def _search(self, names: tuple[str, ...]) -> int:
         """Tune each controller on the same trials."""
+        from taxelflow.evaluation.control import Course, held
         from taxelflow.evaluation.control_table import show_tuned
         from taxelflow.evaluation.control_tune import tune
         from taxelflow.publish.terminal import counted
-        from taxelflow.simulation.mujoco.plant import Actuator
 
-        actuator = Actuator(self.bandwidth_hz, 1e-3 * self.latency_ms)
+        def run(trial: Trial, controller: Controller) -> TrialRow:
+            return held(Course(trial, controller, self.method, actuator=self._actuator(), hand=self.hand))
+
         reports = []
         for name in names:
             courses = self._courses(name)
             trials = [course.trial for course in courses]
-            reports.append(
-                tune(name, courses[0].controller, trials, self.tune, actuator, lambda points: counted(points, "sets"))
-            )
+            kind = courses[0].controller
+            reports.append(tune(name, kind, trials, self.tune, run, lambda points: counted(points, "sets")))
         if self.json:
             self._print_json(reports[0])
         else:
             show_tuned(reports)
         return 0
+
+    def _actuator(self) -> Actuator:
+        from taxelflow.simulation.mujoco.plant import Actuator
+
+        return Actuator(self.bandwidth_hz, 1e-3 * self.latency_ms)
 
     def _watched(self, courses: list[Course]) -> Any:
         from taxelflow.publish.terminal import counted
@@ -219,7 +226,6 @@ class Control:
         from taxelflow.evaluation.control import MOTION_END_S, Course
         from taxelflow.simulation.mujoco.events import END_S, STANDARD_EVENTS
         from taxelflow.simulation.mujoco.hands import DEFAULT_OBJECTS, check_objects
-        from taxelflow.simulation.mujoco.plant import Actuator
         from taxelflow.simulation.mujoco.trial import Trial, drawn_in_turn
 
         for option, most in (("by_mm", 25), ("by_deg", 180)):
@@ -238,7 +244,7 @@ class Control:
             events = ("none",)
             if set(self.events) - {"none"}:
                 raise ParameterInvalid("events", " ".join(self.events), f"be none for {name}")
-        actuator, objects = Actuator(self.bandwidth_hz, 1e-3 * self.latency_ms), self.objects or objects
+        actuator, objects = self._actuator(), self.objects or objects
         trials: list[Trial] = list(drawn_in_turn(self.seed, self.trials, objects, self.events or events, draw))
         check_objects(self.hand, objects)
         end_s = MOTION_END_S if name in _MOTIONS else END_S

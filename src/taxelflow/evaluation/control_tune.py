@@ -9,14 +9,13 @@ import msgspec
 import numpy as np
 
 from taxelflow.errors import NameUnknown
-from taxelflow.evaluation.control import ControlReport, Course, held, is_near
+from taxelflow.evaluation.control import ControlReport, is_near
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from taxelflow.control.base import Controller
     from taxelflow.evaluation.control import TrialRow
-    from taxelflow.simulation.mujoco.plant import Actuator
     from taxelflow.simulation.mujoco.trial import Trial
 
 _UP, _RELAX = (1.02, 1.3), (0.005, 0.2)
@@ -59,14 +58,17 @@ def tune(
     controller: Controller,
     trials: Sequence[Trial],
     draws: int,
-    actuator: Actuator,
+    run: Callable[[Trial, Controller], TrialRow],
     watched: Callable[[list[dict[str, float]]], Iterable[dict[str, float]]],
 ) -> TuneReport:
-    """Try the defaults and `draws` points of a Halton sequence. Raises NameUnknown for a controller without a space."""
+    """Try the defaults and `draws` points of a Halton sequence. run: one trial of a controller.
+
+    Raises NameUnknown for a controller without a space.
+    """
     if name not in SPACES:
         raise NameUnknown("controller to tune", name, SPACES)
     points: list[dict[str, float]] = [{}, *drawn(SPACES[name], draws)]
-    tried = [_try(name, controller, point, trials, actuator) for point in watched(points)]
+    tried = [_try(name, controller, point, trials, run) for point in watched(points)]
     return TuneReport(name, sorted(tried, key=lambda one: one.cost))
 
 
@@ -101,9 +103,13 @@ def cost_of(rows: Sequence[TrialRow]) -> float:
 
 
 def _try(
-    name: str, controller: Controller, point: dict[str, float], trials: Sequence[Trial], actuator: Actuator
+    name: str,
+    controller: Controller,
+    point: dict[str, float],
+    trials: Sequence[Trial],
+    run: Callable[[Trial, Controller], TrialRow],
 ) -> Tried:
     candidate = changed(controller, point)
-    report = ControlReport.of(name, [held(Course(trial, candidate, actuator=actuator)) for trial in trials])
+    report = ControlReport.of(name, [run(trial, candidate) for trial in trials])
     shares = (report.held, report.within_5_mm, report.force_p50, report.force_p90)
     return Tried(point, cost_of(report.trials), *shares)

@@ -38,6 +38,10 @@ _COVER_M, _NOISE_PA = 0.002, 250.0
 """Assumptions: spread of pressure in the cover, and noise of a reading."""
 _HALF_PAD_M = 0.005
 """Half of a pad's thickness: a finger's pads lie 10 and 11 mm above its joints."""
+_BASE_M, _LINK_M, _OUTER_LINK_M = 0.035, 0.008, 0.05
+"""Radius of the palm's body and of a link, and length of an outer link, which is not published: to look at."""
+_KNUCKLE_KG = 0.1
+"""Mass of a link without a pad; no joint that moves carries it."""
 _PALM_GAP_M, _GAP_M = 0.002, 0.012
 """Between the object and the palm, and the open fingers."""
 _ARMATURE, _DAMPING = 3e-4, 0.03
@@ -121,9 +125,7 @@ class BarrettHand:
         add_contacts(spec, [pad.name for pad in self.sensor.pads], self.held.friction)
         for equality in spec.equalities:
             equality.solref[:] = _COUPLING_SOLREF
-        for body in spec.bodies:
-            if body.name.startswith(_PREFIX) and not body.geoms:
-                _add_knuckle(mujoco, body)
+        _add_links(mujoco, spec, palm_m)
         for name in _FINGERS:
             joint = spec.joint(_PREFIX + name)
             joint.damping[0], joint.armature = _DAMPING, _ARMATURE
@@ -184,9 +186,19 @@ def _hand(mujoco: Any, sensor: Sensor) -> Any:
     return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
 
 
-def _add_knuckle(mujoco: Any, body: Any) -> None:
-    """A link without pads: a ball, for its mass."""
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.02, 0, 0], mass=0.1, contype=0, conaffinity=0)
+def _add_links(mujoco: Any, spec: Any, palm_m: float) -> None:
+    """The palm's body and a capsule along each link, to look at; knuckles of fingers 1 and 2 have mass as well."""
+    rgba, free = [0.75, 0.75, 0.78, 1.0], {"contype": 0, "conaffinity": 0}
+    cylinder, capsule = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_CAPSULE
+    for body in [one for one in spec.bodies if one.name.startswith(_PREFIX)]:
+        mass, root = (0.0 if body.geoms else _KNUCKLE_KG), body.name == f"{_PREFIX}base"
+        if root:
+            half_m = palm_m / 2 - _HALF_PAD_M
+            body.add_geom(type=cylinder, size=[_BASE_M, half_m, 0], pos=[0, 0, half_m], mass=mass, rgba=rgba, **free)
+            continue
+        end = body.bodies[0].pos if body.bodies else [-_OUTER_LINK_M, 0.0, 0.0]
+        line = [0.0, 0.0, 0.0, *end]
+        body.add_geom(type=capsule, fromto=line, size=[_LINK_M, 0, 0], mass=mass, rgba=rgba, **free)
 
 
 def _add_pad(mujoco: Any, spec: Any, pad: Pad, skin: Skin) -> None:
