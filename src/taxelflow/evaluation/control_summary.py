@@ -97,7 +97,7 @@ def wilson(flags: Sequence[bool]) -> tuple[float, float] | None:
     share = sum(flags) / count
     middle = (share + _Z**2 / (2 * count)) / (1 + _Z**2 / count)
     half = _Z / (1 + _Z**2 / count) * float(np.sqrt(share * (1 - share) / count + _Z**2 / (4 * count**2)))
-    return middle - half, middle + half
+    return max(middle - half, 0.0), min(middle + half, 1.0)  # a share, in spite of rounding
 
 
 def paired(ours: ControlReport, other: ControlReport) -> Paired | None:
