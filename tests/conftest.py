@@ -29,16 +29,28 @@ LONG = (
     "test_cluster",
     "test_warmup",
     "test_api",
+    "test_split",
     "test_paper",
+    "test_prediction",
     "test_slip",
     "test_browser",
+    "test_real_hands",
+    "test_rigidity",
+    "test_pipeline",
+    "test_health",
+    "test_damage",
+    "test_cli_rig",
+    "test_simulate",
+    "test_gainfit",
     "test_scaling",
-    "test_split",
     "test_hard",
-    "test_prediction",
-    "test_map_export",
+    "test_bench",
+    "test_session",
+    "test_calibrate",
+    "test_compiling",
+    "test_examples",
 )
-"""Files of tests that take 10 s and more; some of them wait for processes or a browser while others compute."""
+"""Files of tests that take 6 s and more; some of them wait for processes or a browser while others compute."""
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
