@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -9,8 +10,12 @@ from hypothesis import settings
 
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
+from taxelflow.pipeline import Pipeline
 from taxelflow.sensors.sensor import Sensor
 from warm import warm_up
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 settings.register_profile("taxelflow", deadline=None, max_examples=40, derandomize=True, database=None)
 settings.load_profile("taxelflow")
@@ -24,16 +29,28 @@ LONG = (
     "test_cluster",
     "test_warmup",
     "test_api",
+    "test_split",
     "test_paper",
+    "test_prediction",
     "test_slip",
     "test_browser",
+    "test_real_hands",
+    "test_rigidity",
+    "test_pipeline",
+    "test_health",
+    "test_damage",
+    "test_cli_rig",
+    "test_simulate",
+    "test_gainfit",
     "test_scaling",
-    "test_split",
     "test_hard",
-    "test_prediction",
-    "test_map_export",
+    "test_bench",
+    "test_session",
+    "test_calibrate",
+    "test_compiling",
+    "test_examples",
 )
-"""Files of tests that take 10 s and more; some of them wait for processes or a browser while others compute."""
+"""Files of tests that take 6 s and more; some of them wait for processes or a browser while others compute."""
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -48,6 +65,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The files that take longest first: else a worker would be left with one of them at the end."""
     order = {name: place for place, name in enumerate(LONG)}
     items.sort(key=lambda item: order.get(item.path.stem, len(LONG)))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def loaded_as_needed() -> Iterator[None]:
+    """No stream leads a made-up recording through its stages first, which changes no result and takes each worker 15 s.
+
+    It is tested where it matters, in processes of their own (`test_warmup`); commands that tests start do it, too.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Pipeline, "warm_up", lambda _pipeline, *, split: None)
+        yield
 
 
 @pytest.fixture(scope="session")

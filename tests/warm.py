@@ -1,7 +1,8 @@
-"""Compile the kernels once before the test workers start: each of them would compile all of them otherwise."""
+"""Compile kernels and bytecode once before the test workers start: each of them would compile all of them otherwise."""
 
 from __future__ import annotations
 
+import compileall
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+import taxelflow
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
@@ -18,7 +21,11 @@ MODES: tuple[Mode, Mode] = ("stream", "batch")
 
 
 def warm_up() -> None:
-    """Compile in one process per part, side by side; they write the cache that the workers read."""
+    """Compile in one process per part, side by side; they write the cache that the workers read.
+
+    Bytecode comes first: commands that tests start read it, also where PYTHONDONTWRITEBYTECODE is set.
+    """
+    compileall.compile_dir(Path(taxelflow.__file__).parent, quiet=2)
     command = [sys.executable, "-B", str(Path(__file__))]
     running = [subprocess.Popen([*command, part], stderr=subprocess.DEVNULL) for part in PARTS]
     for process in running:

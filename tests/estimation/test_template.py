@@ -21,6 +21,7 @@ from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
+    from taxelflow.estimation.base import Mode
     from taxelflow.messages import Bools, Floats, Slips
     from taxelflow.result import Result
 
@@ -39,6 +40,13 @@ BESIDE_THE_MIDDLE, ON_THE_LINE = 139, 146
 def airbag(dead: tuple[int, ...] = ()) -> tuple[Recording, Result]:
     recording = simulate(rigged("stroke", sensing={"dead": dead}))
     return recording, api.estimate(recording, "template")
+
+
+@cache
+def rolling(share: float, mode: Mode) -> tuple[Recording, Result]:
+    """The faster stroke, its taxels read one after the other within this share of a scan's time."""
+    recording = ungrouped(simulate(rigged("fast-stroke", sensing={"scan_share": share})))
+    return recording, api.estimate(recording, "template", mode=mode)
 
 
 @cache
@@ -160,9 +168,8 @@ def test_a_contact_longer_than_the_window_goes_on_without_a_jump() -> None:
 
 
 @pytest.mark.parametrize(("share", "mode"), [(24 / 162, "batch"), (1.0, "batch"), (1.0, "stream")])
-def test_taxels_read_one_after_the_other_are_put_where_they_were_read(share: float, mode: Any) -> None:
-    recording = ungrouped(simulate(rigged("fast-stroke", sensing={"scan_share": share})))
-    result = api.estimate(recording, "template", mode=mode)
+def test_taxels_read_one_after_the_other_are_put_where_they_were_read(share: float, mode: Mode) -> None:
+    recording, result = rolling(share, mode)
     # the first stroke of a stream begins on a pattern of a few taxels at the border
     assert speeds(recording, result) == pytest.approx((-50.0, 50.0), rel=0.01)
     pad, truth = recording.layout.pads.index("palm"), recording.known_truth
@@ -177,12 +184,8 @@ def test_taxels_read_one_after_the_other_are_put_where_they_were_read(share: flo
 
 
 def test_with_a_rolling_scan_positions_within_a_stroke_are_steady() -> None:
-    recording = ungrouped(simulate(rigged("fast-stroke", sensing={"scan_share": 24 / 162})))
-    slips, pad, truth = (
-        api.estimate(recording, "template").slips,
-        recording.layout.pads.index("palm"),
-        recording.known_truth,
-    )
+    recording, result = rolling(24 / 162, "batch")
+    slips, pad, truth = result.slips, recording.layout.pads.index("palm"), recording.known_truth
     known = slips.quality[:, pad] == OK
     true = np.interp(truth.t_s[known] - slips.lag_s[known, pad], truth.t_s, truth.pose[:, 0])
     off, back = slips.pose[known, pad, 0] - true, truth.t_s[known] < truth.t_s.mean()

@@ -74,8 +74,16 @@ def scores(pad: PadCalibration, gain: Floats) -> list[float]:
     ]
 
 
+def few_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the search for the robot's frame: that it finds any angle is shown in `test_gainfit`."""
+    monkeypatch.setattr(gainfit, "_SEARCH", replace(gainfit._SEARCH, starts=2))
+
+
 @pytest.mark.parametrize("seed", range(6))
-def test_the_interiors_gain_of_the_papers_stroke_comes_out_within_its_standard_error(seed: int) -> None:
+def test_the_interiors_gain_of_the_papers_stroke_comes_out_within_its_standard_error(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few_starts(monkeypatch)
     pad = calibrate(*stroke(seed), pad="palm").pads[0]
     assert pad.std_x is not None
     assert pad.std_x < 0.06
@@ -87,8 +95,11 @@ def test_the_interiors_gain_of_the_papers_stroke_comes_out_within_its_standard_e
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_without_the_edges_weight_the_gain_is_that_of_a_line_through_the_same_scans(seed: int) -> None:
+def test_without_the_edges_weight_the_gain_is_that_of_a_line_through_the_same_scans(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Noise-free and dense, a line through the centroids within 22 mm of the palm's centre has the slope 1 / 1.0456."""
+    few_starts(monkeypatch)
     inner = calibrate(*stroke(seed), pad="palm", edge=0.0, within_m=0.0205).pads[0]
     assert inner.std_x is not None
     assert inner.std_x < 0.02
@@ -98,7 +109,7 @@ def test_without_the_edges_weight_the_gain_is_that_of_a_line_through_the_same_sc
 
 
 def test_on_a_diagonal_zigzag_everything_is_found_with_honest_errors(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gainfit, "_SEARCH", replace(gainfit._SEARCH, starts=2))  # any angle of the frame: test_gainfit
+    few_starts(monkeypatch)
     found = [calibrate(*zigzag(seed)).pads[0] for seed in range(16)]
     assert np.mean([pad.gain_x for pad in found]) == pytest.approx(GAIN[0], abs=0.003)
     assert np.mean([pad.gain_y for pad in found]) == pytest.approx(GAIN[1], abs=0.003)

@@ -10,6 +10,7 @@ from taxelflow.acquire.base import Truth
 from taxelflow.cli import main
 from taxelflow.evaluation.field import Field, FieldReport, cuts_of, true_twist
 from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.simulation.grasp import Grasp
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,6 +26,7 @@ def test_every_figure_of_the_paper_is_drawn(
 ) -> None:
     monkeypatch.setattr(Field, "run", lambda _self, _watched: field)
     monkeypatch.setattr("taxelflow.evaluation.paper.FIELD_METHODS", ("convolution", "lnorm"))  # the template takes 15 s
+    monkeypatch.setattr("taxelflow.simulation.grasp.Grasp", lambda strokes: Grasp(strokes=strokes - 1))  # one is drawn
     assert main(["figures", "--out", str(tmp_path / "figures"), "--strokes", "2", "--seeds", "1"]) == 0
     named = capsys.readouterr().out.split()
     assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == sorted(

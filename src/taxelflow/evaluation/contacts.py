@@ -188,8 +188,9 @@ def _cases(seed: int) -> Iterator[Case]:
         yield Case(scenario, "alone", second, [pad], [("second", second.known_truth.pose)])
         yield Case(scenario, "told apart", both.with_contacts(2), [f"{pad}#1", f"{pad}#2"], truths)
         yield Case(scenario, "as one", both, [pad, pad], truths)
-    lifting = simulate(replace(SCENARIOS[LIFT], seed=seed))
-    yield Case(LIFT, "as one", lifting, [SCENARIOS[LIFT].pad], [("feet", lifting.known_truth.pose)])
+    lift = SCENARIOS[LIFT]
+    lifting = simulate(replace(lift, seed=seed))
+    yield Case(LIFT, "as one", lifting, [lift.pad], [("feet", lifting.known_truth.pose)])
 
 
 def _add(found: dict[Key, list[_Contact]], case: Case, kinds: Mapping[str, Estimator]) -> bool:
