@@ -10,7 +10,7 @@ from logged import logged, noisy_grasp
 from taxelflow.condition import blocks
 from taxelflow.condition.blocks import Blockwise, condition_block, deduplicate_block
 from taxelflow.condition.deduplicate import Deduplicator
-from taxelflow.condition.session import PadContact, condition
+from taxelflow.condition.contact import PadContact, condition
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import records
 
