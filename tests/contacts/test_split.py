@@ -44,7 +44,7 @@ def apart(values: Floats, contacts: int = 2, sensor: Sensor = GRID, **parameters
     scans, _ = conditioned(values, with_contacts(sensor, contacts), mode="stream", **parameters)
     return Scans(
         *(
-            getattr(scans, f.name)[12:] if f.name not in ("noise", "ceiling") else getattr(scans, f.name)
+            getattr(scans, f.name)[12:] if f.name not in ("noise", "ceiling", "shear") else getattr(scans, f.name)
             for f in fields(scans)
         )
     )

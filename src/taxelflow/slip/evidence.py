@@ -19,12 +19,12 @@ recordings is between 0.5 and 2 %."""
 GROWTH = 0.075
 """Unexplained change per change of the log load, of a contact not known yet: a patch that grows changes its pattern.
 Ten recordings: 0.1. A patch that grows over a border: 0.6, which has to be learned."""
-_SLIP_FACTOR, _SHEAR_FACTOR = 6.0, 5.0
-"""Change of a pattern in a slip over that at rest, and spread of the change of shear."""
+_SLIP_FACTOR = 6.0
+"""Change of a pattern in a slip over that at rest; the spread of the change of shear grows as much."""
 _SPREAD = 0.6
 """Standard deviation of the logarithm of an unexplained change."""
-_CORRELATION = 0.6
-"""Of these logarithms of pattern and shear at rest (measured .64): two witnesses of one event are no two events."""
+_CORRELATION = 0.3
+"""Of these logarithms of pattern and shear: what disturbs one disturbs the other."""
 _LARGEST_RATIO = 10.0
 """Upper limit of a log likelihood ratio: a bin is no proof."""
 REST_S, _SLIDE_S = 5.0, 0.7
@@ -51,13 +51,10 @@ def distance(share: Floats, rest: Floats | float, noise_power: Floats, rise: Flo
 
 
 def joint_log_likelihood_ratio(pattern: Floats, shear: Floats) -> Floats:
-    """Of both witnesses, whose logarithms are normal and correlated. pattern, shear: `distance` of each."""
-    apart, other = np.log(_SLIP_FACTOR) / _SPREAD, np.log(_SHEAR_FACTOR) / _SPREAD
-    own = 1 - _CORRELATION**2
-    by_pattern = (apart - _CORRELATION * other) / own * (pattern - 0.5 * apart)
-    by_shear = (other - _CORRELATION * apart) / own * (shear - 0.5 * other)
-    ratio: Floats = np.clip(by_pattern + by_shear, -_LARGEST_RATIO, _LARGEST_RATIO)
-    return ratio
+    """Of both witnesses, whose logarithms are normal, correlated and alike. pattern, shear: `distance` of each."""
+    apart = np.log(_SLIP_FACTOR) / _SPREAD
+    ratio = apart * (pattern + shear - apart) / (1 + _CORRELATION)
+    return np.clip(ratio, -_LARGEST_RATIO, _LARGEST_RATIO)
 
 
 def predicted(odds: Floats, step_s: float) -> Floats:
