@@ -458,13 +458,7 @@ def cut(block: Block, start: int, stop: int) -> Block:
     """Scans `start` to `stop` (excluded) of a block, as views."""
     kind, scans = type(block), slice(start, stop)
     names = kind.__match_args__  # of the dataclass; `fields` makes its answer anew each time
-    values = [getattr(block, name) for name in names]
-    return kind(
-        *(
-            value if value is None or name in _SHARED else value[scans]
-            for name, value in zip(names, values, strict=True)
-        )
-    )
+    return kind(*(part if (part := getattr(block, name)) is None or name in _SHARED else part[scans] for name in names))
 
 
 def _unknown(*shape: int) -> Floats:

@@ -53,8 +53,9 @@ def distance(share: Floats, rest: Floats | float, noise_power: Floats, rise: Flo
 def joint_log_likelihood_ratio(pattern: Floats, shear: Floats) -> Floats:
     """Of both witnesses, whose logarithms are normal, correlated and alike. pattern, shear: `distance` of each."""
     apart = np.log(_SLIP_FACTOR) / _SPREAD
-    ratio = apart * (pattern + shear - apart) / (1 + _CORRELATION)
-    return np.clip(ratio, -_LARGEST_RATIO, _LARGEST_RATIO)
+    joint = apart * (pattern + shear - apart) / (1 + _CORRELATION)
+    ratio: Floats = np.clip(joint, -_LARGEST_RATIO, _LARGEST_RATIO)
+    return ratio
 
 
 def predicted(odds: Floats, step_s: float) -> Floats:
