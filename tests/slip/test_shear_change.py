@@ -107,6 +107,14 @@ def test_the_blocks_do_not_matter(size: int) -> None:
         assert np.isfinite(whole).any()
 
 
+def test_a_block_of_no_scans_changes_nothing() -> None:
+    scans = api.conditioned(sheared(np.zeros(30), np.zeros(30)))
+    watch = PatternWatch(LAYOUT, 1e-4, 2)
+    parts = [watch.step(cut(scans, *edge)) for edge in ((0, 0), (0, 25), (25, 25), (25, len(scans)))]
+    found = np.concatenate([part.spread for part in parts])
+    np.testing.assert_array_equal(found, watched(scans, len(scans))[0])
+
+
 @both
 def test_without_shear_or_with_one_that_never_changes_nothing_is_different(mode: Mode) -> None:
     recording = sheared(np.zeros(100), np.zeros(100))

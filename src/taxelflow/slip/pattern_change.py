@@ -102,7 +102,7 @@ class PatternWatch:
         """Changes of the scans that follow those of the last call."""
         shape = scans.contact.shape
         touching, values = np.zeros(shape, dtype=np.bool_), np.full((6, *shape), np.nan)
-        shear_noise = None if scans.shear is None else self._shear_noise.step(scans, scans.shear)
+        shear_noise = self._shear_noise.step(scans, scans.shear) if scans.shear is not None and len(scans) else None
         changes = PatternChanges(scans.t_s, np.full(len(scans), np.nan), touching, *values)
         for scan, t_s in enumerate(scans.t_s.tolist()):
             if self._completed(scans, scan, t_s) and len(self._bins) == self._bins.maxlen:
