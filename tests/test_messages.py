@@ -46,7 +46,7 @@ def test_blocks_within_a_block_are_joined_field_by_field() -> None:
     assert [event.event for event in whole.events] == ["contact"] * 2
     assert whole.spatial is None
     assert len(whole.contacts) == 16
-    changes = PatternChanges(*(np.full(shape, 1.0) for shape in (3, 3, *[(3, 2)] * 5)))
+    changes = PatternChanges(*(np.full(shape, 1.0) for shape in (3, 3, *[(3, 2)] * 7)))
     assert joined([changes, changes]).noise.shape == (6, 2)
 
 

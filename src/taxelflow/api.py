@@ -84,17 +84,23 @@ def read(
 
 
 def recording(
-    t_s: ArrayLike, values: ArrayLike, sensor: str | Path | Sensor, *, masked: Sequence[int] = ()
+    t_s: ArrayLike,
+    values: ArrayLike,
+    sensor: str | Path | Sensor,
+    *,
+    masked: Sequence[int] = (),
+    shear: ArrayLike | None = None,
 ) -> Recording:
     """A recording from arrays.
 
     t_s: (scans,), s, increasing. values: (scans, taxels) in the sensor's unit and the order of its layout, NaN where
     missing, or (scans, rows, cols) of a sensor that is one full grid. sensor: a built-in name, a plain grid such as
-    `grid:16x16@4mm,kPa`, a TOML file or a `Sensor`. masked: numbers of taxels that are switched off.
+    `grid:16x16@4mm,kPa`, a TOML file or a `Sensor`. masked: numbers of taxels that are switched off. shear: (scans,
+    taxels, 2) or (scans, rows, cols, 2) of a three-axis sensor, along x (right) and y (up) of the pad, same unit.
     Raises RecordingCorrupt, TaxelCountWrong, NameUnknown, SensorFileInvalid, ParameterInvalid.
     """
     chosen = sensor if isinstance(sensor, Sensor) else load_sensor(str(sensor))
-    found = Recording.of_arrays(t_s, values, chosen)
+    found = Recording.of_arrays(t_s, values, chosen, shear=shear)
     off = np.zeros(chosen.layout.taxels, dtype=np.bool_)
     for taxel in masked:
         if not 0 <= taxel < len(off):

@@ -57,10 +57,13 @@ class RawScans:
 
     t_s: (scans,), sensor's clock in s, strictly increasing.
     values: (scans, taxels); NaN where a taxel is missing in a scan.
+    shear: (scans, taxels, 2), load along x (right) and y (up) of each taxel's pad, in the same unit; NaN where missing.
+    None for sensors without it, and in the columns of a source, which hold it.
     """
 
     t_s: Floats
     values: Floats
+    shear: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -106,6 +109,8 @@ class Scans:
     ceiling: (entries,), a reading at or above it is saturated; inf where the full scale is unknown.
     contact: (scans, pads). complete: (scans, pads), False where a loaded taxel is missing in that scan, and in the
     first scan after a gap in time or a change of masks: no motion can be estimated from the previous scan.
+    shear: (scans, entries, 2), along x (right) and y (up) of the entry's pad or group, less that of idle scans, in the
+    unit of pressure, 0 where a taxel is masked or missing; None for sensors without it.
     """
 
     t_s: Floats
@@ -114,6 +119,7 @@ class Scans:
     ceiling: Floats
     contact: Bools
     complete: Bools
+    shear: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -452,7 +458,7 @@ def cut(block: Block, start: int, stop: int) -> Block:
     """Scans `start` to `stop` (excluded) of a block, as views."""
     kind, scans = type(block), slice(start, stop)
     names = kind.__match_args__  # of the dataclass; `fields` makes its answer anew each time
-    return kind(*(getattr(block, name) if name in _SHARED else getattr(block, name)[scans] for name in names))
+    return kind(*(part if (part := getattr(block, name)) is None or name in _SHARED else part[scans] for name in names))
 
 
 def _unknown(*shape: int) -> Floats:

@@ -9,8 +9,8 @@ from numpy.testing import assert_array_equal
 from logged import logged, noisy_grasp
 from taxelflow.condition import blocks
 from taxelflow.condition.blocks import Blockwise, condition_block, deduplicate_block
+from taxelflow.condition.contact import PadContact, condition
 from taxelflow.condition.deduplicate import Deduplicator
-from taxelflow.condition.session import PadContact, condition
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import records
 

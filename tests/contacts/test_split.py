@@ -13,7 +13,8 @@ from rigged import rigged
 from synthetic import assert_same, conditioned, dome, grid_sensor, slips_by
 from tabled import hexagonal, table_sensor
 from taxelflow import api
-from taxelflow.messages import Floats, Scans
+from taxelflow.condition.parameters import Conditioner
+from taxelflow.messages import Floats, Scans, joined
 from taxelflow.sensors.sensor import Sensor, with_contacts
 from taxelflow.simulation.simulate import simulate
 
@@ -44,7 +45,7 @@ def apart(values: Floats, contacts: int = 2, sensor: Sensor = GRID, **parameters
     scans, _ = conditioned(values, with_contacts(sensor, contacts), mode="stream", **parameters)
     return Scans(
         *(
-            getattr(scans, f.name)[12:] if f.name not in ("noise", "ceiling") else getattr(scans, f.name)
+            getattr(scans, f.name)[12:] if f.name not in ("noise", "ceiling", "shear") else getattr(scans, f.name)
             for f in fields(scans)
         )
     )
@@ -253,3 +254,15 @@ def test_groups_stay_beside_contacts() -> None:
     layout = with_contacts(sensor, 2).layout
     assert layout.pads == ("pad0", "left", "pad0#1", "pad0#2")
     assert layout.independent.tolist() == [False, True, False, False]
+
+
+def test_each_contact_has_the_shear_of_its_own_taxels() -> None:
+    values = pressed(*[[(-0.06, 0.0), (0.06, 0.02, 0.8)]] * 6)
+    shear = np.stack([values, -values], axis=2)
+    recording = api.recording(np.arange(len(values)) / 10, values, GRID, shear=shear).with_contacts(2)
+    scans = joined(list(api.segmented(recording, Conditioner(tare="none"))))
+    assert scans.shear is not None
+    layout = recording.layout
+    for pad in range(3):
+        own = layout.of_pad(pad)
+        np.testing.assert_array_equal(scans.shear[12:, own, 0], scans.pressure[12:, own])

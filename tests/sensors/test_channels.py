@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from synthetic import grid_sensor, recorded
 from taxelflow.api import read
-from taxelflow.errors import TaxelCountWrong
+from taxelflow.errors import SensorFileInvalid, TaxelCountWrong
+from taxelflow.messages import RawScans
 from taxelflow.sensors.pads import Pad
-from taxelflow.sensors.sensor import Sensor
+from taxelflow.sensors.sensor import Sensor, sensor_of
 from taxelflow.simulation.parameters import Motion
 from taxelflow.simulation.scenario import Scenario
 from taxelflow.simulation.simulate import save
@@ -115,3 +116,33 @@ def test_a_simulated_recording_of_a_sensor_with_a_channel_map_is_read_back(tmp_p
     again = read(tmp_path / "tip.npz")
     np.testing.assert_allclose(again.load().values, made.values, atol=1e-9)
     assert next(again.source_blocks()).values.max() <= 256
+
+
+@given(
+    normal=st.sampled_from("xyz"),
+    swapped=st.booleans(),
+    signs=st.tuples(st.sampled_from(["", "-"]), st.sampled_from(["", "-"])),
+    gain=st.floats(0.1, 10),
+)
+def test_shear_that_is_sent_is_read_back(normal: Any, swapped: bool, signs: tuple[str, str], gain: float) -> None:
+    first, second = [axis for axis in "xyz" if axis != normal][:: -1 if swapped else 1]
+    shear: Any = (signs[0] + first, signs[1] + second)
+    channel_map = grid_sensor(2, 3, axes=3, normal=normal, shear=shear, shear_gain=gain, offset=7.0).channel_map
+    random = np.random.default_rng(0)
+    readings, along = random.normal(0, 10, (4, 6)), random.normal(0, 10, (4, 6, 2))
+    raw = channel_map.of_source(RawScans(np.arange(4.0), channel_map.to_source(readings, along)))
+    assert raw.shear is not None
+    np.testing.assert_allclose(raw.shear, along, atol=1e-12)
+    np.testing.assert_allclose(raw.values, readings, atol=1e-12)
+    sent = channel_map.to_source(np.zeros((1, 6)), np.eye(2)[np.newaxis, [0] * 6])[0].reshape(6, 3)
+    assert (sent[:, "xyz".index(first)] * (-1 if signs[0] else 1) > 0).all()  # a pull to the right is along the first
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"axes": 1}, {"axes": 3, "normal": "x"}, {"axes": 3, "shear": ["x", "x"]}, {"axes": 3, "shear": ["x", "z"]}],
+)
+def test_shear_axes_that_do_not_lie_in_the_skin_are_refused(fields: dict[str, Any]) -> None:
+    pads = [{"name": "a", "rows": 2, "cols": 2, "pitch_m": [1e-3, 1e-3]}]
+    with pytest.raises(SensorFileInvalid, match="field shear"):
+        sensor_of({"name": "a", "unit": "Pa", "pads": pads, "shear": ["x", "-y"], **fields}, "a.toml")

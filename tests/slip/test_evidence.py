@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
 
-from taxelflow.slip.evidence import REST_CHANGE, log_likelihood_ratio, looked_back, predicted, updated
+from taxelflow.slip.evidence import (
+    REST_CHANGE,
+    distance,
+    joint_log_likelihood_ratio,
+    log_likelihood_ratio,
+    looked_back,
+    predicted,
+    updated,
+)
 
 STEP_S = 0.1
 QUIET = np.zeros(1)
@@ -33,6 +42,33 @@ def test_more_change_is_more_evidence_and_load_and_noise_make_it_less(
     assert ratio(low, rise, noise) <= ratio(high, rise, noise)
     assert ratio(a, rise, noise) <= ratio(a)
     assert np.isfinite(ratio(0.0))
+
+
+FAR = st.floats(-6, 6)
+
+
+@given(FAR, FAR, FAR)
+def test_two_witnesses_are_alike_and_each_more_is_more(pattern: float, shear: float, more: float) -> None:
+    ratio = float(joint_log_likelihood_ratio(np.array(pattern), np.array(shear)))
+    assert ratio == pytest.approx(float(joint_log_likelihood_ratio(np.array(shear), np.array(pattern))))
+    low, high = sorted((shear, more))
+    one, other = (float(joint_log_likelihood_ratio(np.array(pattern), np.array(far))) for far in (low, high))
+    assert one <= other
+
+
+def test_a_joint_ratio_is_that_of_correlated_normal_numbers() -> None:
+    shift, correlation = np.log(6) / 0.6, 0.3
+    covariance = np.array([[1, correlation], [correlation, 1]])
+    rest, slip = (multivariate_normal(mean * np.ones(2), covariance) for mean in (0, shift))
+    for far in ((0.0, 0.0), (2.0, 0.5), (1.0, 3.0)):
+        expected = slip.logpdf(far) - rest.logpdf(far)
+        assert joint_log_likelihood_ratio(*map(np.array, far)) == pytest.approx(expected)
+
+
+def test_a_distance_counts_from_what_is_usual() -> None:
+    share, rise, growth = np.array([0.02**2]), np.array([0.0]), np.array([0.1])
+    assert distance(share, 0.02, np.zeros(1), rise, growth)[0] == pytest.approx(0)
+    assert distance(share, 0.01, np.zeros(1), rise, growth)[0] == pytest.approx(np.log(2) / 0.6)
 
 
 def enumerated(ratios: list[float], judged: int) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from taxelflow.acquire.columns import SECONDS_PER
+from taxelflow.acquire.columns import doubted_rate
 from taxelflow.acquire.limits import BLOCK_BYTES, BLOCK_SCANS
 from taxelflow.errors import (
     RecordingCorrupt,
@@ -18,7 +18,7 @@ from taxelflow.errors import (
     printable,
 )
 from taxelflow.messages import Bools, Floats, Joints, RawScans, cut, joined
-from taxelflow.sensors.sensor import Sensor, with_contacts
+from taxelflow.sensors.sensor import Sensor, with_contacts, with_shear
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -30,14 +30,6 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Block = TypeVar("Block")
-
-_SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
-"""Scan rates of tactile sensors; a rate outside suggests times in a wrong unit."""
-
-_USUAL_HZ = (5.0, 2000.0)
-"""Scan rates by which the unit of the times is guessed."""
-_LATEST_S = 4e9
-"""Unix time in 2096: stamps of the epoch in another unit than s are far above."""
 
 _RATE_SCANS = 5
 """Scans from which the rate is estimated; a median of fewer steps is not robust."""
@@ -114,15 +106,25 @@ class Recording:
         return cls(source, "live", sensor, lambda: iter(()), scans=0)
 
     @classmethod
-    def of_arrays(cls, t_s: ArrayLike, values: ArrayLike, sensor: Sensor, source: str = "arrays") -> Recording:
+    def of_arrays(
+        cls,
+        t_s: ArrayLike,
+        values: ArrayLike,
+        sensor: Sensor,
+        source: str = "arrays",
+        *,
+        shear: ArrayLike | None = None,
+    ) -> Recording:
         """A recording in memory.
 
         t_s: (scans,), s. values: (scans, taxels) in the sensor's unit and the order of its layout, NaN where missing;
-        or (scans, rows, cols) of a sensor with one full grid. Raises RecordingCorrupt, TaxelCountWrong; reading raises
-        TimesNotIncreasing.
+        or (scans, rows, cols) of a sensor with one full grid. shear: of the same shape and unit with a last axis of 2,
+        along x (right) and y (up) of the pad; a sensor of one axis becomes one of three. Raises RecordingCorrupt,
+        TaxelCountWrong, SensorFileInvalid; reading raises TimesNotIncreasing.
         """
         try:
             times, readings = np.array(t_s, dtype=np.float64), np.array(values, dtype=np.float64)
+            along = None if shear is None else np.array(shear, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise RecordingCorrupt(source, f"not numbers: {error}", "give arrays of numbers") from error
         if times.ndim != 1 or readings.ndim not in (2, 3) or len(readings) != len(times):
@@ -133,10 +135,15 @@ class Recording:
             if readings.shape[1:] != grid or sensor.layout.taxels != readings[0].size:
                 seen = f"values has shape {readings.shape}, which is no full grid of sensor {sensor.name}"
                 raise RecordingCorrupt(source, seen, "give values (scans, taxels) in the order of the layout")
-            readings = readings.reshape(len(times), -1)
+        if along is not None and along.shape != (*readings.shape, 2):
+            seen = f"values has shape {readings.shape}, shear {along.shape}"
+            raise RecordingCorrupt(source, seen, "give shear the shape of values, and a last axis of 2")
+        readings = readings.reshape(len(times), sensor.layout.taxels if readings.ndim == 3 else readings.shape[1])
         if readings.shape[1] != sensor.layout.taxels:
             raise TaxelCountWrong(source, readings.shape[1], sensor.name, sensor.layout.taxels)
-        raw = RawScans(times, sensor.channel_map.to_source(readings))
+        if along is not None:
+            sensor, along = with_shear(sensor, source), along.reshape(*readings.shape, 2)
+        raw = RawScans(times, sensor.channel_map.to_source(readings, along))
 
         def read() -> Iterator[RawScans]:
             return (cut(raw, start, min(start + BLOCK_SCANS, len(raw))) for start in range(0, len(raw), BLOCK_SCANS))
@@ -170,7 +177,8 @@ class Recording:
     def load(self) -> RawScans:
         """The whole recording in memory, of a truncated one the scans before the damage. Raises as `Reading` does."""
         blocks = list(self.blocks())
-        return joined(blocks) if blocks else RawScans(np.zeros(0), np.zeros((0, self.layout.taxels)))
+        nothing = RawScans(np.zeros(0), np.zeros((0, self.sensor.channel_map.columns)))
+        return joined(blocks) if blocks else self.sensor.channel_map.of_source(nothing)
 
 
 class Reading:
@@ -223,10 +231,11 @@ class Reading:
             seen = block.values.shape[1]
             raise TaxelCountWrong(self._recording.source, seen, sensor.name, sensor.channel_map.columns)
         if self._mapped:
-            block = RawScans(block.t_s, sensor.channel_map.to_readings(block.values))
-        block = self._in_order(RawScans(np.ascontiguousarray(block.t_s), np.ascontiguousarray(block.values)))
+            block = sensor.channel_map.of_source(block)
+        block = replace(block, t_s=np.ascontiguousarray(block.t_s), values=np.ascontiguousarray(block.values))
+        block = self._in_order(block)
         if not self.scans and len(block) >= _RATE_SCANS:
-            self._check_rate(1 / float(np.median(np.diff(block.t_s))), float(block.t_s[0]))
+            self.notes += doubted_rate(1 / float(np.median(np.diff(block.t_s))), float(block.t_s[0]))
         self.scans += len(block)
         if len(block):
             self._last_s = float(block.t_s[-1])
@@ -246,19 +255,10 @@ class Reading:
             )
             increasing[wrong:] = repeated[wrong:] = False
         self.repeated += int(repeated.sum())
-        return block if increasing.all() else RawScans(block.t_s[increasing], block.values[increasing])
-
-    def _check_rate(self, rate_hz: float, first_s: float) -> None:
-        if _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
-            return
-        units = [name for name, seconds in SECONDS_PER.items() if _LATEST_S / 4 < first_s * seconds < _LATEST_S]
-        units += [name for name, seconds in SECONDS_PER.items() if _USUAL_HZ[0] <= rate_hz / seconds <= _USUAL_HZ[1]]
-        likely = f"the times are likely in {units[0]}" if units and units[0] != "s" else "check that times are in s"
-        how = f"--columns.time-unit {units[0]}" if units and units[0] != "s" else "--columns.time-unit"
-        self.notes.append(
-            f"a rate of {rate_hz:.3g} Hz is implausible for a tactile sensor: {likely} ({how} for a table; else convert"
-            " them to s)"
-        )
+        if increasing.all():
+            return block
+        shear = None if block.shear is None else block.shear[increasing]
+        return RawScans(block.t_s[increasing], block.values[increasing], shear)
 
     def _check_length(self) -> None:
         if self.scans < _RATE_SCANS and self.scans + self.repeated > 0:

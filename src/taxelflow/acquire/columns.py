@@ -26,6 +26,12 @@ _SHOWN = 60
 """Characters of a header that a message shows."""
 SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of times."""
+_SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
+"""Scan rates of tactile sensors; a rate outside suggests times in a wrong unit."""
+_USUAL_HZ = (5.0, 2000.0)
+"""Scan rates by which the unit of the times is guessed."""
+_LATEST_S = 4e9
+"""Unix time in 2096: stamps of the epoch in another unit than s are far above."""
 
 
 @dataclass(frozen=True)
@@ -165,3 +171,17 @@ def _matching(pattern: str, names: list[str]) -> list[int]:
 def _listed(names: list[str]) -> str:
     more = f" and {len(names) - 8} more" if len(names) > 8 else ""
     return ", ".join(" ".join(name[:40].split()) for name in names[:8]) + more
+
+
+def doubted_rate(rate_hz: float, first_s: float) -> list[str]:
+    """A note if no tactile sensor scans at this rate, with the likely unit of the times. first_s: the first of them."""
+    if _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
+        return []
+    units = [name for name, seconds in SECONDS_PER.items() if _LATEST_S / 4 < first_s * seconds < _LATEST_S]
+    units += [name for name, seconds in SECONDS_PER.items() if _USUAL_HZ[0] <= rate_hz / seconds <= _USUAL_HZ[1]]
+    likely = f"the times are likely in {units[0]}" if units and units[0] != "s" else "check that times are in s"
+    how = f"--columns.time-unit {units[0]}" if units and units[0] != "s" else "--columns.time-unit"
+    return [
+        f"a rate of {rate_hz:.3g} Hz is implausible for a tactile sensor: {likely} ({how} for a table; else convert"
+        " them to s)"
+    ]

@@ -49,15 +49,19 @@ MIN_LOADED_TAXELS = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NewScans:
-    """New scans. t_s: (scans,). values: (scans, taxels). gap: (scans,), time was lost before this one."""
+    """New scans. t_s: (scans,). values: (scans, taxels). gap: (scans,), time was lost before this one. shear: (scans,
+    taxels, 2), or None.
+    """
 
     t_s: Floats
     values: Floats
     gap: Bools
+    shear: Floats | None = None
 
     def part(self, start: int, stop: int) -> NewScans:
         """Scans `start` to `stop` (excluded), as views."""
-        return NewScans(self.t_s[start:stop], self.values[start:stop], self.gap[start:stop])
+        shear = None if self.shear is None else self.shear[start:stop]
+        return NewScans(self.t_s[start:stop], self.values[start:stop], self.gap[start:stop], shear)
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -113,14 +117,14 @@ class Deduplicator:
             usual_s=float(s.new_steps_s / s.new_steps) if s.new_steps else mean,
         )
 
-    def step(self, t_s: Floats, values: Floats) -> NewScans:
-        """Scans (scans, taxels) in time order -> the new ones among them."""
+    def step(self, t_s: Floats, values: Floats, shear: Floats | None = None) -> NewScans:
+        """Scans (scans, taxels) in time order -> the new ones among them. shear: (scans, taxels, 2) goes along."""
         keep = np.ones(len(t_s), dtype=np.bool_)
         gap = np.zeros(len(t_s), dtype=np.bool_)
         new = self._deduplicate(t_s, values, self._ceiling, self._drop, self._histories, self._streams, keep, gap)
         if new == len(t_s):
-            return NewScans(t_s, values, gap)
-        return NewScans(t_s[keep], values[keep], gap[keep])
+            return NewScans(t_s, values, gap, shear)
+        return NewScans(t_s[keep], values[keep], gap[keep], None if shear is None else shear[keep])
 
 
 @kernel

@@ -10,15 +10,15 @@ import numpy as np
 
 from taxelflow.condition.baseline import Baseline, estimate_baseline, with_masked
 from taxelflow.condition.blocks import Blockwise, condition_block, deduplicate_block
+from taxelflow.condition.contact import condition, pad_contacts
 from taxelflow.condition.deduplicate import Counts, Deduplicator, NewScans, deduplicate
 from taxelflow.condition.relearning import Relearning
 from taxelflow.condition.sample import Sample
+from taxelflow.condition.shear import ShearTare
 from taxelflow.condition.units import SATURATED_SHARE, full_scale, in_si
 from taxelflow.condition.unloaded import falls_under_load, no_contact
 from taxelflow.errors import RecordingError
-from taxelflow.messages import Bools, Floats, RawScans, Scans, joined
-from taxelflow.numerics.records import Records, records
-from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.messages import Bools, RawScans, Scans, joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -27,21 +27,7 @@ if TYPE_CHECKING:
     from taxelflow.condition.drift import DriftTracker
     from taxelflow.condition.filters import Filters
     from taxelflow.runtime.adoption import Adopting
-    from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
-
-
-class PadContact:
-    """Contact detection on a pad with entries start to stop.
-
-    on, off: standard deviations of noise above which contact starts, and below which it ends.
-    """
-
-    start: int
-    stop: int
-    on: float
-    off: float
-    in_contact: bool
 
 
 class ConditionSession:
@@ -65,10 +51,11 @@ class ConditionSession:
         self.sample = Sample(self._layout.taxels)
         self._relearning = Relearning(parameters, sensor, self._adopt)
         self._held: list[NewScans] = []
-        self._pads = _pad_contacts(self._layout, parameters)
+        self._pads = pad_contacts(self._layout, parameters)
         self._last = np.zeros(self._layout.entries)
         self._changed: Bools | None = None
         self._filters: Filters | None = None
+        self._shear = ShearTare(sensor, tared=parameters.tare != "none")
         self._drift: DriftTracker | None = None
         if parameters.drift == "follow":
             from taxelflow.condition.drift import DriftTracker
@@ -107,7 +94,8 @@ class ConditionSession:
 
     def step(self, raw: RawScans) -> Iterator[Scans]:
         """Conditioned scans, all that are ready, in blocks of one noise model each."""
-        new = self._deduplicator.step(raw.t_s, in_si(raw.values, self._sensor))
+        shear = None if raw.shear is None else in_si(raw.shear, self._sensor)
+        new = self._deduplicator.step(raw.t_s, in_si(raw.values, self._sensor), shear)
         if not self._causal:
             yield from self._condition(new)
             return
@@ -158,7 +146,7 @@ class ConditionSession:
         The state of the stream is unchanged.
         """
         state = self._pads, self._last
-        self._pads, self._last = _pad_contacts(self._layout, self._parameters), np.zeros_like(self._last)
+        self._pads, self._last = pad_contacts(self._layout, self._parameters), np.zeros_like(self._last)
         for start_s, window in (*zip(self.sample.starts_s, self.sample.windows, strict=True), self.sample.tail):
             values = window[np.isfinite(window).any(axis=1)]
             yield self._tare(NewScans(np.full(len(values), start_s), values, np.zeros(len(values), dtype=np.bool_)))
@@ -171,7 +159,9 @@ class ConditionSession:
         if (parameters.lowpass_hz or parameters.median_scans > 1) and usual_s > 0:
             from taxelflow.condition.filters import Filters
 
-            self._filters = Filters(self._layout.taxels, parameters.lowpass_hz, parameters.median_scans, usual_s)
+            limits = parameters.lowpass_hz, parameters.median_scans, usual_s
+            self._filters = Filters(self._layout.taxels, *limits)
+            self._shear.filters = Filters(2 * self._layout.taxels, *limits) if self._sensor.shear else None
         self._set_baseline(baseline)
 
     def _adopt(self, baseline: Baseline) -> None:
@@ -234,65 +224,5 @@ class ConditionSession:
         if self._changed is not None and len(new):
             complete[0, self._changed] = False  # a new mask or offset must not look like motion
             self._changed = None
-        return Scans(new.t_s, pressure, self._entry_noise, self._entry_ceiling, contact, complete)
-
-
-def _pad_contacts(layout: Layout, parameters: ConditionSettings) -> Records:
-    """`PadContact` (pads,), none in contact."""
-    pads = records(PadContact, len(layout.pads))
-    pads["start"], pads["stop"] = layout.starts[:-1], layout.starts[1:]
-    pads["on"], pads["off"] = parameters.contact_on, parameters.contact_off
-    return pads
-
-
-@kernel
-def condition(
-    values: Floats,
-    gap: Bools,
-    offset: Floats,
-    noise: Floats,
-    last: Floats,
-    pads: Records,
-    pressure: Floats,
-    contact: Bools,
-    complete: Bools,
-) -> None:
-    """Fill pressure (scans, entries), contact and complete (scans, pads) from readings in SI.
-
-    values: (scans, entries). gap: (scans,), time was lost before this scan: no pad is complete in it. offset, noise:
-    (entries,). last: (entries,), the last known reading. pads: `PadContact` (pads,).
-    """
-    for scan in range(values.shape[0]):
-        for number in range(len(pads)):
-            pad: PadContact = pads[number]
-            whole = _condition_pad(values[scan], offset, noise, last, pad, pressure[scan])
-            contact[scan, number] = pad.in_contact
-            complete[scan, number] = whole and not gap[scan]
-
-
-@routine
-def _condition_pad(
-    values: Floats, offset: Floats, noise: Floats, last: Floats, pad: PadContact, pressure: Floats
-) -> bool:
-    """Fill pressure (entries,) of one pad and bring its contact up to date. Returns False if a loaded taxel is missing.
-
-    A masked taxel (noise 0) reads 0. A missing one (not finite) reads 0 as well; it is loaded if it was last.
-    """
-    total = variance = peak = 0.0
-    whole = True
-    for k in range(pad.start, pad.stop):
-        reading = 0.0
-        if noise[k] > 0.0:
-            reading = values[k] - offset[k]
-            if np.isfinite(reading):
-                last[k] = reading
-                total += reading
-                variance += noise[k] ** 2 if reading != 0.0 else 0.0
-                peak = max(peak, reading / noise[k])
-            else:
-                reading = 0.0
-                whole = whole and last[k] <= pad.off * noise[k]
-        pressure[k] = reading
-    level = pad.off if pad.in_contact else pad.on
-    pad.in_contact = peak > level and total > level * np.sqrt(variance)
-    return whole
+        shear = None if new.shear is None else self._shear.step(new.shear, new.gap, contact, self._entry_noise)
+        return Scans(new.t_s, pressure, self._entry_noise, self._entry_ceiling, contact, complete, shear)

@@ -58,7 +58,11 @@ class ContactSplitter:
         found = self._tracker.step(scans)
         pressure, contact, complete = scans.pressure.copy(), scans.contact.copy(), scans.complete.copy()
         split(found.labels, found.contacts, self._contacts, pressure, contact, complete)
-        return replace(scans, pressure=pressure, contact=contact, complete=complete)
+        shear = scans.shear
+        if shear is not None:  # that of the taxels which a contact holds
+            own = np.arange(shear.shape[1]) < self._contacts["start"].min()
+            shear = np.where((own | (pressure != 0.0))[..., np.newaxis], shear, 0.0)
+        return replace(scans, pressure=pressure, contact=contact, complete=complete, shear=shear)
 
 
 @kernel

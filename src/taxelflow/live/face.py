@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -106,8 +107,8 @@ class Live:
 
     def push(self, scans: RawScans) -> Output:
         """Results that these scans make ready: (scans, columns) as the source sends them, later than all before."""
-        readings = self.recording.sensor.channel_map.to_readings(scans.values)
-        return self.run.step(RawScans(scans.t_s, np.ascontiguousarray(readings)))
+        readings = self.recording.sensor.channel_map.of_source(scans)
+        return self.run.step(replace(readings, values=np.ascontiguousarray(readings.values)))
 
     def finish(self) -> Output:
         """Results that were held back; no scan may follow."""

@@ -1,7 +1,8 @@
 """Map from the numbers that a source sends to the readings of taxels: order, axis, offset, polarity and gain.
 
 A source's scan has `channels` places, each of one number or of three (x, y, z), of which the one normal to the skin is
-read. A reading is  polarity (number - offset) gain,  in the sensor's unit, and grows with load.
+read. A reading is  polarity (number - offset) gain,  in the sensor's unit, and grows with load. The other two of three
+are the shear, if the sensor declares where they point: number times factor, in the same unit, from an arbitrary level.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.messages import Floats
+from taxelflow.messages import Floats, RawScans
 from taxelflow.sensors.pad_geometry import present_taxels
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ class ChannelMap:
 
     columns: numbers in a source's scan. column: (taxels,), the one that a taxel is read from.
     offset (one number, or (taxels,)), polarity, gain (taxels,): as in the equation at the top.
+    shear_column: (taxels, 2), of the shear along x (right) and y (up) of the pad; None if it is not read. shear_factor:
+    (2,), of its numbers.
     identity: whether a source's scan is the readings without any change.
     """
 
@@ -37,6 +40,8 @@ class ChannelMap:
     offset: Floats
     polarity: int
     gain: Floats
+    shear_column: Indices | None = None
+    shear_factor: Floats = field(default_factory=lambda: np.ones(2))
     identity: bool = field(init=False)
 
     def __post_init__(self) -> None:
@@ -52,14 +57,24 @@ class ChannelMap:
         readings: Floats = (picked - self.offset) * (self.polarity * self.gain)
         return readings
 
-    def to_source(self, readings: Floats) -> Floats:
+    def of_source(self, raw: RawScans) -> RawScans:
+        """Scans in the source's columns -> readings in the order of the layout, with shear if it is read."""
+        if self.shear_column is None:
+            return RawScans(raw.t_s, self.to_readings(raw.values))
+        shear = np.take(raw.values, self.shear_column, axis=1) * self.shear_factor
+        return RawScans(raw.t_s, self.to_readings(raw.values), shear)
+
+    def to_source(self, readings: Floats, shear: Floats | None = None) -> Floats:
         """Inverse of `to_readings`: (scans, taxels) -> (scans, columns), columns of no taxel at the
-        common offset, 0 without one."""
+        common offset, 0 without one. shear: (scans, taxels, 2) of a sensor that declares it; else those columns are of
+        no taxel."""
         if self.identity:
             return readings
         unused = self.offset if self.offset.ndim == 0 else 0.0
         values = np.full((len(readings), self.columns), unused)
         values[:, self.column] = self.offset + self.polarity * readings / self.gain
+        if shear is not None:
+            values[:, self.shear_column] = shear / self.shear_factor
         return values
 
 

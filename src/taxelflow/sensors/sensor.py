@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 PASCAL_PER = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "psi": 6894.757293168, "N/cm2": 1e4}
 
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 Delay = Annotated[float, Meta(ge=0, lt=1e3)]
 
 
@@ -53,7 +54,12 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash
     axes: Literal[1, 3] = 1
     """Numbers that the source sends per taxel: 3 for x, y, z of a three-axis taxel, in sequence."""
     normal: Literal["x", "y", "z"] = "z"
-    """The one of three axes that is normal to the skin; the others are not used."""
+    """The one of three axes that is normal to the skin."""
+    shear: tuple[Axis, Axis] | None = None
+    """Those of the other two axes that point along x (right) and y (up) of a pad, as in ["x", "-y"]; shear is not read
+    if left out."""
+    shear_gain: Positive = 1.0
+    """Factor from a number of the shear axes to `unit`."""
     unseen_error: Annotated[float, Meta(ge=0, le=1)] = 0.05
     """Share of a contact's largest reading by which readings may be wrong unseen (hysteresis, creep, gain errors);
     the least error that the covariance of a learned template allows for. 0 for a sensor without them."""
@@ -98,12 +104,27 @@ def _channel_map(sensor: Sensor) -> ChannelMap:
     import numpy as np
 
     columns, column = assign_columns(sensor.pads, sensor.channels, sensor.axes, _axis(sensor))
-    gain = np.array(sensor.gain or [1.0] * len(column))
-    return ChannelMap(columns, column, np.array(sensor.offset), sensor.polarity, gain)
+    gain, normal = np.array(sensor.gain or [1.0] * len(column)), (np.array(sensor.offset), sensor.polarity)
+    if sensor.shear is None:
+        return ChannelMap(columns, column, *normal, gain)
+    axes = np.array(["xyz".index(axis[-1]) for axis in sensor.shear]) - _axis(sensor)
+    factor = np.array([-sensor.shear_gain if axis.startswith("-") else sensor.shear_gain for axis in sensor.shear])
+    return ChannelMap(columns, column, *normal, gain, column[:, np.newaxis] + axes, factor)
 
 
 def _axis(sensor: Sensor) -> int:
     return "xyz".index(sensor.normal) if sensor.axes == 3 else 0
+
+
+def with_shear(sensor: Sensor, source: str) -> Sensor:
+    """The sensor; one of a single axis gets three. source: what holds shear. Raises SensorFileInvalid if three axes do
+    not say where they point."""
+    if sensor.axes == 1:
+        return msgspec.structs.replace(sensor, axes=3, normal="z", shear=("x", "y"))
+    if sensor.shear is None:
+        seen = f"{sensor.name} does not say where the axes of its taxels point, and {source} hold shear"
+        raise SensorFileInvalid(sensor.name, "top level, field shear", seen, 'add it, as in shear = ["x", "-y"]')
+    return sensor
 
 
 def with_contacts(sensor: Sensor, asked: int | str | Mapping[str, int]) -> Sensor:
@@ -197,6 +218,8 @@ def _check(sensor: Sensor, source: str) -> None:
             what = field.removesuffix("_s")
             seen = f"{len(numbers)} {what}s for {taxels} taxels"
             raise SensorFileInvalid(source, f"top level, field {field}", seen, "give one per taxel, or none")
+    if sensor.shear is not None:
+        validation.check_shear(sensor.axes, sensor.normal, sensor.shear, source)
     try:
         assign_columns(sensor.pads, sensor.channels, sensor.axes, _axis(sensor))
     except ValueError as error:

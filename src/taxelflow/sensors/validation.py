@@ -55,6 +55,14 @@ def pad_at(number: int, name: str) -> str:
     return f"table [[pads]] number {number} ({name})"
 
 
+def check_shear(axes: int, normal: str, shear: tuple[str, str], source: str) -> None:
+    """Check that two axes of three lie in the skin. Raises SensorFileInvalid."""
+    if axes != 3 or {normal, *(axis[-1] for axis in shear)} != set("xyz"):
+        seen = f"{list(shear)} of {axes} axes, normal {normal}"
+        remedy = 'set axes = 3, and name the two axes that are not normal, as in ["x", "-y"]'
+        raise SensorFileInvalid(source, "top level, field shear", seen, remedy)
+
+
 def check_sizes(pads: Sequence[Pad], groups: Sequence[Group], source: str) -> None:
     """Check what memory and time the layout takes before it is computed. Raises SensorFileInvalid."""
     taxels = sum(max(0, pad.count) for pad in pads)

@@ -2,8 +2,9 @@
 
 Logarithms of the unexplained change of a pattern (`pattern_change.py`) are about normal. At rest their mean is that of
 the change that every soft skin shows, of growth under load and of noise; in a slip the change is several times as
-large. A two-state Markov chain, "rests" and "slides", turns ratios into odds: forward for a stream, forward and
-backward for a recording.
+large. So are those of the spread of the change of shear (`shear_change.py`), where a sensor has it, and the ratio is
+that of both together. A two-state Markov chain, "rests" and "slides", turns ratios into odds: forward for a stream,
+forward and backward for a recording.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ GROWTH = 0.075
 """Unexplained change per change of the log load, of a contact not known yet: a patch that grows changes its pattern.
 Ten recordings: 0.1. A patch that grows over a border: 0.6, which has to be learned."""
 _SLIP_FACTOR = 6.0
-"""Change of a pattern in a slip over that at rest."""
+"""Change of a pattern in a slip over that at rest; the spread of the change of shear grows as much."""
 _SPREAD = 0.6
 """Standard deviation of the logarithm of an unexplained change."""
+_CORRELATION = 0.3
+"""Of these logarithms of pattern and shear: what disturbs one disturbs the other."""
 _LARGEST_RATIO = 10.0
 """Upper limit of a log likelihood ratio: a bin is no proof."""
 REST_S, _SLIDE_S = 5.0, 0.7
@@ -34,10 +37,24 @@ def log_likelihood_ratio(share: Floats, noise_power: Floats, rise: Floats, growt
     share: unexplained share of the pattern's power. noise_power: what noise leaves of it unexplained. rise: change of
     the log load. growth: unexplained change at rest per change of the log load.
     """
-    usual = REST_CHANGE**2 + (growth * rise) ** 2 + noise_power
-    distance = 0.5 * np.log(np.maximum(share, 1e-12) / usual) / _SPREAD
     apart = np.log(_SLIP_FACTOR) / _SPREAD
-    ratio: Floats = np.clip(apart * (distance - 0.5 * apart), -_LARGEST_RATIO, _LARGEST_RATIO)
+    far = distance(share, REST_CHANGE, noise_power, rise, growth)
+    ratio: Floats = np.clip(apart * (far - 0.5 * apart), -_LARGEST_RATIO, _LARGEST_RATIO)
+    return ratio
+
+
+def distance(share: Floats, rest: Floats | float, noise_power: Floats, rise: Floats, growth: Floats) -> Floats:
+    """Of the logarithm of a change from its mean at rest, standard deviations. rest: the change at a steady load."""
+    usual = rest**2 + (growth * rise) ** 2 + noise_power
+    far: Floats = 0.5 * np.log(np.maximum(share, 1e-12) / usual) / _SPREAD
+    return far
+
+
+def joint_log_likelihood_ratio(pattern: Floats, shear: Floats) -> Floats:
+    """Of both witnesses, whose logarithms are normal, correlated and alike. pattern, shear: `distance` of each."""
+    apart = np.log(_SLIP_FACTOR) / _SPREAD
+    joint = apart * (pattern + shear - apart) / (1 + _CORRELATION)
+    ratio: Floats = np.clip(joint, -_LARGEST_RATIO, _LARGEST_RATIO)
     return ratio
 
 

@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import joined
-from taxelflow.slip.evidence import log_likelihood_ratio, looked_back, updated
+from taxelflow.slip.evidence import (
+    REST_CHANGE,
+    distance,
+    joint_log_likelihood_ratio,
+    log_likelihood_ratio,
+    looked_back,
+    updated,
+)
 from taxelflow.slip.pattern_change import BEFORE_BINS
 from taxelflow.slip.restless import RestlessPads
+from taxelflow.slip.shear_rest import ShearRest
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
@@ -48,7 +56,7 @@ class _Forward:
     """Odds after each bin, and which pads are restless."""
 
     def __init__(self, pads: int, after: int) -> None:
-        self._restless = RestlessPads(pads, BEFORE_BINS + 1 + after)
+        self._restless, self._shear = RestlessPads(pads, BEFORE_BINS + 1 + after), ShearRest(pads)
         self._slipped = np.zeros(pads, dtype=np.bool_)
         nothing = np.full(pads, np.nan)
         untouched = np.zeros(pads, dtype=np.bool_)
@@ -59,18 +67,29 @@ class _Forward:
         found, start = [], 0
         for scan in np.flatnonzero(np.isfinite(changes.centre_s)).tolist():
             since_s, touching = float(changes.centre_s[scan]), changes.touching[scan]
+            usual = changes.noise[scan], changes.rise[scan], self._restless.growth
             with np.errstate(invalid="ignore"):  # a change of infinite power
-                ratio = log_likelihood_ratio(
-                    changes.unexplained[scan], changes.noise[scan], changes.rise[scan], self._restless.growth
-                )
+                ratio = log_likelihood_ratio(changes.unexplained[scan], *usual)
             slipped = self._slipped | slipping[start : scan + 1].any(axis=0)
             self._restless.update(slipped, changes, scan, ratio)
+            if np.isfinite(changes.spread[scan]).any():
+                ratio = self._joint(changes, scan, ratio, usual)
             self._slipped, start = np.zeros_like(slipped), scan + 1
             odds = updated(self.last.odds, ratio, touching, since_s - self.last.since_s)
             self.last = _Bin(since_s, ratio, touching, odds, self._restless.restless)
             found.append((scan, self.last))
         self._slipped = self._slipped | slipping[start:].any(axis=0)
         return found
+
+    def _joint(self, changes: PatternChanges, scan: int, ratio: Floats, usual: tuple[Floats, Floats, Floats]) -> Floats:
+        """(pads,), the ratio with the shear of pads that have it. ratio: by the pattern alone, from what is usual."""
+        share = changes.spread[scan]
+        with np.errstate(invalid="ignore"):
+            noise, rise = changes.spread_noise[scan], changes.rise[scan]
+            shear = distance(share, self._shear.spread, noise, rise, self._shear.growth)
+            both = joint_log_likelihood_ratio(distance(changes.unexplained[scan], REST_CHANGE, *usual), shear)
+        self._shear.update(changes, scan, ratio)
+        return np.where(np.isfinite(share), both, ratio)
 
 
 class LiveOdds:

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.slip.shear_change import ShearNoise, spread
+
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Scans
     from taxelflow.sensors.layout import Layout
@@ -46,7 +48,8 @@ class PatternChanges:
     (scans, pads), contact in all of the bin. The others are (scans, pads), NaN where the window is not in contact
     throughout. unexplained: share of the pattern's power that load and tilt do not explain. noise: share that noise
     leaves unexplained. rise: change of the log load. stirred: at a steady load, 1 where the pattern changed by more
-    than noise and creep explain, 0 where it did not.
+    than noise and creep explain, 0 where it did not. spread: power of the change of shear that is not in proportion to
+    the pressure, over that of the pressure. spread_noise: what noise adds to it. Both NaN without shear.
     """
 
     t_s: Floats
@@ -56,6 +59,8 @@ class PatternChanges:
     noise: Floats
     rise: Floats
     stirred: Floats
+    spread: Floats
+    spread_noise: Floats
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -69,6 +74,7 @@ class _Bin:
     pressure: Floats
     touching: Bools
     whole: Bools
+    shear: Floats | None
     scans: int = 1
 
 
@@ -90,17 +96,21 @@ class PatternWatch:
         self._bins: deque[_Bin] = deque(maxlen=BEFORE_BINS + 1 + after)
         self._open: _Bin | None = None
         self._last_s = -np.inf
+        self._shear_noise = ShearNoise(layout)
 
     def step(self, scans: Scans) -> PatternChanges:
         """Changes of the scans that follow those of the last call."""
         shape = scans.contact.shape
-        touching, values = np.zeros(shape, dtype=np.bool_), np.full((4, *shape), np.nan)
+        touching, values = np.zeros(shape, dtype=np.bool_), np.full((6, *shape), np.nan)
+        shear_noise = self._shear_noise.step(scans, scans.shear) if scans.shear is not None and len(scans) else None
         changes = PatternChanges(scans.t_s, np.full(len(scans), np.nan), touching, *values)
         for scan, t_s in enumerate(scans.t_s.tolist()):
             if self._completed(scans, scan, t_s) and len(self._bins) == self._bins.maxlen:
                 centre = self._bins[BEFORE_BINS]
                 changes.centre_s[scan], touching[scan] = centre.since_s, centre.touching
                 self._compare(scans.noise, values[:, scan])
+                if shear_noise is not None:
+                    self._compare_shear(shear_noise[scan], values[:, scan])
         return changes
 
     def _completed(self, scans: Scans, scan: int, t_s: float) -> bool:
@@ -110,10 +120,13 @@ class PatternWatch:
             self._bins.clear()
             self._open = None
         pressure, touching, whole = scans.pressure[scan], scans.contact[scan], scans.complete[scan]
+        shear = None if scans.shear is None else scans.shear[scan]
         if self._open is None:
-            self._open = _Bin(t_s, pressure.copy(), touching, whole)
+            self._open = _Bin(t_s, pressure.copy(), touching, whole, None if shear is None else shear.copy())
         else:
             self._open.pressure += pressure
+            if self._open.shear is not None and shear is not None:
+                self._open.shear += shear
             self._open.touching = self._open.touching & touching
             self._open.whole = self._open.whole & whole
             self._open.scans += 1
@@ -124,7 +137,7 @@ class PatternWatch:
         return True
 
     def _compare(self, noise: Floats, found: Floats) -> None:
-        """Fill in (4, pads): unexplained, noise, rise and stirred. noise: (entries,)."""
+        """Fill in the first of (6, pads): unexplained, noise, rise and stirred. noise: (entries,)."""
         bins = list(self._bins)
         valid = np.logical_and.reduce([one.touching & one.whole for one in bins])
         if not valid.any():
@@ -152,6 +165,16 @@ class PatternWatch:
         found[:3] = np.where(valid, (unexplained, noise_power, rise), np.nan)
         found[3] = np.where(valid & (np.abs(rise) < STEADY_RISE), stirred, np.nan)
 
+    def _compare_shear(self, variance: Floats, found: Floats) -> None:
+        """Fill in the last of (6, pads) where the pattern is known: spread and its noise. variance: (pads,)."""
+        bins = list(self._bins)
+        (old, old_scans), (new, new_scans) = _mean(bins[:BEFORE_BINS]), _mean(bins[BEFORE_BINS + 1 :])
+        shear = _mean_shear(bins[:BEFORE_BINS]), _mean_shear(bins[BEFORE_BINS + 1 :])
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            power, per_variance = spread((old, new), shear, self._starts)
+            noise = per_variance * variance * (1 / old_scans + 1 / new_scans)
+        found[4:] = np.where(np.isfinite(found[0] + power), (power, noise), np.nan)
+
 
 def _mean(bins: list[_Bin]) -> tuple[Floats, int]:
     """Mean pattern of some bins, and the number of its scans."""
@@ -160,6 +183,12 @@ def _mean(bins: list[_Bin]) -> tuple[Floats, int]:
     for one in bins[1:]:
         total = total + one.pressure
     return total / scans, scans
+
+
+def _mean_shear(bins: list[_Bin]) -> Floats:
+    """(entries, 2)."""
+    total: Floats = np.sum([one.shear for one in bins if one.shear is not None], axis=0)
+    return total / sum(one.scans for one in bins)
 
 
 def _explained(squares: Floats, products: Floats) -> tuple[Floats, Floats]:

@@ -1,0 +1,89 @@
+"""Contact of pads, tared readings, and missing taxels, scan by scan."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records, records
+from taxelflow.runtime.compiling import kernel, routine
+
+if TYPE_CHECKING:
+    from taxelflow.condition.base import ConditionSettings
+    from taxelflow.sensors.layout import Layout
+
+
+class PadContact:
+    """Contact detection on a pad with entries start to stop.
+
+    on, off: standard deviations of noise above which contact starts, and below which it ends.
+    """
+
+    start: int
+    stop: int
+    on: float
+    off: float
+    in_contact: bool
+
+
+def pad_contacts(layout: Layout, parameters: ConditionSettings) -> Records:
+    """`PadContact` (pads,), none in contact."""
+    pads = records(PadContact, len(layout.pads))
+    pads["start"], pads["stop"] = layout.starts[:-1], layout.starts[1:]
+    pads["on"], pads["off"] = parameters.contact_on, parameters.contact_off
+    return pads
+
+
+@kernel
+def condition(
+    values: Floats,
+    gap: Bools,
+    offset: Floats,
+    noise: Floats,
+    last: Floats,
+    pads: Records,
+    pressure: Floats,
+    contact: Bools,
+    complete: Bools,
+) -> None:
+    """Fill pressure (scans, entries), contact and complete (scans, pads) from readings in SI.
+
+    values: (scans, entries). gap: (scans,), time was lost before this scan: no pad is complete in it. offset, noise:
+    (entries,). last: (entries,), the last known reading. pads: `PadContact` (pads,).
+    """
+    for scan in range(values.shape[0]):
+        for number in range(len(pads)):
+            pad: PadContact = pads[number]
+            whole = _condition_pad(values[scan], offset, noise, last, pad, pressure[scan])
+            contact[scan, number] = pad.in_contact
+            complete[scan, number] = whole and not gap[scan]
+
+
+@routine
+def _condition_pad(
+    values: Floats, offset: Floats, noise: Floats, last: Floats, pad: PadContact, pressure: Floats
+) -> bool:
+    """Fill pressure (entries,) of one pad and bring its contact up to date. Returns False if a loaded taxel is missing.
+
+    A masked taxel (noise 0) reads 0. A missing one (not finite) reads 0 as well; it is loaded if it was last.
+    """
+    total = variance = peak = 0.0
+    whole = True
+    for k in range(pad.start, pad.stop):
+        reading = 0.0
+        if noise[k] > 0.0:
+            reading = values[k] - offset[k]
+            if np.isfinite(reading):
+                last[k] = reading
+                total += reading
+                variance += noise[k] ** 2 if reading != 0.0 else 0.0
+                peak = max(peak, reading / noise[k])
+            else:
+                reading = 0.0
+                whole = whole and last[k] <= pad.off * noise[k]
+        pressure[k] = reading
+    level = pad.off if pad.in_contact else pad.on
+    pad.in_contact = peak > level and total > level * np.sqrt(variance)
+    return whole
