@@ -1,9 +1,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.centroid import loaded_centroid
+from taxelflow.numerics.centroid import centroid_covariance, loaded_centroid
 
 PLACES = np.array([[0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 1.0, 1.0]])
 
@@ -32,3 +33,44 @@ def test_readings_below_4_standard_deviations_or_5_percent_of_the_peak_do_not_co
 def test_masked_taxels_do_not_count_and_no_load_gives_zeros() -> None:
     np.testing.assert_allclose(found([100.0, 100.0, 0.0, 0.0], [0.0, 1.0, 1.0, 1.0])[[0, 3]], [1.0, 100.0])
     assert not found([-50.0, 1.0, 0.0, 3.0]).any()
+
+
+def covariance(places: Floats, reading: Floats, variance: Floats, error: float) -> Floats:
+    middle, out = np.empty(4), np.empty(6)
+    loaded_centroid(reading, variance, places, np.zeros(len(reading), np.bool_), middle)
+    centroid_covariance(reading, variance, places, middle, error, out)
+    return out
+
+
+def in_line(count: int) -> Floats:
+    return np.stack([np.arange(count, dtype=float), np.zeros(count)])
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_taxels_in_line_show_the_centroid_to_within_a_cell_over_their_number(count: int) -> None:
+    out = covariance(in_line(count), np.full(count, 100.0), np.full(count, 1e-12), 0.0)
+    np.testing.assert_allclose(out[:3], [1 / 12 / count**2, 0.0, 1 / 12], atol=1e-12)
+
+
+def test_noise_and_errors_of_readings_scatter_the_centroid_as_its_covariance_says() -> None:
+    random = np.random.default_rng(0)
+    places = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(4.0), np.arange(3.0))])
+    reading = 100.0 * np.exp(-0.3 * ((places[0] - 1.2) ** 2 + (places[1] - 0.8) ** 2))
+    out = covariance(places, reading, np.full(12, 0.25), 0.02)
+    flat = covariance(places, reading, np.full(12, 0.25), 0.0)
+    draws = reading * (1 + 0.02 * random.normal(size=(40_000, 12))) + 0.5 * random.normal(size=(40_000, 12))
+    scatter = np.cov((draws @ places.T / draws.sum(axis=1, keepdims=True)).T)
+    predicted = out[:3] - flat[:3] + out[3:]
+    np.testing.assert_allclose(predicted, scatter[[0, 0, 1], [0, 1, 1]], rtol=0.05, atol=2e-7)
+
+
+def test_a_masked_taxel_within_the_contact_may_have_read_anything() -> None:
+    places, reading = in_line(5), np.full(5, 100.0)
+    whole = covariance(places, reading, np.full(5, 1e-12), 0.0)
+    reading[3] = 0.0
+    masked = covariance(places, reading, np.array([1e-12, 1e-12, 1e-12, 0.0, 1e-12]), 0.0)
+    assert masked[0] > 10 * whole[0]
+
+
+def test_no_load_has_no_covariance() -> None:
+    np.testing.assert_array_equal(covariance(in_line(3), np.zeros(3), np.ones(3), 0.3), 0.0)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from taxelflow.runtime.compiling import kernel
+import numpy as np
+
+from taxelflow.numerics.small_linalg import inverse2
+from taxelflow.runtime.compiling import inlined, kernel
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
@@ -13,6 +16,15 @@ _LOADED_VARIANCES = 16.0
 """A reading belongs to the contact if its square exceeds this many times its variance: 4 standard deviations ..."""
 _LOADED_SHARE = 0.05
 """... and if it exceeds this share of the largest."""
+
+_CELL = 1.0 / 12.0
+"""Variance of a place anywhere in a cell of unit width."""
+
+
+@inlined
+def _belongs(reading: float, variance: float, peak: float) -> bool:
+    """Whether a reading surely belongs to the contact with this largest reading."""
+    return reading > _LOADED_SHARE * peak and reading * reading > _LOADED_VARIANCES * variance > 0.0
 
 
 @kernel
@@ -27,7 +39,7 @@ def loaded_centroid(reading: Floats, variance: Floats, places: Floats, edge: Boo
     total = x = y = border = 0.0
     for i in range(len(reading)):
         p = reading[i]
-        if p > _LOADED_SHARE * peak and p * p > _LOADED_VARIANCES * variance[i] > 0.0:
+        if _belongs(p, variance[i], peak):
             total += p
             x += p * places[0, i]
             y += p * places[1, i]
@@ -35,3 +47,39 @@ def loaded_centroid(reading: Floats, variance: Floats, places: Floats, edge: Boo
     out[:] = 0.0
     if total > 0.0:
         out[0], out[1], out[2], out[3] = x / total, y / total, border / total, total
+
+
+@kernel
+def centroid_covariance(
+    reading: Floats, variance: Floats, places: Floats, middle: Floats, error: float, out: Floats
+) -> None:
+    """Fill out (6,): xx, xy and yy of the centroid's covariance by what readings misrepresent, then those by noise.
+
+    places: (2, taxels) in pitches. middle: (4,), from `loaded_centroid`. error: standard deviation of a reading as a
+    share of it. A masked taxel within the contact may read what the others read on average. All 0 without load.
+    """
+    out[:] = 0.0
+    total = middle[3]
+    if total <= 0.0:
+        return
+    peak = np.max(reading)
+    xx = xy = yy = count = 0.0
+    for i in range(len(reading)):
+        p = reading[i]
+        if _belongs(p, variance[i], peak):
+            x, y = places[0, i] - middle[0], places[1, i] - middle[1]
+            xx, xy, yy, count = xx + p * x * x, xy + p * x * y, yy + p * y * y, count + 1.0
+    xx, xy, yy = xx / total, xy / total, yy / total
+    mean, within = total / count, 2.0 * (xx + yy)
+    for i in range(len(reading)):
+        p = reading[i]
+        x, y = places[0, i] - middle[0], places[1, i] - middle[1]
+        wrong = noise = 0.0
+        if _belongs(p, variance[i], peak):
+            wrong, noise = (error * p / total) ** 2, variance[i] / (total * total)
+        elif variance[i] == 0.0 and x * x + y * y < within:
+            wrong = (mean / total) ** 2
+        out[0], out[1], out[2] = out[0] + wrong * x * x, out[1] + wrong * x * y, out[2] + wrong * y * y
+        out[3], out[4], out[5] = out[3] + noise * x * x, out[4] + noise * x * y, out[5] + noise * y * y
+    xx, xy, yy = inverse2(1.0 + xx / _CELL, xy / _CELL, 1.0 + yy / _CELL)
+    out[0], out[1], out[2] = out[0] + _CELL * xx, out[1] + _CELL * xy, out[2] + _CELL * yy

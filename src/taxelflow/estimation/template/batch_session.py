@@ -9,6 +9,7 @@ import numpy as np
 
 from taxelflow.estimation.template.brief_gaps import bridged
 from taxelflow.estimation.template.bundle_adjustment import information_of
+from taxelflow.estimation.template.centre_of_pressure import witnessed
 from taxelflow.estimation.template.deforming import CHANGES, MEMORY, Moment, follow_changing
 from taxelflow.estimation.template.hypotheses import solve_contact
 from taxelflow.estimation.template.map_export import Maps
@@ -134,6 +135,9 @@ class BatchSession:
                 poses, moment = follow_changing(scanned, pitch_m, turns=solved.turns)
                 rival = rival[:0]
             poses = bridged(poses, scanned.t_s).doubted(rival, pitch_m).open_across(scanned, pitch_m)
+            if layout.unseen_error:
+                edge: Bools = np.asarray(layout.border[own].any(axis=1), dtype=np.bool_)
+                poses = witnessed(poses, scanned, edge, pitch_m)
         is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
         poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
         if len(solved.dead):

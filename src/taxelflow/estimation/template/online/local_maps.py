@@ -24,6 +24,7 @@ from taxelflow.estimation.template.online.track_state import (
     Scan,
     Track,
 )
+from taxelflow.estimation.template.online.witness import anchor
 from taxelflow.messages import no_scans
 from taxelflow.numerics.bspline import pose_part, state_of
 from taxelflow.numerics.centroid import loaded_centroid
@@ -150,7 +151,7 @@ class LocalMaps:
         if new.again:
             m.probation, m.theta_0 = _PROBATION, state_of(new.state).theta
         m.last_t, m.load = last.t, middle[3]
-        m.centroid[:] = middle[:2]
+        anchor(m, middle[:2])
 
     def learn_anew(self, pad: int, scan: Scan, *, known_place: bool = True) -> None:
         """A new pattern from this scan, which stays where it is, if that is known."""
@@ -164,16 +165,17 @@ class LocalMaps:
 
     def _renew(self, pad: int, new: Begun, last: Scan, *, known_place: bool) -> None:
         """Put a new pattern in the place of another. last: see `_start`."""
-        m = self.track(pad)
-        if not known_place:
-            m.continues = False
-            m.speed[:] = 0.0
+        m, middle = self.track(pad), self._middle(pad, last)[:2]
         m.theta_0 -= state_of(m.state).theta
         m.probation = m.poor = 0.0
         self.settle(pad, last.t)
         self._put(pad, new.learned)
         m.state[:] = new.state
-        m.state[:2] += self._middle(pad, last)[:2] - new.middle
+        m.state[:2] += middle - new.middle
+        if not known_place:
+            m.continues = False
+            m.speed[:] = 0.0
+            anchor(m, middle)
 
     def _renew_late(self, pad: int, new: Begun, *, known_place: bool) -> None:
         """The same when other scans have come meanwhile; its change is no motion."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
+from taxelflow.estimation.template.online.witness import draw, find_centre, weigh_pose, weigh_step
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import gate
@@ -27,9 +28,10 @@ _LOUDER = 0.5
 
 
 @kernel
-def report(t: float, k: int, pad: int, scale: float, m: Track, rows: Rows) -> None:
-    """Fill one pad's part of row k, and m.flag. scale: of a pitch, m."""
+def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, rows: Rows) -> None:
+    """Fill one pad's part of row k, and m.flag. scale: of a pitch, m. floor: see `Hand`."""
     matrix, unit, noise = np.empty((STATE, STATE)), np.empty(STATE), np.empty((3, 3))
+    centre, weight = np.empty(5), np.zeros((2, 2))
     cov, pose = rows.covariance[k, pad], rows.pose[k, pad]
     _invert(m.doubted, scale, matrix, unit, cov)
     _invert(m.step, scale, matrix, unit, noise)
@@ -40,17 +42,16 @@ def report(t: float, k: int, pad: int, scale: float, m: Track, rows: Rows) -> No
         for a in range(3):
             cov[a, 2] = cov[2, a] = noise[a, 2] = noise[2, a] = np.nan
     largest = eigenvalues2(cov[0, 0], cov[1, 1], cov[0, 1])[1]
-    in_line = False
-    for a in range(2):
-        if m.across[a] > 0.0:
-            in_line = True
-            cov[a, a] = noise[a, a] = (m.across[a] * scale) ** 2
-        cov[a, a] += (m.slack + m.broken) * scale * scale
+    in_line = _widen(m, scale, cov, noise)
     cov[2, 2] += m.slack_t
     if m.keyframes > 0:
         m.away = max(m.away, np.hypot(m.state[0] - m.keyframe[0, 0], m.state[1] - m.keyframe[0, 1]))
-    moved = _displacement(t, k, pad, m, noise, rows) / scale
-    blurred = in_line or largest + (m.slack + m.broken) * scale * scale > (BLURRED * scale) ** 2
+    find_centre(scale, m, centre)
+    if floor > 0.0 and not in_line:
+        weigh_pose(scale, m, centre, pose, cov, weight)
+    moved = _displacement(t, k, pad, m, noise, centre, weight, rows) / scale
+    draw(pose, centre[0] - pose[0], centre[1] - pose[1], weight)
+    blurred = in_line or eigenvalues2(cov[0, 0], cov[1, 1], cov[0, 1])[1] > (BLURRED * scale) ** 2
     unsure = m.probation > 0.0
     rows.quality[k, pad] = AMBIGUOUS if blurred or unsure or m.changing else OK
     if m.chi <= gate(m.usual, m.count):
@@ -73,20 +74,41 @@ def report(t: float, k: int, pad: int, scale: float, m: Track, rows: Rows) -> No
 
 
 @lean_kernel
-def _displacement(t: float, k: int, pad: int, m: Track, noise: Floats, rows: Rows) -> float:
-    """Fill the displacement since the scan before, and keep this scan for the next; how far it is, m."""
+def _widen(m: Track, scale: float, cov: Floats, noise: Floats) -> bool:
+    """Add what the pattern's errors add to cov (3, 3); whether a place is open across a line of taxels."""
+    in_line = False
+    for a in range(2):
+        if m.across[a] > 0.0:
+            in_line = True
+            cov[a, a] = noise[a, a] = (m.across[a] * scale) ** 2
+        cov[a, a] += (m.slack + m.broken) * scale * scale
+    return in_line
+
+
+@lean_kernel
+def _displacement(
+    t: float, k: int, pad: int, m: Track, noise: Floats, centre: Floats, weight: Floats, rows: Rows
+) -> float:
+    """Fill the displacement since the scan before, and keep this scan for the next; how far it is on the map, m.
+
+    Both witnesses' displacements, weighted as they are now: what a change of the weight makes of the pose is no motion.
+    """
     pose, moved = rows.pose[k, pad], 0.0
     if m.continues:
+        step, covariance = rows.displacement[k, pad], rows.displacement_covariance[k, pad]
         for a in range(3):
-            rows.displacement[k, pad, a] = pose[a] - m.before[a]
+            step[a] = pose[a] - m.before[a]
             for b in range(3):
-                rows.displacement_covariance[k, pad, a, b] = noise[a, b] + m.before_covariance[a, b]
+                covariance[a, b] = noise[a, b] + m.before_covariance[a, b]
         rows.span[k, pad] = t - m.before_t
-        moved = np.hypot(rows.displacement[k, pad, 0], rows.displacement[k, pad, 1])
+        moved = np.hypot(step[0], step[1])
+        weigh_step(step, covariance, centre, m.before_centre, weight)
     for a in range(3):
         m.before[a] = pose[a]
         for b in range(3):
             m.before_covariance[a, b] = noise[a, b]
+    for a in range(5):
+        m.before_centre[a] = centre[a]
     m.before_t, m.continues = t, True
     return float(moved)
 

@@ -26,6 +26,7 @@ from taxelflow.estimation.template.online.track_state import (
     Scan,
     Track,
 )
+from taxelflow.estimation.template.online.witness import anchor
 from taxelflow.estimation.template.warmup import compile_batch, compile_stream
 from taxelflow.messages import Bools, Estimates, Scans, no_scans
 from taxelflow.numerics.bspline import state_of
@@ -156,6 +157,7 @@ class StreamSession:
                 m.doubted[:], m.step[:] = found[1], found[1]
                 m.carries = m.continues = False
                 m.speed[:] = 0.0
+                anchor(m, m.centroid)
 
     def _variance(self, reading: Floats, complete: Bools) -> Floats:
         """Noise squared, 0 where a reading is missing."""

@@ -64,6 +64,14 @@ class Track:
     centroid: Annotated[Floats, 2]
     load: float
     """Of the last scan: place and sum of the loaded readings."""
+    border: float
+    """Share of them at the pad's border."""
+    centroid_covariance: Annotated[Floats, 6]
+    """See `numerics.centroid`."""
+    arm: Annotated[Floats, 2]
+    """From the centroid to the point of the object that is reported, when it was at angle 0."""
+    start: Annotated[Floats, 2]
+    """Where that was when the contact began."""
     radius: float
     """Of gyration of the pattern."""
     seen: bool
@@ -102,6 +110,8 @@ class Track:
     before: Vector
     """Pose given out before on the same pattern, m and rad."""
     before_covariance: Annotated[Floats, 3, 3]
+    before_centre: Annotated[Floats, 5]
+    """Where the centre of pressure put the object then, m, and xx, xy and yy of that by noise, m^2."""
     before_t: float
     keyframes: int
     keyframe: Annotated[Floats, MOST_KEYFRAMES, 5]

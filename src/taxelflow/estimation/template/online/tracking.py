@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from taxelflow.estimation.template.centre_of_pressure import CELL_ERROR
 from taxelflow.estimation.template.levenberg_marquardt import HELD, MAY_BE_HELD, Prior, register
 from taxelflow.estimation.template.linearization import LaidOut, laid_out, linearise
 from taxelflow.estimation.template.map import Surface
@@ -13,7 +14,7 @@ from taxelflow.estimation.template.online.residual_process import bring, keep
 from taxelflow.estimation.template.online.track_state import HUBER, Hand, PadScan, Patterns, Scan, Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
-from taxelflow.numerics.centroid import loaded_centroid
+from taxelflow.numerics.centroid import centroid_covariance, loaded_centroid
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import mirror
@@ -85,6 +86,8 @@ def _follow_pad(
         last[a] = m.state[a]
     span = t - m.last_t
     loaded_centroid(scan.reading, scan.variance, scan.places, scan.edge, middle)
+    if floor > 0.0:
+        centroid_covariance(scan.reading, scan.variance, scan.places, middle, CELL_ERROR, m.centroid_covariance)
     m.cut = m.cut or middle[2] > _CUT
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
     may_turn = m.turn_std == 0.0 and not m.cut and not in_line
@@ -286,4 +289,4 @@ def _remember(t: float, span: float, last: Floats, middle: Floats, m: Track) -> 
             m.speed[a] = (m.state[a] - last[a]) / span
         m.span = span
     m.last_t = t
-    m.centroid[0], m.centroid[1], m.load = middle[0], middle[1], middle[3]
+    m.centroid[0], m.centroid[1], m.border, m.load = middle[0], middle[1], middle[2], middle[3]

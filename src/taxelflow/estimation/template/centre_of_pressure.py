@@ -1,0 +1,125 @@
+"""The centre of pressure as a second witness of where an object is, beside its map.
+
+A load acts where the object is, whatever its pattern looks like. The centre of pressure c follows it without a map:
+less precisely than a good one, but no map that is young or wrong misleads it. With readings p at r from c (pitches),
+their sum S and their second moment M = sum(p r r^T) / S, its covariance is
+
+    D = sum(((e p)^2 + noise^2) r r^T) / S^2  +  (1 + 12 M)^-1 / 12  +  (b s d)^2 1
+
+e: a reading stands for a cell across which the pressure varies, by a gain of its own. The second term: a contact ends
+anywhere between two taxels, which moves the centre of n in line by 1 / n of a cell at most. The third: where a share s
+of the load lies at the pad's border, a motion d shows by a share that is wrong by b.
+
+With the place p on the map, and its covariance C, the pose is p + W (c - p), W = C (C + D)^-1. Tilt and gains move
+both; nobody knows how alike. For any correlation,
+
+    (1 + g) (1 - W) C (1 - W)^T  +  (1 + 1 / g) W D W^T
+
+is no less than the covariance (Hanebeck, Briechle and Horn, 2001), and g is where its trace is least. Where the two
+contradict each other, it is multiplied by chi-square per degree of freedom (Birge, 1932).
+
+A sensor that declares no unseen error has none of this: there the map is right to within what its residuals show.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.template.pose_output import Poses, judge
+from taxelflow.messages import OK
+from taxelflow.numerics.centroid import centroid_covariance, loaded_centroid
+from taxelflow.numerics.small_linalg import inverse2
+from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.messages import Bools, Floats
+
+CELL_ERROR = 0.3
+"""Standard deviation of a reading as a share of it: that of a gain anywhere from half to one and a half."""
+BORDER_ERROR = 0.3
+"""Of the share of a motion that a contact shows which lies at the pad's border all around."""
+_LEAST = 1e-18
+"""Of variances, m^2."""
+
+
+@lean_kernel
+def combine(cov: Floats, doubt: tuple[float, float, float], apart: tuple[float, float], weight: Floats) -> None:
+    """Fill weight (2, 2), W, and make cov (3, 3) of a pose on its map that of both witnesses.
+
+    doubt: D as xx, xy, yy. apart: c - p. The turn's variance stays; all in the same unit.
+    """
+    xx, xy, yy = inverse2(cov[0, 0] + doubt[0] + _LEAST, cov[0, 1] + doubt[1], cov[1, 1] + doubt[2] + _LEAST)
+    for a in range(2):
+        weight[a, 0] = cov[a, 0] * xx + cov[a, 1] * xy
+        weight[a, 1] = cov[a, 0] * xy + cov[a, 1] * yy
+    chi = 0.5 * (apart[0] * apart[0] * xx + 2.0 * apart[0] * apart[1] * xy + apart[1] * apart[1] * yy)
+    p, q, r, s = 1.0 - weight[0, 0], -weight[0, 1], -weight[1, 0], 1.0 - weight[1, 1]
+    own = turned(p, q, r, s, (cov[0, 0], cov[0, 1], cov[1, 1]))
+    other = turned(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], doubt)
+    ratio = np.sqrt((own[0] + own[2] + _LEAST) / (other[0] + other[2] + _LEAST))
+    scale = max(chi, 1.0)
+    cov[0, 0] = scale * ((1.0 + 1.0 / ratio) * own[0] + (1.0 + ratio) * other[0])
+    cov[1, 1] = scale * ((1.0 + 1.0 / ratio) * own[2] + (1.0 + ratio) * other[2])
+    cov[0, 1] = cov[1, 0] = scale * ((1.0 + 1.0 / ratio) * own[1] + (1.0 + ratio) * other[1])
+    x, y = cov[0, 2], cov[1, 2]
+    cov[0, 2] = cov[2, 0] = p * x + q * y
+    cov[1, 2] = cov[2, 1] = r * x + s * y
+
+
+@inlined
+def turned(p: float, q: float, r: float, s: float, m: tuple[float, float, float]) -> tuple[float, float, float]:
+    """xx, xy and yy of T m T^T with T = [[p, q], [r, s]], of those of m."""
+    xx, xy, yy = m
+    return (
+        p * p * xx + 2.0 * p * q * xy + q * q * yy,
+        p * r * xx + (p * s + q * r) * xy + q * s * yy,
+        r * r * xx + 2.0 * r * s * xy + s * s * yy,
+    )
+
+
+@kernel
+def _centres(readings: Floats, variance: Floats, places: Floats, edge: Bools, out: Floats) -> None:
+    """Fill out (scans, 10) with each scan's `loaded_centroid` (4,) and `centroid_covariance` (6,)."""
+    for k in range(len(readings)):
+        loaded_centroid(readings[k], variance[k], places, edge, out[k, :4])
+        centroid_covariance(readings[k], variance[k], places, out[k, :4], CELL_ERROR, out[k, 4:])
+
+
+def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float) -> Poses:
+    """Poses with the centre of pressure of each scan as a second witness.
+
+    edge: (taxels,), at the pad's border. The body's point that the centre follows is where it lies on average.
+    """
+    found = np.empty((len(scanned), 10))
+    _centres(scanned.readings, scanned.variance, scanned.places, edge, found)
+    known = np.isfinite(poses.pose[:, :2]).all(axis=1) & (found[:, 3] > 0)
+    known &= np.isfinite(poses.covariance[:, :2, :2]).all(axis=(1, 2))
+    if scanned.across.any() or not known.any():
+        return poses
+    place = poses.pose[:, :2] / pitch_m
+    theta = np.nan_to_num(poses.pose[:, 2])
+    cos, sin = np.cos(theta), np.sin(theta)
+    turn = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
+    doubt = found[:, 4:7] + found[:, 7:]
+    trust = known / (np.trace(poses.covariance[:, :2, :2], axis1=1, axis2=2) / pitch_m**2 + doubt[:, 0] + doubt[:, 2])
+    gap = np.einsum("kji,kj->ki", turn, found[:, :2] - place)
+    arm = np.average(gap[known], axis=0, weights=trust[known])
+    apart = found[:, :2] - np.einsum("kij,j->ki", turn, arm) - place
+    moved = np.hypot(*(place - np.median(place[known], axis=0)).T)
+    border = (BORDER_ERROR * found[:, 2] * moved) ** 2
+    pose, covariance = poses.pose.copy(), poses.covariance.copy()
+    shared = np.zeros_like(covariance) + poses.shared
+    weight = np.zeros((2, 2))
+    for k in np.flatnonzero(known).tolist():
+        own = covariance[k] / pitch_m**2
+        combine(own, (doubt[k, 0] + border[k], doubt[k, 1], doubt[k, 2] + border[k]), tuple(apart[k]), weight)
+        pose[k, :2] += pitch_m * (weight @ apart[k])
+        covariance[k, :2] = pitch_m**2 * own[:2]
+        covariance[k, 2, :2] = pitch_m**2 * own[2, :2]
+        held = np.eye(2) - weight
+        shared[k, :2, :2] = held @ shared[k, :2, :2] @ held.T
+    worse = np.where(poses.quality == OK, judge(covariance, np.zeros(len(pose)), pitch_m), OK)
+    return Poses(pose, covariance, np.maximum(poses.quality, worse).astype(np.uint8), shared)

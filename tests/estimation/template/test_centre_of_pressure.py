@@ -1,0 +1,91 @@
+"""The centre of pressure as a second witness: laws of the combination, and what it does to a young or wrong map."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxelflow import api
+from taxelflow.estimation.template.centre_of_pressure import combine
+from taxelflow.evaluation.robustness_rows import CaseRow, row_of
+from taxelflow.messages import Floats
+from taxelflow.simulation.relief.cases import PLACES, case, sensor_at
+from taxelflow.simulation.relief.simulate import simulate_relief
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def spread(random: np.random.Generator) -> Floats:
+    """A covariance (2, 2) of any shape, of 1e-8 to 1 square pitches."""
+    axes = random.normal(size=(2, 2))
+    scaled: Floats = 10.0 ** random.uniform(-4, 0) * axes
+    return scaled @ scaled.T + 1e-10 * np.eye(2)
+
+
+def combined(cov: Floats, doubt: Floats, apart: tuple[float, float] = (0.0, 0.0)) -> tuple[Floats, Floats]:
+    """W, and the covariance, of a pose whose turn is unknown."""
+    whole = np.full((3, 3), np.nan)
+    whole[:2, :2] = cov
+    weight = np.zeros((2, 2))
+    combine(whole, (float(doubt[0, 0]), float(doubt[0, 1]), float(doubt[1, 1])), apart, weight)
+    return weight, whole[:2, :2]
+
+
+@given(seeds)
+def test_the_covariance_holds_for_any_correlation_of_the_two(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    cov, doubt = spread(random), spread(random)
+    weight, found = combined(cov, doubt)
+    left, _, right = np.linalg.svd(random.normal(size=(2, 2)))
+    common = random.uniform(-1, 1) * left @ right  # of whitened errors: singular values up to 1
+    cross = np.linalg.cholesky(cov) @ common @ np.linalg.cholesky(doubt).T
+    held = np.eye(2) - weight
+    true = held @ cov @ held.T + weight @ doubt @ weight.T + held @ cross @ weight.T + weight @ cross.T @ held.T
+    assert np.linalg.eigvalsh(found - true)[0] > -1e-9 * np.trace(found)
+
+
+@given(seeds)
+def test_the_witness_that_knows_far_more_decides(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    cov = spread(random)
+    weight, found = combined(cov, 1e12 * np.eye(2))
+    np.testing.assert_allclose(weight, 0.0, atol=1e-9)
+    np.testing.assert_allclose(found, cov, rtol=1e-3, atol=1e-3 * np.trace(cov))
+    weight, found = combined(1e12 * np.eye(2), cov)
+    np.testing.assert_allclose(weight, np.eye(2), atol=1e-9)
+    np.testing.assert_allclose(found, cov, rtol=1e-3, atol=1e-3 * np.trace(cov))
+
+
+def test_two_witnesses_that_contradict_each_other_know_less() -> None:
+    agreed = combined(0.01 * np.eye(2), 0.01 * np.eye(2))[1]
+    apart = combined(0.01 * np.eye(2), 0.01 * np.eye(2), (1.0, 0.0))[1]
+    np.testing.assert_allclose(apart, 25.0 * agreed)  # chi-square: 1 / 0.02, of two degrees of freedom
+
+
+def row(shape: str, place: str, seed: int, *, unseen_error: float, mode: api.Mode) -> CaseRow:
+    """The template on a relief with all faults, on a sensor that declares this unseen error."""
+    at = PLACES[place]
+    pressing = case(shape, place, "all", seed=seed)  # type: ignore[arg-type]
+    sensor = msgspec.structs.replace(sensor_at(at), unseen_error=unseen_error)
+    result = api.estimate(simulate_relief(pressing, sensor, at.pad), "template", mode=mode)
+    return row_of(("all", shape, place, seed, "template"), pressing, result.slips, result.pads.index(at.pad), mode)
+
+
+def test_a_stream_whose_map_is_young_follows_the_load() -> None:
+    alone = row("bar", "xela", 0, unseen_error=0.0, mode="stream")
+    both = row("bar", "xela", 0, unseen_error=0.05, mode="stream")
+    assert both.error_mm is not None
+    assert alone.error_mm is not None
+    assert both.error_mm < 0.25  # a twentieth of a pitch
+    assert both.error_mm < 0.6 * alone.error_mm
+
+
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+def test_a_wrong_map_is_not_ok_where_the_load_contradicts_it(mode: api.Mode) -> None:
+    found = row("cloth", "xela", 2 if mode == "stream" else 0, unseen_error=0.05, mode=mode)
+    assert found.wrong is not None
+    assert found.ok > 10
+    assert found.wrong <= 0.05 * found.ok
