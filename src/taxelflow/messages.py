@@ -71,12 +71,14 @@ class Joints:
     """Joint angles of the hand over time, from the recording or constant.
 
     names: of the joints. t_s: (times,), sensor's clock in s, strictly increasing; a single time stands for all times.
-    angles: (times, joints), rad (m for a slide).
+    angles: (times, joints), rad (m for a slide). given: the option by which the user gave them, empty for those of the
+    recording and of the sensor file.
     """
 
     names: tuple[str, ...]
     t_s: Floats
     angles: Floats
+    given: str = ""
 
     def at(self, t_s: Floats, names: Sequence[str]) -> Floats:
         """(n, names) angles at times (n,), interpolated linearly; NaN before the first and after the last time, in

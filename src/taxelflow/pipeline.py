@@ -143,7 +143,8 @@ class Run:
                     learns.adopt_by(adopting)
             self._fuse = pipeline.fusion.start(layout)
             joints = recording.joints or declared_joints(recording.sensor)
-            self._space, self._space_notes = pipeline.spatial.begin(recording.sensor, joints)
+            self._space, notes = pipeline.spatial.begin(recording.sensor, joints)
+            self._space_notes = [] if recording.truth is not None and joints is None else notes  # the rig's is flat
             on, off = pipeline.condition.contact_on, pipeline.condition.contact_off
             self._segment = pipeline.features.start(recording.sensor, on, off, stream=self._stream)
         self._segmented: list[Contacts] = []
@@ -182,6 +183,7 @@ class Run:
         """What was found out about contacts, and by the estimator about the sensor."""
         return [
             *self._space_notes,
+            *([] if self._space is None else self._space.notes),
             *self._segment.notes,
             *(self._estimator.notes if isinstance(self._estimator, Learning) else []),
         ]
@@ -221,6 +223,8 @@ class Run:
             yield from self._segment_and_estimate(scans)
         yield from self._detect(self._estimate.finish())
         yield from self._judged(self._slip.finish())
+        if self._space is not None:
+            self._space.finish()
 
     def _segment_and_estimate(self, scans: Scans) -> Iterator[Output]:
         segmented = self._segment.step(scans)

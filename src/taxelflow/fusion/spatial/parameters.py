@@ -38,11 +38,19 @@ class SpatialField:
                 raise ParameterInvalid(f"spatial.{name}", getattr(self, name), "be a finite number above 0")
 
     def begin(self, sensor: Sensor, joints: Joints | None) -> tuple[SpatialSession | None, list[str]]:
-        """As `start`, but without MuJoCo there is no session, and a note to the user. Raises HandModelInvalid."""
+        """As `start`, but a note to the user where there is no session for lack of MuJoCo or of joint angles.
+
+        Raises HandModelInvalid.
+        """
         try:
-            return self.start(sensor, joints), []
+            session = self.start(sensor, joints)
         except ExtraMissing as error:
             return None, [f"no motion in space: {error}"]
+        if session is None and sensor.hand is not None and any(pad.link is not None for pad in sensor.pads):
+            known = ", ".join(["JOINT=ANGLE pairs", *(pose.split(":", 1)[0] for pose in sensor.hand.poses)])
+            remedy = f"give --joints ({known}, or a csv), or joints in [hand] of the sensor file"
+            return None, [f"no motion in space: the pads are on links, and there are no joint angles; {remedy}"]
+        return session, []
 
     def start(self, sensor: Sensor, joints: Joints | None) -> SpatialSession | None:
         """Begin a session; None where no pad has a place in space: no `pose`, or a `link` without joint angles.

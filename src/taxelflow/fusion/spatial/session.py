@@ -8,6 +8,7 @@ import numpy as np
 
 from taxelflow.fusion.reference import UNTOLD_M_S, Reference
 from taxelflow.fusion.spatial.fuse import Memory, Moving, Written, begin, fuse_scans
+from taxelflow.fusion.spatial.places import Places
 from taxelflow.fusion.spatial.pose import Anchor, Body
 from taxelflow.fusion.spatial.roundness import centres
 from taxelflow.fusion.spatial.twist import Limits, Misfit, Sixfold
@@ -15,12 +16,9 @@ from taxelflow.fusion.spatial.window import Seen, Velocities
 from taxelflow.geometry import quaternion_of
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED, Bools, Floats, SpatialMotions, Texture
 from taxelflow.numerics.records import records
-from taxelflow.sensors.kinematics import PadKinematics
-from taxelflow.sensors.surface import PadSurface
 
 if TYPE_CHECKING:
     from taxelflow.messages import Joints, Slips
-    from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 
 _MOST_STD = 1.0
@@ -35,13 +33,10 @@ class SpatialSession:
     ) -> None:
         """window_s, edge_doubt: see `SpatialField`. Raises HandModelInvalid, ExtraMissing."""
         layout = sensor.layout
-        self._layout, self._joints, self._limits = layout, joints, limits
+        self._layout, self._limits = layout, limits
         self._window_s, self._edge_doubt = window_s, edge_doubt
-        self._kinematics = PadKinematics(sensor)
-        self._home = _home_of(layout)
-        self._surfaces = [PadSurface(sensor.pads[pad]) for pad in self._home]
-        placed = self._kinematics.placed[self._home]
-        self._used: Bools = layout.independent & placed & ~np.isnan(_single(layout))
+        self._places = Places(sensor, joints)
+        self._used: Bools = self._places.used
         self._reference = Reference(len(layout.pads))
         moving = sensor.hand is not None and sensor.hand.joint_std_rad > 0.0
         self._joint_std = sensor.hand.joint_std_rad if moving and sensor.hand is not None else 0.0
@@ -57,7 +52,8 @@ class SpatialSession:
         """
         point = self._reference.step(slips, centroid, texture)
         lag = np.nan_to_num(slips.lag_s)
-        frames = self._frames(slips.t_s[:, np.newaxis] - lag, point)
+        frames = self._places.frames(slips.t_s[:, np.newaxis] - lag, point)
+        self._places.count(slips.t_s)
         covariance = slips.covariance.copy()
         doubt = self._edge_doubt * (slips.border & (slips.quality == AMBIGUOUS)[..., np.newaxis])
         covariance[..., [0, 1], [0, 1]] += (doubt * self._layout.pitch_m) ** 2
@@ -96,17 +92,14 @@ class SpatialSession:
         self._past = Seen(*kept)
         return self._motions(slips.t_s, out)
 
-    def _frames(self, t_s: Floats, point: Floats) -> Floats:
-        """Contact frames (scans, pads, 4, 4) in the hand at times (scans, pads) of points (scans, pads, 2)."""
-        frames = np.full((*point.shape[:2], 4, 4), np.nan)
-        at: dict[bytes, Floats] = {}  # pads are mostly read at one time
-        for number in np.flatnonzero(self._used).tolist():
-            own_s = np.ascontiguousarray(t_s[:, number])
-            T = at.setdefault(own_s.tobytes(), np.zeros(0))
-            if not len(T):
-                T = at[own_s.tobytes()] = self._kinematics.poses(self._kinematics.angles_at(self._joints, own_s))
-            frames[:, number] = T[:, self._home[number]] @ self._surfaces[number].frames(point[:, number])
-        return frames
+    @property
+    def notes(self) -> list[str]:
+        """Which pads had no place in space, and why."""
+        return self._places.notes
+
+    def finish(self) -> None:
+        """No scan follows. Raises JointsInvalid if joint angles that the user gave fit no scan."""
+        self._places.check()
 
     def _room(self, scans: int) -> Velocities:
         """For the velocities of windows."""
@@ -122,8 +115,8 @@ class SpatialSession:
         """Displacements of single scans over their spans, and the motion of the pads in that time."""
         end_s = slips.t_s[:, np.newaxis] - np.nan_to_num(slips.lag_s)
         span = slips.span_s
-        before = self._frames(end_s - np.nan_to_num(span), np.nan_to_num(slips.pose[..., :2]))
-        after = self._frames(end_s, np.nan_to_num(slips.pose[..., :2]))
+        before = self._places.frames(end_s - np.nan_to_num(span), np.nan_to_num(slips.pose[..., :2]))
+        after = self._places.frames(end_s, np.nan_to_num(slips.pose[..., :2]))
         for frames in (before, after):
             frames[..., :3, 3] += np.einsum("spij,spj->spi", frames[..., :3, :3], now.under)
         carried = np.einsum("spji,spj->spi", after[..., :3, :3], after[..., :3, 3] - before[..., :3, 3])
@@ -151,9 +144,7 @@ class SpatialSession:
         scans, pads = slips.contact.shape
         if not self._joint_std:
             return Moving(np.zeros((scans, pads, 6, 0)), 0.0, np.zeros(scans))
-        J = np.nan_to_num(self._kinematics.jacobians(self._kinematics.angles_at(self._joints, slips.t_s)))[
-            :, self._home
-        ]
+        J = self._places.jacobians(slips.t_s)
         window_s = self._window_s
         if window_s:
             step_s = (
@@ -162,9 +153,7 @@ class SpatialSession:
             rate = np.full(scans, np.sqrt(12.0 / max(window_s / step_s, 2.0)) / window_s)
         else:
             rate = np.sqrt(2.0) / np.nanmin(np.where(slips.span_s > 0, slips.span_s, np.inf), axis=1)
-        return Moving(
-            np.ascontiguousarray(J), self._joint_std, self._joint_std * np.where(np.isfinite(rate), rate, 1.0)
-        )
+        return Moving(J, self._joint_std, self._joint_std * np.where(np.isfinite(rate), rate, 1.0))
 
     def _written(self, scans: int) -> Written:
         pads = len(self._layout.pads)
@@ -214,26 +203,6 @@ def _noise_of(slips: Slips, covariance: Floats) -> Floats:
     less: Bools = np.asarray(((own <= whole) | ~np.isfinite(whole)).all(axis=2))
     found: Floats = np.where(less[..., np.newaxis, np.newaxis], noise, covariance)
     return found
-
-
-def _home_of(layout: Layout) -> list[int]:
-    """Number of the pad on which each pad, group (its first) and separate contact lies."""
-    first_taxel = layout.source[layout.starts[:-1]]
-    home: list[int] = (np.searchsorted(layout.starts[: layout.pad_count + 1], first_taxel, side="right") - 1).tolist()
-    return home
-
-
-def _single(layout: Layout) -> Floats:
-    """(pads,): 0, NaN for groups across pads, which have no frame in space."""
-    home = _home_of(layout)
-    ends = layout.starts[: layout.pad_count + 1]
-    own = [layout.source[layout.of_pad(number)] for number in range(len(layout.pads))]
-    return np.array(
-        [
-            0.0 if one.max() < ends[pad + 1] and one.min() >= ends[pad] else np.nan
-            for one, pad in zip(own, home, strict=True)
-        ]
-    )
 
 
 def _nothing_seen(pads: int) -> Seen:
