@@ -97,11 +97,14 @@ class Pipeline:
     def start(self, recording: Recording, adopting: Adopting | None = None) -> Run:
         """A run to iterate over or to push scans into, all kernels compiled. adopting: when it uses what it learns."""
         if self.mode == "stream":
-            self.warm_up(split=bool((recording.layout.contact_of >= 0).any()))
+            joints = recording.joints or declared_joints(recording.sensor)
+            split = bool((recording.layout.contact_of >= 0).any())
+            self.warm_up(split=split, space=self.spatial.applies(recording.sensor, joints))
         return Run(self, recording, adopting)
 
-    def warm_up(self, *, split: bool = False) -> None:
-        """Compile, or load, what a stream of any sensor needs, once in a process. split: with split contacts.
+    def warm_up(self, *, split: bool = False, space: bool = False) -> None:
+        """Compile, or load, what a stream of any sensor needs, once in a process. split: with split contacts. space:
+        for pads that have places in space.
 
         Stages run on a made-up recording; an estimator of another package does not, it may know its sensor only.
         """
@@ -113,11 +116,11 @@ class Pipeline:
         )
         made = replace(self, estimator=estimator, mode="stream", condition=condition, calibration=None)
         filters = (condition.drift, condition.median_scans > 1 or condition.lowpass_hz > 0.0)
-        needs = (type(estimator), *filters, self.smooth.acceleration_m_s2 > 0.0, split)
+        needs = (type(estimator), *filters, self.smooth.acceleration_m_s2 > 0.0, split, space)
         if needs in _warm:
             return
         with announced():
-            for _ in Run(made, made_up(split=split)):
+            for _ in Run(made, made_up(split=split, space=space)):
                 pass
         _warm.add(needs)
 

@@ -59,6 +59,9 @@ class Kinematics:
         self._free = [joint for joint in range(self._model.njnt) if joint not in driven]
         self._driver = {joint: joint for joint in self._free} | {one: other for one, other, _ in self._coupled}
         self._check_types()
+        address = self._model.jnt_qposadr
+        self._address = [int(address[joint]) for joint in self._free]
+        self._followers = [(int(address[one]), int(address[other]), terms) for one, other, terms in self._coupled]
         self.joints = tuple(self._joint_name(joint) for joint in self._free)
 
     def link(self, name: str) -> int:
@@ -79,10 +82,6 @@ class Kinematics:
         """
         T = np.full((len(angles), len(links), 4, 4), np.nan)
         qpos, model, data = self._data.qpos, self._model, self._data
-        address = [int(model.jnt_qposadr[joint]) for joint in self._free]
-        followers = [
-            (int(model.jnt_qposadr[one]), int(model.jnt_qposadr[other]), terms) for one, other, terms in self._coupled
-        ]
         world = np.zeros((len(links) + 1, 4, 4))
         world[:, 3, 3] = 1.0
         bodies = [self._base, *links]
@@ -92,14 +91,13 @@ class Kinematics:
             placed = np.stack([known[:, self._movers(link)].all(axis=1) for link in links], axis=1)
             angles = np.where(known, angles, 0.0)
         for scan in np.flatnonzero(placed.any(axis=1)):
-            qpos[address] = angles[scan]
-            for one, other, terms in followers:
-                x = qpos[other] - model.qpos0[other]
-                qpos[one] = model.qpos0[one] + np.polyval(terms[::-1], x)
+            qpos[self._address] = angles[scan]
+            for one, other, terms in self._followers:
+                qpos[one] = model.qpos0[one] + _polynomial(terms, float(qpos[other] - model.qpos0[other]))
             self._mujoco.mj_kinematics(model, data)
             world[:, :3, :3] = data.xmat[bodies].reshape(-1, 3, 3)
             world[:, :3, 3] = data.xpos[bodies]
-            T[scan] = se3_inverse(world[0]) @ world[1:]
+            T[scan] = se3_inverse(world[0]) @ world[1:] if self._base else world[1:]
         T[~placed] = np.nan
         return T
 
@@ -127,12 +125,12 @@ class Kinematics:
             J[..., joint] = se3_log(ahead @ se3_inverse(back)) / (2 * _STEP_RAD)
         return J
 
-    def _couplings(self) -> list[tuple[int, int, Floats]]:
+    def _couplings(self) -> list[tuple[int, int, list[float]]]:
         """(follower, driver, polynomial coefficients from the constant on) of the joint equalities."""
         model = self._model
         kinds = model.eq_type == self._mujoco.mjtEq.mjEQ_JOINT
         return [
-            (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]), np.array(model.eq_data[k, :5]))
+            (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]), model.eq_data[k, :5].tolist())
             for k in np.flatnonzero(kinds)
             if model.eq_obj2id[k] >= 0
         ]
@@ -205,6 +203,14 @@ def model_text(model: str, source: str) -> str:
     if model not in names:
         raise HandModelInvalid(source, f"no hand model {model!r}", f"give {', '.join(names)} or a URDF or MJCF file")
     return (folder / f"{model}.urdf").read_text(encoding="utf-8")
+
+
+def _polynomial(terms: list[float], x: float) -> float:
+    """Its value, by coefficients from the constant on."""
+    total = 0.0
+    for term in reversed(terms):
+        total = total * x + term
+    return total
 
 
 def angles_of(joints: tuple[str, ...], given: Mapping[str, float], source: str) -> Floats:

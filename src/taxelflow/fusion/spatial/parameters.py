@@ -52,15 +52,18 @@ class SpatialField:
             return None, [f"no motion in space: the pads are on links, and there are no joint angles; {remedy}"]
         return session, []
 
+    def applies(self, sensor: Sensor, joints: Joints | None) -> bool:
+        """Whether any pad has a place in space."""
+        if any(pad.link is not None for pad in sensor.pads):
+            return joints is not None
+        return any(pad.pose is not None for pad in sensor.pads)
+
     def start(self, sensor: Sensor, joints: Joints | None) -> SpatialSession | None:
         """Begin a session; None where no pad has a place in space: no `pose`, or a `link` without joint angles.
 
         Raises HandModelInvalid, and ExtraMissing for pads on links without MuJoCo.
         """
-        linked = any(pad.link is not None for pad in sensor.pads)
-        if linked and joints is None:
-            return None
-        if not linked and all(pad.pose is None for pad in sensor.pads):
+        if not self.applies(sensor, joints):
             return None
         from taxelflow.fusion.spatial.session import SpatialSession
         from taxelflow.fusion.spatial.twist import Limits

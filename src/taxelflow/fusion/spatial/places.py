@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.fusion.spatial.take import along_planes
 from taxelflow.sensors.hand import JointsInvalid
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.sensors.surface import PadSurface
@@ -29,20 +30,37 @@ class Places:
         self.home = _home_of(layout)
         self.used = layout.independent & self._kinematics.placed[self.home] & _single(layout, self.home)
         self._surfaces = [PadSurface(sensor.pads[pad]) for pad in self.home]
+        flat = all(surface.flat for surface in self._surfaces)
+        self._planes = np.array([surface.plane for surface in self._surfaces]) if flat else None
+        self._still: Floats | None = None
+        if joints is None or len(joints.t_s) == 1:  # they never move
+            self._still = self._kinematics.poses(self._kinematics.angles_at(joints, np.zeros(1)))
+        self._last: tuple[bytes, Floats] = b"", np.zeros(0)
         self._scans, self._span_s = 0, (np.inf, -np.inf)
         self._unplaced = np.zeros(len(sensor.pads), dtype=np.int64)
 
     def frames(self, t_s: Floats, point: Floats) -> Floats:
         """Contact frames (scans, pads, 4, 4) in the hand at times (scans, pads) of points (scans, pads, 2)."""
+        if self._planes is not None and (t_s == t_s[:, :1]).all():
+            frames = np.empty((*point.shape[:2], 4, 4))
+            T = np.take(self._placed(t_s[:, 0]), self.home, axis=1)  # in C order, as kernels are compiled for
+            along_planes(T, self._planes, point, frames)
+            frames[:, ~self.used] = np.nan
+            return frames
         frames = np.full((*point.shape[:2], 4, 4), np.nan)
-        at: dict[bytes, Floats] = {}  # pads are mostly read at one time
         for number in np.flatnonzero(self.used).tolist():
-            own_s = np.ascontiguousarray(t_s[:, number])
-            T = at.setdefault(own_s.tobytes(), np.zeros(0))
-            if not len(T):
-                T = at[own_s.tobytes()] = self._kinematics.poses(self._kinematics.angles_at(self._joints, own_s))
+            T = self._placed(np.ascontiguousarray(t_s[:, number]))
             frames[:, number] = T[:, self.home[number]] @ self._surfaces[number].frames(point[:, number])
         return frames
+
+    def _placed(self, t_s: Floats) -> Floats:
+        """(scans, pads, 4, 4), of the pads in the hand at times (scans,); pads are mostly read at one time."""
+        if self._still is not None:
+            return np.broadcast_to(self._still, (len(t_s), *self._still.shape[1:]))
+        key = t_s.tobytes()
+        if self._last[0] != key:
+            self._last = key, self._kinematics.poses(self._kinematics.angles_at(self._joints, t_s))
+        return self._last[1]
 
     def jacobians(self, t_s: Floats) -> Floats:
         """Twists (scans, pads, 6, joints) of the pads per rate of each joint, 0 where unknown."""
@@ -55,9 +73,7 @@ class Places:
             return
         self._scans += len(t_s)
         self._span_s = min(self._span_s[0], float(t_s[0])), max(self._span_s[1], float(t_s[-1]))
-        angles = self._kinematics.angles_at(self._joints, t_s)
-        if np.isnan(angles).any():
-            self._unplaced += np.isnan(self._kinematics.poses(angles)[:, :, 0, 0]).sum(axis=0)
+        self._unplaced += np.isnan(self._placed(t_s)[:, :, 0, 0]).sum(axis=0)
 
     @property
     def notes(self) -> list[str]:
