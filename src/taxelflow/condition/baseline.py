@@ -48,9 +48,9 @@ def estimate_baseline(
 ) -> Baseline:
     """Baseline from a sample. masked: (taxels,) declared off. causal: the sample is the first window of a stream."""
     layout = sensor.layout
-    silent = np.zeros(layout.taxels, dtype=np.bool_)
+    silent: Bools = np.zeros(layout.taxels, dtype=np.bool_)
     if len(sample):
-        silent = ~np.isfinite(sample.windows).any(axis=(0, 1))
+        silent = np.asarray(~np.isfinite(sample.windows).any(axis=(0, 1)), dtype=np.bool_)
     noise, masked, findings = _noise_and_faults(parameters, sensor, sample, masked | silent)
     nothing = Baseline(
         offset=np.zeros(layout.taxels),
