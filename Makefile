@@ -48,7 +48,7 @@ demo: $(DEMO_READY)
 	$(TAXELFLOW) plot demo/lnorm demo/convolution demo/template --out demo/pictures --format png
 	$(TAXELFLOW) score table1 --strokes 40
 
-# A hand that is not there, over TCP, into three sinks; then the file that was recorded is read, and compared bit by bit.
+# A hand that is not there, over TCP, into three sinks; then the file that was recorded is replayed, and compared bit by bit.
 LIVE := demo/live
 demo-live: $(DEMO_READY)
 	@rm -rf $(LIVE) && mkdir -p $(LIVE)
@@ -58,7 +58,7 @@ demo-live: $(DEMO_READY)
 	  --to mcap:$(LIVE)/hand.mcap --to tables:$(LIVE)/tables --to jsonl:$(LIVE)/hand.jsonl; \
 	status=$$?; wait; exit $$status
 	$(TAXELFLOW) info $(LIVE)/hand.mcap
-	$(TAXELFLOW) estimate $(LIVE)/hand.mcap --mode stream --out $(LIVE)/again
+	$(TAXELFLOW) run 'replay:$(LIVE)/hand.mcap?speed=max&adoptions=recorded' --to tables:$(LIVE)/again --quiet
 	cmp $(LIVE)/tables/slips.csv $(LIVE)/again/slips.csv
 	cmp $(LIVE)/tables/events.csv $(LIVE)/again/events.csv
 	$(TAXELFLOW) convert $(LIVE)/hand.npz $(LIVE)/sent.csv

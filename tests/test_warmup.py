@@ -8,7 +8,9 @@ import pytest
 from taxelflow.simulation.warmup import made_up
 
 PROGRAM = """
+from dataclasses import replace
 from numba.core import event
+from taxelflow.acquire.joints import asked_joints
 from rigged import rigged
 from taxelflow import Conditioner, estimator
 from taxelflow.runtime import compiling
@@ -26,6 +28,8 @@ class Compiles(event.Listener):
         pass
 
 recording = simulate(rigged("{scenario}", motion={{"strokes": 1}}))
+if {joints!r}:
+    recording = replace(recording, joints=asked_joints({joints!r}, recording.sensor))
 raw = recording.load()
 values, t_s = raw.values.copy(), raw.t_s.copy()
 values[60, ::9], values[61, ::7] = np.nan, 1e9
@@ -48,17 +52,20 @@ OPTIONS = ", condition=Conditioner(median_scans=3, lowpass_hz=2.0, drift='follow
 
 
 @pytest.mark.parametrize(
-    ("scenario", "methods", "options", "contacts"),
+    ("scenario", "methods", "options", "contacts", "joints"),
     [
-        ("slide-and-turn", ["convolution", "lnorm", "sum", "principal_axis", "registration", "template"], "", None),
-        ("two-contacts", ["convolution"], "", None),
-        ("two-contacts", ["convolution"], OPTIONS, 2),
+        ("slide-and-turn", ["convolution", "lnorm", "sum", "principal_axis", "registration", "template"], "", None, ""),
+        ("two-contacts", ["convolution"], "", None, ""),
+        ("two-contacts", ["convolution"], OPTIONS, 2, ""),
+        ("slide-and-turn-over-hand", ["convolution"], "", None, "spread"),
     ],
 )
 def test_no_kernel_is_compiled_or_loaded_once_a_stream_has_started(
-    scenario: str, methods: list[str], options: str, contacts: int | None
+    scenario: str, methods: list[str], options: str, contacts: int | None, joints: str
 ) -> None:
-    program = PROGRAM.format(scenario=scenario, methods=methods, options=options, contacts=contacts)
+    if joints:
+        pytest.importorskip("mujoco")
+    program = PROGRAM.format(scenario=scenario, methods=methods, options=options, contacts=contacts, joints=joints)
     paths = ["import sys", f"sys.path[:0] = {sys.path!r}"]
     command = [sys.executable, "-c", "\n".join([*paths, program])]
     done = subprocess.run(command, check=False, capture_output=True, text=True)

@@ -74,12 +74,14 @@ class Joints:
     """Joint angles of the hand over time, from the recording or constant.
 
     names: of the joints. t_s: (times,), sensor's clock in s, strictly increasing; a single time stands for all times.
-    angles: (times, joints), rad (m for a slide).
+    angles: (times, joints), rad (m for a slide). given: the option by which the user gave them, empty for those of the
+    recording and of the sensor file.
     """
 
     names: tuple[str, ...]
     t_s: Floats
     angles: Floats
+    given: str = ""
 
     def at(self, t_s: Floats, names: Sequence[str]) -> Floats:
         """(n, names) angles at times (n,), interpolated linearly; NaN before the first and after the last time, in
@@ -88,13 +90,15 @@ class Joints:
         found = np.full((len(t_s), len(names)), np.nan)
         if not len(self.t_s):
             return found
-        after = np.clip(np.searchsorted(self.t_s, t_s), 1, max(len(self.t_s) - 1, 1))
-        inside = (t_s >= self.t_s[0] - _LATE_S) & (t_s <= self.t_s[-1] + _LATE_S)
         if len(self.t_s) > 1:
-            inside &= (self.t_s[after] - self.t_s[after - 1] <= _GAP_S) | np.isin(t_s, self.t_s)
+            after = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
+            inside = (t_s >= self.t_s[0] - _LATE_S) & (t_s <= self.t_s[-1] + _LATE_S)
+            first, last = self.t_s[after - 1], self.t_s[after]
+            inside &= (last - first <= _GAP_S) | (t_s == first) | (t_s == last)
+        near = slice(0, 1) if len(self.t_s) == 1 or not len(t_s) else slice(after.min() - 1, after.max() + 1)
         for column, name in enumerate(names):
             if name in self.names:
-                angles = np.interp(t_s, self.t_s, self.angles[:, self.names.index(name)])
+                angles = np.interp(t_s, self.t_s[near], self.angles[near, self.names.index(name)])
                 found[:, column] = angles if len(self.t_s) == 1 else np.where(inside, angles, np.nan)
         return found
 

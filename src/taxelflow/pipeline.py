@@ -97,11 +97,14 @@ class Pipeline:
     def start(self, recording: Recording, adopting: Adopting | None = None) -> Run:
         """A run to iterate over or to push scans into, all kernels compiled. adopting: when it uses what it learns."""
         if self.mode == "stream":
-            self.warm_up(split=bool((recording.layout.contact_of >= 0).any()))
+            joints = recording.joints or declared_joints(recording.sensor)
+            split = bool((recording.layout.contact_of >= 0).any())
+            self.warm_up(split=split, space=self.spatial.applies(recording.sensor, joints))
         return Run(self, recording, adopting)
 
-    def warm_up(self, *, split: bool = False) -> None:
-        """Compile, or load, what a stream of any sensor needs, once in a process. split: with split contacts.
+    def warm_up(self, *, split: bool = False, space: bool = False) -> None:
+        """Compile, or load, what a stream of any sensor needs, once in a process. split: with split contacts. space:
+        for pads that have places in space.
 
         Stages run on a made-up recording; an estimator of another package does not, it may know its sensor only.
         """
@@ -113,11 +116,11 @@ class Pipeline:
         )
         made = replace(self, estimator=estimator, mode="stream", condition=condition, calibration=None)
         filters = (condition.drift, condition.median_scans > 1 or condition.lowpass_hz > 0.0)
-        needs = (type(estimator), *filters, self.smooth.acceleration_m_s2 > 0.0, split)
+        needs = (type(estimator), *filters, self.smooth.acceleration_m_s2 > 0.0, split, space)
         if needs in _warm:
             return
         with announced():
-            for _ in Run(made, made_up(split=split)):
+            for _ in Run(made, made_up(split=split, space=space)):
                 pass
         _warm.add(needs)
 
@@ -143,7 +146,8 @@ class Run:
                     learns.adopt_by(adopting)
             self._fuse = pipeline.fusion.start(layout)
             joints = recording.joints or declared_joints(recording.sensor)
-            self._space, self._space_notes = pipeline.spatial.begin(recording.sensor, joints)
+            self._space, notes = pipeline.spatial.begin(recording.sensor, joints)
+            self._space_notes = [] if recording.truth is not None and joints is None else notes  # the rig's is flat
             on, off = pipeline.condition.contact_on, pipeline.condition.contact_off
             self._segment = pipeline.features.start(recording.sensor, on, off, stream=self._stream)
         self._segmented: list[Contacts] = []
@@ -182,6 +186,7 @@ class Run:
         """What was found out about contacts, and by the estimator about the sensor."""
         return [
             *self._space_notes,
+            *([] if self._space is None else self._space.notes),
             *self._segment.notes,
             *(self._estimator.notes if isinstance(self._estimator, Learning) else []),
         ]
@@ -221,6 +226,8 @@ class Run:
             yield from self._segment_and_estimate(scans)
         yield from self._detect(self._estimate.finish())
         yield from self._judged(self._slip.finish())
+        if self._space is not None:
+            self._space.finish()
 
     def _segment_and_estimate(self, scans: Scans) -> Iterator[Output]:
         segmented = self._segment.step(scans)

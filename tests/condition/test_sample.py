@@ -115,3 +115,14 @@ def test_windows_of_many_taxels_are_fewer() -> None:
         sample.add(np.arange(240.0) + 240 * block, np.full((240, taxels), float(block)))
     assert sample.windows.nbytes <= 1 << 26
     assert len(sample.windows) == len(sample.starts_s) == 34
+
+
+def test_a_snapshot_stays_as_it_is_and_shares_what_it_holds() -> None:
+    sample = sampled(MAX_WINDOWS * WINDOW_SCANS)
+    held = sample.snapshot()
+    before = held.windows
+    sample.add(*stamped(numbered(20_000)))
+    np.testing.assert_array_equal(held.windows, before)
+    assert not np.array_equal(sample.windows, before)
+    assert (len(held), len(held.starts_s)) == (MAX_WINDOWS, MAX_WINDOWS)
+    assert sum(one is other for one, other in zip(held._windows, sample._windows, strict=True)) > 0  # nothing is copied

@@ -4,29 +4,35 @@ from __future__ import annotations
 
 import itertools
 import os
+import threading
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
-from streaming import PALM, published, slid
+from streaming import PALM, opened, published, slid
+from taxelflow.acquire.base import Recording
+from taxelflow.condition import relearning
 from taxelflow.errors import AddressInvalid
 from taxelflow.estimation.template.online import session
-from taxelflow.live.adoptions import asked_adoptions
+from taxelflow.live import intake
+from taxelflow.live.adoptions import asked_adoptions, asked_missed
 from taxelflow.live.command import opened_sinks
 from taxelflow.live.face import Live
 from taxelflow.live.loop import Limits, run_live
 from taxelflow.live.replay import Replay
 from taxelflow.messages import joined
 from taxelflow.pipeline import Output
+from taxelflow.runtime.addresses import parse_address
 from taxelflow.runtime.adoption import Adoption, AsRecorded, Lane, Late, WhenReady
 from taxelflow.runtime.worker import Worker
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from taxelflow.acquire.devices.base import Arrival
     from taxelflow.messages import RawScans
 
 
@@ -55,12 +61,12 @@ class Stalled:
         pass
 
 
-def _with_workers(beside: Stalled, patched: pytest.MonkeyPatch) -> Live:
+def _with_workers(beside: Stalled, patched: pytest.MonkeyPatch, method: str = "template") -> Live:
     """A loop whose mapper is beside, and whose first maps are there at once."""
     with patched.context() as making:
         making.setattr(session, "worker", lambda: beside)
         making.setattr(session, "ThreadPoolExecutor", lambda *_, **__: Stalled())
-        return Live(PALM, "template")
+        return Live(PALM, method)
 
 
 def steps(live: Live, begin: int, end: int) -> Output:
@@ -87,41 +93,97 @@ def _maps_of(live: Live) -> list[Adoption]:
     return [adoption for adoption in live.adopted() if adoption.what == "pad0"]
 
 
-def test_a_replay_gives_what_the_loop_gave(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("method", "lag"), [("template", 7), ("convolution", 31)])
+def test_a_replay_gives_what_the_loop_gave(
+    method: str, lag: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     beside = Stalled()
-    live, device = _with_workers(beside, monkeypatch), Replay(_recorded(), speed=0.0)
-    _lagging(live, beside, monkeypatch)
-    sinks = [f"mcap:{tmp_path / 'a.mcap'}?draw=0", f"jsonl:{tmp_path / 'a.jsonl'}"]
-    run_live(device, opened_sinks(tuple(sinks)), live, Limits(), "template")
-    url = f"replay:{tmp_path / 'a.mcap'}?speed=max&adoptions=recorded"
-    adoptions = asked_adoptions(url)
+    monkeypatch.setattr(relearning, "_worker", lambda: beside)
+    live, device = _with_workers(beside, monkeypatch, method), Replay(_recorded(), speed=0.0)
+    _lagging(live, beside, monkeypatch, lag)
+    _logged(device, live, tmp_path)
+    adoptions = _replayed(tmp_path, method)
     assert len(adoptions) > 1
-    again = Live(PALM, "template", adoptions=adoptions)
-    run_live(
-        Replay(_recorded(), speed=0.0), opened_sinks((f"jsonl:{tmp_path / 'b.jsonl'}",)), again, Limits(), "template"
-    )
-    one, other = ([line | {"age_ms": 0} for line in published(tmp_path / name)] for name in ("a.jsonl", "b.jsonl"))
+    one, other = _lines(tmp_path, "a"), _lines(tmp_path, "b")
     assert len(one) == len(slid())
     assert one == other
+    run_live(
+        _device(tmp_path), opened_sinks((f"jsonl:{tmp_path / 'c.jsonl'}",)), Live(PALM, method, adoptions=[]), Limits()
+    )
+    assert _lines(tmp_path, "c") != one  # when it was used is what makes the difference
 
 
-def _lagging(live: Live, beside: Stalled, patched: pytest.MonkeyPatch) -> None:
-    """What is learned comes up to 7 scans late, the same on every machine."""
+def test_a_replay_leaves_out_scans_that_the_loop_had_no_time_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(intake, "_MOST_WAITING", 30)
+    live, device = Live(PALM), _Impatient(_recorded(), speed=0.0)
+    push = live.push
+
+    def push_when_all_has_come(scans: RawScans) -> Output:
+        device.has_ended.wait(20)
+        return push(scans)
+
+    monkeypatch.setattr(live, "push", push_when_all_has_come)
+    _logged(device, live, tmp_path)
+    _replayed(tmp_path, "convolution")
+    one, other = _lines(tmp_path, "a"), _lines(tmp_path, "b")
+    assert 30 <= len(one) <= 60
+    assert one == other
+    assert asked_missed(parse_address(f"replay:{tmp_path / 'a.mcap'}")) == frozenset()
+
+
+class _Impatient(Replay):
+    """A device that does not wait for its reader."""
+
+    patient = False
+
+    def __init__(self, recording: Recording, speed: float) -> None:
+        super().__init__(recording, speed)
+        self.has_ended = threading.Event()
+
+    def __iter__(self) -> Iterator[Arrival | None]:
+        yield from super().__iter__()
+        self.has_ended.set()
+
+
+def _logged(device: Replay, live: Live, folder: Path) -> None:
+    sinks = f"mcap:{folder / 'a.mcap'}?draw=0", f"jsonl:{folder / 'a.jsonl'}"
+    run_live(device, opened_sinks(sinks), live, Limits())
+
+
+def _device(folder: Path, asked: str = "ready") -> Any:
+    return opened(f"replay:{folder / 'a.mcap'}?speed=max&adoptions={asked}")
+
+
+def _replayed(folder: Path, method: str) -> list[Adoption]:
+    """Run once more by the log; its adoptions."""
+    adoptions = asked_adoptions(f"replay:{folder / 'a.mcap'}?speed=max&adoptions=recorded")
+    assert adoptions is not None
+    again = Live(PALM, method, adoptions=adoptions)
+    run_live(_device(folder, "recorded"), opened_sinks((f"jsonl:{folder / 'b.jsonl'}",)), again, Limits())
+    return adoptions
+
+
+def _lines(folder: Path, name: str) -> list[dict[str, Any]]:
+    return [line | {"age_ms": 0} for line in published(folder / f"{name}.jsonl")]
+
+
+def _lagging(live: Live, beside: Stalled, patched: pytest.MonkeyPatch, lag: int) -> None:
+    """What is learned comes up to so many scans late, the same on every machine."""
     push, pushed = live.push, itertools.count(1)
 
     def push_then_learn(scans: RawScans) -> Output:
         number = next(pushed)
         beside.stalls = number < len(slid())
-        if number % 7 == 0 or not beside.stalls:
+        if number % lag == 0 or not beside.stalls:
             beside.go_on()
         return push(scans)
 
     patched.setattr(live, "push", push_then_learn)
 
 
-def _recorded() -> Any:
-    from taxelflow.acquire.base import Recording
-
+def _recorded() -> Recording:
     return Recording("slid", "memory", PALM, lambda: iter([slid()]), scans=len(slid()))
 
 

@@ -17,6 +17,7 @@ import pytest
 import taxelflow
 from streaming import PALM, SCANS, connected, free_port, lines, opened, published, running, slid
 from taxelflow.errors import SourceUnreachable, TaxelCountWrong, TaxelflowError
+from taxelflow.live.adoptions import asked_adoptions
 from taxelflow.live.face import Live
 from taxelflow.live.loop import Limits
 from taxelflow.live.status import drawn, totals
@@ -27,9 +28,11 @@ from taxelflow.publish.tables import EVENTS
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from taxelflow.runtime.adoption import Adoption
 
-def streamed(scans: RawScans) -> Output:
-    live = Live(PALM)
+
+def streamed(scans: RawScans, adoptions: list[Adoption] | None = None) -> Output:
+    live = Live(PALM, adoptions=adoptions)
     steps = [live.step(t, v) for t, v in zip(scans.t_s.tolist(), scans.values, strict=True)]
     return joined([*steps, live.finish()])
 
@@ -46,8 +49,11 @@ def test_scans_over_tcp_come_out_of_every_sink_and_the_mcap_reads_back_bit_equal
     recording = taxelflow.read(tmp_path / "a.mcap")
     assert np.array_equal(recording.load().values, scans.values)
     assert recording.scans == SCANS  # the file is complete
-    expected = taxelflow.estimate(recording, mode="stream")
-    assert [row["pads"]["pad0"]["x_m"] for row in rows[-10:]] == expected.slips.pose[-10:, 0, 0].tolist()
+    replayed = f"replay:{tmp_path}/a.mcap?speed=max&adoptions=recorded"
+    expected = streamed(scans, asked_adoptions(replayed))
+    pad_rows = [row["pads"]["pad0"] for row in rows[-10:]]
+    assert [row["x_m"] for row in pad_rows] == expected.slips.pose[-10:, 0, 0].tolist()
+    assert [row["std_x_m"] for row in pad_rows] == np.sqrt(expected.slips.covariance[-10:, 0, 0, 0]).tolist()
     assert (tmp_path / "t" / "slips.csv").read_text().count("\n") == SCANS + 1
     assert json.loads((tmp_path / "t" / "summary.json").read_text())["scans"] == SCANS
     assert sum(len(row["events"]) for row in rows) == len(expected.events)

@@ -35,6 +35,21 @@ def test_links_follow_the_joints_and_coupled_ones_their_drivers(text: str) -> No
     assert np.isnan(hand.poses(np.array([[np.nan]]), [hand.link("pad")])).all()
 
 
+def test_links_that_no_unknown_joint_moves_are_placed() -> None:
+    text = ARM.replace(' multiplier="0.5"/>', ' multiplier="0.5"/>', 1)
+    branch = '<link name="other"/><joint name="c" type="revolute"><parent link="upper"/><child link="other"/>'
+    branch += '<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>'
+    hand = Kinematics(text.replace("</robot>", branch), "base", "test")
+    links = [hand.link(name) for name in ("upper", "pad", "other")]
+    angles = np.array([[0.6, 0.2], [0.6, np.nan], [np.nan, 0.2]])
+    a, c = hand.joints.index("a"), hand.joints.index("c")
+    T = hand.poses(angles[:, [a, c]] if a < c else angles[:, [1, 0]], links)
+    assert np.isfinite(T[..., 0, 0]).tolist() == [[True] * 3, [True, True, False], [False] * 3]
+    np.testing.assert_array_equal(T[0, :2], T[1, :2])
+    upper = Kinematics(text.replace("</robot>", branch), "upper", "test")
+    assert np.isfinite(upper.poses(angles[2:], [upper.link("other")])).all()  # a moves both
+
+
 def test_poses_are_relative_to_the_base() -> None:
     hand = Kinematics(ARM, "upper", "test")
     (T,) = hand.poses(np.array([[0.6]]), [hand.link("lower")])

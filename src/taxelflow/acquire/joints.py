@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,10 +13,10 @@ import numpy as np
 from taxelflow.errors import ExtraMissing
 from taxelflow.messages import Joints
 from taxelflow.sensors.hand import JointsInvalid, joint_angles
-from taxelflow.sensors.kinematics import hand_model
+from taxelflow.sensors.kinematics import angles_of, hand_model
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from taxelflow.messages import Floats
     from taxelflow.sensors.sensor import Sensor
@@ -24,14 +25,24 @@ TIME = "t_s"
 
 
 def joints_of(names: Sequence[str], t_s: Floats, angles: Floats) -> Joints:
-    """Angles (times, joints) at times (times,) in any order; of repeated times the first, without unknown ones."""
-    known = np.isfinite(t_s) & np.isfinite(angles).all(axis=1)
+    """Angles (times, joints) at times (times,) in any order; of repeated times the first, without unknown ones.
+
+    A joint without any known angle is left out.
+    """
+    held = np.flatnonzero(np.isfinite(angles).any(axis=0))
+    angles = angles[:, held]
+    known = np.isfinite(t_s) & np.isfinite(angles).all(axis=1) & bool(len(held))
     times, first = np.unique(t_s[known], return_index=True)
-    return Joints(tuple(names), times, angles[known][first])
+    return Joints(tuple(names[joint] for joint in held.tolist()), times, angles[known][first])
 
 
-def constant_joints(angles: dict[str, float]) -> Joints:
-    """Angles that never change."""
+def constant_joints(angles: dict[str, float], sensor: Sensor) -> Joints:
+    """Angles that never change, 0 for joints of the sensor's hand that are left out. Raises HandModelInvalid."""
+    hand = sensor.hand
+    with suppress(ExtraMissing):
+        if hand is not None and any(pad.link is not None for pad in sensor.pads):
+            names = hand_model(hand.urdf, hand.base, sensor.name).joints
+            return Joints(names, np.zeros(1), angles_of(names, angles, sensor.name)[np.newaxis])
     return Joints(tuple(angles), np.zeros(1), np.array([list(angles.values())]))
 
 
@@ -41,32 +52,39 @@ def asked_joints(given: str, sensor: Sensor) -> Joints:
     """
     pose = None if sensor.hand is None else sensor.hand.pose(given)
     if pose is not None:
-        return constant_joints(joint_angles(pose))
-    joints = read_joints(Path(given)) if given.endswith(".csv") else constant_joints(joint_angles(given))
-    _check_names(joints, given, sensor)
-    return joints
+        return constant_joints(joint_angles(pose), sensor)
+    if given.endswith(".csv"):
+        joints = read_joints(Path(given))
+        _check_names(joints.names, given, sensor)
+        return replace(joints, given=given)
+    angles = joint_angles(given)
+    _check_names(angles, given, sensor)
+    return constant_joints(angles, sensor)
 
 
-def _check_names(joints: Joints, given: str, sensor: Sensor) -> None:
+def _check_names(names: Iterable[str], given: str, sensor: Sensor) -> None:
     """Raises JointsInvalid for a joint that the sensor's hand lacks; without MuJoCo nothing is known of it."""
     if sensor.hand is None:
         raise JointsInvalid(given, f"sensor {sensor.name} has no [hand]: leave --joints out")
     with suppress(ExtraMissing):
         known = hand_model(sensor.hand.urdf, sensor.hand.base, sensor.name).joints
-        for name in joints.names:
+        for name in names:
             if name not in known:
                 raise JointsInvalid(given, f"the hand has no joint {name!r}, only {', '.join(known)}")
 
 
 def declared_joints(sensor: Sensor) -> Joints | None:
-    """The constant angles of the sensor file, if it has any."""
+    """The constant angles of the sensor file, if it has any. Raises HandModelInvalid."""
     if sensor.hand is None or not sensor.hand.joints:
         return None
-    return constant_joints(joint_angles(sensor.hand.joints))
+    return constant_joints(joint_angles(sensor.hand.joints), sensor)
 
 
 def read_joints(path: Path) -> Joints:
-    """Joint angles from a csv: a header t_s,JOINT,..., times in s and angles in rad (m). Raises JointsInvalid."""
+    """Joint angles from a csv: a header t_s,JOINT,..., times in s and angles in rad (m), an empty field where unknown.
+
+    Raises JointsInvalid.
+    """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = [row for row in csv.reader(file) if row]
@@ -76,11 +94,14 @@ def read_joints(path: Path) -> Joints:
     if TIME not in header or len(set(header)) < len(header) or len(header) < 2:
         raise JointsInvalid(str(path), f"its header is {','.join(header)[:80] or 'empty'!r}")
     try:
-        numbers = np.array([[float(field) for field in row] for row in rows[1:]], dtype=np.float64)
+        numbers = np.array([[float(field or "nan") for field in row] for row in rows[1:]], dtype=np.float64)
     except ValueError as error:
         raise JointsInvalid(str(path), f"a field is no number ({error})") from error
     if numbers.ndim != 2 or numbers.shape[1] != len(header):
         raise JointsInvalid(str(path), "its rows are not as long as its header, or there are none")
     time = header.index(TIME)
     others = [column for column in range(len(header)) if column != time]
-    return joints_of([header[column] for column in others], numbers[:, time], numbers[:, others])
+    joints = joints_of([header[column] for column in others], numbers[:, time], numbers[:, others])
+    if not len(joints.t_s):
+        raise JointsInvalid(str(path), "no row has a time and all its angles")
+    return joints

@@ -47,8 +47,10 @@ def estimate_baseline(
     parameters: ConditionSettings, sensor: Sensor, sample: Sample, masked: Bools, *, causal: bool
 ) -> Baseline:
     """Baseline from a sample. masked: (taxels,) declared off. causal: the sample is the first window of a stream."""
-    layout, windows = sensor.layout, sample.windows
-    silent = ~np.isfinite(windows).any(axis=(0, 1)) if len(windows) else np.zeros(layout.taxels, dtype=np.bool_)
+    layout = sensor.layout
+    silent: Bools = np.zeros(layout.taxels, dtype=np.bool_)
+    if len(sample):
+        silent = np.asarray(~np.isfinite(sample.windows).any(axis=(0, 1)), dtype=np.bool_)
     noise, masked, findings = _noise_and_faults(parameters, sensor, sample, masked | silent)
     nothing = Baseline(
         offset=np.zeros(layout.taxels),

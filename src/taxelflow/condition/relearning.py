@@ -55,7 +55,7 @@ class Relearning:
         """Learn from what the sample holds now. before: what is known."""
         held = sample.snapshot()
         job = _worker().submit(update_baseline, self._parameters, self._sensor, held, before)
-        self._lane.begin(job, now_s, now_s + _LEAST_S + _PER_WINDOW_S * len(held.windows), self._put)
+        self._lane.begin(job, now_s, now_s + _LEAST_S + _PER_WINDOW_S * len(held), self._put)
 
     def adopt(self, now_s: float) -> None:
         """Put to use what is being learned, if anything is; waits for it if it is not ready."""

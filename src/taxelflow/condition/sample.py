@@ -28,20 +28,24 @@ class Sample:
         self._random = np.random.default_rng(0)  # a replay draws the same windows
         self.first = np.zeros((0, taxels))
         """The first window of all, (WINDOW_SCANS, taxels), kept in any case."""
-        self._windows = np.zeros((0, WINDOW_SCANS, taxels))
-        self._starts_s = np.zeros(0)
+        self._windows: list[Floats] = []  # none is written to: a copy shares them, and a longer list costs nothing
+        self._starts_s: list[float] = []
         self._room = np.empty((WINDOW_SCANS, taxels))
         self._open, self._open_s = self._room[:0], 0.0
 
     @property
     def windows(self) -> Floats:
-        """(windows, WINDOW_SCANS, taxels), in the order drawn; at most MAX_WINDOWS."""
-        return self._windows[: min(self.windows_seen, self._most)]
+        """(windows, WINDOW_SCANS, taxels), in the order drawn; at most MAX_WINDOWS. Each call copies them."""
+        return np.stack(self._windows) if self._windows else self._room[np.newaxis][:0]
+
+    def __len__(self) -> int:
+        """Number of windows held."""
+        return len(self._windows)
 
     @property
     def starts_s(self) -> Floats:
         """(windows,) time of each window's first scan."""
-        return self._starts_s[: len(self.windows)]
+        return np.array(self._starts_s)
 
     @property
     def tail(self) -> tuple[float, Floats]:
@@ -73,9 +77,9 @@ class Sample:
             self._open_s = float(t_s[full * WINDOW_SCANS])
 
     def snapshot(self) -> Sample:
-        """A copy that later scans leave as it is."""
+        """A copy that later scans leave as it is, made at once however much it holds."""
         held = copy(self)
-        held._windows, held._starts_s = self.windows.copy(), self.starts_s.copy()
+        held._windows, held._starts_s = self._windows.copy(), self._starts_s.copy()
         return held
 
     def close(self) -> None:
@@ -91,10 +95,9 @@ class Sample:
         place = self.windows_seen
         if self.windows_seen >= self._most:
             place = int(self._random.integers(self.windows_seen + 1))
-        elif self.windows_seen >= len(self._windows):
-            room = np.zeros((min(max(16, len(self._windows)), self._most), *window.shape))
-            self._windows = np.concatenate([self._windows, room])
-            self._starts_s = np.concatenate([self._starts_s, room[:, 0, 0]])
-        if place < self._most:
-            self._windows[place], self._starts_s[place] = window, start_s
+        if place < len(self._windows):
+            self._windows[place], self._starts_s[place] = window.copy(), start_s
+        elif place < self._most:
+            self._windows.append(window.copy())
+            self._starts_s.append(start_s)
         self.windows_seen += 1

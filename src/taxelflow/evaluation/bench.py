@@ -24,6 +24,7 @@ from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.base import Watch, table_of, unwatched
 from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency, bench_peers, last_of
 from taxelflow.evaluation.bench_reading import ReadingRate, reading_rates
+from taxelflow.evaluation.bench_space import space_steps
 from taxelflow.evaluation.bench_throughput import Throughput, throughput
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.messages import RawScans, Scans, cut
@@ -135,8 +136,7 @@ def _sensors() -> list[Sensor]:
 def _latencies(sensor: Sensor) -> list[Latency]:
     """One step of every pad, all in contact, by the literal equations, the kernels, and the whole pipeline."""
     layout = sensor.layout
-    random = np.random.default_rng(0)
-    values = random.uniform(1.0, 10.0, (16, layout.taxels))
+    values = np.random.default_rng(0).uniform(1.0, 10.0, (16, layout.taxels))
     scans = _loaded(values[:, layout.source], len(layout.pads))
     images = [[layout.grid(pad, scan, fill=0.0) for pad in range(len(layout.pads))] for scan in values]
     steps: dict[str, Callable[[int], object]] = {
@@ -149,7 +149,7 @@ def _latencies(sensor: Sensor) -> list[Latency]:
             steps[f"{method} kernel"] = _kernel_step(method, sensor, scans)
             session = api.estimator(method).start(layout, "stream")
             steps[f"{method} step"] = _session_step(session.step, scans)
-        steps |= _stages(sensor, values)
+        steps |= _stages(sensor, values) | space_steps(sensor)
     taken = _in_turn(steps)
     base = float(np.median(taken["literal equations (SciPy)"]))
     return [

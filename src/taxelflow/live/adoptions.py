@@ -1,10 +1,13 @@
-"""When a run used what it had learned, from the file of the run: with it the same scans give the same results."""
+"""When a run used what it had learned, and which scans it had no time for, from the file of the run.
+
+With both the same scans give the same results once more.
+"""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -16,8 +19,8 @@ from taxelflow.runtime.adoption import Adoption
 if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
 
-ADOPTIONS = "/adoptions"
-"""The topic in an MCAP file."""
+ADOPTIONS, MISSED = "/adoptions", "/missed"
+"""The topics in an MCAP file."""
 OPTION, ALLOWED = "adoptions", ("ready", "recorded")
 """Of `replay:`: use what is learned when it is ready, or in the scans in which the recorded run did."""
 
@@ -28,17 +31,31 @@ def asked_adoptions(url: str) -> list[Adoption] | None:
     Raises AddressInvalid, RecordingTooLarge, OSError.
     """
     address = parse_address(url)
-    if address.scheme != "replay" or address.choice(OPTION, ALLOWED) == "ready":
+    if address.scheme != "replay" or not _recorded(address):
         return None
-    return _read(address, Path(address.need_path("replay:FILE")))
+    return [Adoption(one["what"], one["number"], one["t_s"]) for one in _read(address, ADOPTIONS)]
 
 
-def _read(address: Address, path: Path) -> list[Adoption]:
+def asked_missed(address: Address) -> frozenset[float]:
+    """Times of the scans, s, that the recorded run had no time for; none unless `adoptions=recorded` asks for them.
+
+    Raises AddressInvalid, RecordingTooLarge, OSError.
+    """
+    return frozenset(one["t_s"] for one in _read(address, MISSED)) if _recorded(address) else frozenset()
+
+
+def _recorded(address: Address) -> bool:
+    return address.choice(OPTION, ALLOWED) == "recorded"
+
+
+def _read(address: Address, name: str) -> list[dict[str, Any]]:
+    """All messages of a topic."""
+    path = Path(address.need_path("replay:FILE"))
     if path.suffix != ".mcap":
         raise AddressInvalid(address.url, f"{path.name} holds no adoptions", "a file by `taxelflow run --to mcap:FILE`")
-    source, found = McapSource(path), []
+    source, found = McapSource(path), list[dict[str, Any]]()
     for topic in source.topics:
-        if topic.name == ADOPTIONS:
+        if topic.name == name:
             with suppress(RecordingTruncated):  # what is whole is used; the replay of the scans says that it was cut
                 found += [msgspec.json.decode(content) for _, content in source.messages(topic)]
-    return [Adoption(one["what"], one["number"], one["t_s"]) for one in found]
+    return found

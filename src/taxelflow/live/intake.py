@@ -63,6 +63,7 @@ class Intake(threading.Thread):
         self._estimates = estimates
         self._waiting: deque[Placed] = deque()
         self._come = threading.Condition()
+        self._missed: list[float] = []
         self._done = False
 
     @property
@@ -86,6 +87,12 @@ class Intake(threading.Thread):
             self._waiting.clear()
             self._come.notify()
             return taken
+
+    def missed(self) -> list[float]:
+        """Times of the scans, s, for which there was no time, since the last call."""
+        with self._come:
+            missed, self._missed = self._missed, []
+        return missed
 
     def run(self) -> None:
         """The thread's work."""
@@ -127,6 +134,6 @@ class Intake(threading.Thread):
                 if not self.overrun:
                     self._source.faults.tell("the estimate is too slow", "the oldest scans are dropped")
                 self.overrun += 1
-                self._waiting.popleft()
+                self._missed.append(self._waiting.popleft().t_s)
             self._waiting.append(placed)
             self._come.notify()

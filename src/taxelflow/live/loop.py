@@ -169,7 +169,11 @@ class _Estimate:
         return Ending(summary, run.patterns)
 
     def _publish(self, output: Output) -> None:
-        update = replace(update_of(output, self._arrived(output.slips.t_s)), adoptions=self._live.adopted())
+        update = replace(
+            update_of(output, self._arrived(output.slips.t_s)),
+            adoptions=self._live.adopted(),
+            missed=self._report.intake.missed(),
+        )
         for worker in self._report.workers:
             worker.offer(update)
             if self._report.source.patient:

@@ -13,7 +13,7 @@ import msgspec
 
 from taxelflow.acquire.ros.write import McapScans
 from taxelflow.errors import ExtraMissing
-from taxelflow.live.adoptions import ADOPTIONS
+from taxelflow.live.adoptions import ADOPTIONS, MISSED
 from taxelflow.publish.sinks.drawn import Drawing, nanoseconds
 from taxelflow.publish.sinks.lines import event_row, object_rows, pad_rows, spatial_objects
 from taxelflow.publish.sinks.patient import PatientFile
@@ -43,6 +43,7 @@ _SCHEMAS = {
         "taxelflow.Adoption",
         {"t_s": {"type": "number"}, "what": {"type": "string"}, "number": {"type": "integer"}},
     ),
+    MISSED: ("taxelflow.MissedScan", {"t_s": {"type": "number"}}),
     "/late": ("taxelflow.LateScan", {"t_s": {"type": "number"}, "values": {"type": "array"}}),
 }
 """JSON topics: name of the schema and its properties."""
@@ -99,6 +100,8 @@ class McapSink:
             self._tell("/object", t_s, moved)
         for adoption in update.adoptions:
             self._tell(ADOPTIONS, adoption.t_s, adoption._asdict())
+        for t_s in update.missed:
+            self._tell(MISSED, t_s, {"t_s": t_s})
         for row in spatial_objects(update, self._pads):
             self._tell("/object3d", float(row["t_s"]), row)
         for event in update.events:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from taxelflow import api
 from taxelflow.acquire.devices.base import POLL_S, Arrival, Faults
 from taxelflow.errors import AddressInvalid, NameUnknown
-from taxelflow.live.adoptions import OPTION
+from taxelflow.live.adoptions import OPTION, asked_missed
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 
@@ -27,15 +27,18 @@ if TYPE_CHECKING:
 class Replay:
     """Scans of a recording, each when its time has come.
 
-    speed: 1 for true time, 0 for no waiting at all. stepped: a scan for each line on standard input.
+    speed: 1 for true time, 0 for no waiting at all. stepped: a scan for each line on standard input. missed: times of
+    scans to leave out, s.
     """
 
     patient = True
 
-    def __init__(self, recording: Recording, speed: float, *, stepped: bool = False) -> None:
+    def __init__(
+        self, recording: Recording, speed: float, *, stepped: bool = False, missed: frozenset[float] = frozenset()
+    ) -> None:
         self.recording = recording
         self.faults = Faults()
-        self._speed, self._stepped = speed, stepped
+        self._speed, self._stepped, self._missed = speed, stepped, missed
 
     def __enter__(self) -> Self:
         return self
@@ -48,6 +51,8 @@ class Replay:
         began, first_s = time.monotonic(), None
         for block in reading:
             for t_s, values in zip(block.t_s.tolist(), block.values, strict=True):
+                if t_s in self._missed:
+                    continue
                 if self._stepped and not sys.stdin.readline():
                     return
                 if self._speed:
@@ -73,7 +78,7 @@ def replay(address: Address, sensor: Sensor | None) -> Replay:
     address.check_options(("speed", "topic", OPTION))
     path = address.need_path("replay:FILE?speed=1")
     recording = api.read(Path(path), sensor, topic=address.options.get("topic"))
-    return _paced(address, recording)
+    return _paced(address, recording, asked_missed(address))
 
 
 def rig(address: Address, sensor: Sensor | None) -> Replay:
@@ -87,13 +92,13 @@ def rig(address: Address, sensor: Sensor | None) -> Replay:
     return _paced(address, simulate(replace(SCENARIOS[name], seed=int(address.number("seed", 0)))))
 
 
-def _paced(address: Address, recording: Recording) -> Replay:
+def _paced(address: Address, recording: Recording, missed: frozenset[float] = frozenset()) -> Replay:
     speed = address.options.get("speed", "1")
     if speed == "step":
-        return Replay(recording, 0.0, stepped=True)
+        return Replay(recording, 0.0, stepped=True, missed=missed)
     if speed == "max":
-        return Replay(recording, 0.0)
+        return Replay(recording, 0.0, missed=missed)
     factor = address.number("speed", 1.0)
     if factor == 0.0:
         raise AddressInvalid(address.url, "speed=0", "speed=NUMBER above 0, speed=max or speed=step")
-    return Replay(recording, factor)
+    return Replay(recording, factor, missed=missed)

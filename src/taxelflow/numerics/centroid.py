@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import inlined, kernel
 
@@ -62,8 +60,9 @@ def centroid_covariance(
     total = middle[3]
     if total <= 0.0:
         return
-    peak = np.max(reading)
-    xx = xy = yy = count = 0.0
+    peak = xx = xy = yy = count = 0.0
+    for i in range(len(reading)):
+        peak = max(peak, reading[i])
     for i in range(len(reading)):
         p = reading[i]
         if _belongs(p, variance[i], peak):

@@ -57,7 +57,11 @@ class Kinematics:
         self._coupled = self._couplings()
         driven = {follower for follower, _, _ in self._coupled}
         self._free = [joint for joint in range(self._model.njnt) if joint not in driven]
+        self._driver = {joint: joint for joint in self._free} | {one: other for one, other, _ in self._coupled}
         self._check_types()
+        address = self._model.jnt_qposadr
+        self._address = [int(address[joint]) for joint in self._free]
+        self._followers = [(int(address[one]), int(address[other]), terms) for one, other, terms in self._coupled]
         self.joints = tuple(self._joint_name(joint) for joint in self._free)
 
     def link(self, name: str) -> int:
@@ -72,26 +76,44 @@ class Kinematics:
         raise HandModelInvalid(self._source, f"it has no link {name!r}", f"choose one of {known}")
 
     def poses(self, angles: Floats, links: list[int]) -> Floats:
-        """T_hand_link (scans, links, 4, 4) at joint angles (scans, joints), rad (m for a slide); NaN where unknown."""
+        """T_hand_link (scans, links, 4, 4) at joint angles (scans, joints), rad (m for a slide).
+
+        NaN for the links that a joint moves whose angle is unknown (NaN).
+        """
         T = np.full((len(angles), len(links), 4, 4), np.nan)
         qpos, model, data = self._data.qpos, self._model, self._data
-        address = [int(model.jnt_qposadr[joint]) for joint in self._free]
-        followers = [
-            (int(model.jnt_qposadr[one]), int(model.jnt_qposadr[other]), terms) for one, other, terms in self._coupled
-        ]
         world = np.zeros((len(links) + 1, 4, 4))
         world[:, 3, 3] = 1.0
         bodies = [self._base, *links]
-        for scan in np.flatnonzero(np.isfinite(angles).all(axis=1)):
-            qpos[address] = angles[scan]
-            for one, other, terms in followers:
-                x = qpos[other] - model.qpos0[other]
-                qpos[one] = model.qpos0[one] + np.polyval(terms[::-1], x)
+        known = np.isfinite(angles)
+        placed = np.ones((len(angles), len(links)), dtype=np.bool_)
+        if not known.all():
+            placed = np.stack([known[:, self._movers(link)].all(axis=1) for link in links], axis=1)
+            angles = np.where(known, angles, 0.0)
+        for scan in np.flatnonzero(placed.any(axis=1)):
+            qpos[self._address] = angles[scan]
+            for one, other, terms in self._followers:
+                qpos[one] = model.qpos0[one] + _polynomial(terms, float(qpos[other] - model.qpos0[other]))
             self._mujoco.mj_kinematics(model, data)
             world[:, :3, :3] = data.xmat[bodies].reshape(-1, 3, 3)
             world[:, :3, 3] = data.xpos[bodies]
-            T[scan] = se3_inverse(world[0]) @ world[1:]
+            T[scan] = se3_inverse(world[0]) @ world[1:] if self._base else world[1:]
+        T[~placed] = np.nan
         return T
+
+    def _movers(self, link: int) -> list[int]:
+        """Numbers of the joints, in the order of angles, that move a link in the hand's frame."""
+        moving = self._above(link) ^ self._above(self._base)
+        return sorted({self._free.index(self._driver[joint]) for joint in moving if self._driver[joint] in self._free})
+
+    def _above(self, link: int) -> set[int]:
+        """Joints between a link and the root."""
+        found: set[int] = set()
+        while link:
+            first, count = int(self._model.body_jntadr[link]), int(self._model.body_jntnum[link])
+            found.update(range(first, first + count))
+            link = int(self._model.body_parentid[link])
+        return found
 
     def jacobians(self, angles: Floats, links: list[int]) -> Floats:
         """Twists (scans, links, 6, joints) of links per rate of each joint, at the hand's origin, in its frame."""
@@ -103,12 +125,12 @@ class Kinematics:
             J[..., joint] = se3_log(ahead @ se3_inverse(back)) / (2 * _STEP_RAD)
         return J
 
-    def _couplings(self) -> list[tuple[int, int, Floats]]:
+    def _couplings(self) -> list[tuple[int, int, list[float]]]:
         """(follower, driver, polynomial coefficients from the constant on) of the joint equalities."""
         model = self._model
         kinds = model.eq_type == self._mujoco.mjtEq.mjEQ_JOINT
         return [
-            (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]), np.array(model.eq_data[k, :5]))
+            (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]), model.eq_data[k, :5].tolist())
             for k in np.flatnonzero(kinds)
             if model.eq_obj2id[k] >= 0
         ]
@@ -124,7 +146,10 @@ class Kinematics:
 
 
 class PadKinematics:
-    """T_hand_pad of a sensor's pads by joint angles. Pads without a link stay at their `pose` in the hand."""
+    """T_hand_pad of a sensor's pads by joint angles. Pads without a link stay at their `pose` in the hand.
+
+    placed: (pads,), whether a pad has a place. linked: numbers of the pads on links. joints: of the hand.
+    """
 
     def __init__(self, sensor: Sensor) -> None:
         """Raises HandModelInvalid, ExtraMissing."""
@@ -135,11 +160,11 @@ class PadKinematics:
             ]
         )
         self.placed = np.array([pad.pose is not None or pad.link is not None for pad in sensor.pads])
-        self._linked = [number for number, pad in enumerate(sensor.pads) if pad.link is not None]
+        self.linked = [number for number, pad in enumerate(sensor.pads) if pad.link is not None]
         hand = sensor.hand
-        self._model = None if hand is None or not self._linked else hand_model(hand.urdf, hand.base, sensor.name)
+        self._model = None if hand is None or not self.linked else hand_model(hand.urdf, hand.base, sensor.name)
         self._links = (
-            [self._model.link(sensor.pads[number].link or "") for number in self._linked] if self._model else []
+            [self._model.link(sensor.pads[number].link or "") for number in self.linked] if self._model else []
         )
         self.joints: tuple[str, ...] = self._model.joints if self._model else ()
 
@@ -152,14 +177,14 @@ class PadKinematics:
         T = np.tile(self._fixed, (len(angles), 1, 1, 1))
         T[:, ~self.placed] = np.nan
         if self._model is not None:
-            T[:, self._linked] = self._model.poses(angles, self._links) @ self._fixed[self._linked]
+            T[:, self.linked] = self._model.poses(angles, self._links) @ self._fixed[self.linked]
         return T
 
     def jacobians(self, angles: Floats) -> Floats:
         """Twists (scans, pads, 6, joints) of the pads per rate of each joint, at the hand's origin; 0 if unlinked."""
         J = np.zeros((len(angles), len(self._fixed), 6, len(self.joints)))
         if self._model is not None:
-            J[:, self._linked] = self._model.jacobians(angles, self._links)
+            J[:, self.linked] = self._model.jacobians(angles, self._links)
         return J
 
 
@@ -178,6 +203,14 @@ def model_text(model: str, source: str) -> str:
     if model not in names:
         raise HandModelInvalid(source, f"no hand model {model!r}", f"give {', '.join(names)} or a URDF or MJCF file")
     return (folder / f"{model}.urdf").read_text(encoding="utf-8")
+
+
+def _polynomial(terms: list[float], x: float) -> float:
+    """Its value, by coefficients from the constant on."""
+    total = 0.0
+    for term in reversed(terms):
+        total = total * x + term
+    return total
 
 
 def angles_of(joints: tuple[str, ...], given: Mapping[str, float], source: str) -> Floats:

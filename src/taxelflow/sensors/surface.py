@@ -18,25 +18,29 @@ _FLAT = 1e-9
 
 
 class PadSurface:
-    """The skin of one pad, in the pad's own 3-D frame (that of its grid or table, before `pose`)."""
+    """The skin of one pad, in the pad's own 3-D frame (that of its grid or table, before `pose`).
+
+    plane: (4, 4), frame of the plane through all taxels, at the flattened pad's origin. flat: whether the skin is that
+    plane.
+    """
 
     def __init__(self, pad: Pad) -> None:
         geometry = geometry_of(msgspec.structs.replace(pad, pose=None))
         self._xy, self._place, self._normal = geometry.xy, geometry.place_m, geometry.normal
         self._reach_m = max(geometry.pitch_m)
-        self._plane = self._fitted(np.ones((1, len(self._xy))), np.zeros((1, 2)))[0]
-        error = self._place - self._xy @ self._plane[:3, :2].T - self._plane[:3, 3]
-        bend = np.abs(self._normal - self._plane[:3, 2]).max()
-        self._flat = len(self._xy) < 3 or (np.abs(error).max() < _FLAT and bend < _FLAT)
+        self.plane = self._fitted(np.ones((1, len(self._xy))), np.zeros((1, 2)))[0]
+        error = self._place - self._xy @ self.plane[:3, :2].T - self.plane[:3, 3]
+        bend = np.abs(self._normal - self.plane[:3, 2]).max()
+        self.flat = len(self._xy) < 3 or (np.abs(error).max() < _FLAT and bend < _FLAT)
 
     def frames(self, xy: Floats) -> Floats:
         """(n, 4, 4): x and y along those of the flattened pad at places (n, 2), z out of the skin; NaN where unknown.
 
         Curved skin: a plane through the taxels nearby, weighted by a Gaussian of one pitch.
         """
-        if self._flat:
-            F = np.tile(self._plane, (len(xy), 1, 1))
-            F[:, :3, 3] += xy @ self._plane[:3, :2].T
+        if self.flat:
+            F = np.tile(self.plane, (len(xy), 1, 1))
+            F[:, :3, 3] += xy @ self.plane[:3, :2].T
             return F
         F = np.full((len(xy), 4, 4), np.nan)
         known = np.isfinite(xy).all(axis=1)

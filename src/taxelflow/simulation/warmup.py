@@ -19,14 +19,21 @@ _RATE_HZ = 50.0
 _NOISE_PA, _PEAK_PA, _FULL_SCALE_PA = 100.0, 30e3, 200e3
 
 
-def made_up(*, split: bool) -> Recording:
+def made_up(*, split: bool, space: bool = False) -> Recording:
     """Two pads that touch nothing, then an object that rests, slips and rests on both; lift-off, a gap in time, another
     touch that slips, two objects that part on one pad, a scan with a missing and one with a saturated taxel, lift-off.
 
-    split: separate the contacts of one of the pads.
+    split: separate the contacts of one of the pads. space: give the pads places in space.
     """
     pads = tuple(
-        Pad(name=name, rows=_SIDE, cols=_SIDE, pitch_m=(_PITCH_M, _PITCH_M), origin_m=(x, 0.0))
+        Pad(
+            name=name,
+            rows=_SIDE,
+            cols=_SIDE,
+            pitch_m=(_PITCH_M, _PITCH_M),
+            origin_m=(x, 0.0),
+            pose=(x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0) if space else None,
+        )
         for name, x in (("one", -0.03), ("other", 0.03))
     )
     sensor = Sensor(name="made-up", unit="Pa", pads=pads, full_scale=_FULL_SCALE_PA)

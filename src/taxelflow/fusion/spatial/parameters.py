@@ -38,21 +38,32 @@ class SpatialField:
                 raise ParameterInvalid(f"spatial.{name}", getattr(self, name), "be a finite number above 0")
 
     def begin(self, sensor: Sensor, joints: Joints | None) -> tuple[SpatialSession | None, list[str]]:
-        """As `start`, but without MuJoCo there is no session, and a note to the user. Raises HandModelInvalid."""
+        """As `start`, but a note to the user where there is no session for lack of MuJoCo or of joint angles.
+
+        Raises HandModelInvalid.
+        """
         try:
-            return self.start(sensor, joints), []
+            session = self.start(sensor, joints)
         except ExtraMissing as error:
             return None, [f"no motion in space: {error}"]
+        if session is None and sensor.hand is not None and any(pad.link is not None for pad in sensor.pads):
+            known = ", ".join(["JOINT=ANGLE pairs", *(pose.split(":", 1)[0] for pose in sensor.hand.poses)])
+            remedy = f"give --joints ({known}, or a csv), or joints in [hand] of the sensor file"
+            return None, [f"no motion in space: the pads are on links, and there are no joint angles; {remedy}"]
+        return session, []
+
+    def applies(self, sensor: Sensor, joints: Joints | None) -> bool:
+        """Whether any pad has a place in space."""
+        if any(pad.link is not None for pad in sensor.pads):
+            return joints is not None
+        return any(pad.pose is not None for pad in sensor.pads)
 
     def start(self, sensor: Sensor, joints: Joints | None) -> SpatialSession | None:
         """Begin a session; None where no pad has a place in space: no `pose`, or a `link` without joint angles.
 
         Raises HandModelInvalid, and ExtraMissing for pads on links without MuJoCo.
         """
-        linked = any(pad.link is not None for pad in sensor.pads)
-        if linked and joints is None:
-            return None
-        if not linked and all(pad.pose is None for pad in sensor.pads):
+        if not self.applies(sensor, joints):
             return None
         from taxelflow.fusion.spatial.session import SpatialSession
         from taxelflow.fusion.spatial.twist import Limits

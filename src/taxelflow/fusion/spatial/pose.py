@@ -187,17 +187,26 @@ def inherit(
             multiply(A, anchors[pad].root, error)
             multiply(contacts.rows[pad], error, told)
             add_product(contacts.rows[pad], contacts.W[pad], told, weighted)
-    along = np.zeros((6, 6))
-    multiply(solution.vectors.T, weighted, along)
-    for d in range(6):
-        seen = solution.values[d] * limits.pose_m**2 > 1.0
-        for j in range(6):
-            along[d, j] = along[d, j] / solution.values[d] if seen else 0.0
-    multiply(solution.vectors, along, error)
+    solve_observed(solution, weighted, limits.pose_m, error)
     multiply(error, error.T, total)
     for i in range(6):
         for j in range(6):
             solution.covariance[i, j] += total[i, j]
+
+
+@routine
+def solve_observed(solution: Solution, weighted: Floats, limit: float, error: Floats) -> None:
+    """Fill error (6, 6) with the inverse information on the observed directions times weighted (6, 6)."""
+    if not np.isfinite(solution.values[0]):
+        multiply(solution.covariance, weighted, error)
+        return
+    along = np.zeros((6, 6))
+    multiply(solution.vectors.T, weighted, along)
+    for d in range(6):
+        seen = solution.values[d] * limit**2 > 1.0
+        for j in range(6):
+            along[d, j] = along[d, j] / solution.values[d] if seen else 0.0
+    multiply(solution.vectors, along, error)
 
 
 @routine

@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from taxelflow.fusion.reference import UNTOLD_M_S, Reference
 from taxelflow.fusion.spatial.fuse import Memory, Moving, Written, begin, fuse_scans
+from taxelflow.fusion.spatial.places import Places
 from taxelflow.fusion.spatial.pose import Anchor, Body
 from taxelflow.fusion.spatial.roundness import centres
+from taxelflow.fusion.spatial.take import Answers, Rules, Told, answer, take
 from taxelflow.fusion.spatial.twist import Limits, Misfit, Sixfold
 from taxelflow.fusion.spatial.window import Seen, Velocities
-from taxelflow.geometry import quaternion_of
-from taxelflow.messages import AMBIGUOUS, UNRESOLVED, Bools, Floats, SpatialMotions, Texture
+from taxelflow.messages import AMBIGUOUS, Bools, Floats, SpatialMotions, Texture
 from taxelflow.numerics.records import records
-from taxelflow.sensors.kinematics import PadKinematics
-from taxelflow.sensors.surface import PadSurface
 
 if TYPE_CHECKING:
     from taxelflow.messages import Joints, Slips
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 
+_SPARE = 256
+"""Scans that there is room for until the last window is moved."""
 _MOST_STD = 1.0
 """Over the limit of observability: a component of the twist with a larger standard deviation is NaN."""
+
+
+class Taken(NamedTuple):
+    """Scans on their way into the kernel. first: number of the first of them in seen. out: to be filled."""
+
+    seen: Seen
+    first: int
+    velocities: Velocities
+    moving: Moving
+    out: Written
 
 
 class SpatialSession:
@@ -35,13 +46,11 @@ class SpatialSession:
     ) -> None:
         """window_s, edge_doubt: see `SpatialField`. Raises HandModelInvalid, ExtraMissing."""
         layout = sensor.layout
-        self._layout, self._joints, self._limits = layout, joints, limits
+        self._layout, self._limits = layout, limits
         self._window_s, self._edge_doubt = window_s, edge_doubt
-        self._kinematics = PadKinematics(sensor)
-        self._home = _home_of(layout)
-        self._surfaces = [PadSurface(sensor.pads[pad]) for pad in self._home]
-        placed = self._kinematics.placed[self._home]
-        self._used: Bools = layout.independent & placed & ~np.isnan(_single(layout))
+        self._worst = _MOST_STD * limits.twist_m_s * np.array([1.0] * 3 + [1.0 / limits.length_m] * 3)
+        self._places = Places(sensor, joints)
+        self._used: Bools = self._places.used
         self._reference = Reference(len(layout.pads))
         moving = sensor.hand is not None and sensor.hand.joint_std_rad > 0.0
         self._joint_std = sensor.hand.joint_std_rad if moving and sensor.hand is not None else 0.0
@@ -49,64 +58,73 @@ class SpatialSession:
         self._coarse_m = float(np.max(layout.pitch_m[self._used], initial=0.0))
         self._memory = Memory(records(Anchor, count), records(Body, 1), records(Misfit, 2))
         begin(self._memory)
-        self._past = _nothing_seen(count)
+        self._seen, self._begin, self._end = _nothing_seen(layout, _SPARE), 0, 0
+        self._rules = records(Rules, count)
+        self._rules["used"], self._rules["edge_m"] = self._used, edge_doubt * layout.pitch_m
+        self._rules["anchor_m"] = edge_doubt * layout.pitch_m.max(axis=1)
 
     def step(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> SpatialMotions:
         """Motion per scan. centroid: (scans, pads, 2), see `Contacts`. texture: without one every pattern is that of
         the object's surface, and tells all directions.
         """
-        point = self._reference.step(slips, centroid, texture)
-        lag = np.nan_to_num(slips.lag_s)
-        frames = self._frames(slips.t_s[:, np.newaxis] - lag, point)
-        covariance = slips.covariance.copy()
-        doubt = self._edge_doubt * (slips.border & (slips.quality == AMBIGUOUS)[..., np.newaxis])
-        covariance[..., [0, 1], [0, 1]] += (doubt * self._layout.pitch_m) ** 2
-        known = np.isfinite(frames).all(axis=(2, 3)) & np.isfinite(covariance[..., :2, :2]).all(axis=(2, 3))
-        held = slips.contact & self._used
-        noise, theta = _noise_of(slips, covariance), slips.pose[..., 2].copy()
-        if texture is not None:
-            covariance[~texture.turns, 2] = np.nan
-            covariance[~texture.turns, :, 2] = np.nan
-            theta[~texture.turns] = np.nan
-        known &= held
-        pitch_m = self._layout.pitch_m.max(axis=1)
-        now = Seen(
-            slips.t_s,
-            frames,
-            theta,
-            covariance,
-            noise,
-            (self._edge_doubt * pitch_m * (slips.quality >= UNRESOLVED)) ** 2,
-            known,
-            held,
-            held & (np.isfinite(slips.displacement[..., 0]) | ~known),
-            np.zeros(held.shape),
-            np.zeros((*held.shape, 3)) if texture is None else centres(frames, known, texture.smooth, self._coarse_m),
-            np.zeros((*held.shape, 2, 2)) if texture is None else texture.untold,
-        )
-        parts: Any = (np.concatenate([before, new]) for before, new in zip(self._past, now, strict=True))
-        seen = Seen(*parts)
-        first = len(self._past.t_s)
-        velocities = self._room(len(slips)) if self._window_s else self._from_scans(slips, now, doubt, texture)
-        moving = self._moving(slips)
-        out = self._written(len(slips))
-        fuse_scans(seen, first, self._window_s, velocities, moving, self._limits, self._memory, out)
-        keep = int(np.searchsorted(seen.t_s, seen.t_s[-1] - self._window_s)) if len(seen.t_s) else 0
-        kept: Any = (part[keep:] for part in seen)
-        self._past = Seen(*kept)
-        return self._motions(slips.t_s, out)
+        taken = self.take(slips, centroid, texture)
+        self.fuse(taken)
+        return self._motions(slips.t_s, taken.out)
 
-    def _frames(self, t_s: Floats, point: Floats) -> Floats:
-        """Contact frames (scans, pads, 4, 4) in the hand at times (scans, pads) of points (scans, pads, 2)."""
-        frames = np.full((*point.shape[:2], 4, 4), np.nan)
-        at: dict[bytes, Floats] = {}  # pads are mostly read at one time
-        for number in np.flatnonzero(self._used).tolist():
-            own_s = np.ascontiguousarray(t_s[:, number])
-            T = at.setdefault(own_s.tobytes(), np.zeros(0))
-            if not len(T):
-                T = at[own_s.tobytes()] = self._kinematics.poses(self._kinematics.angles_at(self._joints, own_s))
-            frames[:, number] = T[:, self._home[number]] @ self._surfaces[number].frames(point[:, number])
-        return frames
+    def take(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> Taken:
+        """What the kernel works on; see `step`."""
+        point = self._reference.step(slips, centroid, texture)
+        frames = self._places.frames(slips.t_s[:, np.newaxis] - np.nan_to_num(slips.lag_s), point)
+        self._places.count(slips.t_s)
+        scans, pads = slips.contact.shape
+        seen, first = self._room_for(slips.t_s)
+        told = Told(
+            slips.contact,
+            slips.border,
+            slips.quality,
+            slips.displacement,
+            slips.pose,
+            slips.covariance,
+            slips.displacement_covariance,
+            np.ones((scans, pads), dtype=np.bool_) if texture is None else texture.turns,
+            np.zeros((scans, pads, 2, 2)) if texture is None else texture.untold,
+        )
+        take(told, frames, self._rules, first, seen)
+        now = slice(first, first + scans)
+        if texture is not None and texture.smooth.any():
+            seen.under[now] = centres(frames, seen.known[now], texture.smooth, self._coarse_m)
+        velocities = self._room(scans) if self._window_s else self._from_scans(slips, frames, seen.under[now], texture)
+        return Taken(seen, first, velocities, self._moving(slips), self._written(scans))
+
+    def fuse(self, taken: Taken) -> None:
+        """The kernel alone."""
+        seen, first, velocities, moving, out = taken
+        fuse_scans(seen, first, self._window_s, velocities, moving, self._limits, self._memory, out)
+
+    def _room_for(self, t_s: Floats) -> tuple[Seen, int]:
+        """What was seen, with room for scans at t_s, and the first of these; only a window of scans before is kept."""
+        seen, begin, end = self._seen, self._begin, self._end
+        if end > begin:
+            begin += int(np.searchsorted(seen.t_s[begin:end], seen.t_s[end - 1] - self._window_s))
+        if end + len(t_s) > len(seen.t_s):
+            kept = slice(begin, end)
+            held = end - begin
+            seen = _nothing_seen(self._layout, 2 * held + len(t_s) + _SPARE)
+            for before, after in zip(self._seen, seen, strict=True):
+                after[:held] = before[kept]
+            self._seen, begin, end = seen, 0, held
+        seen.t_s[end : end + len(t_s)] = t_s
+        self._begin, self._end = begin, end + len(t_s)
+        return seen, end
+
+    @property
+    def notes(self) -> list[str]:
+        """Which pads had no place in space, and why."""
+        return self._places.notes
+
+    def finish(self) -> None:
+        """No scan follows. Raises JointsInvalid if joint angles that the user gave fit no scan."""
+        self._places.check()
 
     def _room(self, scans: int) -> Velocities:
         """For the velocities of windows."""
@@ -118,14 +136,15 @@ class SpatialSession:
             np.zeros((scans, pads), dtype=np.bool_),
         )
 
-    def _from_scans(self, slips: Slips, now: Seen, doubt: Floats, texture: Texture | None) -> Velocities:
+    def _from_scans(self, slips: Slips, deep: Floats, under: Floats, texture: Texture | None) -> Velocities:
         """Displacements of single scans over their spans, and the motion of the pads in that time."""
         end_s = slips.t_s[:, np.newaxis] - np.nan_to_num(slips.lag_s)
-        span = slips.span_s
-        before = self._frames(end_s - np.nan_to_num(span), np.nan_to_num(slips.pose[..., :2]))
-        after = self._frames(end_s, np.nan_to_num(slips.pose[..., :2]))
+        span, at = slips.span_s, np.nan_to_num(slips.pose[..., :2])
+        doubt = self._edge_doubt * (slips.border & (slips.quality == AMBIGUOUS)[..., np.newaxis])
+        before = self._places.frames(end_s - np.nan_to_num(span), at)
+        after = self._places.frames(end_s, at)
         for frames in (before, after):
-            frames[..., :3, 3] += np.einsum("spij,spj->spi", frames[..., :3, :3], now.under)
+            frames[..., :3, 3] += np.einsum("spij,spj->spi", frames[..., :3, :3], under)
         carried = np.einsum("spji,spj->spi", after[..., :3, :3], after[..., :3, 3] - before[..., :3, 3])
         turn = np.arctan2(
             np.einsum("spi,spi->sp", before[..., :3, 1], after[..., :3, 0]),
@@ -140,31 +159,26 @@ class SpatialSession:
         if texture is not None:
             covariance[..., :2, :2] += (UNTOLD_M_S * span[..., np.newaxis, np.newaxis]) ** 2 * texture.untold
             moved[~texture.turns, 2] = covariance[~texture.turns, 2, 2] = np.nan
-        known = slips.valid & self._used & np.isfinite(now.frames).all(axis=(2, 3)) & np.isfinite(moved[..., 0])
+        known = slips.valid & self._used & np.isfinite(deep).all(axis=(2, 3)) & np.isfinite(moved[..., 0])
         with np.errstate(invalid="ignore", divide="ignore"):
             rate, spread = moved / span[..., np.newaxis], covariance / span[..., np.newaxis, np.newaxis] ** 2
-        deep = now.frames.copy()
-        deep[..., :3, 3] += np.einsum("spij,spj->spi", deep[..., :3, :3], now.under)
+        deep = deep.copy()
+        deep[..., :3, 3] += np.einsum("spij,spj->spi", deep[..., :3, :3], under)
         return Velocities(deep, rate, spread, known)
 
     def _moving(self, slips: Slips) -> Moving:
         scans, pads = slips.contact.shape
         if not self._joint_std:
             return Moving(np.zeros((scans, pads, 6, 0)), 0.0, np.zeros(scans))
-        J = np.nan_to_num(self._kinematics.jacobians(self._kinematics.angles_at(self._joints, slips.t_s)))[
-            :, self._home
-        ]
+        J = self._places.jacobians(slips.t_s)
         window_s = self._window_s
         if window_s:
-            step_s = (
-                float(np.median(np.diff(np.concatenate([self._past.t_s, slips.t_s])))) if scans > 1 else window_s / 9
-            )
+            held_s = self._seen.t_s[self._begin : self._end]
+            step_s = float(np.median(np.diff(held_s))) if scans > 1 else window_s / 9
             rate = np.full(scans, np.sqrt(12.0 / max(window_s / step_s, 2.0)) / window_s)
         else:
             rate = np.sqrt(2.0) / np.nanmin(np.where(slips.span_s > 0, slips.span_s, np.inf), axis=1)
-        return Moving(
-            np.ascontiguousarray(J), self._joint_std, self._joint_std * np.where(np.isfinite(rate), rate, 1.0)
-        )
+        return Moving(J, self._joint_std, self._joint_std * np.where(np.isfinite(rate), rate, 1.0))
 
     def _written(self, scans: int) -> Written:
         pads = len(self._layout.pads)
@@ -178,77 +192,46 @@ class SpatialSession:
         )
 
     def _motions(self, t_s: Floats, out: Written) -> SpatialMotions:
-        observed, rank = out.twists["value"].copy(), out.twists["rank"].astype(np.int64)
-        deviation = np.sqrt(np.diagonal(out.twists["covariance"], axis1=1, axis2=2))
-        worst = _MOST_STD * self._limits.twist_m_s * np.array([1.0] * 3 + [1.0 / self._limits.length_m] * 3)
-        partly: Bools = np.asarray(rank < 6)
-        none: Bools = np.asarray(out.pads == 0)
-        observed[none] = np.nan
-        twist = observed.copy()
-        twist[(deviation > worst) & partly[:, np.newaxis]] = np.nan
-        known = np.isfinite(out.body[:, 0, 0])
-        pose = np.full((len(t_s), 7), np.nan)
-        pose[known, :3] = out.body[known, :3, 3]
-        pose[known, 3:] = quaternion_of(out.body[known, :3, :3])
+        scans = len(t_s)
+        answers = Answers(
+            np.empty((scans, 6)),
+            np.empty((scans, 6, 6)),
+            np.empty((scans, 7)),
+            np.empty((scans, 6, 6)),
+            np.empty((scans, 6)),
+        )
+        answer(out.twists, out.poses, out.body, out.pads, self._worst, answers)
         return SpatialMotions(
             t_s=t_s,
-            twist=twist,
-            twist_covariance=np.where(~none[:, np.newaxis, np.newaxis], out.twists["covariance"], np.nan),
-            pose=pose,
-            pose_covariance=np.where(known[:, np.newaxis, np.newaxis], out.poses["covariance"], np.nan),
-            rank=rank,
+            twist=answers.twist,
+            twist_covariance=answers.twist_covariance,
+            pose=answers.pose,
+            pose_covariance=answers.pose_covariance,
+            rank=out.twists["rank"].astype(np.int64),
             pose_rank=out.poses["rank"].astype(np.int64),
             blind=out.twists["blind"].copy(),
             pose_blind=out.poses["blind"].copy(),
-            observed=observed,
+            observed=answers.observed,
             blamed=out.blamed,
             contradicted=out.contradicted,
             pads=out.pads.astype(np.int64),
         )
 
 
-def _noise_of(slips: Slips, covariance: Floats) -> Floats:
-    """(scans, pads, 3, 3): half of the covariance of a displacement at rest, where that is less than the pose's own."""
-    noise = 0.5 * slips.displacement_covariance
-    own, whole = (np.diagonal(one, axis1=2, axis2=3) for one in (noise, covariance))
-    less: Bools = np.asarray(((own <= whole) | ~np.isfinite(whole)).all(axis=2))
-    found: Floats = np.where(less[..., np.newaxis, np.newaxis], noise, covariance)
-    return found
-
-
-def _home_of(layout: Layout) -> list[int]:
-    """Number of the pad on which each pad, group (its first) and separate contact lies."""
-    first_taxel = layout.source[layout.starts[:-1]]
-    home: list[int] = (np.searchsorted(layout.starts[: layout.pad_count + 1], first_taxel, side="right") - 1).tolist()
-    return home
-
-
-def _single(layout: Layout) -> Floats:
-    """(pads,): 0, NaN for groups across pads, which have no frame in space."""
-    home = _home_of(layout)
-    ends = layout.starts[: layout.pad_count + 1]
-    own = [layout.source[layout.of_pad(number)] for number in range(len(layout.pads))]
-    return np.array(
-        [
-            0.0 if one.max() < ends[pad + 1] and one.min() >= ends[pad] else np.nan
-            for one, pad in zip(own, home, strict=True)
-        ]
-    )
-
-
-def _nothing_seen(pads: int) -> Seen:
-    none = np.zeros((0, pads), dtype=np.bool_)
+def _nothing_seen(layout: Layout, scans: int) -> Seen:
+    pads = len(layout.pads)
+    unknown: Bools = np.zeros((scans, pads), dtype=np.bool_)
     return Seen(
-        np.zeros(0),
-        np.zeros((0, pads, 4, 4)),
-        np.zeros((0, pads)),
-        np.zeros((0, pads, 3, 3)),
-        np.zeros((0, pads, 3, 3)),
-        np.zeros((0, pads)),
-        none,
-        none,
-        none,
-        np.zeros((0, pads)),
-        np.zeros((0, pads, 3)),
-        np.zeros((0, pads, 2, 2)),
+        np.zeros(scans),
+        np.zeros((scans, pads, 4, 4)),
+        np.zeros((scans, pads)),
+        np.zeros((scans, pads, 3, 3)),
+        np.zeros((scans, pads, 3, 3)),
+        np.zeros((scans, pads)),
+        unknown,
+        unknown.copy(),
+        unknown.copy(),
+        np.zeros((scans, pads)),
+        np.zeros((scans, pads, 3)),
+        np.zeros((scans, pads, 2, 2)),
     )

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.se3 import eigen_symmetric
-from taxelflow.numerics.small_linalg import factor_small, solve_factored
+from taxelflow.numerics.se3 import copy_matrix, eigen_symmetric
+from taxelflow.numerics.small_linalg import factor_small, mirror, solve_factored
 from taxelflow.runtime.compiling import lean_kernel, routine
 
 BLIND = 10.0
@@ -36,7 +36,8 @@ class Contacts(NamedTuple):
 
 class Solution(NamedTuple):
     """xi: (6,), covariance: (6, 6), scaled. values: (6,), vectors: (6, 6), eigenvalues of the information and its
-    eigenvectors in columns. chi2: (pads,), of each contact's residual. joints: (joints,), errors of the joints' angles.
+    eigenvectors in columns; where all directions are observed, values are infinite and vectors are not filled in.
+    chi2: (pads,), of each contact's residual. joints: (joints,), errors of the joints' angles.
 
     Work: normal (6, 6), right (6,), D (joints, joints), crossed (6, joints), column (joints,).
     """
@@ -84,6 +85,10 @@ def solve(contacts: Contacts, limit: float, out: Solution) -> int:
         if contacts.use[pad] > 0.0:
             add_contact(contacts, pad, out)
     eliminate_joints(contacts.sure, out)
+    if all_observed(limit, out):
+        solve_whole(out)
+        find_residuals(contacts, out)
+        return 6
     eigen_symmetric(out.normal, out.values, out.vectors, 6)
     rank = 0
     out.xi[:] = 0.0
@@ -102,6 +107,30 @@ def solve(contacts: Contacts, limit: float, out: Solution) -> int:
                 out.covariance[i, j] += variance * out.vectors[i, d] * out.vectors[j, d]
     find_residuals(contacts, out)
     return rank
+
+
+@routine
+def all_observed(limit: float, out: Solution) -> bool:
+    """Whether all standard deviations are below the limit: the information less 1 / limit^2 is positive."""
+    copy_matrix(out.normal, out.covariance)
+    for i in range(6):
+        out.covariance[i, i] -= 1.0 / (limit * limit)
+    return factor_small(out.covariance, 6)
+
+
+@routine
+def solve_whole(out: Solution) -> None:
+    """Fill xi and its covariance where all directions are observed: a twentieth of the work of eigenvectors."""
+    factor_small(out.normal, 6)
+    for i in range(6):
+        out.xi[i] = out.right[i]
+    solve_factored(out.normal, out.xi, 6)
+    for j in range(6):
+        for i in range(6):
+            out.covariance[j, i] = 1.0 if i == j else 0.0
+        solve_factored(out.normal, out.covariance[j], 6)
+        out.values[j] = np.inf
+    mirror(out.covariance)
 
 
 @routine

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Update:
-    """Results of some scans. arrived_s: (scans,), when each came, by the computer's monotonic clock; the other fields
-    as in `Result`.
+    """Results of some scans. arrived_s: (scans,), when each came, by the computer's monotonic clock. missed: times
+    of scans, s, for which there was no time since the last update. The other fields as in `Result`.
     """
 
     arrived_s: Floats
@@ -39,6 +39,7 @@ class Update:
     evidence: Floats
     spatial: SpatialMotions | None = None
     adoptions: list[Adoption] = field(default_factory=list)
+    missed: list[float] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.slips)

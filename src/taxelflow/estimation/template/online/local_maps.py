@@ -173,8 +173,6 @@ class LocalMaps:
         m.state[:] = new.state
         m.state[:2] += middle - new.middle
         if not known_place:
-            m.continues = False
-            m.speed[:] = 0.0
             anchor(m, middle)
 
     def _renew_late(self, pad: int, new: Begun, *, known_place: bool) -> None:

@@ -155,8 +155,7 @@ class StreamSession:
             if not fits or surely_elsewhere(found, m):
                 m.state[:], m.information[:], m.chi, m.count = found
                 m.doubted[:], m.step[:] = found[1], found[1]
-                m.carries = m.continues = False
-                m.speed[:] = 0.0
+                m.carries = False
                 anchor(m, m.centroid)
 
     def _variance(self, reading: Floats, complete: Bools) -> Floats:

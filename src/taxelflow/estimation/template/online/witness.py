@@ -12,8 +12,12 @@ from taxelflow.runtime.compiling import lean_kernel
 
 
 def anchor(m: Track, middle: Floats) -> None:
-    """Keep which point of the object is reported, the one at its state, as its centre of pressure (2,) shows it."""
-    m.centroid[:] = middle
+    """Keep which point of the object is reported, the one at its state, as its centre of pressure (2,) shows it.
+
+    For an object at a place that no motion led to.
+    """
+    m.continues = False
+    m.speed[:], m.centroid[:] = 0.0, middle
     place, angle = m.state[:2] + m.origin, float(state_of(m.state).theta) - m.theta_0
     x, y = place - m.centroid
     cos, sin = np.cos(angle), np.sin(angle)

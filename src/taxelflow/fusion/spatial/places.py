@@ -1,0 +1,122 @@
+"""Where contacts are in space: frames from joint angles and the pads' skins, and what is to be said where they lack."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.fusion.spatial.take import along_planes
+from taxelflow.sensors.hand import JointsInvalid
+from taxelflow.sensors.kinematics import PadKinematics
+from taxelflow.sensors.surface import PadSurface
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats, Joints
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.sensors.sensor import Sensor
+
+
+class Places:
+    """Contact frames in the hand. home: number of the pad on which each pad, group (its first) and separate contact
+    lies. used: (pads,), whether it has one frame in space.
+    """
+
+    def __init__(self, sensor: Sensor, joints: Joints | None) -> None:
+        """Raises HandModelInvalid, ExtraMissing."""
+        layout = sensor.layout
+        self._sensor, self._joints = sensor, joints
+        self._kinematics = PadKinematics(sensor)
+        self.home = _home_of(layout)
+        self.used = layout.independent & self._kinematics.placed[self.home] & _single(layout, self.home)
+        self._surfaces = [PadSurface(sensor.pads[pad]) for pad in self.home]
+        flat = all(surface.flat for surface in self._surfaces)
+        self._planes = np.array([surface.plane for surface in self._surfaces]) if flat else None
+        self._still: Floats | None = None
+        if joints is None or len(joints.t_s) == 1:  # they never move
+            self._still = self._kinematics.poses(self._kinematics.angles_at(joints, np.zeros(1)))
+        self._last: tuple[bytes, Floats] = b"", np.zeros(0)
+        self._scans, self._span_s = 0, (np.inf, -np.inf)
+        self._unplaced = np.zeros(len(sensor.pads), dtype=np.int64)
+
+    def frames(self, t_s: Floats, point: Floats) -> Floats:
+        """Contact frames (scans, pads, 4, 4) in the hand at times (scans, pads) of points (scans, pads, 2)."""
+        if self._planes is not None and (t_s == t_s[:, :1]).all():
+            frames = np.empty((*point.shape[:2], 4, 4))
+            T = np.take(self._placed(t_s[:, 0]), self.home, axis=1)  # in C order, as kernels are compiled for
+            along_planes(T, self._planes, point, frames)
+            frames[:, ~self.used] = np.nan
+            return frames
+        frames = np.full((*point.shape[:2], 4, 4), np.nan)
+        for number in np.flatnonzero(self.used).tolist():
+            T = self._placed(np.ascontiguousarray(t_s[:, number]))
+            frames[:, number] = T[:, self.home[number]] @ self._surfaces[number].frames(point[:, number])
+        return frames
+
+    def _placed(self, t_s: Floats) -> Floats:
+        """(scans, pads, 4, 4), of the pads in the hand at times (scans,); pads are mostly read at one time."""
+        if self._still is not None:
+            return np.broadcast_to(self._still, (len(t_s), *self._still.shape[1:]))
+        key = t_s.tobytes()
+        if self._last[0] != key:
+            self._last = key, self._kinematics.poses(self._kinematics.angles_at(self._joints, t_s))
+        return self._last[1]
+
+    def jacobians(self, t_s: Floats) -> Floats:
+        """Twists (scans, pads, 6, joints) of the pads per rate of each joint, 0 where unknown."""
+        J = np.nan_to_num(self._kinematics.jacobians(self._kinematics.angles_at(self._joints, t_s)))
+        return np.ascontiguousarray(J[:, self.home])
+
+    def count(self, t_s: Floats) -> None:
+        """Remember at which of the scans at times (scans,) pads have no place."""
+        if not len(t_s) or not self._kinematics.joints:
+            return
+        self._scans += len(t_s)
+        self._span_s = min(self._span_s[0], float(t_s[0])), max(self._span_s[1], float(t_s[-1]))
+        self._unplaced += np.isnan(self._placed(t_s)[:, :, 0, 0]).sum(axis=0)
+
+    @property
+    def notes(self) -> list[str]:
+        """What joint angles were missing, in words."""
+        missing = self._unplaced * self._kinematics.placed
+        if not missing.any():
+            return []
+        names = ", ".join(self._sensor.pads[pad].name for pad in np.flatnonzero(missing))
+        counts = _up_to(missing[missing > 0])
+        return [f"no place in space in {counts} of {self._scans} scans for {names}: {self._lack()}"]
+
+    def check(self) -> None:
+        """Raises JointsInvalid if angles that the user gave place no pad in any scan."""
+        joints, linked = self._joints, self._kinematics.linked
+        if joints is not None and joints.given and self._scans and (self._unplaced[linked] == self._scans).all():
+            raise JointsInvalid(joints.given, f"no pad has a place in any of {self._scans} scans: {self._lack()}")
+
+    def _lack(self) -> str:
+        """Which joint angles are missing."""
+        joints, known = self._joints, () if self._joints is None else self._joints.names
+        absent = [name for name in self._kinematics.joints if name not in known]
+        parts = [f"no angles of {', '.join(absent)}"] if absent else []
+        if len(absent) == len(self._kinematics.joints):
+            parts += [f"those given are of {', '.join(known)}"] if known else []
+        elif joints is not None and len(joints.t_s) > 1:
+            (first_s, last_s), own = self._span_s, joints.t_s
+            parts += [f"angles are from {own[0]:.3f} to {own[-1]:.3f} s, scans from {first_s:.3f} to {last_s:.3f} s"]
+        return "; ".join(parts)
+
+
+def _up_to(counts: Floats) -> str:
+    low, high = int(counts.min()), int(counts.max())
+    return f"{high}" if low == high else f"{low} to {high}"
+
+
+def _home_of(layout: Layout) -> list[int]:
+    first_taxel = layout.source[layout.starts[:-1]]
+    home: list[int] = (np.searchsorted(layout.starts[: layout.pad_count + 1], first_taxel, side="right") - 1).tolist()
+    return home
+
+
+def _single(layout: Layout, home: list[int]) -> Floats:
+    """(pads,): False for groups across pads, which have no frame in space."""
+    ends = layout.starts[: layout.pad_count + 1]
+    own = [layout.source[layout.of_pad(number)] for number in range(len(layout.pads))]
+    return np.array([one.max() < ends[pad + 1] and one.min() >= ends[pad] for one, pad in zip(own, home, strict=True)])
