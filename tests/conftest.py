@@ -74,7 +74,7 @@ def loaded_as_needed() -> Iterator[None]:
     It is tested where it matters, in processes of their own (`test_warmup`); commands that tests start do it, too.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Pipeline, "warm_up", lambda _pipeline, *, split: None)
+        patch.setattr(Pipeline, "warm_up", lambda _pipeline, **_needs: None)
         yield
 
 

@@ -38,7 +38,7 @@ def test_masked_taxels_do_not_count_and_no_load_gives_zeros() -> None:
 def covariance(places: Floats, reading: Floats, variance: Floats, error: float) -> Floats:
     middle, out = np.empty(4), np.empty(6)
     loaded_centroid(reading, variance, places, np.zeros(len(reading), np.bool_), middle)
-    centroid_covariance(reading, variance, places, middle, error, out)
+    centroid_covariance(reading, variance, np.full(len(reading), 1000.0), places, middle, error, out)
     return out
 
 
@@ -74,3 +74,10 @@ def test_a_masked_taxel_within_the_contact_may_have_read_anything() -> None:
 
 def test_no_load_has_no_covariance() -> None:
     np.testing.assert_array_equal(covariance(in_line(3), np.zeros(3), np.ones(3), 0.3), 0.0)
+
+
+def test_saturated_taxels_may_be_wrong_by_what_they_read_all_together() -> None:
+    out = covariance(in_line(5), np.full(5, 1000.0), np.full(5, 1e-12), 0.0)
+    assert np.sqrt(out[0]) == pytest.approx(np.hypot(6 / 5, 1 / 5 / np.sqrt(12)))
+    reading = np.array([100.0, 100.0, 1000.0, 100.0, 100.0])  # at the centre it does not matter
+    assert covariance(in_line(5), reading, np.full(5, 1e-12), 0.0)[0] < 0.05

@@ -49,12 +49,13 @@ def loaded_centroid(reading: Floats, variance: Floats, places: Floats, edge: Boo
 
 @kernel
 def centroid_covariance(
-    reading: Floats, variance: Floats, places: Floats, middle: Floats, error: float, out: Floats
+    reading: Floats, variance: Floats, ceiling: Floats, places: Floats, middle: Floats, error: float, out: Floats
 ) -> None:
     """Fill out (6,): xx, xy and yy of the centroid's covariance by what readings misrepresent, then those by noise.
 
     places: (2, taxels) in pitches. middle: (4,), from `loaded_centroid`. error: standard deviation of a reading as a
-    share of it. A masked taxel within the contact may read what the others read on average. All 0 without load.
+    share of it. A masked taxel within the contact may read what the others read on average; saturated ones, all
+    together, may be wrong by what they read. All 0 without load.
     """
     out[:] = 0.0
     total = middle[3]
@@ -69,16 +70,19 @@ def centroid_covariance(
             x, y = places[0, i] - middle[0], places[1, i] - middle[1]
             xx, xy, yy, count = xx + p * x * x, xy + p * x * y, yy + p * y * y, count + 1.0
     xx, xy, yy = xx / total, xy / total, yy / total
-    mean, within = total / count, 2.0 * (xx + yy)
+    mean, within, far_x, far_y = total / count, 2.0 * (xx + yy), 0.0, 0.0
     for i in range(len(reading)):
         p = reading[i]
         x, y = places[0, i] - middle[0], places[1, i] - middle[1]
         wrong = noise = 0.0
         if _belongs(p, variance[i], peak):
             wrong, noise = (error * p / total) ** 2, variance[i] / (total * total)
+            if p >= ceiling[i]:
+                far_x, far_y = far_x + p * abs(x) / total, far_y + p * abs(y) / total
         elif variance[i] == 0.0 and x * x + y * y < within:
             wrong = (mean / total) ** 2
         out[0], out[1], out[2] = out[0] + wrong * x * x, out[1] + wrong * x * y, out[2] + wrong * y * y
         out[3], out[4], out[5] = out[3] + noise * x * x, out[4] + noise * x * y, out[5] + noise * y * y
     xx, xy, yy = inverse2(1.0 + xx / _CELL, xy / _CELL, 1.0 + yy / _CELL)
-    out[0], out[1], out[2] = out[0] + _CELL * xx, out[1] + _CELL * xy, out[2] + _CELL * yy
+    out[0], out[2] = out[0] + _CELL * xx + far_x * far_x, out[2] + _CELL * yy + far_y * far_y
+    out[1] += _CELL * xy

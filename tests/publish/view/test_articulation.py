@@ -23,7 +23,7 @@ def closing() -> Joints:
 
 
 def test_pads_stand_where_the_model_of_the_hand_puts_them() -> None:
-    fingers, note = fingers_of(HAND, constant_joints(dict.fromkeys(NAMES, 0.0) | {"f1": 0.7}))
+    fingers, note = fingers_of(HAND, constant_joints({"f1": 0.7}, HAND))
     assert fingers is not None
     assert note == ""
     assert not fingers.moving
@@ -52,7 +52,7 @@ def test_the_hand_stays_as_it_was_while_its_angles_are_unknown() -> None:
 
 
 def test_missing_joints_are_named_and_the_hand_is_laid_flat() -> None:
-    fingers, note = fingers_of(HAND, constant_joints({"f1": 0.5}))
+    fingers, note = fingers_of(HAND, Joints(("f1",), np.zeros(1), np.full((1, 1), 0.5)))
     assert fingers is None
     assert "spread" in note
     assert fingers_of(HAND, None) == (None, "")

@@ -34,7 +34,7 @@ from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.estimation.template.observations import Readings, Scanned
     from taxelflow.messages import Bools, Floats
 
 CELL_ERROR = 0.3
@@ -81,11 +81,13 @@ def turned(p: float, q: float, r: float, s: float, m: tuple[float, float, float]
 
 
 @kernel
-def _centres(readings: Floats, variance: Floats, places: Floats, edge: Bools, out: Floats) -> None:
+def _centres(scans: Readings, edge: Bools, out: Floats) -> None:
     """Fill out (scans, 10) with each scan's `loaded_centroid` (4,) and `centroid_covariance` (6,)."""
-    for k in range(len(readings)):
-        loaded_centroid(readings[k], variance[k], places, edge, out[k, :4])
-        centroid_covariance(readings[k], variance[k], places, out[k, :4], CELL_ERROR, out[k, 4:])
+    ceiling, places = scans.ceiling, scans.places
+    for k in range(len(scans.value)):
+        reading, variance = scans.value[k], scans.variance[k]
+        loaded_centroid(reading, variance, places, edge, out[k, :4])
+        centroid_covariance(reading, variance, ceiling, places, out[k, :4], CELL_ERROR, out[k, 4:])
 
 
 def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float) -> Poses:
@@ -94,7 +96,7 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float) -> Po
     edge: (taxels,), at the pad's border. The body's point that the centre follows is where it lies on average.
     """
     found = np.empty((len(scanned), 10))
-    _centres(scanned.readings, scanned.variance, scanned.places, edge, found)
+    _centres(scanned.with_error(0.0), edge, found)
     known = np.isfinite(poses.pose[:, :2]).all(axis=1) & (found[:, 3] > 0)
     known &= np.isfinite(poses.covariance[:, :2, :2]).all(axis=(1, 2))
     if scanned.across.any() or not known.any():

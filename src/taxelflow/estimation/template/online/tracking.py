@@ -87,7 +87,8 @@ def _follow_pad(
     span = t - m.last_t
     loaded_centroid(scan.reading, scan.variance, scan.places, scan.edge, middle)
     if floor > 0.0:
-        centroid_covariance(scan.reading, scan.variance, scan.places, middle, CELL_ERROR, m.centroid_covariance)
+        spread = m.centroid_covariance
+        centroid_covariance(scan.reading, scan.variance, scan.ceiling, scan.places, middle, CELL_ERROR, spread)
     m.cut = m.cut or middle[2] > _CUT
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
     may_turn = m.turn_std == 0.0 and not m.cut and not in_line
