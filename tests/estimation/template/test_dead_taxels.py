@@ -4,10 +4,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from taxelflow.estimation.template.dead_taxels import silent_taxels
+from taxelflow.estimation.template.hypotheses import solve_contact
 from taxelflow.estimation.template.observations import Scanned
 
 if TYPE_CHECKING:
@@ -58,8 +59,9 @@ def test_what_does_not_answer_under_a_sliding_object_is_found(dead: tuple[int, .
     assert silent_taxels(slid("disc", across(low, scans), dead=dead)).tolist() == list(dead)
 
 
+@example("disc", 0.0, (1.0, 1.0), (1.0, 2.0))  # passes a corner that it does not touch
 @given(
-    st.sampled_from(sorted(OBJECTS)),
+    st.sampled_from(["disc", "ring", "wide ring", "rails"]),
     st.floats(0.0, 2 * np.pi),
     st.tuples(st.floats(1.0, COLUMNS - 2.0), st.floats(1.0, ROWS - 2.0)),
     st.tuples(st.floats(-8.0, 8.0), st.floats(-3.0, 3.0)),
@@ -70,6 +72,27 @@ def test_gaps_of_an_object_that_slides_are_no_dead_taxels(
     share = np.linspace(0.0, 1.0, 20)[:, np.newaxis]
     if np.hypot(*travel) > 1.5:  # at rest a gap looks the same
         assert silent_taxels(slid(kind, np.array(start) + share * np.array(travel), angle)).tolist() == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "start", "travel", "angle"),
+    [
+        ("feet", (3.0, 2.0), (5.0, -1.43), 4.94),
+        ("feet", (2.0, 2.5), (4.9, -1.0), 2.94),
+        ("corner", (4.0, 2.0), (3.0, -0.24), 2.175),
+        ("slot", (3.5, 2.2), (2.2, 0.0), 3.19),
+    ],
+)
+def test_what_the_pattern_explains_is_a_gap_and_not_dead(
+    kind: str, start: tuple[float, float], travel: tuple[float, float], angle: float
+) -> None:
+    way = np.array(start) + np.linspace(0.0, 1.0, 40)[:, np.newaxis] * np.array(travel)
+    assert solve_contact(slid(kind, way, angle)).dead.tolist() == []
+
+
+@pytest.mark.parametrize("dead", [(22,), (22, 23)])
+def test_what_the_pattern_denies_is_dead(dead: tuple[int, ...]) -> None:
+    assert solve_contact(slid("disc", across(2.0), dead=dead)).dead.tolist() == list(dead)
 
 
 @given(st.sampled_from(["feet", "rails", "corner", "slot", "wide ring"]), st.floats(0.0, 2 * np.pi))

@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.bspline import STATE, evaluate, state_of
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.estimation.template.bundle_adjustment import Fit
+    from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Bools, Floats
 
@@ -30,6 +33,8 @@ class _Silence:
     """A contact that has gone over silent taxels went so many pitches further than they reach: it did not just rock."""
     across: float = 0.3
     """A neighbour is on a side of a group if it lies so many pitches further out than its taxels."""
+    enclosed: float = 0.5
+    """A taxel is enclosed if the mean of the directions to its neighbours is shorter: at a corner an object may end."""
 
 
 _SILENCE = _Silence()
@@ -64,14 +69,35 @@ def unanswering(scanned: Scanned, fit: Fit) -> int | None:
     return worst if share[worst] < _FAULT.dead else None
 
 
+def explained(scanned: Scanned, variance: Floats, pattern: Pattern, states: Floats, taxels: list[int]) -> Bools:
+    """(n,), which of n taxels read no less than a pattern learned without them predicts: a gap of the object is there.
+
+    variance: (scans, n), of their readings, that of `scanned` being 0. states: (scans, 5).
+    """
+    model = np.empty((len(scanned), len(taxels)))
+    values = np.empty((scanned.places.shape[1], STATE))
+    for k, state in enumerate(states):
+        evaluate(pattern.coefficients, pattern.lattice, scanned.places, state, scanned.bends[k], values)
+        model[k] = state_of(state).gain * np.maximum(np.nan_to_num(values[taxels, 0]), 0.0)
+    model[variance == 0] = 0.0
+    power, read = (model**2).sum(axis=0), (model * scanned.readings[:, taxels]).sum(axis=0)
+    sure = power**2 > _FAULT.loaded_enough * (model**2 * variance).sum(axis=0)
+    answered: Bools = ~sure | (read >= _FAULT.dead * power)
+    return answered
+
+
 def silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
-    """Taxels that read next to nothing though the object is on them: single ones, and pairs of neighbours."""
+    """Taxels that read next to nothing among loaded ones: single ones, and pairs of neighbours.
+
+    Some may be gaps of the object, see `explained`.
+    """
     beside = _beside(scanned.places)
     strong = (scanned.readings > _SILENCE.strong * np.sqrt(scanned.variance)) & (scanned.variance > 0)
     answers = np.any(scanned.loaded() & (scanned.readings > _SILENCE.silent * scanned.amplitude), axis=0)
     quiet: Bools = ~answers & np.any(scanned.variance > 0, axis=0)
     high: Bools = strong & (scanned.readings > _SILENCE.high * scanned.amplitude)
-    found = set(np.flatnonzero(quiet & _surrounded(scanned.readings, high, beside)).tolist())
+    enclosed = quiet & _enclosed(scanned.places, beside)
+    found = set(np.flatnonzero(enclosed & _surrounded(scanned.readings, high, beside)).tolist())
     on_its_way = quiet & (beside @ high.any(axis=0).astype(np.float64) > 1.5)
     found.update(*_passed_over(scanned, strong, beside, on_its_way))
     return np.array(sorted(found), np.int64)
@@ -84,6 +110,14 @@ def _beside(places: Floats) -> Bools:
     return near
 
 
+def _enclosed(places: Floats, beside: Bools) -> Bools:
+    """(taxels,): which have neighbours on all sides, or on all but one."""
+    away = (places[:, np.newaxis] - places[:, :, np.newaxis]) * beside
+    mean = np.hypot(*away.sum(axis=2)) / np.maximum(beside.sum(axis=1), 1)
+    enclosed: Bools = mean < _SILENCE.enclosed
+    return enclosed
+
+
 def _surrounded(readings: Floats, high: Bools, beside: Bools) -> Bools:
     """(taxels,): which read next to nothing in scans in which nearly all of their neighbours are loaded."""
     count = beside.sum(axis=0)
@@ -91,7 +125,7 @@ def _surrounded(readings: Floats, high: Bools, beside: Bools) -> Bools:
     around = (readings @ beside.astype(np.float64)) / np.maximum(count, 1)
     own = np.where(surrounded, readings, 0.0).sum(axis=0)
     expected = np.where(surrounded, around, 0.0).sum(axis=0)
-    share = np.where(count > 3, _SILENCE.silent, 0.5 * _SILENCE.silent)  # at a corner pressure may end
+    share = np.where(count > 3, _SILENCE.silent, 0.5 * _SILENCE.silent)  # at a border pressure may end
     silent: Bools = (expected > 0) & (own < share * expected)
     return silent
 

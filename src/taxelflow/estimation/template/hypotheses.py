@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
-from taxelflow.estimation.template.dead_taxels import silent_taxels, unanswering
+from taxelflow.estimation.template.dead_taxels import explained, silent_taxels, unanswering
 from taxelflow.estimation.template.initialization import Tracker
 from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
@@ -133,9 +133,7 @@ def solve_contact(scanned: Scanned) -> Solved:
     """Pattern and poses of all scans of a contact; in `scanned` readings of dead taxels are masked, and the others
     divided by their gains.
     """
-    dead = silent_taxels(scanned).tolist()
-    scanned.variance[:, dead] = 0.0
-    solved = solve(scanned)
+    solved, dead = _without_silent(scanned)
     while len(dead) < _MOST_DEAD:
         worst = unanswering(scanned, solved.fit)
         if worst is None:
@@ -151,6 +149,19 @@ def solve_contact(scanned: Scanned) -> Solved:
     solved = with_gains(scanned, solved, refined)
     solved.dead = np.array(dead, np.int64)
     return solved
+
+
+def _without_silent(scanned: Scanned) -> tuple[Solved, list[int]]:
+    """A contact solved without taxels that stay silent, and which: those masked whose silence the pattern denies."""
+    dead = silent_taxels(scanned)
+    variance = scanned.variance[:, dead]
+    scanned.variance[:, dead] = 0.0
+    solved = solve(scanned)
+    gaps = explained(scanned, variance, solved.pattern, solved.states, dead.tolist())
+    if gaps.any():
+        scanned.variance[:, dead[gaps]] = variance[:, gaps]
+        solved = solve(scanned)
+    return solved, dead[~gaps].tolist()
 
 
 def covering(scanned: Scanned, states: Floats) -> Pattern:
