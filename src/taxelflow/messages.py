@@ -343,19 +343,19 @@ class Contacts:
 
 @dataclass(frozen=True, slots=True)
 class Texture:
-    """What the pattern of each contact can tell about the surface that moves under it.
+    """What the pattern of each contact shows of the motion of the surface on it.
 
     t_s: (scans,). smooth: (scans, pads), whether the pattern is that of a smooth contact: it shows where the object
     touches, and stays where it is when a round object spins. turns: (scans, pads), whether the pattern changes when it
-    is turned about the pad's normal; False for a smooth round one. untold: (scans, pads, 2, 2), b b^T + e^2 a a^T of a
-    direction b along the pad, in its frame, in which the pattern has no gradient, and the one across it, a, with the
-    variance e^2 of their angle; 1 where neither is told, 0 where both are.
+    is turned about the pad's normal; False for a smooth round one. unobservable: (scans, pads, 2, 2), b b^T + e^2 a a^T
+    of a direction b along the pad, in its frame, in which the pattern has no gradient, and the one across it, a, with
+    the variance e^2 of their angle; 1 where neither is observable, 0 where both are.
     """
 
     t_s: Floats
     smooth: Bools
     turns: Bools
-    untold: Floats
+    unobservable: Floats
 
     def __len__(self) -> int:
         return len(self.t_s)

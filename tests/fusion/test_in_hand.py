@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taxelflow.fusion.in_hand import Home, carry
-from taxelflow.fusion.reference import UNTOLD_M, UNTOLD_M_S
+from taxelflow.fusion.reference import UNOBSERVABLE_M, UNOBSERVABLE_M_S
 from taxelflow.fusion.session import nothing
 from taxelflow.geometry import rotation
 from taxelflow.messages import AMBIGUOUS, OK, Floats, Slips, Texture
@@ -27,8 +27,8 @@ def twin(slips: Slips, point: Floats, texture: Texture | None, home: Home) -> tu
     ]
     if texture is not None:
         span_s = np.nan_to_num(slips.span_s)[..., np.newaxis, np.newaxis]
-        own[0] += UNTOLD_M**2 * texture.untold
-        own[1] += (UNTOLD_M_S * span_s) ** 2 * texture.untold
+        own[0] += UNOBSERVABLE_M**2 * texture.unobservable
+        own[1] += (UNOBSERVABLE_M_S * span_s) ** 2 * texture.unobservable
         for turn in turns:
             turn[~texture.turns] = np.nan
     place = np.einsum("pij,spj->spi", home.R, point) + home.origin

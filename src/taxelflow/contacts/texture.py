@@ -79,7 +79,7 @@ class TextureMeter:
     def step(self, scans: Scans) -> Texture:
         """Texture of all pads."""
         shape = scans.contact.shape
-        smooth, turns, untold = (
+        smooth, turns, unobservable = (
             np.zeros(shape, dtype=np.bool_),
             np.zeros(shape, dtype=np.bool_),
             np.zeros((*shape, 2, 2)),
@@ -93,9 +93,9 @@ class TextureMeter:
             self._error,
             self._sums,
             (smooth, turns),
-            untold,
+            unobservable,
         )
-        return Texture(scans.t_s, smooth, turns, untold)
+        return Texture(scans.t_s, smooth, turns, unobservable)
 
 
 @kernel
@@ -108,9 +108,9 @@ def measure(
     error: float,
     sums: Records,
     told: tuple[Bools, Bools],
-    untold: Floats,
+    unobservable: Floats,
 ) -> None:
-    """Fill what is told, smooth and turns (scans, pads), and untold (scans, pads, 2, 2), which come in as 0.
+    """Fill what is told, smooth and turns (scans, pads), and unobservable (scans, pads, 2, 2), which come in as 0.
 
     block: pressure (scans, entries), noise (entries,), and (scans, pads) whether a scan can be evaluated. xy: (2,
     entries), m. error: relative, of readings. sums: (pads,) of `Sums`, kept from block to block.
@@ -129,12 +129,12 @@ def measure(
             if own.age % EVERY == 0 and usable[scan, pad]:
                 add_scan(pressure[scan], noise, xy, begin, end, gradients, error, own)
             own.age += 1
-            smooth[scan, pad] = judge(own, untold[scan, pad])
+            smooth[scan, pad] = judge(own, unobservable[scan, pad])
             turns[scan, pad] = not smooth[scan, pad] or own.turn > _TEXTURED * own.arm
 
 
 @routine
-def judge(own: Sums, untold: Floats) -> bool:
+def judge(own: Sums, unobservable: Floats) -> bool:
     """Whether the contact is smooth; fill what is not told (2, 2), see `Texture`."""
     half, apart = 0.5 * (own.xx - own.yy), own.xy
     middle, radius = 0.5 * (own.xx + own.yy), np.hypot(half, apart)
@@ -143,9 +143,9 @@ def judge(own: Sums, untold: Floats) -> bool:
     along, across = x * x * own.noise_x + y * y * own.noise_y, y * y * own.noise_x + x * x * own.noise_y
     if middle - radius < _TOLD * across:
         tilt = across / (own.count * (middle + radius)) if middle + radius > _TOLD * along else 1.0
-        untold[0, 0] = y * y + tilt * x * x
-        untold[1, 1] = x * x + tilt * y * y
-        untold[0, 1] = untold[1, 0] = (tilt - 1.0) * x * y
+        unobservable[0, 0] = y * y + tilt * x * x
+        unobservable[1, 1] = x * x + tilt * y * y
+        unobservable[0, 1] = unobservable[1, 0] = (tilt - 1.0) * x * y
     all_of_it = own.xx + own.yy - own.noise_x - own.noise_y
     return bool(own.texture < _TEXTURED * all_of_it or not all_of_it > 0.0)
 

@@ -1,4 +1,4 @@
-"""The protocol of a controller, and what it is told of each scan."""
+"""The protocol of a controller, and its input in each scan."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """What the pads of a grip tell of one scan.
+    """Estimates of the pads of a grip in one scan.
 
     The grip's frame of two facing pads is that of the first: x to its right, y up; the second pad's motion is mirrored
     into it. That of a hand is the hand's frame in space.

@@ -1,4 +1,4 @@
-"""From scans of a grip's pads to what a controller is told: all stages of a stream, scan by scan.
+"""From scans of a grip's pads to a controller's input: all stages of a stream, scan by scan.
 
 `TouchStream` runs a pipeline of its own. A loop around `taxelflow.Live` gives each scan and its output to `Facing`.
 """

@@ -52,5 +52,5 @@ def space_steps(sensor: Sensor) -> dict[str, Callable[[int], object]]:
     for number in range(_WARM):
         whole.step(*scan(number))
         alone.step(*scan(number))
-    taken = alone.take(*scan(_WARM))
-    return {"stage space": lambda k: whole.step(*scan(_WARM + k)), "space kernel": lambda _: alone.fuse(taken)}
+    prepared = alone.prepare(*scan(_WARM))
+    return {"stage space": lambda k: whole.step(*scan(_WARM + k)), "space kernel": lambda _: alone.fuse(prepared)}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.fusion.reference import UNTOLD_M, UNTOLD_M_S
+from taxelflow.fusion.reference import UNOBSERVABLE_M, UNOBSERVABLE_M_S
 from taxelflow.messages import AMBIGUOUS
 from taxelflow.runtime.compiling import exact_kernel
 
@@ -54,10 +54,10 @@ def carry(slips: Slips, point: Floats, texture: Texture | None, home: Home) -> t
     out = Carried(room[0], room[1], room[2], room[3], flags[0], flags[1], flags[2])
     own = np.empty((2, *shape, 2, 2))
     told = texture is not None
-    turns, untold = (texture.turns, texture.untold) if texture is not None else (slips.contact, own[0])
+    turns, unobservable = (texture.turns, texture.unobservable) if texture is not None else (slips.contact, own[0])
     seen = (slips.displacement, slips.displacement_covariance, slips.pose, slips.covariance)
     marks = (slips.contact, slips.border, slips.quality)
-    fill_carried(seen, marks, np.ascontiguousarray(slips.span_s), point, told, (turns, untold), home, own, out)
+    fill_carried(seen, marks, np.ascontiguousarray(slips.span_s), point, told, (turns, unobservable), home, own, out)
     covariances = home.R @ own @ home.R.transpose(0, 2, 1)
     return out, covariances[0], covariances[1]
 
@@ -77,11 +77,11 @@ def fill_carried(
     """Fill what is carried, and the covariances own (2, scans, pads, 2, 2) of place and motion in the pads' axes.
 
     seen: displacement and pose (scans, pads, 3), each with its covariance (scans, pads, 3, 3). marks: contact, border
-    and quality. judged: whether there is a texture: turns and untold.
+    and quality. judged: whether there is a texture: turns and unobservable.
     """
     moved, moved_cov, pose, pose_cov = seen
     contact, border, quality = marks
-    turns, untold = texture
+    turns, unobservable = texture
     scans, pads = contact.shape
     most = np.zeros(scans)  # a border may have hidden so much motion
     for row in range(scans * pads):
@@ -104,8 +104,8 @@ def fill_carried(
                 own[0, scan, pad, a, a] += (home.doubt * home.pitch[pad, a]) ** 2
                 own[1, scan, pad, a, a] += (home.doubt * most[scan]) ** 2
             if judged:
-                own[0, scan, pad, a, b] += UNTOLD_M**2 * untold[scan, pad, a, b]
-                own[1, scan, pad, a, b] += (UNTOLD_M_S * span) ** 2 * untold[scan, pad, a, b]
+                own[0, scan, pad, a, b] += UNOBSERVABLE_M**2 * unobservable[scan, pad, a, b]
+                own[1, scan, pad, a, b] += (UNOBSERVABLE_M_S * span) ** 2 * unobservable[scan, pad, a, b]
         shown = not judged or turns[scan, pad]
         out.turn[scan, pad, 0] = moved[scan, pad, 2] if shown else np.nan
         out.turn[scan, pad, 1] = moved_cov[scan, pad, 2, 2] if shown else np.nan

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips, Texture
 
 
-UNTOLD_M, UNTOLD_M_S = 0.05, 0.2
+UNOBSERVABLE_M, UNOBSERVABLE_M_S = 0.05, 0.2
 """Standard deviations of place and velocity in a direction that a contact's pattern does not tell, m and m/s: ten times
 those from which the motion in space calls a direction not observable."""
 

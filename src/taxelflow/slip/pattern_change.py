@@ -136,14 +136,18 @@ class PatternWatch:
         self._open = None
         return True
 
+    def _sides(self) -> tuple[list[_Bin], list[_Bin]]:
+        """Bins before and after the one that is judged."""
+        bins = list(self._bins)
+        return bins[:BEFORE_BINS], bins[BEFORE_BINS + 1 :]
+
     def _compare(self, noise: Floats, found: Floats) -> None:
         """Fill in the first of (6, pads): unexplained, noise, rise and stirred. noise: (entries,)."""
-        bins = list(self._bins)
-        valid = np.logical_and.reduce([one.touching & one.whole for one in bins])
+        before, after = self._sides()
+        valid = np.logical_and.reduce([one.touching & one.whole for one in self._bins])
         if not valid.any():
             return
-        old, old_scans = _mean(bins[:BEFORE_BINS])
-        new, new_scans = _mean(bins[BEFORE_BINS + 1 :])
+        (old, old_scans), (new, new_scans) = _mean(before), _mean(after)
         live = noise**2 * ((old != 0) | (new != 0)) * (1 / old_scans + 1 / new_scans)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             products = np.concatenate(
@@ -167,9 +171,12 @@ class PatternWatch:
 
     def _compare_shear(self, variance: Floats, found: Floats) -> None:
         """Fill in the last of (6, pads) where the pattern is known: spread and its noise. variance: (pads,)."""
-        bins = list(self._bins)
-        (old, old_scans), (new, new_scans) = _mean(bins[:BEFORE_BINS]), _mean(bins[BEFORE_BINS + 1 :])
-        shear = _mean_shear(bins[:BEFORE_BINS]), _mean_shear(bins[BEFORE_BINS + 1 :])
+        before, after = self._sides()
+        (old, old_scans), (new, new_scans), shear = (
+            _mean(before),
+            _mean(after),
+            (_mean_shear(before), _mean_shear(after)),
+        )
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             power, per_variance = spread((old, new), shear, self._starts)
             noise = per_variance * variance * (1 / old_scans + 1 / new_scans)

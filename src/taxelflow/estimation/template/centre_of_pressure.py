@@ -57,8 +57,8 @@ def combine(cov: Floats, doubt: tuple[float, float, float], apart: tuple[float, 
         weight[a, 1] = cov[a, 0] * xy + cov[a, 1] * yy
     chi = 0.5 * (apart[0] * apart[0] * xx + 2.0 * apart[0] * apart[1] * xy + apart[1] * apart[1] * yy)
     p, q, r, s = 1.0 - weight[0, 0], -weight[0, 1], -weight[1, 0], 1.0 - weight[1, 1]
-    own = turned(p, q, r, s, (cov[0, 0], cov[0, 1], cov[1, 1]))
-    other = turned(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], doubt)
+    own = transformed(p, q, r, s, (cov[0, 0], cov[0, 1], cov[1, 1]))
+    other = transformed(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], doubt)
     ratio = np.sqrt((own[0] + own[2] + _LEAST) / (other[0] + other[2] + _LEAST))
     scale = max(chi, 1.0)
     cov[0, 0] = scale * ((1.0 + 1.0 / ratio) * own[0] + (1.0 + ratio) * other[0])
@@ -70,7 +70,7 @@ def combine(cov: Floats, doubt: tuple[float, float, float], apart: tuple[float, 
 
 
 @inlined
-def turned(p: float, q: float, r: float, s: float, m: tuple[float, float, float]) -> tuple[float, float, float]:
+def transformed(p: float, q: float, r: float, s: float, m: tuple[float, float, float]) -> tuple[float, float, float]:
     """xx, xy and yy of T m T^T with T = [[p, q], [r, s]], of those of m."""
     xx, xy, yy = m
     return (

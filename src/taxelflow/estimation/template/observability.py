@@ -54,8 +54,8 @@ def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, s
         values = gain * _values(pattern, drawn.reshape(pattern.shape), scanned, states, scan)[known, 1:4]
         pretended += [told(values[:, of], of) / _DRAWS for of in range(3)]
     real = np.array([told(slopes[:, of], of) for of in range(3)])
-    untold = scanned.across
-    return Sights(*np.where([*untold, untold.any()], 0.0, real / np.maximum(pretended, 1e-300)))
+    unobservable = scanned.across
+    return Sights(*np.where([*unobservable, unobservable.any()], 0.0, real / np.maximum(pretended, 1e-300)))
 
 
 def _values(pattern: Pattern, coefficients: Floats, scanned: Scanned, states: Floats, scan: int) -> Floats:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.fusion.spatial.take import along_planes
+from taxelflow.fusion.spatial.window_rows import along_planes
 from taxelflow.sensors.hand import JointsInvalid
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.sensors.surface import PadSurface

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.fusion.reference import UNTOLD_M
+from taxelflow.fusion.reference import UNOBSERVABLE_M
 from taxelflow.fusion.spatial.robust import Verdict, solve_robustly
 from taxelflow.fusion.spatial.solve import Contacts, Solution, add_product
 from taxelflow.fusion.spatial.twist import (
@@ -145,7 +145,7 @@ def place_covariance(seen: Seen, scan: int, pad: int, covariance: Floats) -> Non
     copy_matrix(seen.covariance[scan, pad], covariance)
     for a in range(2):
         for b in range(2):
-            covariance[a, b] += UNTOLD_M**2 * seen.untold[scan, pad, a, b]
+            covariance[a, b] += UNOBSERVABLE_M**2 * seen.unobservable[scan, pad, a, b]
 
 
 @routine

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.fusion.reference import UNTOLD_M_S, Reference
+from taxelflow.fusion.reference import UNOBSERVABLE_M_S, Reference
 from taxelflow.fusion.spatial.fuse import Memory, Moving, Written, begin, fuse_scans
 from taxelflow.fusion.spatial.places import Places
 from taxelflow.fusion.spatial.pose import Anchor, Body
 from taxelflow.fusion.spatial.roundness import centres
-from taxelflow.fusion.spatial.take import Answers, Rules, Told, answer, take
 from taxelflow.fusion.spatial.twist import Limits, Misfit, Sixfold
 from taxelflow.fusion.spatial.window import Seen, Velocities
+from taxelflow.fusion.spatial.window_rows import MotionFields, PadSlips, Rules, fill_motions, fill_rows
 from taxelflow.messages import AMBIGUOUS, Bools, Floats, SpatialMotions, Texture
 from taxelflow.numerics.records import records
 
@@ -28,7 +28,7 @@ _MOST_STD = 1.0
 """Over the limit of observability: a component of the twist with a larger standard deviation is NaN."""
 
 
-class Taken(NamedTuple):
+class Prepared(NamedTuple):
     """Scans on their way into the kernel. first: number of the first of them in seen. out: to be filled."""
 
     seen: Seen
@@ -67,18 +67,18 @@ class SpatialSession:
         """Motion per scan. centroid: (scans, pads, 2), see `Contacts`. texture: without one every pattern is that of
         the object's surface, and tells all directions.
         """
-        taken = self.take(slips, centroid, texture)
-        self.fuse(taken)
-        return self._motions(slips.t_s, taken.out)
+        prepared = self.prepare(slips, centroid, texture)
+        self.fuse(prepared)
+        return self._motions(slips.t_s, prepared.out)
 
-    def take(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> Taken:
+    def prepare(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> Prepared:
         """What the kernel works on; see `step`."""
         point = self._reference.step(slips, centroid, texture)
         frames = self._places.frames(slips.t_s[:, np.newaxis] - np.nan_to_num(slips.lag_s), point)
         self._places.count(slips.t_s)
         scans, pads = slips.contact.shape
         seen, first = self._room_for(slips.t_s)
-        told = Told(
+        pads_slips = PadSlips(
             slips.contact,
             slips.border,
             slips.quality,
@@ -87,18 +87,18 @@ class SpatialSession:
             slips.covariance,
             slips.displacement_covariance,
             np.ones((scans, pads), dtype=np.bool_) if texture is None else texture.turns,
-            np.zeros((scans, pads, 2, 2)) if texture is None else texture.untold,
+            np.zeros((scans, pads, 2, 2)) if texture is None else texture.unobservable,
         )
-        take(told, frames, self._rules, first, seen)
+        fill_rows(pads_slips, frames, self._rules, first, seen)
         now = slice(first, first + scans)
         if texture is not None and texture.smooth.any():
             seen.under[now] = centres(frames, seen.known[now], texture.smooth, self._coarse_m)
         velocities = self._room(scans) if self._window_s else self._from_scans(slips, frames, seen.under[now], texture)
-        return Taken(seen, first, velocities, self._moving(slips), self._written(scans))
+        return Prepared(seen, first, velocities, self._moving(slips), self._written(scans))
 
-    def fuse(self, taken: Taken) -> None:
+    def fuse(self, prepared: Prepared) -> None:
         """The kernel alone."""
-        seen, first, velocities, moving, out = taken
+        seen, first, velocities, moving, out = prepared
         fuse_scans(seen, first, self._window_s, velocities, moving, self._limits, self._memory, out)
 
     def _room_for(self, t_s: Floats) -> tuple[Seen, int]:
@@ -157,7 +157,9 @@ class SpatialSession:
         covariance = slips.displacement_covariance.copy()
         covariance[..., [0, 1], [0, 1]] += (doubt * most[:, np.newaxis, np.newaxis]) ** 2
         if texture is not None:
-            covariance[..., :2, :2] += (UNTOLD_M_S * span[..., np.newaxis, np.newaxis]) ** 2 * texture.untold
+            covariance[..., :2, :2] += (
+                UNOBSERVABLE_M_S * span[..., np.newaxis, np.newaxis]
+            ) ** 2 * texture.unobservable
             moved[~texture.turns, 2] = covariance[~texture.turns, 2, 2] = np.nan
         known = slips.valid & self._used & np.isfinite(deep).all(axis=(2, 3)) & np.isfinite(moved[..., 0])
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -193,14 +195,14 @@ class SpatialSession:
 
     def _motions(self, t_s: Floats, out: Written) -> SpatialMotions:
         scans = len(t_s)
-        answers = Answers(
+        answers = MotionFields(
             np.empty((scans, 6)),
             np.empty((scans, 6, 6)),
             np.empty((scans, 7)),
             np.empty((scans, 6, 6)),
             np.empty((scans, 6)),
         )
-        answer(out.twists, out.poses, out.body, out.pads, self._worst, answers)
+        fill_motions(out.twists, out.poses, out.body, out.pads, self._worst, answers)
         return SpatialMotions(
             t_s=t_s,
             twist=answers.twist,

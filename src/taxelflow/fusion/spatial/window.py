@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.fusion.reference import UNTOLD_M_S
+from taxelflow.fusion.reference import UNOBSERVABLE_M_S
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.se3 import copy_matrix
 from taxelflow.runtime.compiling import routine
@@ -31,7 +31,7 @@ class Seen(NamedTuple):
     whether the pose is known, and whether there is contact. kept: (scans, pads), the contact goes on, and where its
     pose is known so is the way from its last one. height: (scans, pads), of the point over its pad, m, filled in by the
     fit of the pose: pads do not tell how deep the object is pressed in. under: (scans, pads, 3), from the contact to
-    the point whose motion it shows, in its axes, m; see `roundness`. untold: (scans, pads, 2, 2), see `Texture`.
+    the point whose motion it shows, in its axes, m; see `roundness`. unobservable: (scans, pads, 2, 2), see `Texture`.
     """
 
     t_s: Floats
@@ -45,7 +45,7 @@ class Seen(NamedTuple):
     kept: Bools
     height: Floats
     under: Floats
-    untold: Floats
+    unobservable: Floats
 
 
 class Velocities(NamedTuple):
@@ -114,7 +114,7 @@ def fit_line(seen: Seen, pad: int, first: int, last: int, out: Velocities) -> No
             out.frames[pad, i, 3] = point[i]
     for a in range(2):
         for b in range(2):
-            out.covariance[pad, a, b] += UNTOLD_M_S**2 * seen.untold[last, pad, a, b]
+            out.covariance[pad, a, b] += UNOBSERVABLE_M_S**2 * seen.unobservable[last, pad, a, b]
     out.known[pad] = True
 
 

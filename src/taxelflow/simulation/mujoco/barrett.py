@@ -115,7 +115,8 @@ class BarrettHand:
         shape = self.held.shape
         drives = {name: _PREFIX + name for name in _FINGERS}
         named = {name: f"{name}_sheet" for name in skins}
-        moving = mechanism(drives, self.actuator, _LEVERS_M[1], _coupled(), named)
+        most_nm = _LEVERS_M[1] * self.actuator.max_n
+        moving = mechanism(drives, self.actuator.bandwidth_hz, most_nm, _coupled(), named)
         spec = mujoco.MjSpec.from_string(scene(shape, self.held.inertial(), sheets, moving))
         palm_m = next(pad.pose[2] for pad in self.sensor.pads if pad.link == "base" and pad.pose)
         place = [0.0, -(shape.back_m + _PALM_GAP_M + palm_m), 0.0]

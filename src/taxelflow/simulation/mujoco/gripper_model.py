@@ -42,5 +42,5 @@ def mjcf(shape: Shape, inertial: str, skin: Skin, actuator: Actuator) -> str:
     <geom type="box" size="0.09 0.016 0.01" pos="0 0 {half_y + 0.07}" rgba="0.3 0.32 0.36 1" contype="0"
       conaffinity="0"/>"""
     both = dict(zip(SIDES, SIDES, strict=True))
-    moving = mechanism(both, actuator, 1.0, _COUPLED, dict.fromkeys(SIDES, "skin"))
+    moving = mechanism(both, actuator.bandwidth_hz, actuator.max_n, _COUPLED, dict.fromkeys(SIDES, "skin"))
     return scene(shape, inertial, sheet("skin", skin), moving, fixtures)

@@ -13,8 +13,7 @@ from taxelflow.simulation.mujoco.skin import Skin
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from taxelflow.simulation.mujoco.plant import Actuator, Grip
-    from taxelflow.simulation.mujoco.trial import Trial
+    from taxelflow.simulation.mujoco.plant import Actuator, Grip, Held
 
 HANDS = {"gripper": "two facing pads of 16x16 taxels", "barrett": "the BarrettHand with its 162 taxels"}
 """Hands by name."""
@@ -31,12 +30,11 @@ def check_objects(hand: str, objects: Iterable[str]) -> None:
             raise ParameterInvalid("objects", name, f"be {' or '.join(PALM_OBJECTS)} for the BarrettHand")
 
 
-def grip(hand: str, trial: Trial, actuator: Actuator, skin: Skin | None = None) -> Grip:
-    """A trial's plant. skin: of the gripper; the hand's follows from its sensor.
+def grip(hand: str, held: Held, actuator: Actuator, seed: int, skin: Skin | None = None) -> Grip:
+    """The plant of a hand, see `check_objects`. skin: of the gripper; the hand's follows from its sensor.
 
-    Raises NameUnknown, ParameterInvalid as `check_objects`; ExtraMissing.
+    Raises ExtraMissing.
     """
-    check_objects(hand, [trial.object])
     if hand == "barrett":
-        return BarrettHand(trial.held, actuator, seed=trial.seed)
-    return Gripper(trial.held, skin or Skin(), actuator, seed=trial.seed)
+        return BarrettHand(held, actuator, seed=seed)
+    return Gripper(held, skin or Skin(), actuator, seed=seed)

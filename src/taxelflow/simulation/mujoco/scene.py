@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from taxelflow.simulation.mujoco.objects import Shape
-    from taxelflow.simulation.mujoco.plant import Actuator
     from taxelflow.simulation.mujoco.skin import Skin
 
 TIMESTEP_S = 0.0005
@@ -70,12 +69,13 @@ def scene(shape: Shape, inertial: str, sheets: str, mechanism: str, fixtures: st
 </mujoco>"""
 
 
-def mechanism(joints: dict[str, str], actuator: Actuator, gain: float, couplings: str, sheets: dict[str, str]) -> str:
+def mechanism(joints: dict[str, str], bandwidth_hz: float, most: float, couplings: str, sheets: dict[str, str]) -> str:
     """MJCF of the joints that are driven, by name of their actuators, and of a tactile sensor for each pad.
 
-    gain: largest control over the largest force. couplings: equalities. sheets: name of the mesh by pad.
+    bandwidth_hz: of the actuators. most: largest control, N or Nm. couplings: equalities. sheets: name of the mesh by
+    pad.
     """
-    lag_s, most = 1 / (2 * np.pi * actuator.bandwidth_hz), gain * actuator.max_n
+    lag_s = 1 / (2 * np.pi * bandwidth_hz)
     drives = "".join(
         f'<general name="{name}" joint="{joint}" dyntype="filterexact" dynprm="{lag_s}" '
         f'gaintype="fixed" gainprm="1" ctrllimited="true" ctrlrange="{-most} {most}"/>'

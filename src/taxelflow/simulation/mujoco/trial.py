@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.simulation.mujoco.events import END_S, G_M_S2, LIFT_S, Happening
-from taxelflow.simulation.mujoco.hands import grip
+from taxelflow.simulation.mujoco.hands import check_objects, grip
 from taxelflow.simulation.mujoco.objects import shape
 from taxelflow.simulation.mujoco.plant import Actuator, Held
 
@@ -96,7 +96,8 @@ class Rehearsal:
     ) -> None:
         """skin: of the gripper. hand: a name of `HANDS`. Raises NameUnknown, ParameterInvalid, ExtraMissing."""
         self.trial = trial
-        self.plant: Grip = grip(hand, trial, actuator or Actuator(), skin)
+        check_objects(hand, [trial.object])
+        self.plant: Grip = grip(hand, trial.held, actuator or Actuator(), trial.seed, skin)
         self.grasped = False
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
-from taxelflow.estimation.template.online.witness import draw, find_centre, weigh_pose, weigh_step
+from taxelflow.estimation.template.online.witness import add_weighted, find_centre, weigh_pose, weigh_step
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import gate
@@ -50,7 +50,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, row
     if floor > 0.0 and not in_line:
         weigh_pose(scale, m, centre, pose, cov, weight)
     moved = _displacement(t, k, pad, m, noise, centre, weight, rows) / scale
-    draw(pose, centre[0] - pose[0], centre[1] - pose[1], weight)
+    add_weighted(pose, centre[0] - pose[0], centre[1] - pose[1], weight)
     blurred = in_line or eigenvalues2(cov[0, 0], cov[1, 1], cov[0, 1])[1] > (BLURRED * scale) ** 2
     unsure = m.probation > 0.0
     rows.quality[k, pad] = AMBIGUOUS if blurred or unsure or m.changing else OK

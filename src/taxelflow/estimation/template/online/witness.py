@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.centre_of_pressure import BORDER_ERROR, combine, turned
+from taxelflow.estimation.template.centre_of_pressure import BORDER_ERROR, combine, transformed
 from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of
@@ -51,19 +51,19 @@ def weigh_pose(scale: float, m: Track, centre: Floats, pose: Floats, cov: Floats
 def weigh_step(step: Floats, covariance: Floats, centre: Floats, before: Floats, weight: Floats) -> None:
     """Make a step (3,) on the map and its covariance (3, 3) those of both witnesses. centre, before: (5,)."""
     p, q, r, s = 1.0 - weight[0, 0], -weight[0, 1], -weight[1, 0], 1.0 - weight[1, 1]
-    own = turned(p, q, r, s, (covariance[0, 0], covariance[0, 1], covariance[1, 1]))
+    own = transformed(p, q, r, s, (covariance[0, 0], covariance[0, 1], covariance[1, 1]))
     noise = (centre[2] + before[2], centre[3] + before[3], centre[4] + before[4])
-    other = turned(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], noise)
+    other = transformed(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], noise)
     covariance[0, 0], covariance[1, 1] = own[0] + other[0], own[2] + other[2]
     covariance[0, 1] = covariance[1, 0] = own[1] + other[1]
     x, y = covariance[0, 2], covariance[1, 2]
     covariance[0, 2] = covariance[2, 0] = p * x + q * y
     covariance[1, 2] = covariance[2, 1] = r * x + s * y
-    draw(step, centre[0] - before[0] - step[0], centre[1] - before[1] - step[1], weight)
+    add_weighted(step, centre[0] - before[0] - step[0], centre[1] - before[1] - step[1], weight)
 
 
 @lean_kernel
-def draw(place: Floats, x: float, y: float, weight: Floats) -> None:
+def add_weighted(place: Floats, x: float, y: float, weight: Floats) -> None:
     """Move a place by the weighted (2, 2) part of x and y."""
     place[0] += weight[0, 0] * x + weight[0, 1] * y
     place[1] += weight[1, 0] * x + weight[1, 1] * y

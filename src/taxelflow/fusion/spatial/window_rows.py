@@ -1,4 +1,4 @@
-"""What a step of the fusion in space begins and ends with, scan by scan: pads' slips in, the object's motion out."""
+"""Rows of the window of the fusion in space: filled from the slips of pads, and the object's motion read from them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Rules:
     anchor_m: float
 
 
-class Told(NamedTuple):
+class PadSlips(NamedTuple):
     """Fields of `Slips` and `Texture`, of all scans and pads."""
 
     contact: Bools
@@ -34,10 +34,10 @@ class Told(NamedTuple):
     covariance: Floats
     displacement_covariance: Floats
     turns: Bools
-    untold: Floats
+    unobservable: Floats
 
 
-class Answers(NamedTuple):
+class MotionFields(NamedTuple):
     """Fields of `SpatialMotions`, of all scans."""
 
     twist: Floats
@@ -48,37 +48,37 @@ class Answers(NamedTuple):
 
 
 @exact_kernel
-def take(told: Told, frames: Floats, rules: Records, first: int, seen: Seen) -> None:
+def fill_rows(slips: PadSlips, frames: Floats, rules: Records, first: int, seen: Seen) -> None:
     """Fill the rows of seen from `first` on. frames: (scans, pads, 4, 4), of the contacts, NaN where unknown."""
     for scan in range(len(frames)):
         row = first + scan
         for pad in range(len(rules)):
             rule: Rules = rules[pad]
-            held = told.contact[scan, pad] and rule.used
+            held = slips.contact[scan, pad] and rule.used
             copy_matrix(frames[scan, pad], seen.frames[row, pad])
-            copy_matrix(told.untold[scan, pad], seen.untold[row, pad])
-            known = held and take_pose(told, scan, pad, rule, seen.covariance[row, pad])
+            copy_matrix(slips.unobservable[scan, pad], seen.unobservable[row, pad])
+            known = held and fill_pose_covariance(slips, scan, pad, rule, seen.covariance[row, pad])
             known = known and all_finite(frames[scan, pad], 4)
-            take_noise(told.displacement_covariance[scan, pad], seen.covariance[row, pad], seen.noise[row, pad])
-            seen.theta[row, pad] = told.pose[scan, pad, 2]
-            if not told.turns[scan, pad]:
+            fill_noise(slips.displacement_covariance[scan, pad], seen.covariance[row, pad], seen.noise[row, pad])
+            seen.theta[row, pad] = slips.pose[scan, pad, 2]
+            if not slips.turns[scan, pad]:
                 leave_turn(row, pad, seen)
-            loose = rule.anchor_m if told.quality[scan, pad] >= UNRESOLVED else 0.0
+            loose = rule.anchor_m if slips.quality[scan, pad] >= UNRESOLVED else 0.0
             seen.doubt[row, pad] = loose * loose
             seen.known[row, pad], seen.held[row, pad] = known, held
-            seen.kept[row, pad] = held and (np.isfinite(told.displacement[scan, pad, 0]) or not known)
+            seen.kept[row, pad] = held and (np.isfinite(slips.displacement[scan, pad, 0]) or not known)
             seen.height[row, pad] = 0.0
             for a in range(3):
                 seen.under[row, pad, a] = 0.0
 
 
 @routine
-def take_pose(told: Told, scan: int, pad: int, rule: Rules, whole: Floats) -> bool:
+def fill_pose_covariance(slips: PadSlips, scan: int, pad: int, rule: Rules, whole: Floats) -> bool:
     """Fill whole (3, 3), the covariance of a pose, wider at a border; whether the place is known."""
-    copy_matrix(told.covariance[scan, pad], whole)
-    if told.quality[scan, pad] == AMBIGUOUS:
+    copy_matrix(slips.covariance[scan, pad], whole)
+    if slips.quality[scan, pad] == AMBIGUOUS:
         for a in range(2):
-            if told.border[scan, pad, a]:
+            if slips.border[scan, pad, a]:
                 whole[a, a] += rule.edge_m[a] * rule.edge_m[a]
     return all_finite(whole, 2)
 
@@ -102,7 +102,7 @@ def leave_turn(row: int, pad: int, seen: Seen) -> None:
 
 
 @routine
-def take_noise(moved: Floats, whole: Floats, noise: Floats) -> None:
+def fill_noise(moved: Floats, whole: Floats, noise: Floats) -> None:
     """Fill noise (3, 3): half of the covariance of a displacement, where that is less than the pose's own, whole."""
     less = True
     for a in range(3):
@@ -128,7 +128,7 @@ def along_planes(T: Floats, planes: Floats, point: Floats, frames: Floats) -> No
 
 
 @exact_kernel
-def answer(twists: Records, poses: Records, body: Floats, pads: Floats, worst: Floats, out: Answers) -> None:
+def fill_motions(twists: Records, poses: Records, body: Floats, pads: Floats, worst: Floats, out: MotionFields) -> None:
     """Fill motions from `Sixfold` (scans,) of twists and poses, and the body's pose (scans, 4, 4), NaN where unknown.
 
     pads: (scans,), number that contribute to the twist. worst: (6,), standard deviations beyond which a component of a
