@@ -128,7 +128,7 @@ class BatchSession:
             fitted = (solved.pattern, scanned, solved.states, error)
             information = without_tilt(information_of(*fitted, stiffness), *fitted, layout.unseen_error)
             moment = Moment(solved.pattern, scanned, solved.states, np.arange(len(scanned)), solved.turns)
-            poses, rival = poses_of(solved, information, pitch_m), solved.rival
+            poses, rival = poses_of(solved, scanned, information, pitch_m), solved.rival
             if not layout.unseen_error:  # no fault of the sensor misled the likelihood: it has decided
                 rival = rival[:0]
             if solved.error > CHANGES and len(scanned) > MEMORY:

@@ -75,9 +75,9 @@ class Poses:
         return Poses(self.pose[-count:], self.covariance[-count:], self.quality[-count:], shared)
 
 
-def poses_of(solved: Solved, information: Floats, pitch_m: float) -> Poses:
+def poses_of(solved: Solved, scanned: Scanned, information: Floats, pitch_m: float) -> Poses:
     """Poses of all scans of a solved contact. information: (scans, 5, 5) of its states."""
-    pose, covariance = to_pad(solved.states, information, solved.middle(), pitch_m, turns=solved.turns)
+    pose, covariance = to_pad(solved.states, information, solved.middle(scanned), pitch_m, turns=solved.turns)
     quality = judge(covariance, misfit(solved.fit), pitch_m)
     if len(solved.agrees):
         quality = np.where(solved.agrees, quality, np.maximum(quality, AMBIGUOUS)).astype(np.uint8)

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.bspline import in_object
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.estimation.template.bundle_adjustment import Fit
     from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Bools, Floats
 
 
@@ -49,6 +52,21 @@ class Solved:
         """Variance of x and y, in pitches^2, by `rival`."""
         return 0.5 * float(np.mean(np.sum(self.rival**2, axis=1))) if len(self.rival) else 0.0
 
-    def middle(self) -> Floats:
-        """(2,) the point of the body whose places are given out: its pattern's centre, or where it does not grow."""
-        return np.zeros(2) if self.grows else self.pattern.centre()
+    def middle(self, scanned: Scanned) -> Floats:
+        """(2,) the point of the body whose places are given out: its centre of pressure, or where it does not grow."""
+        shown = None if self.grows else shown_centre(scanned, self.states)
+        return np.zeros(2) if shown is None else shown
+
+
+def shown_centre(scanned: Scanned, states: Floats) -> Floats | None:
+    """(2,) the centre of pressure in the object's frame, averaged over the load of scans at states (scans, 5).
+
+    None if no scan has load. A turn that is not observable moves this point least. The centre of a map's pressure may
+    be elsewhere: a map reaches beyond what taxels have read.
+    """
+    load, middles = scanned.load().sum(axis=1), scanned.centroids()
+    if not load.any():
+        return None
+    inside = [in_object(middle[np.newaxis], state)[0] for middle, state in zip(middles, states, strict=True)]
+    shown: Floats = np.average(inside, axis=0, weights=load)
+    return shown

@@ -37,7 +37,7 @@ class Learned:
     `Scanned.with_error`. gain_std: from scan to scan. turns, grows: see `Solved`. told: whether fits have agreed well
     enough to tell of the turn. changing: it does not stay the same, and only the last keyframes count. unseen_error:
     see `Layout`. origin: (2,) in pitches, added to what is reported: the frame of a pattern that grows is at the point
-    that stays.
+    that stays. arm: (2,) in pitches, from the origin of the frame to the point reported when its contact ended.
     """
 
     pattern: Pattern
@@ -57,6 +57,7 @@ class Learned:
     tilt: float = 0.0
     rival: float = 0.0
     origin: Floats = field(default_factory=lambda: np.zeros(2))
+    arm: Floats = field(default_factory=lambda: np.zeros(2))
     fresh: int = 0
     looked: int = 0
 

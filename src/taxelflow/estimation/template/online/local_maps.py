@@ -24,9 +24,9 @@ from taxelflow.estimation.template.online.track_state import (
     Scan,
     Track,
 )
-from taxelflow.estimation.template.online.witness import anchor
+from taxelflow.estimation.template.online.witness import anchor, reported_place
 from taxelflow.messages import no_scans
-from taxelflow.numerics.bspline import pose_part, state_of
+from taxelflow.numerics.bspline import state_of
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import record, records
 from taxelflow.runtime.adoption import AtFixedTimes
@@ -148,10 +148,10 @@ class LocalMaps:
         self._put(pad, new.learned)
         m.state[:] = new.state
         m.state[:2] += middle[:2] - new.middle
+        m.last_t, m.load = last.t, middle[3]
         if new.again:
             m.probation, m.theta_0 = _PROBATION, state_of(new.state).theta
-        m.last_t, m.load = last.t, middle[3]
-        anchor(m, middle[:2])
+        anchor(m, middle[:2], new.learned.arm if new.again else None)
 
     def learn_anew(self, pad: int, scan: Scan, *, known_place: bool = True) -> None:
         """A new pattern from this scan, which stays where it is, if that is known."""
@@ -231,7 +231,7 @@ class LocalMaps:
         own, m, old = self.learners[pad], self.track(pad), self.learners[pad].learned
         if old is None:
             return
-        place = m.state[:2] + m.origin
+        place = reported_place(m, m.state)
         m.theta_0 += new.turned
         if new.turns and not old.turns:  # it has turned all the while
             m.state[:] = state_of(m.state)._replace(theta=state_of(new.keyframes.states[-1]).theta)
@@ -245,7 +245,7 @@ class LocalMaps:
             m.grows, m.state[:] = False, state_of(m.state)._replace(size=0.0)
         self._put(pad, new)
         self._register_again(pad)
-        stepped = float(np.sum((m.state[:2] + m.origin - place) ** 2))  # by so much one of the patterns is wrong
+        stepped = float(np.sum((reported_place(m, m.state) - place) ** 2))  # by so much one of the patterns is wrong
         new.slack[0] = max(new.slack[0], 0.5 * stepped)
         m.broken += 0.5 * stepped if old.mature else 0.0  # what is known well does not step
         m.slack = new.slack[0] + new.unseen
@@ -255,7 +255,7 @@ class LocalMaps:
         m = self.track(pad)
         self.follow_again(pad, self._last._replace(t=float(m.last_t)))
         turn = state_of(m.state).theta - m.theta_0 if m.seen else np.nan
-        m.before[:] = *(self._pitch_m[pad] * (m.state[:2] + m.origin)), turn
+        m.before[:] = *(self._pitch_m[pad] * reported_place(m, m.state)), turn
 
     def follow_again(self, pad: int, scan: Scan) -> None:
         """Register the last scan on the pattern as it is now; what the next one is predicted from stays."""
@@ -282,8 +282,8 @@ class LocalMaps:
         if known is None:
             return
         own, pitch_m = self._layout.of_pad(pad), self._pitch_m[pad]
-        states = known.keyframes.states
-        theta_0 = self.track(pad).theta_0 if known.turns else 0.0
+        states, m = known.keyframes.states, self.track(pad)
+        theta = state_of(states[-1]).theta - (m.theta_0 if known.turns else 0.0)
         self.ended.add(
             partial(
                 as_map,
@@ -291,7 +291,7 @@ class LocalMaps:
                 known.pattern,
                 known.scanned,
                 states,
-                pose_part(states[-1]) * [pitch_m, pitch_m, 1.0] - [0.0, 0.0, theta_0],
+                np.append(pitch_m * reported_place(m, states[-1]), theta),
                 error=known.error,
                 pitch_m=float(pitch_m),
                 turns=known.turns,

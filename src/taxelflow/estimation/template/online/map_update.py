@@ -25,6 +25,7 @@ from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import FIRST_SLACK, Learned
+from taxelflow.estimation.template.online.reframing import in_frame_of
 from taxelflow.estimation.template.pose_output import unturned
 from taxelflow.estimation.template.scaling import may_have_grown
 from taxelflow.estimation.template.taxel_gains import with_gains
@@ -34,7 +35,6 @@ from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.online.track_state import PadScan
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
@@ -126,15 +126,7 @@ def _learn(known: Learned) -> Learned:
     before = (keyframes.angled if best.turns and not known.turns else keyframes.states).copy()
     before[:, :2] += known.origin
     turned = float(np.mean(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
-    states = best.states
-    origin = np.zeros(2)
-    if best.grows:
-        origin = np.median(before[:, :2] - states[:, :2], axis=0)
-    else:
-        states = reframed(states, before, best.fit.information, pattern)
-    off = states - before - [0.0, 0.0, turned, 0.0, 0.0]
-    if best.grows:
-        off -= np.median(off, axis=0)
+    states, origin, off = in_frame_of(before, best, scanned, turned)
     slack = np.array(FIRST_SLACK) if best.grows and not known.grows else _slack(known, off)
     told = best.turns and (known.told or bool(slack[1] < _TOLD * FIRST_SLACK[1]))
     new = replace(
@@ -264,33 +256,3 @@ def _slack(known: Learned, off: Floats) -> Floats:
     wrong = np.array([np.mean(fresh[:, :2] ** 2), np.mean(states_of(fresh).theta ** 2)])
     slack: Floats = np.maximum(wrong, _FORGET * known.slack)
     return slack
-
-
-def reframed(states: Floats, before: Floats, information: Floats, pattern: Pattern) -> Floats:
-    """States (n, 5) with the object's frame shifted, and the pattern with it, so that most stay where they were before.
-
-    Those count most of which the scans know most: information (n, 5, 5). Some may have been wrong before, so it is
-    their weighted median that stays. Only the origin moves: a turned lattice would have to be learned anew.
-    """
-    own = np.linalg.inv(information + 1e-9 * np.eye(STATE))
-    weight = 1.0 / (own[:, 0, 0] + own[:, 1, 1])
-    theta = states_of(states).theta
-    cos, sin = np.cos(theta), np.sin(theta)
-    gap = before[:, :2] - states[:, :2]
-    body = np.array(
-        [
-            _weighted_median(cos * gap[:, 0] + sin * gap[:, 1], weight),
-            _weighted_median(cos * gap[:, 1] - sin * gap[:, 0], weight),
-        ]
-    )
-    moved = states.copy()
-    moved[:, 0] += cos * body[0] - sin * body[1]
-    moved[:, 1] += sin * body[0] + cos * body[1]
-    pattern.lattice = pattern.lattice - np.array([0.0, *body])
-    return moved
-
-
-def _weighted_median(values: Floats, weight: Floats) -> float:
-    order = np.argsort(values)
-    reached = np.cumsum(weight[order])
-    return float(values[order[np.searchsorted(reached, 0.5 * reached[-1])]])

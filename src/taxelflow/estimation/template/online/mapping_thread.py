@@ -108,10 +108,10 @@ class Learner:
         """Leave out the scans on their way to become keyframes."""
         self._waiting = []
 
-    def end(self) -> None:
-        """The contact has ended; its pattern may come again."""
+    def end(self, arm: Floats) -> None:
+        """The contact has ended; its pattern may come again. arm: (2,), see `Learned`."""
         if self.learned is not None and self.learned.mature:
-            self.library = [*self.library, self.learned][-_LIBRARY:]
+            self.library = [*self.library, replace(self.learned, arm=arm)][-_LIBRARY:]
         self.learned = None
 
     def take_over(self, new: Learned, states: Iterable[Floats]) -> None:

@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
-from taxelflow.estimation.template.online.witness import add_weighted, find_centre, weigh_pose, weigh_step
+from taxelflow.estimation.template.online.witness import (
+    add_weighted,
+    carry,
+    find_centre,
+    follow_centre,
+    reported_arm,
+    weigh_pose,
+    weigh_step,
+)
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import gate
@@ -35,7 +43,11 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, row
     cov, pose = rows.covariance[k, pad], rows.pose[k, pad]
     _invert(m.doubted, scale, matrix, unit, cov)
     _invert(m.step, scale, matrix, unit, noise)
-    pose[0], pose[1] = scale * (m.state[0] + m.origin[0]), scale * (m.state[1] + m.origin[1])
+    arm_x, arm_y = reported_arm(scale, m)
+    carry(arm_x, arm_y, cov)
+    carry(arm_x, arm_y, noise)
+    pose[0] = scale * (m.state[0] + m.origin[0]) + arm_x
+    pose[1] = scale * (m.state[1] + m.origin[1]) + arm_y
     pose[2] = m.state[2] - m.theta_0
     if not m.seen:
         pose[2] = np.nan
@@ -50,6 +62,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, row
     if floor > 0.0 and not in_line:
         weigh_pose(scale, m, centre, pose, cov, weight)
     moved = _displacement(t, k, pad, m, noise, centre, weight, rows) / scale
+    follow_centre(scale, floor, m)
     add_weighted(pose, centre[0] - pose[0], centre[1] - pose[1], weight)
     blurred = in_line or eigenvalues2(cov[0, 0], cov[1, 1], cov[0, 1])[1] > (BLURRED * scale) ** 2
     unsure = m.probation > 0.0

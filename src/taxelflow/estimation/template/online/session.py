@@ -26,7 +26,7 @@ from taxelflow.estimation.template.online.track_state import (
     Scan,
     Track,
 )
-from taxelflow.estimation.template.online.witness import anchor
+from taxelflow.estimation.template.online.witness import arm_on_map, put_anew, reported_place
 from taxelflow.estimation.template.warmup import compile_batch, compile_stream
 from taxelflow.messages import Bools, Estimates, Scans, no_scans
 from taxelflow.numerics.bspline import state_of
@@ -156,7 +156,7 @@ class StreamSession:
                 m.state[:], m.information[:], m.chi, m.count = found
                 m.doubted[:], m.step[:] = found[1], found[1]
                 m.carries = False
-                anchor(m, m.centroid)
+                put_anew(m)
 
     def _variance(self, reading: Floats, complete: Bools) -> Floats:
         """Noise squared, 0 where a reading is missing."""
@@ -174,8 +174,9 @@ class StreamSession:
             else:
                 self._maps.settle(pad, scan.t)
                 self._maps.keep(pad)
-                self._maps.learners[pad].end()
-                self._maps.track(pad).active = False
+                m = self._maps.track(pad)
+                self._maps.learners[pad].end(arm_on_map(m))
+                m.active = False
 
     def _answer(self, pad: int, scan: Scan) -> None:
         """Do what a scan calls for."""
@@ -206,4 +207,4 @@ class StreamSession:
 
 def _doubt_of_place(m: Track) -> float:
     """Variance of x and y, in pitches^2, between where the object was followed to and its contact's centroid."""
-    return 0.5 * float(np.sum((m.state[:2] + m.origin - m.centroid) ** 2))
+    return 0.5 * float(np.sum((reported_place(m, m.state) - m.centroid) ** 2))

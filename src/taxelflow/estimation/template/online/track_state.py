@@ -69,7 +69,9 @@ class Track:
     centroid_covariance: Annotated[Floats, 6]
     """See `numerics.centroid`."""
     arm: Annotated[Floats, 2]
-    """From the centroid to the point of the object that is reported, when it was at angle 0."""
+    """From the place of the state to the point of the object that is reported, when it was at angle 0."""
+    arm_load: float
+    """Sum of the loads of the scans whose centre of pressure that point is."""
     start: Annotated[Floats, 2]
     """Where that was when the contact began."""
     radius: float
@@ -111,7 +113,7 @@ class Track:
     """Pose given out before on the same pattern, m and rad."""
     before_covariance: Annotated[Floats, 3, 3]
     before_centre: Annotated[Floats, 5]
-    """Where the centre of pressure put the object then, m, and xx, xy and yy of that by noise, m^2."""
+    """Where the centre of pressure was then, m, and xx, xy and yy of that by noise, m^2."""
     before_t: float
     keyframes: int
     keyframe: Annotated[Floats, MOST_KEYFRAMES, 5]

@@ -10,27 +10,100 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of
 from taxelflow.runtime.compiling import lean_kernel
 
+_STAYS = 0.25
+"""Pitches up to which an object has not moved."""
 
-def anchor(m: Track, middle: Floats) -> None:
-    """Keep which point of the object is reported, the one at its state, as its centre of pressure (2,) shows it.
 
-    For an object at a place that no motion led to.
+def anchor(m: Track, middle: Floats, arm: Floats | None = None) -> None:
+    """Report the point of an object by which it was known before, or else the centre of pressure (2,) of its contact.
+
+    arm: (2,), see `arm_on_map`.
     """
+    if arm is None:
+        angle = float(state_of(m.state).theta) - m.theta_0
+        m.arm[:], m.arm_load = _turned(middle - m.state[:2] - m.origin, -angle), m.load
+    else:
+        m.arm[:], m.arm_load = _turned(arm, m.theta_0), np.inf
+    m.centroid[:] = middle
+    put_anew(m)
+
+
+def put_anew(m: Track) -> None:
+    """Begin at a place that no motion led to."""
     m.continues = False
-    m.speed[:], m.centroid[:] = 0.0, middle
-    place, angle = m.state[:2] + m.origin, float(state_of(m.state).theta) - m.theta_0
-    x, y = place - m.centroid
+    m.speed[:], m.start[:] = 0.0, reported_place(m, m.state)
+
+
+def arm_on_map(m: Track) -> Floats:
+    """(2,), in pitches, from the origin of the map to the point of the object that is reported."""
+    return _turned(m.arm, -m.theta_0)
+
+
+def reported_place(m: Track, state: Floats) -> Floats:
+    """(2,), in pitches, of the point of the object that is reported, on the map alone. state: (5,) of the object."""
+    turned = _turned(m.arm, float(state_of(state).theta) - m.theta_0)
+    place: Floats = state[:2] + m.origin + np.where(m.across > 0.0, m.arm, turned)
+    return place
+
+
+def _turned(arm: Floats, angle: float) -> Floats:
     cos, sin = np.cos(angle), np.sin(angle)
-    m.arm[:], m.start[:] = (cos * x + sin * y, cos * y - sin * x), place
+    return np.array([cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1]])
+
+
+@lean_kernel
+def reported_arm(scale: float, m: Track) -> tuple[float, float]:
+    """From the place of the state to the point that is reported, m; a turn moves it only where taxels show motion.
+
+    scale: of a pitch, m.
+    """
+    angle = m.state[2] - m.theta_0
+    cos, sin = np.cos(angle), np.sin(angle)
+    x = m.arm[0] if m.across[0] > 0.0 else cos * m.arm[0] - sin * m.arm[1]
+    y = m.arm[1] if m.across[1] > 0.0 else sin * m.arm[0] + cos * m.arm[1]
+    return scale * x, scale * y
+
+
+@lean_kernel
+def carry(x: float, y: float, cov: Floats) -> None:
+    """Make a covariance (3, 3) of a pose that of a point of the object at x and y from it."""
+    turn, along, across = cov[2, 2], cov[0, 2], cov[1, 2]
+    cov[0, 0] += y * y * turn - 2.0 * y * along
+    cov[1, 1] += x * x * turn + 2.0 * x * across
+    cov[0, 1] += x * along - y * across - x * y * turn
+    cov[0, 2], cov[1, 2] = along - y * turn, across + x * turn
+    cov[1, 0], cov[2, 0], cov[2, 1] = cov[0, 1], cov[0, 2], cov[1, 2]
+
+
+@lean_kernel
+def follow_centre(scale: float, floor: float, m: Track) -> None:
+    """Report the point where the centre of pressure lies on average, from the next scan on, while no turn is seen.
+
+    A turn that is not observable moves this point least; the change is no motion. Where the border cuts a contact that
+    has moved, its centre of pressure is not the object's: a map without unseen error is right there, floor 0. scale: of
+    a pitch, m.
+    """
+    in_line = m.across[0] > 0.0 or m.across[1] > 0.0
+    enters = floor <= 0.0 and m.cut and m.away > _STAYS
+    if m.seen or m.grows or in_line or enters or m.load <= 0.0:
+        return
+    before_x, before_y = reported_arm(scale, m)
+    angle = m.state[2] - m.theta_0
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = m.centroid[0] - m.state[0] - m.origin[0], m.centroid[1] - m.state[1] - m.origin[1]
+    m.arm_load += m.load
+    share = m.load / m.arm_load
+    m.arm[0] += share * (cos * x + sin * y - m.arm[0])
+    m.arm[1] += share * (cos * y - sin * x - m.arm[1])
+    x, y = reported_arm(scale, m)
+    m.before[0] += x - before_x
+    m.before[1] += y - before_y
 
 
 @lean_kernel
 def find_centre(scale: float, m: Track, centre: Floats) -> None:
     """Fill centre (5,), see `Track.before_centre`. scale: of a pitch, m."""
-    angle = m.state[2] - m.theta_0
-    cos, sin = np.cos(angle), np.sin(angle)
-    centre[0] = scale * (m.centroid[0] + cos * m.arm[0] - sin * m.arm[1])
-    centre[1] = scale * (m.centroid[1] + sin * m.arm[0] + cos * m.arm[1])
+    centre[0], centre[1] = scale * m.centroid[0], scale * m.centroid[1]
     for a in range(3):
         centre[2 + a] = scale * scale * m.centroid_covariance[3 + a]
 
