@@ -8,7 +8,7 @@ their sum S and their second moment M = sum(p r r^T) / S, its covariance is
 
 e: a reading stands for a cell across which the pressure varies, by a gain of its own. The second term: a contact ends
 anywhere between two taxels, which moves the centre of n in line by 1 / n of a cell at most. The third: where a share s
-of the load lies at the pad's border, a motion d shows by a share that is wrong by b.
+of the load lies at the pad's border, a motion d of c shows by a share that is wrong by b.
 
 With the place p on the map, and its covariance C, the pose is p + W (c - p), W = C (C + D)^-1. Tilt and gains move
 both; nobody knows how alike. For any correlation,
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 CELL_ERROR = 0.3
 """Standard deviation of a reading as a share of it: that of a gain anywhere from half to one and a half."""
-BORDER_ERROR = 0.3
+BORDER_ERROR = 0.2
 """Of the share of a motion that a contact shows which lies at the pad's border all around."""
 _LEAST = 1e-18
 """Of variances, m^2."""
@@ -110,7 +110,7 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float) -> Po
     gap = np.einsum("kji,kj->ki", turn, found[:, :2] - place)
     arm = np.average(gap[known], axis=0, weights=trust[known])
     apart = found[:, :2] - np.einsum("kij,j->ki", turn, arm) - place
-    moved = np.hypot(*(place - np.median(place[known], axis=0)).T)
+    moved = np.hypot(*(found[:, :2] - np.median(found[known, :2], axis=0)).T)
     border = (BORDER_ERROR * found[:, 2] * moved) ** 2
     pose, covariance = poses.pose.copy(), poses.covariance.copy()
     shared = np.zeros_like(covariance) + poses.shared

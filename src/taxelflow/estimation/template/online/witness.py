@@ -113,8 +113,7 @@ def weigh_pose(scale: float, m: Track, centre: Floats, pose: Floats, cov: Floats
     """Fill weight (2, 2), W, and make cov (3, 3) of a pose (3,) on its map that of both witnesses. centre: (5,)."""
     if m.load <= 0.0:
         return
-    moved = np.hypot(pose[0] - scale * m.start[0], pose[1] - scale * m.start[1])
-    moved = max(moved, np.hypot(centre[0] - scale * m.start[0], centre[1] - scale * m.start[1]))
+    moved = np.hypot(centre[0] - scale * m.start[0], centre[1] - scale * m.start[1])
     own, unit, cut = m.centroid_covariance, scale * scale, (BORDER_ERROR * m.border * moved) ** 2
     xx, xy, yy = unit * (own[0] + own[3]), unit * (own[1] + own[4]), unit * (own[2] + own[5])
     combine(cov, (xx + cut, xy, yy + cut), (centre[0] - pose[0], centre[1] - pose[1]), weight)
