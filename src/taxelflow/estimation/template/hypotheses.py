@@ -181,7 +181,15 @@ def refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...] = ROUNDS) -
     if best.error <= COARSE:
         return best
     sharp = _refined(scanned, own, rounds, most_error=_SHARP)
-    return min(best, sharp, key=lambda one: cost(one, scanned))
+    return min(best, _by_its_error(scanned, sharp), key=lambda one: cost(one, scanned))
+
+
+def _by_its_error(scanned: Scanned, solved: Solved) -> Solved:
+    """A fit judged by the error that it leaves, not by the one that it was found with."""
+    size = SIZE_STD**-2 if solved.grows else np.inf
+    stiffness = scanned.stiffness(turns=solved.turns, gain_std=solved.gain_std, size=size)
+    fit = refine(solved.pattern, scanned, solved.states, rounds=0, error=solved.error, stiffness=stiffness)
+    return replace(solved, fit=fit)
 
 
 def _refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...], *, most_error: float) -> Solved:
