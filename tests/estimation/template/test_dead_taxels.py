@@ -7,17 +7,21 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from taxelflow import api
+from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.dead_taxels import silent_taxels
-from taxelflow.estimation.template.hypotheses import solve_contact
 from taxelflow.estimation.template.observations import Scanned
+from taxelflow.simulation.relief.cases import PLACES, case, sensor_at
+from taxelflow.simulation.relief.simulate import simulate_relief
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from taxelflow.messages import Bools, Floats
+    from taxelflow.simulation.relief.parameters import Shape
 
 COLUMNS, ROWS, NOISE = 9, 5, 0.005
-PLACES = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(COLUMNS), np.arange(ROWS))]).astype(np.float64)
+TAXELS = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(COLUMNS), np.arange(ROWS))]).astype(np.float64)
 DENSE = np.linspace(-0.4, 0.4, 5)
 
 OBJECTS: dict[str, Callable[[Floats, Floats], Bools]] = {
@@ -35,17 +39,17 @@ OBJECTS: dict[str, Callable[[Floats, Floats], Bools]] = {
 def slid(kind: str, way: Floats, angle: float = 0.0, dead: tuple[int, ...] = ()) -> Scanned:
     """Scans of an object whose middle goes along way (scans, 2), in pitches; a taxel reads the mean over itself."""
     du, dv = (axis.ravel() for axis in np.meshgrid(DENSE, DENSE))
-    x, y = (PLACES[axis][:, np.newaxis] + part for axis, part in enumerate((du, dv)))
+    x, y = (TAXELS[axis][:, np.newaxis] + part for axis, part in enumerate((du, dv)))
     cos, sin = np.cos(angle), np.sin(angle)
-    readings = np.empty((len(way), PLACES.shape[1]))
+    readings = np.empty((len(way), TAXELS.shape[1]))
     for k, (left, low) in enumerate(way):
         u, v = cos * (x - left) + sin * (y - low), cos * (y - low) - sin * (x - left)
         readings[k] = OBJECTS[kind](u, v).mean(axis=1)
     readings[:, list(dead)] = 0.0
     readings += np.random.default_rng(0).normal(0.0, NOISE, readings.shape)
-    taxels = PLACES.shape[1]
+    taxels = TAXELS.shape[1]
     variance = np.full(readings.shape, NOISE**2)
-    return Scanned.of(np.arange(len(way)) / 10, PLACES, readings, variance, np.full(taxels, np.inf), np.zeros(taxels))
+    return Scanned.of(np.arange(len(way)) / 10, TAXELS, readings, variance, np.full(taxels, np.inf), np.zeros(taxels))
 
 
 def across(low: float, scans: int = 25) -> Floats:
@@ -95,10 +99,19 @@ def test_what_the_pattern_denies_is_dead(dead: tuple[int, ...]) -> None:
     assert solve_contact(slid("disc", across(2.0), dead=dead)).dead.tolist() == list(dead)
 
 
+@pytest.mark.parametrize(("shape", "place", "dead"), [("coin", "sdh", 124), ("dome", "palm", 154)])
+def test_a_dead_taxel_at_the_rim_of_a_contact_is_found(shape: Shape, place: str, dead: int) -> None:
+    """Never more than two of its neighbours are loaded at once."""
+    at = PLACES[place]
+    recording = simulate_relief(case(shape, place, "all", seed=4), sensor_at(at), at.pad)
+    notes = api.estimate(recording, "template").summary.notes
+    assert any(f"do not answer to the pattern: taxels {dead} of {at.pad}" in note for note in notes)
+
+
 @given(st.sampled_from(["feet", "rails", "corner", "slot", "wide ring"]), st.floats(0.0, 2 * np.pi))
 def test_two_silent_neighbours_under_an_object_at_rest_may_be_its_gap(kind: str, angle: float) -> None:
     still = np.tile([[COLUMNS / 2 - 0.5, ROWS / 2 - 0.5]], (20, 1))
-    found = PLACES[:, silent_taxels(slid(kind, still, angle))]
+    found = TAXELS[:, silent_taxels(slid(kind, still, angle))]
     apart = np.hypot(*(found[:, :, np.newaxis] - found[:, np.newaxis, :]))
     assert not (np.abs(apart - 1.0) < 0.1).any()
 

@@ -10,8 +10,8 @@ import numpy as np
 from taxelflow.estimation.template.brief_gaps import bridged
 from taxelflow.estimation.template.bundle_adjustment import information_of
 from taxelflow.estimation.template.centre_of_pressure import witnessed
+from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.deforming import CHANGES, MEMORY, Moment, follow_changing
-from taxelflow.estimation.template.hypotheses import solve_contact
 from taxelflow.estimation.template.map_export import Maps
 from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import Poses, aligned, poses_of

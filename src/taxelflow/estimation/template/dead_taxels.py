@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.map import fill
 from taxelflow.numerics.bspline import STATE, evaluate, state_of
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.bundle_adjustment import Fit
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 
 
@@ -86,6 +88,37 @@ def explained(scanned: Scanned, variance: Floats, pattern: Pattern, states: Floa
     return answered
 
 
+def denied(scanned: Scanned, solved: Solved) -> int | None:
+    """The taxel among loaded ones whose silence a pattern learned without it denies, the most surely loaded first.
+
+    Two loaded neighbours are enough to ask: an object may end between them, or go on over a dead taxel.
+    """
+    high: Bools = (scanned.readings > _SILENCE.high * scanned.amplitude) & scanned.loaded()
+    beside = high @ _beside(scanned.places).astype(np.float64)
+    asked = np.flatnonzero(_quiet(scanned) & (beside.max(axis=0, initial=0.0) > 1.5))
+    asked = asked[_denies(scanned, solved, asked)]
+    by_level = asked[np.argsort(-beside[:, asked].sum(axis=0), kind="stable")]
+    return next((int(taxel) for taxel in by_level if _denies(scanned, solved, np.array([taxel]))[0]), None)
+
+
+def _denies(scanned: Scanned, solved: Solved, taxels: NDArray[np.int64]) -> Bools:
+    """(n,), which of n taxels read less than the pattern that explains the others where the scans are now."""
+    if not len(taxels):
+        return np.zeros(0, np.bool_)
+    variance, pattern = scanned.variance.copy(), replace(solved.pattern)
+    variance[:, taxels] = 0.0
+    without = replace(scanned, variance=variance)
+    fill(pattern, without.with_error(solved.error), solved.states)
+    return ~explained(without, scanned.variance[:, taxels], pattern, solved.states, taxels.tolist())
+
+
+def _quiet(scanned: Scanned) -> Bools:
+    """(taxels,), which have never read more than next to nothing."""
+    answers = np.any(scanned.loaded() & (scanned.readings > _SILENCE.silent * scanned.amplitude), axis=0)
+    quiet: Bools = ~answers & np.any(scanned.variance > 0, axis=0)
+    return quiet
+
+
 def silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
     """Taxels that read next to nothing among loaded ones: single ones, and pairs of neighbours.
 
@@ -93,8 +126,7 @@ def silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
     """
     beside = _beside(scanned.places)
     strong = (scanned.readings > _SILENCE.strong * np.sqrt(scanned.variance)) & (scanned.variance > 0)
-    answers = np.any(scanned.loaded() & (scanned.readings > _SILENCE.silent * scanned.amplitude), axis=0)
-    quiet: Bools = ~answers & np.any(scanned.variance > 0, axis=0)
+    quiet = _quiet(scanned)
     high: Bools = strong & (scanned.readings > _SILENCE.high * scanned.amplitude)
     enclosed = quiet & _enclosed(scanned.places, beside)
     found = set(np.flatnonzero(enclosed & _surrounded(scanned.readings, high, beside)).tolist())

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
-from taxelflow.estimation.template.dead_taxels import explained, silent_taxels, unanswering
 from taxelflow.estimation.template.initialization import Tracker
 from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
@@ -17,7 +16,6 @@ from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.pose_output import arm_of
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_start
 from taxelflow.estimation.template.solution import Solved
-from taxelflow.estimation.template.taxel_gains import with_gains
 from taxelflow.numerics.bspline import STATE, States, in_object, states_of
 
 if TYPE_CHECKING:
@@ -33,9 +31,6 @@ _WELL_KNOWN, _SPREAD = 0.6, (0.05, 0.95)
 _LEAST_GAIN = 0.05
 YOUNG = 8
 """With fewer scans, the spread of the gains is not learned."""
-_MOST_DEAD, _DEAD_ERROR = 8, 0.9
-"""Taxels masked at most; and what the error of a fit without one is at most, of that with it: what a bad fit calls
-dead is not."""
 _SHARP = 0.005
 """Error with which a sharper pattern is tried."""
 _SAME = 0.1
@@ -127,41 +122,6 @@ def coarse(scanned: Scanned, states: Floats, *, turns: bool, rounds: int = _FIRS
     stiffness = scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD)
     fit = refine(pattern, scanned, states, rounds=rounds, error=COARSE, stiffness=stiffness)
     return Solved(pattern, states, fit, learned_error(fit, scanned), FIRST_GAIN_STD, turns)
-
-
-def solve_contact(scanned: Scanned) -> Solved:
-    """Pattern and poses of all scans of a contact; in `scanned` readings of dead taxels are masked, and the others
-    divided by their gains.
-    """
-    solved, dead = _without_silent(scanned)
-    while len(dead) < _MOST_DEAD:
-        worst = unanswering(scanned, solved.fit)
-        if worst is None:
-            break
-        kept = scanned.variance[:, worst].copy()
-        scanned.variance[:, worst] = 0.0
-        without = solve(scanned)
-        if without.error > min(_DEAD_ERROR * solved.error, COARSE):
-            scanned.variance[:, worst] = kept
-            break
-        dead.append(worst)
-        solved = without
-    solved = with_gains(scanned, solved, refined)
-    solved.dead = np.array(dead, np.int64)
-    return solved
-
-
-def _without_silent(scanned: Scanned) -> tuple[Solved, list[int]]:
-    """A contact solved without taxels that stay silent, and which: those masked whose silence the pattern denies."""
-    dead = silent_taxels(scanned)
-    variance = scanned.variance[:, dead]
-    scanned.variance[:, dead] = 0.0
-    solved = solve(scanned)
-    gaps = explained(scanned, variance, solved.pattern, solved.states, dead.tolist())
-    if gaps.any():
-        scanned.variance[:, dead[gaps]] = variance[:, gaps]
-        solved = solve(scanned)
-    return solved, dead[~gaps].tolist()
 
 
 def covering(scanned: Scanned, states: Floats) -> Pattern:

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from taxelflow.estimation.template.hypotheses import solve_contact
+from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.map_update import first_pattern, learn
 from taxelflow.estimation.template.online.relocalization import recognised

@@ -1,0 +1,65 @@
+"""A contact solved: its dead taxels masked, the readings of the others divided by their gains."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.template.dead_taxels import denied, explained, silent_taxels, unanswering
+from taxelflow.estimation.template.hypotheses import refined, solve
+from taxelflow.estimation.template.observations import COARSE
+from taxelflow.estimation.template.taxel_gains import with_gains
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.estimation.template.solution import Solved
+
+_MOST_DEAD = 8
+"""Taxels masked at most."""
+_UNANSWERING_ERROR, _DENIED_ERROR = 0.9, 0.67
+"""Error of a fit without a taxel that does not answer, or whose silence is denied, over that with it, at most: what a
+bad fit calls dead is not."""
+
+
+def solve_contact(scanned: Scanned) -> Solved:
+    """Pattern and poses of all scans of a contact; in `scanned` readings of dead taxels are masked, and the others
+    divided by their gains.
+    """
+    solved, dead = _without_silent(scanned)
+    while len(dead) < _MOST_DEAD:
+        better = _without(scanned, solved, unanswering(scanned, solved.fit), _UNANSWERING_ERROR)
+        better = better or _without(scanned, solved, denied(scanned, solved), _DENIED_ERROR)
+        if better is None:
+            break
+        solved = better[0]
+        dead.append(better[1])
+    solved = with_gains(scanned, solved, refined)
+    solved.dead = np.array(dead, np.int64)
+    return solved
+
+
+def _without(scanned: Scanned, solved: Solved, taxel: int | None, share: float) -> tuple[Solved, int] | None:
+    """A contact solved without a taxel, which is masked, if that leaves at most this share of the error."""
+    if taxel is None:
+        return None
+    kept = scanned.variance[:, taxel].copy()
+    scanned.variance[:, taxel] = 0.0
+    without = solve(scanned)
+    if without.error <= min(share * solved.error, COARSE):
+        return without, taxel
+    scanned.variance[:, taxel] = kept
+    return None
+
+
+def _without_silent(scanned: Scanned) -> tuple[Solved, list[int]]:
+    """A contact solved without taxels that stay silent, and which: those masked whose silence the pattern denies."""
+    dead = silent_taxels(scanned)
+    variance = scanned.variance[:, dead]
+    scanned.variance[:, dead] = 0.0
+    solved = solve(scanned)
+    gaps = explained(scanned, variance, solved.pattern, solved.states, dead.tolist())
+    if gaps.any():
+        scanned.variance[:, dead[gaps]] = variance[:, gaps]
+        solved = solve(scanned)
+    return solved, dead[~gaps].tolist()
