@@ -255,7 +255,7 @@ def _scale(
             product += white[a] * before[a]
             before[a] = white[a]
     correlation = min(max(product / square if square > 0.0 else 0.0, 0.0), _MAX_CORRELATION)
-    return max(chi_square / freedom, 1.0) * (1.0 + correlation) / (1.0 - correlation)
+    return float(max(chi_square / freedom, 1.0) * (1.0 + correlation) / (1.0 - correlation))
 
 
 @routine
