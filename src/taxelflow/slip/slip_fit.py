@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.records import Records, Vector, record, records
+from taxelflow.numerics.records import Records, Vector, records
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.slip.measurement import MIN_STD_M, MIN_STD_RAD, UNOBSERVABLE_M, UNOBSERVABLE_RATIO
@@ -82,18 +82,18 @@ def fit_slip(t: Floats, pose: Floats, covariance: Floats, start_s: float, end_s:
     duration_s = end_s - start_s
     if not duration_s > 0 or not fit_path(t - start_s, pose, covariance, np.array(axes), duration_s, rows):
         raise np.linalg.LinAlgError("covariances are not positive definite")
-    path = record(Path, rows)
+    _, length_m, variance_m2, net, turn_variance, dates_s2, dates_m2 = rows[0].tolist()
     turns = axes[-1] == 2
     return SlipMotion(
-        float(path.length_m),
-        float(path.length_m) / duration_s,
-        atan2(path.net[1], path.net[0]),
-        float(path.net[2]) if turns else nan,
+        length_m,
+        length_m / duration_s,
+        atan2(net[1], net[0]),
+        float(net[2]) if turns else nan,
         duration_s,
-        sqrt(path.variance_m2 + path.dates_m2),
-        sqrt(path.variance_m2) / duration_s,
-        sqrt(path.turn_variance) if turns else nan,
-        sqrt(path.dates_s2),
+        sqrt(variance_m2 + dates_m2),
+        sqrt(variance_m2) / duration_s,
+        sqrt(turn_variance) if turns else nan,
+        sqrt(dates_s2),
     )
 
 
