@@ -8,7 +8,7 @@ DEMO_READY := .venv/ready-demo
 CONTROL_READY := .venv/ready-control
 DOCS_READY := .venv/ready-docs
 CONTROL := plot,sim,video
-EVERYTHING := plot,bench,report,video,view,devices,ros,cluster,sim,dev
+EVERYTHING := plot,bench,report,video,view,devices,ros,lsl,cluster,sim,dev
 
 .PHONY: setup demo demo-live demo-control bench-live bench-view test check docs wheel golden golden-update fuzz bench bench-start pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench control) constraints format clean
 .DELETE_ON_ERROR:
@@ -208,7 +208,7 @@ pictures: $(READY)
 constraints:
 	rm -rf .venv
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,bench,report,video,view,devices,ros,cluster,docs,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,bench,report,video,view,devices,ros,lsl,cluster,docs,dev]'
 	{ sed -n '/^#/p' constraints.txt; $(BIN)/python -m pip freeze --exclude-editable | grep -E '^[A-Za-z0-9_.-]+==[^ ]+$$'; } > constraints.new
 	mv constraints.new constraints.txt
 

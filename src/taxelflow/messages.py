@@ -220,21 +220,22 @@ class Slips:
     @classmethod
     def of(cls, footprint: Footprint, estimates: Estimates) -> Slips:
         """Slips of the same scans: a pose that its method has not judged is ambiguous where its contact is cut."""
-        unjudged = (estimates.quality == NO_POSE) & np.isfinite(estimates.pose[..., 0])
-        cut_off = footprint.border.any(axis=-1)
-        quality: Bytes = np.where(unjudged, np.where(cut_off, AMBIGUOUS, OK), estimates.quality).astype(np.uint8)
+        quality = np.array(estimates.quality, dtype=np.uint8)
+        unjudged = (quality == NO_POSE) & np.isfinite(estimates.pose[..., 0])
+        quality[unjudged] = OK
+        quality[unjudged & (footprint.border[..., 0] | footprint.border[..., 1])] = AMBIGUOUS
         return cls(
             t_s=footprint.t_s,
             contact=footprint.contact,
             border=footprint.border,
-            displacement=estimates.displacement,
-            pose=estimates.pose,
-            covariance=estimates.covariance,
-            displacement_covariance=estimates.displacement_covariance,
-            span_s=estimates.span_s,
-            lag_s=estimates.lag_s,
+            displacement=_in_order(estimates.displacement),
+            pose=_in_order(estimates.pose),
+            covariance=_in_order(estimates.covariance),
+            displacement_covariance=_in_order(estimates.displacement_covariance),
+            span_s=_in_order(estimates.span_s),
+            lag_s=_in_order(estimates.lag_s),
             load=footprint.load,
-            disturbance=estimates.disturbance,
+            disturbance=_in_order(estimates.disturbance),
             quality=quality,
         )
 
@@ -463,6 +464,11 @@ def cut(block: Block, start: int, stop: int) -> Block:
     kind, scans = type(block), slice(start, stop)
     names = kind.__match_args__  # of the dataclass; `fields` makes its answer anew each time
     return kind(*(part if (part := getattr(block, name)) is None or name in _SHARED else part[scans] for name in names))
+
+
+def _in_order(array: Floats) -> Floats:
+    """Row by row in memory, as all kernels are compiled for."""
+    return np.ascontiguousarray(array, dtype=np.float64)
 
 
 def _unknown(*shape: int) -> Floats:

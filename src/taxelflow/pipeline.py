@@ -242,9 +242,11 @@ class Run:
             return
         if self._condition.lag_s:
             slips = replace(slips, lag_s=slips.lag_s + self._condition.lag_s)
-        moved_apart = np.concatenate(self._moved_apart)
-        self._moved_apart = [moved_apart[len(slips) :]]
-        slips.quality[moved_apart[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no rigid object moves so
+        held = self._moved_apart
+        moved_apart = held[0] if len(held) == 1 else np.concatenate(held)
+        self._moved_apart = [moved_apart[len(slips) :]] if len(moved_apart) > len(slips) else []
+        if moved_apart.any():
+            slips.quality[moved_apart[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no rigid object moves so
         self._estimated.append(slips)
         yield from self._judged(self._slip.step(slips))
 

@@ -54,6 +54,7 @@ PARTS: dict[str, dict[str, str]] = {
         "stdin": "taxelflow.acquire.devices.stdin:read",
         "ros2": "taxelflow.acquire.devices.dds:connect",
         "rosbridge": "taxelflow.acquire.devices.rosbridge:connect",
+        "lsl": "taxelflow.acquire.devices.lsl:connect",
         "inspire-modbus": "taxelflow.acquire.devices.inspire:connect",
         "inspire-dds": "taxelflow.acquire.devices.dds:inspire",
         "xela": "taxelflow.acquire.devices.xela:connect",
@@ -70,6 +71,7 @@ PARTS: dict[str, dict[str, str]] = {
         "stdin": "taxelflow.live.emulators.streams:StandardOutput",
         "ros2": "taxelflow.live.emulators.ros:Ros2",
         "rosbridge": "taxelflow.live.emulators.ros:Rosbridge",
+        "lsl": "taxelflow.live.emulators.lsl:Lsl",
         "inspire-modbus": "taxelflow.live.emulators.devices:Inspire",
         "inspire-dds": "taxelflow.live.emulators.ros:InspireDds",
         "xela": "taxelflow.live.emulators.devices:Xela",
@@ -83,6 +85,7 @@ PARTS: dict[str, dict[str, str]] = {
         "jsonl": "taxelflow.publish.sinks.jsonl:write",
         "jsonl-listen": "taxelflow.publish.sinks.jsonl:listen",
         "ros2": "taxelflow.live.ros2_sink:write",
+        "lsl": "taxelflow.live.lsl_sink:write",
         "foxglove": "taxelflow.publish.sinks.foxglove:listen",
     },
     "controller": {

@@ -10,7 +10,7 @@ from synthetic import conditioned, dome, grid_sensor
 from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.rigidity import RigidityMonitor
-from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
+from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED, cut
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
@@ -110,3 +110,35 @@ def test_no_pose_is_ok_after_contacts_have_moved_apart_on_a_pad_that_is_taken_fo
     told = api.estimate(recording, method, mode="stream", contacts={"grid": 2})
     assert (told.slips.quality[parted[:, 0], 1:] == OK).mean() > 0.3
     assert not any("--contacts" in note for note in told.summary.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "noise_pa"),
+    [("two-contacts", 200.0), ("feet-on-grid", 200.0), ("feet-lift", 3000.0), ("stick-slip-feet", 3000.0)],
+)
+def test_pads_with_one_contact_again_are_tracked_as_by_the_whole_check(name: str, noise_pa: float) -> None:
+    recording = simulate(rigged(name, sensing={"rate_hz": 25.0, "noise_pa": noise_pa}))
+    conditioner = Conditioner()
+    session = conditioner.start(recording.sensor, recording.masked, None)
+    quick, whole = (
+        RigidityMonitor(recording.sensor.layout, conditioner.contact_on, conditioner.contact_off) for _ in range(2)
+    )
+    alone = []
+    for raw in recording.blocks():
+        for scans in session.step(raw):
+            for scan in range(len(scans)):
+                whole._single = False
+                block = cut(scans, scan, scan + 1)
+                np.testing.assert_array_equal(quick.step(block), whole.step(block))
+                alone.append(quick._single)
+                assert states(quick) == states(whole)
+    assert any(np.diff(np.array(alone, dtype=int)) > 0)  # it was alone again after several
+
+
+def states(monitor: RigidityMonitor) -> list[object]:
+    """What the next scans depend on."""
+    tracker = monitor._tracker
+    assert tracker is not None
+    tracks, labels = tracker._memory.tracks, tracker._memory.taxels["label"]
+    ages = [tracks[name].tolist() for name in ("age", "parted_scans", "peakless_scans")]
+    return [ages, labels.tolist(), monitor._memory.pairs.tolist(), monitor._memory.pads["moved_apart"].tolist()]

@@ -15,7 +15,7 @@ from taxelflow.slip.covariance import Covariance
 from taxelflow.slip.measurement import (
     Measurement,
     observations,
-    parameter_record,
+    parameter_records,
 )
 from taxelflow.slip.measurement import (
     has_pose as _has_pose,
@@ -146,5 +146,5 @@ def test_a_mean_is_over_twenty_poses_and_an_outlier_counts_four_times_at_most() 
 
 
 def test_parameters_of_the_kernels_are_those_of_the_monitor() -> None:
-    record = parameter_record(alarms_per_hour=7200.0, creep_m_s=1.0, load_m=2.0, settle_s=3.0)
-    assert record.tolist() == (0.5, 2.0, 1.0, 3.0)  # type: ignore[attr-defined]
+    held = parameter_records(alarms_per_hour=7200.0, creep_m_s=1.0, load_m=2.0, settle_s=3.0)
+    assert held.tolist() == [(0.5, 2.0, 1.0, 3.0)]

@@ -58,10 +58,15 @@ class NewScans:
     gap: Bools
     shear: Floats | None = None
 
-    def part(self, start: int, stop: int) -> NewScans:
-        """Scans `start` to `stop` (excluded), as views."""
-        shear = None if self.shear is None else self.shear[start:stop]
-        return NewScans(self.t_s[start:stop], self.values[start:stop], self.gap[start:stop], shear)
+    def split(self, count: int) -> tuple[NewScans, NewScans | None]:
+        """The first `count` scans, and the others if there are any, as views."""
+        if count == len(self.t_s):
+            return self, None
+        return self._part(slice(count)), self._part(slice(count, None))
+
+    def _part(self, scans: slice) -> NewScans:
+        shear = None if self.shear is None else self.shear[scans]
+        return NewScans(self.t_s[scans], self.values[scans], self.gap[scans], shear)
 
     def __len__(self) -> int:
         return len(self.t_s)

@@ -99,15 +99,16 @@ class ConditionSession:
         if not self._causal:
             yield from self._condition(new)
             return
-        while len(new):
-            count = min(len(new), self.sample.remaining)
+        rest: NewScans | None = new
+        while rest:
+            count = min(len(rest), self.sample.remaining)
             due_s = self._relearning.due_s
             if due_s < np.inf:
-                count = min(count, int(np.searchsorted(new.t_s, due_s)))
+                count = min(count, int(np.searchsorted(rest.t_s, due_s)))
                 if not count:
-                    self._relearning.adopt(float(new.t_s[0]))
+                    self._relearning.adopt(float(rest.t_s[0]))
                     continue
-            piece, new = new.part(0, count), new.part(count, len(new))
+            piece, rest = rest.split(count)
             full = self.sample.remaining == count
             self.sample.add(piece.t_s, piece.values)
             if self.baseline is None:
@@ -193,9 +194,9 @@ class ConditionSession:
         if self._drift is None:
             yield self._tare(new)
             return
-        while len(new):
-            count = min(len(new), self._drift.remaining)
-            piece, new = new.part(0, count), new.part(count, len(new))
+        rest: NewScans | None = new
+        while rest:
+            piece, rest = rest.split(min(len(rest), self._drift.remaining))
             scans = self._tare(piece)
             yield scans
             if self.baseline is not None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from taxelflow.messages import Bools, Contacts, Floats, Scans, no_scans
-from taxelflow.numerics.records import Records, record_dtype
+from taxelflow.numerics.records import Records, unknown
 from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class FeatureExtractor:
 
     def step(self, scans: Scans) -> Contacts:
         """Features of all pads."""
-        found = _unknown(*scans.contact.shape)
+        found = unknown(Features, *scans.contact.shape)
         extract_features(
             scans.pressure,
             scans.noise,
@@ -64,27 +64,22 @@ class FeatureExtractor:
             self._area,
             self._starts,
             self._threshold,
+            self._newton,
             found,
         )
         return Contacts(
             t_s=scans.t_s,
             contact=scans.contact,
-            force=self._newton * found["force"],
+            force=found["force"],
             area=found["area"],
             peak=found["peak"],
             centroid=found["centroid"],
             axes=found["axes"],
             eccentricity=found["eccentricity"],
             orientation=found["orientation"],
-            force_std=self._newton * found["force_std"],
+            force_std=found["force_std"],
             orientation_std=found["orientation_std"],
         )
-
-
-def _unknown(scans: int, pads: int) -> Records:
-    """`Features` (scans, pads), every field NaN."""
-    dtype = record_dtype(Features)
-    return np.full((scans, pads, dtype.itemsize // 8), np.nan).view(dtype)[..., 0]
 
 
 @kernel
@@ -97,19 +92,22 @@ def extract_features(
     area: Floats,
     starts: NDArray[np.int64],
     threshold: float,
+    newton: float,
     features: Records,
 ) -> None:
     """Fill features (scans, pads), which come in as NaN, where a pad is in contact and its scan complete.
+
+    newton: factor on forces.
 
     pressure: (scans, entries). noise, area: (entries,). contact, complete: (scans, pads). xy: (2, entries), m.
     """
     for scan in range(pressure.shape[0]):
         for pad in range(len(starts) - 1):
             if contact[scan, pad] and complete[scan, pad]:
-                own = slice(starts[pad], starts[pad + 1])
-                _extract(
-                    pressure[scan, own], noise[own], xy[0, own], xy[1, own], area[own], threshold, features[scan, pad]
-                )
+                own, found = slice(starts[pad], starts[pad + 1]), features[scan, pad]
+                _extract(pressure[scan, own], noise[own], xy[0, own], xy[1, own], area[own], threshold, found)
+                found.force *= newton
+                found.force_std *= newton
 
 
 @routine

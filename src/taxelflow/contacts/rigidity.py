@@ -42,7 +42,7 @@ _WIDTH_RATIO = 1.25
 
 
 class RigidityMonitor:
-    """Checks the pads whose contacts are not split; until one has several components there is nothing to check."""
+    """Checks the pads whose contacts are not split; while none has several components there is nothing to check."""
 
     def __init__(self, layout: Layout, on: float, off: float, *, at_once: bool = False) -> None:
         """on, off: see `Conditioner.contact_on` and `contact_off`. at_once: compile what several components need now,
@@ -91,6 +91,7 @@ class RigidityMonitor:
         if not self._single:
             with announced():
                 self._check(self._tracker, cut(scans, start, len(scans)) if start else scans, moved_apart[start:])
+                self._single = self._tracker.is_single() and not has_pairs(self._memory)
         return moved_apart
 
     def _check(self, tracker: ContactTracker, scans: Scans, moved_apart: Bools) -> None:
@@ -126,6 +127,18 @@ def check_rigidity(
             else:
                 _interrupt_all(memory.pairs[number])
             moved_apart[scan, pad.pad] = pad.moved_apart
+
+
+@kernel
+def has_pairs(memory: Memory) -> bool:
+    """Whether any pair is being compared, or contacts of a pad that is touched have moved apart."""
+    for number in range(len(memory.pads)):
+        apart: bool = memory.pads[number].moved_apart
+        for k in range(_SLOTS * _SLOTS):
+            apart |= memory.pairs[number, k // _SLOTS, k % _SLOTS].scans > 0
+        if apart:
+            return True
+    return False
 
 
 @routine

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from taxelflow.contacts.adjacency import Adjacency, Indices, adjacency
 from taxelflow.contacts.association import associate
 from taxelflow.contacts.connected_components import label_components
-from taxelflow.contacts.single_contact import track_single
+from taxelflow.contacts.single_contact import has_first_only, track_single
 from taxelflow.contacts.tracks import Component, Memory, SegmentedPad, Taxel, Track
 from taxelflow.contacts.watershed import label_taxels, merge_peakless
 from taxelflow.messages import Bools, Floats
@@ -87,6 +87,10 @@ class ContactTracker:
             contacts,
         )
         return Segmentation(labels, contacts)
+
+    def is_single(self) -> bool:
+        """Whether each pad has one contact at most, which is in the first slot, so that `step_single` can go on."""
+        return has_first_only(self._memory)
 
     def step_single(self, scans: Scans, places: Records) -> int:
         """Track up to the first scan with several components on a pad, see `track_single`; that scan."""

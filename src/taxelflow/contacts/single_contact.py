@@ -26,7 +26,7 @@ def track_single(
     """Track the contacts of scans up to the first one in which a pad has several components. Returns that scan.
 
     pressure: (scans, entries). noise: (entries,). contact, complete: (scans, pads of the sensor). memory: of `segment`.
-    places: `Place` (taxels,) of `check_rigidity`. Both must not have seen several components of a pad before.
+    places: `Place` (taxels,) of `check_rigidity`. `has_first_only`, and no pair of contacts is being compared.
     """
     for scan in range(len(pressure)):
         for number in range(len(memory.pads)):
@@ -45,6 +45,20 @@ def track_single(
             if complete[scan, own.pad] or not contact[scan, own.pad]:
                 _remember(own, memory.taxels, places)
     return len(pressure)
+
+
+@kernel
+def has_first_only(memory: Memory) -> bool:
+    """Whether no track but the first of each pad is in use, that one is whole, and no taxel belongs to another."""
+    for number in range(memory.tracks.shape[0]):
+        for slot in range(memory.tracks.shape[1]):
+            track: Track = memory.tracks[number, slot]
+            if (slot > 0 and track.age > 0) or track.parted_scans > 0 or track.peakless_scans > 0:
+                return False
+    most = 0
+    for k in range(len(memory.taxels)):
+        most = max(most, memory.taxels[k].label)
+    return most <= 1
 
 
 @routine

@@ -8,7 +8,7 @@ crosses the pad.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
@@ -51,10 +51,13 @@ class Sums:
     """Of a contact, over its last evaluations: energies of the gradient xx, xy, yy, that of noise in x and y, and of
     texture alone; that of the gradient times the distance from the point about which a turn changes the pattern least,
     whole and across this distance: of the turn. count: evaluations, which fade, too. age: scans since the contact
-    began.
+    began. smooth, turns, unobservable: what they tell, see `Texture`.
     """
 
     age: int
+    smooth: bool
+    turns: bool
+    unobservable: Annotated[Floats, 2, 2]
     count: float
     xx: float
     xy: float
@@ -126,11 +129,15 @@ def measure(
                     0.0
                 )
                 continue
-            if own.age % EVERY == 0 and usable[scan, pad]:
+            evaluated = own.age % EVERY == 0 and usable[scan, pad]
+            if evaluated:
                 add_scan(pressure[scan], noise, xy, begin, end, gradients, error, own)
+            if evaluated or own.age == 0:
+                own.unobservable[:] = 0.0
+                own.smooth = judge(own, own.unobservable)
+                own.turns = not own.smooth or own.turn > _TEXTURED * own.arm
             own.age += 1
-            smooth[scan, pad] = judge(own, unobservable[scan, pad])
-            turns[scan, pad] = not smooth[scan, pad] or own.turn > _TEXTURED * own.arm
+            smooth[scan, pad], turns[scan, pad], unobservable[scan, pad] = own.smooth, own.turns, own.unobservable
 
 
 @routine

@@ -57,7 +57,7 @@ def carry(slips: Slips, point: Floats, texture: Texture | None, home: Home) -> t
     turns, unobservable = (texture.turns, texture.unobservable) if texture is not None else (slips.contact, own[0])
     seen = (slips.displacement, slips.displacement_covariance, slips.pose, slips.covariance)
     marks = (slips.contact, slips.border, slips.quality)
-    fill_carried(seen, marks, np.ascontiguousarray(slips.span_s), point, told, (turns, unobservable), home, own, out)
+    fill_carried(seen, marks, slips.span_s, point, told, (turns, unobservable), home, own, out)
     covariances = home.R @ own @ home.R.transpose(0, 2, 1)
     return out, covariances[0], covariances[1]
 

@@ -29,24 +29,27 @@ class Reference:
         With a known turn the pose is that of a point of the object. Without, or if the pattern does not tell it, the
         point is the contact's centroid in the first scan of the contact that has both, moved with the pose.
         """
-        turns: Bools = np.isfinite(slips.pose[..., 2])
-        if texture is not None:
-            turns &= texture.turns
+        turns = slips.contact if texture is None else texture.turns
         point = np.empty(centroid.shape)
-        place_points(slips.pose, turns, np.ascontiguousarray(centroid), slips.contact, self._offset, point)
+        marks = (turns, slips.contact)
+        place_points(slips.pose, texture is not None, marks, np.ascontiguousarray(centroid), self._offset, point)
         return point
 
 
 @kernel
-def place_points(pose: Floats, turns: Bools, centroid: Floats, contact: Bools, offset: Floats, point: Floats) -> None:
-    """Fill point (scans, pads, 2). pose: (scans, pads, 3). turns: (scans, pads), the turn is known. offset: (pads, 2),
-    NaN where there is none yet, updated.
+def place_points(
+    pose: Floats, judged: bool, marks: tuple[Bools, Bools], centroid: Floats, offset: Floats, point: Floats
+) -> None:
+    """Fill point (scans, pads, 2). pose: (scans, pads, 3). judged: whether there is a texture. marks: (scans, pads),
+    its `turns` and contact. offset: (pads, 2), NaN where there is none yet, updated.
     """
+    turns, contact = marks
     for scan in range(len(pose)):
         for pad in range(len(offset)):
             own = offset[pad]
             if np.isfinite(pose[scan, pad, 0]) and not np.isfinite(own[0]):
-                plain = turns[scan, pad] or not np.isfinite(centroid[scan, pad, 0])
+                told = np.isfinite(pose[scan, pad, 2]) and (not judged or turns[scan, pad])
+                plain = told or not np.isfinite(centroid[scan, pad, 0])
                 own[0] = 0.0 if plain else centroid[scan, pad, 0] - pose[scan, pad, 0]
                 own[1] = 0.0 if plain else centroid[scan, pad, 1] - pose[scan, pad, 1]
             if not contact[scan, pad]:

@@ -48,12 +48,10 @@ class FieldSession:
         point = self._reference.step(slips, centroid, texture)
         here, place_cov, moved_cov = carry(slips, point, texture, self._home)
         rows = unknown(Row, len(slips))
-        span_s = np.ascontiguousarray(slips.span_s)  # kernels are compiled for one layout only
-        fuse_twists(here.place, here.moved, moved_cov, here.turn, span_s, here.known, self._turns, self._scratch, rows)
-        anchors, body, turns = self._anchors, self._body, self._turns
-        follow_pose(
-            here.place, place_cov, here.own_turn, here.told, here.kept, turns, anchors, body, self._scratch, rows
-        )
+        turns, scratch = self._turns, self._scratch
+        fuse_twists(here.place, here.moved, moved_cov, here.turn, slips.span_s, here.known, turns, scratch, rows)
+        anchors, body = self._anchors, self._body
+        follow_pose(here.place, place_cov, here.own_turn, here.told, here.kept, turns, anchors, body, scratch, rows)
         return Motions(
             t_s=slips.t_s,
             velocity=rows["velocity"],

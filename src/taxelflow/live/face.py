@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -107,8 +106,7 @@ class Live:
 
     def push(self, scans: RawScans) -> Output:
         """Results that these scans make ready: (scans, columns) as the source sends them, later than all before."""
-        readings = self.recording.sensor.channel_map.of_source(scans)
-        return self.run.step(replace(readings, values=np.ascontiguousarray(readings.values)))
+        return self.run.step(self.recording.sensor.channel_map.of_source(scans))
 
     def finish(self) -> Output:
         """Results that were held back; no scan may follow."""

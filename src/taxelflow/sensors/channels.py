@@ -58,11 +58,11 @@ class ChannelMap:
         return readings
 
     def of_source(self, raw: RawScans) -> RawScans:
-        """Scans in the source's columns -> readings in the order of the layout, with shear if it is read."""
+        """Scans in the source's columns -> readings in the order of the layout, contiguous, with shear if read."""
+        values = np.ascontiguousarray(self.to_readings(raw.values))
         if self.shear_column is None:
-            return RawScans(raw.t_s, self.to_readings(raw.values))
-        shear = np.take(raw.values, self.shear_column, axis=1) * self.shear_factor
-        return RawScans(raw.t_s, self.to_readings(raw.values), shear)
+            return RawScans(raw.t_s, values)
+        return RawScans(raw.t_s, values, np.take(raw.values, self.shear_column, axis=1) * self.shear_factor)
 
     def to_source(self, readings: Floats, shear: Floats | None = None) -> Floats:
         """Inverse of `to_readings`: (scans, taxels) -> (scans, columns), columns of no taxel at the

@@ -66,11 +66,13 @@ class Change:
 
 
 @kernel
-def follow(observations: Records, parameters: Parameters, states: Records, slipping: Bools, changes: Records) -> None:
+def follow(observations: Records, held: Records, states: Records, slipping: Bools, changes: Records) -> None:
     """Process a block of scans: fill `slipping` (scans, pads) and `changes` (scans, pads) of `Change`.
 
-    observations: (scans, pads) of `Observation`. states: (pads,) of `PadState`, kept from block to block.
+    observations: (scans, pads) of `Observation`. held: (1,) of `Parameters`. states: (pads,) of `PadState`, kept from
+    block to block.
     """
+    parameters: Parameters = held[0]
     for pad in range(observations.shape[1]):
         state: PadState = states[pad]
         measurement, rest, onset, slide = state.measurement, state.rest, state.onset, state.slide
@@ -99,6 +101,16 @@ def follow(observations: Records, parameters: Parameters, states: Records, slipp
                 measurement.previous_s = scan.t_s
             state.last_s = scan.t_s
             slipping[number, pad] = state.mode == SLIPPING and not slide.stop_reported
+
+
+@kernel
+def has_flips(last: Bools, flags: Bools) -> bool:
+    """Whether flags (scans, pads) change from scan to scan, the last ones before them (1, pads) included."""
+    for scan in range(flags.shape[0]):
+        for pad in range(flags.shape[1]):
+            if flags[scan, pad] != (flags[scan - 1, pad] if scan > 0 else last[0, pad]):
+                return True
+    return False
 
 
 @routine

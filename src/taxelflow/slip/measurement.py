@@ -6,9 +6,9 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats, Slips
+from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Bytes, Floats, Slips
 from taxelflow.numerics.records import Records, Vector, record_dtype
-from taxelflow.runtime.compiling import routine
+from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.slip.covariance import Covariance
 
 _UNRESOLVED_FACTOR = 9.0
@@ -34,11 +34,10 @@ class Parameters:
     settle_s: float
 
 
-def parameter_record(alarms_per_hour: float, load_m: float, creep_m_s: float, settle_s: float) -> Parameters:
-    """The fields of `SlipMonitor` as one record, as kernels take it."""
+def parameter_records(alarms_per_hour: float, load_m: float, creep_m_s: float, settle_s: float) -> Records:
+    """(1,) of `Parameters`, from the fields of `SlipMonitor`: numba takes 8 us to type a record alone."""
     values = (3600.0 / alarms_per_hour, load_m, creep_m_s, settle_s)
-    record: Parameters = np.array([values], dtype=record_dtype(Parameters))[0]
-    return record
+    return np.array([values], dtype=record_dtype(Parameters))
 
 
 class Observation:
@@ -54,6 +53,9 @@ class Observation:
     load: float
     disturbance: float
     quality: int
+
+
+_OBSERVATION = record_dtype(Observation)
 
 
 class Measurement:
@@ -74,18 +76,36 @@ class Measurement:
 
 def observations(slips: Slips) -> Records:
     """(scans, pads) records of `Observation`."""
-    found = np.empty(slips.contact.shape, dtype=record_dtype(Observation))
-    found["t_s"] = slips.t_s[:, np.newaxis]
-    found["contact"] = slips.contact
-    found["displacement"] = slips.displacement
-    found["displacement_covariance"] = slips.displacement_covariance
-    found["pose"] = slips.pose
-    found["pose_covariance"] = slips.covariance
-    found["lag_s"] = slips.lag_s
-    found["load"] = slips.load
-    found["disturbance"] = slips.disturbance
-    found["quality"] = slips.quality
+    found = np.empty(slips.contact.shape, dtype=_OBSERVATION)
+    seen = (slips.pose, slips.covariance, slips.displacement, slips.displacement_covariance)
+    _observe(slips.t_s, slips.contact, seen, (slips.lag_s, slips.load, slips.disturbance), slips.quality, found)
     return found
+
+
+@kernel
+def _observe(
+    t_s: Floats,
+    contact: Bools,
+    seen: tuple[Floats, Floats, Floats, Floats],
+    scalars: tuple[Floats, Floats, Floats],
+    quality: Bytes,
+    found: Records,
+) -> None:
+    """Fill found (scans, pads) of `Observation`. seen: pose and displacement, each with its covariance. scalars: lag,
+    load and disturbance.
+    """
+    pose, covariance, displacement, displacement_covariance = seen
+    lag_s, load, disturbance = scalars
+    for scan in range(found.shape[0]):
+        for pad in range(found.shape[1]):
+            one: Observation = found[scan, pad]
+            one.t_s, one.contact, one.quality = t_s[scan], contact[scan, pad], quality[scan, pad]
+            one.lag_s, one.load, one.disturbance = lag_s[scan, pad], load[scan, pad], disturbance[scan, pad]
+            one.displacement[:], one.displacement_covariance[:] = (
+                displacement[scan, pad],
+                displacement_covariance[scan, pad],
+            )
+            one.pose[:], one.pose_covariance[:] = pose[scan, pad], covariance[scan, pad]
 
 
 @routine

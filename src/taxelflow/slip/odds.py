@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isnan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,8 +66,10 @@ class _Forward:
     def step(self, slipping: Bools, changes: PatternChanges) -> list[tuple[int, _Bin]]:
         """Bins that are judged in these scans, each with the scan. slipping: (scans, pads), by the pose."""
         found, start = [], 0
-        for scan in np.flatnonzero(np.isfinite(changes.centre_s)).tolist():
-            since_s, touching = float(changes.centre_s[scan]), changes.touching[scan]
+        for scan, since_s in enumerate(changes.centre_s.tolist()):
+            if isnan(since_s):
+                continue
+            touching = changes.touching[scan]
             usual = changes.noise[scan], changes.rise[scan], self._restless.growth
             with np.errstate(invalid="ignore"):  # a change of infinite power
                 ratio = log_likelihood_ratio(changes.unexplained[scan], *usual)

@@ -17,7 +17,7 @@ from taxelflow.messages import Bools, Event, Floats, Slips
 from taxelflow.slip.session import SlipSession
 
 if TYPE_CHECKING:
-    from taxelflow.slip.measurement import Parameters
+    from taxelflow.numerics.records import Records
 
 _LOOKBACK_SCANS, _LOOKAHEAD_SCANS = 64, 20
 """A change lies at most this many scans before its report, and the fit uses at most this many scans after the report.
@@ -51,7 +51,8 @@ class _PadEvents:
 class OfflineSlipSession:
     """Slip detection in a recording: like `SlipSession`, with a delay. The result does not depend on the blocks."""
 
-    def __init__(self, pads: tuple[str, ...], parameters: Parameters) -> None:
+    def __init__(self, pads: tuple[str, ...], parameters: Records) -> None:
+        """parameters: (1,) of `Parameters`."""
         self._detector = SlipSession(pads, parameters)
         self._numbers = {name: number for number, name in enumerate(pads)}
         self._pads = [_PadEvents() for _ in pads]

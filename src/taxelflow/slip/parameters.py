@@ -43,14 +43,14 @@ class SlipMonitor:
 
     def begin(self, pads: tuple[str, ...]) -> SlipSession:
         """Start a session for a stream by poses alone, over pads of these names: each scan is decided at once."""
-        from taxelflow.slip.measurement import parameter_record
+        from taxelflow.slip.measurement import parameter_records
         from taxelflow.slip.session import SlipSession
 
-        return SlipSession(pads, parameter_record(**asdict(self)))
+        return SlipSession(pads, parameter_records(**asdict(self)))
 
     def look_back(self, pads: tuple[str, ...]) -> OfflineSlipSession:
         """Start a session for a recording by poses alone: onsets and ends are refined by the scans after them."""
-        from taxelflow.slip.measurement import parameter_record
+        from taxelflow.slip.measurement import parameter_records
         from taxelflow.slip.offline import OfflineSlipSession
 
-        return OfflineSlipSession(pads, parameter_record(**asdict(self)))
+        return OfflineSlipSession(pads, parameter_records(**asdict(self)))

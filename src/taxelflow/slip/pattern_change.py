@@ -101,9 +101,11 @@ class PatternWatch:
     def step(self, scans: Scans) -> PatternChanges:
         """Changes of the scans that follow those of the last call."""
         shape = scans.contact.shape
-        touching, values = np.zeros(shape, dtype=np.bool_), np.full((6, *shape), np.nan)
+        touching, centre_s, values = np.zeros(shape, dtype=np.bool_), np.empty(len(scans)), np.empty((6, *shape))
+        centre_s.fill(np.nan)
+        values.fill(np.nan)
         shear_noise = self._shear_noise.step(scans, scans.shear) if scans.shear is not None and len(scans) else None
-        changes = PatternChanges(scans.t_s, np.full(len(scans), np.nan), touching, *values)
+        changes = PatternChanges(scans.t_s, centre_s, touching, *values)
         for scan, t_s in enumerate(scans.t_s.tolist()):
             if self._completed(scans, scan, t_s) and len(self._bins) == self._bins.maxlen:
                 centre = self._bins[BEFORE_BINS]

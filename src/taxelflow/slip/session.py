@@ -8,15 +8,18 @@ from typing import Any
 import numpy as np
 
 from taxelflow.messages import Bools, Event, Floats, Slips
-from taxelflow.numerics.records import record_dtype, records
-from taxelflow.slip.detector import Change, PadState, follow
-from taxelflow.slip.measurement import Parameters, observations
+from taxelflow.numerics.records import Records, record_dtype, records
+from taxelflow.slip.detector import Change, PadState, follow, has_flips
+from taxelflow.slip.measurement import observations
+
+_CHANGE = record_dtype(Change)
 
 
 class SlipSession:
     """Slip detection in a stream: each scan is decided from the scans so far."""
 
-    def __init__(self, pads: tuple[str, ...], parameters: Parameters) -> None:
+    def __init__(self, pads: tuple[str, ...], parameters: Records) -> None:
+        """parameters: (1,) of `Parameters`."""
         count = len(pads)
         self._pads = pads
         self._parameters = parameters
@@ -34,14 +37,14 @@ class SlipSession:
     def step(self, slips: Slips) -> tuple[Bools, list[Event]]:
         """Slipping (scans, pads), and the events in time order."""
         slipping = np.empty(slips.contact.shape, dtype=np.bool_)
-        changes = np.empty(slips.contact.shape, dtype=record_dtype(Change))
+        changes = np.empty(slips.contact.shape, dtype=_CHANGE)
         follow(observations(slips), self._parameters, self._states, slipping, changes)
+        if not has_flips(self._contact, slips.contact) and not has_flips(self._slipping, slipping):
+            return slipping, []
         contact = np.concatenate([self._contact, slips.contact])
         slips_now = np.concatenate([self._slipping, slipping])
         self._contact, self._slipping = contact[-1:], slips_now[-1:]
         changed = (contact[1:] != contact[:-1]) | (slips_now[1:] != slips_now[:-1])
-        if not changed.any():
-            return slipping, []
         events = []
         for scan, pad in zip(*(place.tolist() for place in np.nonzero(changed)), strict=True):
             t_s, name = float(slips.t_s[scan]), self._pads[pad]

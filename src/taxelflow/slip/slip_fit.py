@@ -13,13 +13,24 @@ from dataclasses import dataclass
 from math import atan2, cos, nan, sin, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.records import Records, Vector, records
+from taxelflow.numerics.small_linalg import factor_small, solve_factored
+from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.slip.measurement import MIN_STD_M, MIN_STD_RAD, UNOBSERVABLE_M, UNOBSERVABLE_RATIO
-from taxelflow.slip.slip_knots import knots_of
+from taxelflow.slip.slip_knots import (
+    MOST_SEGMENTS,
+    Scratch,
+    backward,
+    fit_knots,
+    forward,
+    place_knots,
+    room_for,
+    running_sums,
+)
 
-_NORMAL = "ni,nj,nab->iajb"
-"""Normal equations of a linear spline (scans, knots) of several coordinates with weights (scans, axes, axes)."""
 _MAX_CORRELATION = 0.95
 """Upper limit of the estimated autocorrelation, against division by 0."""
 
@@ -43,22 +54,47 @@ class SlipMotion:
     std_duration_s: float = nan
 
 
+class Path:
+    """Of one fit. net: of x, y and theta. dates_s2, dates_m2: variances of both dates together, and of the length by
+    them; the other variances are those of the noise.
+    """
+
+    duration_s: float
+    length_m: float
+    variance_m2: float
+    net: Vector
+    turn_variance: float
+    dates_s2: float
+    dates_m2: float
+
+
 def fit_slip(t: Floats, pose: Floats, covariance: Floats, start_s: float, end_s: float) -> SlipMotion:
     """Motion between two dates, s, from at least three poses in between.
 
     t: (scans,), increasing. pose: (scans, 3), x and y known. covariance: (scans, 3, 3). Raises
-    numpy.linalg.LinAlgError for covariances that are not positive definite, or unknown along x and y.
+    numpy.linalg.LinAlgError for covariances that are not positive definite, or unknown along x and y, and for dates
+    that are not one after the other.
     """
     axes = _observable_axes(pose, covariance)
     if not axes or axes[0] == 2:
         raise np.linalg.LinAlgError("no position with a covariance")
-    weight = _information(covariance, axes)
-    moved = pose[:, axes] - pose[0, axes]
-    knots = knots_of(t, moved, weight, start_s, end_s)
-    basis = _hat_functions(t, knots)
-    coefficients, inverse, chi_square = _solve(basis, moved, weight)
-    scale = _scale(moved - basis @ coefficients, weight, chi_square, coefficients.size)
-    return _motion(knots, coefficients, scale * inverse, weight, axes)
+    rows = records(Path, 1)
+    duration_s = end_s - start_s
+    if not duration_s > 0 or not fit_path(t - start_s, pose, covariance, np.array(axes), duration_s, rows):
+        raise np.linalg.LinAlgError("covariances are not positive definite")
+    _, length_m, variance_m2, net, turn_variance, dates_s2, dates_m2 = rows[0].tolist()
+    turns = axes[-1] == 2
+    return SlipMotion(
+        length_m,
+        length_m / duration_s,
+        atan2(net[1], net[0]),
+        float(net[2]) if turns else nan,
+        duration_s,
+        sqrt(variance_m2 + dates_m2),
+        sqrt(variance_m2) / duration_s,
+        sqrt(turn_variance) if turns else nan,
+        sqrt(dates_s2),
+    )
 
 
 def integrate_slip(displacement: Floats, covariance: Floats, start_s: float, end_s: float) -> SlipMotion:
@@ -101,84 +137,140 @@ def _observable_axes(pose: Floats, covariance: Floats) -> list[int]:
     return np.flatnonzero(known).tolist()
 
 
-def _information(covariance: Floats, axes: list[int]) -> Floats:
-    """(scans, axes, axes), inverse of the covariances with a lower limit of their variances."""
-    own = covariance[:, axes][:, :, axes]
-    least = np.array([MIN_STD_M, MIN_STD_M, MIN_STD_RAD])[axes] ** 2
-    inverse: Floats = np.linalg.inv(own + np.diag(least)).astype(np.float64)
-    return inverse
+@kernel
+def fit_path(
+    t: Floats, pose: Floats, covariance: Floats, axes: NDArray[np.int64], duration_s: float, paths: Records
+) -> bool:
+    """Fill paths (1,) of `Path`; False if a covariance is not positive definite.
+
+    t: (scans,), s since the slip's begin. pose: (scans, 3). covariance: (scans, 3, 3). axes: those that are observable.
+    """
+    path: Path = paths[0]
+    path.duration_s = duration_s
+    scans, count = len(t), len(axes)
+    moved, weight, root = np.empty((scans, count)), np.empty((scans, count, count)), np.empty((count, count))
+    for n in range(scans):
+        for a in range(count):
+            moved[n, a] = pose[n, axes[a]] - pose[0, axes[a]]
+        if not _invert(covariance[n], axes, weight[n], root):
+            return False
+    scratch, sums = room_for(count), running_sums(t, moved, weight)
+    knots, first = np.zeros(MOST_SEGMENTS + 2), np.zeros(MOST_SEGMENTS + 2, dtype=np.int64)
+    knots[1], first[1] = duration_s, scans
+    held = place_knots(t, sums, scans * count, scratch, knots, first)
+    chi_square = fit_knots(sums, knots, first, held, scratch)
+    if chi_square == np.inf:
+        return False
+    position = scratch.right.copy()
+    backward(scratch.band, position, held * count)
+    _measure(knots, position, held, axes, scratch, path)
+    scale = _scale(t, moved, weight, (knots, first, position, held), chi_square, root)
+    path.variance_m2 *= scale
+    path.turn_variance *= scale
+    _date(knots, position, 0, axes, weight[0], duration_s / scans, path)
+    _date(knots, position, held - 2, axes, weight[scans - 1], duration_s / scans, path)
+    return True
 
 
-def _hat_functions(t: Floats, knots: Floats) -> Floats:
-    """(scans, knots), linear interpolation between knots."""
-    return np.stack([np.interp(t, knots, unit) for unit in np.eye(len(knots))], axis=1)
+@routine
+def _invert(covariance: Floats, axes: NDArray[np.int64], inverse: Floats, factor: Floats) -> bool:
+    """Fill the inverse (axes, axes) of a covariance (3, 3) with a lower limit of its variances; factor: scratch."""
+    count = len(axes)
+    for a in range(count):
+        least = MIN_STD_M if axes[a] < 2 else MIN_STD_RAD
+        for b in range(count):
+            factor[a, b] = covariance[axes[a], axes[b]] + (least * least if a == b else 0.0)
+    if not factor_small(factor, count):
+        return False
+    for a in range(count):
+        for b in range(count):
+            inverse[a, b] = 1.0 if a == b else 0.0
+        solve_factored(factor, inverse[a], count)
+    return True
 
 
-def _solve(basis: Floats, moved: Floats, weight: Floats) -> tuple[Floats, Floats, float]:
-    """Positions at the knots (knots, axes), their covariance (knots * axes, knots * axes), and chi-square."""
-    knots, axes = basis.shape[1], moved.shape[1]
-    weighted = np.einsum("nab,nb->na", weight, moved)
-    terms = (_NORMAL, basis, basis, weight)
-    path, _ = np.einsum_path(*terms, optimize="greedy")  # found here, einsum takes half the time
-    normal = np.einsum(*terms, optimize=path).reshape(knots * axes, knots * axes)
-    right = (basis.T @ weighted).reshape(-1)
-    inverse = np.linalg.inv(normal)
-    solution = inverse @ right
-    return solution.reshape(knots, axes), inverse, float(np.sum(weighted * moved) - right @ solution)
+@routine
+def _measure(knots: Floats, position: Floats, held: int, axes: NDArray[np.int64], scratch: Scratch, path: Path) -> None:
+    """Length, net motion, and their variances for a scale of the noise of 1, of a path with a position at each knot."""
+    count, gradient = len(axes), scratch.right
+    for i in range(held * count):
+        gradient[i] = 0.0
+    for segment in range(held - 1):
+        begin, end = segment * count, (segment + 1) * count
+        square = 0.0
+        for a in range(count):
+            square += (position[end + a] - position[begin + a]) ** 2 if axes[a] < 2 else 0.0
+        length_m = np.sqrt(square)
+        path.length_m += length_m
+        for a in range(count):
+            if axes[a] < 2:
+                along = (position[end + a] - position[begin + a]) / max(length_m, MIN_STD_M)
+                gradient[end + a] += along
+                gradient[begin + a] -= along
+    path.variance_m2 = forward(scratch.band, gradient, held * count)
+    last = (held - 1) * count
+    for a in range(count):
+        path.net[axes[a]] = position[last + a] - position[a]
+    for i in range(held * count):
+        gradient[i] = 0.0
+    gradient[last + count - 1], gradient[count - 1] = 1.0, -1.0
+    path.turn_variance = forward(scratch.band, gradient, held * count)
 
 
-def _scale(residual: Floats, weight: Floats, chi_square: float, parameters: int) -> float:
-    """Factor on the covariance, at least 1, by the residuals (scans, axes) and their autocorrelation."""
-    freedom = residual.size - parameters
+@routine
+def _scale(
+    t: Floats,
+    moved: Floats,
+    weight: Floats,
+    fitted: tuple[Floats, NDArray[np.int64], Floats, int],
+    chi_square: float,
+    root: Floats,
+) -> float:
+    """Factor on the covariance, at least 1, by the residuals (scans, axes) and their autocorrelation.
+
+    fitted: knots, first scan of each segment, positions at the knots, and how many. root: (axes, axes), scratch.
+    """
+    knots, first, position, held = fitted
+    scans, count = moved.shape
+    freedom = scans * count - held * count
     if freedom <= 0:
         return 1.0
-    scale = max(chi_square / freedom, 1.0)
-    white = np.einsum("nab,nb->na", np.linalg.cholesky(weight).transpose(0, 2, 1), residual)
-    square = float(np.sum(white**2))
-    correlation = float(np.sum(white[1:] * white[:-1])) / square if square > 0 else 0.0
-    correlation = min(max(correlation, 0.0), _MAX_CORRELATION)
-    return scale * (1.0 + correlation) / (1.0 - correlation)
+    white, before = np.zeros(count), np.zeros(count)
+    square = product = 0.0
+    segment = 0
+    for n in range(scans):
+        while segment < held - 2 and n >= first[segment + 1]:
+            segment += 1
+        share = (t[n] - knots[segment]) / (knots[segment + 1] - knots[segment])
+        for a in range(count):
+            low, high = position[segment * count + a], position[(segment + 1) * count + a]
+            white[a] = moved[n, a] - low - share * (high - low)
+        root[:] = weight[n]
+        factor_small(root, count)
+        for a in range(count):  # upwards: those after it are residuals still
+            for b in range(a + 1, count):
+                white[a] += root[b, a] * white[b]
+            white[a] *= np.sqrt(root[a, a])
+            square += white[a] * white[a]
+            product += white[a] * before[a]
+            before[a] = white[a]
+    correlation = min(max(product / square if square > 0.0 else 0.0, 0.0), _MAX_CORRELATION)
+    return float(max(chi_square / freedom, 1.0) * (1.0 + correlation) / (1.0 - correlation))
 
 
-def _motion(knots: Floats, position: Floats, covariance: Floats, weight: Floats, axes: list[int]) -> SlipMotion:
-    """Length, speed and turn of a path with positions (knots, axes) at its knots."""
-    duration_s = float(knots[-1] - knots[0])
-    steps = np.diff(position, axis=0)
-    plane = [place for place, axis in enumerate(axes) if axis < 2]
-    lengths = np.sqrt(np.sum(steps[:, plane] ** 2, axis=1))
-    path_m = float(lengths.sum())
-    along = np.zeros_like(steps)
-    along[:, plane] = steps[:, plane] / np.maximum(lengths, MIN_STD_M)[:, np.newaxis]
-    gradient = np.zeros_like(position)
-    gradient[1:] += along
-    gradient[:-1] -= along
-    variance = float(gradient.reshape(-1) @ covariance @ gradient.reshape(-1))
-    rates = steps / np.diff(knots)[:, np.newaxis]
-    scan_s = duration_s / len(weight)
-    dates = [_date_variance(rates[end], weight[end], scan_s, duration_s) for end in (0, -1)]
-    ends = (np.hypot(*rates[end][plane]) if len(plane) > 1 else abs(rates[end][plane[0]]) for end in (0, -1))
-    variance_dates = sum(float(speed) ** 2 * own for speed, own in zip(ends, dates, strict=True))
-    net = dict(zip(axes, position[-1] - position[0], strict=True))
-    turn_rad = std_turn_rad = nan
-    if 2 in net:
-        turns = np.zeros_like(position)
-        turns[-1, -1], turns[0, -1] = 1.0, -1.0
-        turn_rad = float(net[2])
-        std_turn_rad = sqrt(float(turns.reshape(-1) @ covariance @ turns.reshape(-1)))
-    return SlipMotion(
-        path_m,
-        path_m / duration_s,
-        atan2(net.get(1, 0.0), net.get(0, 0.0)),
-        turn_rad,
-        duration_s,
-        sqrt(variance + variance_dates),
-        sqrt(variance) / duration_s,
-        std_turn_rad,
-        sqrt(sum(dates)),
-    )
-
-
-def _date_variance(rate: Floats, weight: Floats, scan_s: float, duration_s: float) -> float:
-    """Variance of a date, s^2: uniform within a scan, and the pose's noise over its rate (axes,)."""
-    noise = 1.0 / max(float(rate @ weight @ rate), duration_s**-2)
-    return scan_s**2 / 12.0 + noise
+@routine
+def _date(
+    knots: Floats, position: Floats, segment: int, axes: NDArray[np.int64], weight: Floats, scan_s: float, path: Path
+) -> None:
+    """Add the variance of a date: uniform within a scan, and the noise of its scan's pose over the segment's rate."""
+    count, span_s = len(axes), knots[segment + 1] - knots[segment]
+    square = information = 0.0
+    for a in range(count):
+        rate = (position[(segment + 1) * count + a] - position[segment * count + a]) / span_s
+        square += rate * rate if axes[a] < 2 else 0.0
+        for b in range(count):
+            other = (position[(segment + 1) * count + b] - position[segment * count + b]) / span_s
+            information += rate * weight[a, b] * other
+    variance_s2 = scan_s * scan_s / 12.0 + 1.0 / max(information, 1.0 / path.duration_s**2)
+    path.dates_s2 += variance_s2
+    path.dates_m2 += square * variance_s2

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxelflow.messages import Floats
-from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.compiling import routine
 
-_MOST_SEGMENTS = 12
+MOST_SEGMENTS = 12
 _MIN_SEGMENT_SCANS = 3
 """A segment has at least this many scans."""
 _MOST_CANDIDATES = 24
@@ -43,40 +43,42 @@ class Scratch(NamedTuple):
     first: NDArray[np.int64]
 
 
-def knots_of(t: Floats, moved: Floats, weight: Floats, start_s: float, end_s: float) -> Floats:
-    """(knots,), the dates, and between them times at which the velocity changes, by the information criterion.
-
-    t: (scans,), increasing. moved: (scans, axes). weight: (scans, axes, axes), inverse covariances.
-    """
-    most, axes = _MOST_SEGMENTS + 2, moved.shape[1]
-    knots, first = np.zeros(most), np.zeros(most, np.int64)
-    knots[1], first[1] = end_s - start_s, len(t)
-    since = t - start_s
-    scratch = Scratch(
-        np.zeros((most * axes, 2 * axes)), np.zeros(most * axes), np.zeros(most), np.zeros(most, np.int64)
+@routine
+def room_for(axes: int) -> Scratch:
+    """Room for paths of so many coordinates."""
+    most = MOST_SEGMENTS + 2
+    return Scratch(
+        np.zeros((most * axes, 2 * axes)), np.zeros(most * axes), np.zeros(most), np.zeros(most, dtype=np.int64)
     )
-    held = place_knots(since, _running(since, moved, weight), moved.size, scratch, knots, first)
-    return np.array([start_s, *t[first[1 : held - 1]], end_s])
 
 
-def _running(t: Floats, moved: Floats, weight: Floats) -> Sums:
+@routine
+def running_sums(t: Floats, moved: Floats, weight: Floats) -> Sums:
+    """Of scans at times t (scans,), moved (scans, axes), with weight (scans, axes, axes)."""
     scans, axes = moved.shape
-    weights, pulls = np.zeros((3, scans + 1, axes, axes)), np.zeros((2, scans + 1, axes))
-    pull = np.einsum("nab,nb->na", weight, moved)
-    for power in range(3):
-        np.cumsum(weight * (t**power)[:, np.newaxis, np.newaxis], axis=0, out=weights[power, 1:])
-    for power in range(2):
-        np.cumsum(pull * (t**power)[:, np.newaxis], axis=0, out=pulls[power, 1:])
-    return Sums(weights, pulls, float(np.sum(pull * moved)))
+    weights, pulls, square = np.zeros((3, scans + 1, axes, axes)), np.zeros((2, scans + 1, axes)), 0.0
+    for n in range(scans):
+        weights[:, n + 1], pulls[:, n + 1] = weights[:, n], pulls[:, n]
+        for ab in range(axes * axes):
+            a, b = ab // axes, ab % axes
+            weights[0, n + 1, a, b] += weight[n, a, b]
+            weights[1, n + 1, a, b] += weight[n, a, b] * t[n]
+            weights[2, n + 1, a, b] += weight[n, a, b] * t[n] * t[n]
+            pull = weight[n, a, b] * moved[n, b]
+            pulls[0, n + 1, a] += pull
+            pulls[1, n + 1, a] += pull * t[n]
+            square += pull * moved[n, a]
+    return Sums(weights, pulls, square)
 
 
-@kernel
+@routine
 def place_knots(t: Floats, sums: Sums, readings: int, scratch: Scratch, knots: Floats, first: NDArray[np.int64]) -> int:
-    """Add knots between the first two; how many there are then. first: of each segment, the number of its first scan;
-    after the last segment the number of scans. readings: scans times axes.
+    """Add knots between the first two; how many there are then. t: (scans,), increasing. knots: (MOST_SEGMENTS + 2,),
+    of the same clock. first: of each segment, the number of its first scan; after the last segment the number of scans.
+    readings: scans times axes.
     """
     held, best = 2, _criterion(sums, knots, first, 2, readings, scratch)
-    while held <= _MOST_SEGMENTS:
+    while held <= MOST_SEGMENTS:
         room = 0
         for segment in range(held - 1):
             room += _room(first, segment)
@@ -122,21 +124,29 @@ def _criterion(
     sums: Sums, knots: Floats, first: NDArray[np.int64], held: int, readings: int, scratch: Scratch
 ) -> float:
     """Of Schwarz, with a scale of the noise that is at least 1; infinite where the knots cannot be fitted."""
+    chi_square = fit_knots(sums, knots, first, held, scratch)
+    if chi_square == inf:
+        return inf
+    scale = max(chi_square / readings, 1.0)  # the noise is not below what the covariances claim
+    return float(readings * log(scale) + chi_square / scale + held * (sums.pull.shape[2] + 1) * log(readings))
+
+
+@routine
+def fit_knots(sums: Sums, knots: Floats, first: NDArray[np.int64], held: int, scratch: Scratch) -> float:
+    """Chi-square of the path through the held knots, infinite where they cannot be fitted.
+
+    Leaves in the scratch the Cholesky factor L of the normal equations and inv(L) times their right-hand side.
+    """
     band, right = scratch.band, scratch.right
-    axes = sums.pull.shape[2]
-    count = held * axes
+    count = held * sums.pull.shape[2]
     for i in range(count):
         right[i] = 0.0
-        for d in range(2 * axes):
+        for d in range(band.shape[1]):
             band[i, d] = 0.0
     for segment in range(held - 1):
         _add_segment(sums, knots, first, segment, band, right)
     explained = _explained(band, right, count)
-    if explained == inf:
-        return inf
-    chi_square = sums.square - explained
-    scale = max(chi_square / readings, 1.0)  # the noise is not below what the covariances claim
-    return float(readings * log(scale) + chi_square / scale + held * (axes + 1) * log(readings))
+    return float(inf if explained == inf else sums.square - explained)
 
 
 @routine
@@ -190,3 +200,24 @@ def _explained(band: Floats, right: Floats, count: int) -> float:
         right[i] /= band[i, 0]
         explained += right[i] * right[i]
     return explained
+
+
+@routine
+def forward(band: Floats, right: Floats, count: int) -> float:
+    """Make the first `count` of right inv(L) right, and return their squared length. band: of `fit_knots`."""
+    square = 0.0
+    for i in range(count):
+        for k in range(max(0, i - band.shape[1] + 1), i):
+            right[i] -= band[i, i - k] * right[k]
+        right[i] /= band[i, 0]
+        square += right[i] * right[i]
+    return square
+
+
+@routine
+def backward(band: Floats, right: Floats, count: int) -> None:
+    """Make the first `count` of right inv(L)' right. band: of `fit_knots`."""
+    for i in range(count - 1, -1, -1):
+        for k in range(i + 1, min(count, i + band.shape[1])):
+            right[i] -= band[k, k - i] * right[k]
+        right[i] /= band[i, 0]

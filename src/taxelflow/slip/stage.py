@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from taxelflow.messages import Bools, Event, Floats, cut, joined
-from taxelflow.slip.measurement import parameter_record
+from taxelflow.slip.measurement import parameter_records
 from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
 from taxelflow.slip.offline import OfflineSlipSession
 from taxelflow.slip.pad_agreement import PadAgreement
@@ -53,7 +53,7 @@ class SlipStage:
         stream: bool,
     ) -> None:
         """The options are those of `SlipMonitor`."""
-        pads, parameters = layout.pads, parameter_record(alarms_per_hour, load_m, creep_m_s, settle_s)
+        pads, parameters = layout.pads, parameter_records(alarms_per_hour, load_m, creep_m_s, settle_s)
         self._watch = PatternWatch(layout, creep_m_s, LIVE_AFTER_BINS if stream else AFTER_BINS)
         self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)
         self._odds = LiveOdds(len(pads)) if stream else OfflineOdds(len(pads))

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import QUALITY, Event
+from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Bools, Slips
+    from taxelflow.messages import Bools, Floats, Slips
     from taxelflow.slip.odds import Odds
 
 
@@ -24,6 +25,33 @@ class Posed:
     slipping: Bools
     events: list[Event]
     agreed: Bools
+
+
+@kernel
+def decide(
+    flags: tuple[Bools, Bools, Bools, Bools],
+    log_odds: Floats,
+    last: Bools,
+    last_by_odds: Bools,
+    final: Bools,
+    by_odds: Bools,
+) -> bool:
+    """Fill what slips, and whether others than its pose decide it, (scans, pads) each; whether they change anything.
+
+    flags: (scans, pads), slipping by the pose, agreed, contact and restless. last, last_by_odds: (1, pads), before.
+    """
+    slipping, agreed, contact, restless = flags
+    changes = False
+    for scan in range(final.shape[0]):
+        for pad in range(final.shape[1]):
+            was, by = last[0, pad], last_by_odds[0, pad]
+            if scan > 0:
+                was, by = final[scan - 1, pad], by_odds[scan - 1, pad]
+            judged = log_odds[scan, pad] > 0.0 if restless[scan, pad] else slipping[scan, pad]
+            final[scan, pad] = (judged or agreed[scan, pad]) and contact[scan, pad]
+            by_odds[scan, pad] = restless[scan, pad] or agreed[scan, pad]
+            changes |= final[scan, pad] != was and (by or by_odds[scan, pad])
+    return changes
 
 
 class Verdict:
@@ -41,13 +69,14 @@ class Verdict:
 
         A slip that only the pose of one pad sees on a restless pad becomes `slip_suspected`.
         """
-        events = posed.events
-        final = (np.where(odds.restless, odds.log_odds > 0, posed.slipping) | posed.agreed) & slips.contact
-        before = np.concatenate([self._slipping, final])
-        by_odds = np.concatenate([self._by_odds, odds.restless | posed.agreed])
-        self._slipping, self._by_odds = before[-1:], by_odds[-1:]
-        if not events and not final.any() and not before[0].any():
+        events, final, by_odds = posed.events, np.empty_like(posed.slipping), np.empty_like(posed.slipping)
+        flags = (posed.slipping, posed.agreed, slips.contact, odds.restless)
+        last, last_by_odds = self._slipping, self._by_odds
+        changes = decide(flags, odds.log_odds, last, last_by_odds, final, by_odds)
+        self._slipping, self._by_odds = final[-1:], by_odds[-1:]
+        if not events and not changes:
             return final, []
+        before, by_odds = np.concatenate([last, final]), np.concatenate([last_by_odds, by_odds])
         own: dict[tuple[int, int], list[Event]] = {}
         for event in events:
             scan = int(np.searchsorted(slips.t_s, event.t_s))

@@ -64,16 +64,17 @@ class CentroidSession:
         self.run(scans, rows)
         pose, displacement = np.empty((2, *rows.shape, 3))
         covariance, displacement_covariance = np.empty((2, *rows.shape, 3, 3))
-        unpack(rows, pose, covariance, displacement, displacement_covariance)
+        span_s, lag_s, disturbance = scalars = np.empty((3, *rows.shape))
+        unpack(rows, pose, covariance, displacement, displacement_covariance, scalars)
         return Estimates(
             t_s=scans.t_s,
             displacement=displacement,
             pose=pose,
             covariance=covariance,
             displacement_covariance=displacement_covariance,
-            span_s=rows["span_s"],
-            lag_s=rows["lag_s"],
-            disturbance=rows["disturbance"],
+            span_s=span_s,
+            lag_s=lag_s,
+            disturbance=disturbance,
             quality=np.zeros(rows.shape, dtype=np.uint8),
         )
 
@@ -90,14 +91,24 @@ def pad_gains(layout: Layout, gain: float, calibrated: Floats | None) -> Floats:
 
 @kernel
 def unpack(
-    rows: Records, pose: Floats, covariance: Floats, displacement: Floats, displacement_covariance: Floats
+    rows: Records,
+    pose: Floats,
+    covariance: Floats,
+    displacement: Floats,
+    displacement_covariance: Floats,
+    scalars: Floats,
 ) -> None:
-    """Fill pose ... displacement_covariance, arrays of `Estimates`, from rows (scans, pads)."""
+    """Fill pose ... displacement_covariance, arrays of `Estimates`, from rows (scans, pads).
+
+    scalars: (3, scans, pads), span, lag and disturbance.
+    """
     for scan in range(rows.shape[0]):
         for pad in range(rows.shape[1]):
             row: Row = rows[scan, pad]
             _unpack_estimate(row.pose, pose[scan, pad], covariance[scan, pad])
             _unpack_estimate(row.displacement, displacement[scan, pad], displacement_covariance[scan, pad])
+            scalars[0, scan, pad], scalars[1, scan, pad] = row.span_s, row.lag_s
+            scalars[2, scan, pad] = row.disturbance
 
 
 @routine

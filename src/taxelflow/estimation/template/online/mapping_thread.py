@@ -72,17 +72,12 @@ class Learner:
         known = self.learned
         if known is None or self.lane.busy or not self._waiting:
             return
-        keyframes = known.keyframes
-        for scan in self._waiting:
-            keyframes = keyframes.with_scan(*scan)
-        start_s, fresh = self._waiting[-1].t_s, len(self._waiting)
-        self._waiting, self._newest = [], keyframes.states[-1]
-        work = replace(
-            known, keyframes=keyframes, fresh=fresh, looked=0 if may_turn and not known.turns else known.looked
-        )
-        share = _YOUNG_LATENCY if len(keyframes) < _YOUNG else 1.0
-        begun_s = max(start_s, now_s)
-        self.lane.begin(self._workers.mapper.submit(learn, work), begun_s, begun_s + share * self._latency_s, put)
+        fresh, self._waiting, self._newest = self._waiting, [], self._waiting[-1].state.copy()
+        known = replace(known, fresh=len(fresh), looked=0 if may_turn and not known.turns else known.looked)
+        share = _YOUNG_LATENCY if len(known.keyframes) + len(fresh) < _YOUNG else 1.0
+        begun_s = max(fresh[-1].t_s, now_s)
+        work = self._workers.mapper.submit(learn_from, known, fresh)
+        self.lane.begin(work, begun_s, begun_s + share * self._latency_s, put)
 
     def begin(
         self, now_s: float, put: Callable[[Begun], None], function: Callable[..., Begun], *arguments: object
@@ -127,3 +122,11 @@ class Learner:
         times = np.array(State(1.0, 1.0, 1.0, now.gain / before.gain, 1.0))
         for state in (*states, *(scan.state for scan in self._waiting)):
             state[:] = (state + step) * times
+
+
+def learn_from(known: Learned, fresh: list[Novel]) -> Learned:
+    """A pattern that has also learned from these scans, of which many may have come while it was learned before."""
+    keyframes = known.keyframes
+    for scan in fresh:
+        keyframes = keyframes.with_scan(*scan)
+    return learn(replace(known, keyframes=keyframes))

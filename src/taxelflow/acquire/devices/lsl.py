@@ -1,0 +1,123 @@
+"""Streams of Lab Streaming Layer: `lsl:NAME`, a channel for each number of a scan, by `pylsl` (extra `lsl`).
+
+The time of a scan is its stamp, by the clock of the computer that sends; the timeline finds its offset and drift.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.streams import TIMEOUT_S, ByteSource, need_sensor
+from taxelflow.errors import ExtraMissing
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
+    from taxelflow.sensors.sensor import Sensor
+
+_OPTIONS = ("time", "wait", "timeout", "keep")
+_OPEN_S = 2.0
+_HELD_S = 10
+"""s of scans that LSL holds for a reader that is behind."""
+_MOST_SAMPLES = 256
+
+
+@cache
+def pylsl() -> Any:
+    """The package. Raises ExtraMissing, also where its library cannot be loaded."""
+    try:
+        import pylsl as found
+    except (ImportError, RuntimeError, OSError) as error:
+        raise ExtraMissing("lsl", "pylsl") from error
+    return found
+
+
+class Inlet:
+    """A reader of the stream of a name; a piece is float64: how many channels, then rows of a stamp and a scan."""
+
+    patient = False
+    timeout_s = TIMEOUT_S
+
+    def __init__(self, name: str) -> None:
+        self._lsl, self._name = pylsl(), name
+        self._inlet: Any = None
+        self._last = ""
+
+    def listen(self) -> None:
+        """Nothing waits for a peer; streams are looked for from now on."""
+        self._resolver = self._lsl.ContinuousResolver("name", self._name, forget_after=_OPEN_S)
+
+    def open(self) -> bool:
+        """See `Transport`."""
+        streams = self._resolver.results()
+        if not streams:
+            raise ConnectionError(f"no stream {self._name!r}")
+        stream = min(streams, key=lambda one: one.uid() == self._last)  # a lost one is listed for a while
+        if stream.channel_format() == self._lsl.cf_string:
+            raise ConnectionError(f"stream {self._name!r} sends text")
+        self._last = stream.uid()
+        try:
+            self._inlet = self._lsl.StreamInlet(stream, max_buflen=_HELD_S, recover=False)
+            self._inlet.open_stream(timeout=_OPEN_S)
+        except RuntimeError as error:
+            raise ConnectionError(str(error)) from error
+        return True
+
+    def receive(self) -> bytes:
+        """See `Transport`."""
+        try:
+            first, stamp = self._inlet.pull_sample(timeout=POLL_S)
+            if first is None:
+                return b""
+            scans, stamps = self._inlet.pull_chunk(timeout=0.0, max_samples=_MOST_SAMPLES)
+        except RuntimeError as error:  # the stream has been lost
+            raise ConnectionError(str(error)) from error
+        rows = np.column_stack([[stamp, *stamps], [first, *scans]])
+        return np.concatenate([[len(first)], rows.ravel()]).astype(np.float64).tobytes()
+
+    def close(self) -> None:
+        """See `Transport`."""
+        if self._inlet is not None:
+            self._inlet.close_stream()
+            self._inlet = None
+
+    def shut(self) -> None:
+        """See `Transport`."""
+        self.close()
+
+
+class LslParser:
+    """Scans of the pieces of an `Inlet`."""
+
+    def __init__(self, columns: int, faults: Faults, *, timed: bool) -> None:
+        self._columns, self._faults, self._timed = columns, faults, timed
+
+    def restart(self) -> None:
+        """Nothing is held."""
+
+    def end(self) -> list[tuple[float | None, Floats]]:
+        """Nothing is held."""
+        return []
+
+    def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
+        """See `Parser`."""
+        channels, *_ = numbers = np.frombuffer(received)
+        if channels != self._columns:
+            seen = f"{channels:.0f} channels, {self._columns} expected"
+            self._faults.count("bad message", seen)
+            return []
+        rows = numbers[1:].reshape(-1, self._columns + 1)
+        return [(float(row[0]) if self._timed else None, row[1:]) for row in rows]
+
+
+def connect(address: Address, sensor: Sensor | None) -> ByteSource:
+    """`lsl:NAME`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
+    address.check_options(_OPTIONS)
+    name = address.need_path("lsl:NAME")
+    sensor, faults = need_sensor(address, sensor), Faults()
+    timed = address.choice("time", ("device", "arrival")) == "device"
+    return ByteSource(address, sensor, Inlet(name), LslParser(sensor.channel_map.columns, faults, timed=timed), faults)

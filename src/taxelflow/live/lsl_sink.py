@@ -1,0 +1,67 @@
+"""Results as streams of Lab Streaming Layer: `lsl:NAME`.
+
+NAME: the columns of object.csv, then 1 for each pad that slips, else 0; unknown is NaN. NAME-events: markers, JSON.
+Stamps are LSL's clock when the scan arrived, so that recorders align them with other streams; t_s is the sensor's.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from taxelflow.acquire.devices.lsl import pylsl
+from taxelflow.publish.sinks.base import ResultSink
+from taxelflow.publish.sinks.lines import event_row
+from taxelflow.publish.tables import OBJECT, motion_columns
+
+if TYPE_CHECKING:
+    from taxelflow.publish.sinks.base import Ending, Head, Update
+    from taxelflow.runtime.addresses import Address
+
+
+class LslSink(ResultSink):
+    """Sends to all who read; who reads later misses what was before."""
+
+    lossless = False
+    dropped = 0
+
+    def __init__(self, name: str) -> None:
+        self._name, self._lsl = name, pylsl()
+
+    def open(self, head: Head) -> None:
+        """See `Sink`."""
+        labels = [*OBJECT, *(f"slipping_{pad}" for pad in head.pads)]
+        self._behind_s = time.monotonic() - self._lsl.local_clock()
+        motion = self._info(self._name, "Motion", len(labels), self._lsl.cf_double64)
+        channels = motion.desc().append_child("channels")
+        for label in labels:
+            channels.append_child("channel").append_child_value("label", label)
+        self._motion = self._lsl.StreamOutlet(motion)
+        self._events = self._lsl.StreamOutlet(self._info(f"{self._name}-events", "Markers", 1, self._lsl.cf_string))
+
+    def _info(self, name: str, kind: str, channels: int, form: int) -> Any:
+        return self._lsl.StreamInfo(name, kind, channels, self._lsl.IRREGULAR_RATE, form, f"taxelflow-{name}")
+
+    def write(self, update: Update) -> None:
+        """See `Sink`."""
+        stamps = (update.arrived_s - self._behind_s).tolist()
+        slipping = update.slipping.astype(float).tolist()
+        for stamp, row, slips in zip(stamps, motion_columns(update.motions), slipping, strict=True):
+            self._motion.push_sample([*row, *slips], stamp)
+        for event in update.events:
+            self._events.push_sample([msgspec.json.encode(event_row(event)).decode()], stamps[-1])
+
+    def hurry(self) -> None:
+        """Nothing is waited for."""
+
+    def close(self, _ending: Ending) -> None:
+        """See `Sink`."""
+        del self._motion, self._events
+
+
+def write(address: Address) -> LslSink:
+    """`lsl:NAME`. Raises AddressInvalid, ExtraMissing."""
+    address.check_options(())
+    return LslSink(address.need_path("lsl:NAME"))
