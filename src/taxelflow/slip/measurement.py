@@ -101,11 +101,22 @@ def _observe(
             one: Observation = found[scan, pad]
             one.t_s, one.contact, one.quality = t_s[scan], contact[scan, pad], quality[scan, pad]
             one.lag_s, one.load, one.disturbance = lag_s[scan, pad], load[scan, pad], disturbance[scan, pad]
-            one.displacement[:], one.displacement_covariance[:] = (
+            _copy(
                 displacement[scan, pad],
                 displacement_covariance[scan, pad],
+                one.displacement,
+                one.displacement_covariance,
             )
-            one.pose[:], one.pose_covariance[:] = pose[scan, pad], covariance[scan, pad]
+            _copy(pose[scan, pad], covariance[scan, pad], one.pose, one.pose_covariance)
+
+
+@routine
+def _copy(place: Floats, spread: Floats, to_place: Floats, to_spread: Floats) -> None:
+    """Copy (3,) and (3, 3)."""
+    for a in range(3):
+        to_place[a] = place[a]
+        for b in range(3):
+            to_spread[a, b] = spread[a, b]
 
 
 @routine

@@ -245,7 +245,8 @@ def _scale(
         for a in range(count):
             low, high = position[segment * count + a], position[(segment + 1) * count + a]
             white[a] = moved[n, a] - low - share * (high - low)
-        root[:] = weight[n]
+        for ab in range(count * count):
+            root[ab // count, ab % count] = weight[n, ab // count, ab % count]
         factor_small(root, count)
         for a in range(count):  # upwards: those after it are residuals still
             for b in range(a + 1, count):

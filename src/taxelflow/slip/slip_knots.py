@@ -58,12 +58,13 @@ def running_sums(t: Floats, moved: Floats, weight: Floats) -> Sums:
     scans, axes = moved.shape
     weights, pulls, square = np.zeros((3, scans + 1, axes, axes)), np.zeros((2, scans + 1, axes)), 0.0
     for n in range(scans):
-        weights[:, n + 1], pulls[:, n + 1] = weights[:, n], pulls[:, n]
+        for a in range(axes):
+            pulls[0, n + 1, a], pulls[1, n + 1, a] = pulls[0, n, a], pulls[1, n, a]
         for ab in range(axes * axes):
             a, b = ab // axes, ab % axes
-            weights[0, n + 1, a, b] += weight[n, a, b]
-            weights[1, n + 1, a, b] += weight[n, a, b] * t[n]
-            weights[2, n + 1, a, b] += weight[n, a, b] * t[n] * t[n]
+            weights[0, n + 1, a, b] = weights[0, n, a, b] + weight[n, a, b]
+            weights[1, n + 1, a, b] = weights[1, n, a, b] + weight[n, a, b] * t[n]
+            weights[2, n + 1, a, b] = weights[2, n, a, b] + weight[n, a, b] * t[n] * t[n]
             pull = weight[n, a, b] * moved[n, b]
             pulls[0, n + 1, a] += pull
             pulls[1, n + 1, a] += pull * t[n]
