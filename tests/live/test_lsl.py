@@ -12,7 +12,7 @@ import pytest
 from streaming import PALM, SCANS, published, running, slid
 from taxelflow import registry
 from taxelflow.acquire.devices.base import Faults
-from taxelflow.errors import TaxelflowError
+from taxelflow.errors import AddressInvalid, TaxelflowError
 from taxelflow.live.emulators.base import Playback, parse_fault
 from taxelflow.live.loop import Limits
 from taxelflow.publish.tables import OBJECT
@@ -22,11 +22,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 pylsl = pytest.importorskip("pylsl")
-
-
-@pytest.fixture(autouse=True, scope="module")
-def on_this_machine() -> None:
-    pylsl.set_config_content("[multicast]\nResolveScope = machine\n[log]\nlevel = -3\n")
 
 
 def test_a_stream_is_read_with_its_stamps_and_results_go_out_as_another(tmp_path: Path) -> None:
@@ -93,6 +88,14 @@ def test_without_such_a_stream_the_run_says_so() -> None:
         running("lsl:taxelflow-nobody?wait=0.2"),
     ):
         threading.Event().wait(0.1)
+
+
+def test_streams_stay_on_this_machine_and_one_process_has_one_reach() -> None:
+    registry.find("emulator", "lsl")(parse_address("lsl:taxelflow-test-reach"), PALM)
+    with pytest.raises(AddressInvalid, match="scope=link; give all LSL addresses the same: machine is in use"):
+        registry.find("emulator", "lsl")(parse_address("lsl:taxelflow-test-reach?scope=link"), PALM)
+    with pytest.raises(AddressInvalid, match="scope=all; give scope=machine or link or site or config"):
+        registry.find("emulator", "lsl")(parse_address("lsl:taxelflow-test-reach?scope=all"), PALM)
 
 
 def _inlet(name: str) -> Any:

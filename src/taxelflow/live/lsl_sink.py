@@ -2,6 +2,7 @@
 
 NAME: the columns of object.csv, then 1 for each pad that slips, else 0; unknown is NaN. NAME-events: markers, JSON.
 Stamps are LSL's clock when the scan arrived, so that recorders align them with other streams; t_s is the sensor's.
+Programs on other machines find the streams with `?scope=link` or `site`.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ class LslSink(ResultSink):
     lossless = False
     dropped = 0
 
-    def __init__(self, name: str) -> None:
-        self._name, self._lsl = name, pylsl()
+    def __init__(self, address: Address) -> None:
+        self._name, self._lsl = address.need_path("lsl:NAME"), pylsl(address)
 
     def open(self, head: Head) -> None:
         """See `Sink`."""
@@ -62,6 +63,6 @@ class LslSink(ResultSink):
 
 
 def write(address: Address) -> LslSink:
-    """`lsl:NAME`. Raises AddressInvalid, ExtraMissing."""
-    address.check_options(())
-    return LslSink(address.need_path("lsl:NAME"))
+    """`lsl:NAME?scope=machine`. Raises AddressInvalid, ExtraMissing."""
+    address.check_options(("scope",))
+    return LslSink(address)

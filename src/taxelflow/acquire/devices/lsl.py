@@ -1,6 +1,8 @@
 """Streams of Lab Streaming Layer: `lsl:NAME`, a channel for each number of a scan, by `pylsl` (extra `lsl`).
 
 The time of a scan is its stamp, by the clock of the computer that sends; the timeline finds its offset and drift.
+Streams are announced and looked for on this machine only; `?scope=link` or `site` reach further, `config` leaves that
+to the configuration file of liblsl.
 """
 
 from __future__ import annotations
@@ -12,14 +14,17 @@ import numpy as np
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
 from taxelflow.acquire.devices.streams import TIMEOUT_S, ByteSource, need_sensor
-from taxelflow.errors import ExtraMissing
+from taxelflow.errors import AddressInvalid, ExtraMissing
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
-_OPTIONS = ("time", "wait", "timeout", "keep")
+_OPTIONS = ("time", "wait", "timeout", "keep", "scope")
+_SCOPES = ("machine", "link", "site", "config")
+_scope: dict[str, str] = {}
+"""The scope of this process."""
 _OPEN_S = 2.0
 _HELD_S = 10
 """s of scans that LSL holds for a reader that is behind."""
@@ -27,13 +32,26 @@ _MOST_SAMPLES = 256
 
 
 @cache
-def pylsl() -> Any:
-    """The package. Raises ExtraMissing, also where its library cannot be loaded."""
+def _library() -> Any:
     try:
         import pylsl as found
     except (ImportError, RuntimeError, OSError) as error:
         raise ExtraMissing("lsl", "pylsl") from error
     return found
+
+
+def pylsl(address: Address) -> Any:
+    """The package, which reaches as far as an address allows: it is set up once in a process.
+
+    Raises ExtraMissing, also where its library cannot be loaded, and AddressInvalid where another address reached
+    further or less far.
+    """
+    library, scope = _library(), address.choice("scope", _SCOPES)
+    if not _scope and scope != "config":
+        library.set_config_content(f"[multicast]\nResolveScope = {scope}\n[log]\nlevel = -3\n")
+    if _scope.setdefault("scope", scope) != scope:
+        raise AddressInvalid(address.url, f"scope={scope}", f"all LSL addresses the same: {_scope['scope']} is in use")
+    return library
 
 
 class Inlet:
@@ -42,8 +60,8 @@ class Inlet:
     patient = False
     timeout_s = TIMEOUT_S
 
-    def __init__(self, name: str) -> None:
-        self._lsl, self._name = pylsl(), name
+    def __init__(self, address: Address) -> None:
+        self._lsl, self._name = pylsl(address), address.need_path("lsl:NAME")
         self._inlet: Any = None
         self._last = ""
 
@@ -117,7 +135,7 @@ class LslParser:
 def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     """`lsl:NAME`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
     address.check_options(_OPTIONS)
-    name = address.need_path("lsl:NAME")
     sensor, faults = need_sensor(address, sensor), Faults()
     timed = address.choice("time", ("device", "arrival")) == "device"
-    return ByteSource(address, sensor, Inlet(name), LslParser(sensor.channel_map.columns, faults, timed=timed), faults)
+    inlet, parser = Inlet(address), LslParser(sensor.channel_map.columns, faults, timed=timed)
+    return ByteSource(address, sensor, inlet, parser, faults)

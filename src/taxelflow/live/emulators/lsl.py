@@ -23,7 +23,7 @@ class Lsl:
 
     def __init__(self, address: Address, sensor: Sensor) -> None:
         self.url = address.url
-        self._name, self._columns, self._lsl = address.need_path("lsl:NAME"), sensor.channel_map.columns, pylsl()
+        self._name, self._columns, self._lsl = address.need_path("lsl:NAME"), sensor.channel_map.columns, pylsl(address)
         self._outlet: Any = None
 
     def __enter__(self) -> Self:
