@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from taxelflow.messages import Event, Floats
     from taxelflow.publish.sinks.base import Sink
 
-_SWITCH_S = 5e-4
+_SWITCH_S = 2e-3
 """How long one thread may keep Python's lock while another one waits; the default of 5 ms is a scan at 200 Hz."""
-_COUNTED = 64
+_COUNTED = 16
 """Scans that are counted into the summary at once."""
 _SEEN_EVENTS = 6
 _WATCH_S = 0.2
@@ -196,8 +196,8 @@ class _Estimate:
 
     def _count(self) -> None:
         if self._uncounted:
-            output = joined(self._uncounted)
-            self._totals.add(output.slips, output.events)
+            slips = joined([output.slips for output in self._uncounted])
+            self._totals.add(slips, [event for output in self._uncounted for event in output.events])
             self._uncounted.clear()
 
 

@@ -57,6 +57,7 @@ class McapSink:
     lossless = True
     raw = True
     dropped = 0
+    gathers_s = 0.01
 
     def __init__(self, path: Path, *, drawn: bool) -> None:
         self._path, self._wants_drawing = path, drawn

@@ -96,6 +96,7 @@ class Ros2Sink:
     lossless = False
     raw = True
     dropped = 0
+    gathers_s = 0.0
 
     def __init__(self, domain: int) -> None:
         self._domain, self._dds = domain, cyclonedds()

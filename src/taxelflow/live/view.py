@@ -32,6 +32,7 @@ class LiveView:
     lossless = False
     raw = True
     dropped = 0
+    gathers_s = 0.02
 
     def __init__(self, live: Live, title: str, host: str, port: int, announce: Callable[[str], None]) -> None:
         """Opens the page. announce: called with its address. Raises ExtraMissing."""

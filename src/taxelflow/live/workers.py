@@ -58,6 +58,7 @@ class SinkWorker(threading.Thread):
         self._settled_s: float | None = None
         self._busy_since = float("inf")
         self._most = _HELD_LOSSLESS if sink.lossless else _HELD
+        self._awaited = _BATCH if sink.gathers_s else 1
 
     @property
     def dropped(self) -> int:
@@ -76,7 +77,8 @@ class SinkWorker(threading.Thread):
                 self._drop(item)
             else:
                 self._waiting.append(item)
-            self._come.notify()
+            if len(self._waiting) >= self._awaited:
+                self._come.notify()
 
     def give_room(self) -> None:
         """Wait while a file has much to write and is writing it; for sources that can wait."""
@@ -141,8 +143,8 @@ class SinkWorker(threading.Thread):
 
     def _done(self) -> bool:
         with self._come:
-            if not self._waiting and self._closing is None:
-                self._come.wait(_TICK_S)
+            if len(self._waiting) < self._awaited and self._closing is None:
+                self._come.wait(self.sink.gathers_s or _TICK_S)
             return self._closing is not None and not self._waiting
 
     def _taken(self) -> Iterator[Update | Raw]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from taxelflow.runtime.compiling import inlined, kernel, routine
+from taxelflow.runtime.compiling import inlined, long_kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,7 +22,7 @@ WIDTH = 4
 """Knots along each axis that a reading depends on: those of a cubic B-spline."""
 
 
-@kernel
+@long_kernel
 def add_square(
     first: int, weight: Floats, factor: float, reading: float, nx: int, stencil: Floats, right: Floats
 ) -> None:
@@ -47,7 +47,7 @@ def _add_knot(qy: int, qx: int, wq: float, weight: Floats, coupled: Floats) -> N
             coupled[ay - qy, ax - qx + WIDTH - 1] += wq * weight[ay * WIDTH + ax]
 
 
-@kernel
+@long_kernel
 def multiply(stencil: Floats, nx: int, vector: Floats, out: Floats) -> None:
     """Fill out (knots,) with the symmetric matrix times vector."""
     out[:] = 0.0
@@ -68,7 +68,7 @@ def _multiply_knot(coupled: Floats, j: int, nx: int, vector: Floats, out: Floats
                 out[j] += v * vector[i]
 
 
-@kernel
+@long_kernel
 def to_band(stencil: Floats, nx: int, band: Floats) -> None:
     """Fill the lower band (offsets, knots) that `scipy.linalg.cholesky_banded` takes."""
     band[:] = 0.0

@@ -43,18 +43,22 @@ _setting = Lock()
 
 
 def kernel(function: Kernel) -> Kernel:
-    """`numba.njit` with a cache, which runs without Python's lock, and keeps the function's type for mypy."""
-    return _compiled(function, nogil=True)
+    """`numba.njit` with a cache, which keeps Python's lock while it runs, and the function's type for mypy.
+
+    A live step calls some twenty kernels of microseconds: each time one gives up the lock, threads of sources and sinks
+    run first.
+    """
+    return _compiled(function, nogil=False)
 
 
 def exact_kernel(function: Kernel) -> Kernel:
     """A `kernel` that rounds each operation as Python and NumPy do."""
-    return _compiled(function, nogil=True, fastmath=False)
+    return _compiled(function, nogil=False, fastmath=False)
 
 
-def brief_kernel(function: Kernel) -> Kernel:
-    """A `kernel` that keeps Python's lock while it runs: for calls of microseconds beside a thread that works."""
-    return _compiled(function, nogil=False)
+def long_kernel(function: Kernel) -> Kernel:
+    """A `kernel` that runs without Python's lock: for work of milliseconds, beside which other threads go on."""
+    return _compiled(function, nogil=True)
 
 
 def routine(function: Kernel) -> Kernel:

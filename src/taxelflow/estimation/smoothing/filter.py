@@ -15,7 +15,7 @@ import numpy as np
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
-from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.compiling import long_kernel, routine
 
 STATES = 6
 State: TypeAlias = Annotated[Floats, 6]
@@ -152,7 +152,7 @@ def make_symmetric(P: Floats) -> None:
             P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
 
 
-@kernel
+@long_kernel
 def run_filter(
     tau: Floats, pose: Floats, noise: Floats, touched: Bools, density: Floats, memory: Records, rows: Records
 ) -> None:
@@ -236,7 +236,7 @@ def step_back(
                 moved_P[a, b] -= later_P[a, k] * G[b, k] + later_P[b, k] * G[a, k]
 
 
-@kernel
+@long_kernel
 def run_smoother(tau: Floats, density: Floats, rows: Records) -> None:
     """Turn what `run_filter` gave into the estimates from all poses of each track."""
     prediction = no_prediction()

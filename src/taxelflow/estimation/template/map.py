@@ -11,7 +11,7 @@ from taxelflow.estimation.template.observations import Readings
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import WIDTH, Factor, add_diagonal, add_square, smoothness
 from taxelflow.numerics.bspline import KNOTS, evaluate, knot_of, spread, state_of
-from taxelflow.runtime.compiling import kernel
+from taxelflow.runtime.compiling import long_kernel
 
 SPACING = 0.5
 """Of the knots, in pitches."""
@@ -138,7 +138,7 @@ def fill(pattern: Pattern, readings: Readings, states: Floats) -> Factor:
     return sums.solve(pattern)
 
 
-@kernel
+@long_kernel
 def add_scans(
     surface: Surface, readings: Readings, states: Floats, stencil: Floats, right: Floats, support: Floats
 ) -> None:

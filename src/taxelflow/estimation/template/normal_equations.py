@@ -13,7 +13,7 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.banded import WIDTH, add_square
 from taxelflow.numerics.bspline import KNOTS, STATE, State, evaluate, knot_of, put, spread, state_of
 from taxelflow.numerics.robust import OUTLIER, huber_weight
-from taxelflow.runtime.compiling import kernel, lean_kernel
+from taxelflow.runtime.compiling import lean_kernel, long_kernel
 
 _HUBER = 4.0
 """Standard deviations from which on a reading is held down."""
@@ -60,7 +60,7 @@ class Normal(NamedTuple):
         )
 
 
-@kernel
+@long_kernel
 def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats, out: Normal) -> None:
     """Linearise at states (scans, 5). free: (5,), 1 of those that may move, 0 of others."""
     c, places, nx = surface.c, readings.places, surface.c.shape[1]
@@ -110,7 +110,7 @@ def _add_state(slope: Floats, factor: float, difference: float, block: Floats, g
             block[a, b] += factor * slope[a] * slope[b]
 
 
-@kernel
+@long_kernel
 def to_knots(step: Floats, normal: Normal, nx: int, out: Floats) -> None:
     """Add to out (knots,) what steps of the states (scans, 5) do to the coefficients' equations."""
     for k in range(normal.first.shape[0]):
@@ -125,7 +125,7 @@ def to_knots(step: Floats, normal: Normal, nx: int, out: Floats) -> None:
                 out[knot_of(normal.first[k, i], a, nx)] += pull * normal.weight[k, i, a]
 
 
-@kernel
+@long_kernel
 def to_states(knots: Floats, normal: Normal, nx: int, out: Floats) -> None:
     """Add to out (scans, 5) what steps of the coefficients (knots,) do to the states' equations."""
     for k in range(normal.first.shape[0]):

@@ -70,11 +70,13 @@ class Sink(Protocol):
     """A place for results. One thread calls it; it may block without holding up the estimate.
 
     lossless: nothing is dropped for it. raw: it wants scans as they arrived, too. dropped: what it could not pass on.
+    gathers_s: time for which what has come may wait, s, so that more is written at once.
     """
 
     lossless: bool
     raw: bool
     dropped: int
+    gathers_s: float
 
     def open(self, head: Head) -> None:
         """Open file or port. Raises SinkUnusable."""
@@ -99,6 +101,7 @@ class ResultSink:
     """What sinks of results share: no raw scans, nothing to do between results."""
 
     raw = False
+    gathers_s = 0.0
 
     def write_raw(self, _scans: RawScans, *, late: bool) -> None:
         """Raw scans are not asked for."""

@@ -24,6 +24,7 @@ class FoxgloveServer:
     lossless = False
     raw = True
     dropped = 0
+    gathers_s = 0.02
 
     def __init__(self, host: str, port: int) -> None:
         self._host, self._port = host, port

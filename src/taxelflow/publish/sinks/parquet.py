@@ -25,6 +25,7 @@ class ParquetSink(ResultSink):
 
     lossless = True
     dropped = 0
+    gathers_s = 0.05
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory

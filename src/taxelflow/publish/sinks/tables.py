@@ -23,6 +23,7 @@ class TablesSink(ResultSink):
 
     lossless = True
     dropped = 0
+    gathers_s = 0.05
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory

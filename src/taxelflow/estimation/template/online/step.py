@@ -12,7 +12,7 @@ from taxelflow.estimation.template.online.output import report
 from taxelflow.estimation.template.online.track_state import NOTHING, Hand, Patterns, Rows, Scan, Track
 from taxelflow.estimation.template.online.tracking import follow
 from taxelflow.numerics.records import Records
-from taxelflow.runtime.compiling import brief_kernel
+from taxelflow.runtime.compiling import kernel
 
 FOLLOW, REPORT, BOTH = range(1, 4)
 """What to do with a scan."""
@@ -21,7 +21,7 @@ DONE, ELSEWHERE, ASKS = range(3)
 set."""
 
 
-@brief_kernel
+@kernel
 def follow_hand(job: int, k: int, scan: Scan, hand: Hand, maps: Patterns, tracks: Records, rows: Rows) -> int:
     """Do FOLLOW, REPORT or BOTH with one scan, into row k of `rows`, whatever stood there.
 
