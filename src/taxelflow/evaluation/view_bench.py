@@ -228,13 +228,24 @@ def _feed(
     history: History, t_s: Floats, pressure: Floats, results: Results, rate_hz: float, stop: threading.Event
 ) -> None:
     """Add scans at their rate, the recording over and over, until told to stop."""
+    cuts = [
+        (
+            pressure[k : k + 1],
+            Results(
+                cut(results.slips, k, k + 1),
+                results.slipping[k : k + 1],
+                cut(results.motions, k, k + 1),
+                results.evidence[k : k + 1],
+            ),
+        )
+        for k in range(len(t_s))
+    ]
     began, scan = time.monotonic(), 0
     while not stop.is_set():
-        at_s = scan / rate_hz
-        k = scan % len(t_s)
-        history.see(np.array([at_s]), pressure[k : k + 1])
-        slips = replace(cut(results.slips, k, k + 1), t_s=np.array([at_s]))
-        motions = replace(cut(results.motions, k, k + 1), t_s=np.array([at_s]))
-        history.add(Results(slips, results.slipping[k : k + 1], motions, results.evidence[k : k + 1]), [])
+        at_s = np.array([scan / rate_hz])
+        row, result = cuts[scan % len(cuts)]
+        history.see(at_s, row)
+        slips, motions = replace(result.slips, t_s=at_s), replace(result.motions, t_s=at_s)
+        history.add(result._replace(slips=slips, motions=motions), [])
         scan += 1
         stop.wait(max(0.0, began + scan / rate_hz - time.monotonic()))

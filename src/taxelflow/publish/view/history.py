@@ -25,7 +25,7 @@ SAME_S = 1e-6
 
 
 _CHUNK = 256
-"""Scans of a chunk at most, if they come one by one: what is joined anew at each reading is no more than that."""
+"""Scans of a chunk at most, if they come one by one."""
 
 
 class Results(NamedTuple):
@@ -59,7 +59,9 @@ Block = TypeVar("Block", Seen, Results)
 
 
 class _Chunks(Generic[Block]):
-    """Blocks in time order. Small ones are joined when they are read, so that a long history is not copied."""
+    """Blocks in time order. Those that come are joined when they are read, and with earlier ones of no more scans: each
+    scan is copied a few times only.
+    """
 
     def __init__(self, times: Callable[[Block], Floats], join: Callable[[Sequence[Block]], Block]) -> None:
         self._times: Callable[[Block], Floats] = times
@@ -74,17 +76,22 @@ class _Chunks(Generic[Block]):
     def read(self, keep_s: float) -> list[Block]:
         """All blocks, without those that are older than keep_s before the last scan."""
         if self._new:
-            tail = self._new
-            last = self._times(self._blocks[-1]) if self._blocks else np.zeros(0)
-            if 0 < len(last) < _CHUNK and last[-1] - last[0] < keep_s / 4:
+            tail, self._new = self._new, []
+            count, longest_s = sum(map(self._count, tail)), keep_s / 4
+            while self._blocks and (more := self._count(self._blocks[-1])) <= count and count + more <= _CHUNK:
+                if self._times(tail[-1])[-1] - self._times(self._blocks[-1])[0] > longest_s:
+                    break
                 tail.insert(0, self._blocks.pop())
+                count += more
             self._blocks.append(tail[0] if len(tail) == 1 else self._join(tail))
-            self._new = []
         if self._blocks:
             since_s = self._times(self._blocks[-1])[-1] - keep_s
             old = sum(1 for block in self._blocks if self._times(block)[-1] < since_s)
             self._blocks = self._blocks[old:]
         return self._blocks
+
+    def _count(self, block: Block) -> int:
+        return len(self._times(block))
 
 
 @dataclass
@@ -136,6 +143,14 @@ class History:
         """(scans,), of all scans."""
         blocks = self._scans()
         return np.concatenate([block.t_s for block in blocks]) if blocks else np.zeros(0)
+
+    @property
+    def span(self) -> tuple[float, float, int]:
+        """Times of the first and last scan, s, and the number of scans; zeros without any."""
+        blocks = self._scans()
+        if not blocks:
+            return 0.0, 0.0, 0
+        return float(blocks[0].t_s[0]), float(blocks[-1].t_s[-1]), sum(len(block.t_s) for block in blocks)
 
     def strongest(self) -> float:
         """The pressure that one scan in a hundred exceeds, 0 without any."""

@@ -114,8 +114,7 @@ class Page:
     @property
     def span_s(self) -> tuple[float, float]:
         """Times of the first and last scan, s of the sensor's clock; 0 without any."""
-        times = self._history.times
-        return (float(times[0]), float(times[-1])) if len(times) else (0.0, 0.0)
+        return self._history.span[:2]
 
     def show_at(self, at_s: float) -> None:
         """Draw the scene alone at a time, and write the time beside the scales."""
@@ -138,18 +137,18 @@ class Page:
             self._tick(now_s, elapsed_s)
 
     def _tick(self, now_s: float, elapsed_s: float) -> None:
-        times = self._history.times
-        if not len(times):
+        first_s, last_s, scans = self._history.span
+        if not scans:
             return
         player = self.player
-        player.extend(float(times[0]), float(times[-1]))
+        player.extend(first_s, last_s)
         player.advance(elapsed_s)
         snapshot = self._snapshot()
         if snapshot is None:
             return
         self._scale_once(now_s)
         chosen, decided = (self.panel.method.value, self.panel.second.value), [*map(_progress, self._methods.values())]
-        shown = (snapshot.t_s, snapshot.results is None, len(times), chosen, decided)
+        shown = (snapshot.t_s, snapshot.results is None, scans, chosen, decided)
         if shown != self._shown:
             self._shown = shown
             self._draw(snapshot)
@@ -157,7 +156,7 @@ class Page:
         if now_s - self._plotted_s < _PLOT_S or settled == self._told:
             return
         self._plotted_s, self._told = now_s, settled
-        self._tell(snapshot, times)
+        self._tell(snapshot)
 
     def _snapshot(self) -> Snapshot | None:
         """What is known at the player's time, by the chosen method."""
@@ -171,13 +170,13 @@ class Page:
         trail = self._results(snapshot.t_s - SHOWN_S, snapshot.t_s) if self.scene.follows else None
         self.scene.show(snapshot, trail, self._compared(snapshot.t_s, snapshot.t_s))
 
-    def _tell(self, snapshot: Snapshot, times: Any) -> None:
+    def _tell(self, snapshot: Snapshot) -> None:
         history, since_s = self._chosen, snapshot.t_s - SHOWN_S
         with self._server.atomic():
             if history.events is not self._listed:
                 self._listed = history.events
                 self.panel.strip.list(history.events)
-            self.panel.show_time(times)
+            self.panel.show_time(self._history.times)
             self.panel.show_state(snapshot, history.complete)
             self.panel.show_plots(
                 self._results(since_s, snapshot.t_s), snapshot.t_s, self._compared(since_s, snapshot.t_s)
