@@ -39,9 +39,11 @@ def fit_smooth(p: Floats, noise: Floats, x: Floats, y: Floats, rest: Floats) -> 
         u, v = (x[k] - x[0]) / reach, (y[k] - y[0]) / reach
         terms[k, 0], terms[k, 1], terms[k, 2] = 1.0, u, v
         terms[k, 3], terms[k, 4], terms[k, 5] = u * u, u * v, v * v
-    left = np.zeros(len(p))
+    left, shares = np.zeros(len(p)), np.empty((2, len(p)))
+    for k in range(len(p)):
+        shares[0, k], shares[1, k] = p[k] / peak, LOADED * noise[k] / peak
     for law in _LAWS:
-        energy = fit_law(law, p / peak, LOADED * noise / peak, terms, left)
+        energy = fit_law(law, shares[0], shares[1], terms, left)
         if energy < least:
             least = energy
             for k in range(len(p)):

@@ -133,11 +133,14 @@ def measure(
             if evaluated:
                 add_scan(pressure[scan], noise, xy, begin, end, gradients, error, own)
             if evaluated or own.age == 0:
-                own.unobservable[:] = 0.0
+                for a in range(4):
+                    own.unobservable[a // 2, a % 2] = 0.0
                 own.smooth = judge(own, own.unobservable)
                 own.turns = not own.smooth or own.turn > _TEXTURED * own.arm
             own.age += 1
-            smooth[scan, pad], turns[scan, pad], unobservable[scan, pad] = own.smooth, own.turns, own.unobservable
+            smooth[scan, pad], turns[scan, pad] = own.smooth, own.turns
+            for a in range(4):
+                unobservable[scan, pad, a // 2, a % 2] = own.unobservable[a // 2, a % 2]
 
 
 @routine
