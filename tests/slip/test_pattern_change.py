@@ -99,6 +99,15 @@ def test_a_missing_taxel_is_no_change() -> None:
     assert (ratios(changes)[15:] < 0).all()
 
 
+def test_readings_at_the_end_of_their_range_are_no_change() -> None:
+    pressure = texture(np.zeros(20)) * np.repeat([1.0, 1.5], 10)[:, np.newaxis]
+    ceiling = 0.8 * float(pressure.max())
+    clipped = touched(np.minimum(pressure, ceiling))
+    known = replace(clipped, ceiling=np.full_like(clipped.noise, ceiling))
+    assert np.nanmax(compared(clipped).unexplained) > 1e-3
+    assert np.nanmax(compared(known).unexplained) < 1e-8
+
+
 def test_patterns_are_not_compared_across_a_gap() -> None:
     scans = touched(texture(np.repeat([0.0, 0.01], 10)))
     scans = replace(scans, t_s=scans.t_s + np.repeat([0.0, 2.0], 10))

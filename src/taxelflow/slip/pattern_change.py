@@ -7,7 +7,7 @@ When a hand moves, the load is redistributed over the pad while the object stays
 with load g and tilt a; r is the place on the pad. Poses move along, for a tilt of a smooth pattern is a shift. A slip
 changes the pattern in ways that load and tilt do not. Scans are averaged over bins of 0.1 s; y is the mean of the bins
 after one, q that of the two before it. The unexplained change is the norm of what the least squares fit of g and a
-leaves of y, over that of y.
+leaves of y, over that of y. Taxels at the end of their range are left out.
 """
 
 from __future__ import annotations
@@ -68,10 +68,13 @@ class PatternChanges:
 
 @dataclass(slots=True, eq=False)
 class _Bin:
-    """Sum of scans. touching, whole: (pads,), contact and no missing taxel in all of them."""
+    """Sum of scans. touching, whole: (pads,), contact and no missing taxel in all of them. clipped: (entries,), at the
+    end of its range in any of them.
+    """
 
     since_s: float
     pressure: Floats
+    clipped: Bools
     touching: Bools
     whole: Bools
     shear: Floats | None
@@ -122,11 +125,12 @@ class PatternWatch:
             self._bins.clear()
             self._open = None
         pressure, touching, whole = scans.pressure[scan], scans.contact[scan], scans.complete[scan]
-        shear = None if scans.shear is None else scans.shear[scan]
+        shear, clipped = None if scans.shear is None else scans.shear[scan], pressure >= scans.ceiling
         if self._open is None:
-            self._open = _Bin(t_s, pressure.copy(), touching, whole, None if shear is None else shear.copy())
+            self._open = _Bin(t_s, pressure.copy(), clipped, touching, whole, None if shear is None else shear.copy())
         else:
             self._open.pressure += pressure
+            self._open.clipped |= clipped
             if self._open.shear is not None and shear is not None:
                 self._open.shear += shear
             self._open.touching = self._open.touching & touching
@@ -150,6 +154,9 @@ class PatternWatch:
         if not valid.any():
             return
         (old, old_scans), (new, new_scans) = _mean(before), _mean(after)
+        clipped = np.logical_or.reduce([one.clipped for one in [*before, *after]])
+        if clipped.any():
+            old, new = np.where(clipped, 0.0, old), np.where(clipped, 0.0, new)
         live = noise**2 * ((old != 0) | (new != 0)) * (1 / old_scans + 1 / new_scans)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             products = np.concatenate(

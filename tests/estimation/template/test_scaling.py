@@ -30,6 +30,11 @@ def test_growth_at_a_border_is_no_motion() -> None:
     assert np.ptp(found, axis=0).max() < 0.5  # taken for motion, it is 3.4 mm
 
 
+def test_growth_of_which_half_is_seen_is_no_motion() -> None:
+    found, _ = seen(motion={"turn_s": 4.0, "middle_m": (0.032, 0.0)}, load={"cycles": 2}, seed=5)
+    assert found.std(axis=0).max() < 0.5  # taken for motion, it is 3.0 mm
+
+
 def test_an_object_that_slides_along_the_border_as_it_is_pressed_has_moved() -> None:
     slide = {"travel_m": 0.006, "speed_m_s": 0.002, "direction_rad": np.pi / 2, "rest_s": 1.0}
     found, true = seen(motion=slide, load={"cycles": 2})

@@ -24,9 +24,11 @@ _LOADS, _DIFFER = (0.05, 0.95), 2.0
 """Quantiles of the load, and how many times the first the other must be for growth to show."""
 _FEWEST = 5
 _STAYS = 2.0
-"""Only a contact that seemed to stay within so many pitches may be one that grew."""
+"""Only a contact that seemed to stay within so many pitches, or to go with its load, may be one that grew."""
 _POWER, SIZE_STD = 1 / 3, 0.3
 """Hertz: size and pressure go with the cube root of the force; how far the size's logarithm is from that."""
+_TERMS = 4
+"""Of the polynomial by which a place goes with the size."""
 _GAIN_STD = 1.0
 _SHARES = (0.05, 20.0)
 """Bounds of the load over that of the scan to begin with."""
@@ -60,10 +62,17 @@ def grown_start(scanned: Scanned, states: Floats, start: int) -> tuple[Pattern, 
 
 
 def may_have_grown(scanned: Scanned, states: Floats) -> bool:
-    """Whether the load varies enough for growth to show, and the object hardly moved by states (scans, 5)."""
-    least, most = np.quantile(scanned.load().sum(axis=1), _LOADS)
-    varies = len(scanned) >= _FEWEST and most >= _DIFFER * max(least, 1e-300)
-    return bool(varies and np.ptp(states[:, :2], axis=0).max() <= _STAYS)
+    """Whether the load varies enough for growth to show, and the object hardly moved by states (scans, 5),
+    but with its load: of a contact that a border cuts, only a flank may be seen.
+    """
+    load = scanned.load().sum(axis=1)
+    least, most = np.quantile(load, _LOADS)
+    if len(scanned) < _FEWEST or most < _DIFFER * max(least, 1e-300):
+        return False
+    with_load = np.vander(np.clip(load / most, *_SHARES) ** _POWER, _TERMS)
+    places = states[:, :2]
+    left = places - with_load @ np.linalg.lstsq(with_load, places, rcond=None)[0]
+    return bool(np.ptp(left, axis=0).max() <= _STAYS)
 
 
 def centre(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
