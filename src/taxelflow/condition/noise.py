@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import gammainc, gammaln, logsumexp
 
-from taxelflow.condition.resting import far_from_loads, find_rest
+from taxelflow.condition.resting import far_from_loads, rest_likelihood
 from taxelflow.messages import Bools, Floats
 
 if TYPE_CHECKING:
@@ -182,8 +182,7 @@ def _rest_likelihood(live: Floats, near: NDArray[np.int64], grid: Floats, cut: f
     telling = telling[:: 1 + len(readings) * len(telling) // _MAX_REST_READINGS]
     likelihood = np.zeros((live.shape[2], len(grid)))
     if len(telling):
-        chosen = readings[:, telling]
-        likelihood[telling] = np.stack([find_rest(chosen, level, cut, reach).likelihood for level in grid], axis=1)
+        likelihood[telling] = rest_likelihood(readings[:, telling], grid, cut, reach)
     return likelihood
 
 

@@ -104,16 +104,43 @@ def find_rest(readings: Floats, noise: Floats | float, cut: float, reach: float)
     readings: (scans, taxels), NaN where missing. noise: (taxels,) or one for all. cut: readings that would be lower are
     clipped. reach: the largest load there may be.
     """
-    known = np.isfinite(readings)
-    y = np.where(known, readings, cut)
-    clipped = known & (y <= cut)
+    return _find_rest(_Readings.of(readings, cut), noise, reach)
+
+
+def rest_likelihood(readings: Floats, noises: Floats, cut: float, reach: float) -> Floats:
+    """(taxels, noises): `Resting.likelihood` for each of the noises (noises,) common to all taxels; see `find_rest`."""
+    prepared = _Readings.of(readings, cut)
+    return np.stack([_find_rest(prepared, noise, reach).likelihood for noise in noises], axis=1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Readings:
+    """What does not depend on the noise: y (scans, taxels), `cut` where missing; known, clipped: which of them are;
+    count, level: (taxels,) of known ones, and where the search for the level starts.
+    """
+
+    y: Floats
+    known: Bools
+    clipped: Bools
+    count: NDArray[np.int64]
+    level: Floats
+    cut: float
+
+    @classmethod
+    def of(cls, readings: Floats, cut: float) -> _Readings:
+        known = np.isfinite(readings)
+        y = np.where(known, readings, cut)
+        ranked = np.sort(np.where(known, y, np.inf), axis=0)
+        count = known.sum(axis=0)
+        place = np.minimum(np.maximum(_LEVEL.start_quantile * count, _LEVEL.start_place), count - 1).astype(int)
+        level = ranked[np.maximum(place, 0), np.arange(y.shape[1])]
+        return cls(y, known, known & (y <= cut), count, np.where(count > 0, level, cut), cut)
+
+
+def _find_rest(readings: _Readings, noise: Floats | float, reach: float) -> Resting:
+    y, known, clipped, count, cut = readings.y, readings.known, readings.clipped, readings.count, readings.cut
     sigma = np.broadcast_to(np.asarray(noise, dtype=np.float64), y.shape[1:])
-    ranked = np.sort(np.where(known, y, np.inf), axis=0)
-    count = known.sum(axis=0)
-    place = np.minimum(np.maximum(_LEVEL.start_quantile * count, _LEVEL.start_place), count - 1).astype(int)
-    level = ranked[np.maximum(place, 0), np.arange(y.shape[1])]
-    level = np.where(count > 0, level, cut)
-    share = np.full(y.shape[1], 0.5)
+    level, share = readings.level, np.full(y.shape[1], 0.5)
     unit = np.log(sigma * (2 * np.pi) ** 0.5)
     stray = np.log(_LEVEL.stray) - np.log(sigma * np.log1p(reach / sigma))
     for _ in range(_LEVEL.iterations):
@@ -123,11 +150,12 @@ def find_rest(readings: Floats, noise: Floats | float, cut: float, reach: float)
         log_rest = np.where(clipped, below, -0.5 * z * z - unit)
         log_load = np.where((z < 0) | clipped, stray, stray - np.log(_LEVEL.stray) - np.log1p(np.maximum(z, 0.0)))
         odds = np.exp(np.clip(log_rest - log_load, -50.0, 50.0)) * (share / (1 - share))
+        loaded = np.log1p(-share)
         unloaded = np.where(known, odds / (1 + odds), 0.0)
-        likelihood = np.sum(log_load + np.log1p(odds), axis=0, where=known) + count * np.log1p(-share)
         mills = np.exp(-0.5 * edge**2 - 0.5 * np.log(2 * np.pi) - below)
         total = unloaded.sum(axis=0)
         mean = (unloaded * np.where(clipped, level - sigma * mills, y)).sum(axis=0) / np.maximum(total, 1e-9)
         level = np.maximum(np.where(total > 0, mean, level), cut + _LEVEL.lowest_level * sigma)
         share = (total + _LEVEL.even) / (count + 2 * _LEVEL.even)
+    likelihood = np.where(known, log_load + np.log1p(odds), 0.0).sum(axis=0) + count * loaded
     return Resting(level, unloaded, likelihood + np.log(sigma) * np.minimum(total, 1.0))

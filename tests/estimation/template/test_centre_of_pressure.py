@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
+
 import msgspec
 import numpy as np
 import pytest
@@ -9,11 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxelflow import api
+from taxelflow.acquire.base import Recording
 from taxelflow.estimation.template.centre_of_pressure import combine
 from taxelflow.estimation.template.online.witness import carry
 from taxelflow.evaluation.robustness_rows import CaseRow, row_of
 from taxelflow.messages import Floats
 from taxelflow.simulation.relief.cases import PLACES, case, sensor_at
+from taxelflow.simulation.relief.parameters import Pressing
 from taxelflow.simulation.relief.simulate import simulate_relief
 
 seeds = st.integers(0, 2**32 - 1)
@@ -80,12 +85,20 @@ def test_a_point_carried_there_and_back_has_the_covariance_that_it_had(seed: int
     np.testing.assert_allclose(carried, cov, atol=1e-9)
 
 
+@cache
+def pressed(shape: str, place: str, seed: int) -> tuple[Pressing, Recording]:
+    """A relief with all faults."""
+    at = PLACES[place]
+    pressing = case(shape, place, "all", seed=seed)  # type: ignore[arg-type]
+    return pressing, simulate_relief(pressing, sensor_at(at), at.pad)
+
+
 def row(shape: str, place: str, seed: int, *, unseen_error: float, mode: api.Mode) -> CaseRow:
     """The template on a relief with all faults, on a sensor that declares this unseen error."""
     at = PLACES[place]
-    pressing = case(shape, place, "all", seed=seed)  # type: ignore[arg-type]
-    sensor = msgspec.structs.replace(sensor_at(at), unseen_error=unseen_error)
-    result = api.estimate(simulate_relief(pressing, sensor, at.pad), "template", mode=mode)
+    pressing, recording = pressed(shape, place, seed)
+    sensor = msgspec.structs.replace(recording.sensor, unseen_error=unseen_error)
+    result = api.estimate(replace(recording, sensor=sensor), "template", mode=mode)
     return row_of(("all", shape, place, seed, "template"), pressing, result.slips, result.pads.index(at.pad), mode)
 
 

@@ -13,6 +13,7 @@ from scipy.ndimage import convolve
 from taxelflow.estimation.template.extrapolation import looked_at, near
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.messages import LearnedPattern
+from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.bspline import STATE, evaluate, state_of
 
 if TYPE_CHECKING:
@@ -103,7 +104,8 @@ def as_map(
     """
     if len(states) < _LIMITS.fewest:
         return None
-    x, y, pressure, std = mapped(pattern, scanned, states, pose / [pitch_m, pitch_m, 1.0], error)
+    with on_one_core():
+        x, y, pressure, std = mapped(pattern, scanned, states, pose / [pitch_m, pitch_m, 1.0], error)
     times = float(scanned.t_s[0]), float(scanned.t_s[-1])
     return LearnedPattern(pad, *times, len(states), pitch_m * x, pitch_m * y, pressure, std, turns, dead)
 

@@ -11,12 +11,14 @@ from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.map_update import first_pattern, learn
 from taxelflow.estimation.template.online.relocalization import recognised
 from taxelflow.estimation.template.online.track_state import PadScan
+from taxelflow.numerics.blas import on_one_core
 
 
 @cache
 def compile_batch() -> None:
     """Those of whole contacts, once in a process."""
-    solve_contact(made_up())
+    with on_one_core():
+        solve_contact(made_up())
 
 
 @cache

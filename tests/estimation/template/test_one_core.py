@@ -1,0 +1,34 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from taxelflow.api import estimate, estimator
+from taxelflow.estimation.template import warmup
+from taxelflow.numerics import banded
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording
+    from taxelflow.estimation.base import Mode
+    from taxelflow.messages import Floats
+
+
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+def test_no_factorisation_is_shared_among_cores(mode: Mode, stroke: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A factorisation of 1 ms takes 300 ms where four threads wait for each other."""
+    seen: set[int] = set()
+    factorise = banded.cholesky_banded
+
+    def noted(*arguments: object, **options: object) -> Floats:
+        seen.update(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+        lower: Floats = factorise(*arguments, **options)
+        return lower
+
+    monkeypatch.setattr(banded, "cholesky_banded", noted)
+    warmup.compile_batch.cache_clear()
+    warmup.compile_stream.cache_clear()
+    with threadpool_limits(2, user_api="blas"):
+        estimate(stroke, estimator("template"), mode=mode)
+    assert seen == {1}

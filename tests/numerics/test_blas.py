@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from threading import Event
+
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from taxelflow.numerics.blas import on_one_core
+
+
+def threads() -> set[int]:
+    return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+
+def test_blas_stays_on_one_core_until_the_last_thread_has_left() -> None:
+    entered, done = Event(), Event()
+
+    def other() -> set[int]:
+        with on_one_core():
+            entered.set()
+            done.wait()
+            return threads()
+
+    with threadpool_limits(2, user_api="blas"), ThreadPoolExecutor(1) as beside:
+        with on_one_core():
+            seen = beside.submit(other)
+            entered.wait()
+        assert threads() == {1}
+        done.set()
+        assert seen.result() == {1}
+        assert threads() == {2}
+
+
+def test_a_thread_beside_one_that_limits_blas_has_one_core() -> None:
+    def other() -> set[int]:
+        with on_one_core():
+            return threads()
+
+    with threadpool_limits(2, user_api="blas"), ThreadPoolExecutor(1) as beside:
+        assert beside.submit(other).result() == {1}
+        assert threads() == {2}
