@@ -19,11 +19,12 @@ PAD, DIRECTION_RAD = "finger1_proximal", 0.6
 def browsed() -> Iterator[Browsed]:
     executable = installed_browser()
     from taxelflow.publish.view.page import Page
+    from taxelflow.publish.view.server import PageServer
 
     sensor = load_sensor("schunk-sdh2")
     first, second = viewed(sensor, PAD, DIRECTION_RAD), viewed(sensor, PAD, DIRECTION_RAD + 2.0)
     first.method, second.method = "first", "second"
-    page = Page(sensor, (first, second), "a slip", port=0)
+    page = Page(sensor, (first, second), "a slip", PageServer(port=0))
     page.player.playing = False
     page.panel.second.value = "none"
     try:

@@ -48,12 +48,12 @@ class Panel:
         self._times = np.zeros(0)
         self._patterns: list[LearnedPattern] = []
         gui = server.gui
-        gui.set_panel_label("taxelflow")
         counts = {WORDS[how]: placement.how.count(how) for how in placement.how}
         poses = ", ".join(f"{count} {'pad' if count == 1 else 'pads'} {words}" for words, count in counts.items())
         note = f"  \n{heading.note}" if heading.note else ""
         gui.add_markdown(f"**{heading.title}**  \n`{sensor.name}`: {poses}{note}")
         self._status = gui.add_markdown("reading ...")
+        self._source = gui.add_markdown("", visible=False)
         self._add_playback(gui)
         self.strip = Strip(gui, player)
         several, methods = len(heading.methods) > 1, heading.methods
@@ -149,6 +149,16 @@ class Panel:
     def tell_decided(self, words: str) -> None:
         """What became of the last request to decide anew."""
         self._decided.content = words
+
+    def tell_source(self, words: str) -> None:
+        """Rate, latency and losses of a live source."""
+        if words != self._source.content:
+            self._source.visible, self._source.content = True, words
+
+    @property
+    def source(self) -> str:
+        """What was told last of the source."""
+        return str(self._source.content)
 
     def show_state(self, snapshot: Snapshot, complete: bool) -> None:
         """Time, and a row per pad in contact."""

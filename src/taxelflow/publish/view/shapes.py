@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.geometry import quaternion_of
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -94,7 +92,9 @@ def along(normal: Floats, x_axis: Floats) -> Floats:
     x = x_axis - (x_axis * z).sum(axis=1, keepdims=True) * z
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     frames = np.stack([x, np.cross(z, x), z], axis=2)
-    quaternions: Floats = quaternion_of(frames)[:, (3, 0, 1, 2)]
+    from viser.transforms import SO3
+
+    quaternions: Floats = SO3.from_matrix(frames).wxyz
     return quaternions
 
 
