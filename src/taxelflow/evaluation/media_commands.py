@@ -15,6 +15,7 @@ from tyro.conf import Positional, UseAppendAction
 
 from taxelflow import registry
 from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.turns import quick_turns
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
@@ -128,10 +129,10 @@ class View:
             return self._film(self.film, methods)
         from taxelflow.publish.view.server import PageServer
 
-        with PageServer(self.host, self.port) as server, suppress(KeyboardInterrupt):  # the way to end it
+        with PageServer(self.host, self.port) as server, suppress(KeyboardInterrupt), quick_turns():
             print(f"{server.url} (end with Ctrl-C)", flush=True)
             self._serve(server, methods, live=live)
-        return 0
+        return 0  # interrupted: the way to end it
 
     def _serve(self, server: PageServer, methods: tuple[str, ...], *, live: bool) -> None:
         """Import what estimates only now: browsers load the page in the meantime."""

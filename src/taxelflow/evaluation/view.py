@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from taxelflow.publish.view.server import PageServer
     from taxelflow.sensors.sensor import Sensor
 
+_BROWSER_S = 3.0
+"""The estimate of a recording waits so long at most for a browser: compiling kernels would delay the first picture."""
+
 
 @dataclass
 class Filling:
@@ -101,8 +104,7 @@ class Playing:
     def fill(self) -> None:
         """Read and estimate, by one method after the other. Raises what reading raises."""
         self._fillings[0].see()
-        for filling in self._fillings:
-            filling.estimate()
+        self._estimate()
 
     def decide(self, alarms_per_hour: float) -> None:
         """Decide on slips anew, unless that is being done."""
@@ -131,6 +133,10 @@ class Playing:
             if self.error is not None:
                 raise self.error
 
+    def _estimate(self) -> None:
+        for filling in self._fillings:
+            filling.estimate()
+
     def close(self) -> None:
         """Stop to show, and the server."""
         self._stop.set()
@@ -138,7 +144,9 @@ class Playing:
 
     def _guarded(self) -> None:
         try:
-            self.fill()
+            self._fillings[0].see()
+            self.page.wait_for_browser(_BROWSER_S)
+            self._estimate()
         except Exception as error:  # raised by the thread that waits
             self.error = error
 

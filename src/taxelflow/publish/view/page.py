@@ -100,6 +100,10 @@ class Page:
         """Where the page is."""
         return self._page_server.url
 
+    def wait_for_browser(self, seconds: float) -> None:
+        """Wait until a browser has drawn the scene, so long at most."""
+        self._page_server.opened.wait(seconds)
+
     @property
     def histories(self) -> tuple[History, ...]:
         """Of each method, the first one with the pressures."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import redirect_stdout
 from io import StringIO
+from threading import Event
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.errors import ExtraMissing
@@ -20,7 +21,8 @@ class PageServer:
     """Serves a page that is being prepared. Raises ExtraMissing without viser.
 
     A browser takes a second to load the page: it does so while the command reads and imports. The module imports
-    neither numba nor the pipeline. url: where the page is. viser: the server as the page uses it.
+    neither numba nor the pipeline. url: where the page is. viser: the server as the page uses it. opened: set when
+    a browser has drawn it.
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int = 8080) -> None:
@@ -37,7 +39,8 @@ class PageServer:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_PIXELS)
         self._preparing = gui.add_markdown("preparing: starting the estimate, reading the recording or source ...")
-        self._open = True
+        self._open, self.opened = True, Event()
+        self.viser.on_client_connect(lambda _: self.opened.set())
 
     def ready(self) -> None:
         """The page has been filled."""
