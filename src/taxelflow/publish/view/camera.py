@@ -27,8 +27,7 @@ class Camera(NamedTuple):
         right, up, out = picture_axes(self.position - self.look_at)
         from viser.transforms import SO3
 
-        quaternion: Floats = SO3.from_matrix(np.stack([right, -up, -out], axis=1)).wxyz
-        return quaternion
+        return SO3.from_matrix(np.stack([right, -up, -out], axis=1)).wxyz.astype(np.float64)
 
 
 class Axes(NamedTuple):

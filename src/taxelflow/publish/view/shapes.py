@@ -94,8 +94,7 @@ def along(normal: Floats, x_axis: Floats) -> Floats:
     frames = np.stack([x, np.cross(z, x), z], axis=2)
     from viser.transforms import SO3
 
-    quaternions: Floats = SO3.from_matrix(frames).wxyz
-    return quaternions
+    return SO3.from_matrix(frames).wxyz.astype(np.float64)
 
 
 def _turned(outline: Sequence[tuple[float, float]], sections: int) -> Shape:
