@@ -30,7 +30,7 @@ SHOTS = {
     "icub": ("bulb-pull", {"sensor": "icub-forearm"}, "convolution"),
 }
 GRASP = "grasp"
-OBLIQUE = (0.45, -0.75, 0.75)
+OBLIQUE = (0.35, 0.75, 0.75)
 """From there the motion along the hand's axis is seen."""
 REAL = ("sdh", "sdh-dsa/tennisball.dsa", "template")
 
@@ -48,7 +48,9 @@ def shoot(
     read = api.read(recording)
     history = History()
     Filling(read, Pipeline(api.estimator(method)), history).fill()
-    page = Page(read.sensor, (history,), f"{recording.name}, {method}", PageServer(port=0), None if flat else read.joints)
+    page = Page(
+        read.sensor, (history,), f"{recording.name}, {method}", PageServer(port=0), None if flat else read.joints
+    )
     page.player.playing = False
     try:
         with opened(page, installed_browser(), SIZE) as browsed:

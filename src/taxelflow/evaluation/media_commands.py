@@ -14,7 +14,7 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from taxelflow import registry
-from taxelflow.errors import ParameterInvalid
+from taxelflow.errors import ParameterInvalid, RecordingMissing
 from taxelflow.runtime.turns import quick_turns
 
 if TYPE_CHECKING:
@@ -125,6 +125,10 @@ class View:
         live = bool(colon) and scheme in registry.names("source")
         if live and (len(methods) > 1 or self.joints is not None or self.film is not None):
             raise ParameterInvalid("source", self.shown, "be a recording for two methods, --joints or --film")
+        if len(set(methods)) < len(methods):
+            raise ParameterInvalid("method", " ".join(methods), "be different ones")
+        if not live and not Path(self.shown).exists():
+            raise RecordingMissing(Path(self.shown))
         if self.film is not None:
             return self._film(self.film, methods)
         from taxelflow.publish.view.server import PageServer

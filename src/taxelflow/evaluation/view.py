@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from taxelflow import api, registry
 from taxelflow.acquire.joints import declared_joints
-from taxelflow.errors import ParameterInvalid, TaxelflowError
+from taxelflow.errors import TaxelflowError
 from taxelflow.live.face import Live
 from taxelflow.live.loop import Limits, run_live
 from taxelflow.live.view import LiveView
@@ -82,10 +82,8 @@ class Playing:
     ) -> None:
         """Fills the server's page. flat: the hand is laid flat, whatever is known of its joint angles.
 
-        Raises NameUnknown, ParameterInvalid.
+        Raises NameUnknown.
         """
-        if len(set(methods)) < len(methods):
-            raise ParameterInvalid("method", " ".join(methods), "be different ones")
         self._fillings = [
             Filling(recording, Pipeline(api.estimator(method)), History(method=method)) for method in methods
         ]
@@ -152,7 +150,7 @@ class Playing:
 
 
 def view_recording(recording: Recording, methods: Sequence[str], server: PageServer, *, flat: bool = False) -> None:
-    """Show the recording until interrupted. Raises NameUnknown, ParameterInvalid, and what reading raises."""
+    """Show the recording until interrupted. Raises NameUnknown, and what reading raises."""
     playing = Playing(recording, methods, server, flat=flat)
     try:
         playing.run()

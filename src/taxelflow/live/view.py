@@ -70,6 +70,8 @@ class LiveView:
 
     def watch(self, report: Report) -> None:
         """Show rate, latency and losses of the source. Called by the run several times a second."""
+        if self._stop.is_set():
+            return
         words = intake_words(report, self._rate.of(report))
         self.page.panel.tell_source(f"{words}  \nlatency to the estimate: {report.estimated.words()}")
 

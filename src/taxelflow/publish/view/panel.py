@@ -71,6 +71,9 @@ class Panel:
             self._decide = gui.add_button("Decide again")
             self._decided = gui.add_markdown("")
         self._add_look(gui)
+        if words := notes_of(sensor):
+            with gui.add_folder("Where the places come from", expand_by_default=False):
+                gui.add_markdown(words)
 
     def _add_playback(self, gui: Any) -> None:
         player = self._player
@@ -194,6 +197,16 @@ class Panel:
             f"{best.pad}, {best.scans} scans, {wide:.0f} x {high:.0f} mm, up to {top:.3g} {self._unit}; "
             "blank: not observed"
         )
+
+
+def notes_of(sensor: Sensor) -> str:
+    """What the sensor file notes on its pads' places: published, measured or assumed. Pads alike are in one line."""
+    own = [("sensor", sensor.note), ("hand", "" if sensor.hand is None else sensor.hand.note)]
+    lines: dict[str, list[str]] = {}
+    for name, note in [*own, *((pad.name, pad.note) for pad in sensor.pads)]:
+        if note:
+            lines.setdefault(note, []).append(name)
+    return "\n".join(f"- {', '.join(names)}: {note}" for note, names in lines.items())
 
 
 def _table(pads: tuple[str, ...], results: Results | None, scale: float, unit: str) -> str:

@@ -44,12 +44,6 @@ def disc() -> Shape:
     return _turned(((0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (0.0, 1.0)), _ROUND)
 
 
-def ball() -> Shape:
-    """A sphere of diameter 1 around the origin."""
-    lean = np.linspace(-np.pi / 2, np.pi / 2, _ROUND // 2 + 1)
-    return _turned(tuple(zip((0.5 * np.cos(lean)).tolist(), (0.5 * np.sin(lean)).tolist(), strict=True)), _ROUND)
-
-
 def cone() -> Shape:
     """A cone of diameter 1 that stands on the origin, tip up."""
     return _turned(((0.0, 0.0), (0.5, 0.0), (0.0, 1.0)), _ROUND)
