@@ -48,7 +48,8 @@ class Page:
         server: PageServer,
         joints: Joints | None = None,
     ) -> None:
-        """server: closed with the page. histories: of each method, which may grow while the page shows them; the first one has the pressures.
+        """server: closed with the page. histories: of each method, which may grow while the page shows them; the first
+        one has the pressures.
 
         joints: angles of the hand's joints, by which its fingers move.
         """

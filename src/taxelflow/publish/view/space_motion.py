@@ -36,8 +36,8 @@ _BLIND = 6 * (_RING + 1)
 
 
 class SpaceMotion:
-    """An arrow, a sector that shows the rate of turn, the axis of rotation, a path to the arrow, sections of an ellipsoid,
-    and grey marks: a bar along a translation that cannot be seen, an axis with a ring about it for such a turn.
+    """An arrow, a sector that shows the rate of turn, the axis of rotation, a path to the arrow, sections of an
+    ellipsoid, and grey marks: a bar along a translation that cannot be seen, an axis with a ring about it for such a turn.
     """
 
     def __init__(self, server: Any, size_m: float) -> None:
