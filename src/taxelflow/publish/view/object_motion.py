@@ -8,6 +8,7 @@ import numpy as np
 
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
+from taxelflow.publish.view.lighting import lit
 from taxelflow.publish.view.palette import GREY, MAGENTA
 
 if TYPE_CHECKING:
@@ -98,7 +99,7 @@ class ObjectMotion:
             batched_positions=np.array([[*here, height_m]]),
             batched_wxyzs=np.array([[np.cos(angle), 0.0, 0.0, np.sin(angle)]]),
             batched_scales=np.array([[*np.clip(reach, shapes.NONE, most), 1e-3]]),
-            batched_colors=np.array([GREY if (reach > most).any() else MAGENTA], dtype=np.uint8),
+            batched_colors=lit(GREY if (reach > most).any() else MAGENTA)[np.newaxis],
         )
 
 

@@ -13,6 +13,7 @@ from taxelflow.geometry import hat, se3_of
 from taxelflow.publish.spatial import basis_of
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
+from taxelflow.publish.view.lighting import lit
 from taxelflow.publish.view.palette import GREY, MAGENTA
 
 if TYPE_CHECKING:
@@ -36,8 +37,8 @@ _BLIND = 6 * (_RING + 1)
 
 
 class SpaceMotion:
-    """An arrow, a sector that shows the rate of turn, the axis of rotation, a path to the arrow, sections of an
-    ellipsoid, and grey marks: a bar along a translation that cannot be seen, an axis with a ring about it for such a turn.
+    """An arrow, a sector that shows the rate of turn, the axis of rotation, a path to the arrow, and sections of an
+    ellipsoid. Grey marks: a bar along a translation that cannot be seen, an axis with a ring about it for such a turn.
     """
 
     def __init__(self, server: Any, size_m: float) -> None:
@@ -112,13 +113,13 @@ class SpaceMotion:
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         reach = _SIGMAS * np.sqrt(np.maximum(variance, 0.0))
         drawn = np.clip(reach, shapes.NONE, _WIDEST * self._size)
-        colour = GREY if reach.max() > _WIDEST * self._size else MAGENTA
+        colour = lit(GREY if reach.max() > _WIDEST * self._size else MAGENTA)
         put(
             self._spread,
             batched_positions=np.tile(middle, (_ELLIPSES, 1)),
             batched_wxyzs=shapes.along(np.roll(axes.T, 1, axis=0), axes.T),
             batched_scales=np.column_stack([drawn, np.roll(drawn, -1), np.full(_ELLIPSES, 1e-3)]),
-            batched_colors=np.tile(np.array(colour, dtype=np.uint8), (_ELLIPSES, 1)),
+            batched_colors=np.tile(colour, (_ELLIPSES, 1)),
         )
 
     def _show_path(self, trail: SpatialMotions, middle: Floats) -> None:
