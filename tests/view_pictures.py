@@ -30,7 +30,7 @@ SHOTS = {
     "icub": ("bulb-pull", {"sensor": "icub-forearm"}, "convolution"),
 }
 GRASP = "grasp"
-OBLIQUE = (0.35, 0.75, 0.75)
+OBLIQUE = (0.85, -0.3, 0.9)
 """From there the motion along the hand's axis is seen."""
 REAL = ("sdh", "sdh-dsa/tennisball.dsa", "template")
 
