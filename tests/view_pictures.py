@@ -19,6 +19,7 @@ from taxelflow.evaluation.view import Filling
 from taxelflow.pipeline import Pipeline
 from taxelflow.publish.view.history import History
 from taxelflow.publish.view.page import Page
+from taxelflow.publish.view.server import PageServer
 from taxelflow.simulation.grasp import Grasp, simulate_grasp
 from taxelflow.simulation.simulate import save
 
@@ -29,7 +30,7 @@ SHOTS = {
     "icub": ("bulb-pull", {"sensor": "icub-forearm"}, "convolution"),
 }
 GRASP = "grasp"
-OBLIQUE = (0.45, -0.75, 0.75)
+OBLIQUE = (0.85, -0.3, 0.9)
 """From there the motion along the hand's axis is seen."""
 REAL = ("sdh", "sdh-dsa/tennisball.dsa", "template")
 
@@ -47,7 +48,9 @@ def shoot(
     read = api.read(recording)
     history = History()
     Filling(read, Pipeline(api.estimator(method)), history).fill()
-    page = Page(read.sensor, (history,), f"{recording.name}, {method}", port=0, joints=None if flat else read.joints)
+    page = Page(
+        read.sensor, (history,), f"{recording.name}, {method}", PageServer(port=0), None if flat else read.joints
+    )
     page.player.playing = False
     try:
         with opened(page, installed_browser(), SIZE) as browsed:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
@@ -20,17 +21,19 @@ from taxelflow.live.replay import Replay
 from taxelflow.live.view import LiveView
 from taxelflow.pipeline import Pipeline
 from taxelflow.publish.view.history import History
-from taxelflow.publish.view.page import Page
+from taxelflow.publish.view.server import PageServer
 from taxelflow.slip.parameters import SlipMonitor
 
 
 def test_a_live_source_fills_the_page_on_this_computer_only(stroke: Recording) -> None:
     pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
-    said: list[str] = []
     live = Live(stroke, "convolution")
-    sink = LiveView(live, "stroke", "127.0.0.1", 0, said.append)
-    run_live(Replay(stroke, 20.0), {"view": sink}, live, Limits())
-    assert said[0].startswith("http://127.0.0.1:")
+    sink = LiveView(live, "stroke", PageServer(port=0))
+    run_live(Replay(stroke, 20.0), {"view": sink}, live, Limits(), watch=sink.watch)
+    assert sink.page.url.startswith("http://127.0.0.1:")
+    assert re.match(r"\d+ scans", sink.page.panel.source)
+    assert "0 dropped" in sink.page.panel.source
+    assert "latency to the estimate: " in sink.page.panel.source
     times, known = sink.history.times, sink.history.within(-np.inf, np.inf)
     assert known is not None
     assert set(times) <= set(known.slips.t_s)
@@ -55,7 +58,7 @@ def test_a_recording_fills_the_page_with_what_estimate_gives(stroke: Recording) 
 
 def test_slips_are_decided_anew_at_another_rate_of_false_alarms(stroke: Recording) -> None:
     pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
-    playing = Playing(stroke, ("convolution", "sum"), port=0)
+    playing = Playing(stroke, ("convolution", "sum"), PageServer(port=0))
     try:
         playing.decide(1e-3)
         assert "wait" in playing.page.panel.decided
@@ -96,10 +99,10 @@ def test_the_command_says_where_its_page_is_and_ends_with_ctrl_c(stroke: Recordi
     assert said.startswith("http://127.0.0.1:")
 
 
-def test_without_viser_the_extra_is_named(stroke: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_viser_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(ExtraMissing, match=r"taxelflow\[view\]"):
-        Page(stroke.sensor, (History(),), "stroke", port=0)
+        PageServer(port=0)
 
 
 def test_a_recording_that_is_missing_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,15 +5,21 @@ A dataclass per command, whose fields are its options. NumPy is imported when a 
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from taxelflow import registry
-from taxelflow.errors import ParameterInvalid
+from taxelflow.errors import ParameterInvalid, RecordingMissing
+from taxelflow.runtime.turns import quick_turns
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording
+    from taxelflow.publish.view.server import PageServer
 
 _METHOD = "convolution"
 
@@ -114,27 +120,46 @@ class View:
 
     def run(self, _rest: list[str]) -> int:
         """Serve until interrupted, or until the source ends."""
-        from taxelflow import api
-        from taxelflow.evaluation.view import Server, view_recording, view_source
-        from taxelflow.evaluation.view_film import Part, film_recording
-        from taxelflow.publish.terminal import counted
-        from taxelflow.sensors.catalogue import load_sensor
-
-        server = Server(self.host, self.port, lambda url: print(f"{url} (end with Ctrl-C)", flush=True))
         methods = self.method or (_METHOD,)
         scheme, colon, _ = self.shown.partition(":")
-        if colon and scheme in registry.names("source"):
-            if len(methods) > 1 or self.joints is not None or self.film is not None:
-                raise ParameterInvalid("source", self.shown, "be a recording for two methods, --joints or --film")
+        live = bool(colon) and scheme in registry.names("source")
+        if live and (len(methods) > 1 or self.joints is not None or self.film is not None):
+            raise ParameterInvalid("source", self.shown, "be a recording for two methods, --joints or --film")
+        if len(set(methods)) < len(methods):
+            raise ParameterInvalid("method", " ".join(methods), "be different ones")
+        if not live and not Path(self.shown).exists():
+            raise RecordingMissing(Path(self.shown))
+        if self.film is not None:
+            return self._film(self.film, methods)
+        from taxelflow.publish.view.server import PageServer
+
+        with PageServer(self.host, self.port) as server, suppress(KeyboardInterrupt), quick_turns():
+            print(f"{server.url} (end with Ctrl-C)", flush=True)
+            self._serve(server, methods, live=live)
+        return 0  # interrupted: the way to end it
+
+    def _serve(self, server: PageServer, methods: tuple[str, ...], *, live: bool) -> None:
+        """Import what estimates only now: browsers load the page in the meantime."""
+        from taxelflow.evaluation.view import view_recording, view_source
+        from taxelflow.sensors.catalogue import load_sensor
+
+        if live:
             sensor = None if self.sensor is None else load_sensor(self.sensor)
             view_source(self.shown, sensor, methods[0], self.contacts, server)
-            return 0
-        recording = api.read(Path(self.shown), self.sensor, topic=self.topic, joints=self.joints)
-        recording = recording.with_contacts(self.contacts)
-        if self.film is None:
-            view_recording(recording, methods, server, flat=self.flat)
-            return 0
+        else:
+            view_recording(self._recording(), methods, server, flat=self.flat)
+
+    def _film(self, out: Path, methods: tuple[str, ...]) -> int:
+        from taxelflow.evaluation.view_film import Part, film_recording
+        from taxelflow.publish.terminal import counted
+
         part = Part(self.from_s, self.to_s, self.speed, self.fps, self.flat)
-        count = film_recording(recording, methods, self.film, part, counted)
-        print(f"{count} frames in {self.film}")
+        count = film_recording(self._recording(), methods, out, part, counted)
+        print(f"{count} frames in {out}")
         return 0
+
+    def _recording(self) -> Recording:
+        from taxelflow import api
+
+        found = api.read(Path(self.shown), self.sensor, topic=self.topic, joints=self.joints)
+        return found.with_contacts(self.contacts)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from taxelflow import api, registry
 from taxelflow.acquire.joints import declared_joints
-from taxelflow.errors import ParameterInvalid, TaxelflowError
+from taxelflow.errors import TaxelflowError
 from taxelflow.live.face import Live
 from taxelflow.live.loop import Limits, run_live
 from taxelflow.live.view import LiveView
@@ -19,11 +19,15 @@ from taxelflow.publish.view.page import Page
 from taxelflow.runtime.addresses import parse_address
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from taxelflow.acquire.base import Recording
     from taxelflow.pipeline import Output
+    from taxelflow.publish.view.server import PageServer
     from taxelflow.sensors.sensor import Sensor
+
+_BROWSER_S = 3.0
+"""The estimate of a recording waits so long at most for a browser: compiling kernels would delay the first picture."""
 
 
 @dataclass
@@ -72,17 +76,14 @@ class Playing:
         self,
         recording: Recording,
         methods: Sequence[str],
-        host: str = "127.0.0.1",
-        port: int = 8080,
+        server: PageServer,
         *,
         flat: bool = False,
     ) -> None:
-        """Opens the page. flat: the hand is laid flat, whatever is known of its joint angles.
+        """Fills the server's page. flat: the hand is laid flat, whatever is known of its joint angles.
 
-        Raises ExtraMissing, NameUnknown, ParameterInvalid.
+        Raises NameUnknown.
         """
-        if len(set(methods)) < len(methods):
-            raise ParameterInvalid("method", " ".join(methods), "be different ones")
         self._fillings = [
             Filling(recording, Pipeline(api.estimator(method)), History(method=method)) for method in methods
         ]
@@ -93,8 +94,7 @@ class Playing:
             recording.sensor,
             tuple(filling.history for filling in self._fillings),
             f"{name}, {' and '.join(methods)}",
-            host,
-            port,
+            server,
             None if flat else recording.joints or declared_joints(recording.sensor),
         )
         self.page.on_decide(self.decide)
@@ -102,8 +102,7 @@ class Playing:
     def fill(self) -> None:
         """Read and estimate, by one method after the other. Raises what reading raises."""
         self._fillings[0].see()
-        for filling in self._fillings:
-            filling.estimate()
+        self._estimate()
 
     def decide(self, alarms_per_hour: float) -> None:
         """Decide on slips anew, unless that is being done."""
@@ -132,6 +131,10 @@ class Playing:
             if self.error is not None:
                 raise self.error
 
+    def _estimate(self) -> None:
+        for filling in self._fillings:
+            filling.estimate()
+
     def close(self) -> None:
         """Stop to show, and the server."""
         self._stop.set()
@@ -139,38 +142,26 @@ class Playing:
 
     def _guarded(self) -> None:
         try:
-            self.fill()
+            self._fillings[0].see()
+            self.page.wait_for_browser(_BROWSER_S)
+            self._estimate()
         except Exception as error:  # raised by the thread that waits
             self.error = error
 
 
-class Server(NamedTuple):
-    """Where the page is served. announce: called with its address."""
-
-    host: str
-    port: int
-    announce: Callable[[str], None]
-
-
-def view_recording(recording: Recording, methods: Sequence[str], server: Server, *, flat: bool = False) -> None:
-    """Serve a page with the recording until interrupted.
-
-    Raises ExtraMissing, NameUnknown, ParameterInvalid, and what reading raises.
-    """
-    playing = Playing(recording, methods, server.host, server.port, flat=flat)
+def view_recording(recording: Recording, methods: Sequence[str], server: PageServer, *, flat: bool = False) -> None:
+    """Show the recording until interrupted. Raises NameUnknown, and what reading raises."""
+    playing = Playing(recording, methods, server, flat=flat)
     try:
-        server.announce(playing.page.url)
         playing.run()
-    except KeyboardInterrupt:
-        return  # the way to end it
     finally:
         playing.close()
 
 
-def view_source(url: str, sensor: Sensor | None, method: str, contacts: str | None, server: Server) -> None:
-    """Serve a page with a live source until it ends. Raises as `view_recording`, and what the source raises."""
+def view_source(url: str, sensor: Sensor | None, method: str, contacts: str | None, server: PageServer) -> None:
+    """Show a live source until it ends. Raises as `view_recording`, and what the source raises."""
     address = parse_address(url)
     source = registry.find("source", address.scheme)(address, sensor)
     live = Live(source.recording, method, contacts=contacts)
-    sink = LiveView(live, f"{url}, {method}", server.host, server.port, server.announce)
-    run_live(source, {"view": sink}, live, Limits(), method)
+    sink = LiveView(live, f"{url}, {method}", server)
+    run_live(source, {"view": sink}, live, Limits(), method, sink.watch)

@@ -25,7 +25,8 @@ from taxelflow.messages import cut
 from taxelflow.pipeline import Pipeline
 from taxelflow.publish.view.browser import BrowserFailed, drawn_by, headless
 from taxelflow.publish.view.history import History, Results
-from taxelflow.publish.view.page import PANEL_PIXELS, Page
+from taxelflow.publish.view.page import Page
+from taxelflow.publish.view.server import PANEL_PIXELS, PageServer
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import save
 
@@ -168,7 +169,7 @@ def _show(tab: Tab, seconds: float, rate_hz: float) -> ShowRow:
     """Show scans of the Inspire hand as they come, each with its result."""
     sensor, t_s, pressure, results = _prepared()
     history = History(keep_s=_KEEP_S)
-    page = Page(sensor, (history,), "measured", port=0)
+    page = Page(sensor, (history,), "measured", PageServer(port=0))
     page.player.following = True
     stop = threading.Event()
     feeding = threading.Thread(

@@ -12,7 +12,7 @@ from taxelflow.evaluation.view import Playing
 from taxelflow.publish.video import check_video, write_video
 from taxelflow.publish.view.browser import drawn_by, headless, installed_browser
 from taxelflow.publish.view.camera import FOV_RAD
-from taxelflow.publish.view.page import PANEL_PIXELS
+from taxelflow.publish.view.server import PANEL_PIXELS, PageServer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -52,7 +52,7 @@ def film_recording(
     check_video(out)
     installed_browser()
     _check(part)
-    playing = Playing(recording, methods, port=0, flat=part.flat)
+    playing = Playing(recording, methods, PageServer(port=0), flat=part.flat)
     try:
         playing.fill()
         times = frame_times(playing.page, part)

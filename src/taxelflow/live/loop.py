@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import signal
-import sys
 import threading
 import time
 from collections import deque
@@ -23,6 +22,7 @@ from taxelflow.pipeline import Output
 from taxelflow.publish.sinks.base import Ending, Head, Update
 from taxelflow.publish.summary import Totals
 from taxelflow.result import summarise
+from taxelflow.runtime.turns import quick_turns
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Event, Floats
     from taxelflow.publish.sinks.base import Sink
 
-_SWITCH_S = 2e-3
-"""How long one thread may keep Python's lock while another one waits; the default of 5 ms is a scan at 200 Hz."""
 _COUNTED = 16
 """Scans that are counted into the summary at once."""
 _SEEN_EVENTS = 6
@@ -204,14 +202,12 @@ class _Estimate:
 @contextmanager
 def _undisturbed() -> Iterator[None]:
     """Threads that take turns quickly, and no garbage collection of what is there before the first scan."""
-    before = sys.getswitchinterval()
     gc.collect()
     gc.freeze()
-    sys.setswitchinterval(_SWITCH_S)
     try:
-        yield
+        with quick_turns():
+            yield
     finally:
-        sys.setswitchinterval(before)
         gc.unfreeze()
 
 

@@ -35,8 +35,7 @@ class StatusScreen:
         self._screen: Screen | None = None
         if not quiet and sys.stderr.isatty():
             self._screen = Screen(console=Console(stderr=True), auto_refresh=False, transient=True)
-        self._scans, self._at_s = 0, time.monotonic()
-        self._rate_hz = math.nan
+        self._rate = Rate()
 
     def __enter__(self) -> Self:
         if self._screen is not None:
@@ -53,23 +52,28 @@ class StatusScreen:
         """Draw."""
         if self._screen is None:
             return
+        self._screen.update(drawn(report, self._rate.of(report)), refresh=True)
+
+
+class Rate:
+    """Scans a second, counted anew each second."""
+
+    def __init__(self) -> None:
+        self._scans, self._at_s = 0, time.monotonic()
+        self._rate_hz = math.nan
+
+    def of(self, report: Report) -> float:
+        """Hz; NaN within the first second."""
         now = time.monotonic()
         if now - self._at_s >= 1.0:
             self._rate_hz = (report.intake.scans_in - self._scans) / (now - self._at_s)
             self._scans, self._at_s = report.intake.scans_in, now
-        self._screen.update(drawn(report, self._rate_hz), refresh=True)
+        return self._rate_hz
 
 
 def drawn(report: Report, rate_hz: float) -> Group:
     """The screen of a run."""
-    intake = report.intake
-    step, jitter = intake.timeline.usual_s, intake.timeline.jitter_s
-    head = (
-        f"{report.source.recording.source}: {intake.scans_in} scans"
-        + ("" if math.isnan(rate_hz) else f", {rate_hz:.1f} Hz")
-        + ("" if math.isnan(step) else f", step {1e3 * step:.2f} ms, jitter {1e3 * jitter:.2f} ms")
-        + f", {intake.timeline.gaps} gaps, {intake.dropped} dropped, {intake.waiting} waiting"
-    )
+    head = f"{report.source.recording.source}: {intake_words(report, rate_hz)}"
     parts: list[Text | Table] = [Text(head, no_wrap=True)]
     if report.latest is not None:
         parts.append(_pads(report))
@@ -82,6 +86,18 @@ def drawn(report: Report, rate_hz: float) -> Group:
     if faults:
         parts.append(Text(faults, style="yellow"))
     return Group(*parts)
+
+
+def intake_words(report: Report, rate_hz: float) -> str:
+    """What the source sends, and what of it is lost."""
+    intake = report.intake
+    step, jitter = intake.timeline.usual_s, intake.timeline.jitter_s
+    return (
+        f"{intake.scans_in} scans"
+        + ("" if math.isnan(rate_hz) else f", {rate_hz:.1f} Hz")
+        + ("" if math.isnan(step) else f", step {1e3 * step:.2f} ms, jitter {1e3 * jitter:.2f} ms")
+        + f", {intake.timeline.gaps} gaps, {intake.dropped} dropped, {intake.waiting} waiting"
+    )
 
 
 def _pads(report: Report) -> Table:

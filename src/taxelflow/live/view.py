@@ -9,15 +9,16 @@ import numpy as np
 
 from taxelflow.acquire.joints import declared_joints
 from taxelflow.condition.units import in_si
+from taxelflow.live.status import Rate, intake_words
 from taxelflow.publish.view.history import History, Results
 from taxelflow.publish.view.page import Page
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from taxelflow.live.face import Live
+    from taxelflow.live.loop import Report
     from taxelflow.messages import RawScans
     from taxelflow.publish.sinks.base import Ending, Head, Update
+    from taxelflow.publish.view.server import PageServer
 
 KEPT_S = 60.0
 """Time that can be scrubbed."""
@@ -34,15 +35,14 @@ class LiveView:
     dropped = 0
     gathers_s = 0.02
 
-    def __init__(self, live: Live, title: str, host: str, port: int, announce: Callable[[str], None]) -> None:
-        """Opens the page. announce: called with its address. Raises ExtraMissing."""
-        self._live, self._stop = live, threading.Event()
+    def __init__(self, live: Live, title: str, server: PageServer) -> None:
+        """Fills the server's page."""
+        self._live, self._stop, self._rate = live, threading.Event(), Rate()
         recording = live.recording
         joints = recording.joints or declared_joints(recording.sensor)
         self.history = History(keep_s=KEPT_S)
-        self.page = Page(recording.sensor, (self.history,), title, host, port, joints)
+        self.page = Page(recording.sensor, (self.history,), title, server, joints)
         self.page.player.following = True
-        announce(self.page.url)
 
     def open(self, _head: Head) -> None:
         """Begin to show."""
@@ -67,6 +67,13 @@ class LiveView:
 
     def tick(self) -> None:
         """The page has a thread of its own."""
+
+    def watch(self, report: Report) -> None:
+        """Show rate, latency and losses of the source. Called by the run several times a second."""
+        if self._stop.is_set():
+            return
+        words = intake_words(report, self._rate.of(report))
+        self.page.panel.tell_source(f"{words}  \nlatency to the estimate: {report.estimated.words()}")
 
     def hurry(self) -> None:
         """Nothing is waited for."""

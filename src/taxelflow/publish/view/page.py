@@ -1,17 +1,15 @@
-"""The page: a server on this computer, the scene and its panel, and the loop that feeds them."""
+"""The page: the scene and its panel, and the loop that feeds them."""
 
 from __future__ import annotations
 
 import threading
 import time
-from contextlib import redirect_stdout
 from dataclasses import replace
-from io import BytesIO, StringIO
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.errors import ExtraMissing
 from taxelflow.publish.view.charts import SHOWN_S
 from taxelflow.publish.view.palette import DARK, LIGHT, round_up
 from taxelflow.publish.view.panel import OBJECT, Heading, Panel
@@ -23,24 +21,23 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Joints
     from taxelflow.publish.view.history import History, Results, Snapshot
+    from taxelflow.publish.view.server import PageServer
     from taxelflow.sensors.sensor import Sensor
 
 UPDATE_S = 1 / 30
 """The scene is drawn so often while something changes."""
 _PLOT_S = 0.1
-PANEL_PIXELS = 400
-"""Width of the panel beside the scene."""
 _RENDER = (1080, 1920)
 """Height and width of a saved picture at most."""
 
 
 class Page:
-    """A hand in the browser. Raises ExtraMissing without viser.
+    """A hand in the browser.
 
     Browsers call from threads of their own; the scene is changed by one thread at a time, or an older one of two
     pictures could be drawn over the newer one, and stay.
 
-    url: where the page is. player: what is shown when. draws: how often the scene was drawn.
+    player: what is shown when. draws: how often the scene was drawn.
     """
 
     def __init__(
@@ -48,29 +45,23 @@ class Page:
         sensor: Sensor,
         histories: tuple[History, ...],
         title: str,
-        host: str = "127.0.0.1",
-        port: int = 8080,
+        server: PageServer,
         joints: Joints | None = None,
     ) -> None:
-        """histories: of each method, which may grow while the page shows them; the first one has the pressures.
+        """server: closed with the page. histories: of each method, which may grow while the page shows them; the first
+        one has the pressures.
 
         joints: angles of the hand's joints, by which its fingers move.
         """
-        try:
-            import viser
-        except ImportError as error:
-            raise ExtraMissing("view", "viser") from error
         self.player, self._history = Player(), histories[0]
         self._drawing = threading.RLock()
         self._methods = {history.method: history for history in histories}
-        with redirect_stdout(StringIO()):  # viser prints a banner, and our own line says where the page is
-            self._server: Any = viser.ViserServer(host=host, port=port, label="taxelflow", verbose=False)
-        self._server.gui.main_panel.dock_right()
-        self._server.gui.main_panel.set_width(PANEL_PIXELS)
-        self.url = f"http://{host}:{self._server.get_port()}"
-        self.scene = Scene(self._server, sensor, joints, compares=len(histories) > 1)
-        heading = Heading(title, self.scene.note, tuple(self._methods))
-        self.panel = Panel(self._server, sensor, self.scene.placement, self.player, heading)
+        self._page_server, self._server = server, server.viser
+        with self._server.atomic():  # a browser that is open already is sent the scene and its camera as one
+            self.scene = Scene(self._server, sensor, joints, compares=len(histories) > 1)
+            heading = Heading(title, self.scene.note, tuple(self._methods))
+            self.panel = Panel(self._server, sensor, self.scene.placement, self.player, heading)
+            server.ready()
         self.draws = 0
         self._scaled = (False, False)  # by pressure, by speed
         self._shown: tuple[object, ...] = ()
@@ -103,8 +94,16 @@ class Page:
 
     def close(self) -> None:
         """Stop the server."""
-        with redirect_stdout(StringIO()):
-            self._server.stop()
+        self._page_server.close()
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return self._page_server.url
+
+    def wait_for_browser(self, seconds: float) -> None:
+        """Wait until a browser has drawn the scene, so long at most."""
+        self._page_server.opened.wait(seconds)
 
     @property
     def histories(self) -> tuple[History, ...]:

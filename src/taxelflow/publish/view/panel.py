@@ -48,12 +48,12 @@ class Panel:
         self._times = np.zeros(0)
         self._patterns: list[LearnedPattern] = []
         gui = server.gui
-        gui.set_panel_label("taxelflow")
         counts = {WORDS[how]: placement.how.count(how) for how in placement.how}
         poses = ", ".join(f"{count} {'pad' if count == 1 else 'pads'} {words}" for words, count in counts.items())
         note = f"  \n{heading.note}" if heading.note else ""
         gui.add_markdown(f"**{heading.title}**  \n`{sensor.name}`: {poses}{note}")
         self._status = gui.add_markdown("reading ...")
+        self._source = gui.add_markdown("", visible=False)
         self._add_playback(gui)
         self.strip = Strip(gui, player)
         several, methods = len(heading.methods) > 1, heading.methods
@@ -71,6 +71,9 @@ class Panel:
             self._decide = gui.add_button("Decide again")
             self._decided = gui.add_markdown("")
         self._add_look(gui)
+        if words := notes_of(sensor):
+            with gui.add_folder("Where the places come from", expand_by_default=False):
+                gui.add_markdown(words)
 
     def _add_playback(self, gui: Any) -> None:
         player = self._player
@@ -150,6 +153,16 @@ class Panel:
         """What became of the last request to decide anew."""
         self._decided.content = words
 
+    def tell_source(self, words: str) -> None:
+        """Rate, latency and losses of a live source."""
+        if words != self._source.content:
+            self._source.visible, self._source.content = True, words
+
+    @property
+    def source(self) -> str:
+        """What was told last of the source."""
+        return str(self._source.content)
+
     def show_state(self, snapshot: Snapshot, complete: bool) -> None:
         """Time, and a row per pad in contact."""
         player = self._player
@@ -184,6 +197,16 @@ class Panel:
             f"{best.pad}, {best.scans} scans, {wide:.0f} x {high:.0f} mm, up to {top:.3g} {self._unit}; "
             "blank: not observed"
         )
+
+
+def notes_of(sensor: Sensor) -> str:
+    """What the sensor file notes on its pads' places: published, measured or assumed. Pads alike are in one line."""
+    own = [("sensor", sensor.note), ("hand", "" if sensor.hand is None else sensor.hand.note)]
+    lines: dict[str, list[str]] = {}
+    for name, note in [*own, *((pad.name, pad.note) for pad in sensor.pads)]:
+        if note:
+            lines.setdefault(note, []).append(name)
+    return "\n".join(f"- {', '.join(names)}: {note}" for note, names in lines.items())
 
 
 def _table(pads: tuple[str, ...], results: Results | None, scale: float, unit: str) -> str:

@@ -118,13 +118,11 @@ def spots_of(layout: Layout, placement: Placement, radius_m: float) -> tuple[Flo
 
 
 def spots_in_space(layout: Layout, placement: Placement, radius_m: float, axes: Axes) -> tuple[Floats, list[str]]:
-    """As `spots_of`, of pads in space: below them in a picture with these axes; two in one place beside each other."""
+    """As `spots_of`, of pads in space: in their planes, beyond the edge that is lowest in a picture with these axes, so
+    that they lie beside the taxels for every view of the skin; two in one place beside each other.
+    """
     frame = np.stack(axes, axis=1)
-    pads = [placement.place[layout.of_pad(pad)] @ frame for pad in range(layout.pad_count)]
-    spots = np.array([(own.min(axis=0) + own.max(axis=0)) / 2 for own in pads])
-    pitch_m = layout.pitch_m[: layout.pad_count].max(axis=1)
-    spots[:, 1] = [own[:, 1].min() - 0.75 * pitch for own, pitch in zip(pads, pitch_m, strict=True)]
-    spots[:, 1] -= 2.5 * radius_m
+    spots = np.array([_below(layout, placement, pad, radius_m, axes) @ frame for pad in range(layout.pad_count)])
     anchors = ["top-center"] * layout.pad_count
     room = 0.65 * np.array(_ROOM.name) * placement.size_m  # nearer marks would cover each other
     for pad, here in enumerate(spots):
@@ -135,6 +133,19 @@ def spots_in_space(layout: Layout, placement: Placement, radius_m: float, axes: 
             here[0] += 1.5 * radius_m
             anchors[near[0]], anchors[pad] = "center-right", "center-left"
     return spots @ frame.T, anchors
+
+
+def _below(layout: Layout, placement: Placement, pad: int, radius_m: float, axes: Axes) -> Floats:
+    """(3,), in a pad's plane, beyond its edge that is lowest in the picture."""
+    own = layout.of_pad(pad)
+    place = placement.place[own]
+    middle = (place.min(axis=0) + place.max(axis=0)) / 2
+    across = placement.tangent[own].mean(axis=0).T
+    ways = np.concatenate([across, -across]) / np.linalg.norm(np.tile(across, (2, 1)), axis=1, keepdims=True)
+    far = ((place - middle) @ ways.T).max(axis=0) + 0.75 * float(layout.pitch_m[pad].max()) + 2.5 * radius_m
+    spots = middle + far[:, np.newaxis] * ways
+    found: Floats = spots[int(np.argmin(spots @ axes.up))]
+    return found
 
 
 def _set_out(T_scene_pad: Floats, names: tuple[str, ...], pads: list[Floats], pitch_m: Floats) -> None:

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.geometry import quaternion_of
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -44,12 +42,6 @@ def box() -> Shape:
 def disc() -> Shape:
     """A cylinder of diameter 1 that stands on the origin."""
     return _turned(((0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (0.0, 1.0)), _ROUND)
-
-
-def ball() -> Shape:
-    """A sphere of diameter 1 around the origin."""
-    lean = np.linspace(-np.pi / 2, np.pi / 2, _ROUND // 2 + 1)
-    return _turned(tuple(zip((0.5 * np.cos(lean)).tolist(), (0.5 * np.sin(lean)).tolist(), strict=True)), _ROUND)
 
 
 def cone() -> Shape:
@@ -94,8 +86,9 @@ def along(normal: Floats, x_axis: Floats) -> Floats:
     x = x_axis - (x_axis * z).sum(axis=1, keepdims=True) * z
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     frames = np.stack([x, np.cross(z, x), z], axis=2)
-    quaternions: Floats = quaternion_of(frames)[:, (3, 0, 1, 2)]
-    return quaternions
+    from viser.transforms import SO3
+
+    return SO3.from_matrix(frames).wxyz.astype(np.float64)
 
 
 def _turned(outline: Sequence[tuple[float, float]], sections: int) -> Shape:

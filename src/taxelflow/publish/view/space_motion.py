@@ -13,6 +13,7 @@ from taxelflow.geometry import hat, se3_of
 from taxelflow.publish.spatial import basis_of
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
+from taxelflow.publish.view.lighting import lit
 from taxelflow.publish.view.palette import GREY, MAGENTA
 
 if TYPE_CHECKING:
@@ -24,6 +25,9 @@ _TURN_S = 0.5
 """The sector is what the object turns in this time."""
 _MOST_RAD = 5.5
 _SIGMAS = 2.0
+_ELLIPSES, _WIDEST = 3, 0.1
+"""Sections that stand for the ellipsoid, so that it hides no taxel; its half axis that is drawn at most, as a share of
+the hand's size: a larger one is grey."""
 _TELLS = 0.3
 """A motion that cannot be seen hides a point's place if it moves the point by this share of a translation's length."""
 _RING = 36
@@ -33,8 +37,8 @@ _BLIND = 6 * (_RING + 1)
 
 
 class SpaceMotion:
-    """An arrow, a sector that shows the rate of turn, the axis of rotation, a path to the arrow, an ellipsoid,
-    and grey marks: a bar along a translation that cannot be seen, an axis with a ring about it for such a turn.
+    """An arrow, a sector that shows the rate of turn, the axis of rotation, a path to the arrow, and sections of an
+    ellipsoid. Grey marks: a bar along a translation that cannot be seen, an axis with a ring about it for such a turn.
     """
 
     def __init__(self, server: Any, size_m: float) -> None:
@@ -55,8 +59,7 @@ class SpaceMotion:
             head_length=5.0 * thick,
             visible=False,
         )
-        self._spread = add_batch(server, "/object/spread", shapes.ball(), 1, opacity=0.35)
-        put(self._spread, batched_colors=np.array([MAGENTA], dtype=np.uint8))
+        self._spread = add_batch(server, "/object/spread", shapes.ring(0.94), _ELLIPSES, side="double")
 
     def show(
         self, motions: SpatialMotions | None, trail: SpatialMotions | None, middle: Floats, per_speed_s: float
@@ -67,7 +70,7 @@ class SpaceMotion:
         if motions is None or not np.isfinite(middle).all():
             for handle in (self._turn, self._axis, self._blind, self._path, self._arrow):
                 handle.visible = False
-            put(self._spread, batched_scales=np.full((1, 3), shapes.NONE))
+            put(self._spread, batched_scales=np.full((_ELLIPSES, 3), shapes.NONE))
             return
         self._show_twist(motions, middle, per_speed_s)
         self._show_blind(motions.blind[0], middle)
@@ -104,16 +107,19 @@ class SpaceMotion:
         covariance, at = motions.pose_covariance[0], _lever(middle)
         own = at @ covariance @ at.T
         if not np.isfinite(own).all():
-            put(self._spread, batched_scales=np.full((1, 3), shapes.NONE))
+            put(self._spread, batched_scales=np.full((_ELLIPSES, 3), shapes.NONE))
             return
         variance, axes = np.linalg.eigh(own)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
-        scales = 2 * _SIGMAS * np.sqrt(np.clip(variance, shapes.NONE**2, (0.1 * self._size) ** 2))
+        reach = _SIGMAS * np.sqrt(np.maximum(variance, 0.0))
+        drawn = np.clip(reach, shapes.NONE, _WIDEST * self._size)
+        colour = lit(GREY if reach.max() > _WIDEST * self._size else MAGENTA)
         put(
             self._spread,
-            batched_positions=middle[np.newaxis],
-            batched_wxyzs=shapes.along(axes[np.newaxis, :, 2], axes[np.newaxis, :, 0]),
-            batched_scales=scales[np.newaxis],
+            batched_positions=np.tile(middle, (_ELLIPSES, 1)),
+            batched_wxyzs=shapes.along(np.roll(axes.T, 1, axis=0), axes.T),
+            batched_scales=np.column_stack([drawn, np.roll(drawn, -1), np.full(_ELLIPSES, 1e-3)]),
+            batched_colors=np.tile(colour, (_ELLIPSES, 1)),
         )
 
     def _show_path(self, trail: SpatialMotions, middle: Floats) -> None:

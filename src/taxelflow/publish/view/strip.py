@@ -1,4 +1,4 @@
-"""The event strip: contacts and slips of each pad over time, and buttons for the slips about the time that is shown."""
+"""The event strip: contacts and slips of each pad over time, to press, and buttons for the slips near that time."""
 
 from __future__ import annotations
 
@@ -31,6 +31,14 @@ class _Size:
 
 
 _SIZE = _Size()
+
+_PRESSED = (
+    "const own=this.getBoundingClientRect(),track=document.querySelector('[role=slider]').parentElement,"
+    "box=track.getBoundingClientRect(),share=(event.clientX-own.left)/own.width,"
+    "at={clientX:box.left+share*box.width,clientY:box.top,bubbles:true,cancelable:true};"
+    "track.dispatchEvent(new MouseEvent('mousedown',at));document.dispatchEvent(new MouseEvent('mouseup',at))"
+)
+"""Passes a press on the strip on to the slider of time, as one at the same share of its length."""
 
 _JUMPS = ("previous", "next")
 _NONE = "no slip yet"
@@ -157,6 +165,10 @@ def strip_svg(events: list[Event], first_s: float, last_s: float, at_s: float) -
     parts.append(f'<text x="{_SIZE.names}" y="{foot}">0{more}</text>')
     parts.append(f'<text x="{_SIZE.wide}" y="{foot}" text-anchor="end">{last_s - first_s:.3g} s</text>')
     parts.append(f'<path d="M{x(at_s):.1f} 0V{len(lanes) * _SIZE.lane}" stroke="currentColor" stroke-width="1.2"/>')
+    parts.append(
+        f'<rect x="{_SIZE.names}" y="0" width="{_SIZE.wide - _SIZE.names}" height="{len(lanes) * _SIZE.lane}" '
+        f'fill="transparent" style="cursor:pointer" onmousedown="{_PRESSED}"/>'
+    )
     high = len(lanes) * _SIZE.lane + _SIZE.foot
     return (
         f'<svg viewBox="0 0 {_SIZE.wide} {high}" style="display:block;width:100%;padding:0 .75em" font-size="9.5" '

@@ -1,0 +1,62 @@
+"""The web server of the page, which is there before the rest is imported, read or compiled."""
+
+from __future__ import annotations
+
+from contextlib import redirect_stdout
+from io import StringIO
+from threading import Event
+from typing import TYPE_CHECKING, Any
+
+from taxelflow.errors import ExtraMissing
+
+if TYPE_CHECKING:
+    from types import TracebackType
+    from typing import Self
+
+PANEL_PIXELS = 400
+"""Width of the panel beside the scene."""
+
+
+class PageServer:
+    """Serves a page that is being prepared. Raises ExtraMissing without viser.
+
+    A browser takes a second to load the page: it does so while the command reads and imports. The module imports
+    neither numba nor the pipeline. url: where the page is. viser: the server as the page uses it. opened: set when
+    a browser has drawn it.
+    """
+
+    def __init__(self, host: str = "127.0.0.1", port: int = 8080) -> None:
+        try:
+            import viser
+        except ImportError as error:
+            raise ExtraMissing("view", "viser") from error
+        with redirect_stdout(StringIO()):  # viser prints a banner, and our own line gives the address
+            self.viser: Any = viser.ViserServer(host=host, port=port, label="taxelflow", verbose=False)
+        self.url = f"http://{host}:{self.viser.get_port()}"
+        gui = self.viser.gui
+        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+        gui.set_panel_label("taxelflow")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(PANEL_PIXELS)
+        self._preparing = gui.add_markdown("preparing: starting the estimate, reading the recording or source ...")
+        self._open, self.opened = True, Event()
+        self.viser.on_client_connect(lambda _: self.opened.set())
+
+    def ready(self) -> None:
+        """The page has been filled."""
+        self._preparing.remove()
+
+    def close(self) -> None:
+        """Stop, once."""
+        if self._open:
+            self._open = False
+            with redirect_stdout(StringIO()):
+                self.viser.stop()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
