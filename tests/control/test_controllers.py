@@ -56,6 +56,25 @@ def test_pads_that_contradict_each_other_are_no_slip(speed: float) -> None:
     assert not any(motion.slipping for motion in motions)
 
 
+def test_pads_that_contradict_each_other_are_a_slip_while_a_detector_says_so() -> None:
+    """Coarse taxels misread a fine texture by as much as its velocity: the pads disagree because the object moves."""
+    both = Agreement().start()
+    at_rest = [both.step(alike(scan, 0.0, 0.0)) for scan in range(50)]
+    said = replace(touch(50, (0, 0.08, 0), (0, -0.1, 0)), slipping=np.ones(2, dtype=bool))
+    assert not any(motion.slipping for motion in at_rest)
+    assert both.step(said).slipping
+
+
+def test_a_detector_that_goes_on_when_the_object_rests_keeps_no_slip_going() -> None:
+    both, still = Agreement().start(), np.ones(2, dtype=bool)
+    noise = np.random.default_rng(1).normal(0.0, 2e-3, (200, 2, 2))
+    motions = [
+        both.step(replace(touch(scan, (*left, 0.0), (*right, 0.0)), slipping=still))
+        for scan, (left, right) in enumerate(noise.tolist())
+    ]
+    assert np.mean([motion.slipping for motion in motions]) < 0.05
+
+
 def test_noise_that_the_pads_did_not_report_is_learned_from_their_difference() -> None:
     random, both = np.random.default_rng(0), Agreement().start()
     alarms = 0
