@@ -75,6 +75,23 @@ def test_a_detector_that_goes_on_when_the_object_rests_keeps_no_slip_going() -> 
     assert np.mean([motion.slipping for motion in motions]) < 0.05
 
 
+def test_a_pad_that_jumps_for_one_scan_moves_nothing() -> None:
+    """Registration once read -349 mm/s at one pad of two, in one scan of a slide at 15 mm/s."""
+    both = Agreement().start()
+    for scan in range(60):
+        both.step(alike(scan, 0.0, -0.015))
+    motion = both.step(touch(60, (0.0, -0.349, 0.0), (0.0, -0.015, 0.0)))
+    np.testing.assert_allclose(motion.velocity, [0.0, -0.015], atol=1e-3)
+
+
+def test_a_pad_that_stays_where_it_jumped_to_is_heard() -> None:
+    both = Agreement().start()
+    for scan in range(60):
+        both.step(alike(scan, 0.0, 0.0))
+    speeds = [both.step(touch(scan, (0.0, -0.2, 0.0), (0.0, 0.0, 0.0))).speed_m_s for scan in range(60, 64)]
+    assert speeds[0] < 0.002 < speeds[1]
+
+
 def test_noise_that_the_pads_did_not_report_is_learned_from_their_difference() -> None:
     random, both = np.random.default_rng(0), Agreement().start()
     alarms = 0

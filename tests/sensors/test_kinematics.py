@@ -72,9 +72,8 @@ def test_the_jacobian_follows_a_coupling_that_is_no_line_and_any_base(base: str)
     links, angle, step = [hand.link(name) for name in ("upper", "pad")], 0.7, 1e-6
     ahead, back = hand.poses(np.array([[angle + step], [angle - step]]), links)
     twist = se3_log(ahead @ np.linalg.inv(back)) / (2 * step)
-    J = hand.jacobians(np.array([[angle], [np.nan]]), links)
-    np.testing.assert_allclose(J[0, ..., 0], twist, atol=1e-8)
-    assert (np.isnan(J[1, ..., 0]) == (twist != 0.0).any(axis=-1, keepdims=True)).all()
+    np.testing.assert_allclose(hand.jacobians(np.array([[angle]]), links)[0, ..., 0], twist, atol=1e-8)
+    assert np.isnan(hand.jacobians(np.array([[np.nan]]), [hand.link("base")])).all() == (base != "base")
 
 
 def test_the_barrett_hand_is_symmetric_and_closes_around_the_palms_axis() -> None:
