@@ -240,6 +240,20 @@ def test_the_second_pad_is_mirrored_into_the_first_ones_frame() -> None:
     assert told.dt_s == pytest.approx(DT_S)
 
 
+@pytest.mark.parametrize(("down", "felt"), [((0.0, -1.0), False), ((-1.0, 0.0), True), (None, True)])
+def test_a_ridge_is_felt_across_and_not_along_its_load(down: tuple[float, float] | None, felt: bool) -> None:
+    skin = Skin(noise_pa=100.0)
+    direction = None if down is None else np.array(down)
+    pads, random = TouchStream(sensor_of(skin), "registration", direction), np.random.default_rng(0)
+    x, _ = np.meshgrid(np.arange(16.0), np.arange(16.0))
+    ridge = 3e4 * np.exp(-0.5 * ((x - 7.5) / 2.0) ** 2).ravel()
+    readings = np.zeros((40, 2, 256))
+    readings[15:] = ridge
+    for scan, reading in enumerate(readings + random.normal(0.0, 100.0, readings.shape)):
+        said = pads.step(scan * DT_S, np.maximum(reading, 0.0), NO_JOINTS)
+    assert (said.detail_m < 0.018).all() == felt
+
+
 def test_a_sensor_without_two_pads_alike_is_refused() -> None:
     with pytest.raises(ParameterInvalid, match="have two pads of the same shape"):
         TouchStream(load_sensor("grid:4x4@4mm"), None)

@@ -82,7 +82,7 @@ class AgreementSession:
         if len(self._velocity) != count:
             self._velocity, self._covariance = np.zeros(count), 1e-12 * np.eye(count)
         self._covariance = self._covariance + (p.acceleration_m_s2 * touch.dt_s) ** 2 * np.eye(count)
-        known: Bools = np.isfinite(touch.velocity[:, :2]).all(axis=1)
+        known = np.asarray(np.isfinite(touch.velocity[:, :2]).all(axis=1), dtype=np.bool_)
         known &= np.isfinite(touch.covariance[:, :2, :2]).all(axis=(1, 2))
         said, noise_said = touch.velocity[:, :2], touch.covariance[:, :2, :2] + p.noise_m_s**2 * np.eye(2)
         alerted, at_rest = bool(touch.slipping.any()), self._excess

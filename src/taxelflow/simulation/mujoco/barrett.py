@@ -87,6 +87,11 @@ class BarrettHand:
         return self._plant.t_s
 
     @property
+    def down(self) -> Floats:
+        """(3,): the hand lies on its side, its x axis up."""
+        return np.array([-1.0, 0.0, 0.0])
+
+    @property
     def joints(self) -> Floats:
         """(4,): the spread, and how far each finger has closed, rad."""
         return np.array([self.data.joint(_PREFIX + name.removesuffix("_rad")).qpos[0] for name in self.joint_names])

@@ -49,6 +49,11 @@ class Gripper:
         return self._plant.t_s
 
     @property
+    def down(self) -> Floats:
+        """(2,): the pads' y axes point up."""
+        return np.array([0.0, -1.0])
+
+    @property
     def joints(self) -> Floats:
         """(2,), how far each pad has closed, m."""
         return np.array(self.data.qpos[:2])

@@ -122,6 +122,11 @@ class Grip(Protocol):
         ...
 
     @property
+    def down(self) -> Floats:
+        """(n,), unit vector of gravity in the grip's frame, see `Touch`; its own acceleration is along it."""
+        ...
+
+    @property
     def joint_names(self) -> tuple[str, ...]:
         """Joints with their unit, such as `f1_rad`."""
         ...
