@@ -16,7 +16,7 @@ import numpy as np
 from taxelflow.geometry import quaternion_of, se3_of
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.kinematics import model_text
-from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
+from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth, View
 from taxelflow.simulation.mujoco.scene import SHEET_M, add_contacts, mechanism, scene, sheet
 from taxelflow.simulation.mujoco.skin import Skin
 
@@ -71,6 +71,7 @@ class BarrettHand:
     rate_hz: float = 100.0
     seed: int = 0
     joint_names = ("spread_rad", "f1_rad", "f2_rad", "f3_rad")
+    view = View((0.0, -0.03, 0.01), 0.42, 222.0, -24.0)
 
     def __post_init__(self) -> None:
         self.sensor: Sensor = load_sensor("barretthand-162")

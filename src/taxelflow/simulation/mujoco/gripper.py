@@ -10,7 +10,7 @@ import numpy as np
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.simulation.mujoco.gripper_model import SIDES, mjcf
-from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
+from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth, View
 from taxelflow.simulation.mujoco.scene import add_contacts
 from taxelflow.simulation.mujoco.skin import Skin
 
@@ -36,6 +36,7 @@ class Gripper:
     rate_hz: float = 100.0
     seed: int = 0
     joint_names = ("left_m", "right_m")
+    view = View((0.0, 0.0, 0.02), 0.36, 62.0, -16.0)
 
     def __post_init__(self) -> None:
         pads = [(side, self.skin) for side in SIDES]

@@ -93,8 +93,23 @@ class Truth:
         return float(self.normal_n.sum()) / 2
 
 
+@dataclass(frozen=True)
+class View:
+    """From where a plant is seen in pictures: the point looked at in the world, and the camera's place around it."""
+
+    looks_at_m: tuple[float, float, float]
+    distance_m: float
+    azimuth_deg: float
+    elevation_deg: float
+
+
 class Grip(Protocol):
     """A plant with a force to command: the gripper or a hand."""
+
+    @property
+    def view(self) -> View:
+        """For pictures."""
+        ...
 
     @property
     def model(self) -> Any:
