@@ -16,7 +16,8 @@ import numpy as np
 from taxelflow.geometry import quaternion_of, se3_of
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.kinematics import model_text
-from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth, View
+from taxelflow.simulation.mujoco.camera import View
+from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
 from taxelflow.simulation.mujoco.scene import SHEET_M, add_contacts, mechanism, scene, sheet
 from taxelflow.simulation.mujoco.skin import Skin
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
+from taxelflow.simulation.mujoco.camera import View
 from taxelflow.simulation.mujoco.gripper_model import SIDES, mjcf
-from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth, View
+from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
 from taxelflow.simulation.mujoco.scene import add_contacts
 from taxelflow.simulation.mujoco.skin import Skin
 

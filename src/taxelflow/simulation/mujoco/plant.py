@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats
     from taxelflow.sensors.sensor import Sensor
+    from taxelflow.simulation.mujoco.camera import View
     from taxelflow.simulation.mujoco.events import Load
     from taxelflow.simulation.mujoco.objects import Shape
     from taxelflow.simulation.mujoco.skin import Skin
@@ -91,16 +92,6 @@ class Truth:
     def force_n(self) -> float:
         """Force of the grip: half of all pads' normal forces. Friction carries 2 mu times as much."""
         return float(self.normal_n.sum()) / 2
-
-
-@dataclass(frozen=True)
-class View:
-    """From where a plant is seen in pictures: the point looked at in the world, and the camera's place around it."""
-
-    looks_at_m: tuple[float, float, float]
-    distance_m: float
-    azimuth_deg: float
-    elevation_deg: float
 
 
 class Grip(Protocol):
