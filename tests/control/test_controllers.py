@@ -56,6 +56,42 @@ def test_pads_that_contradict_each_other_are_no_slip(speed: float) -> None:
     assert not any(motion.slipping for motion in motions)
 
 
+def test_pads_that_contradict_each_other_are_a_slip_while_a_detector_says_so() -> None:
+    """Coarse taxels misread a fine texture by as much as its velocity: the pads disagree because the object moves."""
+    both = Agreement().start()
+    at_rest = [both.step(alike(scan, 0.0, 0.0)) for scan in range(50)]
+    said = replace(touch(50, (0, 0.08, 0), (0, -0.1, 0)), slipping=np.ones(2, dtype=bool))
+    assert not any(motion.slipping for motion in at_rest)
+    assert both.step(said).slipping
+
+
+def test_a_detector_that_goes_on_when_the_object_rests_keeps_no_slip_going() -> None:
+    both, still = Agreement().start(), np.ones(2, dtype=bool)
+    noise = np.random.default_rng(1).normal(0.0, 2e-3, (200, 2, 2))
+    motions = [
+        both.step(replace(touch(scan, (*left, 0.0), (*right, 0.0)), slipping=still))
+        for scan, (left, right) in enumerate(noise.tolist())
+    ]
+    assert np.mean([motion.slipping for motion in motions]) < 0.05
+
+
+def test_a_pad_that_jumps_for_one_scan_moves_nothing() -> None:
+    """Registration once read -349 mm/s at one pad of two, in one scan of a slide at 15 mm/s."""
+    both = Agreement().start()
+    for scan in range(60):
+        both.step(alike(scan, 0.0, -0.015))
+    motion = both.step(touch(60, (0.0, -0.349, 0.0), (0.0, -0.015, 0.0)))
+    np.testing.assert_allclose(motion.velocity, [0.0, -0.015], atol=1e-3)
+
+
+def test_a_pad_that_stays_where_it_jumped_to_is_heard() -> None:
+    both = Agreement().start()
+    for scan in range(60):
+        both.step(alike(scan, 0.0, 0.0))
+    speeds = [both.step(touch(scan, (0.0, -0.2, 0.0), (0.0, 0.0, 0.0))).speed_m_s for scan in range(60, 64)]
+    assert speeds[0] < 0.002 < speeds[1]
+
+
 def test_noise_that_the_pads_did_not_report_is_learned_from_their_difference() -> None:
     random, both = np.random.default_rng(0), Agreement().start()
     alarms = 0
@@ -202,6 +238,20 @@ def test_the_second_pad_is_mirrored_into_the_first_ones_frame() -> None:
     np.testing.assert_allclose(told.velocity[:, :2], [[0.02, -0.01], [0.02, -0.01]], atol=0.003)
     assert told.force_n == pytest.approx(6e4 * 2 * np.pi * 0.003**2, rel=0.05)
     assert told.dt_s == pytest.approx(DT_S)
+
+
+@pytest.mark.parametrize(("down", "felt"), [((0.0, -1.0), False), ((-1.0, 0.0), True), (None, True)])
+def test_a_ridge_is_felt_across_and_not_along_its_load(down: tuple[float, float] | None, felt: bool) -> None:
+    skin = Skin(noise_pa=100.0)
+    direction = None if down is None else np.array(down)
+    pads, random = TouchStream(sensor_of(skin), "registration", direction), np.random.default_rng(0)
+    x, _ = np.meshgrid(np.arange(16.0), np.arange(16.0))
+    ridge = 3e4 * np.exp(-0.5 * ((x - 7.5) / 2.0) ** 2).ravel()
+    readings = np.zeros((40, 2, 256))
+    readings[15:] = ridge
+    for scan, reading in enumerate(readings + random.normal(0.0, 100.0, readings.shape)):
+        said = pads.step(scan * DT_S, np.maximum(reading, 0.0), NO_JOINTS)
+    assert (said.detail_m < 0.018).all() == felt
 
 
 def test_a_sensor_without_two_pads_alike_is_refused() -> None:

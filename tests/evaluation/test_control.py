@@ -138,14 +138,10 @@ def test_the_table_compares_controllers_on_the_same_trials(tmp_path: Path, capsy
         ("--controller slide --events pour", "events must be none for slide (got 'pour')"),
         ("--controller hold --against constant --json", "against must be left out with --json"),
         ("--controller hold --against slide", "against must not be used with slide or pivot (got 'slide')"),
-        (
-            "--controller slide --hand barrett",
-            "hand must be gripper for slide, pivot and film (got 'barrett with slide')",
-        ),
-        ("--controller hold --hand barrett --film a.gif", "hand must be gripper for slide, pivot and film"),
+        ("--controller slide --hand barrett", "hand must be gripper for slide, pivot (got 'barrett with slide')"),
         (
             "--controller hold --hand barrett --objects ball",
-            "objects must be jar or can for the BarrettHand (got 'ball')",
+            "objects must be one of jar, case, can for the BarrettHand (got 'ball')",
         ),
         ("--controller hold --bandwidth-hz 0", "actuator.bandwidth_hz must be a finite number above 0 (got 0.0)"),
     ],

@@ -66,6 +66,16 @@ def test_the_jacobian_is_the_twist_of_a_link() -> None:
     np.testing.assert_allclose(pads.jacobians(q[np.newaxis])[0] @ rate, twist, atol=1e-6)
 
 
+@pytest.mark.parametrize("base", ["base", "upper", "lower"])
+def test_the_jacobian_follows_a_coupling_that_is_no_line_and_any_base(base: str) -> None:
+    hand = Kinematics(MJCF.replace("0 0.5 0 0 0", "0.1 0.5 -0.3 0.2 0.1"), base, "test")
+    links, angle, step = [hand.link(name) for name in ("upper", "pad")], 0.7, 1e-6
+    ahead, back = hand.poses(np.array([[angle + step], [angle - step]]), links)
+    twist = se3_log(ahead @ np.linalg.inv(back)) / (2 * step)
+    np.testing.assert_allclose(hand.jacobians(np.array([[angle]]), links)[0, ..., 0], twist, atol=1e-8)
+    assert np.isnan(hand.jacobians(np.array([[np.nan]]), [hand.link("base")])).all() == (base != "base")
+
+
 def test_the_barrett_hand_is_symmetric_and_closes_around_the_palms_axis() -> None:
     sensor = load_sensor("barretthand-162")
     pads = PadKinematics(sensor)

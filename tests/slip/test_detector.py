@@ -160,6 +160,16 @@ def test_what_is_left_of_a_contact_is_judged_only_where_its_pose_is_ok() -> None
     assert "slip_start" in kinds(watched(slips)[1])
 
 
+def test_a_contact_whose_load_fell_from_the_peak_of_its_impact_is_judged() -> None:
+    """A finger that closes fast hits the object: the contact's first scan has several times the load that stays."""
+    load = np.full(300, 2e5)
+    load[0] = 6.5e5
+    slips = slips_of(slid((0.02, 0.0, 0.0)), load=load)
+    slips.quality[...] = AMBIGUOUS  # cut by the border
+    _, events, _ = watched(slips)
+    assert kinds(events) == ["contact", "slip_start", "slip_stop"]
+
+
 def test_a_pose_that_noise_put_where_it_claims_to_be_sure_is_no_slip() -> None:
     drawn = np.random.default_rng(4).standard_normal(3000)
     steep = 0.5  # the pose is no linear function of the noise, and its covariance belongs to where it came to lie

@@ -1,8 +1,12 @@
 """Whether and how fast an object slips between pads: what all report, weighed by what each can know.
 
 Pads that grip one rigid object see the same velocity, each the part along itself. Where they differ, at least one is
-wrong by the difference, whether the object moves or not. So the difference measures the noise of the velocities even
-during a slip, and a velocity counts as a slip when it is many standard deviations of that noise.
+wrong by the difference, whether the object moves or not. So the difference measures the noise of the velocities, and a
+velocity counts as a slip when it is many standard deviations of that noise.
+
+Coarse taxels misread the velocity of a fine texture by as much as itself, and pads disagree because the object moves.
+So while the slip detector of a pad says slip, pads need not agree: velocities that an object at rest, with the noise
+learned before, has too seldom are a slip.
 """
 
 from __future__ import annotations
@@ -16,10 +20,10 @@ from taxelflow.errors import ParameterInvalid
 
 if TYPE_CHECKING:
     from taxelflow.control.base import Touch
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
 
 _MOST = 25.0
-"""Largest chi-square by which one scan counts in the learned noise."""
+"""Largest chi-square by which one scan counts in the learned noise, and of a pad that is believed beside others."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,7 @@ class Agreement:
     sigmas: float = 4.0
     """Standard deviations of the velocity from rest that are a slip."""
     alerted_sigmas: float = 2.5
-    """The same while the slip detector of a pad says slip."""
+    """The same while the slip detector of a pad says slip; velocities need not agree then."""
     acceleration_m_s2: float = 2.0
     """Standard deviation of the object's acceleration: how much a velocity tells of the next."""
     noise_m_s: float = 0.001
@@ -70,31 +74,62 @@ class AgreementSession:
         self._p = parameters
         self._velocity, self._covariance = np.zeros(0), np.zeros((0, 0))
         self._excess = 1.0
+        self._jumped: Bools = np.zeros(0, dtype=np.bool_)  # pads, in the scan before
 
     def step(self, touch: Touch) -> Motion:
         """The motion of the object up to this scan."""
-        p, axes = self._p, touch.axes.shape[-1]
-        if len(self._velocity) != axes:
-            self._velocity, self._covariance = np.zeros(axes), 1e-12 * np.eye(axes)
-        self._covariance = self._covariance + (p.acceleration_m_s2 * touch.dt_s) ** 2 * np.eye(axes)
-        known = np.isfinite(touch.velocity[:, :2]).all(axis=1)
+        p, count = self._p, touch.axes.shape[-1]
+        if len(self._velocity) != count:
+            self._velocity, self._covariance = np.zeros(count), 1e-12 * np.eye(count)
+        self._covariance = self._covariance + (p.acceleration_m_s2 * touch.dt_s) ** 2 * np.eye(count)
+        known = np.asarray(np.isfinite(touch.velocity[:, :2]).all(axis=1), dtype=np.bool_)
         known &= np.isfinite(touch.covariance[:, :2, :2]).all(axis=(1, 2))
-        velocity, noise = touch.velocity[known, :2], touch.covariance[known, :2, :2] + p.noise_m_s**2 * np.eye(2)
-        now = self._excess
-        chi_square = _apart(velocity, touch.axes[known], noise)
+        said, noise_said = touch.velocity[:, :2], touch.covariance[:, :2, :2] + p.noise_m_s**2 * np.eye(2)
+        alerted, at_rest = bool(touch.slipping.any()), self._excess
+        believed = self._believed(known, said, touch.axes, at_rest * noise_said)
+        velocity, noise, axes = said[believed], noise_said[believed], touch.axes[believed]
+        now = at_rest
+        chi_square = _apart(velocity, axes, noise)
         if chi_square is not None:
-            share = min(touch.dt_s / p.memory_s, 1.0)
+            share = 0.0 if alerted else min(touch.dt_s / p.memory_s, 1.0)
             self._excess += share * (max(min(chi_square, _MOST), 1.0) - self._excess)
             now = max(self._excess, chi_square)
-        for measured, along, own in zip(velocity, touch.axes[known], now * noise, strict=True):
+        for measured, along, own in zip(velocity, axes, now * noise, strict=True):
             shared = self._covariance @ along.T
             gain = shared @ np.linalg.inv(along @ shared + own)
             self._velocity = self._velocity + gain @ (measured - along @ self._velocity)
             self._covariance = self._covariance - gain @ along @ self._covariance
         sigmas = float(np.sqrt(self._velocity @ np.linalg.solve(self._covariance, self._velocity)))
-        needed = p.alerted_sigmas if touch.slipping.any() else p.sigmas
         motion = Motion(False, self._velocity, sigmas)
-        return replace(motion, slipping=bool(sigmas > needed and motion.speed_m_s > p.slip_m_s))
+        needed = p.alerted_sigmas if alerted else p.sigmas
+        slips = sigmas > needed and motion.speed_m_s > p.slip_m_s
+        if alerted and known.any():
+            fast = float(np.sqrt((said[known] ** 2).sum(axis=1).mean())) > p.slip_m_s
+            slips = slips or (fast and _from_rest(said[known], at_rest * noise_said[known]) > needed)
+        return replace(motion, slipping=bool(slips))
+
+    def _believed(self, known: Bools, said: Floats, axes: Floats, noise: Floats) -> Bools:
+        """(pads,): those known, without pads that in this scan jump from what is predicted while others do not.
+
+        Registration jumps for one scan; a pad that is as far off in the next one has seen the object start.
+        """
+        off = (said[known] - axes[known] @ self._velocity)[:, :, np.newaxis]
+        spread = axes[known] @ self._covariance @ axes[known].transpose(0, 2, 1) + noise[known]
+        jumps = np.zeros(len(known), dtype=np.bool_)
+        jumps[known] = (off.transpose(0, 2, 1) @ np.linalg.solve(spread, off))[:, 0, 0] > _MOST
+        doubted = jumps & ~self._jumped if len(self._jumped) and not jumps[known].all() else np.zeros_like(jumps)
+        self._jumped = jumps
+        return known & ~doubted
+
+
+def _from_rest(velocity: Floats, noise: Floats) -> float:
+    """Normal deviate that an object at rest exceeds as seldom as the chi-square of velocities (pads, 2), agreed or not.
+
+    By the cube root of Wilson & Hilferty (1931). noise: (pads, 2, 2), covariances.
+    """
+    square = np.einsum("pi,pi->", velocity, np.linalg.solve(noise, velocity[:, :, np.newaxis])[:, :, 0])
+    spread = 2.0 / (9.0 * velocity.size)
+    return float((np.cbrt(square / velocity.size) - (1.0 - spread)) / np.sqrt(spread))
 
 
 def _apart(velocity: Floats, axes: Floats, noise: Floats) -> float | None:

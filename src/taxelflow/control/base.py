@@ -20,8 +20,8 @@ class Touch:
     velocity: (pads, 3), of the object along each pad, m/s, m/s, rad/s; NaN where unknown. axes: (pads, 2, n), the
     directions of its first two components in the grip's frame, n = 2 for facing pads and 3 for a hand.
     covariance: (pads, 3, 3), of the velocity of an object at rest, by the noise of the readings alone.
-    detail_m: (pads,), how far the object has to move, in the direction in which that is least, to change a pad's image
-    by as much as the image itself; NaN where unknown.
+    detail_m: (pads,), how far the object has to move along its load to change a pad's image by as much as the image
+    itself, NaN where unknown; if the load's direction is unknown, in the direction in which that is least.
     place_m: (pads, 2), place on the pad of the point of the object whose velocity is given; NaN where unknown.
     ready: False while the conditioner learns noise and tare.
     """

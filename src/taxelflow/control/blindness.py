@@ -1,4 +1,4 @@
-"""Whether two pads can feel a slip at all: a flat face that covers them looks the same wherever it is."""
+"""Whether pads can feel a slip at all: a flat face that covers them, or a smooth can, looks alike wherever it is."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 class Blindness:
     """When pads are blind. What an image does as its load tilts or its noise changes looks like motion, but is none."""
 
-    detail_m: float = 0.01
-    """Pads are blind if an object has to move so far, in every direction, to change their images by themselves."""
+    detail_m: float = 0.018
+    """Pads are blind if an object has to move so far along its load to change their images by themselves. Measured, in
+    mm: a plate 26, a can along its axis 46; a box whose edges lie on the pads 11 to 13, all else 1 to 5."""
     memory_s: float = 0.2
     """Time over which that is learned."""
 

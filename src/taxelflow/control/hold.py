@@ -7,7 +7,7 @@ Pads that a flat face covers cannot feel a slip. Then hold squeezes once, by the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import exp, log
 
 from taxelflow.control.agreement import Agreement
@@ -61,7 +61,9 @@ class HoldSession:
 
     def step(self, touch: Touch) -> float:
         """The force to command, N."""
-        motion, p, was = self._both.step(touch), self._p, self._slips
+        p, was = self._p, self._slips
+        sees = ~(touch.detail_m > p.blindness.detail_m)  # the slip detector of a pad that cannot tell knows nothing
+        motion = self._both.step(replace(touch, slipping=touch.slipping & sees))
         if self._blindness.step(touch):
             self._target_n, self._force_n = max(self._target_n, self._blind_n), max(self._force_n, self._blind_n)
             self._calm_s = 0.0

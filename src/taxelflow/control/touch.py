@@ -31,12 +31,12 @@ _MIRRORED = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0]])
 class Facing:
     """What the output of a stream says of two pads. They face each other, with their y axes parallel."""
 
-    def __init__(self, sensor: Sensor) -> None:
-        """Raises ParameterInvalid for a sensor that has not two pads alike."""
+    def __init__(self, sensor: Sensor, down: Floats | None = None) -> None:
+        """down: see `TouchStream`. Raises ParameterInvalid for a sensor that has not two pads alike."""
         layout = sensor.layout
         if len(layout.pads) != 2 or layout.shapes[0] != layout.shapes[1]:
             raise ParameterInvalid("sensor", sensor.name, "have two pads of the same shape, without groups")
-        self._felt, self._axes = _Felt(sensor, _MIRRORED), np.tile(np.eye(2), (2, 1, 1))
+        self._felt, self._axes = _Felt(sensor, _MIRRORED, down), np.tile(np.eye(2), (2, 1, 1))
 
     def touch(self, t_s: float, readings: Floats, out: Output | None) -> Touch:
         """readings: (2, taxels), in the sensor's unit. out: of this scan; None without an estimator."""
@@ -46,9 +46,9 @@ class Facing:
 class OnHand:
     """What the output of a stream says of a hand's pads, which lie on links that its joints move."""
 
-    def __init__(self, sensor: Sensor) -> None:
-        """Raises HandModelInvalid, ExtraMissing."""
-        self._felt, self._kinematics = _Felt(sensor, np.ones((len(sensor.pads), 3))), PadKinematics(sensor)
+    def __init__(self, sensor: Sensor, down: Floats | None = None) -> None:
+        """down: see `TouchStream`. Raises HandModelInvalid, ExtraMissing."""
+        self._felt, self._kinematics = _Felt(sensor, np.ones((len(sensor.pads), 3)), down), PadKinematics(sensor)
 
     def touch(self, t_s: float, readings: Floats, out: Output | None, joints: Floats) -> Touch:
         """readings: (taxels,), in the sensor's unit. out: as of `Facing`. joints: angles in the order of its model."""
@@ -59,8 +59,8 @@ class OnHand:
 class _Felt:
     """What both have in common: pads' velocities with signs (pads, 3) that bring them into the grip's frame."""
 
-    def __init__(self, sensor: Sensor, signs: Floats) -> None:
-        self._signs, self._to_si, self._last_s = signs, sensor.to_si, np.nan
+    def __init__(self, sensor: Sensor, signs: Floats, down: Floats | None) -> None:
+        self._signs, self._to_si, self._last_s, self._down = signs, sensor.to_si, np.nan, down
         self._area_m2 = sensor.layout.area_m2[: sensor.layout.taxels]
 
     def touch(self, t_s: float, readings: Floats, out: Output | None, axes: Floats) -> Touch:
@@ -75,27 +75,39 @@ class _Felt:
             slipping, velocity, ready = out.slipping[-1, :pads], signs * slips.velocity[-1, :pads], True
             square_s2 = slips.span_s[-1, :pads, None, None] ** 2
             both = signs[:, :, None] * signs[:, None, :]
-            covariance = both * slips.displacement_covariance[-1, :pads] / square_s2
+            variance = both * slips.displacement_covariance[-1, :pads]
+            covariance = variance / square_s2
             place_m = signs[:, :2] * slips.pose[-1, :pads, :2]
-            detail_m = _detail_m(out)[:pads]
+            share = out.contacts.force[-1, :pads] / out.contacts.force_std[-1, :pads]
+            detail_m = share * np.sqrt(_least(variance) if self._down is None else _along(variance, axes @ self._down))
         return Touch(t_s, dt_s, pressure, force_n, slipping, velocity, axes, covariance, detail_m, place_m, ready=ready)
 
 
-def _detail_m(out: Output) -> Floats:
-    """(pads,): the noise of a displacement, between two scans, over that of the force, as a share of the force."""
-    variance = out.slips.displacement_covariance[-1]
+def _least(variance: Floats) -> Floats:
+    """(pads,), m^2: half of the variance of a displacement in the direction in which that is least.
+
+    variance: (pads, 3, 3), of a displacement between two scans.
+    """
     xx, xy, yy = variance[:, 0, 0], variance[:, 0, 1], variance[:, 1, 1]
-    least = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)  # eigenvalue
-    detail_m: Floats = np.sqrt(least.clip(0.0) / 2) * out.contacts.force[-1] / out.contacts.force_std[-1]
-    return detail_m
+    least: Floats = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)  # eigenvalue
+    return least.clip(0.0) / 2
+
+
+def _along(variance: Floats, direction: Floats) -> Floats:
+    """The same along a direction in space, of which the pads see the part (pads, 2) in their planes; infinite if 0."""
+    along = np.einsum("pi,pij,pj->p", direction, variance[:, :2, :2], direction) / 2
+    seen = (direction**2).sum(axis=1) ** 2
+    return np.asarray(np.divide(along, seen, out=np.full(len(seen), np.inf), where=seen > 0.0))
 
 
 class TouchStream:
     """The estimator in the loop."""
 
-    def __init__(self, sensor: Sensor, estimator: Estimator | str | None) -> None:
-        """estimator: None for pressures only. Raises ParameterInvalid for a sensor without a hand or two pads alike."""
-        self._grip, self._run = OnHand(sensor) if sensor.hand else Facing(sensor), None
+    def __init__(self, sensor: Sensor, estimator: Estimator | str | None, down: Floats | None = None) -> None:
+        """estimator: None for pressures only. down: unit vector (n,) of the load that is to be borne, in the grip's
+        frame; None if it is unknown. Raises ParameterInvalid for a sensor without a hand or two pads alike.
+        """
+        self._grip, self._run = OnHand(sensor, down) if sensor.hand else Facing(sensor, down), None
         if estimator is not None:
             part = registry.find("estimator", estimator)() if isinstance(estimator, str) else estimator
             pipeline = Pipeline(part, "stream", Conditioner(tare="none"))

@@ -186,7 +186,7 @@ class Course:
 
     def __iter__(self) -> Iterator[Seen]:
         rehearsal = self._rehearsal = Rehearsal(self.trial, self.skin, self._actuator, self._hand)
-        pads = TouchStream(rehearsal.plant.sensor, self._method)
+        pads = TouchStream(rehearsal.plant.sensor, self._method, rehearsal.plant.down)
         for moment in rehearsal.start():
             touch, origin = pads.step(moment.truth.t_s, moment.readings, moment.joints), moment.truth
         self.grasped, slid_m = rehearsal.grasped, 0.0

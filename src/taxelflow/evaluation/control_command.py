@@ -47,7 +47,7 @@ class Control:
     method: str | None = None
     """Estimator in the loop, instead of the controller's own."""
     hand: Literal["gripper", "barrett"] = "gripper"
-    """Name of the hand: a gripper with two pads, or the BarrettHand with 162 taxels (jar, can; no slide, no film)."""
+    """Name of the hand: a gripper with two pads, or the BarrettHand with 162 taxels (jar, case, can; no slide)."""
     bandwidth_hz: float = 10.0
     """Cut-off frequency of the gripper's force, Hz."""
     latency_ms: float = 0.0
@@ -68,7 +68,7 @@ class Control:
     """Number of sets of parameters to try on the trials beside the defaults; prints them, the cheapest first."""
 
     film: Path | None = None
-    """Film the first trial at half speed into this .mp4 or .gif: gripper, both pads, slip vectors, force and way."""
+    """Film the first trial at half speed into this .mp4 or .gif: gripper or hand, pads, slip vectors, force and way."""
     plot: Path | None = None
     """Draw force, load and slid distance of the first trial of each event into this directory."""
 
@@ -109,9 +109,8 @@ class Control:
     def _check_hand(self) -> None:
         """What only two facing pads can do. Raises ParameterInvalid."""
         moves = {self.controller, *self.against} & set(_MOTIONS)
-        if self.hand != "gripper" and (moves or self.film is not None):
-            seen = " ".join(sorted(moves)) or "film"
-            raise ParameterInvalid("hand", f"{self.hand} with {seen}", "be gripper for slide, pivot and film")
+        if self.hand != "gripper" and moves:
+            raise ParameterInvalid("hand", f"{self.hand} with {' '.join(sorted(moves))}", "be gripper for slide, pivot")
 
     def _hold(self, names: tuple[str, ...]) -> int:
         """Let controllers hold objects."""

@@ -1,7 +1,8 @@
-"""Pictures of a trial: force, load and slid distance against time, and a film of gripper, pads and slip vectors."""
+"""Pictures of a trial: force, load and slid distance against time, and a film of plant, pads and slip vectors."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from taxelflow.evaluation.control import Course, Seen
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools
     from taxelflow.publish.plots.film import Frame
     from taxelflow.simulation.mujoco.trial import Trial
 
@@ -57,7 +58,7 @@ def _frames(course: Course) -> Iterator[Frame]:
     try:
         for one in course:
             seen.append(one)
-            sheet = sheet or _Sheet(course)
+            sheet = sheet or _Sheet(course, one)
             if len(seen) % SCANS_PER_FRAME == 0:
                 yield sheet.frame(seen)
     finally:
@@ -65,45 +66,73 @@ def _frames(course: Course) -> Iterator[Frame]:
             sheet.close()
 
 
-class _Sheet:
-    """The picture that becomes a frame: the gripper, both pads with slip vectors, and curves that grow."""
+@dataclass(frozen=True, eq=False)
+class _Pad:
+    """One pad in the picture. number: of the sensor's pads. present: (rows, cols), whether there is a taxel. image,
+    arrow: what is drawn. sign: of the slip vector's x, which of the second of two facing pads is mirrored.
+    """
 
-    def __init__(self, course: Course) -> None:
+    number: int
+    present: Bools
+    image: Any
+    arrow: Any
+    sign: float
+
+
+class _Sheet:
+    """The picture that becomes a frame: the plant, pads that hold with slip vectors, and curves that grow."""
+
+    def __init__(self, course: Course, first: Seen) -> None:
         import matplotlib.pyplot as plt
 
-        skin = course.skin
-        self.camera, self._skin, self._trial = Camera(course.plant), skin, course.trial
+        self._sensor = course.plant.sensor
+        self.camera, self._trial = Camera(course.plant), course.trial
         figure: Any = plt.figure(figsize=(8.8, 4.8), dpi=100, layout="constrained")
         self._figure: Figure = figure
-        grid = figure.add_gridspec(4, 4)
         figure.suptitle(f"{_title(course.trial)}, half speed", x=0.01, ha="left")
-        view = figure.add_subplot(grid[:, :2])
+        holding = np.flatnonzero(first.moment.truth.normal_n > 0.0).tolist()
+        grid = figure.add_gridspec(4, 2 * max(len(holding), 1))
+        middle = grid.ncols // 2
+        view = figure.add_subplot(grid[:, :middle])
         view.axis("off")
         self._view = view.imshow(self.camera.frame())
-        half = 500.0 * skin.pitch_m * np.array([-skin.cols, skin.cols, -skin.rows, skin.rows])
-        self._pads: list[tuple[Any, Any]] = []
-        for side, name in enumerate(("left pad", "right pad")):
-            axis = figure.add_subplot(grid[:2, 2 + side])
-            axis.set_title(name)
-            axis.grid(visible=False)
-            axis.set_xticks([])
-            axis.set_yticks([])
-            image = axis.imshow(np.zeros((skin.rows, skin.cols)), extent=half, vmin=0.0, vmax=_MOST_KPA, cmap="magma")
-            arrow = axis.quiver([0.0], [0.0], [0.0], [0.0], color=GREEN, scale_units="xy", scale=1.0, angles="xy")
-            self._pads.append((image, arrow))
-        self._curves = [figure.add_subplot(grid[2, 2:]), figure.add_subplot(grid[3, 2:])]
+        facing = first.moment.readings.ndim == 2
+        self._pads = [
+            self._pad(figure.add_subplot(grid[:2, middle + place]), number, -1.0 if facing and place else 1.0)
+            for place, number in enumerate(holding)
+        ]
+        self._curves = [figure.add_subplot(grid[row, middle:]) for row in (2, 3)]
         self._laid_out = False
+
+    def _pad(self, axis: Any, number: int, sign: float) -> _Pad:
+        pad = self._sensor.pads[number]
+        assert pad.pitch_m is not None
+        axis.set_title(pad.name)
+        axis.grid(visible=False)
+        axis.set_xticks([])
+        axis.set_yticks([])
+        present = np.ones((pad.rows, pad.cols), dtype=np.bool_)
+        for row, col in pad.missing:
+            present[row, col] = False
+        half = 500.0 * np.array([-pad.cols, pad.cols, -pad.rows, pad.rows]) * np.repeat(pad.pitch_m, 2)
+        image = axis.imshow(np.zeros(present.shape), extent=half, vmin=0.0, vmax=_MOST_KPA, cmap="magma")
+        arrow = axis.quiver([0.0], [0.0], [0.0], [0.0], color=GREEN, scale_units="xy", scale=1.0, angles="xy")
+        return _Pad(number, present, image, arrow, sign)
 
     def frame(self, seen: Sequence[Seen]) -> Frame:
         """All scans up to now."""
         now = seen[-1]
         self._view.set_data(self.camera.frame())
-        for side, (image, arrow) in enumerate(self._pads):
-            pressure = now.moment.readings[side].reshape(self._skin.rows, self._skin.cols)
-            image.set_data(1e-3 * pressure)
-            arrow.set_offsets(self._middle_mm(pressure)[np.newaxis])
-            u, v = np.nan_to_num(1e3 * _ARROW_S * now.touch.velocity[side, :2]) * [1.0 if side == 0 else -1.0, 1.0]
-            arrow.set_UVC([u], [v])
+        layout, pascals = self._sensor.layout, self._sensor.to_si * now.moment.readings.ravel()
+        for pad in self._pads:
+            own = layout.of_pad(pad.number)
+            pressure = np.full(pad.present.shape, np.nan)
+            pressure[pad.present] = pascals[own]
+            pad.image.set_data(1e-3 * pressure)
+            weight = pascals[own] / max(float(pascals[own].sum()), 1.0)
+            pad.arrow.set_offsets(1e3 * np.array([[weight @ layout.x_m[own], weight @ layout.y_m[own]]]))
+            u, v = np.nan_to_num(1e3 * _ARROW_S * now.touch.velocity[pad.number, :2]) * [pad.sign, 1.0]
+            pad.arrow.set_UVC([u], [v])
         for axis, draw in zip(self._curves, (_draw_force, _draw_slid), strict=True):
             axis.clear()
             draw(axis, self._trial, seen)
@@ -121,13 +150,6 @@ class _Sheet:
 
         self.camera.close()
         plt.close(self._figure)
-
-    def _middle_mm(self, pressure: Floats) -> Floats:
-        """Centre of pressure (2,) in the pad's frame."""
-        total = max(float(pressure.sum()), 1.0)
-        x = (np.arange(self._skin.cols) - (self._skin.cols - 1) / 2) * self._skin.pitch_m
-        y = ((self._skin.rows - 1) / 2 - np.arange(self._skin.rows)) * self._skin.pitch_m
-        return 1e3 * np.array([pressure.sum(axis=0) @ x, pressure.sum(axis=1) @ y]) / total
 
 
 def _title(trial: Trial) -> str:

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from taxelflow import api
+from taxelflow.fusion.spatial.parameters import SpatialField
 from taxelflow.geometry import adjoint, se3_inverse, se3_log, se3_of
 from taxelflow.simulation.grasp import Grasp, grasp_bound, simulate_grasp
 
@@ -24,6 +25,8 @@ STUCK = "finger3_mid"
 """The pad that is made to stick to its first reading."""
 JOINT_ERROR_RAD = 0.0034906585039886592
 _BOUND_SCANS = 3
+_GRASP = Grasp()
+"""Its object moves along z at the middle of the grasp."""
 VARIANTS = ("known joints", "one pad stuck", "joints off by 0.2 deg")
 
 
@@ -38,6 +41,10 @@ class GraspRow(msgspec.Struct, frozen=True):
     """RMS error of its size."""
     turn_percent: float | None
     """RMS error of the rate of turn, in percent of the true one."""
+    direction_bound_deg: float
+    """Cramér-Rao bounds of these three, RMS: of a line through the poses of a window, patterns and joints known."""
+    speed_bound_percent: float
+    turn_bound_percent: float
     nees: float | None
     """Of the twist, over 6; 1 if its covariance is right."""
     pose_mm: float
@@ -129,12 +136,16 @@ def _row(variant: str, method: str, runs: list[_Found], bounds: Floats) -> Grasp
     shift = np.eye(4)
     shift[:3, 3] = -CENTRE_M
     least = np.diagonal(adjoint(shift) @ bounds @ adjoint(shift).T, axis1=1, axis2=2).mean(axis=0)
+    x, y, along, *turn = np.sqrt(least) / _line_s()
     return GraspRow(
         variant=variant,
         method=method,
         direction_deg=float(np.median(known[:, 0])) if len(known) else None,
         speed_percent=_rms(known[:, 1]) if len(known) else None,
         turn_percent=_rms(known[:, 2]) if len(known) else None,
+        direction_bound_deg=float(np.degrees(np.hypot(x, y) / _GRASP.speed_m_s)),
+        speed_bound_percent=float(100 * along / _GRASP.speed_m_s),
+        turn_bound_percent=float(100 * np.linalg.norm(turn) / _GRASP.turn_rad_s),
         nees=float(known[:, 3].mean()) if len(known) else None,
         pose_mm=1e3 * float(np.sqrt((pose[:, :3] ** 2).sum(axis=1).mean())),
         pose_deg=float(np.degrees(np.sqrt((pose[:, 3:] ** 2).sum(axis=1).mean()))),
@@ -143,6 +154,12 @@ def _row(variant: str, method: str, runs: list[_Found], bounds: Floats) -> Grasp
         blamed_rightly=float(right.mean()) if variant == VARIANTS[1] else None,
         strokes=len(twist),
     )
+
+
+def _line_s() -> float:
+    """Standard deviation of a pose over that of the slope of a line through a window of poses, s."""
+    scans = round(SpatialField().window_s * _GRASP.rate_hz) + 1
+    return float(np.sqrt(scans * (scans**2 - 1) / 12) / _GRASP.rate_hz)
 
 
 def _rms(values: Floats) -> float:

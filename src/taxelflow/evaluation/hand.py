@@ -144,21 +144,26 @@ class HandReport(msgspec.Struct, frozen=True):
             caption(
                 console,
                 "twist over a window of 0.25 s, 25 mm/s and 30 deg/s together; direction: median, others\n"
-                "RMS; pose: one constant offset taken off, beside the bound of one scan, patterns known;\n"
+                "RMS; bounds: RMS, patterns and joints known, of the poses of a window or, of a pose, of\n"
+                "one scan; pose: one constant offset taken off;\n"
                 "blamed: strokes in which the pad that sticks, and no other, is blamed.",
             )
 
 
 def _in_space(rows: list[GraspRow]) -> Shown:
-    columns = ("dir. deg", "speed %", "turn %", "NEES", "mm", "bound", "deg", "bound", "blamed %")
-    table = quiet_table("grasp:", "method:", *columns, title="motion in space")
+    twist = ("dir. deg", "bound", "speed %", "bound", "turn %", "bound", "NEES")
+    pose = ("mm", "bound", "deg", "bound")
+    table = quiet_table("grasp:", "method:", *twist, *pose, "blamed %", title="motion in space")
     for row in rows:
         table.add_row(
             row.variant,
             short(row.method),
             number(row.direction_deg, 2),
+            number(row.direction_bound_deg, 2),
             number(row.speed_percent, 2),
+            number(row.speed_bound_percent, 2),
             number(row.turn_percent, 2),
+            number(row.turn_bound_percent, 2),
             number(row.nees, 2),
             number(row.pose_mm, 3),
             number(row.bound_mm, 3),

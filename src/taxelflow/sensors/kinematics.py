@@ -14,13 +14,13 @@ from xml.etree import ElementTree
 import numpy as np
 
 from taxelflow.errors import ExtraMissing
-from taxelflow.geometry import se3_inverse, se3_log, se3_of
+from taxelflow.geometry import se3_inverse, se3_of
 from taxelflow.sensors.hand import HandModelInvalid
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from taxelflow.messages import Floats, Joints
+    from taxelflow.messages import Bools, Floats, Joints
     from taxelflow.sensors.sensor import Sensor
 
 _DROPPED = {
@@ -28,7 +28,6 @@ _DROPPED = {
     "contact", "tendon", "light", "camera", "site", "keyframe", "custom", "extension", "fluid", "deformable", "mujoco",
 }  # fmt: skip
 """Elements of URDF and MJCF that do not move a link; `mujoco` inside a URDF holds compiler options for meshes."""
-_STEP_RAD = 1e-6
 _SLIDES, _TURNS = 2, 3
 """MuJoCo's types of joints with one coordinate."""
 
@@ -81,25 +80,33 @@ class Kinematics:
         NaN for the links that a joint moves whose angle is unknown (NaN).
         """
         T = np.full((len(angles), len(links), 4, 4), np.nan)
-        qpos, model, data = self._data.qpos, self._model, self._data
         world = np.zeros((len(links) + 1, 4, 4))
         world[:, 3, 3] = 1.0
         bodies = [self._base, *links]
-        known = np.isfinite(angles)
-        placed = np.ones((len(angles), len(links)), dtype=np.bool_)
-        if not known.all():
-            placed = np.stack([known[:, self._movers(link)].all(axis=1) for link in links], axis=1)
-            angles = np.where(known, angles, 0.0)
+        placed, angles = self._placed(angles, links)
         for scan in np.flatnonzero(placed.any(axis=1)):
-            qpos[self._address] = angles[scan]
-            for one, other, terms in self._followers:
-                qpos[one] = model.qpos0[one] + _polynomial(terms, float(qpos[other] - model.qpos0[other]))
-            self._mujoco.mj_kinematics(model, data)
-            world[:, :3, :3] = data.xmat[bodies].reshape(-1, 3, 3)
-            world[:, :3, 3] = data.xpos[bodies]
+            self._set(angles[scan])
+            world[:, :3, :3] = self._data.xmat[bodies].reshape(-1, 3, 3)
+            world[:, :3, 3] = self._data.xpos[bodies]
             T[scan] = se3_inverse(world[0]) @ world[1:] if self._base else world[1:]
         T[~placed] = np.nan
         return T
+
+    def _placed(self, angles: Floats, links: list[int]) -> tuple[Bools, Floats]:
+        """(scans, links), whether the joints that move a link have known angles; angles with 0 for unknown ones."""
+        known = np.isfinite(angles)
+        if known.all():
+            return np.ones((len(angles), len(links)), dtype=np.bool_), angles
+        placed = np.stack([known[:, self._movers(link)].all(axis=1) for link in links], axis=1)
+        return placed, np.where(known, angles, 0.0)
+
+    def _set(self, angles: Floats) -> None:
+        """Move the links to joint angles (joints,)."""
+        qpos, qpos0 = self._data.qpos, self._model.qpos0
+        qpos[self._address] = angles
+        for one, other, terms in self._followers:
+            qpos[one] = qpos0[one] + _polynomial(terms, float(qpos[other] - qpos0[other]))
+        self._mujoco.mj_kinematics(self._model, self._data)
 
     def _movers(self, link: int) -> list[int]:
         """Numbers of the joints, in the order of angles, that move a link in the hand's frame."""
@@ -116,14 +123,33 @@ class Kinematics:
         return found
 
     def jacobians(self, angles: Floats, links: list[int]) -> Floats:
-        """Twists (scans, links, 6, joints) of links per rate of each joint, at the hand's origin, in its frame."""
-        J = np.empty((len(angles), len(links), 6, len(self.joints)))
-        for joint in range(len(self.joints)):
-            step = np.zeros(len(self.joints))
-            step[joint] = _STEP_RAD
-            ahead, back = self.poses(angles + step, links), self.poses(angles - step, links)
-            J[..., joint] = se3_log(ahead @ se3_inverse(back)) / (2 * _STEP_RAD)
+        """Twists (scans, links, 6, joints) of links per rate of each joint, at the hand's origin, in its frame.
+
+        NaN as in `poses`.
+        """
+        J = np.full((len(angles), len(links), 6, len(self.joints)), np.nan)
+        model, data, bodies = self._model, self._data, [self._base, *links]
+        world = np.empty((len(bodies), 6, model.nv))
+        placed, angles = self._placed(angles, links)
+        for scan in np.flatnonzero(placed.any(axis=1)):
+            self._set(angles[scan])
+            self._mujoco.mj_comPos(model, data)
+            for number, body in enumerate(bodies):
+                self._mujoco.mj_jac(model, data, world[number, :3], world[number, 3:], data.xpos[self._base], body)
+            turn = data.xmat[self._base].reshape(3, 3).T
+            moved = (world[1:] - world[0]) @ self._rates()
+            J[scan] = (turn @ moved.reshape(len(links), 2, 3, -1)).reshape(moved.shape)
+        J[~placed] = np.nan
         return J
+
+    def _rates(self) -> Floats:
+        """(model's joints, joints): rates of all joints per rate of each that can be set, as they now are."""
+        rates = np.zeros((self._model.nv, len(self._free)))
+        rates[self._address, range(len(self._free))] = 1.0
+        for one, other, terms in self._followers:
+            off = float(self._data.qpos[other] - self._model.qpos0[other])
+            rates[one] = _polynomial([k * term for k, term in enumerate(terms)][1:], off) * rates[other]
+        return rates
 
     def _couplings(self) -> list[tuple[int, int, list[float]]]:
         """(follower, driver, polynomial coefficients from the constant on) of the joint equalities."""

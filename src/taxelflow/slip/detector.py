@@ -47,7 +47,7 @@ class PadState:
     poses: int
     """First scan of the contact, and its scans since then."""
     partial: bool
-    """The contact is what remained after a sudden loss of load."""
+    """The contact is what remained of one that was judged, after a sudden loss of load."""
     mean_variance: Vector
     """Mean variance of the poses at rest; 0 where there is none yet."""
     measurement: Measurement
@@ -146,7 +146,8 @@ def _update_load(scan: Observation, state: PadState) -> None:
         if abs(rise) > LOAD_JUMP:
             if state.mode == RESTING and rise < 0.0:
                 start_jump(log_load, state.jump)
-            state.mode, state.poses, state.partial = NEW, 0, rise < 0.0
+            state.partial = rise < 0.0 and (state.partial or state.mode != NEW)  # the peak of an impact is no contact
+            state.mode, state.poses = NEW, 0
 
 
 @routine

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from taxelflow.control.baselines import Constant
 from taxelflow.control.hold import Hold
-from taxelflow.errors import ParameterInvalid
+from taxelflow.errors import ExtraMissing, GraphicsMissing, ParameterInvalid
 from taxelflow.evaluation.control import Course
+from taxelflow.evaluation.control_plot import film_course
 from taxelflow.geometry import se3_inverse
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.simulation.mujoco.barrett import BarrettHand
@@ -19,6 +21,8 @@ from taxelflow.simulation.mujoco.plant import Actuator, Held
 from taxelflow.simulation.mujoco.trial import Rehearsal, Trial
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from taxelflow.messages import Floats
     from taxelflow.simulation.mujoco.plant import Truth
 
@@ -109,8 +113,9 @@ def test_the_truth_of_each_pad_is_a_pose_and_its_velocity() -> None:
     assert np.abs(turn - np.eye(3)).max() < 0.02
 
 
-def test_friction_holds_just_above_the_least_force_and_slides_just_below() -> None:
-    (_, holding, _), (_, sliding, _) = (lifted("can", share * LEAST_N, 1.4) for share in (1.02, 0.98))
+@pytest.mark.parametrize("kind", ["can", "case"])
+def test_friction_holds_just_above_the_least_force_and_slides_just_below(kind: str) -> None:
+    (_, holding, _), (_, sliding, _) = (lifted(kind, share * LEAST_N, 1.4) for share in (1.02, 0.98))
     assert abs(holding[-1].slid_m[1] - holding[80].slid_m[1]) < 2e-5
     assert sliding[-1].slid_m[1] - sliding[80].slid_m[1] < -5e-3
 
@@ -126,6 +131,31 @@ def test_hold_catches_a_jar_in_the_hand_that_a_constant_force_would_drop() -> No
     assert seen[-1].touch.velocity.shape == (7, 3)
 
 
+def test_hold_stops_a_jar_that_the_slip_stage_once_did_not_notice() -> None:
+    """It slid 20 mm at 220 mm/s while no pad said slip: the fingers had hit it as they closed."""
+    course = Course(Trial.drawn(60003, "jar", "weak"), Hold(), hand="barrett", end_s=1.6)
+    seen = list(course)
+    assert any(one.touch.slipping.any() for one in seen)
+    assert seen[-1].slid_m < 0.005
+    assert seen[-1].moment.truth.speed_m_s < 1e-3
+
+
+def test_a_can_is_held_by_pads_that_know_that_they_cannot_feel_it_slide() -> None:
+    course = Course(Trial.drawn(20600, "can", "none"), Hold(), hand="barrett", end_s=1.4)
+    seen = list(course)
+    assert seen[-1].blind
+    assert seen[-1].slid_m < 0.001
+
+
+def test_the_hand_is_filmed_with_the_pads_that_hold(tmp_path: Path) -> None:
+    course = Course(Trial.drawn(1, "jar", "none"), Constant(), hand="barrett", end_s=0.84)
+    try:
+        assert film_course(course, tmp_path / "hand.gif") == 2
+    except (ExtraMissing, GraphicsMissing) as error:
+        pytest.skip(str(error))
+    assert (tmp_path / "hand.gif").stat().st_size > 10_000
+
+
 def test_an_object_is_not_grasped_without_force() -> None:
     trial = Trial.drawn(1, "jar", "none")
     weak = Rehearsal(trial, actuator=Actuator(max_n=0.1 * trial.first_n), hand="barrett")
@@ -134,6 +164,6 @@ def test_an_object_is_not_grasped_without_force() -> None:
 
 
 def test_an_object_that_does_not_fit_the_palm_is_refused() -> None:
-    with pytest.raises(ParameterInvalid, match="objects must be jar or can for the BarrettHand"):
+    with pytest.raises(ParameterInvalid, match="objects must be one of jar, case, can for"):
         Rehearsal(Trial.drawn(1, "ball", "none"), hand="barrett")
     check_objects("gripper", ["ball", "jar"])

@@ -16,6 +16,7 @@ import numpy as np
 from taxelflow.geometry import quaternion_of, se3_of
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.kinematics import model_text
+from taxelflow.simulation.mujoco.camera import View
 from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
 from taxelflow.simulation.mujoco.scene import SHEET_M, add_contacts, mechanism, scene, sheet
 from taxelflow.simulation.mujoco.skin import Skin
@@ -71,6 +72,7 @@ class BarrettHand:
     rate_hz: float = 100.0
     seed: int = 0
     joint_names = ("spread_rad", "f1_rad", "f2_rad", "f3_rad")
+    view = View((0.0, -0.03, 0.01), 0.42, 222.0, -24.0)
 
     def __post_init__(self) -> None:
         self.sensor: Sensor = load_sensor("barretthand-162")
@@ -85,6 +87,11 @@ class BarrettHand:
     def t_s(self) -> float:
         """Time since the start."""
         return self._plant.t_s
+
+    @property
+    def down(self) -> Floats:
+        """(3,): the hand lies on its side, its x axis up."""
+        return np.array([-1.0, 0.0, 0.0])
 
     @property
     def joints(self) -> Floats:

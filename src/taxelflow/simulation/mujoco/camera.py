@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -12,16 +13,42 @@ from taxelflow.errors import GraphicsMissing
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.simulation.mujoco.plant import Grip
-
 _MOST_GEOMS = 500
-_LOOKS_AT_M, _DISTANCE_M, _AZIMUTH_DEG, _ELEVATION_DEG = (0.0, 0.0, 0.02), 0.36, 62.0, -16.0
+
+
+@dataclass(frozen=True)
+class View:
+    """From where a plant is seen in pictures: the point looked at in the world, and the camera's place around it."""
+
+    looks_at_m: tuple[float, float, float]
+    distance_m: float
+    azimuth_deg: float
+    elevation_deg: float
+
+
+class Viewed(Protocol):
+    """A plant at work, as far as a camera needs it."""
+
+    @property
+    def view(self) -> View:
+        """From where it is seen."""
+        ...
+
+    @property
+    def model(self) -> Any:
+        """MuJoCo's model."""
+        ...
+
+    @property
+    def data(self) -> Any:
+        """MuJoCo's state."""
+        ...
 
 
 class Camera:
-    """A camera on the gripper. Close it, or use it as a context manager."""
+    """A camera on a plant, which says from where it is seen. Close it, or use it as a context manager."""
 
-    def __init__(self, grip: Grip, height: int = 480, width: int = 480) -> None:
+    def __init__(self, grip: Viewed, height: int = 480, width: int = 480) -> None:
         """Raises GraphicsMissing where neither EGL nor OSMesa works."""
         import mujoco
 
@@ -31,8 +58,9 @@ class Camera:
         self._renderer = mujoco.MjrContext(grip.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
         self._options, self._view = mujoco.MjvOption(), mujoco.MjvCamera()
-        self._view.lookat[:] = _LOOKS_AT_M
-        self._view.distance, self._view.azimuth, self._view.elevation = _DISTANCE_M, _AZIMUTH_DEG, _ELEVATION_DEG
+        self._view.lookat[:] = grip.view.looks_at_m
+        self._view.distance = grip.view.distance_m
+        self._view.azimuth, self._view.elevation = grip.view.azimuth_deg, grip.view.elevation_deg
         self._picture = mujoco.MjrRect(0, 0, width, height)
         self._size = (height, width, 3)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
+from taxelflow.simulation.mujoco.camera import View
 from taxelflow.simulation.mujoco.gripper_model import SIDES, mjcf
 from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
 from taxelflow.simulation.mujoco.scene import add_contacts
@@ -36,6 +37,7 @@ class Gripper:
     rate_hz: float = 100.0
     seed: int = 0
     joint_names = ("left_m", "right_m")
+    view = View((0.0, 0.0, 0.02), 0.36, 62.0, -16.0)
 
     def __post_init__(self) -> None:
         pads = [(side, self.skin) for side in SIDES]
@@ -47,6 +49,11 @@ class Gripper:
     def t_s(self) -> float:
         """Time since the start."""
         return self._plant.t_s
+
+    @property
+    def down(self) -> Floats:
+        """(2,): the pads' y axes point up."""
+        return np.array([0.0, -1.0])
 
     @property
     def joints(self) -> Floats:

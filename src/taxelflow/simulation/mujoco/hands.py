@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 HANDS = {"gripper": "two facing pads of 16x16 taxels", "barrett": "the BarrettHand with its 162 taxels"}
 """Hands by name."""
-DEFAULT_OBJECTS = {"gripper": STANDARD_OBJECTS, "barrett": PALM_OBJECTS[:1]}
+DEFAULT_OBJECTS = {"gripper": STANDARD_OBJECTS, "barrett": PALM_OBJECTS[:2]}
 """Objects that are held in turn, by hand."""
 
 
@@ -27,7 +27,7 @@ def check_objects(hand: str, objects: Iterable[str]) -> None:
         raise NameUnknown("hand", hand, HANDS)
     for name in objects:
         if hand == "barrett" and name not in PALM_OBJECTS:
-            raise ParameterInvalid("objects", name, f"be {' or '.join(PALM_OBJECTS)} for the BarrettHand")
+            raise ParameterInvalid("objects", name, f"be one of {', '.join(PALM_OBJECTS)} for the BarrettHand")
 
 
 def grip(hand: str, held: Held, actuator: Actuator, seed: int, skin: Skin | None = None) -> Grip:

@@ -86,6 +86,11 @@ def jar(random: np.random.Generator) -> Shape:
     return Shape(f'<geom type="cylinder" size="0.0375 0.08" {_PAINT}/>{ribs}', 0.039, back_m=0.039)
 
 
+def case(_random: np.random.Generator) -> Shape:
+    """A box of 78 mm for the hand, so low that its edges lie on two of three pads."""
+    return Shape(f'<geom type="box" size="0.039 0.03 0.028" {_PAINT}/>', 0.039, back_m=0.039)
+
+
 def convex(random: np.random.Generator) -> Shape:
     """The convex hull of 24 random places on an ellipsoid."""
     places = random.normal(size=(24, 3))
@@ -105,12 +110,13 @@ OBJECTS: dict[str, Callable[[np.random.Generator], Shape]] = {
     "plate": plate,
     "convex": convex,
     "jar": jar,
+    "case": case,
     "can": can,
 }
 """Kinds of objects by name. The first five are those of the standard trials."""
 STANDARD_OBJECTS = tuple(OBJECTS)[:5]
-PALM_OBJECTS = ("jar", "can")
-"""Kinds that fit the palm of a hand. The first has something to feel."""
+PALM_OBJECTS = ("jar", "case", "can")
+"""Kinds that fit the palm of a hand: the bottle and the box as wide as it needs, and one without ribs."""
 FEATURELESS = ("plate", "can")
 """Kinds that cover the pads and have nothing to feel along their slip: it cannot be told from rest."""
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats
     from taxelflow.sensors.sensor import Sensor
+    from taxelflow.simulation.mujoco.camera import View
     from taxelflow.simulation.mujoco.events import Load
     from taxelflow.simulation.mujoco.objects import Shape
     from taxelflow.simulation.mujoco.skin import Skin
@@ -97,6 +98,11 @@ class Grip(Protocol):
     """A plant with a force to command: the gripper or a hand."""
 
     @property
+    def view(self) -> View:
+        """For pictures."""
+        ...
+
+    @property
     def model(self) -> Any:
         """MuJoCo's model."""
         ...
@@ -119,6 +125,11 @@ class Grip(Protocol):
     @property
     def sensor(self) -> Sensor:
         """Pads and taxels of its scans."""
+        ...
+
+    @property
+    def down(self) -> Floats:
+        """(n,), unit vector of gravity in the grip's frame, see `Touch`; its own acceleration is along it."""
         ...
 
     @property
