@@ -11,12 +11,14 @@ from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.map_update import first_pattern, learn
 from taxelflow.estimation.template.online.relocalization import recognised
 from taxelflow.estimation.template.online.track_state import PadScan
+from taxelflow.numerics.blas import on_one_core
 
 
 @cache
 def compile_batch() -> None:
     """Those of whole contacts, once in a process."""
-    solve_contact(made_up())
+    with on_one_core():
+        solve_contact(made_up())
 
 
 @cache
@@ -30,7 +32,8 @@ def compile_stream() -> None:
         scan = scanned.t_s[k], scanned.readings[k], scanned.variance[k], np.zeros((3, 0)), state
         learned.keyframes = learned.keyframes.with_scan(*scan)
     learned.fresh = len(scanned) - 1
-    recognised(learn(learned), np.zeros(2), part)
+    with on_one_core():
+        recognised(learn(learned), np.zeros(2), part)
 
 
 def made_up() -> Scanned:
