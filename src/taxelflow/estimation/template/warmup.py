@@ -32,7 +32,8 @@ def compile_stream() -> None:
         scan = scanned.t_s[k], scanned.readings[k], scanned.variance[k], np.zeros((3, 0)), state
         learned.keyframes = learned.keyframes.with_scan(*scan)
     learned.fresh = len(scanned) - 1
-    recognised(learn(learned), np.zeros(2), part)
+    with on_one_core():
+        recognised(learn(learned), np.zeros(2), part)
 
 
 def made_up() -> Scanned:
