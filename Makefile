@@ -186,7 +186,9 @@ results-control: $(READY)
 	  --trials 120 --seed 9000 --csv $(RUNS)/control.csv
 	$(TAXELFLOW) control --controller hold --sweep actuator --objects ball bottle bumpy --trials 12 --seed 9500 \
 	  --csv $(RUNS)/control-actuator.csv
-	cp $(RUNS)/control.csv $(RUNS)/control-trials.csv $(RUNS)/control-actuator.csv docs/results/
+	$(TAXELFLOW) control --controller hold --hand barrett --against threshold centroid constant --objects jar case can \
+	  --trials 36 --seed 41000 --csv $(RUNS)/control-hand.csv
+	cp $(RUNS)/control*.csv docs/results/
 
 # The pictures that README and docs show.
 pictures: $(READY)
