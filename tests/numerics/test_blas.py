@@ -30,7 +30,7 @@ def test_blas_stays_on_one_core_until_the_last_thread_has_left() -> None:
         assert (left_by_one, seen.result(), threads()) == ({1}, {1}, {2})
 
 
-def test_a_thread_beside_one_that_limits_blas_has_one_core() -> None:
+def test_a_thread_beside_one_that_limits_blas_has_one_core_and_leaves_the_other_in_control() -> None:
     def other() -> set[int]:
         with on_one_core():
             return threads()
@@ -38,3 +38,5 @@ def test_a_thread_beside_one_that_limits_blas_has_one_core() -> None:
     with threadpool_limits(2, user_api="blas"), ThreadPoolExecutor(1) as beside:
         assert beside.submit(other).result() == {1}
         assert threads() == {2}
+        with threadpool_limits(3, user_api="blas"):
+            assert threads() == {3}
