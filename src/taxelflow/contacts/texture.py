@@ -133,8 +133,6 @@ def measure(
             if evaluated:
                 add_scan(pressure[scan], noise, xy, begin, end, gradients, error, own)
             if evaluated or own.age == 0:
-                for a in range(4):
-                    own.unobservable[a // 2, a % 2] = 0.0
                 own.smooth = judge(own, own.unobservable)
                 own.turns = not own.smooth or own.turn > _TEXTURED * own.arm
             own.age += 1
@@ -151,6 +149,7 @@ def judge(own: Sums, unobservable: Floats) -> bool:
     angle = 0.5 * np.arctan2(apart, half)
     x, y = np.cos(angle), np.sin(angle)  # of the direction that is told best
     along, across = x * x * own.noise_x + y * y * own.noise_y, y * y * own.noise_x + x * x * own.noise_y
+    unobservable[0, 0] = unobservable[0, 1] = unobservable[1, 0] = unobservable[1, 1] = 0.0
     if middle - radius < _TOLD * across:
         tilt = across / (own.count * (middle + radius)) if middle + radius > _TOLD * along else 1.0
         unobservable[0, 0] = y * y + tilt * x * x
