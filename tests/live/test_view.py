@@ -4,6 +4,9 @@ import re
 import signal
 import subprocess
 import sys
+import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -107,3 +110,41 @@ def test_without_viser_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_a_recording_that_is_missing_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "does not exist" in refused(capsys, "view", tmp_path / "none.npz")
+
+
+def test_the_page_is_there_before_the_pipeline_is_imported() -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    code = """
+import sys
+from urllib.request import urlopen
+import taxelflow.cli
+from taxelflow.publish.view.server import PageServer
+with PageServer(port=0) as server:
+    assert b"<html" in urlopen(server.url).read(2000)
+    print([name for name in ("numba", "scipy", "taxelflow.pipeline") if name in sys.modules])
+"""
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.split("\n")[0] == "[]"
+
+
+def test_the_estimate_waits_for_a_browser_that_is_opening(stroke: Recording) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    server = PageServer(port=0)
+    playing = Playing(stroke, ("convolution",), server)
+    try:
+        threading.Thread(target=playing.run, daemon=True).start()
+        history = playing.page.histories[0]
+        awaited(lambda: len(history.times) > 0)
+        assert not history.complete
+        server.opened.set()  # as a browser does
+        awaited(lambda: history.complete)
+    finally:
+        playing.close()
+
+
+def awaited(done: Callable[[], bool]) -> None:
+    """Let other threads work until something is so."""
+    end = time.monotonic() + 60.0
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.001)
