@@ -140,21 +140,23 @@ class HandReport(msgspec.Struct, frozen=True):
         )
         if self.grasps:
             console.print()
-            console.print(_in_space(self.grasps))
+            console.print(_twists(self.grasps))
             caption(
                 console,
-                "twist over a window of 0.25 s, 25 mm/s and 30 deg/s together; direction: median, others\n"
-                "RMS; bounds: RMS, patterns and joints known, of the poses of a window or, of a pose, of\n"
-                "one scan; pose: one constant offset taken off;\n"
-                "blamed: strokes in which the pad that sticks, and no other, is blamed.",
+                "window of 0.25 s, 25 mm/s and 30 deg/s together; direction: median, others RMS\n"
+                "bounds: RMS, patterns and joints known; blamed: strokes in which the pad that\n"
+                "sticks, and no other, is blamed, %",
             )
+            console.print()
+            console.print(_poses(self.grasps))
+            caption(console, "one constant offset taken off; bound: of one scan, patterns and joints known.")
 
 
-def _in_space(rows: list[GraspRow]) -> Shown:
-    twist = ("dir. deg", "bound", "speed %", "bound", "turn %", "bound", "NEES")
-    pose = ("mm", "bound", "deg", "bound")
-    table = quiet_table("grasp:", "method:", *twist, *pose, "blamed %", title="motion in space")
+def _twists(rows: list[GraspRow]) -> Shown:
+    columns = ("dir. deg", "bound", "speed %", "bound", "turn %", "bound", "NEES", "blamed")
+    table = quiet_table("twist:", "method:", *columns)
     for row in rows:
+        blamed = None if row.blamed_rightly is None else 100 * row.blamed_rightly
         table.add_row(
             row.variant,
             short(row.method),
@@ -165,12 +167,16 @@ def _in_space(rows: list[GraspRow]) -> Shown:
             number(row.turn_percent, 2),
             number(row.turn_bound_percent, 2),
             number(row.nees, 2),
-            number(row.pose_mm, 3),
-            number(row.bound_mm, 3),
-            number(row.pose_deg, 3),
-            number(row.bound_deg, 3),
-            number(None if row.blamed_rightly is None else 100 * row.blamed_rightly, 0),
+            number(blamed, 0),
         )
+    return table
+
+
+def _poses(rows: list[GraspRow]) -> Shown:
+    table = quiet_table("pose:", "method:", "mm", "bound", "deg", "bound")
+    for row in rows:
+        numbers = (row.pose_mm, row.bound_mm, row.pose_deg, row.bound_deg)
+        table.add_row(row.variant, short(row.method), *(number(one, 3) for one in numbers))
     return table
 
 
