@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numba
 import numpy as np
@@ -14,7 +14,7 @@ from numba.core.registry import CPUDispatcher
 
 import taxelflow
 from taxelflow.runtime import compiling
-from taxelflow.runtime.compiling import kernel
+from taxelflow.runtime.compiling import kernel, long_kernel
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -141,7 +141,7 @@ def test_while_a_kernel_compiles_a_watched_terminal_shows_a_bar(
     assert "compiling" in capsys.readouterr().err
 
 
-def test_a_kernel_is_compiled_without_python_and_its_lock(fresh: Callable[[Any], Any]) -> None:
+def test_a_kernel_is_compiled_without_python_and_keeps_its_lock(fresh: Callable[[Any], Any]) -> None:
     @fresh
     def total(values: np.ndarray) -> float:
         found = 0.0
@@ -151,7 +151,8 @@ def test_a_kernel_is_compiled_without_python_and_its_lock(fresh: Callable[[Any],
 
     assert isinstance(total, CPUDispatcher)
     assert total.targetoptions["nopython"]
-    assert total.targetoptions["nogil"]
+    assert not total.targetoptions["nogil"]
+    assert cast("Any", long_kernel(total.py_func)).targetoptions["nogil"]
 
 
 def test_sums_may_be_reordered_but_nan_stays_nan_and_zero_divides(fresh: Callable[[Any], Any]) -> None:

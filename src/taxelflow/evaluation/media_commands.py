@@ -5,9 +5,11 @@ A dataclass per command, whose fields are its options. NumPy is imported when a 
 
 from __future__ import annotations
 
-from contextlib import suppress
+import signal
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Event
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -18,6 +20,8 @@ from taxelflow.errors import ParameterInvalid, RecordingMissing
 from taxelflow.runtime.turns import quick_turns
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from taxelflow.acquire.base import Recording
     from taxelflow.publish.view.server import PageServer
 
@@ -133,21 +137,24 @@ class View:
             return self._film(self.film, methods)
         from taxelflow.publish.view.server import PageServer
 
-        with PageServer(self.host, self.port) as server, suppress(KeyboardInterrupt), quick_turns():
+        with PageServer(self.host, self.port) as server, _asked_to_end() as asked, quick_turns():
             print(f"{server.url} (end with Ctrl-C)", flush=True)
-            self._serve(server, methods, live=live)
+            self._serve(server, methods, asked, live=live)
         return 0  # interrupted: the way to end it
 
-    def _serve(self, server: PageServer, methods: tuple[str, ...], *, live: bool) -> None:
+    def _serve(self, server: PageServer, methods: tuple[str, ...], asked: Event, *, live: bool) -> None:
         """Import what estimates only now: browsers load the page in the meantime."""
         from taxelflow.evaluation.view import view_recording, view_source
         from taxelflow.sensors.catalogue import load_sensor
 
         if live:
             sensor = None if self.sensor is None else load_sensor(self.sensor)
-            view_source(self.shown, sensor, methods[0], self.contacts, server)
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            with suppress(KeyboardInterrupt):
+                if not asked.is_set():
+                    view_source(self.shown, sensor, methods[0], self.contacts, server)
         else:
-            view_recording(self._recording(), methods, server, flat=self.flat)
+            view_recording(self._recording(), methods, server, asked, flat=self.flat)
 
     def _film(self, out: Path, methods: tuple[str, ...]) -> int:
         from taxelflow.evaluation.view_film import Part, film_recording
@@ -163,3 +170,14 @@ class View:
 
         found = api.read(Path(self.shown), self.sensor, topic=self.topic, joints=self.joints)
         return found.with_contacts(self.contacts)
+
+
+@contextmanager
+def _asked_to_end() -> Iterator[Event]:
+    """Set by SIGINT. Raised while a module is imported, an interrupt may be lost."""
+    asked = Event()
+    before = signal.signal(signal.SIGINT, lambda *_: asked.set())
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -121,12 +121,12 @@ class Playing:
         finally:
             self._busy.release()
 
-    def run(self) -> None:
-        """Fill and show until interrupted. Raises what reading raises."""
+    def run(self, asked: threading.Event) -> None:
+        """Fill and show until asked to end. Raises what reading raises."""
         threading.Thread(target=self._guarded, name="estimate", daemon=True).start()
         showing = threading.Thread(target=self.page.run, args=(self._stop,), name="view", daemon=True)
         showing.start()
-        while showing.is_alive():
+        while showing.is_alive() and not asked.is_set():
             showing.join(0.2)
             if self.error is not None:
                 raise self.error
@@ -149,11 +149,13 @@ class Playing:
             self.error = error
 
 
-def view_recording(recording: Recording, methods: Sequence[str], server: PageServer, *, flat: bool = False) -> None:
-    """Show the recording until interrupted. Raises NameUnknown, and what reading raises."""
+def view_recording(
+    recording: Recording, methods: Sequence[str], server: PageServer, asked: threading.Event, *, flat: bool = False
+) -> None:
+    """Show the recording until asked to end. Raises NameUnknown, and what reading raises."""
     playing = Playing(recording, methods, server, flat=flat)
     try:
-        playing.run()
+        playing.run(asked)
     finally:
         playing.close()
 
