@@ -132,7 +132,7 @@ def test_the_estimate_waits_for_a_browser_that_is_opening(stroke: Recording) -> 
     server = PageServer(port=0)
     playing = Playing(stroke, ("convolution",), server)
     try:
-        threading.Thread(target=playing.run, daemon=True).start()
+        threading.Thread(target=playing.run, args=(threading.Event(),), daemon=True).start()
         history = playing.page.histories[0]
         awaited(lambda: len(history.times) > 0)
         assert not history.complete
