@@ -58,7 +58,7 @@ class SlipStage:
         self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)
         self._odds = LiveOdds(len(pads)) if stream else OfflineOdds(len(pads))
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
-        self._verdict = Verdict(pads)
+        self._verdict = Verdict(layout)
         self._completed = SlipEvents(pads, stream=stream)
         self._changes: list[PatternChanges] = []
         self._slips: list[Slips] = []  # not judged yet

@@ -129,12 +129,14 @@ class BatchSession:
             information = without_tilt(information_of(*fitted, stiffness), *fitted, layout.unseen_error)
             moment = Moment(solved.pattern, scanned, solved.states, np.arange(len(scanned)), solved.turns)
             poses, rival = poses_of(solved, scanned, information, pitch_m), solved.rival
+            growth = solved.growth
             if not layout.unseen_error:  # no fault of the sensor misled the likelihood: it has decided
                 rival = rival[:0]
             if solved.error > CHANGES and len(scanned) > MEMORY:
                 poses, moment = follow_changing(scanned, pitch_m, turns=solved.turns)
-                rival = rival[:0]
-            poses = bridged(poses, scanned.t_s).doubted(rival, pitch_m).open_across(scanned, pitch_m)
+                rival, growth = rival[:0], growth[:0]
+            poses = bridged(poses, scanned.t_s).doubted(rival, pitch_m).doubted(growth, pitch_m)
+            poses = poses.open_across(scanned, pitch_m)
             if layout.unseen_error:
                 edge: Bools = np.asarray(layout.border[own].any(axis=1), dtype=np.bool_)
                 poses = witnessed(poses, scanned, edge, pitch_m)

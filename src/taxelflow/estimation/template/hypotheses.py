@@ -14,7 +14,7 @@ from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.estimation.template.observability import sights
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.pose_output import arm_of
-from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_start
+from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
 from taxelflow.estimation.template.solution import Solved
 from taxelflow.numerics.bspline import STATE, States, in_object, states_of
 
@@ -72,9 +72,14 @@ def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
     One that lets the object turn only if it surely turns, or keeps its angle.
     """
     best = _chosen(solved, scanned)
-    rivals = [one for one in solved if one.turns != best.turns and one.grows == best.grows]
-    near = [one for one in rivals if one.error <= _RIVAL * best.error]
-    return replace(best, rival=_apart(best, min(near, key=lambda one: one.error))) if near else best
+    near = [one for one in solved if one.error <= _RIVAL * best.error]
+    others = [one for one in near if one.turns != best.turns and one.grows == best.grows]
+    if others:
+        best = replace(best, rival=_apart(best, min(others, key=lambda one: one.error)))
+    grown = [one for one in near if one.grows != best.grows]
+    if grown:
+        best = replace(best, growth=_by_growth(best, min(grown, key=lambda one: one.error), scanned))
+    return best
 
 
 def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
@@ -107,11 +112,11 @@ def grown(scanned: Scanned, rigid: Floats, *, turns: bool) -> list[Solved]:
     """The coarse fit of an object that stays while its contact grows with the load, where that may be: not if states
     `rigid` (scans, 5) of one that does not grow move far.
     """
-    start = grown_start(scanned, rigid, start_scan(scanned))
-    if start is None:
-        return []
-    pattern, states, fit = start
-    return [Solved(pattern, states, fit, learned_error(fit, scanned), FIRST_GAIN_STD, turns, grows=True)]
+    fits = [
+        Solved(*start, learned_error(start[2], scanned), FIRST_GAIN_STD, turns, grows=True)
+        for start in grown_starts(scanned, rigid, start_scan(scanned))
+    ]
+    return [min(fits, key=lambda one: cost(one, scanned))] if fits else []
 
 
 def coarse(scanned: Scanned, states: Floats, *, turns: bool, rounds: int = _FIRST_ROUNDS) -> Solved:
@@ -181,6 +186,18 @@ def _agree(best: Solved, other: Solved) -> Bools:
 def _apart(best: Solved, rival: Solved) -> Floats:
     """(scans, 2), see `distance`, with the turn of the one that turns."""
     return distance(best.states, rival.states, states_of((best if best.turns else rival).states).theta)
+
+
+def _by_growth(best: Solved, rival: Solved, scanned: Scanned) -> Floats:
+    """(scans, 2), in pitches, how far apart the points are that two hypotheses report, one of which grows."""
+    apart = _reported(rival, scanned) - _reported(best, scanned)
+    return apart - np.median(apart, axis=0)
+
+
+def _reported(solved: Solved, scanned: Scanned) -> Floats:
+    """(scans, 2), places of the point that is reported."""
+    places: Floats = solved.states[:, :2] + arm_of(solved.middle(scanned), solved.states)
+    return places
 
 
 def distance(states: Floats, others: Floats, theta: Floats) -> Floats:

@@ -142,6 +142,13 @@ class Scanned:
         return across(self.places, live)
 
     @property
+    def edge(self) -> Bools:
+        """(taxels,), those at the border of the rectangle that the pad fills."""
+        x, y = self.places
+        border: Bools = (x <= x.min()) | (x >= x.max()) | (y <= y.min()) | (y >= y.max())
+        return border
+
+    @property
     def middle(self) -> Floats:
         """(2,) of the pad."""
         centre: Floats = 0.5 * (self.places.min(axis=1) + self.places.max(axis=1))

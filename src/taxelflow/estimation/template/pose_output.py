@@ -67,7 +67,7 @@ class Poses:
         shared[:, :2, :2] = pitch_m**2 * rival[:, :, np.newaxis] * rival[:, np.newaxis, :]
         covariance = self.covariance + shared
         worse = np.where(self.quality == OK, judge(covariance, np.zeros(len(self)), pitch_m), OK)
-        return Poses(self.pose, covariance, np.maximum(self.quality, worse).astype(np.uint8), shared)
+        return Poses(self.pose, covariance, np.maximum(self.quality, worse).astype(np.uint8), self.shared + shared)
 
     def tail(self, count: int) -> Poses:
         """The last `count` scans."""

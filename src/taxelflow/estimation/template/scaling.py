@@ -1,7 +1,8 @@
 """Contacts that grow with their load: at a border, growth looks like motion.
 
 An object that stays in its place, its contact's size going with the load, is held against what was found without a
-size. Which of its points stays is found, too: the one whose place goes least with the size.
+size. Which of its points stays is found, too: the one whose place goes least with the size. It may lie beyond a border
+that cuts the contact.
 """
 
 from __future__ import annotations
@@ -38,19 +39,36 @@ slides as it is pressed, in pitches per s."""
 _ROUNDS = 15
 
 
-def grown_start(scanned: Scanned, states: Floats, start: int) -> tuple[Pattern, Floats, Fit] | None:
+def grown_starts(scanned: Scanned, states: Floats, start: int) -> list[tuple[Pattern, Floats, Fit]]:
     """Pattern, states (scans, 5) and coarse fit of an object that stays where it is in scan `start` while its contact
-    grows with the load; None where the load hardly varies, or where the object clearly moved: a contact that a border
-    cuts seems to grow, too.
+    grows with the load, around each place that may stay; none where the load hardly varies, or where the object clearly
+    moved: a contact that a border cuts seems to grow, too.
 
     states: (scans, 5), of a fit without growth.
     """
     if not may_have_grown(scanned, states):
-        return None
+        return []
+    return [_grown_around(scanned, place, start) for place in _places_that_may_stay(scanned, start)]
+
+
+def _places_that_may_stay(scanned: Scanned, start: int) -> list[Floats]:
+    """Places (2,) around which the contact of scan `start` may grow: its centroid; that of what the border cuts; and
+    one as far beyond.
+    """
+    middle, edge = scanned.centroids()[start], scanned.edge
+    load = scanned.load()[start, edge]
+    if not load.any():
+        return [middle]
+    cut: Floats = scanned.places[:, edge] @ load / load.sum()
+    return [middle, cut, 2.0 * cut - middle]
+
+
+def _grown_around(scanned: Scanned, place: Floats, start: int) -> tuple[Pattern, Floats, Fit]:
+    """`grown_starts` around a given place (2,)."""
     load = scanned.load().sum(axis=1)
     share = np.clip(load / max(float(load[start]), 1e-300), *_SHARES)
     held = np.zeros((len(scanned), STATE))
-    held[:, :2] = scanned.centroids()[start]
+    held[:, :2] = place
     parts = states_of(held)
     parts.gain[:], parts.size[:] = share**_POWER, _POWER * np.log(share)
     places = [in_object(scanned.places[:, own].T, at) for own, at in zip(scanned.loaded(), held, strict=True)]

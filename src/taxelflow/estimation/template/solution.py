@@ -26,7 +26,8 @@ class Solved:
     gain_std: of the gains around 1. turns, grows: whether the object turns, and its contact grows with the load around
     the origin of the pattern's frame. agrees: (scans,), whether independent starts put the object at the same place;
     empty where there was one start. rival: (scans, 2), in pitches, how far from here a hypothesis that explains the
-    scans nearly as well puts the object; empty if there is none. dead: taxels that do not answer. gains: (taxels,), by
+    scans nearly as well puts the object, one that turns where this does not, or the reverse; growth: the same of one
+    that grows or does not; each is empty if there is none. dead: taxels that do not answer. gains: (taxels,), by
     which the readings were divided; empty if they were not.
     """
 
@@ -39,6 +40,7 @@ class Solved:
     grows: bool = False
     agrees: Bools = field(default_factory=lambda: np.ones(0, np.bool_))
     rival: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    growth: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     dead: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     gains: Floats = field(default_factory=lambda: np.zeros(0))
 
@@ -47,10 +49,10 @@ class Solved:
         """The hypothesis."""
         return self.turns, self.grows
 
-    @property
-    def rival_variance(self) -> float:
-        """Variance of x and y, in pitches^2, by `rival`."""
-        return 0.5 * float(np.mean(np.sum(self.rival**2, axis=1))) if len(self.rival) else 0.0
+    def rival_variance(self, *, turns: bool) -> float:
+        """Variance of x and y, in pitches^2, by `growth`, and by `rival` where a rival that `turns` counts."""
+        apart = (self.growth, self.rival) if turns else (self.growth,)
+        return sum(0.5 * float(np.mean(np.sum(one**2, axis=1))) for one in apart if len(one))
 
     def middle(self, scanned: Scanned) -> Floats:
         """(2,) the point of the body whose places are given out: its centre of pressure, or where it does not grow."""

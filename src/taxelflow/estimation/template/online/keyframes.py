@@ -73,9 +73,7 @@ def most_whole(keyframes: Keyframes) -> tuple[int, float]:
 
     A round contact that is cut looks as if it had an angle.
     """
-    x, y = keyframes.scanned.places
-    border = (x <= x.min()) | (x >= x.max()) | (y <= y.min()) | (y >= y.max())
     load = keyframes.scanned.load()
-    share = load[:, border].sum(axis=1) / np.maximum(load.sum(axis=1), 1e-300)
+    share = load[:, keyframes.scanned.edge].sum(axis=1) / np.maximum(load.sum(axis=1), 1e-300)
     best = len(share) - 1 - int(np.argmin(share[::-1]))
     return best, float(share[best])

@@ -31,13 +31,13 @@ class Learned:
     keyframes: it was learned from, their states in its frame. gains: (taxels,), of the pad's taxels. usual: chi-square
     per reading of a scan that fits. slack: (2,) how wrong poses on the pattern before have been, variance of x and y
     (pitches^2) and of theta (rad^2). tilt, rival: variance of x and y, pitches^2, that a tilt of the load, and another
-    hypothesis, may explain. fresh:
-    how many of the last keyframes were registered on the pattern before. looked: keyframes at which the hypotheses were
-    last compared. turned: by how much its theta differs from that of the pattern before. error: see
-    `Scanned.with_error`. gain_std: from scan to scan. turns, grows: see `Solved`. told: whether fits have agreed well
-    enough to tell of the turn. changing: it does not stay the same, and only the last keyframes count. unseen_error:
-    see `Layout`. origin: (2,) in pitches, added to what is reported: the frame of a pattern that grows is at the point
-    that stays. arm: (2,) in pitches, from the origin of the frame to the point reported when its contact ended.
+    hypothesis, may explain. fresh: how many of the last keyframes were registered on the pattern before. taken: scans
+    that have ever been keyframes. looked: how many had been when the hypotheses were last compared. turned: by how much
+    its theta differs from that of the pattern before. error: see `Scanned.with_error`. gain_std: from scan to scan.
+    turns, grows: see `Solved`. told: whether fits have agreed well enough to tell of the turn. changing: it does not
+    stay the same, and only the last keyframes count. unseen_error: see `Layout`. origin: (2,) in pitches, added to what
+    is reported: the frame of a pattern that grows is at the point that stays. arm: (2,) in pitches, from the origin of
+    the frame to the point reported when its contact ended.
     """
 
     pattern: Pattern
@@ -59,6 +59,7 @@ class Learned:
     origin: Floats = field(default_factory=lambda: np.zeros(2))
     arm: Floats = field(default_factory=lambda: np.zeros(2))
     fresh: int = 0
+    taken: int = 1
     looked: int = 0
 
     @property

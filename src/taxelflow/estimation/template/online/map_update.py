@@ -43,7 +43,7 @@ _NEAR, _FAR = 0.25, 1.0
 """Keyframes closer than this, in pitches, show the same; further for contacts whose size varies: what the size leaves
 unexplained seems to move them."""
 _DECIDE, _MORE, _WHOLE = 4, 1.5, 0.1
-"""Keyframes from which hypotheses are compared, anew when there are so many times more; and share of the load at the
+"""Keyframes from which hypotheses are compared, anew when so many times more were taken; and share of the load at the
 border up to which a turn is looked for."""
 _SETTLED = 20
 """From so many keyframes on another start must be clearly likelier: it may end in the same place, and only turn the
@@ -144,7 +144,7 @@ def _learn(known: Learned) -> Learned:
         turned=turned,
         slack=slack,
         tilt=_tilt(best, scanned, known.unseen_error),
-        rival=known.rival if looked == known.looked or not known.unseen_error else best.rival_variance,
+        rival=known.rival if looked == known.looked else best.rival_variance(turns=known.unseen_error > 0),
         origin=origin,
         looked=looked,
     )
@@ -185,28 +185,28 @@ def _strange(solved: Solved) -> Bools:
 
 def _grown_now(known: Learned) -> bool:
     """Whether sizes differ, so that hypotheses are worth comparing though the object has hardly moved."""
-    return known.keyframes.grown and len(known.keyframes) >= _MORE * max(known.looked, 1)
+    return known.keyframes.grown and known.taken >= _MORE * max(known.looked, 1)
 
 
 def _best(known: Learned) -> tuple[Solved, int]:
-    """The likeliest hypothesis on the keyframes, and at how many keyframes they were last compared."""
+    """The likeliest hypothesis on the keyframes, and how many had been taken when they were last compared."""
     keyframes = known.keyframes
     scanned, count = known.scanned, len(keyframes)
     present = _again(known, scanned, keyframes.states.copy())
-    misfits = count >= max(_SEEN_ENOUGH, known.looked + _LAST) and bool(_strange(present).any())
-    due = count >= _MORE * known.looked or misfits
+    misfits = known.taken >= max(_SEEN_ENOUGH, known.looked + _LAST) and bool(_strange(present).any())
+    due = known.taken >= _MORE * known.looked or misfits
     if count < _DECIDE or not due:
         return present, known.looked
     present, rigid = _further(scanned, present), _rigid(known, scanned)
     if known.grows:  # as in a batch, only while the object hardly moves
         stays = may_have_grown(scanned, likeliest(rigid, scanned).states)
-        return likeliest([present, *rigid] if stays else rigid, scanned), count
+        return likeliest([present, *rigid] if stays else rigid, scanned), known.taken
     most = cost(present, scanned) - (STATE * count if count > _SETTLED else 0)
     tried = [present, *(one for one in rigid if one.kind != present.kind or cost(one, scanned) < most)]
-    if count >= _SEEN_ENOUGH:
+    if count >= YOUNG:
         still = replace(scanned, delay_s=np.zeros_like(scanned.delay_s), bends=np.zeros_like(scanned.bends))
         tried += [_further(still, one) for one in grown(still, keyframes.states, turns=known.turns)]
-    return likeliest(tried, scanned), count
+    return likeliest(tried, scanned), known.taken
 
 
 def _rigid(known: Learned, scanned: Scanned) -> list[Solved]:

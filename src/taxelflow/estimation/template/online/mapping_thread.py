@@ -129,4 +129,4 @@ def learn_from(known: Learned, fresh: list[Novel]) -> Learned:
     keyframes = known.keyframes
     for scan in fresh:
         keyframes = keyframes.with_scan(*scan)
-    return learn(replace(known, keyframes=keyframes))
+    return learn(replace(known, keyframes=keyframes, taken=known.taken + len(fresh)))
