@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 _WIDTH, _HEIGHT = 1600, 900
 _SENSOR, _PAD = "inspire-rh56dftp@3.0mm", "palm"
-_SCENARIO = "stroke"
+_SCENARIO = SCENARIOS["stroke"]
 _KEEP_S = 60.0
 _USER = 11
 """Where the user's time is after the command's name in /proc/PID/stat, see proc(5)."""
@@ -138,7 +138,7 @@ class ViewBench:
 def _start(tab: Tab, folder: Path) -> StartRow:
     """Run the command in a process of its own."""
     recording = folder / "stroke.npz"
-    save(SCENARIOS[_SCENARIO], recording)
+    save(_SCENARIO, recording)
     command = [sys.executable, "-m", "taxelflow.cli", "view", str(recording), "--port", "0"]
     began = time.monotonic()
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -214,7 +214,7 @@ def _prepared() -> tuple[Sensor, Floats, Floats, Results]:
     """A sensor, times (scans,), pressures (scans, taxels) and results of a slide over its palm."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "palm.npz"
-        save(replace(SCENARIOS[_SCENARIO], sensor=_SENSOR, pad=_PAD), path)
+        save(replace(_SCENARIO, sensor=_SENSOR, pad=_PAD), path)
         recording = api.read(path)
         history = History()
         Filling(recording, Pipeline(api.estimator("convolution")), history).fill()
