@@ -183,7 +183,7 @@ results-bench: $(READY)
 results-control: $(READY)
 	@mkdir -p $(RUNS)
 	$(TAXELFLOW) control --controller hold --against threshold centroid constant --objects ball rod box bottle bumpy plate \
-	  --trials 120 --seed 9000 --csv $(RUNS)/control.csv
+	  --trials 120 --seed 70000 --csv $(RUNS)/control.csv
 	$(TAXELFLOW) control --controller hold --sweep actuator --objects ball bottle bumpy --trials 12 --seed 9500 \
 	  --csv $(RUNS)/control-actuator.csv
 	$(TAXELFLOW) control --controller hold --hand barrett --against threshold centroid constant --objects jar case can \
