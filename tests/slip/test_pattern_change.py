@@ -69,6 +69,14 @@ def test_noise_stirs_nothing_but_tilt_does() -> None:
     assert shares[1] > 0.5
 
 
+def test_noise_alone_stirs_one_bin_in_many() -> None:
+    noise = np.random.default_rng(0).normal(0.0, 4e3, (4000, SENSOR.layout.taxels))
+    stirred = compared(touched(texture(np.zeros(4000)) + noise, 50.0, noise=4e3)).stirred
+    known = stirred[np.isfinite(stirred)]
+    assert len(known) > 700
+    assert known.mean() < 0.01
+
+
 @pytest.mark.parametrize("rate_hz", [10.0, 31.0, 100.0, 400.0])
 def test_bins_are_of_a_tenth_of_a_second_at_any_rate(rate_hz: float) -> None:
     scans = touched(texture(np.zeros(round(5 * rate_hz))), rate_hz)

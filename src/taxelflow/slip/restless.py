@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from taxelflow.slip.pattern_change import PatternChanges
 
 _SHARE = 0.25
-"""Share of stirred bins at rest above which a pad is restless. Noise alone stirs 2 % of them."""
+"""Share of stirred bins at rest above which a pad is restless. Noise alone stirs 0.4 % of them."""
 _PRIOR_BINS = 4.0
 """Bins that were not stirred, in advance: two stirred ones are no accident, one may be."""
 _MEMORY_BINS = 1000.0
