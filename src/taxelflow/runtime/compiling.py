@@ -24,6 +24,8 @@ import numba
 from numba.core import event
 from numba.extending import register_jitable
 
+from taxelflow.runtime.intermediate import RoutineCompiler
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
@@ -63,13 +65,13 @@ def long_kernel(function: Kernel) -> Kernel:
 
 def routine(function: Kernel) -> Kernel:
     """A function that kernels call: it is compiled as part of each of them. Called from Python it is plain Python."""
-    routine_: Any = register_jitable(nogil=True, no_cfunc_wrapper=True, **_OPTIONS)
+    routine_: Any = register_jitable(nogil=True, no_cfunc_wrapper=True, pipeline_class=RoutineCompiler, **_OPTIONS)
     return cast("Kernel", routine_(function))
 
 
 def inlined(function: Kernel) -> Kernel:
     """A `routine` that is always inlined, so that loops over taxels that call it can be vectorised."""
-    routine_: Any = register_jitable(nogil=True, no_cfunc_wrapper=True, forceinline=True, **_OPTIONS)
+    routine_: Any = register_jitable(nogil=True, no_cfunc_wrapper=True, pipeline_class=RoutineCompiler, forceinline=True, **_OPTIONS)
     return cast("Kernel", routine_(function))
 
 
@@ -78,7 +80,7 @@ def lean_kernel(function: Kernel) -> Kernel:
 
     The option is that of numba's documentation of `register_jitable`.
     """
-    routine_: Any = register_jitable(nogil=True, no_cfunc_wrapper=True, _nrt=False, **_OPTIONS)
+    routine_: Any = register_jitable(nogil=True, no_cfunc_wrapper=True, pipeline_class=RoutineCompiler, _nrt=False, **_OPTIONS)
     return cast("Kernel", routine_(function))
 
 
