@@ -76,9 +76,10 @@ def fit_smooth(p: Floats, noise: Floats, x: Floats, y: Floats, scratch: Scratch)
 
 @routine
 def fit_law(law: float, taxels: int, scratch: Scratch) -> float:
-    """Fit p^law = q by weighted least squares to `Scratch.shares` p; fill `left`, p less the fit, and return its energy.
+    """Fit p^law = q by weighted least squares; fill `Scratch.left` with p less the fit, and return its energy.
 
-    The weights make residuals of q those of p, to first order. A loaded taxel has more than `Scratch.least`.
+    p: `Scratch.shares`. The weights make residuals of q those of p, to first order. A loaded taxel has more than
+    `Scratch.least`.
     """
     p, least, terms, left, A, b = (
         scratch.shares,

@@ -230,7 +230,7 @@ def _bar() -> Progress:
 
 
 _compiles = _Compiles()
-event.register("numba:compile", _compiles)  # type: ignore[no-untyped-call]
+event.register("numba:compile", _compiles)
 
 
 @contextmanager

@@ -63,7 +63,8 @@ class _RoutineLowering(NativeLowering):
         state.library = _Intermediate(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         changed: bool = super().run_pass(state)
-        entry = [].copy  # stands for the entry from Python: numba finds the code by it, which must be a built-in
+        own: list[object] = []
+        entry = own.copy  # numba finds the code by its entry from Python, which must be a built-in
         state.targetctx.insert_user_function(entry, state.cr.fndesc, [state.library])
         state.cr = state.cr._replace(cfunc=entry)
         return changed

@@ -261,9 +261,7 @@ def _scale(scanned: Held, held: int, chi_square: float, spline: Spline) -> float
 
 
 @routine
-def _date(
-    segment: int, axes: NDArray[np.int64], weight: Floats, scan_s: float, spline: Spline, path: Path
-) -> None:
+def _date(segment: int, axes: NDArray[np.int64], weight: Floats, scan_s: float, spline: Spline, path: Path) -> None:
     """Add the variance of a date: uniform within a scan, and the noise of its scan's pose over the segment's rate."""
     knots, position = spline.knots, spline.position
     count, span_s = len(axes), knots[segment + 1].t_s - knots[segment].t_s

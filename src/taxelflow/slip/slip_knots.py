@@ -207,7 +207,7 @@ def _explained(band: Floats, right: Floats, count: int, width: int) -> float:
 
 @routine
 def forward(band: Floats, right: Floats, count: int, width: int) -> float:
-    """Make the first `count` of right inv(L) right, and return their squared length. band: of `fit_knots`, `width` wide."""
+    """Make the first `count` of right inv(L) right; their squared length. band: of `fit_knots`, of this width."""
     square = 0.0
     for i in range(count):
         for k in range(max(0, i - width + 1), i):
@@ -219,7 +219,7 @@ def forward(band: Floats, right: Floats, count: int, width: int) -> float:
 
 @routine
 def backward(band: Floats, right: Floats, count: int, width: int) -> None:
-    """Make the first `count` of right inv(L)' right. band: of `fit_knots`, `width` wide."""
+    """Make the first `count` of right inv(L)' right. band: of `fit_knots`, of this width."""
     for i in range(count - 1, -1, -1):
         for k in range(i + 1, min(count, i + width)):
             right[i] -= band[k, k - i] * right[k]
