@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, cast
 import numba
 import numpy as np
 import pytest
+from numba.core import event
 from numba.core.registry import CPUDispatcher
 
 import taxelflow
 from taxelflow.runtime import compiling
-from taxelflow.runtime.compiling import kernel, long_kernel
+from taxelflow.runtime.compiling import kernel, long_kernel, routine
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -153,6 +154,30 @@ def test_a_kernel_is_compiled_without_python_and_keeps_its_lock(fresh: Callable[
     assert total.targetoptions["nopython"]
     assert not total.targetoptions["nogil"]
     assert cast("Any", long_kernel(total.py_func)).targetoptions["nogil"]
+
+
+def test_machine_code_is_emitted_for_the_kernel_and_for_none_of_its_routines(fresh: Callable[[Any], Any]) -> None:
+    @routine
+    def square(x: float) -> float:
+        return x * x
+
+    @routine
+    def fourth(x: float) -> float:
+        return square(x) * square(x)
+
+    @fresh
+    def eighth(x: float) -> float:
+        return fourth(x) * fourth(x)
+
+    with event.install_recorder("numba:compile") as recorder:
+        assert eighth(2.0) == 256.0
+    emitted = {}
+    for _, one in recorder.buffer:
+        for compiled in one.data["dispatcher"].overloads.values():
+            pointer = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+            emitted[compiled.fndesc.unqualified_name] = pointer != 0
+    assert emitted == {"square": False, "fourth": False, "eighth": True}
+    assert fourth(2.0) == 16.0
 
 
 def test_sums_may_be_reordered_but_nan_stays_nan_and_zero_divides(fresh: Callable[[Any], Any]) -> None:

@@ -62,7 +62,7 @@ class _RoutineLowering(NativeLowering):
         """Fill `state.library` and `state.cr`."""
         state.library = _Intermediate(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
-        changed: bool = super().run_pass(state)
+        changed: bool = super().run_pass(state)  # type: ignore[no-untyped-call]
         own: list[object] = []
         entry = own.copy  # numba finds the code by its entry from Python, which must be a built-in
         state.targetctx.insert_user_function(entry, state.cr.fndesc, [state.library])

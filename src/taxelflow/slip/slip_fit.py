@@ -62,7 +62,8 @@ class Path:
 
 class Held(NamedTuple):
     """Scans of a slip: t (scans,), s since its begin; pose (scans, 3); covariance (scans, 3, 3); the axes that are
-    observable. Then room: moved (scans, axes), weight (scans, axes, axes), and sums, which come in as 0.
+    observable. Then room: moved (scans, axes), weight (scans, axes, axes), root (axes, axes), and sums, which come in
+    as 0.
     """
 
     t: Floats
@@ -71,6 +72,7 @@ class Held(NamedTuple):
     axes: NDArray[np.int64]
     moved: Floats
     weight: Floats
+    root: Floats
     sums: Sums
 
 
@@ -147,9 +149,9 @@ def _observable_axes(pose: Floats, covariance: Floats) -> list[int]:
 def _room_for(t: Floats, pose: Floats, covariance: Floats, axes: list[int]) -> Held:
     """Scans, and room for what is computed from them: a kernel that makes no array is compiled sooner."""
     scans, count = len(t), len(axes)
-    moved, weight = np.empty((scans, count)), np.empty((scans, count, count))
+    moved, weight, root = np.empty((scans, count)), np.empty((scans, count, count)), np.empty((count, count))
     sums = Sums(np.zeros((3, scans + 1, count, count)), np.zeros((2, scans + 1, count)))
-    return Held(t, pose, covariance, np.array(axes), moved, weight, sums)
+    return Held(t, pose, covariance, np.array(axes), moved, weight, root, sums)
 
 
 @kernel
@@ -158,7 +160,7 @@ def fit_path(scanned: Held, duration_s: float, splines: Records, paths: Records)
     path: Path = paths[0]
     spline: Spline = splines[0]
     path.duration_s = duration_s
-    t, axes, moved, weight, root = scanned.t, scanned.axes, scanned.moved, scanned.weight, spline.root
+    t, axes, moved, weight, root = scanned.t, scanned.axes, scanned.moved, scanned.weight, scanned.root
     scans, count = moved.shape
     for n in range(scans):
         for a in range(count):
@@ -232,7 +234,7 @@ def _measure(held: int, axes: NDArray[np.int64], spline: Spline, path: Path) -> 
 def _scale(scanned: Held, held: int, chi_square: float, spline: Spline) -> float:
     """Factor on the covariance, at least 1, by the residuals (scans, axes) and their autocorrelation."""
     t, knots, position = scanned.t, spline.knots, spline.position
-    root, white, before = spline.root, spline.white, spline.before
+    root, white, before = scanned.root, spline.white, spline.before
     scans, count = scanned.moved.shape
     freedom = scans * count - held * count
     if freedom <= 0:

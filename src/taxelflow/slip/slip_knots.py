@@ -42,7 +42,7 @@ class Knot:
 class Spline:
     """A path, and room to fit it. square: of all scans, the sum of moved @ weight @ moved. band: (knots * axes, 2 *
     axes), element [i, d] is (i, i - d) of the lower triangle of the normal equations. right: (knots * axes,), their
-    right-hand side. knots: of the path. trial: those that are tried. position, root, white, before: of `fit_path`.
+    right-hand side. knots: of the path. trial: those that are tried. position, white, before: of `fit_path`.
     """
 
     square: float
@@ -51,7 +51,6 @@ class Spline:
     knots: Annotated[Records, Knot, _MOST_KNOTS]
     trial: Annotated[Records, Knot, _MOST_KNOTS]
     position: Annotated[Floats, _ROWS]
-    root: Annotated[Floats, 3, 3]
     white: Vector
     before: Vector
 
