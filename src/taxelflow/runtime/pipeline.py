@@ -13,12 +13,18 @@ from typing import Any
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase
 from numba.core.compiler_machinery import PassManager, register_pass
-from numba.core.typed_passes import NativeLowering, NoPythonBackend, NopythonTypeInference, PreLowerStripPhis
+from numba.core.typed_passes import (
+    IRLegalization,
+    NativeLowering,
+    NoPythonBackend,
+    NopythonTypeInference,
+    PreLowerStripPhis,
+)
 from numba.core.untyped_passes import FixupArgs, GenericRewrites, IRProcessing, ReconstructSSA, TranslateByteCode
 
 
 class KernelCompiler(CompilerBase):
-    """The passes of a kernel."""
+    """The passes of a kernel. `IRLegalization` ends the lives of variables: without it arrays are never freed."""
 
     lowering: type = NativeLowering
 
@@ -33,6 +39,7 @@ class KernelCompiler(CompilerBase):
             ReconstructSSA,
             NopythonTypeInference,
             PreLowerStripPhis,
+            IRLegalization,
             self.lowering,
             NoPythonBackend,
         ):
