@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numba
 import numpy as np
 import pytest
+from numba.core import event
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime import _nrt_python, rtsys
 
 import taxelflow
 from taxelflow.runtime import compiling
-from taxelflow.runtime.compiling import kernel, long_kernel
+from taxelflow.runtime.compiling import kernel, long_kernel, routine
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -153,6 +155,55 @@ def test_a_kernel_is_compiled_without_python_and_keeps_its_lock(fresh: Callable[
     assert total.targetoptions["nopython"]
     assert not total.targetoptions["nogil"]
     assert cast("Any", long_kernel(total.py_func)).targetoptions["nogil"]
+
+
+def test_machine_code_is_emitted_for_the_kernel_and_for_none_of_its_routines(fresh: Callable[[Any], Any]) -> None:
+    @routine
+    def square(x: float) -> float:
+        return x * x
+
+    @routine
+    def fourth(x: float) -> float:
+        return square(x) * square(x)
+
+    @fresh
+    def eighth(x: float) -> float:
+        return fourth(x) * fourth(x)
+
+    with event.install_recorder("numba:compile") as recorder:
+        assert eighth(2.0) == 256.0
+    emitted = {}
+    for _, one in recorder.buffer:
+        for compiled in one.data["dispatcher"].overloads.values():
+            pointer = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+            emitted[one.data["dispatcher"].py_func.__name__] = pointer != 0
+    assert emitted == {"square": False, "fourth": False, "eighth": True}
+    assert fourth(2.0) == 16.0
+
+
+def test_an_array_that_a_kernel_or_a_routine_makes_is_freed(fresh: Callable[[Any], Any]) -> None:
+    @routine
+    def ones(count: int) -> np.ndarray:
+        made = np.empty(count)
+        for k in range(count):
+            made[k] = 1.0
+        return made
+
+    @fresh
+    def total(count: int) -> float:
+        made, found = ones(count), 0.0
+        for k in range(count):
+            found += made[k]
+        made = ones(2)
+        return found + made[0]
+
+    assert total(3) == 4.0  # compiled
+    _nrt_python.memsys_enable_stats()
+    before = rtsys.get_allocation_stats()
+    assert total(1000) == 1001.0
+    after = rtsys.get_allocation_stats()
+    _nrt_python.memsys_disable_stats()
+    assert after.alloc - before.alloc == after.free - before.free == 2
 
 
 def test_sums_may_be_reordered_but_nan_stays_nan_and_zero_divides(fresh: Callable[[Any], Any]) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from taxelflow.contacts.adjacency import Adjacency, Indices
+from taxelflow.contacts.adjacency import Adjacency
 from taxelflow.contacts.tracks import SegmentedPad, Taxel
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
@@ -30,11 +28,11 @@ def label_components(
         unread = noise[k] == 0.0 or (incomplete and reading[k] == 0.0)
         if unread and _loaded_neighbours(k, taxels, adjacency) >= _MIN_LOADED_NEIGHBOURS:
             taxels[k].component = _BRIDGE
-    components, stack = 0, np.empty(pad.stop - pad.start, dtype=np.int64)
+    components = 0
     for k in range(pad.start, pad.stop):
         if taxels[k].component < 0:
             components += 1
-            _fill(k, components, stack, taxels, adjacency)
+            _fill(k, components, pad.start, taxels, adjacency)
     return components
 
 
@@ -47,16 +45,16 @@ def _loaded_neighbours(k: int, taxels: Records, adjacency: Adjacency) -> int:
 
 
 @routine
-def _fill(seed: int, component: int, stack: Indices, taxels: Records, adjacency: Adjacency) -> None:
-    """Flood fill from one taxel over all that are connected to it. stack: scratch, (taxels of the pad,)."""
+def _fill(seed: int, component: int, start: int, taxels: Records, adjacency: Adjacency) -> None:
+    """Flood fill from one taxel over all that are connected to it. start: the pad's first taxel, as of the stack."""
     taxels[seed].component = component
-    stack[0], waiting = seed, 1
+    taxels[start].stacked, waiting = seed, 1
     while waiting > 0:
         waiting -= 1
-        k = stack[waiting]
+        k = taxels[start + waiting].stacked
         for i in range(adjacency.first[k], adjacency.first[k + 1]):
             neighbour: Taxel = taxels[adjacency.taxels[i]]
             if neighbour.component < 0:
                 neighbour.component = component
-                stack[waiting] = adjacency.taxels[i]
+                taxels[start + waiting].stacked = adjacency.taxels[i]
                 waiting += 1

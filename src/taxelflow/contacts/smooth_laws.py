@@ -9,6 +9,8 @@ With q a polynomial of degree 2 in x and y, a smooth contact presses one of
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from taxelflow.messages import Floats
@@ -23,27 +25,48 @@ _LAWS = (1.0, 2.0, 0.5, 0.0)
 """Exponents e of p^e = q; 0: log p = q."""
 
 
+class Scratch(NamedTuple):
+    """Room for the taxels of a pad. rest, left, shares, least: (taxels,). terms: (taxels, TERMS). normal: (TERMS,
+    TERMS). right: (TERMS,).
+    """
+
+    rest: Floats
+    left: Floats
+    shares: Floats
+    least: Floats
+    terms: Floats
+    normal: Floats
+    right: Floats
+
+
+def room_for(taxels: int) -> Scratch:
+    """Scratch for pads of so many taxels at most."""
+    rest, left, shares, least = np.zeros((4, taxels))
+    return Scratch(rest, left, shares, least, np.zeros((taxels, TERMS)), np.zeros((TERMS, TERMS)), np.zeros(TERMS))
+
+
 @routine
-def fit_smooth(p: Floats, noise: Floats, x: Floats, y: Floats, rest: Floats) -> int:
-    """Fill rest (taxels,) with what the best law of smooth contact leaves of the loaded taxels; how many they are."""
+def fit_smooth(p: Floats, noise: Floats, x: Floats, y: Floats, scratch: Scratch) -> int:
+    """Fill `Scratch.rest` with what the best law of smooth contact leaves of the loaded taxels; how many they are."""
+    rest, left, terms = scratch.rest, scratch.left, scratch.terms
     loaded, peak, reach = 0, 0.0, 0.0
     for k in range(len(p)):
+        rest[k] = 0.0
         if p[k] > LOADED * noise[k]:
             loaded += 1
             peak = max(peak, p[k])
         reach = max(reach, abs(x[k] - x[0]), abs(y[k] - y[0]))
     if loaded <= TERMS:
         return loaded
-    terms, least = np.empty((len(p), TERMS)), np.inf
+    least = np.inf
     for k in range(len(p)):
         u, v = (x[k] - x[0]) / reach, (y[k] - y[0]) / reach
         terms[k, 0], terms[k, 1], terms[k, 2] = 1.0, u, v
         terms[k, 3], terms[k, 4], terms[k, 5] = u * u, u * v, v * v
-    left, shares = np.zeros(len(p)), np.empty((2, len(p)))
     for k in range(len(p)):
-        shares[0, k], shares[1, k] = p[k] / peak, LOADED * noise[k] / peak
+        scratch.shares[k], scratch.least[k] = p[k] / peak, LOADED * noise[k] / peak
     for law in _LAWS:
-        energy = fit_law(law, shares[0], shares[1], terms, left)
+        energy = fit_law(law, len(p), scratch)
         if energy < least:
             least = energy
             for k in range(len(p)):
@@ -52,13 +75,25 @@ def fit_smooth(p: Floats, noise: Floats, x: Floats, y: Floats, rest: Floats) -> 
 
 
 @routine
-def fit_law(law: float, p: Floats, least: Floats, terms: Floats, left: Floats) -> float:
-    """Fit p^law = q by weighted least squares; fill left (taxels,), p less the fit, and return its energy.
+def fit_law(law: float, taxels: int, scratch: Scratch) -> float:
+    """Fit p^law = q by weighted least squares; fill `Scratch.left` with p less the fit, and return its energy.
 
-    The weights make residuals of q those of p, to first order. least: (taxels,), of a loaded taxel.
+    p: `Scratch.shares`. The weights make residuals of q those of p, to first order. A loaded taxel has more than
+    `Scratch.least`.
     """
-    A, b = np.zeros((TERMS, TERMS)), np.zeros(TERMS)
-    for k in range(len(p)):
+    p, least, terms, left, A, b = (
+        scratch.shares,
+        scratch.least,
+        scratch.terms,
+        scratch.left,
+        scratch.normal,
+        scratch.right,
+    )
+    for i in range(TERMS):
+        b[i] = 0.0
+        for j in range(TERMS):
+            A[i, j] = 0.0
+    for k in range(taxels):
         if p[k] > least[k]:
             slope = p[k] if law == 0.0 else p[k] ** (1.0 - law) / law
             target = np.log(p[k]) if law == 0.0 else p[k] ** law
@@ -69,7 +104,7 @@ def fit_law(law: float, p: Floats, least: Floats, terms: Floats, left: Floats) -
         return np.inf
     solve_factored(A, b, TERMS)
     energy = 0.0
-    for k in range(len(p)):
+    for k in range(taxels):
         left[k] = 0.0
         if p[k] > least[k]:
             q = 0.0

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
-from taxelflow.contacts.smooth_laws import LOADED, TERMS, fit_smooth
+from taxelflow.contacts.smooth_laws import LOADED, TERMS, Scratch, fit_smooth, room_for
 from taxelflow.messages import Bools, Floats, Scans, Texture
 from taxelflow.numerics.records import Records, records
 from taxelflow.numerics.small_linalg import inverse2
@@ -78,6 +78,7 @@ class TextureMeter:
         self._gradients = gradients_of(layout)
         self._error = layout.unseen_error
         self._sums = records(Sums, len(layout.pads))
+        self._scratch = room_for(int(np.diff(layout.starts).max()))
 
     def step(self, scans: Scans) -> Texture:
         """Texture of all pads."""
@@ -94,6 +95,7 @@ class TextureMeter:
             self._starts,
             self._gradients,
             self._error,
+            self._scratch,
             self._sums,
             (smooth, turns),
             unobservable,
@@ -109,6 +111,7 @@ def measure(
     starts: NDArray[np.int64],
     gradients: Gradients,
     error: float,
+    scratch: Scratch,
     sums: Records,
     told: tuple[Bools, Bools],
     unobservable: Floats,
@@ -131,7 +134,7 @@ def measure(
                 continue
             evaluated = own.age % EVERY == 0 and usable[scan, pad]
             if evaluated:
-                add_scan(pressure[scan], noise, xy, begin, end, gradients, error, own)
+                add_scan(pressure[scan], noise, xy, (begin, end), gradients, error, scratch, own)
             if evaluated or own.age == 0:
                 own.smooth = judge(own, own.unobservable)
                 own.turns = not own.smooth or own.turn > _TEXTURED * own.arm
@@ -162,11 +165,18 @@ def judge(own: Sums, unobservable: Floats) -> bool:
 
 @routine
 def add_scan(
-    pressure: Floats, noise: Floats, xy: Floats, begin: int, end: int, gradients: Gradients, error: float, own: Sums
+    pressure: Floats,
+    noise: Floats,
+    xy: Floats,
+    taxels: tuple[int, int],
+    gradients: Gradients,
+    error: float,
+    scratch: Scratch,
+    own: Sums,
 ) -> None:
     """Add a scan's energies to the sums of its contact."""
-    rest = np.zeros(end - begin)
-    loaded = fit_smooth(pressure[begin:end], noise[begin:end], xy[0, begin:end], xy[1, begin:end], rest)
+    begin, end = taxels
+    loaded = fit_smooth(pressure[begin:end], noise[begin:end], xy[0, begin:end], xy[1, begin:end], scratch)
     if loaded == 0:
         return
     xx = xy_ = yy = noise_x = noise_y = rough = 0.0
@@ -174,7 +184,7 @@ def add_scan(
         if not pressure[k] > LOADED * noise[k]:
             continue
         gx, gy = gradient_at(k, pressure, noise, gradients, 0)
-        rx, ry = gradient_at(k, rest, noise, gradients, begin)
+        rx, ry = gradient_at(k, scratch.rest, noise, gradients, begin)
         variance = noise[k] ** 2 + (error * pressure[k]) ** 2
         xx, xy_, yy = xx + gx * gx, xy_ + gx * gy, yy + gy * gy
         rough += rx * rx + ry * ry

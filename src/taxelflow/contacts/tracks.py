@@ -45,7 +45,7 @@ class Track:
 class Taxel:
     """Position of a taxel, and what the previous scan left behind: its label and its reading.
 
-    component: number of its connected component in the current scan.
+    component: number of its connected component in the current scan. stacked: a taxel that waits for a flood fill.
     """
 
     x: float
@@ -53,6 +53,7 @@ class Taxel:
     label: int
     last_reading: float
     component: int
+    stacked: int
 
 
 class Component:

@@ -12,7 +12,7 @@ import numpy as np
 
 from taxelflow.fusion.reference import UNOBSERVABLE_M, UNOBSERVABLE_M_S
 from taxelflow.messages import AMBIGUOUS
-from taxelflow.runtime.compiling import exact_kernel
+from taxelflow.runtime.compiling import exact_kernel, routine
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Bytes, Floats, Slips, Texture
@@ -83,12 +83,10 @@ def fill_carried(
     contact, border, quality = marks
     turns, unobservable = texture
     scans, pads = contact.shape
-    most = np.zeros(scans)  # a border may have hidden so much motion
+    most = 0.0
     for row in range(scans * pads):
         scan, pad = row // pads, row % pads
-        most[scan] = np.fmax(most[scan], np.hypot(moved[scan, pad, 0], moved[scan, pad, 1]))
-    for row in range(scans * pads):
-        scan, pad = row // pads, row % pads
+        most = _largest(moved[scan]) if pad == 0 else most  # a border may have hidden so much motion
         R, span_ = home.R[pad], span_s[scan, pad]
         span = 0.0 if np.isnan(span_) else span_
         for a in range(2):
@@ -102,7 +100,7 @@ def fill_carried(
             own[1, scan, pad, a, b] = moved_cov[scan, pad, a, b]
             if a == b and border[scan, pad, a] and quality[scan, pad] == AMBIGUOUS:
                 own[0, scan, pad, a, a] += (home.doubt * home.pitch[pad, a]) ** 2
-                own[1, scan, pad, a, a] += (home.doubt * most[scan]) ** 2
+                own[1, scan, pad, a, a] += (home.doubt * most) ** 2
             if judged:
                 own[0, scan, pad, a, b] += UNOBSERVABLE_M**2 * unobservable[scan, pad, a, b]
                 own[1, scan, pad, a, b] += (UNOBSERVABLE_M_S * span) ** 2 * unobservable[scan, pad, a, b]
@@ -116,3 +114,12 @@ def fill_carried(
         out.known[scan, pad] = valid and home.used[pad]
         out.told[scan, pad] = held and np.isfinite(out.place[scan, pad, 0])
         out.kept[scan, pad] = held and (valid or not out.told[scan, pad])
+
+
+@routine
+def _largest(moved: Floats) -> float:
+    """Length of the largest displacement, m, of those (pads, 3) that are known."""
+    most = 0.0
+    for pad in range(len(moved)):
+        most = np.fmax(most, np.hypot(moved[pad, 0], moved[pad, 1]))
+    return most

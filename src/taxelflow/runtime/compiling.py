@@ -1,8 +1,9 @@
 """How kernels are compiled: when they are first called, cached on disk, and announced.
 
 A kernel is called from Python; routines are the parts that it is made of. Each kernel is compiled with all its routines
-and cached; a routine has no code of its own that Python could call, and costs less. A routine that is called both by a
-kernel and by a routine is compiled twice, as numba's options of the two callers differ: call it from one level.
+and cached; a routine has no code of its own that Python could call, and costs less (`pipeline`). A routine that is
+called both by a kernel and by a routine is compiled twice, as numba's options of the two callers differ: call it from
+one level.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ import numba
 from numba.core import event
 from numba.extending import register_jitable
 
+from taxelflow.runtime.pipeline import KernelCompiler, RoutineCompiler
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
@@ -36,6 +39,7 @@ _ROOT = Path(__file__).parents[1]
 _IMPORT = re.compile(rb"^from (taxelflow[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 _OPTIONS = {"error_model": "numpy", "fastmath": {"reassoc", "contract"}}
 """Sums may be reordered; NaN stays NaN, and a division by 0 is one."""
+_ROUTINE: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "pipeline_class": RoutineCompiler, **_OPTIONS}
 _config: Any = numba.config
 KERNELS: list[Any] = []
 """All kernels that are imported; `signatures` of each says for which types it is compiled."""
@@ -63,13 +67,13 @@ def long_kernel(function: Kernel) -> Kernel:
 
 def routine(function: Kernel) -> Kernel:
     """A function that kernels call: it is compiled as part of each of them. Called from Python it is plain Python."""
-    routine_: Any = register_jitable(nogil=True, no_cfunc_wrapper=True, **_OPTIONS)
+    routine_: Any = register_jitable(**_ROUTINE)
     return cast("Kernel", routine_(function))
 
 
 def inlined(function: Kernel) -> Kernel:
     """A `routine` that is always inlined, so that loops over taxels that call it can be vectorised."""
-    routine_: Any = register_jitable(nogil=True, no_cfunc_wrapper=True, forceinline=True, **_OPTIONS)
+    routine_: Any = register_jitable(**_ROUTINE, forceinline=True)
     return cast("Kernel", routine_(function))
 
 
@@ -78,7 +82,7 @@ def lean_kernel(function: Kernel) -> Kernel:
 
     The option is that of numba's documentation of `register_jitable`.
     """
-    routine_: Any = register_jitable(nogil=True, no_cfunc_wrapper=True, _nrt=False, **_OPTIONS)
+    routine_: Any = register_jitable(**_ROUTINE, _nrt=False)
     return cast("Kernel", routine_(function))
 
 
@@ -89,9 +93,13 @@ def _compiled(function: Kernel, *, nogil: bool, **options: object) -> Kernel:
         before = _config.CACHE_DIR
         try:
             _config.CACHE_DIR = str(folder) if folder else before
-            compiled = compile_(cache=folder is not None, nogil=nogil, no_cfunc_wrapper=True, **(_OPTIONS | options))(
-                function
-            )
+            compiled = compile_(
+                cache=folder is not None,
+                nogil=nogil,
+                no_cfunc_wrapper=True,
+                pipeline_class=KernelCompiler,
+                **(_OPTIONS | options),
+            )(function)
         finally:
             _config.CACHE_DIR = before
     KERNELS.append(compiled)
@@ -222,7 +230,7 @@ def _bar() -> Progress:
 
 
 _compiles = _Compiles()
-event.register("numba:compile", _compiles)  # type: ignore[no-untyped-call]
+event.register("numba:compile", _compiles)
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, cos, nan, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +21,7 @@ from taxelflow.numerics.records import Records, Vector, records
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.slip.measurement import MIN_STD_M, MIN_STD_RAD, UNOBSERVABLE_M, UNOBSERVABLE_RATIO
-from taxelflow.slip.slip_knots import (
-    MOST_SEGMENTS,
-    Scratch,
-    backward,
-    fit_knots,
-    forward,
-    place_knots,
-    room_for,
-    running_sums,
-)
+from taxelflow.slip.slip_knots import Knot, Spline, Sums, add_up, backward, forward, place_knots
 
 _MAX_CORRELATION = 0.95
 """Upper limit of the estimated autocorrelation, against division by 0."""
@@ -68,6 +60,22 @@ class Path:
     dates_m2: float
 
 
+class Held(NamedTuple):
+    """Scans of a slip: t (scans,), s since its begin; pose (scans, 3); covariance (scans, 3, 3); the axes that are
+    observable. Then room: moved (scans, axes), weight (scans, axes, axes), root (axes, axes), and sums, which come in
+    as 0.
+    """
+
+    t: Floats
+    pose: Floats
+    covariance: Floats
+    axes: NDArray[np.int64]
+    moved: Floats
+    weight: Floats
+    root: Floats
+    sums: Sums
+
+
 def fit_slip(t: Floats, pose: Floats, covariance: Floats, start_s: float, end_s: float) -> SlipMotion:
     """Motion between two dates, s, from at least three poses in between.
 
@@ -80,7 +88,8 @@ def fit_slip(t: Floats, pose: Floats, covariance: Floats, start_s: float, end_s:
         raise np.linalg.LinAlgError("no position with a covariance")
     rows = records(Path, 1)
     duration_s = end_s - start_s
-    if not duration_s > 0 or not fit_path(t - start_s, pose, covariance, np.array(axes), duration_s, rows):
+    scanned = _room_for(t - start_s, pose, covariance, axes)
+    if not duration_s > 0 or not fit_path(scanned, duration_s, records(Spline, 1), rows):
         raise np.linalg.LinAlgError("covariances are not positive definite")
     _, length_m, variance_m2, net, turn_variance, dates_s2, dates_m2 = rows[0].tolist()
     turns = axes[-1] == 2
@@ -137,38 +146,42 @@ def _observable_axes(pose: Floats, covariance: Floats) -> list[int]:
     return np.flatnonzero(known).tolist()
 
 
-@kernel
-def fit_path(
-    t: Floats, pose: Floats, covariance: Floats, axes: NDArray[np.int64], duration_s: float, paths: Records
-) -> bool:
-    """Fill paths (1,) of `Path`; False if a covariance is not positive definite.
-
-    t: (scans,), s since the slip's begin. pose: (scans, 3). covariance: (scans, 3, 3). axes: those that are observable.
-    """
-    path: Path = paths[0]
-    path.duration_s = duration_s
+def _room_for(t: Floats, pose: Floats, covariance: Floats, axes: list[int]) -> Held:
+    """Scans, and room for what is computed from them: a kernel that makes no array is compiled sooner."""
     scans, count = len(t), len(axes)
     moved, weight, root = np.empty((scans, count)), np.empty((scans, count, count)), np.empty((count, count))
+    sums = Sums(np.zeros((3, scans + 1, count, count)), np.zeros((2, scans + 1, count)))
+    return Held(t, pose, covariance, np.array(axes), moved, weight, root, sums)
+
+
+@kernel
+def fit_path(scanned: Held, duration_s: float, splines: Records, paths: Records) -> bool:
+    """Fill paths (1,) of `Path`; False if a covariance is not positive definite. splines: (1,) of `Spline`, all 0."""
+    path: Path = paths[0]
+    spline: Spline = splines[0]
+    path.duration_s = duration_s
+    t, axes, moved, weight, root = scanned.t, scanned.axes, scanned.moved, scanned.weight, scanned.root
+    scans, count = moved.shape
     for n in range(scans):
         for a in range(count):
-            moved[n, a] = pose[n, axes[a]] - pose[0, axes[a]]
-        if not _invert(covariance[n], axes, weight[n], root):
+            moved[n, a] = scanned.pose[n, axes[a]] - scanned.pose[0, axes[a]]
+        if not _invert(scanned.covariance[n], axes, weight[n], root):
             return False
-    scratch, sums = room_for(count), running_sums(t, moved, weight)
-    knots, first = np.zeros(MOST_SEGMENTS + 2), np.zeros(MOST_SEGMENTS + 2, dtype=np.int64)
-    knots[1], first[1] = duration_s, scans
-    held = place_knots(t, sums, scans * count, scratch, knots, first)
-    chi_square = fit_knots(sums, knots, first, held, scratch)
+    add_up(t, moved, weight, scanned.sums, spline)
+    end: Knot = spline.knots[1]
+    end.t_s, end.scan = duration_s, scans
+    held, chi_square = place_knots(t, scanned.sums, scans * count, spline)
     if chi_square == np.inf:
         return False
-    position = scratch.right.copy()
-    backward(scratch.band, position, held * count)
-    _measure(knots, position, held, axes, scratch, path)
-    scale = _scale(t, moved, weight, (knots, first, position, held), chi_square, root)
+    for i in range(held * count):
+        spline.position[i] = spline.right[i]
+    backward(spline.band, spline.position, held * count, 2 * count)
+    _measure(held, axes, spline, path)
+    scale = _scale(scanned, held, chi_square, spline)
     path.variance_m2 *= scale
     path.turn_variance *= scale
-    _date(knots, position, 0, axes, weight[0], duration_s / scans, path)
-    _date(knots, position, held - 2, axes, weight[scans - 1], duration_s / scans, path)
+    _date(0, axes, weight[0], duration_s / scans, spline, path)
+    _date(held - 2, axes, weight[scans - 1], duration_s / scans, spline, path)
     return True
 
 
@@ -190,9 +203,9 @@ def _invert(covariance: Floats, axes: NDArray[np.int64], inverse: Floats, factor
 
 
 @routine
-def _measure(knots: Floats, position: Floats, held: int, axes: NDArray[np.int64], scratch: Scratch, path: Path) -> None:
+def _measure(held: int, axes: NDArray[np.int64], spline: Spline, path: Path) -> None:
     """Length, net motion, and their variances for a scale of the noise of 1, of a path with a position at each knot."""
-    count, gradient = len(axes), scratch.right
+    count, gradient, position = len(axes), spline.right, spline.position
     for i in range(held * count):
         gradient[i] = 0.0
     for segment in range(held - 1):
@@ -207,46 +220,36 @@ def _measure(knots: Floats, position: Floats, held: int, axes: NDArray[np.int64]
                 along = (position[end + a] - position[begin + a]) / max(length_m, MIN_STD_M)
                 gradient[end + a] += along
                 gradient[begin + a] -= along
-    path.variance_m2 = forward(scratch.band, gradient, held * count)
+    path.variance_m2 = forward(spline.band, gradient, held * count, 2 * count)
     last = (held - 1) * count
     for a in range(count):
         path.net[axes[a]] = position[last + a] - position[a]
     for i in range(held * count):
         gradient[i] = 0.0
     gradient[last + count - 1], gradient[count - 1] = 1.0, -1.0
-    path.turn_variance = forward(scratch.band, gradient, held * count)
+    path.turn_variance = forward(spline.band, gradient, held * count, 2 * count)
 
 
 @routine
-def _scale(
-    t: Floats,
-    moved: Floats,
-    weight: Floats,
-    fitted: tuple[Floats, NDArray[np.int64], Floats, int],
-    chi_square: float,
-    root: Floats,
-) -> float:
-    """Factor on the covariance, at least 1, by the residuals (scans, axes) and their autocorrelation.
-
-    fitted: knots, first scan of each segment, positions at the knots, and how many. root: (axes, axes), scratch.
-    """
-    knots, first, position, held = fitted
-    scans, count = moved.shape
+def _scale(scanned: Held, held: int, chi_square: float, spline: Spline) -> float:
+    """Factor on the covariance, at least 1, by the residuals (scans, axes) and their autocorrelation."""
+    t, knots, position = scanned.t, spline.knots, spline.position
+    root, white, before = scanned.root, spline.white, spline.before
+    scans, count = scanned.moved.shape
     freedom = scans * count - held * count
     if freedom <= 0:
         return 1.0
-    white, before = np.zeros(count), np.zeros(count)
     square = product = 0.0
     segment = 0
     for n in range(scans):
-        while segment < held - 2 and n >= first[segment + 1]:
+        while segment < held - 2 and n >= knots[segment + 1].scan:
             segment += 1
-        share = (t[n] - knots[segment]) / (knots[segment + 1] - knots[segment])
+        share = (t[n] - knots[segment].t_s) / (knots[segment + 1].t_s - knots[segment].t_s)
         for a in range(count):
             low, high = position[segment * count + a], position[(segment + 1) * count + a]
-            white[a] = moved[n, a] - low - share * (high - low)
+            white[a] = scanned.moved[n, a] - low - share * (high - low)
         for ab in range(count * count):
-            root[ab // count, ab % count] = weight[n, ab // count, ab % count]
+            root[ab // count, ab % count] = scanned.weight[n, ab // count, ab % count]
         factor_small(root, count)
         for a in range(count):  # upwards: those after it are residuals still
             for b in range(a + 1, count):
@@ -260,11 +263,10 @@ def _scale(
 
 
 @routine
-def _date(
-    knots: Floats, position: Floats, segment: int, axes: NDArray[np.int64], weight: Floats, scan_s: float, path: Path
-) -> None:
+def _date(segment: int, axes: NDArray[np.int64], weight: Floats, scan_s: float, spline: Spline, path: Path) -> None:
     """Add the variance of a date: uniform within a scan, and the noise of its scan's pose over the segment's rate."""
-    count, span_s = len(axes), knots[segment + 1] - knots[segment]
+    knots, position = spline.knots, spline.position
+    count, span_s = len(axes), knots[segment + 1].t_s - knots[segment].t_s
     square = information = 0.0
     for a in range(count):
         rate = (position[(segment + 1) * count + a] - position[segment * count + a]) / span_s

@@ -7,15 +7,16 @@ equations are banded, as the hat functions of a linear spline overlap with their
 from __future__ import annotations
 
 from math import inf, log, sqrt
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Annotated, NamedTuple
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.records import Records, Vector
 from taxelflow.runtime.compiling import routine
 
 MOST_SEGMENTS = 12
+_MOST_KNOTS = MOST_SEGMENTS + 2
+_ROWS = 3 * _MOST_KNOTS
+"""Unknowns at most: three coordinates at each knot."""
 _MIN_SEGMENT_SCANS = 3
 """A segment has at least this many scans."""
 _MOST_CANDIDATES = 24
@@ -24,39 +25,43 @@ _MOST_CANDIDATES = 24
 
 class Sums(NamedTuple):
     """Running sums over scans. weight: (3, scans + 1, axes, axes), of the weight times time to the power 0, 1, 2.
-    pull: (2, scans + 1, axes), of weight @ moved times time to the power 0, 1. square: of all, moved @ weight @ moved.
+    pull: (2, scans + 1, axes), of weight @ moved times time to the power 0, 1.
     """
 
     weight: Floats
     pull: Floats
-    square: float
 
 
-class Scratch(NamedTuple):
-    """Room for what is tried. band: (knots * axes, 2 * axes), element [i, d] is (i, i - d) of the lower triangle of the
-    normal equations. right: (knots * axes,), their right-hand side. knots, first: as of `place_knots`.
+class Knot:
+    """t_s: time. scan: the first one of the segment that begins here; at the last knot the number of scans."""
+
+    t_s: float
+    scan: int
+
+
+class Spline:
+    """A path, and room to fit it. square: of all scans, the sum of moved @ weight @ moved. band: (knots * axes, 2 *
+    axes), element [i, d] is (i, i - d) of the lower triangle of the normal equations. right: (knots * axes,), their
+    right-hand side. knots: of the path. trial: those that are tried. position, white, before: of `fit_path`.
     """
 
-    band: Floats
-    right: Floats
-    knots: Floats
-    first: NDArray[np.int64]
+    square: float
+    band: Annotated[Floats, _ROWS, 6]
+    right: Annotated[Floats, _ROWS]
+    knots: Annotated[Records, Knot, _MOST_KNOTS]
+    trial: Annotated[Records, Knot, _MOST_KNOTS]
+    position: Annotated[Floats, _ROWS]
+    white: Vector
+    before: Vector
 
 
 @routine
-def room_for(axes: int) -> Scratch:
-    """Room for paths of so many coordinates."""
-    most = MOST_SEGMENTS + 2
-    return Scratch(
-        np.zeros((most * axes, 2 * axes)), np.zeros(most * axes), np.zeros(most), np.zeros(most, dtype=np.int64)
-    )
-
-
-@routine
-def running_sums(t: Floats, moved: Floats, weight: Floats) -> Sums:
-    """Of scans at times t (scans,), moved (scans, axes), with weight (scans, axes, axes)."""
+def add_up(t: Floats, moved: Floats, weight: Floats, sums: Sums, spline: Spline) -> None:
+    """Fill the sums, which come in as 0, of scans at times t (scans,), moved (scans, axes), with weight (scans, axes,
+    axes), and `Spline.square`.
+    """
     scans, axes = moved.shape
-    weights, pulls, square = np.zeros((3, scans + 1, axes, axes)), np.zeros((2, scans + 1, axes)), 0.0
+    weights, pulls, square = sums.weight, sums.pull, 0.0
     for n in range(scans):
         for a in range(axes):
             pulls[0, n + 1, a], pulls[1, n + 1, a] = pulls[0, n, a], pulls[1, n, a]
@@ -69,63 +74,61 @@ def running_sums(t: Floats, moved: Floats, weight: Floats) -> Sums:
             pulls[0, n + 1, a] += pull
             pulls[1, n + 1, a] += pull * t[n]
             square += pull * moved[n, a]
-    return Sums(weights, pulls, square)
+    spline.square = square
 
 
 @routine
-def place_knots(t: Floats, sums: Sums, readings: int, scratch: Scratch, knots: Floats, first: NDArray[np.int64]) -> int:
-    """Add knots between the first two; how many there are then. t: (scans,), increasing. knots: (MOST_SEGMENTS + 2,),
-    of the same clock. first: of each segment, the number of its first scan; after the last segment the number of scans.
-    readings: scans times axes.
+def place_knots(t: Floats, sums: Sums, readings: int, spline: Spline) -> tuple[int, float]:
+    """Add knots between the first two, and fit them; how many there are then, and the chi-square of `fit_knots`.
+
+    t: (scans,), increasing. readings: scans times axes.
     """
-    held, best = 2, _criterion(sums, knots, first, 2, readings, scratch)
+    held, best = 2, _criterion(sums, spline.knots, 2, readings, spline)
     while held <= MOST_SEGMENTS:
         room = 0
         for segment in range(held - 1):
-            room += _room(first, segment)
+            room += _room(spline.knots, segment)
         count = min(room, _MOST_CANDIDATES)
         least, chosen = inf, 0
         for candidate in range(count):
             number = candidate * (room - 1) // (count - 1) if room > count else candidate
-            _with_another(knots, first, held, number, t, scratch)
-            found = _criterion(sums, scratch.knots, scratch.first, held + 1, readings, scratch)
+            _with_another(held, number, t, spline)
+            found = _criterion(sums, spline.trial, held + 1, readings, spline)
             if found < least:
                 least, chosen = found, number
         if not least < best:
             break
-        _with_another(knots, first, held, chosen, t, scratch)
+        _with_another(held, chosen, t, spline)
         held, best = held + 1, least
         for k in range(held):
-            knots[k], first[k] = scratch.knots[k], scratch.first[k]
-    return held
+            spline.knots[k] = spline.trial[k]
+    return held, fit_knots(sums, spline.knots, held, spline)
 
 
 @routine
-def _room(first: NDArray[np.int64], segment: int) -> int:
+def _room(knots: Records, segment: int) -> int:
     """Scans of a segment at which it can be divided."""
-    return max(int(first[segment + 1] - first[segment]) - 2 * _MIN_SEGMENT_SCANS + 1, 0)
+    return max(int(knots[segment + 1].scan - knots[segment].scan) - 2 * _MIN_SEGMENT_SCANS + 1, 0)
 
 
 @routine
-def _with_another(knots: Floats, first: NDArray[np.int64], held: int, number: int, t: Floats, scratch: Scratch) -> None:
-    """Fill the scratch with the held knots and one at the scan of this number among those that are possible."""
-    segment = 0
-    while number >= _room(first, segment):
-        number -= _room(first, segment)
+def _with_another(held: int, number: int, t: Floats, spline: Spline) -> None:
+    """Make the trial the held knots and one at the scan of this number among those that are possible."""
+    knots, trial, segment = spline.knots, spline.trial, 0
+    while number >= _room(knots, segment):
+        number -= _room(knots, segment)
         segment += 1
-    scan = first[segment] + _MIN_SEGMENT_SCANS + number
     for k in range(held + 1):
-        old = k if k <= segment else k - 1
-        scratch.knots[k] = knots[old] if k != segment + 1 else t[scan]
-        scratch.first[k] = first[old] if k != segment + 1 else scan
+        trial[k] = knots[k if k <= segment else k - 1]
+    added: Knot = trial[segment + 1]
+    added.scan = knots[segment].scan + _MIN_SEGMENT_SCANS + number
+    added.t_s = t[added.scan]
 
 
 @routine
-def _criterion(
-    sums: Sums, knots: Floats, first: NDArray[np.int64], held: int, readings: int, scratch: Scratch
-) -> float:
+def _criterion(sums: Sums, knots: Records, held: int, readings: int, spline: Spline) -> float:
     """Of Schwarz, with a scale of the noise that is at least 1; infinite where the knots cannot be fitted."""
-    chi_square = fit_knots(sums, knots, first, held, scratch)
+    chi_square = fit_knots(sums, knots, held, spline)
     if chi_square == inf:
         return inf
     scale = max(chi_square / readings, 1.0)  # the noise is not below what the covariances claim
@@ -133,33 +136,32 @@ def _criterion(
 
 
 @routine
-def fit_knots(sums: Sums, knots: Floats, first: NDArray[np.int64], held: int, scratch: Scratch) -> float:
+def fit_knots(sums: Sums, knots: Records, held: int, spline: Spline) -> float:
     """Chi-square of the path through the held knots, infinite where they cannot be fitted.
 
-    Leaves in the scratch the Cholesky factor L of the normal equations and inv(L) times their right-hand side.
+    Leaves in the spline the Cholesky factor L of the normal equations and inv(L) times their right-hand side.
     """
-    band, right = scratch.band, scratch.right
-    count = held * sums.pull.shape[2]
-    for i in range(count):
+    axes, band, right = sums.pull.shape[2], spline.band, spline.right
+    for i in range(held * axes):
         right[i] = 0.0
-        for d in range(band.shape[1]):
+        for d in range(2 * axes):
             band[i, d] = 0.0
     for segment in range(held - 1):
-        _add_segment(sums, knots, first, segment, band, right)
-    explained = _explained(band, right, count)
-    return float(inf if explained == inf else sums.square - explained)
+        _add_segment(sums, knots[segment], knots[segment + 1], segment * axes, band, right)
+    explained = _explained(band, right, held * axes, 2 * axes)
+    return float(inf if explained == inf else spline.square - explained)
 
 
 @routine
-def _add_segment(
-    sums: Sums, knots: Floats, first: NDArray[np.int64], segment: int, band: Floats, right: Floats
-) -> None:
-    """Add a segment's part of the normal equations: hat functions 1 - u and u, u from 0 to 1 along the segment."""
+def _add_segment(sums: Sums, here: Knot, there: Knot, row: int, band: Floats, right: Floats) -> None:
+    """Add a segment's part of the normal equations: hat functions 1 - u and u, u from 0 to 1 along the segment. row:
+    of its first knot.
+    """
     axes = sums.pull.shape[2]
-    begin, end, start = first[segment], first[segment + 1], knots[segment]
-    span = knots[segment + 1] - start
+    begin, end, start = here.scan, there.scan, here.t_s
+    span = there.t_s - start
     for a in range(axes):
-        i, j = segment * axes + a, (segment + 1) * axes + a
+        i, j = row + a, row + axes + a
         pull = sums.pull[0, end, a] - sums.pull[0, begin, a]
         rising = (sums.pull[1, end, a] - sums.pull[1, begin, a] - start * pull) / span
         right[i] += pull - rising
@@ -177,12 +179,11 @@ def _add_segment(
 
 
 @routine
-def _explained(band: Floats, right: Floats, count: int) -> float:
+def _explained(band: Floats, right: Floats, count: int, width: int) -> float:
     """right @ inverse @ right of the first `count` rows of a banded matrix, infinite if it is not positive definite.
 
     The matrix becomes its Cholesky factor, right is used up.
     """
-    width = band.shape[1]
     explained = 0.0
     for i in range(count):
         low = max(0, i - width + 1)
@@ -204,11 +205,11 @@ def _explained(band: Floats, right: Floats, count: int) -> float:
 
 
 @routine
-def forward(band: Floats, right: Floats, count: int) -> float:
-    """Make the first `count` of right inv(L) right, and return their squared length. band: of `fit_knots`."""
+def forward(band: Floats, right: Floats, count: int, width: int) -> float:
+    """Make the first `count` of right inv(L) right; their squared length. band: of `fit_knots`, of this width."""
     square = 0.0
     for i in range(count):
-        for k in range(max(0, i - band.shape[1] + 1), i):
+        for k in range(max(0, i - width + 1), i):
             right[i] -= band[i, i - k] * right[k]
         right[i] /= band[i, 0]
         square += right[i] * right[i]
@@ -216,9 +217,9 @@ def forward(band: Floats, right: Floats, count: int) -> float:
 
 
 @routine
-def backward(band: Floats, right: Floats, count: int) -> None:
-    """Make the first `count` of right inv(L)' right. band: of `fit_knots`."""
+def backward(band: Floats, right: Floats, count: int, width: int) -> None:
+    """Make the first `count` of right inv(L)' right. band: of `fit_knots`, of this width."""
     for i in range(count - 1, -1, -1):
-        for k in range(i + 1, min(count, i + band.shape[1])):
+        for k in range(i + 1, min(count, i + width)):
             right[i] -= band[k, k - i] * right[k]
         right[i] /= band[i, 0]
