@@ -39,7 +39,12 @@ _ROOT = Path(__file__).parents[1]
 _IMPORT = re.compile(rb"^from (taxelflow[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 _OPTIONS = {"error_model": "numpy", "fastmath": {"reassoc", "contract"}}
 """Sums may be reordered; NaN stays NaN, and a division by 0 is one."""
-_ROUTINE: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "pipeline_class": RoutineCompiler, **_OPTIONS}
+_TESTED = "0.68."
+"""Releases of numba that our pipelines were tested with. Others compile by numba's own, which takes half as long again:
+the pipelines depend on its internals."""
+_KERNEL: dict[str, Any] = {"pipeline_class": KernelCompiler} if numba.__version__.startswith(_TESTED) else {}
+_ROUTINE: dict[str, Any] = {"pipeline_class": RoutineCompiler} if _KERNEL else {}
+_ROUTINE |= {"nogil": True, "no_cfunc_wrapper": True, **_OPTIONS}
 _config: Any = numba.config
 KERNELS: list[Any] = []
 """All kernels that are imported; `signatures` of each says for which types it is compiled."""
@@ -97,8 +102,7 @@ def _compiled(function: Kernel, *, nogil: bool, **options: object) -> Kernel:
                 cache=folder is not None,
                 nogil=nogil,
                 no_cfunc_wrapper=True,
-                pipeline_class=KernelCompiler,
-                **(_OPTIONS | options),
+                **(_KERNEL | _OPTIONS | options),
             )(function)
         finally:
             _config.CACHE_DIR = before
