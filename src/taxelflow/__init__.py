@@ -1,5 +1,6 @@
 """Touch-based motion sensing for robot hands: pressure scans in, object motion and slip out."""
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -126,3 +127,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOME:
         return getattr(import_module(f"taxelflow.{_HOME[name]}"), name)
     raise AttributeError(f"module 'taxelflow' has no attribute {name!r}")
+
+
+if "gymnasium" in sys.modules:  # it has no plugins: an environment is known once its package was imported
+    import_module("taxelflow.simulation.mujoco.environment")

@@ -1,8 +1,7 @@
 from __future__ import annotations
 
-import tomllib
-from importlib import import_module
-from pathlib import Path
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -12,25 +11,36 @@ from taxelflow.errors import GraphicsMissing, NameUnknown
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is not installed: pip install 'taxelflow[sim]'")
 pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxelflow[sim]'")
 
-from taxelflow.simulation.mujoco.environment import ID, GripHold, register  # noqa: E402
-
-CHECKOUT = Path(__file__).parents[3]
+from taxelflow.simulation.mujoco.environment import ID, GripHold  # noqa: E402
 
 
-def test_the_entry_point_registers_the_environment() -> None:
-    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    module, _, name = project["entry-points"]["gymnasium.envs"]["taxelflow"].partition(":")
-    assert getattr(import_module(module), name) is register
-    register()
-    made = gymnasium.make(ID, disable_env_checker=True)
-    assert isinstance(made.unwrapped, GripHold)
+@pytest.mark.parametrize(
+    ("imports", "prefix"),
+    [("gymnasium, taxelflow", ""), ("gymnasium", "taxelflow.simulation.mujoco.environment:")],
+)
+def test_a_new_interpreter_makes_it_by_its_name(imports: str, prefix: str) -> None:
+    code = f"import {imports}; print(gymnasium.make('{prefix}taxelflow/GripHold-v0').spec.id)"
+    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == ID, done.stderr
 
 
 def test_it_passes_gymnasiums_check() -> None:
     from gymnasium.utils.env_checker import check_env
 
-    register()
     check_env(gymnasium.make(ID, disable_env_checker=True, objects=("ball",)).unwrapped, skip_render_check=True)
+
+
+def test_a_least_force_too_much_costs_a_quarter_a_second() -> None:
+    """From the first scan on, though the support still carries most of the weight then."""
+    env = GripHold()
+    _, info = env.reset(seed=3, options={"object": "ball", "event": "none"})
+    rewards = []
+    for _ in range(100):
+        _, reward, _, _, info = env.step(np.array([2.0 * info["least_n"] / 40.0], dtype=np.float32))
+        rewards.append(reward)
+    assert info["slid_m"] < 1e-4
+    assert sum(rewards[50:]) == pytest.approx(-0.25 * 0.5, rel=0.1)
+    assert min(rewards) > -0.01
 
 
 def test_a_firm_grip_holds_and_an_open_one_drops() -> None:

@@ -1,6 +1,7 @@
 """The trials as a Gymnasium environment, `taxelflow/GripHold-v0`: readings in, a force per pad out.
 
-`register` is the entry point `gymnasium.envs`, so `gymnasium.make("taxelflow/GripHold-v0")` finds it by itself.
+Importing this module registers it, as does importing `taxelflow` after `gymnasium`. Gymnasium itself looks for no
+plugins since 1.0; it imports a module that is named before the colon of `MODULE:taxelflow/GripHold-v0`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.simulation.mujoco.events import END_S, STANDARD_EVENTS
+from taxelflow.simulation.mujoco.events import END_S, LIFTED_S, STANDARD_EVENTS
 from taxelflow.simulation.mujoco.objects import STANDARD_OBJECTS
 from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.skin import Skin
@@ -91,7 +92,7 @@ class GripHold(gymnasium.Env[Observation, NDArray[np.float32]]):
         moment = rehearsal.step(force_n)
         slid_m, before_m = float(np.linalg.norm(moment.truth.slid_m - self._origin)), self._slid_m
         self._slid_m = slid_m
-        excess = max(moment.truth.force_n / rehearsal.trial.least_n(moment.truth.t_s) - 1.0, 0.0)
+        excess = max(moment.truth.force_n / self._least_n(moment.truth.t_s) - 1.0, 0.0)
         dt_s = 1.0 / rehearsal.plant.rate_hz
         lost = slid_m >= DROPPED_M
         reward = -abs(slid_m - before_m) / _NEAR_M - _FORCE_COST_1_S * excess * dt_s + lost * _LOST
@@ -118,6 +119,10 @@ class GripHold(gymnasium.Env[Observation, NDArray[np.float32]]):
             raise gymnasium.error.ResetNeeded("call reset() first")
         return self._rehearsal
 
+    def _least_n(self, t_s: float) -> float:
+        """Least force per pad that holds; that of the whole weight while the support still carries some of it."""
+        return self._started().trial.least_n(max(t_s, LIFTED_S))
+
     def _seen(self, readings: NDArray[np.float64], force_n: float) -> Observation:
         parts = {
             "pressure": readings.reshape(self.observation_space["pressure"].shape),
@@ -129,11 +134,9 @@ class GripHold(gymnasium.Env[Observation, NDArray[np.float32]]):
     def _info(self) -> dict[str, Any]:
         rehearsal = self._started()
         trial = rehearsal.trial
-        truth = {"slid_m": self._slid_m, "least_n": trial.least_n(rehearsal.t_s), "grasped": rehearsal.grasped}
+        truth = {"slid_m": self._slid_m, "least_n": self._least_n(rehearsal.t_s), "grasped": rehearsal.grasped}
         return {**truth, "seed": trial.seed, "object": trial.object, "event": trial.event}
 
 
-def register() -> None:
-    """Make the environment known to Gymnasium, which calls this itself where the package is installed."""
-    if ID not in gymnasium.registry:
-        gymnasium.register(ID, entry_point="taxelflow.simulation.mujoco.environment:GripHold")
+if ID not in gymnasium.registry:
+    gymnasium.register(ID, entry_point=f"{__name__}:{GripHold.__name__}")

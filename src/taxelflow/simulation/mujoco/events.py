@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 G_M_S2 = 9.81
-LIFT_S, EVENT_S, END_S = 0.8, 1.3, 4.3
-"""Times of a trial: the support goes within 0.2 s, the event begins, the trial ends."""
+LIFT_S, LIFTED_S, EVENT_S, END_S = 0.8, 1.0, 1.3, 4.3
+"""Times of a trial: the support begins to go, and is gone; the event begins; the trial ends."""
 
 EVENTS = {
     "pour": "the mass grows to a multiple",
@@ -76,7 +76,7 @@ class Happening:
     def load(self, t_s: float) -> Load:
         """What acts at a time of the trial. The gripper's own acceleration is part of gravity, which it feels alike."""
         gravity, pull, mass = np.zeros(3), np.zeros(3), self.mass_kg
-        gravity[2] = -G_M_S2 * np.clip((t_s - LIFT_S) / 0.2, 0.0, 1.0)
+        gravity[2] = -G_M_S2 * np.clip((t_s - LIFT_S) / (LIFTED_S - LIFT_S), 0.0, 1.0)
         since_s = max(t_s - EVENT_S, 0.0)
         more = min(since_s / self.ramp_s, 1.0) * (self.times - 1.0)
         if self.event == "pour":
