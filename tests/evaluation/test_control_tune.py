@@ -7,10 +7,12 @@ import pytest
 
 from taxelflow import registry
 from taxelflow.cli import main
+from taxelflow.control.baselines import Constant
 from taxelflow.control.hold import Hold
 from taxelflow.errors import GraphicsMissing
 from taxelflow.evaluation.control import TrialRow
-from taxelflow.evaluation.control_tune import SPACES, changed, cost_of, drawn
+from taxelflow.evaluation.control_tune import SPACES, changed, cost_of, drawn, tune
+from taxelflow.simulation.mujoco.trial import Trial, drawn_in_turn
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -47,6 +49,25 @@ def test_a_loss_costs_as_much_as_five_times_the_least_force() -> None:
     assert cost_of(rows) == pytest.approx(2 / 3)
 
 
+def test_all_draws_are_tried_on_some_trials_and_the_cheapest_on_all() -> None:
+    """A force that costs as much as it differs from 3 times the first one: the search finds the nearest draw."""
+    seen: list[tuple[int, float]] = []
+
+    def run(trial: Trial, controller: Constant) -> TrialRow:
+        seen.append((trial.seed, controller.times))
+        return TrialRow(trial.seed, "ball", "pour", True, True, 1.0, 1.0 + abs(controller.times - 3.0))
+
+    trials = list(drawn_in_turn(0, 8, ("ball",), ("pour",), Trial.drawn))
+    report = tune("constant", Constant(), trials, 7, run, iter)
+    counts = [one.trials for one in report.tried]
+    assert counts == [8] * 5 + [2] * 3
+    assert {} in [one.parameters for one in report.tried[:5]]
+    draws = [one["times"] for one in drawn(SPACES["constant"], 7)]
+    assert report.tried[0].parameters == {"times": min(draws, key=lambda times: abs(times - 3.0))}
+    assert [one.cost for one in report.tried[:5]] == sorted(one.cost for one in report.tried[:5])
+    assert len(set(seen)) == len(seen) == 8 * 2 + 5 * 6
+
+
 def test_a_search_prints_the_cheapest_first(capsys: Capture) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxelflow[sim]'")
     words = ["control", "--controller", "constant", "--trials", "1", "--seed", "7", "--events", "weak", "--json"]
@@ -67,7 +88,7 @@ def test_without_graphics_a_film_is_left_out_with_a_message(
     def fail(*_: object) -> None:
         raise GraphicsMissing("egl: none")
 
-    monkeypatch.setattr("taxelflow.evaluation.control_plot.Camera", fail)
+    monkeypatch.setattr("taxelflow.evaluation.control_film.Camera", fail)
     words = ["control", "--controller", "constant", "--trials", "1", "--seed", "7", "--events", "weak"]
     assert main([*words, "--film", str(tmp_path / "a.mp4"), "--plot", str(tmp_path)]) == 0
     told = capsys.readouterr()

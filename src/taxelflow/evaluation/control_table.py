@@ -66,14 +66,14 @@ def show_motion(report: MotionReport) -> None:
 
 
 def show_tuned(reports: Sequence[TuneReport]) -> None:
-    """Print what a search has tried, the cheapest first."""
+    """Print what a search has tried: what was tried on all trials first, each the cheapest first."""
     console = Console(markup=False, highlight=False, soft_wrap=True)
     for report in reports:
         for one in report.tried:  # lines, as a table would cut long parameters
             values = " ".join(f"{name}={value:g}" for name, value in one.parameters.items()) or "defaults"
             shares = f"held {_share(one.held)}, within 5 mm {_share(one.within_5_mm)}"
             forces = f"force p50 {_ratio(one.force_p50)}, p90 {_ratio(one.force_p90)}"
-            console.print(f"{report.controller}: cost {one.cost:.3f}, {shares}, {forces}: {values}")
+            console.print(f"{report.controller}, {one.trials} trials: cost {one.cost:.3f}, {shares}, {forces}: {values}")
     note = "cost: 1 for an object lost or slid 5 mm or more, 0.25 for a force of twice the least; mean over the trials"
     console.print(note, style="dim")
 

@@ -10,7 +10,7 @@ from taxelflow.control.baselines import Constant
 from taxelflow.control.hold import Hold
 from taxelflow.errors import ExtraMissing, GraphicsMissing, ParameterInvalid
 from taxelflow.evaluation.control import Course
-from taxelflow.evaluation.control_plot import film_course
+from taxelflow.evaluation.control_film import film_course
 from taxelflow.geometry import se3_inverse
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.simulation.mujoco.barrett import BarrettHand

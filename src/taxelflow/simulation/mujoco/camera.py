@@ -11,9 +11,16 @@ import numpy as np
 from taxelflow.errors import GraphicsMissing
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from numpy.typing import NDArray
 
+    from taxelflow.messages import Floats
+
 _MOST_GEOMS = 500
+_ARROW_M, _NEARER = 0.0012, 0.5
+"""Radius of an arrow's shaft, and how much of the way to the camera arrows are brought nearer, so that nothing hides
+them; they stay where they are in the picture."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +31,15 @@ class View:
     distance_m: float
     azimuth_deg: float
     elevation_deg: float
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """An arrow between two places (3,) of the world, in a colour such as "#0072b2"."""
+
+    start_m: Floats
+    end_m: Floats
+    color: str
 
 
 class Viewed(Protocol):
@@ -64,15 +80,37 @@ class Camera:
         self._picture = mujoco.MjrRect(0, 0, width, height)
         self._size = (height, width, 3)
 
-    def frame(self) -> NDArray[np.uint8]:
-        """(height, width, 3), the plant now."""
+    def frame(
+        self, joints: Floats | None = None, arrows: Callable[[], Sequence[Arrow]] = tuple
+    ) -> NDArray[np.uint8]:
+        """(height, width, 3), the plant now, or moved to where all its joints have these positions.
+
+        arrows: drawn as well; asked for when the plant is in its place.
+        """
         mujoco, pixels = self._mujoco, np.empty(self._size, dtype=np.uint8)
         self._context.make_current()
         grip, everything = self._grip, mujoco.mjtCatBit.mjCAT_ALL
+        if joints is not None:
+            grip.data.qpos[:] = joints
+            mujoco.mj_kinematics(grip.model, grip.data)
+            mujoco.mj_comPos(grip.model, grip.data)
         mujoco.mjv_updateScene(grip.model, grip.data, self._options, None, self._view, everything, self._scene)
+        for arrow in arrows():
+            self._add(arrow)
         mujoco.mjr_render(self._picture, self._scene, self._renderer)
         mujoco.mjr_readPixels(pixels, None, self._picture, self._renderer)
         return pixels[::-1].copy()
+
+    def _add(self, arrow: Arrow) -> None:
+        """One more geom of the scene."""
+        mujoco, geom = self._mujoco, self._scene.geoms[self._scene.ngeom]
+        rgba = np.array([int(arrow.color[at : at + 2], 16) / 255 for at in (1, 3, 5)] + [1.0], dtype=np.float32)
+        kind, size, place = mujoco.mjtGeom.mjGEOM_ARROW, np.zeros(3), np.zeros(3)
+        mujoco.mjv_initGeom(geom, kind, size, place, np.eye(3).ravel(), rgba)
+        eye = np.mean([self._scene.camera[side].pos for side in (0, 1)], axis=0)
+        start_m, end_m = (place_m + _NEARER * (eye - place_m) for place_m in (arrow.start_m, arrow.end_m))
+        mujoco.mjv_connector(geom, kind, _ARROW_M, start_m, end_m)
+        self._scene.ngeom += 1
 
     def close(self) -> None:
         """Give the graphics context back."""
