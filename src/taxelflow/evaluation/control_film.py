@@ -33,13 +33,16 @@ _LAST_FRAMES = FPS
 """How often the last frame is repeated: the result stands for a second."""
 _VIEW_PIXELS = 640
 """Height and width of the plant's picture: half of a film of 1280 x 720 pixels."""
-_M_PER_N = 0.005
-"""Length of an arrow of the plant per force: a bottle of 0.5 kg has one of 25 mm."""
+_LONGEST_M = 0.06
+"""Length of the arrow of the trial's largest force: two thirds of a bottle's width."""
+_LEAST_SHARE = 0.03
+"""Forces below this share of the largest have no arrow: it would be a dot."""
 _ARROW_S = 0.2
 """The arrow on a pad is as long as the way in this time."""
 _LEAST_ARROW_MM, _MOST_ARROW_MM = 0.3, 12.0
 """Shorter arrows, of 1.5 mm/s or less, are noise at rest and left out; longer ones would leave the pad."""
-_MOST_KPA = 60.0
+_BRIGHT = 0.999
+"""Quantile of the readings of a trial that is shown as bright as can be."""
 
 
 def film_course(course: Course, path: Path) -> int:
@@ -71,8 +74,9 @@ def _drawn(course: Course, camera: Camera, seen: list[Seen], places: list[Floats
     import matplotlib.pyplot as plt
 
     sheet = _Sheet(course, seen)
+    m_per_n = _LONGEST_M / max(float(np.linalg.norm(one)) for moment in seen for one in _pulls(course, moment))
     for number in range(SCANS_PER_FRAME - 1, len(seen), SCANS_PER_FRAME):
-        picture = camera.frame(places[number], partial(_forces, course, seen[number]))
+        picture = camera.frame(places[number], partial(_forces, course, seen[number], m_per_n))
         frame = sheet.frame(seen[number], picture)
         yield frame
     for _ in range(_LAST_FRAMES):
@@ -80,16 +84,23 @@ def _drawn(course: Course, camera: Camera, seen: list[Seen], places: list[Floats
     plt.close(sheet.figure)
 
 
-def _forces(course: Course, now: Seen) -> list[Arrow]:
+def _pulls(course: Course, now: Seen) -> list[Floats]:
+    """(3,) in the world, N: the load on the object, and then of each pad its normal force along its own z axis."""
+    load = course.trial.happening.load(now.moment.truth.t_s)
+    pressed = now.moment.truth.normal_n[:, np.newaxis] * [0.0, 0.0, 1.0]
+    return [load.mass_kg * load.gravity + load.pull, *pressed]
+
+
+def _forces(course: Course, now: Seen, m_per_n: float) -> list[Arrow]:
     """The load on the object, and the force of each pad that holds it."""
-    grip, truth, load = course.plant, now.moment.truth, course.trial.happening.load(now.moment.truth.t_s)
-    middle = grip.data.body("object").xipos
-    arrows = [Arrow(middle, middle + _M_PER_N * (load.mass_kg * load.gravity + load.pull), VERMILION)]
-    for pad, normal_n in zip(grip.sensor.pads, truth.normal_n.tolist(), strict=True):
+    grip = course.plant
+    load, *pressed = _pulls(course, now)
+    middle_m = grip.data.body("object").xipos
+    arrows = [Arrow(middle_m, middle_m + m_per_n * load, VERMILION)]
+    for pad, force in zip(grip.sensor.pads, pressed, strict=True):
         site = grip.data.site(pad.name)
-        outwards = -site.xmat.reshape(3, 3)[:, 2]
-        arrows.append(Arrow(site.xpos + _M_PER_N * normal_n * outwards, site.xpos, BLUE))
-    return arrows
+        arrows.append(Arrow(site.xpos - m_per_n * site.xmat.reshape(3, 3) @ force, site.xpos, BLUE))
+    return [one for one in arrows if np.linalg.norm(one.end_m - one.start_m) > _LEAST_SHARE * _LONGEST_M]
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +131,7 @@ class _Sheet:
         pressed = np.max([one.moment.truth.normal_n for one in seen], axis=0)
         holding, facing = np.flatnonzero(pressed > 0.0).tolist(), seen[0].moment.readings.ndim == 2
         width = 0.46 / max(len(holding), 1)
+        self._bright = float(np.quantile([one.moment.readings for one in seen], _BRIGHT))
         self._pads = [
             self._pad(
                 figure.add_axes((0.535 + place * width, 0.57, 0.9 * width, 0.33)),
@@ -141,7 +153,7 @@ class _Sheet:
     def _plant(self, axis: Any) -> Any:
         axis.axis("off")
         key = {"transform": axis.transAxes, "fontsize": 11, "weight": "bold"}
-        axis.text(0.03, 0.95, "force of the pads", color=BLUE, **key)
+        axis.text(0.03, 0.95, "force of each pad", color=BLUE, **key)
         axis.text(0.03, 0.91, "load", color=VERMILION, **key)
         self._numbers = axis.text(0.03, 0.03, "", color=INK, transform=axis.transAxes, fontsize=13)
         box = {"boxstyle": "round,pad=0.4", "facecolor": GREEN, "edgecolor": "none"}
@@ -159,8 +171,8 @@ class _Sheet:
         for row, col in pad.missing:
             present[row, col] = False
         half = 500.0 * np.array([-pad.cols, pad.cols, -pad.rows, pad.rows]) * np.repeat(pad.pitch_m, 2)
-        image = axis.imshow(np.zeros(present.shape), extent=half, vmin=0.0, vmax=_MOST_KPA, cmap="magma")
-        look = {"color": GREEN, "edgecolor": "white", "linewidth": 1.2, "width": 0.035, "headwidth": 2.6}
+        image = axis.imshow(np.zeros(present.shape), extent=half, vmin=0.0, vmax=self._bright, cmap="magma")
+        look = {"color": GREEN, "edgecolor": "white", "linewidth": 1.2, "width": 0.035, "headwidth": 2.6, "minlength": 0}
         arrow = axis.quiver([0.0], [0.0], [0.0], [0.0], scale_units="xy", scale=1.0, angles="xy", zorder=5, **look)
         return _Pad(number, present, image, arrow, sign)
 
@@ -168,15 +180,15 @@ class _Sheet:
         """One scan."""
         truth = now.moment.truth
         self._view.set_data(picture)
-        self._numbers.set_text(f"{truth.t_s:.2f} s     {truth.force_n:.1f} N per pad     slid {1e3 * now.slid_m:.1f} mm")
+        self._numbers.set_text(f"{truth.t_s:.2f} s     {truth.force_n:.1f} N grip     slid {1e3 * now.slid_m:.1f} mm")
         self._slips.set_visible(bool(now.touch.slipping.any()))
-        layout, pascals = self._sensor.layout, self._sensor.to_si * now.moment.readings.ravel()
+        layout, readings = self._sensor.layout, now.moment.readings.ravel()
         for pad in self._pads:
             own = layout.of_pad(pad.number)
             pressure = np.full(pad.present.shape, np.nan)
-            pressure[pad.present] = pascals[own]
-            pad.image.set_data(1e-3 * pressure)
-            weight = pascals[own] / max(float(pascals[own].sum()), 1.0)
+            pressure[pad.present] = readings[own]
+            pad.image.set_data(pressure)
+            weight = readings[own] / max(float(readings[own].sum()), 1e-9)
             pad.arrow.set_offsets(1e3 * np.array([[weight @ layout.x_m[own], weight @ layout.y_m[own]]]))
             u, v = _length_mm(now.touch.velocity[pad.number, :2]) * [pad.sign, 1.0]
             pad.arrow.set_UVC([u], [v])

@@ -43,9 +43,9 @@ def headline(trial: Trial) -> str:
 
 
 def draw_force(axis: Any, trial: Trial, seen: Sequence[Seen]) -> None:
-    """Force per pad, what carries the load of the moment, and the least that holds; slips shaded."""
+    """Force of the grip, what carries the load of the moment, and the least that holds; slips shaded."""
     t_s = [one.moment.truth.t_s for one in seen]
-    axis.plot(t_s, [one.moment.truth.force_n for one in seen], color=BLUE, label="force per pad")
+    axis.plot(t_s, [one.moment.truth.force_n for one in seen], color=BLUE, label="force of the grip")
     load_n = [trial.happening.load(time_s).tangential_n() / (2.0 * trial.held.friction) for time_s in t_s]
     axis.plot(t_s, load_n, color=VERMILION, linewidth=0.8, label="least for the load now")
     axis.plot(t_s, [one.least_n for one in seen], color=VERMILION, linestyle="--", label="least that holds")
