@@ -99,6 +99,42 @@ def test_two_scans_come_near_the_bound_and_the_covariance_says_so() -> None:
     assert 0.6 < np.mean(nees) < 1.6
 
 
+def face(y_m: Floats) -> Floats:
+    """Scans of a flat face of 31 x 41 mm, a pad's width, that tilts a little, with its middle at these heights."""
+
+    def inside(place_m: Floats, half_m: float) -> Floats:
+        return np.asarray(1.0 / (1.0 + np.exp((np.abs(place_m) - half_m) / 6e-4)))
+
+    x, y = PAD.layout.x_m, PAD.layout.y_m
+    clean = [0.25 * PEAK * inside(x, 0.0155) * inside(y - at, 0.0205) * (1.0 + 12.5 * y) for at in y_m]
+    return np.maximum(np.array(clean) + np.random.default_rng(0).normal(0, NOISE, (len(y_m), SIDE**2)), 0.0)
+
+
+@pytest.mark.parametrize("step_pitches", [0.2, 0.5, 1.0, 1.5])
+def test_a_face_as_large_as_the_pad_is_misread_and_never_ok(step_pitches: float) -> None:
+    """Of some 10 mm it reads 3 to 5."""
+    y_m = 0.003 - step_pitches * PITCH * np.arange(1 + int(0.0107 / (step_pitches * PITCH)))
+    slips = seen(face(y_m))
+    assert abs(slips.pose[-1, 0, 1] - slips.pose[0, 0, 1]) < 0.6 * (y_m[0] - y_m[-1])
+    assert (slips.quality[:, 0] == AMBIGUOUS).all()
+
+
+@pytest.mark.parametrize("shift_pitches", [0.4, 0.7, 1.2, 1.8, 2.5, 4.0])
+def test_a_jump_between_two_scans_is_right_or_not_ok(shift_pitches: float) -> None:
+    """Up to a pitch and a half it is found; beyond, another fit may look better, but none looks good."""
+    good, wrong = 0, 0
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        poses = np.zeros((2, 3))
+        poses[1, :2] = shift_pitches * PITCH * rotation(random.uniform(0, 2 * np.pi)) @ [1.0, 0.0]
+        slips = seen(np.maximum(textured(seed, poses, waves=(2.5, 8)) + random.normal(0, NOISE, (2, SIDE**2)), 0.0))
+        off_m = float(np.hypot(*(slips.displacement[1, 0, :2] - poses[1, :2])))
+        good += slips.quality[1, 0] == OK
+        wrong += slips.quality[1, 0] == OK and off_m > 1.5e-4
+    assert wrong == 0
+    assert good >= 10 or shift_pitches > 1.5
+
+
 @settings(max_examples=5)
 @given(seed=st.integers(0, 1000), quarters=st.integers(1, 3))
 def test_a_quarter_turn_of_the_scans_turns_the_answer(seed: int, quarters: int) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taxelflow.errors import ExtraMissing, NameUnknown, ParameterInvalid
-from taxelflow.simulation.mujoco.events import EVENTS, G_M_S2, LIFT_S, Happening, Load
+from taxelflow.simulation.mujoco.events import EVENTS, G_M_S2, LIFT_S, LIFTED_S, Happening, Load
 from taxelflow.simulation.mujoco.gripper import Gripper, sensor_of
 from taxelflow.simulation.mujoco.objects import OBJECTS, STANDARD_OBJECTS, shape
 from taxelflow.simulation.mujoco.plant import Actuator, Held
@@ -37,6 +37,15 @@ def lifted(plant: Gripper, force_n: float, until_s: float = 1.8) -> Floats:
         _, truth = plant.scan(force, NO_EVENT.load(plant.t_s))
         path.append((truth.t_s, *truth.slid_m, truth.normal_n.mean()))
     return np.array(path)
+
+
+def test_the_solver_is_pinned() -> None:
+    """Others let a held object creep: see `scene`."""
+    mujoco = pytest.importorskip("mujoco")
+    option = gripper("ball").model.opt
+    assert option.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+    assert option.noslip_iterations >= 3
+    assert option.noslip_tolerance == 0.0
 
 
 @pytest.mark.parametrize("kind", STANDARD_OBJECTS)
@@ -117,6 +126,25 @@ def test_latency_delays_the_force() -> None:
     np.testing.assert_allclose(late.forces[5:], prompt.forces[:5], rtol=0.02)  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize("bandwidth_hz", [5.0, 20.0])
+def test_the_force_follows_with_the_bandwidth(bandwidth_hz: float) -> None:
+    """A lag of first order: 1 - 1 / e of a step after 1 / (2 pi f)."""
+    plant = gripper("ball", actuator=Actuator(bandwidth_hz=bandwidth_hz))
+    lifted(plant, 2 * LEAST_N, until_s=LIFT_S)
+    began_s = plant.t_s
+    seen = [plant.scan(3 * LEAST_N, NO_EVENT.load(LIFT_S))[1] for _ in range(20)]
+    t_s = np.array([truth.t_s for truth in seen]) - began_s
+    share = (np.array([truth.normal_n.mean() for truth in seen]) - 2 * LEAST_N) / LEAST_N
+    np.testing.assert_allclose(share, 1.0 - np.exp(-2.0 * np.pi * bandwidth_hz * t_s), atol=0.08)
+
+
+def test_no_force_is_above_the_limit() -> None:
+    plant = gripper("ball", actuator=Actuator(max_n=2.5 * LEAST_N))
+    path = lifted(plant, 4 * LEAST_N)
+    assert path[-1, 3] == pytest.approx(2.5 * LEAST_N, rel=0.02)
+    assert path[:, 3].max() < 2.6 * LEAST_N
+
+
 def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ExtraMissing, match=r"mujoco is not installed; .*taxelflow\[sim\]"):
@@ -143,6 +171,39 @@ def test_a_trial_is_drawn_from_its_seed_alone() -> None:
         Trial.drawn(7, "ball", "push")
     with pytest.raises(ParameterInvalid, match="seed must be 0 or more"):
         Trial.drawn(-1, "ball", "pull")
+
+
+def test_mass_friction_and_offset_are_random_and_become_the_plants() -> None:
+    held = [Trial.drawn(seed, "box", "none").held for seed in range(200)]
+    for values, low, high in (
+        ([one.mass_kg for one in held], 0.1, 0.5),
+        ([one.friction for one in held], 0.35, 0.9),
+        ([one.offset_m[0] for one in held], -0.003, 0.003),
+        ([one.offset_m[1] for one in held], -0.003, 0.003),
+    ):
+        assert low <= min(values) < low + 0.1 * (high - low)
+        assert high - 0.1 * (high - low) < max(values) <= high
+    pytest.importorskip("mujoco")
+    model = Gripper(held[0]).model
+    body = model.body("object")
+    np.testing.assert_allclose(body.ipos, [0.0, *held[0].offset_m])
+    assert body.mass == pytest.approx(held[0].mass_kg)
+    assert model.pair_friction[:, 0] == pytest.approx(held[0].friction)
+
+
+def test_random_convex_meshes_differ_and_are_grasped_and_held() -> None:
+    pytest.importorskip("mujoco")
+    meshes = set()
+    for seed in range(4):
+        trial = Trial.drawn(seed, "convex", "none")
+        meshes.add(trial.held.shape.mesh)
+        rehearsal = Rehearsal(trial)
+        *_, lifted_at = rehearsal.start()
+        assert rehearsal.grasped
+        for _ in range(60):
+            moment = rehearsal.step(2.5 * trial.least_n(LIFTED_S))
+        assert np.linalg.norm(moment.truth.slid_m - lifted_at.truth.slid_m) < 1e-3
+    assert len(meshes) == 4
 
 
 def test_objects_and_events_come_in_turn() -> None:
