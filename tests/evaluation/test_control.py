@@ -171,7 +171,7 @@ def test_intervals_are_wilsons_and_pairs_count_wins() -> None:
     assert share(None, None, None) == "-"
     ours = ControlReport.of("hold", [row(seed, 1.0) for seed in range(10)])
     other = ControlReport.of("constant", [row(seed, 9.0) for seed in range(10)])
-    assert paired(ours, other) == (10, 10, 0, 1.0, 1.0, 1.0)
+    assert paired(ours, other) == (10, 10, 0, (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
     none = ControlReport.of("hold", [row(0, 1.0, grasped=False)])
     assert paired(none, none) is None
 
@@ -188,6 +188,7 @@ def test_featureless_objects_have_rows_of_their_own() -> None:
     assert (felt.step_ms_p99, featureless.step_ms_p99) == pytest.approx((1.0, 2.0))
     assert (felt.wins, other.wins, other.losses, other.gain) == (None, 1, 0, 1.0)
     assert featureless.force_p50 == 3.0
+    assert (felt.cost, other.cost, other.cost_more, other.cost_more_low) == (0.0, 1.0, 1.0, 1.0)
     rows, trials = tables_of(outcomes)
     assert (len(rows.rows), len(trials.rows)) == (4, 4)
     assert trials.rows[1][:4] == ("a", 1, "plate", "pour")

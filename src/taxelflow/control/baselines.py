@@ -37,11 +37,11 @@ class ConstantSession:
 class Threshold:
     """Squeeze when the pressure image changes by more than a share of itself."""
 
-    change: float = 0.06
+    change: float = 0.0358
     """Sum of the changes of all taxels since the scan before, each as a share of its pad's total."""
     up: float = 1.08
     """Factor on the force in each scan above the threshold."""
-    relax_1_s: float = 0.05
+    relax_1_s: float = 0.0121
     """Rate at which the force comes down otherwise, 1/s."""
     method: None = None
 

@@ -20,8 +20,8 @@ class Blindness:
     detail_m: float = 0.018
     """Pads are blind if an object has to move so far along its load to change their images by themselves. Measured, in
     mm: a plate 26, a can along its axis 46; a box whose edges lie on the pads 11 to 13, all else 1 to 5."""
-    memory_s: float = 0.2
-    """Time over which that is learned."""
+    memory_s: float = 0.05
+    """Time over which that is learned: an edge that slides off its pad was all that the pad could feel."""
 
     def __post_init__(self) -> None:
         for name in ("detail_m", "memory_s"):

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 DROPPED_M, RESTING_M, RESTING_S = 0.03, 0.001, 1.0
 """An object is held if it slid less than 30 mm (a pad is 32 mm high), and less than 1 mm in the last second."""
 WITHIN_MM = 5.0
+FORCE_COST = 0.25
+"""Cost of a force of twice the least; an object that is lost, or slides 5 mm or more, costs 1."""
 MOTION_END_S, RESTED_S = 9.0, 0.5
 """Latest end of a trial in which an object is let slide or turn, and the time it is watched after the motion."""
 
@@ -72,6 +74,17 @@ class ControlReport(msgspec.Struct, frozen=True):
 def is_near(row: TrialRow) -> bool:
     """Whether an object was held and slid less than 5 mm."""
     return row.held and row.slid_mm < WITHIN_MM
+
+
+def cost_of(rows: Sequence[TrialRow]) -> float:
+    """Mean cost of the grasped trials: slip and force in one number, by which controllers are tuned and compared."""
+    costs = [cost(row) for row in rows if row.grasped]
+    return float(np.mean(costs)) if costs else float("inf")
+
+
+def cost(row: TrialRow) -> float:
+    """Cost of a grasped trial."""
+    return float(not is_near(row)) + FORCE_COST * max((row.force_over_least or 1.0) - 1.0, 0.0)
 
 
 class MotionRow(msgspec.Struct, frozen=True):

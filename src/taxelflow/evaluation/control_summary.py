@@ -8,13 +8,14 @@ import msgspec
 import numpy as np
 
 from taxelflow.evaluation.base import Table, table_of
-from taxelflow.evaluation.control import ControlReport, TrialRow, is_near
+from taxelflow.evaluation.control import ControlReport, TrialRow, cost, cost_of, is_near
 from taxelflow.simulation.mujoco.objects import FEATURELESS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from taxelflow.evaluation.control import Outcome
+    from taxelflow.messages import Floats
 
 _RESAMPLES = 10_000
 _Z = 1.96
@@ -26,6 +27,8 @@ class SummaryRow(msgspec.Struct, frozen=True):
     held_low and so on: Wilson's 95 % interval. blind: share of the scans in which the controller knows that its pads
     cannot tell a slip. step_ms: processor time of the estimator for both pads. wins, losses: trials within 5 mm of the
     first controller only, and of this one only; gain: difference of the shares, with a 95 % interval over trials.
+    cost: 1 for an object lost or slid 5 mm or more, 0.25 for a force of twice the least, mean; cost_more: by how much
+    it is above that of the first controller, with a 95 % interval over trials.
     """
 
     controller: str
@@ -48,17 +51,31 @@ class SummaryRow(msgspec.Struct, frozen=True):
     gain: float | None
     gain_low: float | None
     gain_high: float | None
+    cost: float | None
+    cost_more: float | None
+    cost_more_low: float | None
+    cost_more_high: float | None
+
+
+class Difference(NamedTuple):
+    """A mean over trials, with a 95 % interval."""
+
+    mean: float
+    low: float
+    high: float
 
 
 class Paired(NamedTuple):
-    """Trials in which both grasped: how often one was within 5 mm and the other was not."""
+    """Trials in which both grasped: how often one was within 5 mm and the other was not, and what the other cost more.
+
+    gain: of the share within 5 mm.
+    """
 
     trials: int
     wins: int
     losses: int
-    gain: float
-    low: float
-    high: float
+    gain: Difference
+    cost_more: Difference
 
 
 def summary(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
@@ -101,15 +118,20 @@ def wilson(flags: Sequence[bool]) -> tuple[float, float] | None:
 
 
 def paired(ours: ControlReport, other: ControlReport) -> Paired | None:
-    """Wins and losses with a bootstrap interval over trials; None without a trial in which both grasped."""
+    """Wins and losses with bootstrap intervals over trials; None without a trial in which both grasped."""
     both = [pair for pair in zip(ours.trials, other.trials, strict=True) if pair[0].grasped and pair[1].grasped]
-    gains = np.array([int(is_near(mine)) - int(is_near(its)) for mine, its in both])
-    if not len(gains):
+    if not both:
         return None
-    picks = np.random.default_rng(0).integers(len(gains), size=(_RESAMPLES, len(gains)))
-    low, high = np.quantile(gains[picks].mean(axis=1), [0.025, 0.975])
+    gains = np.array([int(is_near(mine)) - int(is_near(its)) for mine, its in both])
+    more = np.array([cost(its) - cost(mine) for mine, its in both])
     wins, losses = int((gains > 0).sum()), int((gains < 0).sum())
-    return Paired(len(gains), wins, losses, float(gains.mean()), float(low), float(high))
+    return Paired(len(gains), wins, losses, _difference(gains), _difference(more))
+
+
+def _difference(values: Floats) -> Difference:
+    picks = np.random.default_rng(0).integers(len(values), size=(_RESAMPLES, len(values)))
+    low, high = np.quantile(values[picks].mean(axis=1), [0.025, 0.975])
+    return Difference(float(values.mean()), float(low), float(high))
 
 
 def _part(report: ControlReport, chosen: Callable[[TrialRow], bool]) -> ControlReport:
@@ -143,7 +165,11 @@ def _row(
         step_ms_p99=float(p99),
         wins=against and against.wins,
         losses=against and against.losses,
-        gain=against and against.gain,
-        gain_low=against and against.low,
-        gain_high=against and against.high,
+        gain=against and against.gain.mean,
+        gain_low=against and against.gain.low,
+        gain_high=against and against.gain.high,
+        cost=cost_of(grasped) if grasped else None,
+        cost_more=against and against.cost_more.mean,
+        cost_more_low=against and against.cost_more.low,
+        cost_more_high=against and against.cost_more.high,
     )

@@ -17,19 +17,23 @@ if TYPE_CHECKING:
     from taxelflow.evaluation.control_tune import TuneReport
 
 
+_COST_NOTE = "cost: 1 for an object lost or slid 5 mm or more, 0.25 for a force of twice the least; mean over the trials"
+
+
 def show_holding(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
     """Print the reports; the first is compared with each other one, trial by trial. The rows that were printed."""
     console = Console(markup=False, highlight=False, soft_wrap=True)
     rows = summary(outcomes)
-    table = quiet_table("controller:", "objects:", "grasped", "held %:", "<5 mm %:", "force", "p90", "blind")
+    table = quiet_table("controller:", "objects:", "grasped", "held %:", "<5 mm %:", "force", "p90", "cost", "blind")
     for row in rows:
         held = share(row.held, row.held_low, row.held_high)
         near = share(row.within_5_mm, row.within_low, row.within_high)
-        forces, blind = (_ratio(row.force_p50), _ratio(row.force_p90)), f"{row.blind:.0%}"
+        forces, blind = [_ratio(one) for one in (row.force_p50, row.force_p90, row.cost)], f"{row.blind:.0%}"
         table.add_row(row.controller, row.objects, f"{row.grasped}/{row.trials}", held, near, *forces, blind)
     console.print(table)
     for note in (
         "in brackets: 95 % intervals; force: of the last second over the least that holds, of held trials",
+        _COST_NOTE,
         "blind: scans in which the controller knows that its pads cannot tell a slip",
     ):
         console.print(note, style="dim")
@@ -74,8 +78,7 @@ def show_tuned(reports: Sequence[TuneReport]) -> None:
             shares = f"held {_share(one.held)}, within 5 mm {_share(one.within_5_mm)}"
             forces = f"force p50 {_ratio(one.force_p50)}, p90 {_ratio(one.force_p90)}"
             console.print(f"{report.controller}, {one.trials} trials: cost {one.cost:.3f}, {shares}, {forces}: {values}")
-    note = "cost: 1 for an object lost or slid 5 mm or more, 0.25 for a force of twice the least; mean over the trials"
-    console.print(note, style="dim")
+    console.print(_COST_NOTE, style="dim")
 
 
 def share(middle: float | None, low: float | None, high: float | None) -> str:
@@ -89,7 +92,8 @@ def _paired(ours: str, row: SummaryRow) -> str:
     """The first controller against that of a row."""
     return (
         f"{ours} against {row.controller}, {row.objects}, within 5 mm: {row.wins} wins, {row.losses} losses of "
-        f"{row.trials}; difference {row.gain:+.0%} [{row.gain_low:+.0%} {row.gain_high:+.0%}]"
+        f"{row.trials}; difference {row.gain:+.0%} [{row.gain_low:+.0%} {row.gain_high:+.0%}]; "
+        f"{row.controller} costs {row.cost_more:+.2f} [{row.cost_more_low:+.2f} {row.cost_more_high:+.2f}]"
     )
 
 

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.errors import NameUnknown
-from taxelflow.evaluation.control import ControlReport, is_near
+from taxelflow.evaluation.control import ControlReport, cost_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -36,8 +36,6 @@ SPACES: dict[str, dict[str, tuple[float, float]]] = {
     "constant": {"times": (1.0, 8.0)},
 }
 """Least and largest value of each parameter that is searched, drawn evenly in its logarithm."""
-FORCE_COST = 0.25
-"""Cost of a force of twice the least; an object that is lost, or slides 5 mm or more, costs 1."""
 
 
 FIRST_SHARE, FINALISTS = 0.25, 4
@@ -110,16 +108,6 @@ def changed(controller: Any, parameters: dict[str, float]) -> Any:
             controller, **{first: changed(getattr(controller, first), {rest: value}) if rest else value}
         )
     return controller
-
-
-def cost_of(rows: Sequence[TrialRow]) -> float:
-    """Mean cost of the grasped trials."""
-    costs = []
-    for row in rows:
-        if row.grasped:
-            excess = max((row.force_over_least or 1.0) - 1.0, 0.0)
-            costs.append(float(not is_near(row)) + FORCE_COST * excess)
-    return float(np.mean(costs)) if costs else float("inf")
 
 
 def _rows(
