@@ -56,6 +56,7 @@ def test_the_files_have_the_schema_of_the_format(tmp_path: Path) -> None:
     data = parquet.read_table(tmp_path / "set" / info["data_path"].format(chunk_index=0, file_index=0))
     assert set(data.column_names) == set(info["features"])
     assert data.schema.field("observation.state").type == pa.list_(pa.float32(), 2)
+    assert data.schema.field("action").type == pa.float32()  # the reader has no lists of one number
     for name in ("frame_index", "episode_index", "index", "task_index"):
         assert data.schema.field(name).type == pa.int64()
     assert data["timestamp"].to_pylist() == pytest.approx([0, 0.01, 0.02, 0, 0.01, 0.02, 0.03, 0.04, 0, 0.01])
@@ -75,6 +76,26 @@ def test_episodes_say_where_their_frames_are_and_tasks_are_an_index(tmp_path: Pa
     assert tasks.loc["pour"]["task_index"] == 1
     stats = json.loads((tmp_path / "meta/stats.json").read_text())
     assert stats["observation.state"]["max"] == [8.0, 9.0]
+
+
+def test_the_table_reader_that_lerobot_uses_loads_it_with_the_features_of_info(tmp_path: Path) -> None:
+    """LeRobot makes a feature of each entry of info.json, a number where the shape is [1], and casts the data to it."""
+    datasets = pytest.importorskip("datasets", reason="datasets is not installed: pip install datasets")
+    write_lerobot([episode(3, "hold"), episode(5, "pour")], tmp_path / "set", 100.0, "gripper")
+    info = json.loads((tmp_path / "set/meta/info.json").read_text())
+    features = {
+        name: datasets.Value(one["dtype"])
+        if one["shape"] == [1]
+        else datasets.Sequence(datasets.Value(one["dtype"]), length=one["shape"][0])
+        for name, one in info["features"].items()
+    }
+    for part, given in (("data", datasets.Features(features)), ("meta/episodes", None)):
+        paths = [str(path) for path in sorted((tmp_path / "set" / part).glob("*/*.parquet"))]
+        loaded = datasets.Dataset.from_parquet(paths, features=given, cache_dir=str(tmp_path / "cache"))
+        assert len(loaded) == (8 if part == "data" else 2)
+        if part == "data":
+            assert loaded[7]["action"] == 5.0
+            assert loaded[7]["observation.state"] == [8.0, 9.0]
 
 
 def test_a_directory_with_something_in_it_is_refused(tmp_path: Path) -> None:
@@ -116,7 +137,8 @@ def test_trials_of_a_controller_are_episodes_of_the_format(tmp_path: Path) -> No
     for name, shape in shapes.items():
         kind = data.schema.field(name).type
         assert shape == ([kind.list_size] if pa.types.is_fixed_size_list(kind) else [1])
+        assert shape != [1] or not pa.types.is_fixed_size_list(kind)
     episodes = parquet.read_table(out / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
     assert [row["tasks"] for row in episodes] == [["hold the ball: weak"], ["hold the rod: none"]]
     assert sum(row["length"] for row in episodes) == len(data) == info["total_frames"]
-    assert all(np.isfinite(action[0]) for action in data["action"].to_pylist())
+    assert all(np.isfinite(action) for action in data["action"].to_pylist())

@@ -97,9 +97,9 @@ def _rows(episodes: Sequence[Episode], tasks: list[str], rate: int) -> dict[str,
 
 
 def _column(arrow: Any, values: NDArray[Any]) -> Any:
-    """A column of numbers, or of lists of one length."""
-    if values.ndim == 1:
-        return arrow.array(values)
+    """A column of numbers, or of lists of one length; LeRobot's reader takes a list of one number for a number."""
+    if values.ndim == 1 or values.shape[1] == 1:
+        return arrow.array(values.ravel())
     return arrow.FixedSizeListArray.from_arrays(arrow.array(values.ravel()), values.shape[1])
 
 
