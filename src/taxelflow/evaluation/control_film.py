@@ -126,7 +126,9 @@ class _Sheet:
         figure: Any = plt.figure(figsize=(12.8, 7.2), dpi=100)
         self.figure: Figure = figure
         figure.text(0.015, 0.955, headline(trial), fontsize=17, weight="bold", color=INK)
-        figure.text(0.015, 0.918, f"controller {name}, in MuJoCo (seed {trial.seed}), at half speed", fontsize=11, color=INK)
+        figure.text(
+            0.015, 0.918, f"controller {name}, in MuJoCo (seed {trial.seed}), at half speed", fontsize=11, color=INK
+        )
         self._view = self._plant(figure.add_axes((0.0, 0.0, 0.5, 0.9)))
         pressed = np.max([one.moment.truth.normal_n for one in seen], axis=0)
         holding, facing = np.flatnonzero(pressed > 0.0).tolist(), seen[0].moment.readings.ndim == 2
@@ -172,7 +174,14 @@ class _Sheet:
             present[row, col] = False
         half = 500.0 * np.array([-pad.cols, pad.cols, -pad.rows, pad.rows]) * np.repeat(pad.pitch_m, 2)
         image = axis.imshow(np.zeros(present.shape), extent=half, vmin=0.0, vmax=self._bright, cmap="magma")
-        look = {"color": GREEN, "edgecolor": "white", "linewidth": 1.2, "width": 0.035, "headwidth": 2.6, "minlength": 0}
+        look = {
+            "color": GREEN,
+            "edgecolor": "white",
+            "linewidth": 1.2,
+            "width": 0.035,
+            "headwidth": 2.6,
+            "minlength": 0,
+        }
         arrow = axis.quiver([0.0], [0.0], [0.0], [0.0], scale_units="xy", scale=1.0, angles="xy", zorder=5, **look)
         return _Pad(number, present, image, arrow, sign)
 

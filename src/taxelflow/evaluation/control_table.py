@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from taxelflow.evaluation.control_tune import TuneReport
 
 
-_COST_NOTE = "cost: 1 for an object lost or slid 5 mm or more, 0.25 for a force of twice the least; mean over the trials"
+_COST_NOTE = (
+    "cost: 1 for an object lost or slid 5 mm or more, 0.25 for a force of twice the least; mean over the trials"
+)
 
 
 def show_holding(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
@@ -77,7 +79,9 @@ def show_tuned(reports: Sequence[TuneReport]) -> None:
             values = " ".join(f"{name}={value:g}" for name, value in one.parameters.items()) or "defaults"
             shares = f"held {_share(one.held)}, within 5 mm {_share(one.within_5_mm)}"
             forces = f"force p50 {_ratio(one.force_p50)}, p90 {_ratio(one.force_p90)}"
-            console.print(f"{report.controller}, {one.trials} trials: cost {one.cost:.3f}, {shares}, {forces}: {values}")
+            console.print(
+                f"{report.controller}, {one.trials} trials: cost {one.cost:.3f}, {shares}, {forces}: {values}"
+            )
     console.print(_COST_NOTE, style="dim")
 
 

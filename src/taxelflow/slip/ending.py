@@ -137,7 +137,7 @@ def start_stopped(
 def stop_odds(measurement: Measurement, creep_m_s: float, slide: SlideState) -> float:
     """Odds that the object has stopped, after one more measurement; infinite if the slip is slower than creep.
 
-    Fills `slide.stop` from the most likely stop. The covariance of the measurement and its wander include the learned scale.
+    Fills `slide.stop` from the most likely stop. Covariance and wander of the measurement include the learned scale.
     """
     t_s, noise, stop = measurement.t_s, measurement.covariance, slide.stop
     own = translation_variance(noise)

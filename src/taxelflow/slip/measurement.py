@@ -161,9 +161,9 @@ def measure(scan: Observation, measurement: Measurement) -> bool:
 def _follow_wander(scan: Observation, measurement: Measurement) -> None:
     """Update what the pose may have wandered.
 
-    A sum of steps has the noise of its ends only, if all steps weigh the taxels alike. Where little is to be felt, noise
-    decides the weights, and the sum walks at random; the covariance of the pose grows then. That of a method with a map
-    does not: it varies, and its maximum stays.
+    A sum of steps has the noise of its ends only, if all steps weigh the taxels alike. Where little is to be felt,
+    noise decides the weights, and the sum walks at random; the covariance of the pose grows then. That of a method
+    with a map does not: it varies, and its maximum stays.
     """
     variance, known = 0.0, 0
     for axis in range(2):

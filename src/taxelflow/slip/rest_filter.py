@@ -43,8 +43,8 @@ _MAX_CORRELATION, _MAX_INFLATION = 0.8, 9.0
 _RELAXATION_S = 1.0
 """Time constant of the Gauss-Markov processes b and c."""
 _DRIFT = 0.5
-"""Bias of the step of an odometer, in standard deviations of what its pose wanders in one: 0.2 to 0.5 where registration
-rests on ribs of 2.5 pitches."""
+"""Bias of the step of an odometer, in standard deviations of what its pose wanders in one: 0.2 to 0.5 where
+registration rests on ribs of 2.5 pitches."""
 _YAW_POSES = 20
 """Poses in a row at which theta must be known before it is used again."""
 

@@ -80,9 +80,7 @@ class Camera:
         self._picture = mujoco.MjrRect(0, 0, width, height)
         self._size = (height, width, 3)
 
-    def frame(
-        self, joints: Floats | None = None, arrows: Callable[[], Sequence[Arrow]] = tuple
-    ) -> NDArray[np.uint8]:
+    def frame(self, joints: Floats | None = None, arrows: Callable[[], Sequence[Arrow]] = tuple) -> NDArray[np.uint8]:
         """(height, width, 3), the plant now, or moved to where all its joints have these positions.
 
         arrows: drawn as well; asked for when the plant is in its place.
