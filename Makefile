@@ -66,10 +66,10 @@ demo-live: $(DEMO_READY)
 	cmp $(LIVE)/sent.csv $(LIVE)/recorded.csv
 	@echo "every scan, slip and event is equal, live and read back"
 
-# One object poured into, and caught: a film (without graphics: a message), and plots of one trial of each event.
+# A bottle poured into, and caught: a film (without graphics: a message), and plots of one trial of each event.
 demo-control: $(CONTROL_READY)
 	@mkdir -p demo/control
-	$(TAXELFLOW) control --controller hold --objects bumpy --events pour --trials 1 --seed 7004 --film demo/control/pour.mp4
+	$(TAXELFLOW) control --controller hold --objects bottle --events pour --trials 1 --seed 7004 --film demo/control/pour.mp4
 	$(TAXELFLOW) control --controller hold --objects ball bottle --trials 4 --seed 7000 --plot demo/control
 
 test: $(READY)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.evaluation.control_plot import draw_force, draw_slid, headline
-from taxelflow.publish.plots.style import BLUE, GREEN, INK, VERMILION, styled
+from taxelflow.publish.plots.style import BLUE, GREEN, INK, MAGENTA, styled
 from taxelflow.publish.video import check_video, write_video
 from taxelflow.simulation.mujoco.camera import Arrow, Camera
 from taxelflow.simulation.mujoco.events import END_S, LIFT_S
@@ -96,7 +96,7 @@ def _forces(course: Course, now: Seen, m_per_n: float) -> list[Arrow]:
     grip = course.plant
     load, *pressed = _pulls(course, now)
     middle_m = grip.data.body("object").xipos
-    arrows = [Arrow(middle_m, middle_m + m_per_n * load, VERMILION)]
+    arrows = [Arrow(middle_m, middle_m + m_per_n * load, MAGENTA)]
     for pad, force in zip(grip.sensor.pads, pressed, strict=True):
         site = grip.data.site(pad.name)
         arrows.append(Arrow(site.xpos - m_per_n * site.xmat.reshape(3, 3) @ force, site.xpos, BLUE))
@@ -156,7 +156,7 @@ class _Sheet:
         axis.axis("off")
         key = {"transform": axis.transAxes, "fontsize": 11, "weight": "bold"}
         axis.text(0.03, 0.95, "force of each pad", color=BLUE, **key)
-        axis.text(0.03, 0.91, "load", color=VERMILION, **key)
+        axis.text(0.03, 0.91, "load", color=MAGENTA, **key)
         self._numbers = axis.text(0.03, 0.03, "", color=INK, transform=axis.transAxes, fontsize=13)
         box = {"boxstyle": "round,pad=0.4", "facecolor": GREEN, "edgecolor": "none"}
         self._slips = axis.text(0.97, 0.94, "slip", color="white", ha="right", bbox=box, **key | {"fontsize": 15})

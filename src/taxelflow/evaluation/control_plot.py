@@ -39,7 +39,8 @@ def headline(trial: Trial) -> str:
         "weak": f"of {mass_g} in too weak a grip: {trial.first_n / trial.least_n(LIFTED_S):.0%} of the least",
         "double": f"of {mass_g} weighs twice as much at once",
     }
-    return f"A {trial.object} {told.get(trial.event, f'of {mass_g}')}"
+    thing = "bumpy block" if trial.object == "bumpy" else trial.object
+    return f"A {thing} {told.get(trial.event, f'of {mass_g}')}"
 
 
 def draw_force(axis: Any, trial: Trial, seen: Sequence[Seen]) -> None:
