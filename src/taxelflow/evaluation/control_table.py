@@ -26,11 +26,11 @@ def show_holding(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
     """Print the reports; the first is compared with each other one, trial by trial. The rows that were printed."""
     console = Console(markup=False, highlight=False, soft_wrap=True)
     rows = summary(outcomes)
-    table = quiet_table("controller:", "objects:", "grasped", "held %:", "<5 mm %:", "force", "p90", "cost", "blind")
+    table = quiet_table("controller:", "objects:", "grasped", "held %:", "<5 mm %:", "force", "p90", "blind")
     for row in rows:
         held = share(row.held, row.held_low, row.held_high)
         near = share(row.within_5_mm, row.within_low, row.within_high)
-        forces, blind = [_ratio(one) for one in (row.force_p50, row.force_p90, row.cost)], f"{row.blind:.0%}"
+        forces, blind = (_ratio(row.force_p50), _ratio(row.force_p90)), f"{row.blind:.0%}"
         table.add_row(row.controller, row.objects, f"{row.grasped}/{row.trials}", held, near, *forces, blind)
     console.print(table)
     for note in (
@@ -44,7 +44,8 @@ def show_holding(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
             console.print(_paired(rows[0].controller, row))
     for row in rows:
         step = f"p50 {row.step_ms_p50:.2f}, p99 {row.step_ms_p99:.2f} ms of processor time"
-        console.print(f"{row.controller}, {row.objects}: a step of the estimator for both pads {step}")
+        cost = f"cost {_ratio(row.cost)}; a step of the estimator for both pads {step}"
+        console.print(f"{row.controller}, {row.objects}: {cost}")
     if len(outcomes) == 1:
         _show_trials(console, outcomes[0].report)
     return rows
