@@ -191,16 +191,6 @@ def test_what_was_usual_at_another_place_or_once_is_forgotten() -> None:
     assert [event.t_s for event in watched(slips)[1]][3] <= plain[3] + 1.1 / RATE_HZ
 
 
-def test_a_slip_of_an_odometer_is_found_beyond_what_its_pose_wanders() -> None:
-    walked = 0.3 * STD * np.random.default_rng(7).standard_normal((300, 3)).cumsum(axis=0)
-    slips = slips_of(slid((0.02, 0.0, 0.0)) + walked)
-    slips.covariance[:] *= (1.0 + 0.09 * np.arange(300.0))[:, np.newaxis, np.newaxis, np.newaxis]
-    flags, events, _ = watched(slips)
-    assert kinds(events) == ["contact", "slip_start", "slip_stop"]
-    assert flags[103:200].all()
-    assert not flags[:100].any()
-
-
 def test_creep_is_no_slip() -> None:
     creep = np.arange(6000)[:, np.newaxis] / RATE_HZ * [1e-4, 0.0, 0.0]
     assert kinds(watched(slips_of(noise(6000) + creep))[1]) == ["contact"]

@@ -189,7 +189,6 @@ def _scale_noise(state: PadState) -> None:
     if state.slide.yaw_lost or np.isnan(covariance.variance[2]):
         state.slide.yaw_lost, covariance.variance[2] = True, np.nan
     multiply(covariance, noise_scale(state.rest))
-    state.measurement.wander *= noise_scale(state.rest)
 
 
 @routine

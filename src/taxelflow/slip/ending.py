@@ -137,7 +137,7 @@ def start_stopped(
 def stop_odds(measurement: Measurement, creep_m_s: float, slide: SlideState) -> float:
     """Odds that the object has stopped, after one more measurement; infinite if the slip is slower than creep.
 
-    Fills `slide.stop` from the most likely stop. Covariance and wander of the measurement include the learned scale.
+    Fills `slide.stop` from the most likely stop. The covariance of the measurement includes the learned scale.
     """
     t_s, noise, stop = measurement.t_s, measurement.covariance, slide.stop
     own = translation_variance(noise)
@@ -166,7 +166,7 @@ def _update_slide(measurement: Measurement, own: float, axes: int, slide: SlideS
     dt, e = measurement.t_s - measurement.previous_s, slide.residual
     pp, pv, vv = slide.q_pp, slide.q_pv, slide.q_vv + _VELOCITY_WALK**2 * dt
     way = dt * np.hypot(slide.velocity[0], slide.velocity[1])
-    pp, pv = pp + 2.0 * dt * pv + dt * dt * vv + (_PATH_ERROR * way) ** 2 + measurement.wander, pv + dt * vv
+    pp, pv = pp + 2.0 * dt * pv + dt * dt * vv + (_PATH_ERROR * way) ** 2, pv + dt * vv
     total = pp + own
     for axis in range(3):
         slide.position[axis] += dt * slide.velocity[axis]
@@ -183,7 +183,6 @@ def _update_stop(
     measurement: Measurement, own: float, axes: int, slipping: float, stop: Stop, slide: SlideState
 ) -> None:
     """Kalman filter of a constant position, and its likelihood ratio. slipping: log likelihood that it slips."""
-    stop.variance += measurement.wander
     total, e = stop.variance + own, slide.residual
     for axis in range(3):
         known = not np.isnan(measurement.covariance.variance[axis])

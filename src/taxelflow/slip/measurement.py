@@ -72,10 +72,6 @@ class Measurement:
     """Noise of the accumulated displacement of an object at rest; NaN variance where a coordinate is not used."""
     pose_covariance: Covariance
     """Covariance of the absolute pose."""
-    widest: float
-    """Largest reported variance of the contact's poses, of a translation, m^2."""
-    wander: float
-    """By how much it has grown since the measurement before, m^2: an odometer's pose wanders while the object rests."""
 
 
 def observations(slips: Slips) -> Records:
@@ -153,28 +149,7 @@ def measure(scan: Observation, measurement: Measurement) -> bool:
     factor = _quality_factor(scan) * (1.0 if shared else 0.5)
     _set_covariance(scan.displacement_covariance, factor, measurement.covariance)
     _drop_unobservable_axis(measurement.covariance)
-    _follow_wander(scan, measurement)
     return True
-
-
-@routine
-def _follow_wander(scan: Observation, measurement: Measurement) -> None:
-    """Update what the pose may have wandered.
-
-    A sum of steps has the noise of its ends only, if all steps weigh the taxels alike. Where little is to be felt,
-    noise decides the weights, and the sum walks at random; the covariance of the pose grows then. That of a method
-    with a map does not: it varies, and its maximum stays.
-    """
-    variance, known = 0.0, 0
-    for axis in range(2):
-        own = scan.pose_covariance[axis, axis]
-        if not np.isnan(own) and not np.isnan(measurement.covariance.variance[axis]):
-            variance += own
-            known += 1
-    variance /= max(known, 1)
-    begins = measurement.previous_s == -np.inf
-    measurement.wander = 0.0 if begins else max(variance - measurement.widest, 0.0)
-    measurement.widest = variance if begins else max(variance, measurement.widest)
 
 
 @routine

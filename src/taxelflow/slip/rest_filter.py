@@ -4,7 +4,6 @@ Per axis x, y, theta, with l the logarithm of the load and r[k] the variance of 
 
     a[k] = a[k-1] + b[k-1] (l[k] - l[k-1]) + c[k-1] (t[k] - t[k-1]),      z[k] = a[k] + v[k],    v[k] ~ N(0, s^2 r[k]).
 
-Where the reported covariance of the poses grows, as that of an odometer, a walks at random by as much, and drifts.
 a is the position, b the displacement per unit of l, c the creep. b and c are first-order Gauss-Markov processes of mean
 0. All axes share one state covariance and one gain: noise that is k times larger along one axis makes the position k
 times less certain there. Innovations, whitened by the covariance of the noise, are u ~ N(0, s^2 I). s^2 and the lag-1
@@ -42,9 +41,6 @@ _MAX_CORRELATION, _MAX_INFLATION = 0.8, 9.0
 """Autocorrelation from which on the variance inflation is constant, and that constant: (1 + 0.8) / (1 - 0.8)."""
 _RELAXATION_S = 1.0
 """Time constant of the Gauss-Markov processes b and c."""
-_DRIFT = 0.5
-"""Bias of the step of an odometer, in standard deviations of what its pose wanders in one: 0.2 to 0.5 where
-registration rests on ribs of 2.5 pitches."""
 _YAW_POSES = 20
 """Poses in a row at which theta must be known before it is used again."""
 
@@ -165,7 +161,7 @@ def update_rest(measurement: Measurement, parameters: Parameters, rest: RestStat
     step, noise = rest.innovation, measurement.covariance
     step.load_change = measurement.log_load - rest.log_load
     rest.log_load = measurement.log_load
-    _predict(measurement, parameters, rest)
+    _predict(measurement.t_s - measurement.previous_s, parameters, rest)
     step.variance, step.axes = translation_variance(noise) * noise_scale(rest), translation_axes(noise)
     total = rest.p_aa + step.variance
     step.gain_a, step.gain_b, step.gain_c = rest.p_aa / total, rest.p_ab / total, rest.p_ac / total
@@ -178,11 +174,9 @@ def update_rest(measurement: Measurement, parameters: Parameters, rest: RestStat
 
 
 @routine
-def _predict(measurement: Measurement, parameters: Parameters, rest: RestState) -> None:
+def _predict(dt_s: float, parameters: Parameters, rest: RestState) -> None:
     """Time update of state and covariance; b and c decay towards their prior."""
-    change, dt_s = rest.innovation.load_change, measurement.t_s - measurement.previous_s
-    wander = measurement.wander * noise_scale(rest)
-    drift_m_s = _DRIFT * np.sqrt(wander) / dt_s
+    change = rest.innovation.load_change
     keep = exp(-dt_s / _RELAXATION_S)
     fresh = 1.0 - keep * keep
     rest.innovation.decay = keep
@@ -192,10 +186,10 @@ def _predict(measurement: Measurement, parameters: Parameters, rest: RestState) 
         rest.creep[axis] *= keep
     aa, ab, ac, bb, bc, cc = rest.p_aa, rest.p_ab, rest.p_ac, rest.p_bb, rest.p_bc, rest.p_cc
     to_b, to_c = ab + change * bb + dt_s * bc, ac + change * bc + dt_s * cc
-    rest.p_aa = aa + change * ab + dt_s * ac + change * to_b + dt_s * to_c + wander
+    rest.p_aa = aa + change * ab + dt_s * ac + change * to_b + dt_s * to_c
     rest.p_ab, rest.p_ac, rest.p_bc = keep * to_b, keep * to_c, keep * keep * bc
     rest.p_bb = keep * keep * bb + fresh * parameters.load_m**2
-    rest.p_cc = keep * keep * cc + fresh * (parameters.creep_m_s**2 + drift_m_s * drift_m_s)
+    rest.p_cc = keep * keep * cc + fresh * parameters.creep_m_s**2
 
 
 @routine
