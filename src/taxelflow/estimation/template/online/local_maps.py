@@ -24,8 +24,7 @@ from taxelflow.estimation.template.online.track_state import (
     Scan,
     Track,
 )
-from taxelflow.estimation.template.online.tracking import middle_of
-from taxelflow.estimation.template.online.witness import anchor, reported_place
+from taxelflow.estimation.template.online.witness import anchor, middle_of, reported_place
 from taxelflow.messages import no_scans
 from taxelflow.numerics.bspline import state_of
 from taxelflow.numerics.records import record, records

@@ -12,9 +12,10 @@ from taxelflow.estimation.template.linearization import LaidOut, laid_out, linea
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.residual_process import bring, keep
 from taxelflow.estimation.template.online.track_state import HUBER, Hand, PadScan, Patterns, Scan, Track
+from taxelflow.estimation.template.online.witness import middle_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
-from taxelflow.numerics.centroid import centroid_covariance, loaded_centroid, pressure_centre
+from taxelflow.numerics.centroid import centroid_covariance
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import mirror
@@ -124,18 +125,6 @@ def _follow_pad(
         m.carries = still or m.chi > _REST * m.usual
     _doubt(surface, taxels, level, floor, stiffness, m, room)
     _remember(t, span, last, middle, m)
-
-
-@kernel
-def middle_of(scan: PadScan, floor: float, out: Floats) -> None:
-    """Fill out (5,), see `pressure_centre`, of the readings as they are: a map's error is in the gains, too.
-
-    On a sensor without unseen error, floor 0, only of those that surely are load.
-    """
-    if floor > 0.0:
-        pressure_centre(scan.raw, scan.variance, scan.places, scan.edge, out)
-    else:
-        loaded_centroid(scan.reading, scan.variance, scan.places, scan.edge, out[:4])
 
 
 @lean_kernel

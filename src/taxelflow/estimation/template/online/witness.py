@@ -5,13 +5,26 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.estimation.template.centre_of_pressure import BORDER_ERROR, combine, transformed
-from taxelflow.estimation.template.online.track_state import Track
+from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of
-from taxelflow.runtime.compiling import lean_kernel
+from taxelflow.numerics.centroid import loaded_centroid, pressure_centre
+from taxelflow.runtime.compiling import kernel, lean_kernel
 
 _STAYS = 0.25
 """Pitches up to which an object has not moved."""
+
+
+@kernel
+def middle_of(scan: PadScan, floor: float, out: Floats) -> None:
+    """Fill out (5,), see `pressure_centre`, of the readings as they are: a map's error is in the gains, too.
+
+    On a sensor without unseen error, floor 0, only of those that surely are load.
+    """
+    if floor > 0.0:
+        pressure_centre(scan.raw, scan.variance, scan.places, scan.edge, out)
+    else:
+        loaded_centroid(scan.reading, scan.variance, scan.places, scan.edge, out[:4])
 
 
 def anchor(m: Track, middle: Floats, arm: Floats | None = None) -> None:
