@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from taxelflow.condition.contact import Conditioned
 from taxelflow.condition.deduplicate import MIN_LOADED_TAXELS, end_run, is_recognised
 from taxelflow.condition.gaps import GAP_RATIO, MIN_STEPS, add_gap, add_step, judge_new_step
 from taxelflow.condition.stream_state import STEPS, StreamState
@@ -19,6 +20,7 @@ from taxelflow.condition.stream_state import STEPS, StreamState
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from taxelflow.condition.contact import Zeroed
     from taxelflow.messages import Bools, Floats
     from taxelflow.numerics.records import Records
 
@@ -186,30 +188,19 @@ class _Taxels:
             histories["value"] = self._values[-1]
 
 
-def condition_block(
-    values: Floats,
-    gap: Bools,
-    offset: Floats,
-    noise: Floats,
-    last: Floats,
-    pads: Records,
-    pressure: Floats,
-    contact: Bools,
-    complete: Bools,
-) -> None:
+def condition_block(values: Floats, gap: Bools, entries: Zeroed, pads: Records, out: Conditioned) -> None:
     """As `condition`."""
     step = max(_PIECE // max(values.shape[1], 1), 1)
     for start in range(0, len(values), step):
         own = slice(start, start + step)
         with np.errstate(over="ignore", invalid="ignore"):
-            _condition_piece(values[own], offset, noise, last, pads, (pressure[own], contact[own], complete[own]))
-    complete &= ~gap[:, np.newaxis]
+            piece = Conditioned(out.pressure[own], out.contact[own], out.complete[own])
+            _condition_piece(values[own], entries, pads, piece)
+    np.logical_and(out.complete, ~gap[:, np.newaxis], out=out.complete)
 
 
-def _condition_piece(
-    values: Floats, offset: Floats, noise: Floats, last: Floats, pads: Records, filled: tuple[Floats, Bools, Bools]
-) -> None:
-    pressure, contact, complete = filled
+def _condition_piece(values: Floats, entries: Zeroed, pads: Records, out: Conditioned) -> None:
+    (offset, noise, last), (pressure, contact, complete) = entries, out
     live, starts = noise > 0.0, pads["start"]
     np.subtract(values, offset, out=pressure)
     known = np.isfinite(pressure) & live

@@ -89,40 +89,36 @@ class TextureMeter:
             np.zeros((*shape, 2, 2)),
         )
         measure(
-            (scans.pressure, scans.noise, scans.contact & scans.complete),
-            scans.contact,
+            (scans.pressure, scans.noise, scans.contact, scans.contact & scans.complete),
             self._xy,
             self._starts,
             self._gradients,
             self._error,
             self._scratch,
             self._sums,
-            (smooth, turns),
-            unobservable,
+            (smooth, turns, unobservable),
         )
         return Texture(scans.t_s, smooth, turns, unobservable)
 
 
 @kernel
 def measure(
-    block: tuple[Floats, Floats, Bools],
-    contact: Bools,
+    block: tuple[Floats, Floats, Bools, Bools],
     xy: Floats,
     starts: NDArray[np.int64],
     gradients: Gradients,
     error: float,
     scratch: Scratch,
     sums: Records,
-    told: tuple[Bools, Bools],
-    unobservable: Floats,
+    out: tuple[Bools, Bools, Floats],
 ) -> None:
-    """Fill what is told, smooth and turns (scans, pads), and unobservable (scans, pads, 2, 2), which come in as 0.
+    """Fill out: smooth and turns (scans, pads), and unobservable (scans, pads, 2, 2), which come in as 0.
 
-    block: pressure (scans, entries), noise (entries,), and (scans, pads) whether a scan can be evaluated. xy: (2,
-    entries), m. error: relative, of readings. sums: (pads,) of `Sums`, kept from block to block.
+    block: pressure (scans, entries), noise (entries,), contact (scans, pads), and whether a scan can be evaluated
+    (scans, pads). xy: (2, entries), m. error: relative, of readings. sums: (pads,) of `Sums`, kept from block to block.
     """
-    pressure, noise, usable = block
-    smooth, turns = told
+    pressure, noise, contact, usable = block
+    smooth, turns, unobservable = out
     for pad in range(len(starts) - 1):
         own, begin, end = sums[pad], starts[pad], starts[pad + 1]
         for scan in range(pressure.shape[0]):
