@@ -16,6 +16,7 @@ from taxelflow.condition.contact import Conditioned
 from taxelflow.condition.deduplicate import MIN_LOADED_TAXELS, end_run, is_recognised
 from taxelflow.condition.gaps import GAP_RATIO, MIN_STEPS, add_gap, add_step, judge_new_step
 from taxelflow.condition.stream_state import STEPS, StreamState
+from taxelflow.numerics.ring import at, put
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -129,7 +130,7 @@ def _jumps(t: Floats, stream: StreamState) -> list[bool]:
     first = np.isnan(stream.last_stamp_s)
     steps = np.diff(t, prepend=t[0] if first else stream.last_stamp_s)[int(first) :]
     known = min(stream.stamps, STEPS)
-    ring = [stream.recent_steps_s[k % STEPS] for k in range(stream.stamps - known, stream.stamps)]
+    ring = [at(stream.recent_steps_s, k) for k in range(stream.stamps - known, stream.stamps)]
     ordered = np.array([*ring, *steps])
     usual = np.full(len(steps), np.inf)
     short = min(max(STEPS - known, 0), len(steps))
@@ -139,10 +140,10 @@ def _jumps(t: Floats, stream: StreamState) -> list[bool]:
     if len(steps) > short:
         windows = np.lib.stride_tricks.sliding_window_view(ordered[known + short - STEPS : -1], STEPS)
         usual[short:] = np.median(windows, axis=1)
-    for step_s in steps.tolist()[-STEPS:]:
-        stream.recent_steps_s[(stream.stamps + max(len(steps) - STEPS, 0)) % STEPS] = step_s
-        stream.stamps += 1
-    stream.stamps += max(len(steps) - STEPS, 0)
+    stream.stamps += len(steps)
+    newest = steps[-STEPS:].tolist()
+    for number, step_s in enumerate(newest, stream.stamps - len(newest)):
+        put(stream.recent_steps_s, number, step_s)
     return [False] * int(first) + cast("list[bool]", (steps > GAP_RATIO * usual).tolist())
 
 
