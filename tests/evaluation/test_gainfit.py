@@ -61,6 +61,7 @@ def test_gains_frame_and_clock_come_out_together() -> None:
     assert fit.note == ""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("averaged", [False, True], ids=["each scan by itself", "scans that share a centroid"])
 def test_standard_errors_are_those_of_many_seeds(averaged: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
