@@ -32,7 +32,9 @@ def test_every_figure_of_the_paper_is_drawn(
     monkeypatch.setattr(Field, "run", lambda _self, _watched: made_up_field())
     monkeypatch.setattr(paper, "Limits", lambda seeds: Limits(seeds=seeds, methods=("convolution", "lnorm")))
     monkeypatch.setattr(paper, "FIELD_METHODS", ("convolution", "lnorm"))  # the template takes 15 s
-    monkeypatch.setattr("taxelflow.simulation.grasp.Grasp", lambda strokes: Grasp(strokes=strokes - 1))  # one is drawn
+    monkeypatch.setattr(
+        "taxelflow.simulation.grasp.Grasp", lambda strokes: Grasp(strokes=strokes - 1, rest_s=0.1)
+    )  # one is drawn
     assert main(["figures", "--out", str(tmp_path / "figures"), "--strokes", "2", "--seeds", "1"]) == 0
     named = capsys.readouterr().out.split()
     assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == sorted(
