@@ -10,7 +10,7 @@ DOCS_READY := .venv/ready-docs
 CONTROL := plot,sim,video
 EVERYTHING := plot,bench,report,video,view,devices,ros,lsl,cluster,sim,dev
 
-.PHONY: setup demo demo-live demo-control bench-live bench-view test check docs wheel golden golden-update fuzz bench bench-start pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench control) constraints format clean
+.PHONY: setup demo demo-live demo-control bench-live bench-view test test-long check docs wheel golden golden-update fuzz bench bench-start pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench control) constraints format clean
 .DELETE_ON_ERROR:
 
 setup: $(READY)
@@ -74,6 +74,10 @@ demo-control: $(CONTROL_READY)
 
 test: $(READY)
 	$(BIN)/pytest
+
+# Accuracy over many scans and seeds, and real recordings: what `make test` leaves out.
+test-long: $(READY)
+	$(BIN)/pytest -m long
 
 check: $(READY)
 	$(BIN)/ruff format --check .

@@ -21,46 +21,49 @@ settings.register_profile("taxelflow", deadline=None, max_examples=40, derandomi
 settings.load_profile("taxelflow")
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-LONG = (
-    "test_cluster",
+FIRST = (
     "test_template",
-    "test_warmup",
-    "test_plot",
-    "test_split",
-    "test_slip_fit",
     "test_paper",
-    "test_prediction",
-    "test_cli_rig",
-    "test_simulate",
-    "test_real_hands",
+    "test_plot",
+    "test_cluster",
     "test_cli",
-    "test_damage",
-    "test_slip",
+    "test_warmup",
+    "test_view_film",
+    "test_compiling",
+    "test_cli_rig",
+    "test_real_hands",
+    "test_scaling",
+    "test_split",
     "test_rigidity",
+    "test_simulate",
+    "test_prediction",
+    "test_gainfit",
+    "test_damage",
+    "test_api",
+    "test_browser",
+    "test_slip",
+    "test_session",
+    "test_tare",
+    "test_pipeline",
     "test_centre_of_pressure",
     "test_health",
-    "test_browser",
-    "test_api",
-    "test_compiling",
-    "test_cli_help",
-    "test_session",
-    "test_faults",
-    "test_scaling",
-    "test_pipeline",
-    "test_hard",
-    "test_tare",
-    "test_gainfit",
-    "test_sinks",
-    "test_rate",
-    "test_map_export",
-    "test_stage",
-    "test_calibrate",
-    "test_dead_taxels",
     "test_drift",
+    "test_faults",
+    "test_map_export",
+    "test_dead_taxels",
     "test_examples",
+    "test_bench",
+    "test_hard",
+    "test_robustness",
+    "test_control",
+    "test_calibrate",
+    "test_sinks",
     "test_convert",
+    "test_hand",
+    "test_contacts",
+    "test_cli_help",
 )
-"""Files of tests that take 6 s and more; some of them wait for processes or a browser while others compute."""
+"""Files of tests that take 5 s and more; some of them wait for processes or a browser while others compute."""
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -73,8 +76,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The files that take longest first: else a worker would be left with one of them at the end."""
-    order = {name: place for place, name in enumerate(LONG)}
-    items.sort(key=lambda item: order.get(item.path.stem, len(LONG)))
+    order = {name: place for place, name in enumerate(FIRST)}
+    items.sort(key=lambda item: order.get(item.path.stem, len(FIRST)))
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -262,6 +262,7 @@ def test_the_teapots_handle_slides_about_19_mm_along_one_pad(recordings: Path, m
     assert 0.015 < float(np.hypot(*np.sum(np.array(nets, dtype=float), axis=0))) < 0.025
 
 
+@pytest.mark.long
 def test_the_many_slips_of_pen_and_block_are_seen(recordings: Path) -> None:
     result = api.estimate(recordings / "sdh-dsa" / f"{LONG_DSA}.dsa")
     assert sum(pad.slips for pad in result.summary.pads.values()) >= 40

@@ -74,11 +74,11 @@ def test_continuous_integration_may_be_run() -> None:
 
 
 def test_continuous_integration_checks_and_tests_in_the_checkout(checkout: Path) -> None:
-    assert integrate(checkout) == (0, [f"{checkout} check", f"{checkout} test"])
+    assert integrate(checkout) == (0, [f"{checkout} {target}" for target in ("check", "test", "test-long")])
 
 
-@pytest.mark.parametrize("broken", ["check", "test"])
-def test_continuous_integration_fails_with_either(checkout: Path, broken: str) -> None:
+@pytest.mark.parametrize("broken", ["check", "test", "test-long"])
+def test_continuous_integration_fails_with_any(checkout: Path, broken: str) -> None:
     code, asked = integrate(checkout, broken)
     assert code != 0
     assert asked[-1] == f"{checkout} {broken}"
@@ -90,6 +90,7 @@ def test_continuous_integration_fails_with_either(checkout: Path, broken: str) -
     [
         ("check", ["ruff format --check", "ruff check", "mypy", "lint-imports", "vulture"]),
         ("test", ["pytest"]),
+        ("test-long", ["pytest -m long"]),
         ("demo", ["simulate", "estimate", "--method lnorm", "--method convolution", "plot", "score table1"]),
         ("bench", ["taxelflow bench"]),
         ("setup", []),

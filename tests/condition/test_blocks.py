@@ -9,7 +9,7 @@ from numpy.testing import assert_array_equal
 from logged import logged, noisy_grasp
 from taxelflow.condition import blocks
 from taxelflow.condition.blocks import Blockwise, condition_block, deduplicate_block
-from taxelflow.condition.contact import PadContact, condition
+from taxelflow.condition.contact import Conditioned, PadContact, Zeroed, condition
 from taxelflow.condition.deduplicate import Deduplicator
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import records
@@ -64,9 +64,10 @@ def test_tare_and_contact(piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
     for kernel in (condition, condition_block):
         pads, last = records(PadContact, 2), np.zeros(28)
         pads["start"], pads["stop"], pads["on"], pads["off"] = (0, 14), (14, 28), 6.0, 4.0
-        filled = np.empty_like(values), np.empty((300, 2), dtype=np.bool_), np.empty((300, 2), dtype=np.bool_)
+        flags = np.empty((2, 300, 2), dtype=np.bool_)
+        filled = Conditioned(np.empty_like(values), flags[0], flags[1])
         gap = np.arange(300) == 200
-        kernel(values, gap, np.full(28, 0.5), noise, last, pads, *filled)
+        kernel(values, gap, Zeroed(np.full(28, 0.5), noise, last), pads, filled)
         outcomes.append((*filled, last, pads))
     for expected, found in zip(*outcomes, strict=True):
         assert_array_equal(found, expected)

@@ -119,6 +119,7 @@ def test_nothing_is_found_in_the_rigs_scenarios(name: str) -> None:
     assert session.baseline.findings == ()
 
 
+@pytest.mark.long
 def test_nothing_is_found_in_real_recordings_until_a_taxel_is_broken(recordings: Path) -> None:
     for file in sorted((recordings / "sdh-dsa").glob("*.dsa")):
         recording = read(file)

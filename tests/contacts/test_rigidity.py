@@ -98,7 +98,7 @@ def test_contacts_that_are_told_apart_are_not_watched() -> None:
     assert watch.notes == []
 
 
-@pytest.mark.parametrize("method", ["lnorm", "template"])
+@pytest.mark.parametrize("method", ["lnorm", pytest.param("template", marks=pytest.mark.long)])
 def test_no_pose_is_ok_after_contacts_have_moved_apart_on_a_pad_that_is_taken_for_one(method: str) -> None:
     recording = simulate(rigged("two-contacts", motion={"strokes": 1}, sensing={"rate_hz": 25.0}))
     parted, _ = watched(recording)

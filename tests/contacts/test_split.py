@@ -189,6 +189,7 @@ def test_the_template_of_a_contact_alone_is_that_of_its_pad(by_itself: tuple[Mod
     assert plain.pads == ("grid",)
 
 
+@pytest.mark.long
 def test_two_contacts_far_apart_have_the_poses_of_each_alone(by_itself: tuple[Mode, Result]) -> None:
     mode, plain = by_itself
     alone = plain.slips

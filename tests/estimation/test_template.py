@@ -195,6 +195,7 @@ def test_with_a_rolling_scan_positions_within_a_stroke_are_steady() -> None:
 # A stream
 
 
+@pytest.mark.long
 def test_stick_and_slip_do_not_drift() -> None:
     motion = {"stick_slip_s": 3.0, "rest_s": 0.5}
     scenario = rigged("stick-slip", motion=motion, load={"lift_s": 0.5}, sensing={"rate_hz": 50.0})
@@ -223,6 +224,7 @@ def test_the_step_of_a_pose_that_growth_explains_from_then_on_is_no_motion() -> 
     assert np.ptp(slips.pose[known, 0, 0]) > 2e-4
 
 
+@pytest.mark.long
 def test_an_object_that_comes_back_is_recognised() -> None:
     motion = {"kind": "strokes", "travel_m": 0.14, "speed_m_s": 0.04}
     recording = simulate(rigged("stick-slip", motion=motion, load={"lift_s": 0.0}, sensing={"rate_hz": 30.0}))
@@ -255,6 +257,7 @@ def test_an_object_that_turns_while_it_slides_is_followed_in_a_stream() -> None:
     assert moved[0, 2] == pytest.approx(moved[1, 2], abs=np.radians(1.5))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_textured_object_that_turns_is_followed_in_a_stream(seed: int) -> None:
     """Poses without a turn fit its first scans so well that they must not be where a turn is looked for."""
@@ -269,6 +272,7 @@ def test_a_textured_object_that_turns_is_followed_in_a_stream(seed: int) -> None
     assert not (slips.quality[:, 0] == LOST).any()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [7008, 7010])
 def test_an_object_that_comes_back_over_the_border_is_found_where_it_is(seed: int) -> None:
     """A few taxels at the border fit many a place along it."""
@@ -378,6 +382,7 @@ def test_a_line_of_taxels_follows_along_it_and_tells_nothing_of_what_is_across(
     assert (slips.quality != OK).all()
 
 
+@pytest.mark.long
 def test_a_pad_of_which_a_line_is_left_tells_nothing_of_what_is_across() -> None:
     scans = scans_of(PAD, feet_at(way(60)), noise=NOISE)
     left = PAD.layout.col == SIDE // 2

@@ -108,6 +108,7 @@ def test_without_the_edges_weight_the_gain_is_that_of_a_line_through_the_same_sc
     assert everything.gain_x == pytest.approx(1.28, abs=0.06)  # Table I's factor for all scans
 
 
+@pytest.mark.long
 def test_on_a_diagonal_zigzag_everything_is_found_with_honest_errors(monkeypatch: pytest.MonkeyPatch) -> None:
     few_starts(monkeypatch)
     found = [calibrate(*zigzag(seed)).pads[0] for seed in range(16)]

@@ -3,8 +3,10 @@ from __future__ import annotations
 import msgspec
 import pytest
 
+from rigged import rigged
 from taxelflow.errors import NameUnknown
-from taxelflow.evaluation.contacts import ContactRow, Contacts, ContactsReport
+from taxelflow.evaluation import contacts
+from taxelflow.evaluation.contacts import LIFT, TWO, ContactRow, Contacts, ContactsReport
 from taxelflow.publish.summary import to_json
 
 
@@ -13,11 +15,21 @@ def scored() -> ContactsReport:
     return Contacts(1, 3, ("principal_axis",)).run()
 
 
+@pytest.fixture(scope="module")
+def quick() -> ContactsReport:
+    """The same at 25 scans a second."""
+    with pytest.MonkeyPatch.context() as patch:
+        slow = {name: rigged(name, sensing={"rate_hz": 25.0}) for name in (*TWO, LIFT)}
+        patch.setattr(contacts, "SCENARIOS", slow)
+        return Contacts(1, 3, ("principal_axis",)).run()
+
+
 def row(scored: ContactsReport, scenario: str, name: str, seen: str) -> ContactRow:
     (found,) = (r for r in scored.rows if (r.scenario, r.object, r.seen) == (scenario, name, seen))
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["first", "second"])
 def test_told_apart_an_object_is_as_good_as_alone_and_as_one_it_is_not(scored: ContactsReport, name: str) -> None:
     alone, apart, one = (row(scored, "two-contacts", name, seen) for seen in ("alone", "told apart", "as one"))
@@ -30,10 +42,10 @@ def test_told_apart_an_object_is_as_good_as_alone_and_as_one_it_is_not(scored: C
     assert alone.known == 1.0
 
 
-def test_every_scenario_has_its_rows_and_says_whether_it_was_noted(scored: ContactsReport) -> None:
-    assert scored.noted == {"two-contacts": 1.0, "two-contacts-meet": 1.0, "feet-lift": 0.0}
-    assert len(scored.rows) == 2 * 6 + 1
-    assert all(len(r.consistency) == 3 for r in scored.rows)
+def test_every_scenario_has_its_rows_and_says_whether_it_was_noted(quick: ContactsReport) -> None:
+    assert quick.noted == {"two-contacts": 1.0, "two-contacts-meet": 1.0, "feet-lift": 0.0}
+    assert len(quick.rows) == 2 * 6 + 1
+    assert all(len(r.consistency) == 3 for r in quick.rows)
 
 
 def test_an_unknown_method() -> None:
@@ -41,19 +53,19 @@ def test_an_unknown_method() -> None:
         Contacts(1, methods=("magic",)).run()
 
 
-def test_it_shows_every_scenario(scored: ContactsReport, capsys: pytest.CaptureFixture[str]) -> None:
-    scored.show()
+def test_it_shows_every_scenario(quick: ContactsReport, capsys: pytest.CaptureFixture[str]) -> None:
+    quick.show()
     shown = capsys.readouterr().out
     for words in ("two-contacts, batch, 1 seeds from 3", "told apart", "as one", "100% of runs note"):
         assert words in shown
 
 
-def test_its_tables_hold_the_consistency_of_each_span_and_the_notes(scored: ContactsReport) -> None:
-    rows, noted = scored.tables()
+def test_its_tables_hold_the_consistency_of_each_span_and_the_notes(quick: ContactsReport) -> None:
+    rows, noted = quick.tables()
     assert rows.columns[-3:] == ("nees_1", "nees_20", "nees_100")
-    assert [row[-1] for row in rows.rows] == [row.consistency[-1].nees for row in scored.rows]
+    assert [row[-1] for row in rows.rows] == [row.consistency[-1].nees for row in quick.rows]
     assert dict(noted.rows)["feet-lift"] == 0.0
 
 
-def test_json_makes_the_round_trip(scored: ContactsReport) -> None:
-    assert msgspec.json.decode(to_json(scored), type=ContactsReport) == scored
+def test_json_makes_the_round_trip(quick: ContactsReport) -> None:
+    assert msgspec.json.decode(to_json(quick), type=ContactsReport) == quick

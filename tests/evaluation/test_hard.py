@@ -62,6 +62,7 @@ def test_later_strokes_keep_their_number(flow: HardReport) -> None:
     assert numbers == {2, 3, 4}
 
 
+@pytest.mark.long
 def test_the_template_is_far_below_the_flow_where_taxels_are_dead_or_streamed(monkeypatch: pytest.MonkeyPatch) -> None:
     most = {
         "as in Table I": 0.6,

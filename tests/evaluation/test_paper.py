@@ -8,7 +8,9 @@ import pytest
 from rigged import svg_words
 from taxelflow.acquire.base import Truth
 from taxelflow.cli import main
-from taxelflow.evaluation.field import Field, FieldReport, cuts_of, true_twist
+from taxelflow.evaluation import paper
+from taxelflow.evaluation.field import SCENES, Field, FieldReport, FieldRow, cuts_of, true_twist
+from taxelflow.evaluation.limits import Limits
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.grasp import Grasp
 
@@ -16,17 +18,23 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-@pytest.fixture(scope="module")
-def field() -> FieldReport:
-    return Field(1).run()
+def made_up_field() -> FieldReport:
+    """Errors of two scenarios by number of vectors."""
+    rows = [
+        FieldRow(name, "convolution", n, f"cut {n}", 1.0, 2.0, 20.0 / n, -1.0, 9) for name in SCENES for n in (2, 4)
+    ]
+    return FieldReport(1, rows)
 
 
 def test_every_figure_of_the_paper_is_drawn(
-    field: FieldReport, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Field, "run", lambda _self, _watched: field)
-    monkeypatch.setattr("taxelflow.evaluation.paper.FIELD_METHODS", ("convolution", "lnorm"))  # the template takes 15 s
-    monkeypatch.setattr("taxelflow.simulation.grasp.Grasp", lambda strokes: Grasp(strokes=strokes - 1))  # one is drawn
+    monkeypatch.setattr(Field, "run", lambda _self, _watched: made_up_field())
+    monkeypatch.setattr(paper, "Limits", lambda seeds: Limits(seeds=seeds, methods=("convolution", "lnorm")))
+    monkeypatch.setattr(paper, "FIELD_METHODS", ("convolution", "lnorm"))  # the template takes 15 s
+    monkeypatch.setattr(
+        "taxelflow.simulation.grasp.Grasp", lambda strokes: Grasp(strokes=strokes - 1, rest_s=0.1)
+    )  # one is drawn
     assert main(["figures", "--out", str(tmp_path / "figures"), "--strokes", "2", "--seeds", "1"]) == 0
     named = capsys.readouterr().out.split()
     assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == sorted(
@@ -41,8 +49,8 @@ def test_every_figure_of_the_paper_is_drawn(
         assert sum(word.startswith("true: ") for word in words) == 6
 
 
-def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four(field: FieldReport) -> None:
-    rows = {(row.scenario, row.cut): row for row in field.rows}
+def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four() -> None:
+    rows = {(row.scenario, row.cut): row for row in Field(1).run().rows}
     two, four = (rows["turn-over-hand", cut] for cut in ("tips of fingers 1, 2", "fingers 1, 2"))
     assert (two.vectors, four.vectors) == (2, 4)
     assert four.turn_percent < two.turn_percent < 12

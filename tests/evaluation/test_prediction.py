@@ -124,11 +124,13 @@ def teapot(recordings: Path) -> PredictionReport:
     return score_recordings([api.read(recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa")])
 
 
+@pytest.mark.long
 def test_real_contacts_are_scored(teapot: PredictionReport) -> None:
     assert {row.pad for row in teapot.predictions} == {"finger2_distal", "finger1_distal"}
     assert all(row.scans > 50 and row.no_motion_percent > row.noise_percent for row in teapot.predictions)
 
 
+@pytest.mark.long
 def test_real_contacts_are_explained_better_than_by_the_scan_before(recordings: Path, teapot: PredictionReport) -> None:
     grasp = score_recordings([api.read(recordings / "sdh-dsa" / "reactive_grasping.dsa")])
     for scored in (teapot, grasp):

@@ -180,6 +180,7 @@ def test_the_command_prints_and_writes_every_case(tmp_path: Path, capsys: pytest
     with (tmp_path / "rows-summary.csv").open(newline="") as file:
         (one,) = csv.DictReader(file)
     assert (one["method"], one["cases"], one["worse"]) == ("sum", "2", "2")  # it has no position
+    words = ["--shapes", "bar", "--layouts", "xela", "--methods", "lnorm", "convolution"]
     assert main(["score", "robustness", *words, "--mode", "stream", "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["mode"] == "stream"

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
     from taxelflow.simulation.scenario import Scenario
 
+FAST = ("principal_axis", "convolution")
+
 
 @pytest.fixture(scope="module")
 def scenes() -> Iterator[dict[str, Scenario]]:
@@ -37,20 +39,32 @@ def scenes() -> Iterator[dict[str, Scenario]]:
 
 
 @pytest.fixture(scope="module")
+def quick(scenes: dict[str, Scenario]) -> SlipReport:
+    """By two methods that take little; `score` is by all."""
+    assert slip_scoring.SCENARIOS is scenes
+    return Slip(1, methods=FAST, hours=0.01).run()
+
+
+@pytest.fixture(scope="module")
 def score(scenes: dict[str, Scenario]) -> SlipReport:
     assert slip_scoring.SCENARIOS is scenes
     return Slip(1, hours=0.01).run()
 
 
-def test_there_is_a_row_for_each_object_scenario_and_method(score: SlipReport) -> None:
-    assert [(row.object, row.method, row.mode) for row in score.slips] == [
-        ("airbag", method, mode) for method in METHODS for mode in ("stream", "batch")
+def test_there_is_a_row_for_each_object_scenario_and_method(quick: SlipReport) -> None:
+    assert [(row.object, row.method, row.mode) for row in quick.slips] == [
+        ("airbag", method, mode) for method in FAST for mode in ("stream", "batch")
     ]
-    wanted = [(name, method) for name in (*HOLDS, *APART) for method in METHODS]
-    assert [(row.scenario, row.method) for row in score.holds] == [*wanted, (NOISE, NOISE)]
-    assert (score.first_seed, score.alarms_per_hour) == (FRESH_SEED, 1.0)
+    wanted = [(name, method) for name in (*HOLDS, *APART) for method in FAST]
+    assert [(row.scenario, row.method) for row in quick.holds] == [*wanted, (NOISE, NOISE)]
+    assert (quick.first_seed, quick.alarms_per_hour) == (FRESH_SEED, 1.0)
 
 
+def test_by_default_all_methods_with_a_pose_are_scored() -> None:
+    assert set(Slip().methods) == set(METHODS) > set(FAST)
+
+
+@pytest.mark.long
 def test_slips_of_an_airbag_are_found(score: SlipReport) -> None:
     for row in score.slips:
         assert row.slips >= 4
@@ -62,6 +76,7 @@ def test_slips_of_an_airbag_are_found(score: SlipReport) -> None:
         assert row.speed_percent < 20
 
 
+@pytest.mark.long
 def test_an_oracle_that_keeps_the_rate_does_somewhat_better(score: SlipReport) -> None:
     rows = {(row.method, row.mode): row for row in score.slips}
     live = rows["template", "stream"]
@@ -79,6 +94,7 @@ def test_an_oracle_needs_a_covariance(scenes: dict[str, Scenario]) -> None:
     assert exact.f1_oracle is not None
 
 
+@pytest.mark.long
 def test_in_a_recording_slips_are_dated_to_the_scan(score: SlipReport) -> None:
     by_mode = {"stream": [], "batch": []}
     for row in score.slips:
@@ -90,6 +106,7 @@ def test_in_a_recording_slips_are_dated_to_the_scan(score: SlipReport) -> None:
         assert recorded.false == recorded.missed == 0
 
 
+@pytest.mark.long
 def test_what_holds_still_raises_no_alarm_and_the_interval_says_how_sure_that_is(score: SlipReport) -> None:
     for row in score.holds:
         if row.scenario in (*HOLDS, NOISE):
@@ -98,14 +115,18 @@ def test_what_holds_still_raises_no_alarm_and_the_interval_says_how_sure_that_is
             assert 0.4 < row.scatter < 1.4
 
 
-def test_the_same_seeds_give_the_same_score_and_others_another(score: SlipReport) -> None:
-    fast = ("principal_axis", "convolution")
-    again = Slip(1, methods=fast, hours=0.01).run()
-    assert again.slips == [row for row in score.slips if row.method in fast]
-    assert again.holds == [row for row in score.holds if row.method in (*fast, NOISE)]
-    other = Slip(1, 1, fast, hours=0).run()
-    assert other.holds == []
-    assert all(one != two for one, two in zip(again.slips, other.slips, strict=True))
+@pytest.mark.long
+def test_a_methods_score_does_not_depend_on_the_others(score: SlipReport, quick: SlipReport) -> None:
+    assert quick.slips == [row for row in score.slips if row.method in FAST]
+    assert quick.holds == [row for row in score.holds if row.method in (*FAST, NOISE)]
+
+
+def test_the_same_seeds_give_the_same_score_and_others_another(quick: SlipReport) -> None:
+    one = ("convolution",)
+    again, other = (Slip(1, seed, one, hours=0).run() for seed in (0, 1))
+    assert again.slips == [row for row in quick.slips if row.method in one]
+    assert again.holds == other.holds == []
+    assert all(first != second for first, second in zip(again.slips, other.slips, strict=True))
 
 
 def test_noise_alarms_as_often_as_asked() -> None:
@@ -115,8 +136,8 @@ def test_noise_alarms_as_often_as_asked() -> None:
     assert row.hours == pytest.approx(0.5, rel=1e-3)
 
 
-def test_json_tells_all(score: SlipReport) -> None:
-    whole = json.loads(to_json(score))
+def test_json_tells_all(quick: SlipReport) -> None:
+    whole = json.loads(to_json(quick))
     assert set(whole) == {"alarms_per_hour", "seeds", "first_seed", "slips", "holds"}
     assert whole["slips"][0]["object"] == "airbag"
 
@@ -158,8 +179,8 @@ def test_the_scenarios_that_hold_still_do_and_touch_the_grid() -> None:
         assert SCENARIOS[name].sensor == "grid-16x16"
 
 
-def test_it_shows_slips_and_alarms_beside_the_rate(score: SlipReport, capsys: pytest.CaptureFixture[str]) -> None:
-    score.show()
+def test_it_shows_slips_and_alarms_beside_the_rate(quick: SlipReport, capsys: pytest.CaptureFixture[str]) -> None:
+    quick.show()
     shown = capsys.readouterr().out
     for word in ("called live", "dated afterwards", "seeds from 1000", "1 false alarms an hour asked for"):
         assert word in shown
@@ -167,10 +188,10 @@ def test_it_shows_slips_and_alarms_beside_the_rate(score: SlipReport, capsys: py
         assert word in shown
 
 
-def test_its_tables_are_slips_and_still_objects(score: SlipReport) -> None:
-    slips, holds = score.tables()
+def test_its_tables_are_slips_and_still_objects(quick: SlipReport) -> None:
+    slips, holds = quick.tables()
     assert (slips.columns[0], holds.columns[0]) == ("object", "scenario")
-    assert (len(slips.rows), len(holds.rows)) == (len(score.slips), len(score.holds))
+    assert (len(slips.rows), len(holds.rows)) == (len(quick.slips), len(quick.holds))
 
 
 @pytest.mark.parametrize(

@@ -148,6 +148,7 @@ def test_the_real_recordings_open(recordings: Path) -> None:
     assert np.nanmax(marked.speed_m_s(marked.t_s)) > 0.008
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_real_objects_at_rest_do_not_slip_and_slides_are_found(
     recordings: Path, mode: Literal["batch", "stream"]

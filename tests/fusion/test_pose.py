@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxelflow.fusion.in_hand import Carried
 from taxelflow.fusion.pose import Anchor, Body, follow_pose
 from taxelflow.fusion.twist import Equations, Row
 from taxelflow.geometry import transform
@@ -20,9 +21,10 @@ def followed(
     scans, pads = places.shape[:2]
     rows, flags = unknown(Row, scans), np.ones((scans, pads), np.bool_) if touching is None else touching
     covariance = np.tile(STD_M**2 * np.eye(2), (scans, pads, 1, 1))
-    own = np.full((scans, pads, 2), np.nan) if own_turn is None else own_turn
-    anchors, bodies = records(Anchor, pads), records(Body, 1)
-    follow_pose(places, covariance, own, flags, flags, turns, anchors, bodies, records(Equations, 1), rows)
+    nothing = np.full((scans, pads, 2), np.nan)
+    own = nothing if own_turn is None else own_turn
+    here = Carried(places, nothing, nothing, own, flags, flags, flags)
+    follow_pose(here, covariance, turns, records(Anchor, pads), records(Body, 1), records(Equations, 1), rows)
     return rows
 
 

@@ -3,12 +3,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxelflow.fusion.in_hand import Carried
 from taxelflow.fusion.twist import Equations, Row, fuse_twists, spans_a_plane, turn_is_observable
-from taxelflow.messages import Floats
+from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, records, unknown
 
 PLACES = np.array([[-0.08, 0.01], [0.07, 0.02], [0.0, -0.06], [0.02, 0.05]])
 SPAN_S = 0.02
+
+
+def carried(places: Floats, moved: Floats, turn: Floats, known: Bools) -> Carried:
+    """Motion alone: what is not of it is not read."""
+    return Carried(places, moved, turn, np.full_like(turn, np.nan), known, known, known)
 
 
 def fused(
@@ -29,9 +35,8 @@ def fused(
     own_turn = np.full((1, pads, 2), np.nan)
     own_turn[0, 0] = turn
     spans = np.full((1, pads), SPAN_S)
-    fuse_twists(
-        places[np.newaxis], moved[np.newaxis], covariance, own_turn, spans, flags, turns, records(Equations, 1), rows
-    )
+    here = carried(places[np.newaxis], moved[np.newaxis], own_turn, flags)
+    fuse_twists(here, covariance, spans, turns, records(Equations, 1), rows)
     return rows[0]
 
 
@@ -63,7 +68,8 @@ def test_correlated_noise_counts_as_such() -> None:
     covariance = np.array([[[[2e-10, 1e-10], [1e-10, 3e-10]]] * 2])
     moved, nothing = np.array([[[1e-4, 0.0], [0.0, 1e-4]]]), np.full((1, 2, 2), np.nan)
     flags, spans = np.ones((1, 2), np.bool_), np.full((1, 2), SPAN_S)
-    fuse_twists(places[np.newaxis], moved, covariance, nothing, spans, flags, True, records(Equations, 1), rows)
+    here = carried(places[np.newaxis], moved, nothing, flags)
+    fuse_twists(here, covariance, spans, True, records(Equations, 1), rows)
     J = np.array([[[1.0, 0.0, -y], [0.0, 1.0, x]] for x, y in places])
     W = SPAN_S**2 * np.linalg.inv(covariance[0])
     expected = np.linalg.inv(np.einsum("pai,pab,pbj->ij", J, W, J))
@@ -152,17 +158,8 @@ def test_one_pad_alone_has_no_turn_even_if_its_covariance_is_singular() -> None:
     places, rows = random.uniform(-0.1, 0.1, (draws, 1, 2)), unknown(Row, draws)
     tie = random.uniform(5e-6, 1e-5, (draws, 1, 1, 1)) * np.ones((2, 2))
     moved, nothing = np.full((draws, 1, 2), 1e-3), np.full((draws, 1, 2), np.nan)
-    fuse_twists(
-        places,
-        moved,
-        tie,
-        nothing,
-        np.full((draws, 1), SPAN_S),
-        np.ones((draws, 1), np.bool_),
-        True,
-        records(Equations, 1),
-        rows,
-    )
+    here = carried(places, moved, nothing, np.ones((draws, 1), np.bool_))
+    fuse_twists(here, tie, np.full((draws, 1), SPAN_S), True, records(Equations, 1), rows)
     assert np.isnan(rows["velocity"][:, 2]).all()
 
 

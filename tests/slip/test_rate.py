@@ -66,6 +66,7 @@ def overshoots(
                 break
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("components", [1, 2, 3])
 def test_the_threshold_is_the_one_that_a_simulation_of_the_test_gives(components: int) -> None:
     asked = 10.0 ** np.arange(2.5, 7.1, 0.5)  # scans between false alarms

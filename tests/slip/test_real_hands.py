@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+@pytest.mark.long
 def test_the_slip_of_a_real_hand_is_found(recordings: Path) -> None:
     result = api.estimate(recordings / "sdh-bags" / "slip_up.bag", method="template")
     begin_s = result.slips.t_s[0]
@@ -28,6 +29,7 @@ def test_the_slip_of_a_real_hand_is_found(recordings: Path) -> None:
     assert more == []
 
 
+@pytest.mark.long
 def test_a_real_object_that_slides_over_a_finger_slips_each_time(recordings: Path) -> None:
     path = recordings / "sdh-dsa" / "slip_examples_pen_and_wooden_block.dsa"
     whole = api.read(path)
@@ -43,6 +45,7 @@ def test_a_real_object_that_slides_over_a_finger_slips_each_time(recordings: Pat
     assert all(result.slipping[begin:end, finger].any() for begin, end in long)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_a_real_hand_that_holds_has_no_slip(mode: Literal["batch", "stream"], recordings: Path) -> None:
     result = api.estimate(recordings / "sdh-bags" / "no_slippage.bag", method="template", mode=mode)

@@ -12,13 +12,16 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from taxelflow.condition.contact import Conditioned
 from taxelflow.condition.deduplicate import MIN_LOADED_TAXELS, end_run, is_recognised
 from taxelflow.condition.gaps import GAP_RATIO, MIN_STEPS, add_gap, add_step, judge_new_step
 from taxelflow.condition.stream_state import STEPS, StreamState
+from taxelflow.numerics.ring import at, put
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from taxelflow.condition.contact import Zeroed
     from taxelflow.messages import Bools, Floats
     from taxelflow.numerics.records import Records
 
@@ -127,7 +130,7 @@ def _jumps(t: Floats, stream: StreamState) -> list[bool]:
     first = np.isnan(stream.last_stamp_s)
     steps = np.diff(t, prepend=t[0] if first else stream.last_stamp_s)[int(first) :]
     known = min(stream.stamps, STEPS)
-    ring = [stream.recent_steps_s[k % STEPS] for k in range(stream.stamps - known, stream.stamps)]
+    ring = [at(stream.recent_steps_s, k) for k in range(stream.stamps - known, stream.stamps)]
     ordered = np.array([*ring, *steps])
     usual = np.full(len(steps), np.inf)
     short = min(max(STEPS - known, 0), len(steps))
@@ -137,10 +140,10 @@ def _jumps(t: Floats, stream: StreamState) -> list[bool]:
     if len(steps) > short:
         windows = np.lib.stride_tricks.sliding_window_view(ordered[known + short - STEPS : -1], STEPS)
         usual[short:] = np.median(windows, axis=1)
-    for step_s in steps.tolist()[-STEPS:]:
-        stream.recent_steps_s[(stream.stamps + max(len(steps) - STEPS, 0)) % STEPS] = step_s
-        stream.stamps += 1
-    stream.stamps += max(len(steps) - STEPS, 0)
+    stream.stamps += len(steps)
+    newest = steps[-STEPS:].tolist()
+    for number, step_s in enumerate(newest, stream.stamps - len(newest)):
+        put(stream.recent_steps_s, number, step_s)
     return [False] * int(first) + cast("list[bool]", (steps > GAP_RATIO * usual).tolist())
 
 
@@ -186,30 +189,19 @@ class _Taxels:
             histories["value"] = self._values[-1]
 
 
-def condition_block(
-    values: Floats,
-    gap: Bools,
-    offset: Floats,
-    noise: Floats,
-    last: Floats,
-    pads: Records,
-    pressure: Floats,
-    contact: Bools,
-    complete: Bools,
-) -> None:
+def condition_block(values: Floats, gap: Bools, entries: Zeroed, pads: Records, out: Conditioned) -> None:
     """As `condition`."""
     step = max(_PIECE // max(values.shape[1], 1), 1)
     for start in range(0, len(values), step):
         own = slice(start, start + step)
         with np.errstate(over="ignore", invalid="ignore"):
-            _condition_piece(values[own], offset, noise, last, pads, (pressure[own], contact[own], complete[own]))
-    complete &= ~gap[:, np.newaxis]
+            piece = Conditioned(out.pressure[own], out.contact[own], out.complete[own])
+            _condition_piece(values[own], entries, pads, piece)
+    np.logical_and(out.complete, ~gap[:, np.newaxis], out=out.complete)
 
 
-def _condition_piece(
-    values: Floats, offset: Floats, noise: Floats, last: Floats, pads: Records, filled: tuple[Floats, Bools, Bools]
-) -> None:
-    pressure, contact, complete = filled
+def _condition_piece(values: Floats, entries: Zeroed, pads: Records, out: Conditioned) -> None:
+    (offset, noise, last), (pressure, contact, complete) = entries, out
     live, starts = noise > 0.0, pads["start"]
     np.subtract(values, offset, out=pressure)
     known = np.isfinite(pressure) & live

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,22 @@ class PadContact:
     in_contact: bool
 
 
+class Zeroed(NamedTuple):
+    """What is known of the entries of a scan, all (entries,): offset, noise, and the last known reading."""
+
+    offset: Floats
+    noise: Floats
+    last: Floats
+
+
+class Conditioned(NamedTuple):
+    """What is filled in: pressure (scans, entries), contact and complete (scans, pads)."""
+
+    pressure: Floats
+    contact: Bools
+    complete: Bools
+
+
 def pad_contacts(layout: Layout, parameters: ConditionSettings) -> Records:
     """`PadContact` (pads,), none in contact."""
     pads = records(PadContact, len(layout.pads))
@@ -37,38 +53,27 @@ def pad_contacts(layout: Layout, parameters: ConditionSettings) -> Records:
 
 
 @kernel
-def condition(
-    values: Floats,
-    gap: Bools,
-    offset: Floats,
-    noise: Floats,
-    last: Floats,
-    pads: Records,
-    pressure: Floats,
-    contact: Bools,
-    complete: Bools,
-) -> None:
-    """Fill pressure (scans, entries), contact and complete (scans, pads) from readings in SI.
+def condition(values: Floats, gap: Bools, entries: Zeroed, pads: Records, out: Conditioned) -> None:
+    """Fill `out` from readings in SI, and bring `entries.last` up to date.
 
-    values: (scans, entries). gap: (scans,), time was lost before this scan: no pad is complete in it. offset, noise:
-    (entries,). last: (entries,), the last known reading. pads: `PadContact` (pads,).
+    values: (scans, entries). gap: (scans,), time was lost before this scan: no pad is complete in it. pads:
+    `PadContact` (pads,).
     """
     for scan in range(values.shape[0]):
         for number in range(len(pads)):
             pad: PadContact = pads[number]
-            whole = _condition_pad(values[scan], offset, noise, last, pad, pressure[scan])
-            contact[scan, number] = pad.in_contact
-            complete[scan, number] = whole and not gap[scan]
+            whole = _condition_pad(values[scan], entries, pad, out.pressure[scan])
+            out.contact[scan, number] = pad.in_contact
+            out.complete[scan, number] = whole and not gap[scan]
 
 
 @routine
-def _condition_pad(
-    values: Floats, offset: Floats, noise: Floats, last: Floats, pad: PadContact, pressure: Floats
-) -> bool:
+def _condition_pad(values: Floats, entries: Zeroed, pad: PadContact, pressure: Floats) -> bool:
     """Fill pressure (entries,) of one pad and bring its contact up to date. Returns False if a loaded taxel is missing.
 
     A masked taxel (noise 0) reads 0. A missing one (not finite) reads 0 as well; it is loaded if it was last.
     """
+    offset, noise, last = entries
     total = variance = peak = 0.0
     whole = True
     for k in range(pad.start, pad.stop):

@@ -23,6 +23,7 @@ from taxelflow.condition.gaps import judge_new_step, judge_stamp
 from taxelflow.condition.stream_state import RUNS, StreamState, TaxelHistory
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, record, records
+from taxelflow.numerics.ring import at, put
 from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
@@ -189,7 +190,7 @@ def _equals_last(values: Floats, histories: Records) -> bool:
 def end_run(stream: StreamState, gap: bool) -> None:
     """A new scan: note the length of the last run, if it was loaded, and test the runs for periodicity."""
     if stream.run_is_loaded and not gap:
-        stream.recent_runs[stream.runs % RUNS] = stream.run_scans
+        put(stream.recent_runs, stream.runs, stream.run_scans)
         stream.runs += 1
         stream.periodic = stream.periodic or (stream.runs >= RUNS and _is_periodic(stream))
     stream.run_scans = 0
@@ -204,7 +205,7 @@ def _is_periodic(stream: StreamState) -> bool:
     if mean < _MIN_MEAN_RUN:
         return False
     for k in range(RUNS):
-        deviation += stream.recent_runs[(stream.runs + k) % RUNS] - mean
+        deviation += at(stream.recent_runs, stream.runs + k) - mean
         largest = max(largest, abs(deviation))
     return bool(largest <= _MAX_RUN_DEVIATION)
 

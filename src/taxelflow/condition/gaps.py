@@ -10,6 +10,7 @@ import numpy as np
 from taxelflow.condition.stream_state import STEPS, StreamState
 from taxelflow.messages import Floats
 from taxelflow.numerics.median import median_of_first
+from taxelflow.numerics.ring import put
 from taxelflow.runtime.compiling import routine
 
 GAP_RATIO = 3.0
@@ -26,7 +27,7 @@ def judge_stamp(step_s: float, stream: StreamState) -> None:
         add_gap(step_s, stream)
     else:
         add_step(step_s, stream)
-    stream.recent_steps_s[stream.stamps % STEPS] = step_s
+    put(stream.recent_steps_s, stream.stamps, step_s)
     stream.stamps += 1
 
 
@@ -36,7 +37,7 @@ def judge_new_step(step_s: float, stream: StreamState) -> None:
     hung = step_s > GAP_RATIO * _median(stream.recent_new_steps_s, stream.new_stamps)
     if hung and stream.dropped_since_kept > 0 and not stream.gap_pending:
         add_gap(step_s, stream)
-    stream.recent_new_steps_s[stream.new_stamps % STEPS] = step_s
+    put(stream.recent_new_steps_s, stream.new_stamps, step_s)
     stream.new_stamps += 1
     if not stream.gap_pending:
         stream.new_steps_s += step_s

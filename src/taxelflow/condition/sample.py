@@ -67,14 +67,16 @@ class Sample:
             t_s = np.concatenate([np.full(len(self._open), self._open_s), t_s])
             values = np.concatenate([self._open, values])
         full = len(values) // WINDOW_SCANS
-        for number, window in enumerate(values[: full * WINDOW_SCANS].reshape(full, WINDOW_SCANS, values.shape[1])):
-            self._keep(float(t_s[number * WINDOW_SCANS]), window)
-        left = values[full * WINDOW_SCANS :]
+        whole = full * WINDOW_SCANS
+        windows = values[:whole].reshape(full, WINDOW_SCANS, values.shape[1])
+        for since_s, window in zip(t_s[:whole:WINDOW_SCANS].tolist(), windows, strict=True):
+            self._keep(since_s, window)
+        left = values[whole:]
         self._room = np.empty((WINDOW_SCANS, values.shape[1]))  # a new one, as a window or a copy may be part of it
         self._room[: len(left)] = left
         self._open = self._room[: len(left)]
         if len(self._open):
-            self._open_s = float(t_s[full * WINDOW_SCANS])
+            self._open_s = float(t_s[whole])
 
     def snapshot(self) -> Sample:
         """A copy that later scans leave as it is, made at once however much it holds."""

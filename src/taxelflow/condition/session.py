@@ -10,7 +10,7 @@ import numpy as np
 
 from taxelflow.condition.baseline import Baseline, estimate_baseline, with_masked
 from taxelflow.condition.blocks import Blockwise, condition_block, deduplicate_block
-from taxelflow.condition.contact import condition, pad_contacts
+from taxelflow.condition.contact import Conditioned, Zeroed, condition, pad_contacts
 from taxelflow.condition.deduplicate import Counts, Deduplicator, NewScans, deduplicate
 from taxelflow.condition.relearning import Relearning
 from taxelflow.condition.sample import Sample
@@ -208,22 +208,12 @@ class ConditionSession:
         layout, values = self._layout, new.values
         if layout.entries > layout.taxels:
             values = np.take(values, layout.source, axis=1)  # row by row, as all kernels are compiled for
-        pressure = np.empty_like(values)
+        entries = Zeroed(self._entry_offset, self._entry_noise, self._last)
         contact = np.empty((len(new), len(layout.pads)), dtype=np.bool_)
-        complete = np.empty_like(contact)
-        self._fill(
-            values,
-            new.gap,
-            self._entry_offset,
-            self._entry_noise,
-            self._last,
-            self._pads,
-            pressure,
-            contact,
-            complete,
-        )
+        out = Conditioned(np.empty_like(values), contact, np.empty_like(contact))
+        self._fill(values, new.gap, entries, self._pads, out)
         if self._changed is not None and len(new):
-            complete[0, self._changed] = False  # a new mask or offset must not look like motion
+            out.complete[0, self._changed] = False  # a new mask or offset must not look like motion
             self._changed = None
         shear = None if new.shear is None else self._shear.step(new.shear, new.gap, contact, self._entry_noise)
-        return Scans(new.t_s, pressure, self._entry_noise, self._entry_ceiling, contact, complete, shear)
+        return Scans(new.t_s, out.pressure, self._entry_noise, self._entry_ceiling, contact, out.complete, shear)

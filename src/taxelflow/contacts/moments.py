@@ -55,18 +55,8 @@ class FeatureExtractor:
     def step(self, scans: Scans) -> Contacts:
         """Features of all pads."""
         found = unknown(Features, *scans.contact.shape)
-        extract_features(
-            scans.pressure,
-            scans.noise,
-            scans.contact,
-            scans.complete,
-            self._xy,
-            self._area,
-            self._starts,
-            self._threshold,
-            self._newton,
-            found,
-        )
+        block = scans.pressure, scans.noise, scans.contact & scans.complete
+        extract_features(block, self._xy, self._area, self._starts, self._threshold, self._newton, found)
         return Contacts(
             t_s=scans.t_s,
             contact=scans.contact,
@@ -84,10 +74,7 @@ class FeatureExtractor:
 
 @kernel
 def extract_features(
-    pressure: Floats,
-    noise: Floats,
-    contact: Bools,
-    complete: Bools,
+    block: tuple[Floats, Floats, Bools],
     xy: Floats,
     area: Floats,
     starts: NDArray[np.int64],
@@ -97,13 +84,13 @@ def extract_features(
 ) -> None:
     """Fill features (scans, pads), which come in as NaN, where a pad is in contact and its scan complete.
 
-    newton: factor on forces.
-
-    pressure: (scans, entries). noise, area: (entries,). contact, complete: (scans, pads). xy: (2, entries), m.
+    block: pressure (scans, entries), noise (entries,), and (scans, pads) where to fill. xy: (2, entries), m. area:
+    (entries,). newton: factor on forces.
     """
+    pressure, noise, filled = block
     for scan in range(pressure.shape[0]):
         for pad in range(len(starts) - 1):
-            if contact[scan, pad] and complete[scan, pad]:
+            if filled[scan, pad]:
                 own, found = slice(starts[pad], starts[pad + 1]), features[scan, pad]
                 _extract(pressure[scan, own], noise[own], xy[0, own], xy[1, own], area[own], threshold, found)
                 found.force *= newton

@@ -8,6 +8,7 @@ crosses the pad.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
@@ -89,40 +90,36 @@ class TextureMeter:
             np.zeros((*shape, 2, 2)),
         )
         measure(
-            (scans.pressure, scans.noise, scans.contact & scans.complete),
-            scans.contact,
+            (scans.pressure, scans.noise, scans.contact, scans.contact & scans.complete),
             self._xy,
             self._starts,
             self._gradients,
             self._error,
             self._scratch,
             self._sums,
-            (smooth, turns),
-            unobservable,
+            (smooth, turns, unobservable),
         )
         return Texture(scans.t_s, smooth, turns, unobservable)
 
 
 @kernel
 def measure(
-    block: tuple[Floats, Floats, Bools],
-    contact: Bools,
+    block: tuple[Floats, Floats, Bools, Bools],
     xy: Floats,
     starts: NDArray[np.int64],
     gradients: Gradients,
     error: float,
     scratch: Scratch,
     sums: Records,
-    told: tuple[Bools, Bools],
-    unobservable: Floats,
+    out: tuple[Bools, Bools, Floats],
 ) -> None:
-    """Fill what is told, smooth and turns (scans, pads), and unobservable (scans, pads, 2, 2), which come in as 0.
+    """Fill out: smooth and turns (scans, pads), and unobservable (scans, pads, 2, 2), which come in as 0.
 
-    block: pressure (scans, entries), noise (entries,), and (scans, pads) whether a scan can be evaluated. xy: (2,
-    entries), m. error: relative, of readings. sums: (pads,) of `Sums`, kept from block to block.
+    block: pressure (scans, entries), noise (entries,), contact (scans, pads), and whether a scan can be evaluated
+    (scans, pads). xy: (2, entries), m. error: relative, of readings. sums: (pads,) of `Sums`, kept from block to block.
     """
-    pressure, noise, usable = block
-    smooth, turns = told
+    pressure, noise, contact, usable = block
+    smooth, turns, unobservable = out
     for pad in range(len(starts) - 1):
         own, begin, end = sums[pad], starts[pad], starts[pad + 1]
         for scan in range(pressure.shape[0]):
@@ -243,20 +240,27 @@ def turn_energy(
 
 
 def gradients_of(layout: Layout) -> Gradients:
-    """Gradients of all pads, groups and separate contacts."""
-    first, others, weights, own = [0], [], [], np.zeros((len(layout.x_m), 2))
-    for number in range(len(layout.pads)):
-        entries = layout.of_pad(number)
-        place = np.stack([layout.x_m[entries], layout.y_m[entries]], axis=1)
-        near = _NEAR * float(np.max(layout.pitch_m[number])) * (1 + 1e-9)
+    """Gradients of all pads, groups and separate contacts; they are kept for the next session on the same layout."""
+    pitch_m = tuple(float(np.max(pitch_m)) for pitch_m in layout.pitch_m)
+    return _gradients(tuple(layout.starts.tolist()), layout.x_m.tobytes(), layout.y_m.tobytes(), pitch_m)
+
+
+@lru_cache(maxsize=16)
+def _gradients(starts: tuple[int, ...], x_m: bytes, y_m: bytes, pitch_m: tuple[float, ...]) -> Gradients:
+    first, others, weights = [0], [], []
+    places = np.stack([np.frombuffer(x_m), np.frombuffer(y_m)], axis=1)
+    own = np.zeros((len(places), 2))
+    for start, stop, pitch in zip(starts[:-1], starts[1:], pitch_m, strict=True):
+        place = places[start:stop]
+        near = _NEAR * pitch * (1 + 1e-9)
         for k, here in enumerate(place):
             beside = place - here
             who = np.flatnonzero((np.abs(beside).max(axis=1) <= near) & (np.arange(len(place)) != k))
             plane = np.vstack([np.zeros(2), beside[who]])  # with its own height: else curvature at a border tilts it
             weight = np.linalg.pinv(plane - plane.mean(axis=0))
-            others.append(who + entries.start)
+            others.append(who + start)
             weights.append(weight[:, 1:])
-            own[entries.start + k] = (weight**2).sum(axis=1)
+            own[start + k] = (weight**2).sum(axis=1)
             first.append(first[-1] + len(who))
     along = np.concatenate([*weights, np.zeros((2, 0))], axis=1)
     return Gradients(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import heapq
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -104,7 +105,7 @@ def _busiest(summary: Summary) -> list[str]:
     loaded = [(summary.pads[name].contact_scans, name) for name in names if summary.pads[name].contact_scans]
     if not loaded:
         raise ResultMissing(Path(summary.input), "contact at all, so there is nothing to draw")
-    return [name for _, name in sorted(loaded, reverse=True)[:_MOST_PADS]]
+    return [name for _, name in heapq.nlargest(_MOST_PADS, loaded)]
 
 
 def _pictures(

@@ -57,7 +57,7 @@ def carry(slips: Slips, point: Floats, texture: Texture | None, home: Home) -> t
     turns, unobservable = (texture.turns, texture.unobservable) if texture is not None else (slips.contact, own[0])
     seen = (slips.displacement, slips.displacement_covariance, slips.pose, slips.covariance)
     marks = (slips.contact, slips.border, slips.quality)
-    fill_carried(seen, marks, slips.span_s, point, told, (turns, unobservable), home, own, out)
+    fill_carried(seen, marks, slips.span_s, point, (told, turns, unobservable), home, own, out)
     covariances = home.R @ own @ home.R.transpose(0, 2, 1)
     return out, covariances[0], covariances[1]
 
@@ -68,8 +68,7 @@ def fill_carried(
     marks: tuple[Bools, Bools, Bytes],
     span_s: Floats,
     point: Floats,
-    judged: bool,
-    texture: tuple[Bools, Floats],
+    texture: tuple[bool, Bools, Floats],
     home: Home,
     own: Floats,
     out: Carried,
@@ -77,11 +76,11 @@ def fill_carried(
     """Fill what is carried, and the covariances own (2, scans, pads, 2, 2) of place and motion in the pads' axes.
 
     seen: displacement and pose (scans, pads, 3), each with its covariance (scans, pads, 3, 3). marks: contact, border
-    and quality. judged: whether there is a texture: turns and unobservable.
+    and quality. texture: whether there is one, turns and unobservable.
     """
     moved, moved_cov, pose, pose_cov = seen
     contact, border, quality = marks
-    turns, unobservable = texture
+    judged, turns, unobservable = texture
     scans, pads = contact.shape
     most = 0.0
     for row in range(scans * pads):

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
+from taxelflow.fusion.in_hand import Carried
 from taxelflow.fusion.twist import Equations, Row, add_point, clear, solve_rigid, solve_translation, turn_is_observable
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, Vector
@@ -57,11 +58,8 @@ class Body:
 
 @kernel
 def follow_pose(
-    place: Floats,
+    here: Carried,
     place_cov: Floats,
-    own_turn: Floats,
-    told: Bools,
-    kept: Bools,
     turns: bool,
     anchors: Records,
     bodies: Records,
@@ -70,16 +68,14 @@ def follow_pose(
 ) -> None:
     """Fill the pose of rows (scans,) of `Row`, which come in as NaN.
 
-    place: (scans, pads, 2) in the hand. place_cov: (scans, pads, 2, 2). own_turn: (scans, pads, 2), the pad's theta and
-    its variance, NaN where the method has none. told: (scans, pads), the place is known. kept: (scans, pads), the
-    contact goes on, and where its place is known so is the way from its last place.
-    anchors: (pads,) of `Anchor` and bodies: (1,) of `Body` are kept from scan to scan. scratch: (1,) of
-    `Equations`.
+    place_cov: (scans, pads, 2, 2). turns: whether places are known at all. anchors: (pads,) of `Anchor` and bodies:
+    (1,) of `Body` are kept from scan to scan. scratch: (1,) of `Equations`.
     A contact is anchored on the object where it first lies there, and stays so while it is kept; it is anchored anew
     after a gap that its method does not measure across. While nothing touches everything is forgotten.
     Where the contacts contradict each other more than their covariances allow, the pose's covariance is multiplied by
     their reduced chi-square (Birge 1932).
     """
+    place, own_turn, told, kept = here.place, here.own_turn, here.told, here.kept
     body: Body = bodies[0]
     equations: Equations = scratch[0]
     for scan in range(place.shape[0]):

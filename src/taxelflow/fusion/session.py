@@ -49,9 +49,8 @@ class FieldSession:
         here, place_cov, moved_cov = carry(slips, point, texture, self._home)
         rows = unknown(Row, len(slips))
         turns, scratch = self._turns, self._scratch
-        fuse_twists(here.place, here.moved, moved_cov, here.turn, slips.span_s, here.known, turns, scratch, rows)
-        anchors, body = self._anchors, self._body
-        follow_pose(here.place, place_cov, here.own_turn, here.told, here.kept, turns, anchors, body, scratch, rows)
+        fuse_twists(here, moved_cov, slips.span_s, turns, scratch, rows)
+        follow_pose(here, place_cov, turns, self._anchors, self._body, scratch, rows)
         return Motions(
             t_s=slips.t_s,
             velocity=rows["velocity"],

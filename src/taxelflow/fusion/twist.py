@@ -13,7 +13,8 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.messages import Bools, Floats
+from taxelflow.fusion.in_hand import Carried
+from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.small_linalg import eigenvalues2, inverse2, inverse3
 from taxelflow.runtime.compiling import kernel, routine
@@ -55,23 +56,13 @@ class Equations:
 
 
 @kernel
-def fuse_twists(
-    place: Floats,
-    moved: Floats,
-    moved_cov: Floats,
-    turn: Floats,
-    span_s: Floats,
-    known: Bools,
-    turns: bool,
-    scratch: Records,
-    rows: Records,
-) -> None:
+def fuse_twists(here: Carried, moved_cov: Floats, span_s: Floats, turns: bool, scratch: Records, rows: Records) -> None:
     """Fill the velocity, rotor, centre and pads of rows (scans,) of `Row`, which come in as NaN.
 
-    place, moved: (scans, pads, 2) in the hand, m. moved_cov: (scans, pads, 2, 2). turn: (scans, pads, 2), turn and its
-    variance where the method knows it, else NaN. span_s, known: (scans, pads). turns: whether places are known at all.
-    scratch: (1,) of `Equations`.
+    moved_cov: (scans, pads, 2, 2). span_s: (scans, pads). turns: whether places are known at all. scratch: (1,) of
+    `Equations`.
     """
+    place, moved, turn, known = here.place, here.moved, here.turn, here.known
     equations: Equations = scratch[0]
     for scan in range(place.shape[0]):
         row: Row = rows[scan]

@@ -102,6 +102,7 @@ def row(shape: str, place: str, seed: int, *, unseen_error: float, mode: api.Mod
     return row_of(("all", shape, place, seed, "template"), pressing, result.slips, result.pads.index(at.pad), mode)
 
 
+@pytest.mark.long
 def test_a_stream_whose_map_is_young_follows_the_load() -> None:
     alone = row("bar", "xela", 0, unseen_error=0.0, mode="stream")
     both = row("bar", "xela", 0, unseen_error=0.05, mode="stream")
@@ -111,6 +112,7 @@ def test_a_stream_whose_map_is_young_follows_the_load() -> None:
     assert both.error_mm < 0.6 * alone.error_mm
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("shape", "place", "seed", "mode"), [("dome", "palm", 12, "batch"), ("cloth", "xela", 11, "stream")]
 )

@@ -99,6 +99,7 @@ def test_what_the_pattern_denies_is_dead(dead: tuple[int, ...]) -> None:
     assert solve_contact(slid("disc", across(2.0), dead=dead)).dead.tolist() == list(dead)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("shape", "place", "dead"), [("coin", "sdh", 124), ("dome", "palm", 154)])
 def test_a_dead_taxel_at_the_rim_of_a_contact_is_found(shape: Shape, place: str, dead: int) -> None:
     """Never more than two of its neighbours are loaded at once."""

@@ -111,7 +111,7 @@ def test_windows_of_a_contact_have_patterns_in_the_frame_of_its_poses() -> None:
 
 
 def test_a_stream_keeps_the_pattern_of_each_contact() -> None:
-    truth = np.repeat(way(120, turn=0.0), 2, axis=0)
+    truth = np.repeat(way(60, turn=0.0), 2, axis=0)
     result = api.estimate(moved(truth), "template", mode="stream")
     (pattern,) = result.patterns
     assert pattern.t_last_s <= result.slips.t_s[-1]

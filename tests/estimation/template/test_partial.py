@@ -3,6 +3,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
 from rigged import rigged
 from taxelflow import api
@@ -24,6 +25,7 @@ def followed(**changes: object) -> tuple[Floats, Floats, Bytes]:
     return without_frame(pose, truth, np.ones(pose.shape)), slips.covariance[own, 0], slips.quality[own, 0]
 
 
+@pytest.mark.long
 def test_feet_that_lift_do_not_move_the_others() -> None:
     error, covariance, quality = followed()
     assert np.sqrt(np.mean(np.sum(error[:, :2] ** 2, axis=1))) < 0.2e-3

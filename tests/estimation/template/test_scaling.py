@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+import pytest
 
 from rigged import rigged
 from taxelflow import api
@@ -32,6 +33,7 @@ def seen(mode: Mode = "batch", rate_hz: float = 30.0, after_s: float = 0.0, **ch
     return found, true
 
 
+@pytest.mark.long
 def test_growth_at_a_border_is_no_motion() -> None:
     found, _ = seen(motion={"turn_s": 4.0}, load={"cycles": 2})
     assert np.ptp(found, axis=0).max() < 0.5  # taken for motion, it is 3.4 mm
@@ -42,6 +44,7 @@ def test_growth_of_which_half_is_seen_is_no_motion() -> None:
     assert found.std(axis=0).max() < 0.5  # taken for motion, it is 3.0 mm
 
 
+@pytest.mark.long
 def test_growth_of_which_only_a_flank_is_seen_is_no_motion() -> None:
     found, _ = seen(motion={"turn_s": 4.0, "middle_m": (0.034, 0.0)}, load={"cycles": 2}, seed=5)
     assert found.std(axis=0).max() < 0.5  # taken for motion, it is 2.9 mm
@@ -58,6 +61,7 @@ def test_a_stream_learns_from_the_first_loads_how_a_contact_grows() -> None:
     assert found.std(axis=0).max() < 0.15  # taken for motion, it is 0.9 mm
 
 
+@pytest.mark.long
 def test_what_slides_in_a_stream_as_it_is_pressed_has_moved() -> None:
     slide = {"travel_m": 0.006, "speed_m_s": 0.001, "direction_rad": np.pi / 2, "rest_s": 1.0}
     found, true = seen("stream", 100.0, after_s=3.0, motion=slide, load={"cycles": 3})

@@ -78,6 +78,14 @@ class Taxels(NamedTuple):
     units: Floats
 
 
+class Scan(NamedTuple):
+    """One scan of a block: its number, and (taxels,) what is read and its variance, 0 where it is missing."""
+
+    number: int
+    reading: Floats
+    variance: Floats
+
+
 class Steps(NamedTuple):
     """What is filled in, fields of `Slips` for one pad; they come in as NaN and 0."""
 
@@ -105,10 +113,9 @@ def follow(block: Block, taxels: Taxels, spline: Interpolant, tracks: Records, l
                 track.running, out.quality[k] = False, LOST
             if not track.running:
                 continue
-        begins = not track.running
-        if begins:
+        if not track.running:
             begin(now, variance, taxels, spline, track, last)
-        advance(k, now, variance, begins, block, taxels, spline, track, last, out)
+        advance(Scan(k, now, variance), block, taxels, spline, track, last, out)
         track.running, track.t_s = True, block.t_s[k]
 
 
@@ -144,10 +151,7 @@ def remember(now: Floats, variance: Floats, spline: Interpolant, last: Last) -> 
 
 @routine
 def advance(
-    k: int,
-    now: Floats,
-    variance: Floats,
-    begins: bool,
+    scan: Scan,
     block: Block,
     taxels: Taxels,
     spline: Interpolant,
@@ -155,7 +159,9 @@ def advance(
     last: Last,
     out: Steps,
 ) -> None:
-    """Register scan k, add the step to the track, and fill row k of out. now, variance: (taxels,), 0 where missing."""
+    """Register a scan, add the step to the track, and fill the scan's row of out."""
+    k, now, variance = scan
+    begins = not track.running
     chosen = surroundings(last.reading, now, last.variance, variance, taxels.places)
     origin = track.pose.copy()
     points = take(chosen, now, variance, block.ceiling, taxels.places, origin)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,7 +53,7 @@ def _panels(contacts: Sequence[_Contact], layout: Layout) -> Figure:
     import matplotlib.pyplot as plt
     from matplotlib.collections import LineCollection
 
-    chosen = sorted(contacts, key=lambda contact: -contact.path_mm)[:_MOST_PANELS]
+    chosen = heapq.nlargest(_MOST_PANELS, contacts, key=lambda contact: contact.path_mm)
     chosen.sort(key=lambda contact: float(contact.t_s[0]))
     start_s = min(float(contact.track.numbers["t_s"][0]) for contact in chosen)
     boxes = [extent_mm(layout, layout.pads.index(contact.track.pad)) for contact in chosen]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +28,7 @@ def patterns_figure(patterns: Sequence[LearnedPattern], unit: str) -> Figure:
     """
     import matplotlib.pyplot as plt
 
-    chosen = sorted(patterns, key=lambda one: -one.scans)[:_MOST]
+    chosen = heapq.nlargest(_MOST, patterns, key=lambda one: one.scans)
     chosen.sort(key=lambda one: one.t_first_s)
     start_s = min(one.t_first_s for one in patterns)
     half = max(float(np.ptp(ends)) for one in chosen for ends in _bounds_mm(one)) / 2 * 1.06
