@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.fusion.in_hand import Home, carry
+from taxelflow.fusion.in_hand import Carrier, Home
 from taxelflow.fusion.reference import UNOBSERVABLE_M, UNOBSERVABLE_M_S
 from taxelflow.fusion.session import nothing
 from taxelflow.geometry import rotation
@@ -71,7 +71,7 @@ def test_slips_are_carried_to_the_hand_as_in_numpy_to_the_bit(textured: bool) ->
     used = np.array([True, True, False, True, True])
     home = Home(rotation(rng.uniform(-3, 3, PADS)), rng.normal(size=(PADS, 2)), rng.random((PADS, 2)), used, 0.3)
     point = pose[..., :2] + 0.1
-    found, *covariances = carry(slips, point, texture, home)
+    found, *covariances = Carrier(home).step(slips, point, texture)
     carried, spread = twin(slips, point, texture, home)
     for own, other in zip([*found, *covariances], [*carried, *spread], strict=True):
         assert own.dtype == other.dtype
@@ -82,5 +82,5 @@ def test_slips_are_carried_to_the_hand_as_in_numpy_to_the_bit(textured: bool) ->
 
 def test_nothing_is_carried_to_nothing() -> None:
     home = Home(rotation(np.zeros(2)), np.zeros((2, 2)), np.ones((2, 2)), np.ones(2, dtype=np.bool_), 0.3)
-    found, *_ = carry(nothing(2), np.zeros((0, 2, 2)), None, home)
+    found, *_ = Carrier(home).step(nothing(2), np.zeros((0, 2, 2)), None)
     assert all(not len(part) for part in found)

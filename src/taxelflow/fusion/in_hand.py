@@ -13,6 +13,7 @@ import numpy as np
 from taxelflow.fusion.reference import UNOBSERVABLE_M, UNOBSERVABLE_M_S
 from taxelflow.messages import AMBIGUOUS
 from taxelflow.runtime.compiling import exact_kernel, routine
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Bytes, Floats, Slips, Texture
@@ -46,20 +47,28 @@ class Carried(NamedTuple):
     kept: Bools
 
 
-def carry(slips: Slips, point: Floats, texture: Texture | None, home: Home) -> tuple[Carried, Floats, Floats]:
-    """What slips are in the hand, with covariances (scans, pads, 2, 2) of place and motion. point: (scans, pads, 2)."""
-    shape = slips.contact.shape
-    room = np.empty((4, *shape, 2))
-    flags = np.empty((3, *shape), dtype=np.bool_)
-    out = Carried(room[0], room[1], room[2], room[3], flags[0], flags[1], flags[2])
-    own = np.empty((2, *shape, 2, 2))
-    told = texture is not None
-    turns, unobservable = (texture.turns, texture.unobservable) if texture is not None else (slips.contact, own[0])
-    seen = (slips.displacement, slips.displacement_covariance, slips.pose, slips.covariance)
-    marks = (slips.contact, slips.border, slips.quality)
-    fill_carried(seen, marks, slips.span_s, point, told, (turns, unobservable), home, own, out)
-    covariances = home.R @ own @ home.R.transpose(0, 2, 1)
-    return out, covariances[0], covariances[1]
+class Carrier:
+    """Carries slips into the hand block by block; nothing is remembered."""
+
+    def __init__(self, home: Home) -> None:
+        self._home, self._fill = home, Settled(fill_carried)
+
+    def step(self, slips: Slips, point: Floats, texture: Texture | None) -> tuple[Carried, Floats, Floats]:
+        """What slips are in the hand, with covariances (scans, pads, 2, 2) of place and motion. point: (scans, pads,
+        2).
+        """
+        shape, home = slips.contact.shape, self._home
+        room = np.empty((4, *shape, 2))
+        flags = np.empty((3, *shape), dtype=np.bool_)
+        out = Carried(room[0], room[1], room[2], room[3], flags[0], flags[1], flags[2])
+        own = np.empty((2, *shape, 2, 2))
+        told = texture is not None
+        turns, unobservable = (texture.turns, texture.unobservable) if texture is not None else (slips.contact, own[0])
+        seen = (slips.displacement, slips.displacement_covariance, slips.pose, slips.covariance)
+        marks = (slips.contact, slips.border, slips.quality)
+        self._fill(seen, marks, slips.span_s, point, told, (turns, unobservable), home, own, out)
+        covariances = home.R @ own @ home.R.transpose(0, 2, 1)
+        return out, covariances[0], covariances[1]
 
 
 @exact_kernel

@@ -30,6 +30,7 @@ from taxelflow.numerics.bspline import state_of
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import record, records
 from taxelflow.runtime.adoption import AtFixedTimes
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.online.local_map import Learned
@@ -71,6 +72,7 @@ class LocalMaps:
         self.gains = np.ones(layout.entries)
         self._equal = True  # all gains are 1
         self._across = np.zeros((pads, 2), dtype=np.bool_)  # of the taxels that are not masked
+        self._follow_hand = Settled(follow_hand)
         self._nothing = rows_of(room_for(no_scans(layout.entries, pads, 1)))
 
     def learn_from(self, pad: int, scan: Scan) -> None:
@@ -89,7 +91,7 @@ class LocalMaps:
 
     def run(self, job: int, scan: Scan, rows: Rows, k: int = 0) -> int:
         """Follow a scan on the patterns of the pads in contact, fill row k, or both."""
-        return follow_hand(job, k, self._divided(scan), self.hand, self.stored, self.tracks, rows)
+        return self._follow_hand(job, k, self._divided(scan), self.hand, self.stored, self.tracks, rows)
 
     def _divided(self, scan: Scan) -> Scan:
         """A scan with its readings divided by the taxels' gains."""
