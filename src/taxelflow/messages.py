@@ -44,7 +44,6 @@ _LATE_S = 0.05
 """Time before the first and after the last joint angle in which that one holds."""
 
 NO_POSE, OK, AMBIGUOUS, UNRESOLVED, LOST = range(5)
-_OK, _AMBIGUOUS = np.uint8(OK), np.uint8(AMBIGUOUS)
 QUALITY = ("", "ok", "ambiguous", "unresolved", "lost")
 """Quality of a pose. Empty: no pose. ok: the covariance describes its error. ambiguous: a change of the contact other
 than motion (cut by a border, tilt, growth) may have the same effect, or a direction is not observable. unresolved: the
@@ -220,11 +219,7 @@ class Slips:
 
     @classmethod
     def of(cls, footprint: Footprint, estimates: Estimates) -> Slips:
-        """Slips of the same scans: a pose that its method has not judged is ambiguous where its contact is cut."""
-        own = np.asarray(estimates.quality, dtype=np.uint8)
-        unjudged = (own == NO_POSE) & np.isfinite(estimates.pose[..., 0])
-        cut_off = footprint.border[..., 0] | footprint.border[..., 1]
-        quality = np.where(unjudged, np.where(cut_off, _AMBIGUOUS, _OK), own)
+        """Slips of the same scans, as their method has judged them."""
         return cls(
             t_s=footprint.t_s,
             contact=footprint.contact,
@@ -237,7 +232,7 @@ class Slips:
             lag_s=_in_order(estimates.lag_s),
             load=footprint.load,
             disturbance=_in_order(estimates.disturbance),
-            quality=quality,
+            quality=np.array(estimates.quality, dtype=np.uint8),
         )
 
     @property

@@ -67,8 +67,7 @@ class Carrier:
         seen = (slips.displacement, slips.displacement_covariance, slips.pose, slips.covariance)
         marks = (slips.contact, slips.border, slips.quality)
         self._fill(seen, marks, slips.span_s, point, told, (turns, unobservable), home, own, out)
-        covariances = home.R @ own @ home.R.transpose(0, 2, 1)
-        return out, covariances[0], covariances[1]
+        return out, own[0], own[1]
 
 
 @exact_kernel
@@ -83,7 +82,7 @@ def fill_carried(
     own: Floats,
     out: Carried,
 ) -> None:
-    """Fill what is carried, and the covariances own (2, scans, pads, 2, 2) of place and motion in the pads' axes.
+    """Fill what is carried, and the covariances own (2, scans, pads, 2, 2) of place and motion in the hand's axes.
 
     seen: displacement and pose (scans, pads, 3), each with its covariance (scans, pads, 3, 3). marks: contact, border
     and quality. judged: whether there is a texture: turns and unobservable.
@@ -113,6 +112,12 @@ def fill_carried(
             if judged:
                 own[0, scan, pad, a, b] += UNOBSERVABLE_M**2 * unobservable[scan, pad, a, b]
                 own[1, scan, pad, a, b] += (UNOBSERVABLE_M_S * span) ** 2 * unobservable[scan, pad, a, b]
+        for k in range(2):  # R C R^T; a product of matrices in NumPy is rounded as the machine's library does it
+            C = own[k, scan, pad]
+            xx, xy, yx, yy = C[0, 0], C[0, 1], C[1, 0], C[1, 1]
+            for a in range(2):
+                x, y = R[a, 0] * xx + R[a, 1] * yx, R[a, 0] * xy + R[a, 1] * yy
+                C[a, 0], C[a, 1] = x * R[0, 0] + y * R[0, 1], x * R[1, 0] + y * R[1, 1]
         shown = not judged or turns[scan, pad]
         out.turn[scan, pad, 0] = moved[scan, pad, 2] if shown else np.nan
         out.turn[scan, pad, 1] = moved_cov[scan, pad, 2, 2] if shown else np.nan

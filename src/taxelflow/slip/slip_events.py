@@ -113,7 +113,7 @@ class SlipEvents:
         inside = (rows["t_s"] >= start_s - _SAME_S) & (rows["t_s"] <= end_s + _SAME_S)
         inside &= np.isfinite(rows["pose"][:, 0])
         if not progress["lost"] and inside.sum() >= _MIN_POSES:
-            known: Records = rows[inside]
+            known: Records = rows if inside.all() else rows[inside]
             with suppress(np.linalg.LinAlgError):  # a method from elsewhere may give poses without covariance
                 return fit_slip(known["t_s"].copy(), known["pose"].copy(), known["covariance"].copy(), start_s, end_s)
         return integrate_slip(rows["displacement"], rows["displacement_covariance"], start_s, end_s)

@@ -13,6 +13,7 @@ from taxelflow.estimation.template.online.ended import Ended
 from taxelflow.estimation.template.online.mapping_thread import Learner, Novel, Workers
 from taxelflow.estimation.template.online.relocalization import DOUBT
 from taxelflow.estimation.template.online.rows import room_for, rows_of
+from taxelflow.estimation.template.online.spreading import most_at_once
 from taxelflow.estimation.template.online.starting import Begun, FirstScan, begun, begun_anew
 from taxelflow.estimation.template.online.step import FOLLOW, follow_hand
 from taxelflow.estimation.template.online.track_state import (
@@ -223,9 +224,11 @@ class LocalMaps:
         self.learners[pad].learned, self.learners[pad].beginning = learned, False
 
     def adopt(self, last: Scan, now_s: float) -> None:
-        """Put in what is due. last: the scan before."""
+        """Put in what is due; of a live loop a little at a time. last: the scan before."""
         self._last = last
-        for own in (own for own in self.learners if own.lane.due_s <= now_s):
+        due = [own for own in self.learners if own.lane.due_s <= now_s]
+        most = len(due) if self._waits else most_at_once(len(self.learners), now_s - last.t)
+        for own in due[:most]:
             own.lane.adopt(now_s)
 
     def _improve(self, pad: int, new: Learned) -> None:
