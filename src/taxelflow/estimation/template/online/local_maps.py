@@ -16,15 +16,7 @@ from taxelflow.estimation.template.online.rows import room_for, rows_of
 from taxelflow.estimation.template.online.spreading import most_at_once
 from taxelflow.estimation.template.online.starting import Begun, FirstScan, begun, begun_anew
 from taxelflow.estimation.template.online.step import FOLLOW, follow_hand
-from taxelflow.estimation.template.online.track_state import (
-    MOST_KEYFRAMES,
-    Hand,
-    PadScan,
-    Patterns,
-    Rows,
-    Scan,
-    Track,
-)
+from taxelflow.estimation.template.online.track_state import MOST_KEYFRAMES, Hand, PadScan, Patterns, Rows, Scan, Track
 from taxelflow.estimation.template.online.witness import anchor, reported_place
 from taxelflow.messages import no_scans
 from taxelflow.numerics.bspline import state_of

@@ -132,19 +132,21 @@ class StreamSession:
 
     def _find_again(self, scan: Scan) -> None:
         """Look for the object all over the pad where a scan does not fit where it was looked for."""
-        asking, touched = [], np.flatnonzero(scan.contact).tolist()
-        for pad in touched:
-            m, known = self._maps.track(pad), self._maps.learners[pad].learned
-            if known is None:
+        asking, tracks = [], self._maps.tracks
+        touched = np.flatnonzero(scan.contact).tolist()
+        seen = zip(*(tracks[name].tolist() for name in ("chi", "usual", "count", "probation")), strict=True)
+        for pad, (chi, usual, count, probation) in enumerate(seen):
+            known = self._maps.learners[pad].learned
+            fits = chi <= gate(usual, count)
+            if known is None or not scan.contact[pad] or (fits and not (known.mature and probation > 0.0)):
                 continue
-            fits = _fits(m)
-            if known.mature and not (fits and m.probation == 0.0):
+            if known.mature:
                 asking.append(pad)
-            elif not known.mature and not fits:
-                part = self._maps.part(pad, scan)
-                if known.is_noise_beside(part.reading, part.variance):
-                    self._maps.learn_anew(pad, scan, known_place=False)
-                    self._maps.follow_again(pad, scan)
+                continue
+            part = self._maps.part(pad, scan)
+            if known.is_noise_beside(part.reading, part.variance):
+                self._maps.learn_anew(pad, scan, known_place=False)
+                self._maps.follow_again(pad, scan)
         most = most_at_once(len(touched), scan.t - self._last.t)
         for pad in self._searches.taken(asking, scan.t, most):
             self._search(pad, scan)
