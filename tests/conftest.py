@@ -11,6 +11,7 @@ from hypothesis import settings
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
 from taxelflow.pipeline import Pipeline
+from taxelflow.runtime.settled import Settled
 from taxelflow.sensors.sensor import Sensor
 from warm import warm_up
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 settings.register_profile("taxelflow", deadline=None, max_examples=40, derandomize=True, database=None)
 settings.load_profile("taxelflow")
+Settled.checked = True  # every call of every test
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 FIRST = (

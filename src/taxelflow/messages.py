@@ -219,11 +219,7 @@ class Slips:
 
     @classmethod
     def of(cls, footprint: Footprint, estimates: Estimates) -> Slips:
-        """Slips of the same scans: a pose that its method has not judged is ambiguous where its contact is cut."""
-        quality = np.array(estimates.quality, dtype=np.uint8)
-        unjudged = (quality == NO_POSE) & np.isfinite(estimates.pose[..., 0])
-        quality[unjudged] = OK
-        quality[unjudged & (footprint.border[..., 0] | footprint.border[..., 1])] = AMBIGUOUS
+        """Slips of the same scans, as their method has judged them."""
         return cls(
             t_s=footprint.t_s,
             contact=footprint.contact,
@@ -236,7 +232,7 @@ class Slips:
             lag_s=_in_order(estimates.lag_s),
             load=footprint.load,
             disturbance=_in_order(estimates.disturbance),
-            quality=quality,
+            quality=np.array(estimates.quality, dtype=np.uint8),
         )
 
     @property

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.fusion.in_hand import Home, carry
+from taxelflow.fusion.in_hand import Carrier, Home
 from taxelflow.fusion.reference import UNOBSERVABLE_M, UNOBSERVABLE_M_S
 from taxelflow.fusion.session import nothing
 from taxelflow.geometry import rotation
@@ -12,8 +12,14 @@ from taxelflow.messages import AMBIGUOUS, OK, Floats, Slips, Texture
 PADS, SCANS = 5, 40
 
 
+def _product(A: Floats, B: Floats) -> Floats:
+    """Of stacks of matrices (2, 2); `@` is rounded as the machine's library does it."""
+    summed: Floats = A[..., :, 0:1] * B[..., 0:1, :] + A[..., :, 1:] * B[..., 1:, :]
+    return summed
+
+
 def twin(slips: Slips, point: Floats, texture: Texture | None, home: Home) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """What `carry` gives, in NumPy."""
+    """What `Carrier` gives, in NumPy."""
     moved = slips.displacement[..., :2]
     own = np.stack([slips.covariance[..., :2, :2], slips.displacement_covariance[..., :2, :2]])
     doubt = home.doubt * (slips.border & (slips.quality == AMBIGUOUS)[..., np.newaxis])
@@ -36,7 +42,7 @@ def twin(slips: Slips, point: Floats, texture: Texture | None, home: Home) -> tu
     told = np.isfinite(place[..., 0]) & held
     carried = [place, np.einsum("pij,spj->spi", home.R, moved), *turns]
     flags = [slips.valid & home.used, told, held & (slips.valid | ~told)]
-    return [*carried, *flags], list(home.R @ own @ home.R.transpose(0, 2, 1))
+    return [*carried, *flags], list(_product(_product(home.R, own), home.R.transpose(0, 2, 1)))
 
 
 @pytest.mark.parametrize("textured", [True, False])
@@ -71,7 +77,7 @@ def test_slips_are_carried_to_the_hand_as_in_numpy_to_the_bit(textured: bool) ->
     used = np.array([True, True, False, True, True])
     home = Home(rotation(rng.uniform(-3, 3, PADS)), rng.normal(size=(PADS, 2)), rng.random((PADS, 2)), used, 0.3)
     point = pose[..., :2] + 0.1
-    found, *covariances = carry(slips, point, texture, home)
+    found, *covariances = Carrier(home).step(slips, point, texture)
     carried, spread = twin(slips, point, texture, home)
     for own, other in zip([*found, *covariances], [*carried, *spread], strict=True):
         assert own.dtype == other.dtype
@@ -82,5 +88,5 @@ def test_slips_are_carried_to_the_hand_as_in_numpy_to_the_bit(textured: bool) ->
 
 def test_nothing_is_carried_to_nothing() -> None:
     home = Home(rotation(np.zeros(2)), np.zeros((2, 2)), np.ones((2, 2)), np.ones(2, dtype=np.bool_), 0.3)
-    found, *_ = carry(nothing(2), np.zeros((0, 2, 2)), None, home)
+    found, *_ = Carrier(home).step(nothing(2), np.zeros((0, 2, 2)), None)
     assert all(not len(part) for part in found)

@@ -98,7 +98,7 @@ def test_a_replay_gives_what_the_loop_gave(
     method: str, lag: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     beside = Stalled()
-    monkeypatch.setattr(relearning, "_worker", lambda: beside)
+    monkeypatch.setattr(relearning, "worker", lambda: beside)
     live, device = _with_workers(beside, monkeypatch, method), Replay(_recorded(), speed=0.0)
     _lagging(live, beside, monkeypatch, lag)
     _logged(device, live, tmp_path)

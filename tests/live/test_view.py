@@ -32,7 +32,7 @@ def test_a_live_source_fills_the_page_on_this_computer_only(stroke: Recording) -
     pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
     live = Live(stroke, "convolution")
     sink = LiveView(live, "stroke", PageServer(port=0))
-    run_live(Replay(stroke, 20.0), {"view": sink}, live, Limits(), watch=sink.watch)
+    run_live(Replay(stroke, 5.0), {"view": sink}, live, Limits(), watch=sink.watch)
     assert sink.page.url.startswith("http://127.0.0.1:")
     assert re.match(r"\d+ scans", sink.page.panel.source)
     assert "0 dropped" in sink.page.panel.source

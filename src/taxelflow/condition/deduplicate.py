@@ -25,6 +25,7 @@ from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, record, records
 from taxelflow.numerics.ring import at, put
 from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -94,7 +95,7 @@ class Deduplicator:
         """ceiling: (taxels,), a reading at or above it is no evidence. drop: False keeps duplicates. kernel: another
         than `deduplicate`.
         """
-        self._ceiling, self._drop, self._deduplicate = ceiling, drop, kernel or deduplicate
+        self._ceiling, self._drop, self._deduplicate = ceiling, drop, kernel or Settled(deduplicate)
         self._histories = records(TaxelHistory, taxels)
         self._histories["lowest"] = np.inf
         self._streams = records(StreamState, 1)

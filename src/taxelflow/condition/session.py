@@ -19,6 +19,7 @@ from taxelflow.condition.units import SATURATED_SHARE, full_scale, in_si
 from taxelflow.condition.unloaded import falls_under_load, no_contact
 from taxelflow.errors import RecordingError
 from taxelflow.messages import Bools, RawScans, Scans, joined
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -47,7 +48,7 @@ class ConditionSession:
         drop = parameters.repeats == "drop"
         passes = None if self._causal else Blockwise(deduplicate_block, deduplicate)
         self._deduplicator = Deduplicator(self._layout.taxels, self._ceiling, drop=drop, kernel=passes)
-        self._fill: Callable[..., None] = condition if self._causal else Blockwise(condition_block, condition)
+        self._fill: Callable[..., None] = Settled(condition) if self._causal else Blockwise(condition_block, condition)
         self.sample = Sample(self._layout.taxels)
         self._relearning = Relearning(parameters, sensor, self._adopt)
         self._held: list[NewScans] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +15,16 @@ if TYPE_CHECKING:
 SATURATED_SHARE = 0.9995
 """A reading above this share of full scale is saturated: converters stop a step short of it."""
 
+_SMALL = 1e150
+"""A factor below this and a number whose square is finite have a finite product."""
+
 
 def in_si(values: Floats, sensor: Sensor) -> Floats:
     """Readings (scans, taxels) in Pa (counts for a sensor without a scale); what is not finite is missing: NaN."""
+    power = float(np.vdot(values, values))  # finite only if all are; in a stream far sooner than a look at each
+    if isfinite(power) and sensor.to_si < _SMALL:
+        usual: Floats = values * sensor.to_si
+        return usual
     with np.errstate(over="ignore"):
         si = values * sensor.to_si
     finite = np.isfinite(si)

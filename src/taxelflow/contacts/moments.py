@@ -15,6 +15,7 @@ import numpy as np
 from taxelflow.messages import Bools, Contacts, Floats, Scans, no_scans
 from taxelflow.numerics.records import Records, unknown
 from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,13 +51,14 @@ class FeatureExtractor:
         self._xy = np.stack([layout.x_m, layout.y_m])
         self._area = layout.area_m2
         self._newton = 1.0 if sensor.si_unit == "Pa" else np.nan  # counts are no force
+        self._extract = Settled(extract_features)
         self.step(no_scans(layout.entries, len(layout.pads)))  # compiles
 
     def step(self, scans: Scans) -> Contacts:
         """Features of all pads."""
         found = unknown(Features, *scans.contact.shape)
         block = scans.pressure, scans.noise, scans.contact & scans.complete
-        extract_features(block, self._xy, self._area, self._starts, self._threshold, self._newton, found)
+        self._extract(block, self._xy, self._area, self._starts, self._threshold, self._newton, found)
         return Contacts(
             t_s=scans.t_s,
             contact=scans.contact,

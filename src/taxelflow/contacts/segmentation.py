@@ -22,6 +22,7 @@ from taxelflow.contacts.watershed import label_taxels, merge_peakless
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, records
 from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from taxelflow.messages import Scans
@@ -58,6 +59,7 @@ class ContactTracker:
         """slots: (pads,) contacts on each pad at most. on, off: see `SegmentedPad`."""
         self._taxels = layout.taxels
         self._adjacency = adjacency(layout, pads)
+        self._track_single = Settled(track_single)
         starts = layout.starts
         pitch = np.repeat(np.sqrt(layout.pitch_m.prod(axis=1)), np.diff(starts))[: layout.taxels]
         self._memory = Memory(
@@ -95,7 +97,8 @@ class ContactTracker:
     def step_single(self, scans: Scans, places: Records) -> int:
         """Track up to the first scan with several components on a pad, see `track_single`; that scan."""
         memory, pressure = self._memory, scans.pressure
-        return track_single(pressure, scans.noise, scans.contact, scans.complete, memory, self._adjacency, places)
+        marks = scans.contact, scans.complete
+        return self._track_single(pressure, scans.noise, *marks, memory, self._adjacency, places)
 
 
 @kernel

@@ -18,6 +18,7 @@ from taxelflow.messages import Bools, Floats, Scans, Texture
 from taxelflow.numerics.records import Records, records
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,6 +80,7 @@ class TextureMeter:
         self._gradients = gradients_of(layout)
         self._error = layout.unseen_error
         self._sums = records(Sums, len(layout.pads))
+        self._measure = Settled(measure)
         self._scratch = room_for(int(np.diff(layout.starts).max()))
 
     def step(self, scans: Scans) -> Texture:
@@ -89,7 +91,7 @@ class TextureMeter:
             np.zeros(shape, dtype=np.bool_),
             np.zeros((*shape, 2, 2)),
         )
-        measure(
+        self._measure(
             (scans.pressure, scans.noise, scans.contact, scans.contact & scans.complete),
             self._xy,
             self._starts,

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from taxelflow.errors import EstimatorBroken
-from taxelflow.messages import Footprint, Slips, cut, joined, no_scans
+from taxelflow.messages import AMBIGUOUS, NO_POSE, OK, Bools, Bytes, Floats, Footprint, Slips, cut, joined, no_scans
+from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.border import Boundary
 
 if TYPE_CHECKING:
@@ -25,6 +28,8 @@ class SlipsSession:
     def __init__(self, session: EstimatorSession, layout: Layout) -> None:
         self._session, self._boundary = session, Boundary(layout)
         self._none = self._footprint(no_scans(layout.entries, len(layout.pads)))  # compiles the kernels
+        pads = self._none.border.shape
+        judge_cut(np.zeros((*pads[:2], 3)), self._none.border, np.zeros(pads[:2], np.uint8))
         self._held: list[Footprint] = []
 
     def step(self, scans: Scans) -> Slips:
@@ -46,6 +51,24 @@ class SlipsSession:
             raise EstimatorBroken(type(self._session).__name__, count, len(footprint))
         if count == len(footprint):
             self._held = []
-            return Slips.of(footprint, estimates)
+            return _judged(Slips.of(footprint, estimates))
         self._held = [cut(footprint, count, len(footprint))]
-        return Slips.of(cut(footprint, 0, count), estimates)
+        return _judged(Slips.of(cut(footprint, 0, count), estimates))
+
+
+def _judged(slips: Slips) -> Slips:
+    """The same, those judged that their method has not."""
+    judge_cut(slips.pose, slips.border, slips.quality)
+    return slips
+
+
+@kernel
+def judge_cut(pose: Floats, border: Bools, quality: Bytes) -> None:
+    """A pose that its method has not judged is ambiguous where its contact is cut, else ok.
+
+    pose: (scans, pads, 3). border: (scans, pads, 2). quality: (scans, pads), index in `QUALITY`, updated.
+    """
+    for scan in range(quality.shape[0]):
+        for pad in range(quality.shape[1]):
+            if quality[scan, pad] == NO_POSE and np.isfinite(pose[scan, pad, 0]):
+                quality[scan, pad] = AMBIGUOUS if border[scan, pad, 0] or border[scan, pad, 1] else OK

@@ -13,6 +13,7 @@ import numpy as np
 from taxelflow.fusion.reference import UNOBSERVABLE_M, UNOBSERVABLE_M_S
 from taxelflow.messages import AMBIGUOUS
 from taxelflow.runtime.compiling import exact_kernel, routine
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Bytes, Floats, Slips, Texture
@@ -46,20 +47,27 @@ class Carried(NamedTuple):
     kept: Bools
 
 
-def carry(slips: Slips, point: Floats, texture: Texture | None, home: Home) -> tuple[Carried, Floats, Floats]:
-    """What slips are in the hand, with covariances (scans, pads, 2, 2) of place and motion. point: (scans, pads, 2)."""
-    shape = slips.contact.shape
-    room = np.empty((4, *shape, 2))
-    flags = np.empty((3, *shape), dtype=np.bool_)
-    out = Carried(room[0], room[1], room[2], room[3], flags[0], flags[1], flags[2])
-    own = np.empty((2, *shape, 2, 2))
-    told = texture is not None
-    turns, unobservable = (texture.turns, texture.unobservable) if texture is not None else (slips.contact, own[0])
-    seen = (slips.displacement, slips.displacement_covariance, slips.pose, slips.covariance)
-    marks = (slips.contact, slips.border, slips.quality)
-    fill_carried(seen, marks, slips.span_s, point, (told, turns, unobservable), home, own, out)
-    covariances = home.R @ own @ home.R.transpose(0, 2, 1)
-    return out, covariances[0], covariances[1]
+class Carrier:
+    """Carries slips into the hand block by block; nothing is remembered."""
+
+    def __init__(self, home: Home) -> None:
+        self._home, self._fill = home, Settled(fill_carried)
+
+    def step(self, slips: Slips, point: Floats, texture: Texture | None) -> tuple[Carried, Floats, Floats]:
+        """What slips are in the hand, with covariances (scans, pads, 2, 2) of place and motion. point: (scans, pads,
+        2).
+        """
+        shape, home = slips.contact.shape, self._home
+        room = np.empty((4, *shape, 2))
+        flags = np.empty((3, *shape), dtype=np.bool_)
+        out = Carried(room[0], room[1], room[2], room[3], flags[0], flags[1], flags[2])
+        own = np.empty((2, *shape, 2, 2))
+        told = texture is not None
+        turns, unobservable = (texture.turns, texture.unobservable) if texture is not None else (slips.contact, own[0])
+        seen = (slips.displacement, slips.displacement_covariance, slips.pose, slips.covariance)
+        marks = (slips.contact, slips.border, slips.quality)
+        self._fill(seen, marks, slips.span_s, point, (told, turns, unobservable), home, own, out)
+        return out, own[0], own[1]
 
 
 @exact_kernel
@@ -73,7 +81,7 @@ def fill_carried(
     own: Floats,
     out: Carried,
 ) -> None:
-    """Fill what is carried, and the covariances own (2, scans, pads, 2, 2) of place and motion in the pads' axes.
+    """Fill what is carried, and the covariances own (2, scans, pads, 2, 2) of place and motion in the hand's axes.
 
     seen: displacement and pose (scans, pads, 3), each with its covariance (scans, pads, 3, 3). marks: contact, border
     and quality. texture: whether there is one, turns and unobservable.
@@ -103,6 +111,12 @@ def fill_carried(
             if judged:
                 own[0, scan, pad, a, b] += UNOBSERVABLE_M**2 * unobservable[scan, pad, a, b]
                 own[1, scan, pad, a, b] += (UNOBSERVABLE_M_S * span) ** 2 * unobservable[scan, pad, a, b]
+        for k in range(2):  # R C R^T; a product of matrices in NumPy is rounded as the machine's library does it
+            C = own[k, scan, pad]
+            xx, xy, yx, yy = C[0, 0], C[0, 1], C[1, 0], C[1, 1]
+            for a in range(2):
+                x, y = R[a, 0] * xx + R[a, 1] * yx, R[a, 0] * xy + R[a, 1] * yy
+                C[a, 0], C[a, 1] = x * R[0, 0] + y * R[0, 1], x * R[1, 0] + y * R[1, 1]
         shown = not judged or turns[scan, pad]
         out.turn[scan, pad, 0] = moved[scan, pad, 2] if shown else np.nan
         out.turn[scan, pad, 1] = moved_cov[scan, pad, 2, 2] if shown else np.nan

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.fusion.in_hand import Home, carry
+from taxelflow.fusion.in_hand import Carrier, Home
 from taxelflow.fusion.pose import Anchor, Body, follow_pose
 from taxelflow.fusion.reference import Reference
 from taxelflow.fusion.twist import Equations, Row, fuse_twists
 from taxelflow.geometry import rotation
 from taxelflow.messages import Bools, Floats, Motions, Slips, Texture
 from taxelflow.numerics.records import records, unknown
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
@@ -35,7 +36,8 @@ class FieldSession:
         home = np.where(placed[:, np.newaxis], layout.T_hand, 0.0)
         used: Bools = layout.independent & (placed if self._turns else True)
         origin, pitch_m = np.ascontiguousarray(home[:, :2]), np.ascontiguousarray(layout.pitch_m)
-        self._home = Home(rotation(home[:, 2]), origin, pitch_m, used, edge_doubt)
+        self._carrier = Carrier(Home(rotation(home[:, 2]), origin, pitch_m, used, edge_doubt))
+        self._fuse, self._follow = Settled(fuse_twists), Settled(follow_pose)
         self._anchors, self._body = records(Anchor, len(layout.pads)), records(Body, 1)
         self._scratch = records(Equations, 1)
         self._reference = Reference(len(layout.pads))
@@ -46,11 +48,11 @@ class FieldSession:
         without one every pattern tells all directions.
         """
         point = self._reference.step(slips, centroid, texture)
-        here, place_cov, moved_cov = carry(slips, point, texture, self._home)
+        here, place_cov, moved_cov = self._carrier.step(slips, point, texture)
         rows = unknown(Row, len(slips))
         turns, scratch = self._turns, self._scratch
-        fuse_twists(here, moved_cov, slips.span_s, turns, scratch, rows)
-        follow_pose(here, place_cov, turns, self._anchors, self._body, scratch, rows)
+        self._fuse(here, moved_cov, slips.span_s, turns, scratch, rows)
+        self._follow(here, place_cov, turns, self._anchors, self._body, scratch, rows)
         return Motions(
             t_s=slips.t_s,
             velocity=rows["velocity"],

@@ -101,23 +101,26 @@ class PatternWatch:
         self._open: _Bin | None = None
         self._last_s = -np.inf
         self._shear_noise = ShearNoise(layout)
+        centre_s, touching, values = _nothing_found((1, len(layout.pads)))
+        self._unchanged = centre_s, touching, *values
 
     def step(self, scans: Scans) -> PatternChanges:
         """Changes of the scans that follow those of the last call."""
-        shape = scans.contact.shape
-        touching, centre_s, values = np.zeros(shape, dtype=np.bool_), np.empty(len(scans)), np.empty((6, *shape))
-        centre_s.fill(np.nan)
-        values.fill(np.nan)
         shear_noise = self._shear_noise.step(scans, scans.shear) if scans.shear is not None and len(scans) else None
-        changes = PatternChanges(scans.t_s, centre_s, touching, *values)
+        found: tuple[Floats, Bools, Floats] | None = None
         for scan, t_s in enumerate(scans.t_s.tolist()):
             if self._completed(scans, scan, t_s) and len(self._bins) == self._bins.maxlen:
+                found = found or _nothing_found(scans.contact.shape)
+                centre_s, touching, values = found
                 centre = self._bins[BEFORE_BINS]
-                changes.centre_s[scan], touching[scan] = centre.since_s, centre.touching
+                centre_s[scan], touching[scan] = centre.since_s, centre.touching
                 self._compare(scans.noise, values[:, scan])
                 if shear_noise is not None:
                     self._compare_shear(shear_noise[scan], values[:, scan])
-        return changes
+        if found is None and len(scans) == 1:  # most scans of a stream
+            return PatternChanges(scans.t_s, *self._unchanged)
+        centre_s, touching, values = found or _nothing_found(scans.contact.shape)
+        return PatternChanges(scans.t_s, centre_s, touching, *values)
 
     def _completed(self, scans: Scans, scan: int, t_s: float) -> bool:
         """Add a scan to the open bin; whether that completes it."""
@@ -191,6 +194,11 @@ class PatternWatch:
             power, per_variance = spread((old, new), shear, self._starts)
             noise = per_variance * variance * (1 / old_scans + 1 / new_scans)
         found[4:] = np.where(np.isfinite(found[0] + power), (power, noise), np.nan)
+
+
+def _nothing_found(shape: tuple[int, ...]) -> tuple[Floats, Bools, Floats]:
+    """Room for the changes of (scans, pads): centre_s, touching, and the six others."""
+    return np.full(shape[0], np.nan), np.zeros(shape, dtype=np.bool_), np.full((6, *shape), np.nan)
 
 
 def _mean(bins: list[_Bin]) -> tuple[Floats, int]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.records import records
+from taxelflow.runtime.settled import Settled
 from taxelflow.slip.slip_fit import SlipMotion, fit_slip, integrate_slip
 from taxelflow.slip.slip_rows import MOST_ROWS, Progress, Row, hold_scans
 
@@ -47,6 +48,7 @@ class SlipEvents:
         """Begins of the slips that go on, by pad."""
         self._progress, self._room = records(Progress, len(pads)), records(Row, len(pads), MOST_ROWS)
         self._held: list[_Held] = []
+        self._hold_scans = Settled(hold_scans)
 
     def step(self, slips: Slips, slipping: Bools, events: list[Event]) -> list[Event]:
         """Events that are complete, in time order. slipping: (scans, pads). events: of these scans, in time order."""
@@ -87,7 +89,7 @@ class SlipEvents:
             seen = (slips.pose, slips.covariance, slips.displacement, slips.displacement_covariance)
             times = (slips.t_s, slips.lag_s)
             marks = (slipping, slips.quality)
-            hold_scans(times, seen, marks, chosen, (start, min(stop, len(slips))), self._progress, self._room)
+            self._hold_scans(times, seen, marks, chosen, (start, min(stop, len(slips))), self._progress, self._room)
 
     def _change(self, pad: int, held: _Held) -> None:
         """Begin or end a slip."""
@@ -111,7 +113,7 @@ class SlipEvents:
         inside = (rows["t_s"] >= start_s - _SAME_S) & (rows["t_s"] <= end_s + _SAME_S)
         inside &= np.isfinite(rows["pose"][:, 0])
         if not progress["lost"] and inside.sum() >= _MIN_POSES:
-            known: Records = rows[inside]
+            known: Records = rows if inside.all() else rows[inside]
             with suppress(np.linalg.LinAlgError):  # a method from elsewhere may give poses without covariance
                 return fit_slip(known["t_s"].copy(), known["pose"].copy(), known["covariance"].copy(), start_s, end_s)
         return integrate_slip(rows["displacement"], rows["displacement_covariance"], start_s, end_s)

@@ -139,11 +139,19 @@ def integrate_slip(displacement: Floats, covariance: Floats, start_s: float, end
 
 def _observable_axes(pose: Floats, covariance: Floats) -> list[int]:
     """Coordinates that are known in all scans and observable."""
-    variance = np.median(np.diagonal(covariance, axis1=1, axis2=2), axis=0)
+    variance = _median(np.diagonal(covariance, axis1=1, axis2=2))
     most = max(UNOBSERVABLE_RATIO**2 * float(np.min(variance[:2])), UNOBSERVABLE_M**2)
     known = np.isfinite(pose).all(axis=0) & np.isfinite(variance)
     known[:2] &= ~(variance[:2] > most)
     return np.flatnonzero(known).tolist()
+
+
+def _median(values: Floats) -> Floats:
+    """(columns,), of values (rows, columns), NaN where one is; `np.median` takes five times as long."""
+    ordered = np.sort(values, axis=0)
+    middle: Floats = 0.5 * (ordered[(len(values) - 1) // 2] + ordered[len(values) // 2])
+    middle[np.isnan(ordered[-1])] = np.nan
+    return middle
 
 
 def _room_for(t: Floats, pose: Floats, covariance: Floats, axes: list[int]) -> Held:

@@ -10,6 +10,7 @@ from taxelflow.estimation.centroid.records import Estimate, Row, ScanBlock, pads
 from taxelflow.messages import Estimates, Floats, Scans, no_scans
 from taxelflow.numerics.records import Records, records, unknown
 from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +36,7 @@ class CentroidSession:
         the kernel's last constant.
         """
         count = len(layout.pads)
-        self._kernel, self._prepare = kernel, prepare
+        self._kernel, self._prepare = Settled(kernel), prepare
         self._places = np.stack([layout.x_m, layout.y_m])
         self._pads = pads_of(layout, np.ones((count, 2)) if gains is None else gains)
         self._constants, self._prepared = constants, constants

@@ -13,22 +13,16 @@ from taxelflow.estimation.template.online.ended import Ended
 from taxelflow.estimation.template.online.mapping_thread import Learner, Novel, Workers
 from taxelflow.estimation.template.online.relocalization import DOUBT
 from taxelflow.estimation.template.online.rows import room_for, rows_of
+from taxelflow.estimation.template.online.spreading import most_at_once
 from taxelflow.estimation.template.online.starting import Begun, FirstScan, begun, begun_anew
 from taxelflow.estimation.template.online.step import FOLLOW, follow_hand
-from taxelflow.estimation.template.online.track_state import (
-    MOST_KEYFRAMES,
-    Hand,
-    PadScan,
-    Patterns,
-    Rows,
-    Scan,
-    Track,
-)
+from taxelflow.estimation.template.online.track_state import MOST_KEYFRAMES, Hand, PadScan, Patterns, Rows, Scan, Track
 from taxelflow.estimation.template.online.witness import anchor, middle_of, reported_place
 from taxelflow.messages import no_scans
 from taxelflow.numerics.bspline import state_of
 from taxelflow.numerics.records import record, records
 from taxelflow.runtime.adoption import AtFixedTimes
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.online.local_map import Learned
@@ -70,6 +64,7 @@ class LocalMaps:
         self.gains = np.ones(layout.entries)
         self._equal = True  # all gains are 1
         self._across = np.zeros((pads, 2), dtype=np.bool_)  # of the taxels that are not masked
+        self._follow_hand = Settled(follow_hand)
         self._nothing = rows_of(room_for(no_scans(layout.entries, pads, 1)))
 
     def learn_from(self, pad: int, scan: Scan) -> None:
@@ -88,7 +83,7 @@ class LocalMaps:
 
     def run(self, job: int, scan: Scan, rows: Rows, k: int = 0) -> int:
         """Follow a scan on the patterns of the pads in contact, fill row k, or both."""
-        return follow_hand(job, k, self._divided(scan), self.hand, self.stored, self.tracks, rows)
+        return self._follow_hand(job, k, self._divided(scan), self.hand, self.stored, self.tracks, rows)
 
     def _divided(self, scan: Scan) -> Scan:
         """A scan with its readings divided by the taxels' gains."""
@@ -221,9 +216,11 @@ class LocalMaps:
         self.learners[pad].learned, self.learners[pad].beginning = learned, False
 
     def adopt(self, last: Scan, now_s: float) -> None:
-        """Put in what is due. last: the scan before."""
+        """Put in what is due; of a live loop a little at a time. last: the scan before."""
         self._last = last
-        for own in (own for own in self.learners if own.lane.due_s <= now_s):
+        due = [own for own in self.learners if own.lane.due_s <= now_s]
+        most = len(due) if self._waits else most_at_once(len(self.learners), now_s - last.t)
+        for own in due[:most]:
             own.lane.adopt(now_s)
 
     def _improve(self, pad: int, new: Learned) -> None:

@@ -14,6 +14,7 @@ from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import HUBER
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import gate
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.online.local_map import Learned
@@ -43,6 +44,8 @@ class _Search:
 
 _SEARCH = _Search()
 
+_register = Settled(register)
+
 
 def recognised(
     known: Learned,
@@ -58,7 +61,8 @@ def recognised(
     looked for where its middle lies on the line from the pad's through the scan's.
     """
     pattern = known.pattern
-    surface = Surface(pattern.coefficients, DOUBT * pattern.doubt, pattern.lattice)
+    coefficients, doubt = np.ascontiguousarray(pattern.coefficients), np.ascontiguousarray(DOUBT * pattern.doubt)
+    surface = Surface(coefficients, doubt, pattern.lattice)
     error = known.error * known.scanned.amplitude
     taxels = laid_out(scan.places, np.zeros((3, 0)), scan.reading, scan.variance, scan.ceiling, error)
     outward = middle / max(float(np.hypot(*middle)), 1e-9)
@@ -77,7 +81,7 @@ def recognised(
             state = np.array([*(middle + reach * known.radius * outward - arm), angle, 1.0, 0.0])
             state[:2][across] = known.keyframes.states[-1, :2][across]
             prior = Prior(state.copy(), stiffness)
-            cost, chi, count = register(surface, taxels, prior, HUBER, _SEARCH.iterations, state, information)
+            cost, chi, count = _register(surface, taxels, prior, HUBER, _SEARCH.iterations, state, information)
             if cost < best and count and chi / count < gate(known.usual, count):
                 best, found = cost, (state.copy(), information.copy(), chi / count, count)
         if found is not None:

@@ -17,6 +17,7 @@ from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.prediction import expected
 from taxelflow.estimation.template.online.relocalization import close, recognised, surely_elsewhere
 from taxelflow.estimation.template.online.rows import room_for, rows_of
+from taxelflow.estimation.template.online.spreading import Turns, most_at_once
 from taxelflow.estimation.template.online.step import ASKS, BOTH, ELSEWHERE, REPORT
 from taxelflow.estimation.template.online.track_state import (
     BLURRED,
@@ -58,6 +59,7 @@ class StreamSession:
         self._squared = np.zeros(layout.entries)
         none = self._noise
         self._last = Scan(0.0, none, self._squared, np.full(layout.entries, np.inf), none, np.zeros(pads, np.bool_))
+        self._searches = Turns(pads)
         self._live = b""  # which taxels are not masked now
         self.notes: list[str] = []
         self._compile()
@@ -133,33 +135,45 @@ class StreamSession:
 
     def _find_again(self, scan: Scan) -> None:
         """Look for the object all over the pad where a scan does not fit where it was looked for."""
-        for pad in np.flatnonzero(scan.contact).tolist():
-            m, known = self._maps.track(pad), self._maps.learners[pad].learned
-            if known is None:
+        asking, tracks = [], self._maps.tracks
+        touched = np.flatnonzero(scan.contact).tolist()
+        seen = zip(*(tracks[name].tolist() for name in ("chi", "usual", "count", "probation")), strict=True)
+        for pad, (chi, usual, count, probation) in enumerate(seen):
+            known = self._maps.learners[pad].learned
+            fits = chi <= gate(usual, count)
+            if known is None or not scan.contact[pad] or (fits and not (known.mature and probation > 0.0)):
+                continue
+            if known.mature:
+                asking.append(pad)
                 continue
             part = self._maps.part(pad, scan)
-            fits = m.chi <= gate(m.usual, m.count)
-            if not known.mature:
-                if not fits and known.is_noise_beside(part.reading, part.variance):
-                    self._maps.learn_anew(pad, scan, known_place=False)
-                    self._maps.follow_again(pad, scan)
-                continue
-            if fits and m.probation == 0.0:
-                continue
-            near = m.probation == 0.0
-            if fits and np.diagonal(m.information)[:2].min() > BLURRED**-2:
-                m.probation = max(m.probation - 1.0, 0.0)
-            found = recognised(known, m.centroid, part, float(state_of(m.state).theta) if near else None)
-            if found is None and not near and not fits and m.poor >= _MISTAKEN:
-                m.broken += _doubt_of_place(m)
-                self._maps.learn_anew(pad, scan)
-            if found is None or (near and not close(found[0], m.state)):
-                continue
-            if not fits or surely_elsewhere(found, m):
-                m.state[:], m.information[:], m.chi, m.count = found
-                m.doubted[:], m.step[:] = found[1], found[1]
-                m.carries = False
-                put_anew(m)
+            if known.is_noise_beside(part.reading, part.variance):
+                self._maps.learn_anew(pad, scan, known_place=False)
+                self._maps.follow_again(pad, scan)
+        most = most_at_once(len(touched), scan.t - self._last.t)
+        for pad in self._searches.taken(asking, scan.t, most):
+            self._search(pad, scan)
+
+    def _search(self, pad: int, scan: Scan) -> None:
+        """Look for a pad's object all over it."""
+        m, known = self._maps.track(pad), self._maps.learners[pad].learned
+        if known is None:
+            return
+        fits, near = _fits(m), m.probation == 0.0
+        if fits and np.diagonal(m.information)[:2].min() > BLURRED**-2:
+            m.probation = max(m.probation - 1.0, 0.0)
+        part = self._maps.part(pad, scan)
+        found = recognised(known, m.centroid, part, float(state_of(m.state).theta) if near else None)
+        if found is None and not near and not fits and m.poor >= _MISTAKEN:
+            m.broken += _doubt_of_place(m)
+            self._maps.learn_anew(pad, scan)
+        if found is None or (near and not close(found[0], m.state)):
+            return
+        if not fits or surely_elsewhere(found, m):
+            m.state[:], m.information[:], m.chi, m.count = found
+            m.doubted[:], m.step[:] = found[1], found[1]
+            m.carries = False
+            put_anew(m)
 
     def _variance(self, reading: Floats, complete: Bools) -> Floats:
         """Noise squared, 0 where a reading is missing."""
@@ -206,6 +220,11 @@ class StreamSession:
         compile_stream()
         none = rows_of(room_for(no_scans(self._layout.entries, len(self._layout.pads), 1)))
         self._maps.run(BOTH, self._last, none)
+
+
+def _fits(m: Track) -> bool:
+    """Whether the scan fits the pattern where the object was looked for."""
+    return bool(m.chi <= gate(m.usual, m.count))
 
 
 def _doubt_of_place(m: Track) -> float:

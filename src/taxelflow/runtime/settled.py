@@ -1,0 +1,60 @@
+"""Calls of a kernel whose arguments have the same types each time.
+
+numba finds out the types of all arguments in each call. A named tuple of five arrays takes it 4 us, as long as many a
+kernel runs; in a live step of 150 us that was a fifth. Here the types are those of the first call.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, cast
+
+import numba
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+class Settled(Generic[Arguments, Result]):
+    """A kernel for the types of its first arguments: one is made per session, whose arrays are alike in all calls.
+
+    Other types later would be read as if they were the first ones. So tests set `checked`, and each call is.
+    """
+
+    __slots__ = ("_kernel", "_run", "_types")
+    checked = False
+
+    def __init__(self, kernel: Callable[Arguments, Result]) -> None:
+        self._kernel = kernel
+        self._types: tuple[Any, ...] = ()
+        self._run: Callable[Arguments, Result] | None = None
+
+    def __call__(self, *arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
+        """Run the kernel; the first call compiles it if need be. Arguments are given by place."""
+        if self._run is None:
+            result = self._kernel(*arguments, **named)
+            self._settle(arguments)
+            return result
+        if Settled.checked:
+            self._check(arguments)
+        return self._run(*arguments, **named)
+
+    def _settle(self, arguments: tuple[object, ...]) -> None:
+        """Keep the code that was compiled for these arguments. Python's own functions are kept as they are."""
+        compiled = getattr(self._kernel, "overloads", None)
+        if compiled is None:
+            self._run = self._kernel
+            return
+        self._types = _types_of(arguments)
+        self._run = cast("Callable[Arguments, Result]", compiled[self._types].entry_point)
+
+    def _check(self, arguments: tuple[object, ...]) -> None:
+        if self._types and _types_of(arguments) != self._types:
+            raise TypeError(f"{self._kernel} was called with {_types_of(arguments)}, first with {self._types}")
+
+
+def _types_of(arguments: tuple[object, ...]) -> tuple[Any, ...]:
+    typeof: Any = numba.typeof
+    return tuple(typeof(argument) for argument in arguments)
