@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
+from taxelflow.estimation.template.depth import DEPTH_STD, take_depth, with_depth
 from taxelflow.estimation.template.initialization import Tracker
 from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
@@ -63,7 +64,17 @@ def solve(scanned: Scanned) -> Solved:
             if len(own) > 1 and own[1][0] <= limit:
                 best.agrees = _agree(best, tried[own[1][1]])
             solved.append(best)
-    return likeliest(solved, scanned)
+    return likeliest([*solved, *_sinking(scanned, solved)], scanned)
+
+
+def _sinking(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
+    """Fits with a depth of each scan, which begin from those without."""
+    rigid = [one for one in solved if not one.grows] if len(scanned) >= YOUNG else []
+    none = np.zeros(len(scanned))
+    return [
+        refined(scanned, replace(one, pattern=replace(one.pattern), states=one.states.copy(), depth=none))
+        for one in rigid
+    ]
 
 
 def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
@@ -73,7 +84,9 @@ def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
     """
     best = _chosen(solved, scanned)
     near = [one for one in solved if one.error <= _RIVAL * best.error]
-    others = [one for one in near if one.turns != best.turns and one.grows == best.grows]
+    others = [
+        one for one in near if one.turns != best.turns and (one.grows, one.sinks) == (best.grows, best.sinks)
+    ]
     if others:
         best = replace(best, rival=_apart(best, min(others, key=lambda one: one.error)))
     grown = [one for one in near if one.grows != best.grows]
@@ -151,25 +164,32 @@ def refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...] = ROUNDS) -
 
 def _by_its_error(scanned: Scanned, solved: Solved) -> Solved:
     """A fit judged by the error that it leaves, not by the one that it was found with."""
-    size = SIZE_STD**-2 if solved.grows else np.inf
-    stiffness = scanned.stiffness(turns=solved.turns, gain_std=solved.gain_std, size=size)
-    fit = refine(solved.pattern, scanned, solved.states, rounds=0, error=solved.error, stiffness=stiffness)
+    fit = _fit(scanned, solved, rounds=0, error=solved.error)
     return replace(solved, fit=fit)
+
+
+def _fit(scanned: Scanned, start: Solved, *, rounds: int, error: float) -> Fit:
+    """`refine` under the hypothesis of a start, which it improves in place."""
+    size = SIZE_STD**-2 if start.grows else DEPTH_STD**-2 if start.sinks else np.inf
+    stiffness = scanned.stiffness(turns=start.turns, gain_std=start.gain_std, size=size)
+    largest, whole = scanned.amplitude if start.sinks else 0.0, with_depth(start.states, start.depth)
+    fit = refine(start.pattern, scanned, whole, rounds=rounds, error=error, stiffness=stiffness, level=largest)
+    take_depth(whole, start.states, start.depth)
+    return fit
 
 
 def _refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...], *, most_error: float) -> Solved:
     """`refined` with the error bounded."""
-    pattern, states, fit, gain_std = start.pattern, start.states, start.fit, start.gain_std
-    size = SIZE_STD**-2 if start.grows else np.inf
+    own = replace(start, depth=start.depth.copy())
     for most in rounds:
-        learned, error = level(pattern, states, fit), min(learned_error(fit, scanned), most_error)
-        gain_std = learned if len(scanned) >= YOUNG else gain_std
-        stiffness = scanned.stiffness(turns=start.turns, gain_std=gain_std, size=size)
-        scanned.bend(states)
-        fit = refine(pattern, scanned, states, rounds=most, error=error, stiffness=stiffness)
-        if start.grows:
-            centre(pattern, scanned, states)
-    return replace(start, pattern=pattern, states=states, fit=fit, error=learned_error(fit, scanned), gain_std=gain_std)
+        learned, error = level(own.pattern, own.states, own.fit), min(learned_error(own.fit, scanned), most_error)
+        own.gain_std = learned if len(scanned) >= YOUNG else own.gain_std
+        scanned.bend(own.states)
+        own.fit = _fit(scanned, own, rounds=most, error=error)
+        if own.grows:
+            centre(own.pattern, scanned, own.states)
+    own.error = learned_error(own.fit, scanned)
+    return own
 
 
 def _agree(best: Solved, other: Solved) -> Bools:
