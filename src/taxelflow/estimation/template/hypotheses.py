@@ -12,12 +12,18 @@ from taxelflow.estimation.template.depth import DEPTH_STD, take_depth, with_dept
 from taxelflow.estimation.template.initialization import Tracker
 from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
-from taxelflow.estimation.template.observability import sights
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.pose_output import arm_of
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
 from taxelflow.estimation.template.solution import Solved
-from taxelflow.numerics.bspline import STATE, States, in_object, states_of
+from taxelflow.estimation.template.turning import (
+    explains_far_more,
+    keeps_its_angle,
+    turns_steadily,
+    turns_surely,
+    variances_of,
+)
+from taxelflow.numerics.bspline import STATE, in_object, states_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
@@ -40,13 +46,6 @@ _RIVAL = 1.5
 """A hypothesis that leaves up to so many times the error is a rival: faults of the sensor may have decided."""
 _FAR_WORSE = 20.0
 """A start whose coarse fit costs so much more a scan is not refined: that is some twice what a free angle costs."""
-_MOST, _STILL = 0.9, 9.0
-"""An object has not turned if this quantile of its squared turns, over their variances, is below the second."""
-_JERKY = 2.0
-"""Median of the squared second differences of an angle, over their variances, up to which the turn is steady; noise
-alone gives 0.45."""
-SEEN = 4.0
-"""An angle is observable if the pattern shows it so many times better than its own noise seems to."""
 
 
 def solve(scanned: Scanned) -> Solved:
@@ -84,9 +83,7 @@ def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
     """
     best = _chosen(solved, scanned)
     near = [one for one in solved if one.error <= _RIVAL * best.error]
-    others = [
-        one for one in near if one.turns != best.turns and (one.grows, one.sinks) == (best.grows, best.sinks)
-    ]
+    others = [one for one in near if one.turns != best.turns and (one.grows, one.sinks) == (best.grows, best.sinks)]
     if others:
         best = replace(best, rival=_apart(best, min(others, key=lambda one: one.error)))
     grown = [one for one in near if one.grows != best.grows]
@@ -99,10 +96,12 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
     ranked = sorted(solved, key=lambda one: cost(one, scanned))
     best = ranked[0]
     held = [one for one in ranked if not one.turns]
-    free = [one for one in ranked if one.turns and one.grows == best.grows]
-    if best.turns and held and not (_explains_far_more(best, held[0], scanned) or _turns_surely(best, scanned)):
+    free = [one for one in ranked if one.turns and (one.grows, one.sinks) == (best.grows, best.sinks)]
+    if best.turns and held and not (explains_far_more(best, held[0], scanned) or turns_surely(best, scanned)):
         return held[0]
-    return free[0] if not best.turns and free and _keeps_its_angle(free[0], scanned) else best
+    if best.turns or not free:
+        return best
+    return free[0] if keeps_its_angle(free[0], scanned) or turns_steadily(free[0], best, scanned) else best
 
 
 def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
@@ -233,46 +232,6 @@ def distance(states: Floats, others: Floats, theta: Floats) -> Floats:
     return left
 
 
-def _explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
-    """Whether a turn explains so much that each angle may cost as much as a parameter that all readings determine; and
-    the pattern shows more of it than noise.
-    """
-    return _sight(free, scanned) > 1.0 and cost(free, scanned, dear=True) < cost(held, scanned, dear=True)
-
-
-def _turns_surely(free: Solved, scanned: Scanned) -> bool:
-    """Whether an object that was let turn shows its angle, and turns no more jerkily than noise makes it seem."""
-    variance = _variances(free.fit.information).theta
-    jerk = np.diff(states_of(free.states).theta, 2)
-    noise = variance[:-2] + 4.0 * variance[1:-1] + variance[2:]
-    steady = len(jerk) == 0 or float(np.median(jerk**2 / noise)) < _JERKY
-    return steady and _sight(free, scanned) > SEEN
-
-
-def _keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
-    """Whether an object that was let turn has kept its angle, and its pattern shows that: noise in one seems to."""
-    variance, theta = _variances(free.fit.information).theta, states_of(free.states).theta
-    theta = theta - np.median(theta)
-    return bool(np.quantile(theta**2 / variance, _MOST) < _STILL and _sight(free, scanned) > SEEN)
-
-
-def _sight(free: Solved, scanned: Scanned) -> float:
-    """How much better the pattern shows an angle than its own noise seems to, in the scan that shows it best."""
-    scan = int(np.argmax(_diagonals(free.fit.information).theta))
-    error = max(free.error, COARSE)
-    return float(sights(free.pattern, scanned, free.states, free.fit.factor, scan, error).theta)
-
-
-def _diagonals(matrices: Floats) -> States:
-    """Diagonals of matrices (scans, 5, 5) over states."""
-    return states_of(matrices.diagonal(axis1=1, axis2=2))
-
-
-def _variances(information: Floats) -> States:
-    """Of the states whose information (scans, 5, 5) is given."""
-    return _diagonals(np.asarray(np.linalg.inv(information), np.float64))
-
-
 def start_scan(scanned: Scanned) -> int:
     """The scan to begin with: well loaded, its contact nearest to the pad's centre."""
     load = scanned.load().sum(axis=1)
@@ -285,7 +244,7 @@ def level(pattern: Pattern, states: Floats, fit: Fit) -> float:
 
     Both from the scans that determine theirs best.
     """
-    variance, gains = _variances(fit.information + 1e-9 * np.eye(STATE)).gain, states_of(states).gain
+    variance, gains = variances_of(fit.information + 1e-9 * np.eye(STATE)).gain, states_of(states).gain
     well = variance <= np.quantile(variance, _WELL_KNOWN)
     mean = max(float(np.median(gains[well])), _LEAST_GAIN)
     low, high = np.quantile(gains[well], _SPREAD)

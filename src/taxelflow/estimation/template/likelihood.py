@@ -21,7 +21,7 @@ _LEAST, _MOST = 1e-3, 0.5
 """Bounds of the error learned; below the first, noise is larger on every sensor known."""
 _LOADED = 0.03
 """Share of a contact's largest reading above which a taxel is in the contact."""
-_FEWEST = 2
+FEWEST = 2
 _HALVINGS = 30
 
 
@@ -67,7 +67,7 @@ def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
     states = scans * fit.freed
     own = count if dear else count / scans
     coefficients = max(fit.free - states, 1.0)
-    free = coefficients * np.log(max(count / coefficients, _FEWEST)) + states * np.log(max(own, _FEWEST))
+    free = coefficients * np.log(max(count / coefficients, FEWEST)) + states * np.log(max(own, FEWEST))
     return float(chi.sum() + gains + depths + solved.pattern.smoothing * fit.bending + free)
 
 
