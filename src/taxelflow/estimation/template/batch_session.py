@@ -135,7 +135,8 @@ class BatchSession:
         scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], self._delay[own])
         with on_one_core():  # the matrices are too small to share among cores
             whole = scanned.variance.copy()
-            solved = solve_contact(scanned)
+            # Where a sensor's faults may be anything, they look like a depth: it is then no better a model.
+            solved = solve_contact(scanned, sinks=not layout.unseen_error)
             information = _information(solved, scanned, layout.unseen_error)
             moment = Moment(solved.pattern, scanned, solved.states, np.arange(len(scanned)), solved.turns)
             poses, rival = poses_of(solved, scanned, information, pitch_m), solved.rival

@@ -48,8 +48,11 @@ _FAR_WORSE = 20.0
 """A start whose coarse fit costs so much more a scan is not refined: that is some twice what a free angle costs."""
 
 
-def solve(scanned: Scanned) -> Solved:
-    """The likeliest of the hypotheses: the object keeps its angle, turns, or stays while its contact grows."""
+def solve(scanned: Scanned, *, sinks: bool = False) -> Solved:
+    """The likeliest of the hypotheses: the object keeps its angle, turns, or stays while its contact grows.
+
+    sinks: whether it may be pressed in more or less, see `depth`.
+    """
     turns = [False] if scanned.across.any() else [False, True]
     tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
     tried += [one for turn in turns for one in grown(scanned, tried[0].states, turns=turn)]
@@ -63,7 +66,7 @@ def solve(scanned: Scanned) -> Solved:
             if len(own) > 1 and own[1][0] <= limit:
                 best.agrees = _agree(best, tried[own[1][1]])
             solved.append(best)
-    return likeliest([*solved, *_sinking(scanned, solved)], scanned)
+    return likeliest([*solved, *_sinking(scanned, solved)] if sinks else solved, scanned)
 
 
 def _sinking(scanned: Scanned, solved: list[Solved]) -> list[Solved]:

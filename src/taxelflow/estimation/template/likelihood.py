@@ -22,6 +22,7 @@ _LEAST, _MOST = 1e-3, 0.5
 _LOADED = 0.03
 """Share of a contact's largest reading above which a taxel is in the contact."""
 FEWEST = 2
+"""Readings by parameter, at least, for its cost."""
 _HALVINGS = 30
 
 
