@@ -66,7 +66,21 @@ def solve(scanned: Scanned, *, sinks: bool = False) -> Solved:
             if len(own) > 1 and own[1][0] <= limit:
                 best.agrees = _agree(best, tried[own[1][1]])
             solved.append(best)
-    return likeliest([*solved, *_sinking(scanned, solved)] if sinks else solved, scanned)
+    rigid = likeliest(solved, scanned)
+    return _sunk(scanned, solved, rigid) if sinks else rigid
+
+
+def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
+    """The likeliest of all fits, those with a depth among them.
+
+    A depth explains some of what a turn does: an object that turns without it does with it, if its pattern shows that.
+    """
+    deep = _sinking(scanned, solved)
+    best = likeliest([*solved, *deep], scanned)
+    if best.turns or not (best.sinks and rigid.turns):
+        return best
+    turning = [one for one in deep if one.turns and turns_surely(one, scanned)]
+    return replace(turning[0], growth=best.growth) if turning else best
 
 
 def _sinking(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
