@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.centroid import centroid_covariance, loaded_centroid
+from taxelflow.numerics.centroid import centroid_covariance, loaded_centroid, pressure_centre
 
 PLACES = np.array([[0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 1.0, 1.0]])
 
@@ -35,9 +35,37 @@ def test_masked_taxels_do_not_count_and_no_load_gives_zeros() -> None:
     assert not found([-50.0, 1.0, 0.0, 3.0]).any()
 
 
+def test_the_centre_of_pressure_counts_what_lies_next_to_the_contact_and_nothing_further() -> None:
+    reading = np.array([30.0, 1000.0, 40.0, 35.0])
+    out, none = np.empty(5), np.zeros(4, np.bool_)
+    pressure_centre(reading, np.full(4, 100.0), in_line(4), none, out)
+    np.testing.assert_allclose(out[[0, 1, 3, 4]], [(1000.0 + 80.0) / 1070.0, 0.0, 1070.0, 1.1**2])
+
+
+def test_the_centre_of_pressure_of_a_dome_follows_it_where_few_taxels_are_surely_loaded() -> None:
+    axis = np.arange(7.0)
+    places = np.stack([part.ravel() for part in np.meshgrid(axis, axis)])
+    none = np.zeros(places.shape[1], np.bool_)
+    errors = []
+    for x in np.linspace(2.5, 3.5, 11):
+        reading = 1000.0 * np.exp(-0.8 * ((places[0] - x) ** 2 + (places[1] - 3.1) ** 2))
+        loaded, around = np.empty(4), np.empty(5)
+        loaded_centroid(reading, np.ones(49), places, none, loaded)
+        pressure_centre(reading, np.ones(49), places, none, around)
+        errors.append([loaded[0] - x, around[0] - x])
+    scatter = np.std(errors, axis=0)
+    assert scatter[1] < 0.3 * scatter[0]
+
+
+def test_noise_around_a_contact_gives_its_centre_no_negative_variance() -> None:
+    reading = np.array([-8.0, 100.0, -8.0, 0.0])
+    out = covariance(in_line(4), reading, np.full(4, 16.0), 0.0)
+    assert out[0] > 0.0 and out[2] > 0.0
+
+
 def covariance(places: Floats, reading: Floats, variance: Floats, error: float) -> Floats:
-    middle, out = np.empty(4), np.empty(6)
-    loaded_centroid(reading, variance, places, np.zeros(len(reading), np.bool_), middle)
+    middle, out = np.empty(5), np.empty(6)
+    pressure_centre(reading, variance, places, np.zeros(len(reading), np.bool_), middle)
     centroid_covariance(reading, variance, np.full(len(reading), 1000.0), places, middle, error, out)
     return out
 

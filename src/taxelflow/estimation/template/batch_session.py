@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -150,7 +150,7 @@ class BatchSession:
             poses = poses.open_across(scanned, pitch_m)
             if layout.unseen_error:
                 edge: Bools = np.asarray(layout.border[own].any(axis=1), dtype=np.bool_)
-                poses = witnessed(poses, scanned, edge, pitch_m)
+                poses = witnessed(poses, replace(scanned, readings=readings), edge, pitch_m)
         is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
         poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
         if len(solved.dead):

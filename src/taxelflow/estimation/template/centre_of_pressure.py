@@ -29,7 +29,7 @@ import numpy as np
 
 from taxelflow.estimation.template.pose_output import Poses, judge
 from taxelflow.messages import OK
-from taxelflow.numerics.centroid import centroid_covariance, loaded_centroid
+from taxelflow.numerics.centroid import centroid_covariance, pressure_centre
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Readings, Scanned
     from taxelflow.messages import Bools, Floats
 
-CELL_ERROR = 0.3
-"""Standard deviation of a reading as a share of it: that of a gain anywhere from half to one and a half."""
+CELL_ERROR = 0.2
+"""Standard deviation of a reading as a share of it: that of a gain anywhere from two to four thirds."""
 BORDER_ERROR = 0.2
 """Of the share of a motion that a contact shows which lies at the pad's border all around."""
 _LEAST = 1e-18
@@ -82,12 +82,12 @@ def transformed(p: float, q: float, r: float, s: float, m: tuple[float, float, f
 
 @kernel
 def _centres(scans: Readings, edge: Bools, out: Floats) -> None:
-    """Fill out (scans, 10) with each scan's `loaded_centroid` (4,) and `centroid_covariance` (6,)."""
+    """Fill out (scans, 11) with each scan's `pressure_centre` (5,) and `centroid_covariance` (6,)."""
     ceiling, places = scans.ceiling, scans.places
     for k in range(len(scans.value)):
         reading, variance = scans.value[k], scans.variance[k]
-        loaded_centroid(reading, variance, places, edge, out[k, :4])
-        centroid_covariance(reading, variance, ceiling, places, out[k, :4], CELL_ERROR, out[k, 4:])
+        pressure_centre(reading, variance, places, edge, out[k, :5])
+        centroid_covariance(reading, variance, ceiling, places, out[k, :5], CELL_ERROR, out[k, 5:])
 
 
 def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float) -> Poses:
@@ -95,7 +95,7 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float) -> Po
 
     edge: (taxels,), at the pad's border. The body's point that the centre follows is where it lies on average.
     """
-    found = np.empty((len(scanned), 10))
+    found = np.empty((len(scanned), 11))
     _centres(scanned.with_error(0.0), edge, found)
     known = np.isfinite(poses.pose[:, :2]).all(axis=1) & (found[:, 3] > 0)
     known &= np.isfinite(poses.covariance[:, :2, :2]).all(axis=(1, 2))
@@ -105,7 +105,7 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float) -> Po
     theta = np.nan_to_num(poses.pose[:, 2])
     cos, sin = np.cos(theta), np.sin(theta)
     turn = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
-    doubt = found[:, 4:7] + found[:, 7:]
+    doubt = found[:, 5:8] + found[:, 8:]
     trust = known / (np.trace(poses.covariance[:, :2, :2], axis1=1, axis2=2) / pitch_m**2 + doubt[:, 0] + doubt[:, 2])
     gap = np.einsum("kji,kj->ki", turn, found[:, :2] - place)
     arm = np.average(gap[known], axis=0, weights=trust[known])

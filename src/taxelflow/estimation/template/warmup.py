@@ -25,7 +25,8 @@ def compile_batch() -> None:
 def compile_stream() -> None:
     """Those that learn beside a stream, once in a process."""
     scanned = made_up()
-    part = PadScan(scanned.readings[0], scanned.variance[0], scanned.ceiling, scanned.places, np.zeros(36, np.bool_))
+    reading, edge = scanned.readings[0], np.zeros(36, np.bool_)
+    part = PadScan(reading, scanned.variance[0], scanned.ceiling, reading, scanned.places, edge)
     learned = first_pattern(0.0, part, scanned.delay_s, np.ones(len(part.reading)), 0.0)
     for k in range(1, len(scanned)):
         state = np.array([0.4 * k - 1.0, 0.0, 0.0, 1.0, 0.0])

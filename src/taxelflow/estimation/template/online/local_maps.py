@@ -24,10 +24,10 @@ from taxelflow.estimation.template.online.track_state import (
     Scan,
     Track,
 )
+from taxelflow.estimation.template.online.tracking import middle_of
 from taxelflow.estimation.template.online.witness import anchor, reported_place
 from taxelflow.messages import no_scans
 from taxelflow.numerics.bspline import state_of
-from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import record, records
 from taxelflow.runtime.adoption import AtFixedTimes
 
@@ -67,7 +67,7 @@ class LocalMaps:
         self.learners = [Learner(name, workers, latency_s, adopting) for name in layout.pads]
         self.ended = Ended(workers.mapper, at_once=adopting.waits)
         self._waits = adopting.waits
-        self._last = Scan(0.0, *(np.zeros(layout.entries),) * 3, np.zeros(pads, np.bool_))
+        self._last = Scan(0.0, *(np.zeros(layout.entries),) * 4, np.zeros(pads, np.bool_))
         self.gains = np.ones(layout.entries)
         self._equal = True  # all gains are 1
         self._across = np.zeros((pads, 2), dtype=np.bool_)  # of the taxels that are not masked
@@ -112,7 +112,8 @@ class LocalMaps:
         """A pad's part of a scan."""
         own = self._layout.of_pad(pad)
         places = np.ascontiguousarray(self._places[:, own])
-        return PadScan(scan.reading[own], scan.variance[own], scan.ceiling[own], places, self.hand.edge[own])
+        readings = scan.reading[own], scan.variance[own], scan.ceiling[own], scan.raw[own]
+        return PadScan(*readings, places, self.hand.edge[own])
 
     def _late(self, pad: int) -> Floats:
         """(taxels,), delays of a pad's taxels."""
@@ -186,9 +187,9 @@ class LocalMaps:
         return FirstScan(scan.t, part, as_read, gains, self.hand.floor, self._late(pad), middle)
 
     def _middle(self, pad: int, scan: Scan) -> Floats:
-        """(4,), see `loaded_centroid`."""
-        part, middle = self.part(pad, scan), np.empty(4)
-        loaded_centroid(part.reading, part.variance, part.places, part.edge, middle)
+        """(5,), see `middle_of`."""
+        part, middle = self.part(pad, scan), np.empty(5)
+        middle_of(part, self.hand.floor, middle)
         return middle
 
     def _put(self, pad: int, learned: Learned) -> None:

@@ -42,9 +42,8 @@ if TYPE_CHECKING:
 _NEAR, _FAR = 0.25, 1.0
 """Keyframes closer than this, in pitches, show the same; further for contacts whose size varies: what the size leaves
 unexplained seems to move them."""
-_DECIDE, _MORE, _WHOLE = 4, 1.5, 0.1
-"""Keyframes from which hypotheses are compared, anew when so many times more were taken; and share of the load at the
-border up to which a turn is looked for."""
+_DECIDE, _MORE = 4, 1.5
+"""Keyframes from which hypotheses are compared, anew when so many times more were taken."""
 _SETTLED = 20
 """From so many keyframes on another start must be clearly likelier: it may end in the same place, and only turn the
 frame a little."""
@@ -216,7 +215,7 @@ def _rigid(known: Learned, scanned: Scanned) -> list[Solved]:
     if turns:
         fixed = unturned(known.pattern.centre(), keyframes.states)
         tried.append(_further(scanned, coarse(scanned, fixed, turns=False)))
-    elif most_whole(keyframes)[1] < _WHOLE and not scanned.across.any():
+    elif not scanned.across.any():
         starts = (keyframes.angled.copy(), _retraced(scanned, turns=True))
         fits = [coarse(scanned, states, turns=True) for states in starts]
         tried.append(_further(scanned, min(fits, key=lambda one: one.error)))

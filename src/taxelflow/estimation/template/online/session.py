@@ -56,7 +56,8 @@ class StreamSession:
         self._touched = bytes(pads)
         self._noise = np.zeros(layout.entries)
         self._squared = np.zeros(layout.entries)
-        self._last = Scan(0.0, self._noise, self._squared, np.full(layout.entries, np.inf), np.zeros(pads, np.bool_))
+        none = self._noise
+        self._last = Scan(0.0, none, self._squared, np.full(layout.entries, np.inf), none, np.zeros(pads, np.bool_))
         self._live = b""  # which taxels are not masked now
         self.notes: list[str] = []
         self._compile()
@@ -87,7 +88,9 @@ class StreamSession:
             variance = self._squared
             if np.count_nonzero(scans.complete[k]) < scans.contact.shape[1]:
                 variance = self._variance(scans.pressure[k], scans.complete[k])
-            self._scan(k, Scan(float(scans.t_s[k]), scans.pressure[k], variance, scans.ceiling, scans.contact[k]), rows)
+            reading = scans.pressure[k]
+            scan = Scan(float(scans.t_s[k]), reading, variance, scans.ceiling, reading, scans.contact[k])
+            self._scan(k, scan, rows)
         return estimates
 
     def finish(self) -> Estimates:

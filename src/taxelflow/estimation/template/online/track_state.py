@@ -136,12 +136,15 @@ class Hand(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """One scan: reading, variance (0 where a reading says nothing) and ceiling (entries,); contact (pads,)."""
+    """One scan: reading, variance (0 where a reading says nothing) and ceiling (entries,), divided by taxels' gains;
+    raw: (entries,), the reading as it is; contact: (pads,).
+    """
 
     t: float
     reading: Floats
     variance: Floats
     ceiling: Floats
+    raw: Floats
     contact: Bools
 
 
@@ -151,6 +154,7 @@ class PadScan(NamedTuple):
     reading: Floats
     variance: Floats
     ceiling: Floats
+    raw: Floats
     places: Floats
     edge: Bools
 

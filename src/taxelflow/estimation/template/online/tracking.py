@@ -14,7 +14,7 @@ from taxelflow.estimation.template.online.residual_process import bring, keep
 from taxelflow.estimation.template.online.track_state import HUBER, Hand, PadScan, Patterns, Scan, Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
-from taxelflow.numerics.centroid import centroid_covariance, loaded_centroid
+from taxelflow.numerics.centroid import centroid_covariance, loaded_centroid, pressure_centre
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import mirror
@@ -69,7 +69,8 @@ def follow(scan: Scan, hand: Hand, maps: Patterns, tracks: Records) -> bool:
         if not scan.contact[pad] or not m.active:
             continue
         own = slice(hand.starts[pad], hand.starts[pad + 1])
-        part = PadScan(scan.reading[own], scan.variance[own], scan.ceiling[own], hand.places[:, own], hand.edge[own])
+        reading, places = scan.reading[own], hand.places[:, own]
+        part = PadScan(reading, scan.variance[own], scan.ceiling[own], scan.raw[own], places, hand.edge[own])
         surface = Surface(maps.patterns[pad], maps.doubts[pad], m.lattice)
         _follow_pad(scan.t, part, hand.delay[own], surface, hand.floor, m, maps.rests[:, own], room)
         fits = fits and m.chi <= gate(m.usual, m.count) and m.probation == 0.0
@@ -85,10 +86,10 @@ def _follow_pad(
     for a in range(STATE):
         last[a] = m.state[a]
     span = t - m.last_t
-    loaded_centroid(scan.reading, scan.variance, scan.places, scan.edge, middle)
+    middle_of(scan, floor, middle)
     if floor > 0.0:
         spread = m.centroid_covariance
-        centroid_covariance(scan.reading, scan.variance, scan.ceiling, scan.places, middle, CELL_ERROR, spread)
+        centroid_covariance(scan.raw, scan.variance, scan.ceiling, scan.places, middle, CELL_ERROR, spread)
     m.cut = m.cut or middle[2] > _CUT
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
     may_turn = m.turn_std == 0.0 and not m.cut and not in_line
@@ -123,6 +124,18 @@ def _follow_pad(
         m.carries = still or m.chi > _REST * m.usual
     _doubt(surface, taxels, level, floor, stiffness, m, room)
     _remember(t, span, last, middle, m)
+
+
+@kernel
+def middle_of(scan: PadScan, floor: float, out: Floats) -> None:
+    """Fill out (5,), see `pressure_centre`, of the readings as they are: a map's error is in the gains, too.
+
+    On a sensor without unseen error, floor 0, only of those that surely are load.
+    """
+    if floor > 0.0:
+        pressure_centre(scan.raw, scan.variance, scan.places, scan.edge, out)
+    else:
+        loaded_centroid(scan.reading, scan.variance, scan.places, scan.edge, out[:4])
 
 
 @lean_kernel
