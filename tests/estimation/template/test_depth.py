@@ -66,7 +66,8 @@ def test_the_slopes_of_the_equations_are_those_of_the_model() -> None:
 
     def model(state: Floats) -> Floats:
         assemble(pattern.surface, readings, state, free, LEVEL, own)
-        return own.model[0].copy()
+        expected: Floats = own.model[0].copy()
+        return expected
 
     model(states)
     slope, seen = own.slope[0].copy(), own.w[0] > 0
