@@ -209,6 +209,29 @@ def test_a_pad_that_sticks_is_blamed_though_its_contact_began_unresolved() -> No
     assert not np.delete(wrong.blamed[35:], 3, axis=1).any()
 
 
+def test_scans_that_are_not_resolved_as_pads_are_pressed_on_do_not_place_the_object() -> None:
+    sensor, random = hand(around(6)), np.random.default_rng(5)
+    X = moved(60, np.zeros(6))
+    X[30:] = moved(30, np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.4]))
+    slips = slips_of(sensor, X)
+    slips.pose[:4] += random.normal(size=slips.pose[:4].shape) * [5e-3, 5e-3, 0.1]  # far beyond their covariance
+    slips.quality[:4] = UNRESOLVED
+    found = fused(sensor, slips)
+    assert np.isnan(found.pose[:4]).all()
+    T = np.array([se3_of(pose[:3], pose[3:]) for pose in found.pose[4:]])
+    assert np.abs(se3_log(se3_inverse(X[4:]) @ T)).max() < 1e-6
+    assert not found.contradicted.any()
+
+
+def test_contacts_that_are_never_resolved_place_the_object_after_a_window() -> None:
+    sensor = hand(around(6))
+    slips = slips_of(sensor, moved(60, np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.4])))
+    slips.quality[:] = UNRESOLVED
+    found = fused(sensor, slips)
+    assert np.isnan(found.pose[:25]).all()
+    assert np.isfinite(found.pose[26:]).all()
+
+
 def test_with_three_pads_nobody_can_be_blamed() -> None:
     sensor = hand(around(3))
     slips = slips_of(sensor, moved(60, np.array([0.02, -0.01, 0.015, 0.0, 0.0, 0.4])), spins=False)

@@ -12,6 +12,7 @@ from taxelflow.estimation.template.bundle_adjustment import information_of
 from taxelflow.estimation.template.centre_of_pressure import witnessed
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.deforming import CHANGES, MEMORY, Moment, follow_changing
+from taxelflow.estimation.template.depth import DEPTH_STD, with_depth
 from taxelflow.estimation.template.map_export import Maps
 from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import Poses, aligned, poses_of
@@ -21,6 +22,7 @@ from taxelflow.messages import AMBIGUOUS, OK, Bools, Estimates, Scans, cut, join
 from taxelflow.numerics.blas import on_one_core
 
 if TYPE_CHECKING:
+    from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
 
@@ -52,6 +54,17 @@ class _Done:
     known: int
     poses: Poses
     t_s: Floats
+
+
+def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> Floats:
+    """(scans, 5, 5), of the states of a solved contact, which the sensor's errors and a tilt of the load blur."""
+    stiffness = scanned.stiffness(
+        turns=solved.turns, gain_std=solved.gain_std, size=DEPTH_STD**-2 if solved.sinks else np.inf
+    )
+    error, level = max(solved.error, unseen_error), scanned.amplitude if solved.sinks else 0.0
+    whole = with_depth(solved.states, solved.depth)
+    information = information_of(solved.pattern, scanned, whole, error, stiffness, level)
+    return without_tilt(information, solved.pattern, scanned, solved.states, error, unseen_error, level)
 
 
 class BatchSession:
@@ -122,11 +135,9 @@ class BatchSession:
         scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], self._delay[own])
         with on_one_core():  # the matrices are too small to share among cores
             whole = scanned.variance.copy()
-            solved = solve_contact(scanned)
-            stiffness = scanned.stiffness(turns=solved.turns, gain_std=solved.gain_std)
-            error = max(solved.error, layout.unseen_error)
-            fitted = (solved.pattern, scanned, solved.states, error)
-            information = without_tilt(information_of(*fitted, stiffness), *fitted, layout.unseen_error)
+            # Where a sensor's faults may be anything, they look like a depth: it is then no better a model.
+            solved = solve_contact(scanned, sinks=not layout.unseen_error)
+            information = _information(solved, scanned, layout.unseen_error)
             moment = Moment(solved.pattern, scanned, solved.states, np.arange(len(scanned)), solved.turns)
             poses, rival = poses_of(solved, scanned, information, pitch_m), solved.rival
             growth = solved.growth

@@ -77,8 +77,9 @@ class Fit:
 class _Linear:
     """The problem, linearised at the present pattern and states."""
 
-    def __init__(self, pattern: Pattern, readings: Readings, fixed: Bools) -> None:
+    def __init__(self, pattern: Pattern, readings: Readings, fixed: Bools, level: float) -> None:
         self.pattern, self.readings, self._free = pattern, readings, np.where(fixed, 0.0, 1.0)
+        self._level = level
         scans, taxels = readings.value.shape
         self.normal = Normal.empty(scans, taxels, pattern.coefficients.size)
         self.smooth = smoothness(pattern.shape)
@@ -86,7 +87,7 @@ class _Linear:
 
     def update(self, states: Floats) -> None:
         """Linearise at states (scans, 5)."""
-        assemble(self.pattern.surface, self.readings, states, self._free, self.normal)
+        assemble(self.pattern.surface, self.readings, states, self._free, self._level, self.normal)
         multiply(self.smooth, self.pattern.shape[1], self.pattern.coefficients.ravel(), self.bent)
 
     def bending(self) -> float:
@@ -136,16 +137,25 @@ class _Best:
         states[:], pattern.coefficients, pattern.smoothing = self.states, self.coefficients, self.smoothing
 
 
-def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, error: float, stiffness: Floats) -> Fit:
+def refine(
+    pattern: Pattern,
+    scanned: Scanned,
+    states: Floats,
+    *,
+    rounds: int,
+    error: float,
+    stiffness: Floats,
+    level: float = 0.0,
+) -> Fit:
     """Improve the pattern and the states (scans, 5), in place; the pattern's smoothing is learned on the way.
 
     error: see `Scanned.with_error`. stiffness: (5,) 1 / variance of each state around 0, of a place around the
-    pad's middle, of the gain around 1; infinite where a state is not to move.
+    pad's middle, of the gain around 1; infinite where a state is not to move. level: see `depth.pressed`.
     The object's frame, which nothing determines, is that in which the mean of the poses stays.
     """
     fixed = np.isinf(stiffness)
     usual, pull = np.array([*scanned.middle, 0.0, 1.0, 0.0]), np.where(fixed, 0.0, stiffness)
-    linear = _Linear(pattern, scanned.with_error(error), fixed)
+    linear = _Linear(pattern, scanned.with_error(error), fixed, level)
     normal = linear.normal
     best, damping = _Best(np.inf, states, pattern.coefficients, pattern.smoothing), 0.0
     parts, diagonal = states_of(states), np.arange(STATE)
@@ -192,10 +202,12 @@ def refine(pattern: Pattern, scanned: Scanned, states: Floats, *, rounds: int, e
     )
 
 
-def information_of(pattern: Pattern, scanned: Scanned, states: Floats, error: float, stiffness: Floats) -> Floats:
+def information_of(
+    pattern: Pattern, scanned: Scanned, states: Floats, error: float, stiffness: Floats, level: float = 0.0
+) -> Floats:
     """(scans, 5, 5), what scans with an error say of their states, the pattern held. Arguments as for `refine`."""
     fixed = np.isinf(stiffness)
-    linear = _Linear(pattern, scanned.with_error(error), fixed)
+    linear = _Linear(pattern, scanned.with_error(error), fixed, level)
     linear.update(states)
     blocks, diagonal = linear.normal.blocks, np.arange(STATE)
     strong = blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)

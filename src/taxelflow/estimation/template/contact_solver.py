@@ -22,14 +22,14 @@ _UNANSWERING_ERROR, _DENIED_ERROR = 0.9, 0.67
 bad fit calls dead is not."""
 
 
-def solve_contact(scanned: Scanned) -> Solved:
+def solve_contact(scanned: Scanned, *, sinks: bool = False) -> Solved:
     """Pattern and poses of all scans of a contact; in `scanned` readings of dead taxels are masked, and the others
-    divided by their gains.
+    divided by their gains. sinks: see `solve`.
     """
-    solved, dead = _without_silent(scanned)
+    solved, dead = _without_silent(scanned, sinks=sinks)
     while len(dead) < _MOST_DEAD:
-        better = _without(scanned, solved, unanswering(scanned, solved.fit), _UNANSWERING_ERROR)
-        better = better or _without(scanned, solved, denied(scanned, solved), _DENIED_ERROR)
+        better = _without(scanned, solved, unanswering(scanned, solved.fit), _UNANSWERING_ERROR, sinks=sinks)
+        better = better or _without(scanned, solved, denied(scanned, solved), _DENIED_ERROR, sinks=sinks)
         if better is None:
             break
         solved = better[0]
@@ -39,27 +39,29 @@ def solve_contact(scanned: Scanned) -> Solved:
     return solved
 
 
-def _without(scanned: Scanned, solved: Solved, taxel: int | None, share: float) -> tuple[Solved, int] | None:
+def _without(
+    scanned: Scanned, solved: Solved, taxel: int | None, share: float, *, sinks: bool
+) -> tuple[Solved, int] | None:
     """A contact solved without a taxel, which is masked, if that leaves at most this share of the error."""
     if taxel is None:
         return None
     kept = scanned.variance[:, taxel].copy()
     scanned.variance[:, taxel] = 0.0
-    without = solve(scanned)
+    without = solve(scanned, sinks=sinks)
     if without.error <= min(share * solved.error, COARSE):
         return without, taxel
     scanned.variance[:, taxel] = kept
     return None
 
 
-def _without_silent(scanned: Scanned) -> tuple[Solved, list[int]]:
+def _without_silent(scanned: Scanned, *, sinks: bool) -> tuple[Solved, list[int]]:
     """A contact solved without taxels that stay silent, and which: those masked whose silence the pattern denies."""
     dead = silent_taxels(scanned)
     variance = scanned.variance[:, dead]
     scanned.variance[:, dead] = 0.0
-    solved = solve(scanned)
+    solved = solve(scanned, sinks=sinks)
     gaps = explained(scanned, variance, solved.pattern, solved.states, dead.tolist())
     if gaps.any():
         scanned.variance[:, dead[gaps]] = variance[:, gaps]
-        solved = solve(scanned)
+        solved = solve(scanned, sinks=sinks)
     return solved, dead[~gaps].tolist()

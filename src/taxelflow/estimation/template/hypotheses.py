@@ -8,15 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
+from taxelflow.estimation.template.depth import DEPTH_STD, take_depth, with_depth
 from taxelflow.estimation.template.initialization import Tracker
 from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
-from taxelflow.estimation.template.observability import sights
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.pose_output import arm_of
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
 from taxelflow.estimation.template.solution import Solved
-from taxelflow.numerics.bspline import STATE, States, in_object, states_of
+from taxelflow.estimation.template.turning import (
+    explains_far_more,
+    keeps_its_angle,
+    turns_steadily,
+    turns_surely,
+    variances_of,
+)
+from taxelflow.numerics.bspline import STATE, in_object, states_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
@@ -39,17 +46,13 @@ _RIVAL = 1.5
 """A hypothesis that leaves up to so many times the error is a rival: faults of the sensor may have decided."""
 _FAR_WORSE = 20.0
 """A start whose coarse fit costs so much more a scan is not refined: that is some twice what a free angle costs."""
-_MOST, _STILL = 0.9, 9.0
-"""An object has not turned if this quantile of its squared turns, over their variances, is below the second."""
-_JERKY = 2.0
-"""Median of the squared second differences of an angle, over their variances, up to which the turn is steady; noise
-alone gives 0.45."""
-SEEN = 4.0
-"""An angle is observable if the pattern shows it so many times better than its own noise seems to."""
 
 
-def solve(scanned: Scanned) -> Solved:
-    """The likeliest of the hypotheses: the object keeps its angle, turns, or stays while its contact grows."""
+def solve(scanned: Scanned, *, sinks: bool = False) -> Solved:
+    """The likeliest of the hypotheses: the object keeps its angle, turns, or stays while its contact grows.
+
+    sinks: whether it may be pressed in more or less, see `depth`.
+    """
     turns = [False] if scanned.across.any() else [False, True]
     tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
     tried += [one for turn in turns for one in grown(scanned, tried[0].states, turns=turn)]
@@ -63,7 +66,31 @@ def solve(scanned: Scanned) -> Solved:
             if len(own) > 1 and own[1][0] <= limit:
                 best.agrees = _agree(best, tried[own[1][1]])
             solved.append(best)
-    return likeliest(solved, scanned)
+    rigid = likeliest(solved, scanned)
+    return _sunk(scanned, solved, rigid) if sinks else rigid
+
+
+def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
+    """The likeliest of all fits, those with a depth among them.
+
+    A depth explains some of what a turn does: an object that turns without it does with it, if its pattern shows that.
+    """
+    deep = _sinking(scanned, solved)
+    best = likeliest([*solved, *deep], scanned)
+    if best.turns or not (best.sinks and rigid.turns):
+        return best
+    turning = [one for one in deep if one.turns and turns_surely(one, scanned)]
+    return replace(turning[0], growth=best.growth) if turning else best
+
+
+def _sinking(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
+    """Fits with a depth of each scan, which begin from those without."""
+    rigid = [one for one in solved if not one.grows] if len(scanned) >= YOUNG else []
+    none = np.zeros(len(scanned))
+    return [
+        refined(scanned, replace(one, pattern=replace(one.pattern), states=one.states.copy(), depth=none))
+        for one in rigid
+    ]
 
 
 def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
@@ -73,7 +100,7 @@ def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
     """
     best = _chosen(solved, scanned)
     near = [one for one in solved if one.error <= _RIVAL * best.error]
-    others = [one for one in near if one.turns != best.turns and one.grows == best.grows]
+    others = [one for one in near if one.turns != best.turns and (one.grows, one.sinks) == (best.grows, best.sinks)]
     if others:
         best = replace(best, rival=_apart(best, min(others, key=lambda one: one.error)))
     grown = [one for one in near if one.grows != best.grows]
@@ -86,10 +113,12 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
     ranked = sorted(solved, key=lambda one: cost(one, scanned))
     best = ranked[0]
     held = [one for one in ranked if not one.turns]
-    free = [one for one in ranked if one.turns and one.grows == best.grows]
-    if best.turns and held and not (_explains_far_more(best, held[0], scanned) or _turns_surely(best, scanned)):
+    free = [one for one in ranked if one.turns and (one.grows, one.sinks) == (best.grows, best.sinks)]
+    if best.turns and held and not (explains_far_more(best, held[0], scanned) or turns_surely(best, scanned)):
         return held[0]
-    return free[0] if not best.turns and free and _keeps_its_angle(free[0], scanned) else best
+    if best.turns or not free:
+        return best
+    return free[0] if keeps_its_angle(free[0], scanned) or turns_steadily(free[0], best, scanned) else best
 
 
 def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
@@ -151,25 +180,32 @@ def refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...] = ROUNDS) -
 
 def _by_its_error(scanned: Scanned, solved: Solved) -> Solved:
     """A fit judged by the error that it leaves, not by the one that it was found with."""
-    size = SIZE_STD**-2 if solved.grows else np.inf
-    stiffness = scanned.stiffness(turns=solved.turns, gain_std=solved.gain_std, size=size)
-    fit = refine(solved.pattern, scanned, solved.states, rounds=0, error=solved.error, stiffness=stiffness)
+    fit = _fit(scanned, solved, rounds=0, error=solved.error)
     return replace(solved, fit=fit)
+
+
+def _fit(scanned: Scanned, start: Solved, *, rounds: int, error: float) -> Fit:
+    """`refine` under the hypothesis of a start, which it improves in place."""
+    size = SIZE_STD**-2 if start.grows else DEPTH_STD**-2 if start.sinks else np.inf
+    stiffness = scanned.stiffness(turns=start.turns, gain_std=start.gain_std, size=size)
+    largest, whole = scanned.amplitude if start.sinks else 0.0, with_depth(start.states, start.depth)
+    fit = refine(start.pattern, scanned, whole, rounds=rounds, error=error, stiffness=stiffness, level=largest)
+    take_depth(whole, start.states, start.depth)
+    return fit
 
 
 def _refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...], *, most_error: float) -> Solved:
     """`refined` with the error bounded."""
-    pattern, states, fit, gain_std = start.pattern, start.states, start.fit, start.gain_std
-    size = SIZE_STD**-2 if start.grows else np.inf
+    own = replace(start, depth=start.depth.copy())
     for most in rounds:
-        learned, error = level(pattern, states, fit), min(learned_error(fit, scanned), most_error)
-        gain_std = learned if len(scanned) >= YOUNG else gain_std
-        stiffness = scanned.stiffness(turns=start.turns, gain_std=gain_std, size=size)
-        scanned.bend(states)
-        fit = refine(pattern, scanned, states, rounds=most, error=error, stiffness=stiffness)
-        if start.grows:
-            centre(pattern, scanned, states)
-    return replace(start, pattern=pattern, states=states, fit=fit, error=learned_error(fit, scanned), gain_std=gain_std)
+        learned, error = level(own.pattern, own.states, own.fit), min(learned_error(own.fit, scanned), most_error)
+        own.gain_std = learned if len(scanned) >= YOUNG else own.gain_std
+        scanned.bend(own.states)
+        own.fit = _fit(scanned, own, rounds=most, error=error)
+        if own.grows:
+            centre(own.pattern, scanned, own.states)
+    own.error = learned_error(own.fit, scanned)
+    return own
 
 
 def _agree(best: Solved, other: Solved) -> Bools:
@@ -213,46 +249,6 @@ def distance(states: Floats, others: Floats, theta: Floats) -> Floats:
     return left
 
 
-def _explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
-    """Whether a turn explains so much that each angle may cost as much as a parameter that all readings determine; and
-    the pattern shows more of it than noise.
-    """
-    return _sight(free, scanned) > 1.0 and cost(free, scanned, dear=True) < cost(held, scanned, dear=True)
-
-
-def _turns_surely(free: Solved, scanned: Scanned) -> bool:
-    """Whether an object that was let turn shows its angle, and turns no more jerkily than noise makes it seem."""
-    variance = _variances(free.fit.information).theta
-    jerk = np.diff(states_of(free.states).theta, 2)
-    noise = variance[:-2] + 4.0 * variance[1:-1] + variance[2:]
-    steady = len(jerk) == 0 or float(np.median(jerk**2 / noise)) < _JERKY
-    return steady and _sight(free, scanned) > SEEN
-
-
-def _keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
-    """Whether an object that was let turn has kept its angle, and its pattern shows that: noise in one seems to."""
-    variance, theta = _variances(free.fit.information).theta, states_of(free.states).theta
-    theta = theta - np.median(theta)
-    return bool(np.quantile(theta**2 / variance, _MOST) < _STILL and _sight(free, scanned) > SEEN)
-
-
-def _sight(free: Solved, scanned: Scanned) -> float:
-    """How much better the pattern shows an angle than its own noise seems to, in the scan that shows it best."""
-    scan = int(np.argmax(_diagonals(free.fit.information).theta))
-    error = max(free.error, COARSE)
-    return float(sights(free.pattern, scanned, free.states, free.fit.factor, scan, error).theta)
-
-
-def _diagonals(matrices: Floats) -> States:
-    """Diagonals of matrices (scans, 5, 5) over states."""
-    return states_of(matrices.diagonal(axis1=1, axis2=2))
-
-
-def _variances(information: Floats) -> States:
-    """Of the states whose information (scans, 5, 5) is given."""
-    return _diagonals(np.asarray(np.linalg.inv(information), np.float64))
-
-
 def start_scan(scanned: Scanned) -> int:
     """The scan to begin with: well loaded, its contact nearest to the pad's centre."""
     load = scanned.load().sum(axis=1)
@@ -265,7 +261,7 @@ def level(pattern: Pattern, states: Floats, fit: Fit) -> float:
 
     Both from the scans that determine theirs best.
     """
-    variance, gains = _variances(fit.information + 1e-9 * np.eye(STATE)).gain, states_of(states).gain
+    variance, gains = variances_of(fit.information + 1e-9 * np.eye(STATE)).gain, states_of(states).gain
     well = variance <= np.quantile(variance, _WELL_KNOWN)
     mean = max(float(np.median(gains[well])), _LEAST_GAIN)
     low, high = np.quantile(gains[well], _SPREAD)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.depth import DEPTH_STD
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.numerics.bspline import states_of
 from taxelflow.numerics.robust import OUTLIER
@@ -20,7 +21,8 @@ _LEAST, _MOST = 1e-3, 0.5
 """Bounds of the error learned; below the first, noise is larger on every sensor known."""
 _LOADED = 0.03
 """Share of a contact's largest reading above which a taxel is in the contact."""
-_FEWEST = 2
+FEWEST = 2
+"""Readings by parameter, at least, for its cost."""
 _HALVINGS = 30
 
 
@@ -61,12 +63,13 @@ def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
     chi = residual[within] ** 2 / variance[within] + np.log(variance[within])
     chi = np.minimum(chi, OUTLIER + np.log(usual))
     gains = float(np.sum((states_of(solved.states).gain - 1.0) ** 2)) / solved.gain_std**2
+    depths = float(np.sum(solved.depth**2)) / DEPTH_STD**2
     count, scans = float(np.count_nonzero(within)), len(scanned)
     states = scans * fit.freed
     own = count if dear else count / scans
     coefficients = max(fit.free - states, 1.0)
-    free = coefficients * np.log(max(count / coefficients, _FEWEST)) + states * np.log(max(own, _FEWEST))
-    return float(chi.sum() + gains + solved.pattern.smoothing * fit.bending + free)
+    free = coefficients * np.log(max(count / coefficients, FEWEST)) + states * np.log(max(own, FEWEST))
+    return float(chi.sum() + gains + depths + solved.pattern.smoothing * fit.bending + free)
 
 
 def touched(scanned: Scanned) -> Bools:

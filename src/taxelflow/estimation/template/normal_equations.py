@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from taxelflow.estimation.template.depth import pressed
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.observations import Readings
 from taxelflow.messages import Floats
@@ -61,16 +62,19 @@ class Normal(NamedTuple):
 
 
 @long_kernel
-def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats, out: Normal) -> None:
-    """Linearise at states (scans, 5). free: (5,), 1 of those that may move, 0 of others."""
+def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats, level: float, out: Normal) -> None:
+    """Linearise at states (scans, 5). free: (5,), 1 of those that may move, 0 of others. level: see `pressed`; where it
+    is not 0, the size of a state is a depth.
+    """
     c, places, nx = surface.c, readings.places, surface.c.shape[1]
-    value = np.empty((places.shape[1], 5))
+    value, at = np.empty((places.shape[1], 5)), np.empty(STATE)
     out.stencil[:], out.right[:], out.blocks[:], out.gradient[:] = 0.0, 0.0, 0.0, 0.0
     for k in range(len(states)):
         first, weight, slope = out.first[k], out.weight[k], out.slope[k]
-        spread(c.shape, surface.lattice, places, states[k], readings.bends[k], first, weight)
-        evaluate(c, surface.lattice, places, states[k], readings.bends[k], value)
-        gain = state_of(states[k]).gain
+        x, y, theta, gain, depth = state_of(states[k])
+        put(State(x, y, theta, gain, 0.0 if level > 0.0 else depth), at)
+        spread(c.shape, surface.lattice, places, at, readings.bends[k], first, weight)
+        evaluate(c, surface.lattice, places, at, readings.bends[k], value)
         out.chi[k] = 0.0
         out.counts[k] = 0
         for i in range(places.shape[1]):
@@ -78,7 +82,8 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
             out.w[k, i] = out.residual[k, i] = out.model[k, i] = 0.0
             if first[i] < 0 or variance == 0.0 or np.isnan(value[i, 0]):
                 continue
-            expected = gain * value[i, 0]
+            added, steeper = pressed(value[i, 0], level)
+            expected = gain * value[i, 0] + depth * added
             difference = reading - expected
             out.model[k, i], out.residual[k, i] = expected, difference
             if reading == 0.0 and expected <= 0.0:  # the sensor clips there
@@ -92,11 +97,13 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
             factor *= huber_weight(z, _HUBER)
             out.w[k, i] = factor
             q, by_x, by_y, by_theta, by_size = value[i]
-            put(State(gain * by_x, gain * by_y, gain * by_theta, q, gain * by_size), slope[i])
+            rise = gain + depth * steeper
+            by_size = added if level > 0.0 else gain * by_size
+            put(State(rise * by_x, rise * by_y, rise * by_theta, q, by_size), slope[i])
             for a in range(STATE):
                 slope[i, a] *= free[a]
             for a in range(KNOTS):
-                weight[i, a] *= gain
+                weight[i, a] *= rise
             add_square(first[i], weight[i], factor, difference, nx, out.stencil, out.right)
             _add_state(slope[i], factor, difference, out.blocks[k], out.gradient[k])
 

@@ -28,7 +28,7 @@ class Solved:
     empty where there was one start. rival: (scans, 2), in pitches, how far from here a hypothesis that explains the
     scans nearly as well puts the object, one that turns where this does not, or the reverse; growth: the same of one
     that grows or does not; each is empty if there is none. dead: taxels that do not answer. gains: (taxels,), by
-    which the readings were divided; empty if they were not.
+    which the readings were divided; empty if they were not. depth: (scans,), see `depth`; empty if there is none.
     """
 
     pattern: Pattern
@@ -43,11 +43,17 @@ class Solved:
     growth: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     dead: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     gains: Floats = field(default_factory=lambda: np.zeros(0))
+    depth: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def kind(self) -> tuple[bool, bool]:
         """The hypothesis."""
         return self.turns, self.grows
+
+    @property
+    def sinks(self) -> bool:
+        """Whether the contact is pressed in more or less."""
+        return len(self.depth) > 0
 
     def rival_variance(self, *, turns: bool) -> float:
         """Variance of x and y, in pitches^2, by `growth`, and by `rival` where a rival that `turns` counts."""

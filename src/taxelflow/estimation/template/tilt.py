@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.depth import pressed
 from taxelflow.numerics.bspline import STATE, evaluate, state_of
 
 if TYPE_CHECKING:
@@ -30,11 +31,18 @@ _LEAST_RADIUS = 0.1
 
 
 def without_tilt(
-    information: Floats, pattern: Pattern, scanned: Scanned, states: Floats, error: float, tilt_std: float
+    information: Floats,
+    pattern: Pattern,
+    scanned: Scanned,
+    states: Floats,
+    error: float,
+    tilt_std: float,
+    level: float = 0.0,
 ) -> Floats:
     """Information (scans, 5, 5) of the states with the tilt of each scan eliminated.
 
-    error: see `Scanned.with_error`. tilt_std: standard deviation of a and b; with 0 nothing changes.
+    error: see `Scanned.with_error`. tilt_std: standard deviation of a and b; with 0 nothing changes. level: see
+    `depth.pressed`; where it is not 0, information is of a depth in place of the size.
     """
     if tilt_std <= 0.0:
         return information
@@ -48,7 +56,8 @@ def without_tilt(
         if np.count_nonzero(seen) < _FEWEST:
             continue
         gain = state_of(state).gain
-        jacobian = np.column_stack([gain * values[seen, 1:4], q[seen], gain * values[seen, 4]])
+        last = gain * values[seen, 4] if not level else np.array([pressed(one, level)[0] for one in q[seen].tolist()])
+        jacobian = np.column_stack([gain * values[seen, 1:4], q[seen], last])
         modes = (gain * q[seen])[:, np.newaxis] * _levers(scanned.places[:, seen], q[seen])
         weighted = modes / readings.variance[k, seen, np.newaxis]
         shared = jacobian.T @ weighted

@@ -31,8 +31,8 @@ from taxelflow.runtime.compiling import routine
 
 _ITERATIONS = 4
 """Steps of Gauss-Newton."""
-_SMALLEST_STEP = 1e-10
-"""In m and rad."""
+_SMALLEST_STEP = 1e-7
+"""In m and rad: the next would be a thousandth of it, or less."""
 _SHARPER = 0.1
 """Variance of a contact's place, over that of its anchor, below which it is anchored anew: while a contact is pressed
 on, its first scans are often not resolved, and what is anchored there would blur all that follow."""

@@ -62,6 +62,7 @@ class SpatialSession:
         self._rules = records(Rules, count)
         self._rules["used"], self._rules["edge_m"] = self._used, edge_doubt * layout.pitch_m
         self._rules["anchor_m"] = edge_doubt * layout.pitch_m.max(axis=1)
+        self._rules["patience_s"], self._rules["since_s"] = window_s, np.nan
 
     def step(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> SpatialMotions:
         """Motion per scan. centroid: (scans, pads, 2), see `Contacts`. texture: without one every pattern is that of

@@ -16,11 +16,15 @@ from taxelflow.runtime.compiling import exact_kernel, routine
 class Rules:
     """Of a pad. used: whether it has a place in space. edge_m: standard deviations that are added along x and y at a
     border to ambiguous poses. anchor_m: the same where a contact is anchored in a scan whose pose is not resolved.
+    patience_s: how long poses that are not resolved are left out, after the last that was or the begin of a contact.
+    since_s: time of that; NaN before any scan.
     """
 
     used: bool
     edge_m: Annotated[Floats, 2]
     anchor_m: float
+    patience_s: float
+    since_s: float
 
 
 class PadSlips(NamedTuple):
@@ -49,7 +53,9 @@ class MotionFields(NamedTuple):
 
 @exact_kernel
 def fill_rows(slips: PadSlips, frames: Floats, rules: Records, first: int, seen: Seen) -> None:
-    """Fill the rows of seen from `first` on. frames: (scans, pads, 4, 4), of the contacts, NaN where unknown."""
+    """Fill the rows of seen, but for their times, from `first` on. frames: (scans, pads, 4, 4), of the contacts, NaN
+    where unknown.
+    """
     for scan in range(len(frames)):
         row = first + scan
         for pad in range(len(rules)):
@@ -58,12 +64,16 @@ def fill_rows(slips: PadSlips, frames: Floats, rules: Records, first: int, seen:
             copy_matrix(frames[scan, pad], seen.frames[row, pad])
             copy_matrix(slips.unobservable[scan, pad], seen.unobservable[row, pad])
             known = held and fill_pose_covariance(slips, scan, pad, rule, seen.covariance[row, pad])
+            resolved = slips.quality[scan, pad] < UNRESOLVED
+            if resolved or not held or np.isnan(rule.since_s):
+                rule.since_s = seen.t_s[row]
             known = known and all_finite(frames[scan, pad], 4)
+            known = known and (resolved or seen.t_s[row] - rule.since_s >= rule.patience_s)
             fill_noise(slips.displacement_covariance[scan, pad], seen.covariance[row, pad], seen.noise[row, pad])
             seen.theta[row, pad] = slips.pose[scan, pad, 2]
             if not slips.turns[scan, pad]:
                 leave_turn(row, pad, seen)
-            loose = rule.anchor_m if slips.quality[scan, pad] >= UNRESOLVED else 0.0
+            loose = 0.0 if resolved else rule.anchor_m
             seen.doubt[row, pad] = loose * loose
             seen.known[row, pad], seen.held[row, pad] = known, held
             seen.kept[row, pad] = held and (np.isfinite(slips.displacement[scan, pad, 0]) or not known)

@@ -1,0 +1,80 @@
+"""Whether the object of a contact turns: what decides between a fit that lets it turn and one that does not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.estimation.template.likelihood import FEWEST, cost, touched
+from taxelflow.estimation.template.observability import sights
+from taxelflow.estimation.template.observations import COARSE
+from taxelflow.numerics.bspline import States, states_of
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.estimation.template.solution import Solved
+    from taxelflow.messages import Floats
+
+_MOST, _STILL = 0.9, 9.0
+"""An object has not turned if this quantile of its squared turns, over their variances, is below the second."""
+_JERKY = 2.0
+"""Median of the squared second differences of an angle, over their variances, up to which the turn is steady; noise
+alone gives 0.45."""
+_STEADY = 12.0
+"""Scans over which an angle that turns steadily is one parameter."""
+_SEEN = 4.0
+"""An angle is observable if the pattern shows it so many times better than its own noise seems to."""
+
+
+def explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
+    """Whether a turn explains so much that each angle may cost as much as a parameter that all readings determine; and
+    the pattern shows more of it than noise.
+    """
+    return _sight(free, scanned) > 1.0 and cost(free, scanned, dear=True) < cost(held, scanned, dear=True)
+
+
+def turns_surely(free: Solved, scanned: Scanned) -> bool:
+    """Whether an object that was let turn shows its angle, and turns no more jerkily than noise makes it seem."""
+    variance = variances_of(free.fit.information).theta
+    jerk = np.diff(states_of(free.states).theta, 2)
+    noise = variance[:-2] + 4.0 * variance[1:-1] + variance[2:]
+    steady = len(jerk) == 0 or float(np.median(jerk**2 / noise)) < _JERKY
+    return steady and _sight(free, scanned) > _SEEN
+
+
+def turns_steadily(free: Solved, held: Solved, scanned: Scanned) -> bool:
+    """Whether angles that follow from those before explain more than none: they cost as few as they are.
+
+    Only of contacts that sink in, whose texture shows an angle: without a turn they lean on their depth.
+    """
+    if not (free.sinks and turns_surely(free, scanned)):
+        return False
+    readings, scans = float(np.count_nonzero(touched(scanned))), len(scanned)
+    saved = scans * float(np.log(max(readings / scans, FEWEST))) - scans  # each of them explains some noise, too
+    few = scans / _STEADY * float(np.log(max(readings, FEWEST)))
+    return cost(free, scanned) - saved + few < cost(held, scanned)
+
+
+def keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
+    """Whether an object that was let turn has kept its angle, and its pattern shows that: noise in one seems to."""
+    variance, theta = variances_of(free.fit.information).theta, states_of(free.states).theta
+    theta = theta - np.median(theta)
+    return bool(np.quantile(theta**2 / variance, _MOST) < _STILL and _sight(free, scanned) > _SEEN)
+
+
+def _sight(free: Solved, scanned: Scanned) -> float:
+    """How much better the pattern shows an angle than its own noise seems to, in the scan that shows it best."""
+    scan = int(np.argmax(_diagonals(free.fit.information).theta))
+    error = max(free.error, COARSE)
+    return float(sights(free.pattern, scanned, free.states, free.fit.factor, scan, error).theta)
+
+
+def _diagonals(matrices: Floats) -> States:
+    """Diagonals of matrices (scans, 5, 5) over states."""
+    return states_of(matrices.diagonal(axis1=1, axis2=2))
+
+
+def variances_of(information: Floats) -> States:
+    """Of the states whose information (scans, 5, 5) is given."""
+    return _diagonals(np.asarray(np.linalg.inv(information), np.float64))
