@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.records import records
+from taxelflow.runtime.blocks import is_block
 from taxelflow.slip.slip_fit import SlipMotion, fit_slip, integrate_slip
-from taxelflow.slip.slip_rows import MOST_ROWS, Progress, Row, hold_scans
+from taxelflow.slip.slip_rows import MOST_ROWS, Progress, Row, hold_block, hold_scans
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -87,7 +88,8 @@ class SlipEvents:
             seen = (slips.pose, slips.covariance, slips.displacement, slips.displacement_covariance)
             times = (slips.t_s, slips.lag_s)
             marks = (slipping, slips.quality)
-            hold_scans(times, seen, marks, chosen, (start, min(stop, len(slips))), self._progress, self._room)
+            hold = hold_block if is_block(len(slips)) else hold_scans
+            hold(times, seen, marks, chosen, (start, min(stop, len(slips))), self._progress, self._room)
 
     def _change(self, pad: int, held: _Held) -> None:
         """Begin or end a slip."""
