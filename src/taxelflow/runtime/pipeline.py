@@ -33,8 +33,8 @@ _ROOM_ENTRIES = 2**17 + 1
 class _Interned(Flags):
     """Options of the function that is being compiled, of which equal ones are one object.
 
-    numba looks up what it has compiled by them, tens of thousands of times, and its own hash is a constant: each look-up
-    compares all options of all that is there.
+    numba looks up by them what it has compiled, tens of thousands of times. Its own hash is a constant, so that each
+    look-up compares all options of all that is there.
     """
 
     __hash__ = object.__hash__
@@ -72,11 +72,10 @@ class KernelCompiler(CompilerBase):
 
     lowering: type = NativeLowering
 
-    def __init__(
-        self, typingctx: Any, targetctx: Any, library: Any, args: Any, return_type: Any, flags: Flags, locals: Any
-    ) -> None:
+    def __init__(self, *arguments: Any) -> None:
         """As numba calls it."""
-        super().__init__(typingctx, targetctx, library, args, return_type, _Options(flags), locals)
+        super().__init__(*arguments)  # type: ignore[no-untyped-call]
+        self.state.flags = _Options(self.state.flags)
 
     def compile_extra(self, func: Any) -> Any:
         """Compile a function, with room for the calls of all passes."""
