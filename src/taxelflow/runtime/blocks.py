@@ -8,5 +8,5 @@ from __future__ import annotations
 
 
 def is_block(scans: int) -> bool:
-    """Whether NumPy works on them. Sessions start with no scan: those of a recording then compile no kernel of streams."""
+    """Whether NumPy works on them. Sessions start with no scan: a recording then compiles no kernel of streams."""
     return scans != 1
