@@ -12,6 +12,7 @@ import numpy as np
 
 from taxelflow.fusion.reference import UNOBSERVABLE_M, UNOBSERVABLE_M_S
 from taxelflow.messages import AMBIGUOUS
+from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import exact_kernel, routine
 from taxelflow.runtime.settled import Settled
 
@@ -57,6 +58,8 @@ class Carrier:
         """What slips are in the hand, with covariances (scans, pads, 2, 2) of place and motion. point: (scans, pads,
         2).
         """
+        if is_block(len(slips)):
+            return carry_block(slips, point, texture, self._home)
         shape, home = slips.contact.shape, self._home
         room = np.empty((4, *shape, 2))
         flags = np.empty((3, *shape), dtype=np.bool_)
@@ -68,6 +71,37 @@ class Carrier:
         marks = (slips.contact, slips.border, slips.quality)
         self._fill(seen, marks, slips.span_s, point, (told, turns, unobservable), home, own, out)
         return out, own[0], own[1]
+
+
+def carry_block(slips: Slips, point: Floats, texture: Texture | None, home: Home) -> tuple[Carried, Floats, Floats]:
+    """`Carrier.step` in NumPy, equal to the bit."""
+    moved = slips.displacement[..., :2]
+    own = np.stack([slips.covariance[..., :2, :2], slips.displacement_covariance[..., :2, :2]])
+    doubt = home.doubt * (slips.border & (slips.quality == AMBIGUOUS)[..., np.newaxis])
+    most = np.fmax.reduce(np.hypot(moved[..., 0], moved[..., 1]), axis=1, initial=0.0)
+    for axis in range(2):
+        own[0, ..., axis, axis] += (doubt[..., axis] * home.pitch[:, axis]) ** 2
+        own[1, ..., axis, axis] += (doubt[..., axis] * most[:, np.newaxis]) ** 2
+    seen = ((slips.displacement, slips.displacement_covariance), (slips.pose, slips.covariance))
+    turn, own_turn = (np.stack([vector[..., 2], matrix[..., 2, 2]], axis=-1) for vector, matrix in seen)
+    if texture is not None:
+        span_s = np.nan_to_num(slips.span_s)[..., np.newaxis, np.newaxis]
+        own[0] += UNOBSERVABLE_M**2 * texture.unobservable
+        own[1] += (UNOBSERVABLE_M_S * span_s) ** 2 * texture.unobservable
+        turn[~texture.turns] = own_turn[~texture.turns] = np.nan
+    place = np.einsum("pij,spj->spi", home.R, point) + home.origin
+    held = slips.contact & home.used
+    told = np.isfinite(place[..., 0]) & held
+    moved = np.einsum("pij,spj->spi", home.R, moved)
+    carried = Carried(place, moved, turn, own_turn, slips.valid & home.used, told, held & (slips.valid | ~told))
+    place_cov, moved_cov = _product(_product(home.R, own), home.R.transpose(0, 2, 1))
+    return carried, place_cov, moved_cov
+
+
+def _product(A: Floats, B: Floats) -> Floats:
+    """Of stacks of matrices (2, 2); `@` is rounded as the machine's library does it."""
+    summed: Floats = A[..., :, 0:1] * B[..., 0:1, :] + A[..., :, 1:] * B[..., 1:, :]
+    return summed
 
 
 @exact_kernel

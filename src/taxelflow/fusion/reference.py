@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
@@ -32,8 +33,32 @@ class Reference:
         turns = slips.contact if texture is None else texture.turns
         point = np.empty(centroid.shape)
         marks = (turns, slips.contact)
-        place_points(slips.pose, texture is not None, marks, np.ascontiguousarray(centroid), self._offset, point)
+        place = place_block if is_block(len(slips)) else place_points
+        place(slips.pose, texture is not None, marks, np.ascontiguousarray(centroid), self._offset, point)
         return point
+
+
+def place_block(
+    pose: Floats, judged: bool, marks: tuple[Bools, Bools], centroid: Floats, offset: Floats, point: Floats
+) -> None:
+    """`place_points` in NumPy."""
+    if not len(pose):
+        return
+    turns, contact = marks
+    told = np.isfinite(pose[..., 2]) & (turns if judged else True)
+    plain = told | ~np.isfinite(centroid[..., 0])
+    own = np.where(plain[..., np.newaxis], 0.0, centroid - pose[..., :2])
+    scan = np.arange(len(pose))[:, np.newaxis]
+    begin = np.maximum.accumulate(np.where(contact, 0, scan + 1), axis=0)  # of the contact
+    posed = np.where(np.isfinite(pose[..., 0]), scan, len(pose))
+    first = np.minimum.accumulate(posed[::-1], axis=0)[::-1]  # scan from each on that has a pose
+    chosen = np.take_along_axis(first, np.minimum(begin, len(pose) - 1), axis=0)
+    own = np.take_along_axis(own, np.minimum(chosen, len(pose) - 1)[..., np.newaxis], axis=0)
+    held = np.isfinite(offset[:, 0]) & (begin == 0)  # from the block before
+    own = np.where(held[..., np.newaxis], offset, own)
+    known = contact & (held | (chosen <= scan))
+    point[...] = pose[..., :2] + np.where(known[..., np.newaxis], own, 0.0)
+    offset[...] = np.where(known[-1, :, np.newaxis], own[-1], np.nan)
 
 
 @kernel

@@ -8,10 +8,11 @@ tuples, array expressions and reports, which kernels do not use.
 
 from __future__ import annotations
 
-from typing import Any
+from types import FunctionType
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase
+from numba.core.compiler import CompilerBase, Flags
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.typed_passes import (
     IRLegalization,
@@ -22,11 +23,63 @@ from numba.core.typed_passes import (
 )
 from numba.core.untyped_passes import FixupArgs, GenericRewrites, IRProcessing, ReconstructSSA, TranslateByteCode
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_ROOM_ENTRIES = 2**17 + 1
+"""Size of a frame, entries of 8 bytes: half of a chunk of 2 MB, of which calls have the other half."""
+
+
+class _Interned(Flags):
+    """Options of the function that is being compiled, of which equal ones are one object.
+
+    numba looks up by them what it has compiled, tens of thousands of times. Its own hash is a constant, so that each
+    look-up compares all options of all that is there.
+    """
+
+    __hash__ = object.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+
+class _Options(Flags):
+    """Options of a function, which its passes may change; the copy that numba takes at the start is interned."""
+
+    _interned: ClassVar[list[_Interned]] = []
+
+    def copy(self) -> _Interned:
+        """The interned options that are equal."""
+        own = self.values()
+        for known in self._interned:
+            if known.values() == own:
+                return known
+        self._interned.append(_Interned(self))
+        return self._interned[-1]
+
+
+def _call(function: Callable[[Any], Any], argument: object) -> Any:
+    return function(argument)
+
+
+_with_room = FunctionType(_call.__code__.replace(co_stacksize=_ROOM_ENTRIES), {})
+"""Calls a function. CPython keeps frames in chunks of 16 kB, and maps and unmaps one whenever a call at the edge of a
+chunk begins and returns. A frame that is larger gets a chunk of a power of two, and calls within it what it leaves."""
+
 
 class KernelCompiler(CompilerBase):
     """The passes of a kernel. `IRLegalization` ends the lives of variables: without it arrays are never freed."""
 
     lowering: type = NativeLowering
+
+    def __init__(self, *arguments: Any) -> None:
+        """As numba calls it."""
+        super().__init__(*arguments)  # type: ignore[no-untyped-call]
+        self.state.flags = _Options(self.state.flags)
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compile a function, with room for the calls of all passes."""
+        return _with_room(super().compile_extra, func)
 
     def define_pipelines(self) -> list[PassManager]:
         """One list of passes; there is no other to fall back to."""

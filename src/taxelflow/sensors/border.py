@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
+from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
@@ -30,7 +31,8 @@ class Boundary:
         """Border flags (scans, pads, 2), which the contact reaches along x and y, and loads (scans, pads), Pa."""
         border = np.zeros((*scans.contact.shape, 2), dtype=np.bool_)
         load = np.empty(scans.contact.shape)
-        mark_border(scans.pressure, scans.noise, scans.contact, *self._edge, border)
+        mark = mark_border_block if is_block(len(scans)) else mark_border
+        mark(scans.pressure, scans.noise, scans.contact, *self._edge, border)
         pad_load(scans.pressure, self._starts, load)
         return border, load
 
@@ -39,6 +41,24 @@ def border_of(layout: Layout) -> tuple[NDArray[np.int64], NDArray[np.int64], Boo
     """What `mark_border` needs of a layout: edge, edge_starts and faces."""
     edge = np.flatnonzero(layout.border.any(axis=1))
     return edge, np.searchsorted(edge, layout.starts), layout.border
+
+
+def mark_border_block(
+    pressure: Floats,
+    noise: Floats,
+    contact: Bools,
+    edge: NDArray[np.int64],
+    edge_starts: NDArray[np.int64],
+    faces: Bools,
+    at_border: Bools,
+) -> None:
+    """`mark_border` in NumPy."""
+    limit = _BORDER_SIGMAS * noise[edge]
+    loaded = (limit > 0.0) & (pressure[:, edge] > limit)
+    for pad in range(len(edge_starts) - 1):
+        own = slice(edge_starts[pad], edge_starts[pad + 1])
+        for axis in range(2):
+            at_border[:, pad, axis] = contact[:, pad] & loaded[:, own][:, faces[edge[own], axis]].any(axis=1)
 
 
 @kernel

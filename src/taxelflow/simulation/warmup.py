@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 _SIDE, _PITCH_M = 8, 0.004
 _RATE_HZ = 50.0
+_ALONE = np.arange(45, 112)
+"""Scans that come alone."""
 _NOISE_PA, _PEAK_PA, _FULL_SCALE_PA = 100.0, 30e3, 200e3
 
 
@@ -42,7 +44,9 @@ def made_up(*, split: bool, space: bool = False) -> Recording:
 
 
 def _read() -> Iterator[RawScans]:
-    """One block of scans; compiling takes the same for any sensor."""
+    """A block of scans, then scan by scan through rest, slip and rest, as kernels of streams and of blocks are
+    others, then the other scans; compiling takes the same for any sensor.
+    """
     idle = [(0.0, 0.0, 0.0)] * 30
     still, slip = [(1.0, 0.0, 0.0)] * 30, [(1.0, 0.3 * k, 0.0) for k in range(20)]
     rest = [(1.0, 6.0, 0.0)] * 25
@@ -53,7 +57,8 @@ def _read() -> Iterator[RawScans]:
     values[45, 27], values[46, 27] = np.nan, _FULL_SCALE_PA
     t_s = np.arange(len(values)) / _RATE_HZ
     t_s[120:] += 2.0
-    yield RawScans(t_s, values)
+    for block in np.split(np.arange(len(values)), _ALONE):
+        yield RawScans(t_s[block], values[block])
 
 
 def _reading(load: float, moved: float, apart: float) -> Floats:

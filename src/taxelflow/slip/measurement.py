@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Annotated
 
 import numpy as np
 
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Bytes, Floats, Slips
 from taxelflow.numerics.records import Records, Vector, record_dtype
+from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.slip.covariance import Covariance
 
@@ -56,6 +58,8 @@ class Observation:
 
 
 _OBSERVATION = record_dtype(Observation)
+_FIELDS = sorted({field.name for field in fields(Slips)} & set(_OBSERVATION.names or ()) - {"t_s"})
+"""What is called the same in both."""
 
 
 class Measurement:
@@ -77,6 +81,12 @@ class Measurement:
 def observations(slips: Slips) -> Records:
     """(scans, pads) records of `Observation`."""
     found = np.empty(slips.contact.shape, dtype=_OBSERVATION)
+    if is_block(len(slips)):
+        found["t_s"] = slips.t_s[:, np.newaxis]
+        found["pose_covariance"] = slips.covariance
+        for name in _FIELDS:
+            found[name] = getattr(slips, name)
+        return found
     seen = (slips.pose, slips.covariance, slips.displacement, slips.displacement_covariance)
     _observe(slips.t_s, slips.contact, seen, (slips.lag_s, slips.load, slips.disturbance), slips.quality, found)
     return found

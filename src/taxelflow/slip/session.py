@@ -9,6 +9,7 @@ import numpy as np
 
 from taxelflow.messages import Bools, Event, Floats, Slips
 from taxelflow.numerics.records import Records, record_dtype, records
+from taxelflow.runtime.blocks import is_block
 from taxelflow.slip.detector import Change, PadState, follow, has_flips
 from taxelflow.slip.measurement import observations
 
@@ -39,7 +40,8 @@ class SlipSession:
         slipping = np.empty(slips.contact.shape, dtype=np.bool_)
         changes = np.empty(slips.contact.shape, dtype=_CHANGE)
         follow(observations(slips), self._parameters, self._states, slipping, changes)
-        if not has_flips(self._contact, slips.contact) and not has_flips(self._slipping, slipping):
+        changing = has_flips_in_block if is_block(len(slips)) else has_flips
+        if not changing(self._contact, slips.contact) and not changing(self._slipping, slipping):
             return slipping, []
         contact = np.concatenate([self._contact, slips.contact])
         slips_now = np.concatenate([self._slipping, slipping])
@@ -61,6 +63,11 @@ class SlipSession:
     def finish(self) -> tuple[Bools, list[Event]]:
         """Nothing is held back."""
         return np.zeros((0, len(self._pads)), dtype=np.bool_), []
+
+
+def has_flips_in_block(last: Bools, flags: Bools) -> bool:
+    """`has_flips` in NumPy."""
+    return bool(len(flags) and ((flags[0] != last[0]).any() or (flags[1:] != flags[:-1]).any()))
 
 
 def _slip_event(t_s: float, pad: str, kind: str, change: Any) -> Event:

@@ -14,14 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.records import records
+from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.settled import Settled
+from taxelflow.slip.cut_contact import Steps, at_velocity, steady_velocity, steps_of
 from taxelflow.slip.slip_fit import SlipMotion, fit_slip, integrate_slip
-from taxelflow.slip.slip_rows import MOST_ROWS, Progress, Row, hold_scans
+from taxelflow.slip.slip_rows import MOST_ROWS, Progress, Row, hold_block, hold_scans
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from taxelflow.messages import Bools, Event, Slips
+    from taxelflow.messages import Bools, Event, Floats, Slips
     from taxelflow.numerics.records import Records
 
 _MIN_POSES = 3
@@ -46,12 +48,19 @@ class SlipEvents:
         self._stream = stream
         self._open: dict[int, _Held] = {}
         """Begins of the slips that go on, by pad."""
+        self._loss: Floats | None = None
+        self._steps: dict[int, list[Steps]] = {}
+        """Of the slips that go on, while there is room for each scan of them."""
         self._progress, self._room = records(Progress, len(pads)), records(Row, len(pads), MOST_ROWS)
         self._held: list[_Held] = []
         self._hold_scans = Settled(hold_scans)
 
-    def step(self, slips: Slips, slipping: Bools, events: list[Event]) -> list[Event]:
-        """Events that are complete, in time order. slipping: (scans, pads). events: of these scans, in time order."""
+    def step(self, slips: Slips, slipping: Bools, events: list[Event], loss: Floats | None = None) -> list[Event]:
+        """Events that are complete, in time order. slipping: (scans, pads). events: of these scans, in time order.
+
+        loss: (scans, pads, 2, 2), see `cut_contact`, of a recording.
+        """
+        self._loss = loss
         if not events:
             if self._open:
                 self._hold(slips, slipping, tuple(self._open), 0, len(slips))
@@ -87,9 +96,18 @@ class SlipEvents:
         chosen = np.array([pad for pad in pads if pad in self._open], dtype=np.int64)
         if len(chosen) and start < min(stop, len(slips)):
             seen = (slips.pose, slips.covariance, slips.displacement, slips.displacement_covariance)
+            self._keep(slips, slipping, chosen.tolist(), start, min(stop, len(slips)))
             times = (slips.t_s, slips.lag_s)
             marks = (slipping, slips.quality)
-            self._hold_scans(times, seen, marks, chosen, (start, min(stop, len(slips))), self._progress, self._room)
+            hold = hold_block if is_block(len(slips)) else self._hold_scans
+            hold(times, seen, marks, chosen, (start, min(stop, len(slips))), self._progress, self._room)
+
+    def _keep(self, slips: Slips, slipping: Bools, pads: list[int], start: int, stop: int) -> None:
+        """Keep the displacements of these scans, up to the last that slips."""
+        for pad in pads:
+            count = int(np.max(np.flatnonzero(slipping[start:stop, pad]), initial=-1)) + 1
+            if self._loss is not None and self._progress["held"][pad] + count < MOST_ROWS:
+                self._steps[pad].append(steps_of(slips, self._loss, pad, start, start + count))
 
     def _change(self, pad: int, held: _Held) -> None:
         """Begin or end a slip."""
@@ -104,6 +122,7 @@ class SlipEvents:
             held.waits = not self._stream
             self._open[pad] = held
             self._progress[pad] = (0, nan, False)
+            self._steps[pad] = []
 
     def _motion(self, pad: int, start: _Held, end_s: float | None) -> SlipMotion:
         """Of a slip from its onset to a time, s; to its last scan if None."""
@@ -115,7 +134,9 @@ class SlipEvents:
         if not progress["lost"] and inside.sum() >= _MIN_POSES:
             known: Records = rows if inside.all() else rows[inside]
             with suppress(np.linalg.LinAlgError):  # a method from elsewhere may give poses without covariance
-                return fit_slip(known["t_s"].copy(), known["pose"].copy(), known["covariance"].copy(), start_s, end_s)
+                motion = fit_slip(known["t_s"].copy(), known["pose"].copy(), known["covariance"].copy(), start_s, end_s)
+                velocity = steady_velocity(self._steps[pad])
+                return motion if velocity is None else at_velocity(motion, velocity)
         return integrate_slip(rows["displacement"], rows["displacement_covariance"], start_s, end_s)
 
     def _complete(self) -> list[Event]:

@@ -25,12 +25,43 @@ class Row:
     displacement_covariance: Annotated[Floats, 3, 3]
 
 
+_SEEN = ("pose", "covariance", "displacement", "displacement_covariance")
+"""Fields of a row that `hold_scans` copies, in its order."""
+
+
 class Progress:
     """Of the slip of a pad. held: rows. last_s: time of its last scan. lost: its poses are in more than one frame."""
 
     held: int
     last_s: float
     lost: bool
+
+
+def hold_block(
+    times: tuple[Floats, Floats],
+    seen: tuple[Floats, Floats, Floats, Floats],
+    marks: tuple[Bools, Bytes],
+    pads: NDArray[np.int64],
+    scans: tuple[int, int],
+    progress: Records,
+    room: Records,
+) -> None:
+    """`hold_scans` in NumPy, while no rows are averaged."""
+    begin, end = scans
+    slipping, quality = marks
+    for pad in pads.tolist():
+        count = int(np.max(np.flatnonzero(slipping[begin:end, pad]), initial=-1)) + 1
+        held = int(progress["held"][pad])
+        if held + count >= MOST_ROWS:
+            hold_scans(times, seen, marks, np.array([pad]), scans, progress, room)
+        elif count:
+            own, rows = slice(begin, begin + count), room[pad, held : held + count]
+            rows["t_s"] = times[0][own] - np.where(np.isnan(times[1][own, pad]), 0.0, times[1][own, pad])
+            for name, array in zip(_SEEN, seen, strict=True):
+                rows[name] = array[own, pad]
+            progress["held"][pad] += count
+            progress["last_s"][pad] = times[0][begin + count - 1]
+            progress["lost"][pad] |= (quality[own, pad] == LOST).any()
 
 
 @kernel

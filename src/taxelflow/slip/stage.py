@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from taxelflow.messages import Bools, Event, Floats, cut, joined
+from taxelflow.slip.cut_contact import BorderLoss
 from taxelflow.slip.measurement import parameter_records
 from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
 from taxelflow.slip.offline import OfflineSlipSession
@@ -60,6 +61,8 @@ class SlipStage:
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
         self._verdict = Verdict(layout)
         self._completed = SlipEvents(pads, stream=stream)
+        self._loss = None if stream else BorderLoss(layout)
+        self._losses: list[Floats] = []  # of scans that are not judged yet
         self._changes: list[PatternChanges] = []
         self._slips: list[Slips] = []  # not judged yet
         self._posed: list[Bools] = []  # slipping by the pose, of scans that are not judged yet
@@ -73,6 +76,8 @@ class SlipStage:
     def see(self, scans: Scans) -> None:
         """Compare the patterns of scans, whose slips follow."""
         self._changes.append(self._watch.step(scans))
+        if self._loss is not None:
+            self._losses.append(self._loss.of(scans))
 
     def step(self, slips: Slips) -> Judged:
         """Judge scans that were seen, which follow those of the last call."""
@@ -105,8 +110,16 @@ class SlipStage:
         self._events = self._events[len(due) :]
         told = Posed(flags[:count], due, self._agreement.step(slips))
         slipping, found = self._verdict.step(slips, told, odds)
-        complete = self._completed.step(slips, slipping, found)
+        complete = self._completed.step(slips, slipping, found, self._lost(count))
         return Judged(slipping, odds.log_odds, [*complete, *self._completed.finish()] if last else complete)
+
+    def _lost(self, count: int) -> Floats | None:
+        """The oldest losses at borders, of so many scans."""
+        if self._loss is None:
+            return None
+        whole = np.concatenate(self._losses)
+        self._losses = [whole[count:]]
+        return whole[:count]
 
     def _taken(self, count: int) -> PatternChanges:
         """The oldest changes, of so many scans."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import OK, QUALITY, Event
+from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
@@ -44,6 +45,28 @@ def pads_of_groups(layout: Layout) -> NDArray[np.int64]:
             own = layout.of_pad(int(pads[0]))
             whole[group] = pads[0] if len(taxels) < own.stop - own.start else -1
     return whole
+
+
+def decide_block(
+    flags: tuple[Bools, Bools, Bools, Bools, Bools],
+    whole: NDArray[np.int64],
+    log_odds: Floats,
+    last: Bools,
+    last_by_odds: Bools,
+    final: Bools,
+    by_odds: Bools,
+) -> bool:
+    """`decide` in NumPy."""
+    slipping, agreed, contact, restless, sure = flags
+    judged = np.where(restless, log_odds > 0.0, slipping)
+    rests = np.zeros_like(final)
+    for pad, part_of in enumerate(whole.tolist()):  # pads come before their groups
+        if part_of >= 0:
+            rests[:, pad] = sure[:, part_of] & ~final[:, part_of]
+        final[:, pad] = (judged[:, pad] | agreed[:, pad]) & contact[:, pad] & ~rests[:, pad]
+    by_odds[...] = restless | agreed | rests
+    changed = final != np.concatenate([last, final])[:-1]
+    return bool((changed & (by_odds | np.concatenate([last_by_odds, by_odds])[:-1])).any())
 
 
 @kernel
@@ -98,7 +121,8 @@ class Verdict:
         events, final, by_odds = posed.events, np.empty_like(posed.slipping), np.empty_like(posed.slipping)
         flags = (posed.slipping, posed.agreed, slips.contact, odds.restless, self._sure(slips))
         last, last_by_odds = self._slipping, self._by_odds
-        changes = decide(flags, self._whole, odds.log_odds, last, last_by_odds, final, by_odds)
+        decide_ = decide_block if is_block(len(slips)) else decide
+        changes = decide_(flags, self._whole, odds.log_odds, last, last_by_odds, final, by_odds)
         self._slipping, self._by_odds = final[-1:], by_odds[-1:]
         if not events and not changes:
             return final, []

@@ -9,6 +9,7 @@ import numpy as np
 from taxelflow.estimation.centroid.records import Estimate, Row, ScanBlock, pads_of
 from taxelflow.messages import Estimates, Floats, Scans, no_scans
 from taxelflow.numerics.records import Records, records, unknown
+from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.runtime.settled import Settled
 
@@ -66,7 +67,9 @@ class CentroidSession:
         pose, displacement = np.empty((2, *rows.shape, 3))
         covariance, displacement_covariance = np.empty((2, *rows.shape, 3, 3))
         span_s, lag_s, disturbance = scalars = np.empty((3, *rows.shape))
-        unpack(rows, pose, covariance, displacement, displacement_covariance, scalars)
+        (unpack_block if is_block(len(rows)) else unpack)(
+            rows, pose, covariance, displacement, displacement_covariance, scalars
+        )
         return Estimates(
             t_s=scans.t_s,
             displacement=displacement,
@@ -88,6 +91,27 @@ def pad_gains(layout: Layout, gain: float, calibrated: Floats | None) -> Floats:
     """(pads, 2): one factor for all, times the calibrated ones (pads, 2) if there are any."""
     factors: Floats = np.full((len(layout.pads), 2), gain) * (1.0 if calibrated is None else calibrated)
     return factors
+
+
+def unpack_block(
+    rows: Records,
+    pose: Floats,
+    covariance: Floats,
+    displacement: Floats,
+    displacement_covariance: Floats,
+    scalars: Floats,
+) -> None:
+    """`unpack` in NumPy."""
+    for estimate, vector, matrix in (
+        (rows["pose"], pose, covariance),
+        (rows["displacement"], displacement, displacement_covariance),
+    ):
+        for a, name in enumerate(("x", "y", "theta")):
+            vector[..., a], matrix[..., a, a] = estimate[name], estimate[f"var_{name}"]
+        for a, b, name in ((0, 1, "cov_xy"), (0, 2, "cov_x_theta"), (1, 2, "cov_y_theta")):
+            matrix[..., a, b] = matrix[..., b, a] = estimate[name]
+    for own, name in zip(scalars, ("span_s", "lag_s", "disturbance"), strict=True):
+        own[...] = rows[name]
 
 
 @kernel
