@@ -71,11 +71,13 @@ def solve(scanned: Scanned, *, sinks: bool = False) -> Solved:
 
 
 def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
-    """The likeliest of all fits, those with a depth among them.
+    """The likeliest of all fits, those with a depth among them that explain far more: each depth costs as much as a
+    parameter that all readings determine, for in a short stroke it may stand for noise.
 
     A depth explains some of what a turn does: an object that turns without it does with it, if its pattern shows that.
     """
-    deep = _sinking(scanned, solved)
+    limit = cost(rigid, scanned, dear=True)
+    deep = [one for one in _sinking(scanned, solved) if cost(one, scanned, dear=True) < limit]
     best = likeliest([*solved, *deep], scanned)
     if best.turns or not (best.sinks and rigid.turns):
         return best
