@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taxelflow import api
-from taxelflow.estimation.template.depth import pressed, take_depth, with_depth
+from taxelflow.estimation.template.depth import pressed, spread_of, take_depth, with_depth
 from taxelflow.estimation.template.hypotheses import covering
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.normal_equations import Normal, assemble
@@ -31,6 +31,14 @@ def test_a_depth_adds_one_pressure_where_the_object_touches_and_none_where_it_do
 def test_its_slope_is_that_of_what_it_adds(q: float) -> None:
     rise = (pressed(q + 1.0, LEVEL)[0] - pressed(q - 1.0, LEVEL)[0]) / 2.0
     assert pressed(q, LEVEL)[1] == pytest.approx(rise, rel=1e-5)
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.05])
+def test_the_spread_of_the_depths_is_what_their_noise_does_not_explain(spread: float) -> None:
+    random = np.random.default_rng(1)
+    std = random.uniform(0.01, 0.02, 2000)
+    depth = spread * random.normal(size=2000) + std * random.normal(size=2000)
+    assert spread_of(depth, std**2) == pytest.approx(max(spread, 0.002), abs=0.004)
 
 
 def test_states_give_their_depth_back() -> None:

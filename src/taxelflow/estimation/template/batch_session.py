@@ -12,7 +12,7 @@ from taxelflow.estimation.template.bundle_adjustment import information_of
 from taxelflow.estimation.template.centre_of_pressure import witnessed
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.deforming import CHANGES, MEMORY, Moment, follow_changing
-from taxelflow.estimation.template.depth import DEPTH_STD, with_depth
+from taxelflow.estimation.template.depth import with_depth
 from taxelflow.estimation.template.map_export import Maps
 from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import Poses, aligned, poses_of
@@ -59,7 +59,7 @@ class _Done:
 def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> Floats:
     """(scans, 5, 5), of the states of a solved contact, which the sensor's errors and a tilt of the load blur."""
     stiffness = scanned.stiffness(
-        turns=solved.turns, gain_std=solved.gain_std, size=DEPTH_STD**-2 if solved.sinks else np.inf
+        turns=solved.turns, gain_std=solved.gain_std, size=solved.depth_std**-2 if solved.sinks else np.inf
     )
     error, level = max(solved.error, unseen_error), scanned.amplitude if solved.sinks else 0.0
     whole = with_depth(solved.states, solved.depth)

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 DEPTH_STD = 0.1
 """Standard deviation of the depth before anything is known, as a share of the contact's largest reading."""
+_LEAST_STD, _WELL_KNOWN = 0.002, 0.6
+"""Least standard deviation that is learned, as a share of it, and quantile of the depths' variances up to which they
+teach it."""
 _IN_PART = 0.06
 """Pressure p, as a share of the contact's largest reading."""
 
@@ -39,6 +42,16 @@ def pressed(q: float, level: float) -> tuple[float, float]:
         return 0.0, 0.0
     left = np.exp(-q / (_IN_PART * level))
     return level * (1.0 - left), left / _IN_PART
+
+
+def spread_of(depth: Floats, variance: Floats) -> float:
+    """Standard deviation of the depths (scans,) beyond what their variances (scans,) explain; of those known best.
+
+    Where depths are noise, the next fit holds them near 0, and poses are those of a fit without any.
+    """
+    well = variance <= np.quantile(variance, _WELL_KNOWN)
+    spread = float(np.mean(depth[well] ** 2) - np.mean(variance[well]))
+    return float(np.sqrt(max(spread, _LEAST_STD**2)))
 
 
 def with_depth(states: Floats, depth: Floats) -> Floats:

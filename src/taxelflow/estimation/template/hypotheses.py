@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
-from taxelflow.estimation.template.depth import DEPTH_STD, take_depth, with_depth
+from taxelflow.estimation.template.depth import spread_of, take_depth, with_depth
 from taxelflow.estimation.template.initialization import Tracker
 from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
@@ -188,7 +188,7 @@ def _by_its_error(scanned: Scanned, solved: Solved) -> Solved:
 
 def _fit(scanned: Scanned, start: Solved, *, rounds: int, error: float) -> Fit:
     """`refine` under the hypothesis of a start, which it improves in place."""
-    size = SIZE_STD**-2 if start.grows else DEPTH_STD**-2 if start.sinks else np.inf
+    size = SIZE_STD**-2 if start.grows else start.depth_std**-2 if start.sinks else np.inf
     stiffness = scanned.stiffness(turns=start.turns, gain_std=start.gain_std, size=size)
     largest, whole = scanned.amplitude if start.sinks else 0.0, with_depth(start.states, start.depth)
     fit = refine(start.pattern, scanned, whole, rounds=rounds, error=error, stiffness=stiffness, level=largest)
@@ -202,6 +202,8 @@ def _refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...], *, most_e
     for most in rounds:
         learned, error = level(own.pattern, own.states, own.fit), min(learned_error(own.fit, scanned), most_error)
         own.gain_std = learned if len(scanned) >= YOUNG else own.gain_std
+        if own.depth.any():
+            own.depth_std = spread_of(own.depth, variances_of(own.fit.information + 1e-9 * np.eye(STATE)).size)
         scanned.bend(own.states)
         own.fit = _fit(scanned, own, rounds=most, error=error)
         if own.grows:
