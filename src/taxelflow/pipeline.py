@@ -230,6 +230,7 @@ class Run:
             self._space.finish()
 
     def _segment_and_estimate(self, scans: Scans) -> Iterator[Output]:
+        scans = _in_rows(scans)
         segmented = self._segment.step(scans)
         self._segmented.append(segmented.contacts)
         self._textures.append(segmented.texture)
@@ -272,6 +273,13 @@ class Run:
         footprint = Footprint(scans.t_s, scans.contact, none.astype(np.bool_), none[..., 0])
         slips, contacts = Slips.of(footprint, Estimates.unknown(scans)), self._segment.step(scans).contacts
         return Output(slips, slips.contact, self._fuse.step(slips, contacts.centroid), [], contacts, none[..., 0])
+
+
+def _in_rows(scans: Scans) -> Scans:
+    """Scans whose pressure is contiguous: kernels of a session are called for the types of its first arrays."""
+    if scans.pressure.flags.c_contiguous:
+        return scans
+    return replace(scans, pressure=np.ascontiguousarray(scans.pressure))
 
 
 def _split(held: list[Block], count: int) -> tuple[Block, list[Block]]:

@@ -57,7 +57,8 @@ class CentroidSession:
             self._noise = noise
             if self._prepare:
                 self._prepared = (*self._constants, self._prepare(noise, self._places, self._pads))
-        block = ScanBlock(scans.t_s, scans.pressure, noise, scans.contact, scans.complete)
+        pressure = np.ascontiguousarray(scans.pressure)
+        block = ScanBlock(scans.t_s, pressure, noise, scans.contact, scans.complete)
         self._kernel(block, self._places, self._pads, *self._prepared, self._memory, rows)
 
     def step(self, scans: Scans) -> Estimates:
