@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from synthetic import dome, grid_sensor
-from taxelflow.api import convert, recording
-from taxelflow.batch.task import estimate_one
+from taxelflow.pipeline.api import convert, recording
+from taxelflow.pipeline.batch.task import estimate_one
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from taxelflow.batch.task import Outcome, Settings
+    from taxelflow.pipeline.batch.task import Outcome, Settings
 
 PALM = grid_sensor(4, 7)
 

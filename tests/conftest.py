@@ -10,7 +10,7 @@ from hypothesis import settings
 
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
-from taxelflow.pipeline import Pipeline
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.runtime.settled import Settled
 from taxelflow.sensors.sensor import Sensor
 from warm import warm_up

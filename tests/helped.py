@@ -9,9 +9,9 @@ import typing
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from taxelflow import registry
 from taxelflow.cli import Command
 from taxelflow.evaluation.design import Design as Sweep
+from taxelflow.runtime import registry
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from taxelflow import api
+from taxelflow.pipeline import api
 
 _SENSOR, _COLUMNS, _RATE_HZ = "barretthand-162", 162, 200.0
 _SHORTEST_S, _LONGEST_S = 0.3, 6.0

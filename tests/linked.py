@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from synthetic import dome
-from taxelflow.api import convert, recording
 from taxelflow.messages import Joints
+from taxelflow.pipeline.api import convert, recording
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from restless import SENSOR, texture, tilt
-from taxelflow import api
+from taxelflow.pipeline import api
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording

@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from synthetic import dome, grid_sensor
-from taxelflow import registry
 from taxelflow.acquire.devices.line import line_of
-from taxelflow.live.command import opened_sinks
-from taxelflow.live.face import Live
-from taxelflow.live.loop import Limits, run_live
 from taxelflow.messages import RawScans
+from taxelflow.pipeline.live.command import opened_sinks
+from taxelflow.pipeline.live.face import Live
+from taxelflow.pipeline.live.loop import Limits, run_live
+from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from taxelflow.live.loop import Report
+    from taxelflow.pipeline.live.loop import Report
     from taxelflow.sensors.sensor import Sensor
 
 PALM = grid_sensor(4, 7)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.estimation.completion import start_slips
 from taxelflow.messages import Bools, Estimates, Floats, Footprint, RawScans, Scans, Slips, cut, joined
+from taxelflow.runtime import registry
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 

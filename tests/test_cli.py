@@ -16,10 +16,10 @@ import pytest
 import taxelflow
 from rigged import refused
 from synthetic import DsaMatrix, dome, dsa_words, dsa_xml, grid_sensor, raw_scans, write_dsa
-from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.cli import main
 from taxelflow.publish.results import read_result
+from taxelflow.runtime import registry
 from taxelflow.sensors import catalogue
 
 if TYPE_CHECKING:

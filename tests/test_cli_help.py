@@ -13,8 +13,8 @@ import pytest
 import taxelflow
 from rigged import refused
 from synthetic import dome, grid_sensor
-from taxelflow.api import convert, recording
 from taxelflow.cli import main
+from taxelflow.pipeline.api import convert, recording
 from taxelflow.publish import terminal
 
 if TYPE_CHECKING:

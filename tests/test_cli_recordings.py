@@ -10,8 +10,8 @@ import pytest
 
 from bagged import write_bag
 from synthetic import dome, grid_sensor, recorded
-from taxelflow.api import convert, recording
 from taxelflow.cli import main
+from taxelflow.pipeline.api import convert, recording
 from taxelflow.sensors.catalogue import load_sensor
 
 Capture = pytest.CaptureFixture[str]

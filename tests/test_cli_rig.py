@@ -8,9 +8,9 @@ import pytest
 
 from rigged import estimated, refused, rigged, strokes_by_both
 from synthetic import assert_same
-from taxelflow.api import read
 from taxelflow.cli import main
 from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency
+from taxelflow.pipeline.api import read
 from taxelflow.simulation.scenario import DESCRIPTIONS, SCENARIOS
 from taxelflow.simulation.simulate import simulate
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from taxelflow import registry
 from taxelflow.cli import main
+from taxelflow.runtime import registry
 from taxelflow.simulation.scenario import SCENARIOS
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -44,7 +44,7 @@ def test_help_imports_no_heavy_library(arguments: list[str]) -> None:
         "taxelflow",
         "taxelflow.cli",
         "taxelflow.errors",
-        "taxelflow.registry",
+        "taxelflow.runtime.registry",
         "taxelflow.acquire.ros.kinds",
         "taxelflow.acquire.columns",
         "taxelflow.simulation.scenario",
@@ -63,7 +63,7 @@ def test_what_the_command_line_is_made_of_imports_no_heavy_library(module: str) 
 
 def test_estimating_needs_neither_scipys_signal_processing_nor_pictures() -> None:
     program = (
-        "import numpy as np\nfrom taxelflow.api import estimate\nfrom taxelflow.acquire.base import Recording\n"
+        "import numpy as np\nfrom taxelflow import estimate\nfrom taxelflow.acquire.base import Recording\n"
         "from taxelflow.sensors.catalogue import load_sensor\nfrom taxelflow.messages import RawScans\n"
         "raw = RawScans(np.arange(30.0), np.ones((30, 162)))\n"
         "estimate(Recording('memory', 'memory', load_sensor('barretthand-162'), lambda: iter([raw])))\n"

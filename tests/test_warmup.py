@@ -16,7 +16,7 @@ from taxelflow import Conditioner, estimator
 from taxelflow.runtime import compiling
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.messages import RawScans
-from taxelflow.pipeline import Pipeline
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.simulation.simulate import simulate
 import numpy as np
 

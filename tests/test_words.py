@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from helped import Help, commands, options
-from taxelflow import registry
+from taxelflow.runtime import registry
 from taxelflow.simulation.scenario import Scenario
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "taxelflow"

@@ -14,9 +14,9 @@ import numpy as np
 
 from browsed import installed_browser, opened
 from rigged import rigged
-from taxelflow import api
 from taxelflow.evaluation.view import Filling
-from taxelflow.pipeline import Pipeline
+from taxelflow.pipeline import api
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.view.history import History
 from taxelflow.publish.view.page import Page
 from taxelflow.publish.view.server import PageServer

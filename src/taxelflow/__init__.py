@@ -8,17 +8,17 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording, Truth
     from taxelflow.acquire.columns import Columns
     from taxelflow.acquire.trajectory import Trajectory, read_trajectory
-    from taxelflow.api import convert, estimate, estimator, read, recording
     from taxelflow.condition.parameters import Conditioner
     from taxelflow.contacts.features import ContactFeatures
     from taxelflow.errors import TaxelflowError
     from taxelflow.estimation.smoothing.parameters import Smoothing
     from taxelflow.evaluation.calibrate import calibrate
     from taxelflow.fusion.parameters import RigidField
-    from taxelflow.live.face import Live
     from taxelflow.messages import Estimates, Event, Motions, RawScans, Scans, Slips
-    from taxelflow.pipeline import Pipeline
-    from taxelflow.result import PadResult, Result
+    from taxelflow.pipeline.api import convert, estimate, estimator, read, recording
+    from taxelflow.pipeline.live.face import Live
+    from taxelflow.pipeline.result import PadResult, Result
+    from taxelflow.pipeline.stages import Pipeline
     from taxelflow.sensors.calibration import Calibration, load_calibration, save_calibration
     from taxelflow.sensors.catalogue import load_sensor
     from taxelflow.sensors.layout import Layout
@@ -40,16 +40,16 @@ _HOME = {
     "Estimates": "messages",
     "Event": "messages",
     "Layout": "sensors.layout",
-    "Live": "live.face",
+    "Live": "pipeline.live.face",
     "Load": "simulation.parameters",
     "Motion": "simulation.parameters",
     "Motions": "messages",
     "Pad": "sensors.pads",
-    "PadResult": "result",
-    "Pipeline": "pipeline",
+    "PadResult": "pipeline.result",
+    "Pipeline": "pipeline.stages",
     "RawScans": "messages",
     "Recording": "acquire.base",
-    "Result": "result",
+    "Result": "pipeline.result",
     "RigidField": "fusion.parameters",
     "SCENARIOS": "simulation.scenario",
     "Scans": "messages",
@@ -64,14 +64,14 @@ _HOME = {
     "Trajectory": "acquire.trajectory",
     "Truth": "acquire.base",
     "calibrate": "evaluation.calibrate",
-    "convert": "api",
-    "estimate": "api",
-    "estimator": "api",
+    "convert": "pipeline.api",
+    "estimate": "pipeline.api",
+    "estimator": "pipeline.api",
     "load_calibration": "sensors.calibration",
     "load_sensor": "sensors.catalogue",
-    "read": "api",
+    "read": "pipeline.api",
     "read_trajectory": "acquire.trajectory",
-    "recording": "api",
+    "recording": "pipeline.api",
     "save_calibration": "sensors.calibration",
     "simulate": "simulation.simulate",
 }

@@ -23,17 +23,18 @@ import tyro
 from docstring_parser import DocstringStyle
 from tyro.conf import Positional
 
-from taxelflow import __version__, registry
+from taxelflow import __version__
 from taxelflow.acquire.options import Recorded
-from taxelflow.batch.command import Batch
-from taxelflow.batch.options import Estimating
 from taxelflow.errors import NameUnknown, OptionsUnknown, RecordingsSeveral, TaxelflowError, written_at
 from taxelflow.evaluation.commands import PARTLY_READ, Bench, Calibrate, Figures, Info, Plot, Score
 from taxelflow.evaluation.control_command import Control
 from taxelflow.evaluation.design_command import Design
 from taxelflow.evaluation.media_commands import Film, Report, View
-from taxelflow.live.command import Record, Run
-from taxelflow.live.emulators.command import Emulate
+from taxelflow.pipeline.batch.command import Batch
+from taxelflow.pipeline.batch.options import Estimating
+from taxelflow.pipeline.live.command import Record, Run
+from taxelflow.pipeline.live.emulators.command import Emulate
+from taxelflow.runtime import registry
 from taxelflow.simulation.command import Simulate
 from taxelflow.simulation.scenario import SCENARIOS
 
@@ -61,11 +62,11 @@ class Estimate(Recorded, Estimating):
 
     def run(self, rest: list[str]) -> int:
         """Read, estimate, write."""
-        from taxelflow import api
+        from taxelflow.pipeline import api
+        from taxelflow.pipeline.result import summarise
         from taxelflow.publish.summary import Totals, to_json
         from taxelflow.publish.tables import Tables
         from taxelflow.publish.terminal import note_on_stderr, progress, say
-        from taxelflow.result import summarise
 
         if further := [word for word in rest if not word.startswith("-") and Path(word).exists()]:
             raise RecordingsSeveral(str(self.recording), *further)
@@ -113,7 +114,7 @@ class Convert(Recorded):
 
     def run(self, _rest: list[str]) -> int:
         """Read, write, print."""
-        from taxelflow import api
+        from taxelflow.pipeline import api
         from taxelflow.publish.terminal import progress
 
         recording = api.read(

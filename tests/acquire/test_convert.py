@@ -14,10 +14,10 @@ from taxelflow.acquire.csv import write_csv
 from taxelflow.acquire.npz import write_npz
 from taxelflow.acquire.parquet import write_parquet
 from taxelflow.acquire.ros.write import write_mcap
-from taxelflow.api import convert, read
 from taxelflow.cli import main
 from taxelflow.errors import FormatUnknown, TimesNotIncreasing
 from taxelflow.messages import RawScans
+from taxelflow.pipeline.api import convert, read
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:

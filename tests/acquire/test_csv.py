@@ -7,8 +7,8 @@ import pytest
 
 from synthetic import grid_sensor
 from taxelflow.acquire.csv import open_csv
-from taxelflow.api import read
 from taxelflow.errors import RecordingCorrupt, SensorNeeded, TaxelCountWrong, TimesNotIncreasing
+from taxelflow.pipeline.api import read
 
 if TYPE_CHECKING:
     from pathlib import Path

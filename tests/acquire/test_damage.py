@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from bagged import write_bag
 from synthetic import DsaMatrix, grid_sensor, recorded, times, write_dsa
-from taxelflow.api import convert, read
 from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTooLarge, TaxelflowError, TopicUnclear
+from taxelflow.pipeline.api import convert, read
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 

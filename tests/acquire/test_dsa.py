@@ -8,8 +8,8 @@ import pytest
 
 from synthetic import DsaMatrix, dsa_words, dsa_xml, grid_sensor, write_dsa
 from taxelflow.acquire.dsa import _elements, open_dsa
-from taxelflow.api import estimate, read
 from taxelflow.errors import RecordingCorrupt, RecordingError, TaxelCountWrong, TimesNotIncreasing
+from taxelflow.pipeline.api import estimate, read
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,8 +11,8 @@ from synthetic import grid_sensor
 from taxelflow.acquire import hdf5
 from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.hdf5 import open_hdf5
-from taxelflow.api import read
 from taxelflow.errors import ExtraMissing, RecordingCorrupt, RecordingTooLarge, SensorNeeded
+from taxelflow.pipeline.api import read
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxelflow import api
 from taxelflow.acquire.joints import asked_joints, joints_of, read_joints
 from taxelflow.errors import RecordingCorrupt
 from taxelflow.messages import Joints
+from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import JointsInvalid
 

@@ -8,8 +8,8 @@ import pytest
 
 from synthetic import grid_sensor, recorded
 from taxelflow.acquire.metadata import texts_of
-from taxelflow.api import convert, read
 from taxelflow.errors import RecordingCorrupt
+from taxelflow.pipeline.api import convert, read
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,8 +7,8 @@ import pytest
 
 from synthetic import grid_sensor
 from taxelflow.acquire.columns import Columns
-from taxelflow.api import convert, read
 from taxelflow.errors import RecordingCorrupt, SensorNeeded, TaxelCountWrong
+from taxelflow.pipeline.api import convert, read
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -13,7 +13,6 @@ from numpy.lib import format as npy
 
 from synthetic import grid_sensor, times
 from taxelflow.acquire.npz import open_npz
-from taxelflow.api import read
 from taxelflow.errors import (
     RecordingCorrupt,
     RecordingError,
@@ -21,6 +20,7 @@ from taxelflow.errors import (
     SensorNeeded,
     TaxelCountWrong,
 )
+from taxelflow.pipeline.api import read
 
 if TYPE_CHECKING:
     from pathlib import Path

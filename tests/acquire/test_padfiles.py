@@ -10,9 +10,9 @@ import pytest
 from synthetic import grid_sensor
 from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.padfiles import open_pads
-from taxelflow.api import read
 from taxelflow.cli import main
 from taxelflow.errors import NameUnknown, ParameterInvalid, RecordingCorrupt, RecordingMissing, SensorNeeded
+from taxelflow.pipeline.api import read
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ import pytest
 from synthetic import grid_sensor
 from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.parquet import open_parquet
-from taxelflow.api import read
 from taxelflow.errors import ExtraMissing, RecordingCorrupt, SensorNeeded, TaxelCountWrong
+from taxelflow.pipeline.api import read
 
 if TYPE_CHECKING:
     from pathlib import Path

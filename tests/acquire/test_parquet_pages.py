@@ -10,8 +10,8 @@ import pytest
 from synthetic import grid_sensor
 from taxelflow.acquire import parquet
 from taxelflow.acquire.parquet_pages import unpacked_pages
-from taxelflow.api import read
 from taxelflow.errors import RecordingError, RecordingTooLarge
+from taxelflow.pipeline.api import read
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,14 +10,14 @@ import pytest
 
 from sheared import sheared
 from synthetic import grid_sensor
-from taxelflow import api
 from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.xela import XelaParser
 from taxelflow.cli import main
 from taxelflow.errors import RecordingCorrupt, SensorFileInvalid, TimesNotIncreasing
-from taxelflow.live.face import Live
 from taxelflow.messages import cut, joined
+from taxelflow.pipeline import api
+from taxelflow.pipeline.live.face import Live
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import pytest
 from synthetic import grid_sensor
 from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.times import is_iso, iso_seconds, read_times
-from taxelflow.api import read
 from taxelflow.errors import ParameterInvalid, RecordingCorrupt
+from taxelflow.pipeline.api import read
 
 if TYPE_CHECKING:
     from pathlib import Path

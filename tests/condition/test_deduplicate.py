@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from logged import PALM, WIDE, deduplicated, logged, noisy_grasp
 from synthetic import conditioned, dome, pieces, raw_scans, recorded
-from taxelflow.api import estimate, read
 from taxelflow.condition.deduplicate import Deduplicator
+from taxelflow.pipeline.api import estimate, read
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from synthetic import assert_same, conditioned, dome, grid_sensor, recorded
-from taxelflow.api import estimate
 from taxelflow.condition.filters import Filters
 from taxelflow.errors import ParameterInvalid
+from taxelflow.pipeline.api import estimate
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

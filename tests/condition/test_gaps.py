@@ -7,8 +7,8 @@ import pytest
 
 from logged import PALM, WIDE, deduplicated, logged, noisy_grasp
 from synthetic import assert_same, conditioned, dome, recorded
-from taxelflow import registry
-from taxelflow.api import estimate
+from taxelflow.pipeline.api import estimate
+from taxelflow.runtime import registry
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

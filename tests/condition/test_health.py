@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from synthetic import conditioned, dome, grid_sensor, recorded
-from taxelflow.api import estimate, read
 from taxelflow.condition.parameters import Conditioner
+from taxelflow.pipeline.api import estimate, read
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 

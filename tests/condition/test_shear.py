@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import dome, grid_sensor
-from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.messages import Bools, cut, joined
+from taxelflow.pipeline import api
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor
 

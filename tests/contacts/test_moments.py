@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import dome, grid_sensor, recorded, scans_of
-from taxelflow.api import estimate, read
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.contacts.moments import FeatureExtractor
+from taxelflow.pipeline.api import estimate, read
 
 if TYPE_CHECKING:
     from pathlib import Path

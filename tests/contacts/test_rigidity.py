@@ -7,10 +7,10 @@ import pytest
 
 from rigged import rigged
 from synthetic import conditioned, dome, grid_sensor
-from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.rigidity import RigidityMonitor
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED, cut
+from taxelflow.pipeline import api
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:

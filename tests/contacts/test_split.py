@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from rigged import rigged
 from synthetic import assert_same, conditioned, dome, grid_sensor, slips_by
 from tabled import hexagonal, table_sensor
-from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.messages import Floats, Scans, joined
+from taxelflow.pipeline import api
 from taxelflow.sensors.sensor import Sensor, with_contacts
 from taxelflow.simulation.simulate import simulate
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from taxelflow.estimation.base import Mode
-    from taxelflow.result import Result
+    from taxelflow.pipeline.result import Result
 
 GRID = grid_sensor(12, 20)
 NOISE = 100.0

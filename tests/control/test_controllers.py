@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow import registry
 from taxelflow.control.agreement import Agreement
 from taxelflow.control.base import Touch
 from taxelflow.control.baselines import CentroidSpeed, Constant, Threshold
@@ -15,6 +14,7 @@ from taxelflow.control.hold import Hold
 from taxelflow.control.motion import LetMove, Pivot, Slid, Slide
 from taxelflow.control.touch import TouchStream
 from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime import registry
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.mujoco.gripper import sensor_of
 from taxelflow.simulation.mujoco.skin import Skin

@@ -10,12 +10,12 @@ import pytest
 
 from rigged import rigged
 from synthetic import assert_same, grid_sensor, pieces, scans_of, slips_by
-from taxelflow import api
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.nees import consistency
 from taxelflow.evaluation.strokes import cut, trial, ungrouped
 from taxelflow.messages import LOST, OK
 from taxelflow.messages import cut as cut_scans
+from taxelflow.pipeline import api
 from taxelflow.sensors.pads import Pad
 from taxelflow.simulation.simulate import simulate
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
     from taxelflow.estimation.base import Mode
     from taxelflow.messages import Bools, Floats, Slips
-    from taxelflow.result import Result
+    from taxelflow.pipeline.result import Result
 
 MODES = ("batch", "stream")
 both_modes = pytest.mark.parametrize("mode", MODES)

@@ -9,8 +9,8 @@ from rigged import rigged
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.evaluation import bound as bounds
 from taxelflow.evaluation.bound import Bound, bound_of
-from taxelflow.geometry import rotation
 from taxelflow.messages import Floats
+from taxelflow.numerics.geometry import rotation
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.scenario import Scenario
 from taxelflow.simulation.simulate import pressures, simulate

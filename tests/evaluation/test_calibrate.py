@@ -8,7 +8,6 @@ import pytest
 
 import taxelflow
 from synthetic import dome, grid_sensor, recorded
-from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.acquire.trajectory import Trajectory
 from taxelflow.cli import main
@@ -17,8 +16,9 @@ from taxelflow.estimation.base import Calibratable
 from taxelflow.estimation.centroid.convolution import Convolution
 from taxelflow.evaluation import gainfit
 from taxelflow.evaluation.calibrate import calibrate, edge_reach
-from taxelflow.geometry import inverse_transform
 from taxelflow.messages import cut, joined
+from taxelflow.numerics.geometry import inverse_transform
+from taxelflow.runtime import registry
 from taxelflow.sensors.calibration import PadCalibration
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import save, simulate

@@ -7,9 +7,9 @@ import pytest
 
 from synthetic import dome, grid_sensor, raw_scans, recorded
 from taxelflow.acquire.base import Recording
-from taxelflow.api import read
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TimesNotIncreasing
 from taxelflow.evaluation.checkup import Checkup, check_up
+from taxelflow.pipeline.api import read
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from rigged import refused
-from taxelflow import registry
 from taxelflow.cli import main
 from taxelflow.evaluation.base import Table, write_tables
+from taxelflow.runtime import registry
 
 if TYPE_CHECKING:
     from pathlib import Path

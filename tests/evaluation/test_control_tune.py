@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from taxelflow import registry
 from taxelflow.cli import main
 from taxelflow.control.baselines import Constant
 from taxelflow.control.hold import Hold
 from taxelflow.errors import GraphicsMissing
 from taxelflow.evaluation.control import TrialRow, cost_of
 from taxelflow.evaluation.control_tune import SPACES, changed, drawn, tune
+from taxelflow.runtime import registry
 from taxelflow.simulation.mujoco.trial import Trial, drawn_in_turn
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from taxelflow.acquire.trajectory import Trajectory
 from taxelflow.errors import GainsUnknown
 from taxelflow.evaluation import gainfit
 from taxelflow.evaluation.gainfit import GainFit, Sightings, fit_gains
-from taxelflow.geometry import inverse_transform
 from taxelflow.messages import Floats
+from taxelflow.numerics.geometry import inverse_transform
 
 PITCH = np.array([0.01, 0.01])
 GAIN = np.array([1.08, 0.94])

@@ -6,12 +6,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from taxelflow.api import conditioned
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.evaluation import hard
 from taxelflow.evaluation.hard import Hard, HardReport
 from taxelflow.evaluation.hard_cases import CASES, INNER_TAXELS, dropped, with_dead
 from taxelflow.evaluation.strokes import trial, ungrouped
+from taxelflow.pipeline.api import conditioned
 from taxelflow.publish.summary import to_json
 from taxelflow.simulation.simulate import simulate
 

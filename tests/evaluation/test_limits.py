@@ -10,14 +10,14 @@ import pytest
 
 from rigged import rigged
 from synthetic import unknown_slips
-from taxelflow import registry
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.evaluation.bound import Bound, bound_of
 from taxelflow.evaluation.limits import Limits, LimitsReport
 from taxelflow.evaluation.pose_errors import Errors, errors_of
-from taxelflow.geometry import transform
 from taxelflow.messages import AMBIGUOUS, LOST, OK, Estimates, Scans, Slips, no_scans
+from taxelflow.numerics.geometry import transform
 from taxelflow.publish.summary import to_json
+from taxelflow.runtime import registry
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ import pytest
 from rigged import refused, rigged, svg_words
 from synthetic import dome, grid_sensor, recorded, scans_of
 from tabled import hexagonal, table_sensor
-from taxelflow import api
 from taxelflow.cli import main
 from taxelflow.evaluation.prediction import Prediction, PredictionReport, _moved, score_recordings
+from taxelflow.pipeline import api
 from taxelflow.simulation.simulate import save
 
 if TYPE_CHECKING:

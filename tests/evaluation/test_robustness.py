@@ -15,8 +15,8 @@ from taxelflow.cli import main
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.evaluation.robustness import PAIRS, SHAPES, Robustness
 from taxelflow.evaluation.robustness_rows import ALL_ROWS, CaseRow, row_of, summaries, with_ratios
-from taxelflow.geometry import transform
 from taxelflow.messages import LOST, NO_POSE, OK, Slips, no_scans
+from taxelflow.numerics.geometry import transform
 from taxelflow.simulation.relief.cases import EFFECTS, PLACES, case
 from taxelflow.simulation.relief.course import follow
 

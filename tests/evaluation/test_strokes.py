@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rigged import rigged
-from taxelflow.api import conditioned
 from taxelflow.evaluation.strokes import bounds, cut, passes, rms_of, slope, strokes_by, trial, ungrouped
+from taxelflow.pipeline.api import conditioned
 from taxelflow.simulation.simulate import simulate
 
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from taxelflow import registry
-from taxelflow.api import conditioned
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.estimation.centroid.convolution import Convolution
 from taxelflow.estimation.centroid.principal_axis import PrincipalAxis
 from taxelflow.evaluation.strokes import PAPER_METHODS, SPEEDS_MM_S, Row, scored_methods, strokes_by
 from taxelflow.evaluation.table1 import PAPER, PaperRow, Table1, Table1Report
 from taxelflow.messages import cut, joined
+from taxelflow.pipeline.api import conditioned
 from taxelflow.publish.summary import to_json
+from taxelflow.runtime import registry
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 

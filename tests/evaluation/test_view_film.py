@@ -9,9 +9,9 @@ import pytest
 from browsed import installed_browser
 from rigged import refused
 from taxelflow.acquire.base import Recording
-from taxelflow.api import convert
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.view_film import Part, film_recording
+from taxelflow.pipeline.api import convert
 
 
 def test_the_scene_of_a_part_of_a_recording_is_filmed(stroke: Recording, tmp_path: Path) -> None:

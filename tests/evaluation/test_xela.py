@@ -10,11 +10,11 @@ import pytest
 
 from rigged import refused
 from synthetic import dome
-from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.evaluation.marked import marked_recordings, open_marked
 from taxelflow.evaluation.xela import Xela, judged, summed
 from taxelflow.messages import OK
+from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ import numpy as np
 
 from taxelflow.fusion.in_hand import Carrier, Home
 from taxelflow.fusion.session import nothing
-from taxelflow.geometry import rotation
+from taxelflow.numerics.geometry import rotation
 
 
 def test_nothing_is_carried_to_nothing() -> None:

@@ -6,8 +6,8 @@ import pytest
 from taxelflow.fusion.in_hand import Carried
 from taxelflow.fusion.pose import Anchor, Body, follow_pose
 from taxelflow.fusion.twist import Equations, Row
-from taxelflow.geometry import transform
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.geometry import transform
 from taxelflow.numerics.records import Records, records, unknown
 
 POINTS = np.array([[-0.08, 0.01], [0.07, 0.02], [0.0, -0.06]])

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from synthetic import assert_same
 from taxelflow.errors import ParameterInvalid
 from taxelflow.fusion.parameters import RigidField
-from taxelflow.geometry import inverse_transform, transform
 from taxelflow.messages import AMBIGUOUS, Floats, Motions, Slips, cut, joined
+from taxelflow.numerics.geometry import inverse_transform, transform
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor

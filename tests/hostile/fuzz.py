@@ -27,8 +27,8 @@ from hostile.files import bag_record, bag_records, mcap, mcap_chunk, mcap_messag
 from synthetic import DsaMatrix, grid_sensor, recorded, write_dsa
 from tabled import GOOD
 from taxelflow.acquire.columns import Columns
-from taxelflow.api import convert, read
 from taxelflow.errors import TaxelflowError
+from taxelflow.pipeline.api import convert, read
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ import pytest
 
 from synthetic import dome, grid_sensor, scans_of, slips_by
 from tabled import arched, hexagonal, square, table_sensor
-from taxelflow import registry
-from taxelflow.api import estimate
 from taxelflow.messages import Floats
+from taxelflow.pipeline.api import estimate
+from taxelflow.runtime import registry
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.simulation.parameters import Contact, Motion, Sensing
 from taxelflow.simulation.scenario import Scenario

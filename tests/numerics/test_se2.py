@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.geometry import rotation
 from taxelflow.messages import Floats
+from taxelflow.numerics.geometry import rotation
 from taxelflow.numerics.se2 import rotate, rotate_back
 from taxelflow.runtime.compiling import kernel
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxelflow import api
 from taxelflow.cli import main
 from taxelflow.errors import ParameterInvalid
+from taxelflow.pipeline import api
 from taxelflow.publish.lerobot import Episode, write_lerobot
 
 pytest.importorskip("pyarrow", reason="pyarrow is not installed: pip install 'taxelflow[tables]'")

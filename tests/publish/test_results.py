@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rigged import strokes_by_both, track
-from taxelflow.api import estimate, read
 from taxelflow.errors import ResultMissing
+from taxelflow.pipeline.api import estimate, read
 from taxelflow.publish.results import read_result
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from mcap.reader import make_reader
 
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.fusion.session import nothing
-from taxelflow.live.mcap_sink import McapSink
-from taxelflow.live.ros2_sink import Ros2Types
 from taxelflow.messages import SpatialMotions
+from taxelflow.pipeline.live.mcap_sink import McapSink
+from taxelflow.pipeline.live.ros2_sink import Ros2Types
 from taxelflow.publish.parquet import ParquetTables
 from taxelflow.publish.sinks.base import Ending, Head, Update
 from taxelflow.publish.sinks.lines import json_lines

@@ -9,7 +9,7 @@ import pytest
 
 import taxelflow
 from synthetic import dome, grid_sensor, recorded
-from taxelflow.api import estimate
+from taxelflow.pipeline.api import estimate
 from taxelflow.publish.summary import to_json
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from synthetic import METHODS
-from taxelflow import registry
-from taxelflow.api import estimate
-from taxelflow.pipeline import Pipeline
+from taxelflow.pipeline.api import estimate
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.tables import CONTACTS, SLIPS, Tables
+from taxelflow.runtime import registry
 
 if TYPE_CHECKING:
     from pathlib import Path

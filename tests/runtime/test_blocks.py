@@ -11,8 +11,8 @@ from taxelflow.estimation.centroid.records import Row
 from taxelflow.estimation.centroid.session import unpack, unpack_block
 from taxelflow.fusion.in_hand import Carrier, Home
 from taxelflow.fusion.reference import place_block, place_points
-from taxelflow.geometry import rotation
 from taxelflow.messages import Slips, Texture, cut
+from taxelflow.numerics.geometry import rotation
 from taxelflow.numerics.records import records, unknown
 from taxelflow.sensors.border import border_of, mark_border, mark_border_block
 from taxelflow.simulation.warmup import made_up

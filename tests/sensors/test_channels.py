@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import grid_sensor, recorded
-from taxelflow.api import read
 from taxelflow.errors import SensorFileInvalid, TaxelCountWrong
 from taxelflow.messages import RawScans
+from taxelflow.pipeline.api import read
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor, sensor_of
 from taxelflow.simulation.parameters import Motion

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tabled import arched, square
-from taxelflow.geometry import rotate
+from taxelflow.numerics.geometry import rotate
 from taxelflow.sensors.flattening import MOST_CURVED, flatten
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taxelflow.errors import ExtraMissing, SensorFileInvalid
-from taxelflow.geometry import se3_exp, se3_log
+from taxelflow.numerics.geometry import se3_exp, se3_log
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import HandModelInvalid, JointsInvalid, joint_angles
 from taxelflow.sensors.kinematics import Kinematics, PadKinematics, angles_of

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from rigged import refused
 from synthetic import grid_sensor
 from tabled import GOOD, parse
-from taxelflow.api import read
 from taxelflow.errors import SensorFileInvalid, TaxelflowError, printable
+from taxelflow.pipeline.api import read
 from taxelflow.sensors.names import safe_name
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from taxelflow.api import read
 from taxelflow.cli import main
+from taxelflow.pipeline.api import read
 from taxelflow.simulation.scenario import SCENARIOS
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from taxelflow.acquire.base import HAND
-from taxelflow.api import read
 from taxelflow.errors import NameUnknown, ParameterInvalid
-from taxelflow.geometry import transform
+from taxelflow.numerics.geometry import transform
+from taxelflow.pipeline.api import read
 from taxelflow.simulation.contact import taxel_pressure
 from taxelflow.simulation.load import state_at
 from taxelflow.simulation.motion import move

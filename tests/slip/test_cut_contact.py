@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rigged import rigged
-from taxelflow import api
 from taxelflow.messages import Floats, no_scans
+from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.simulate import simulate
 from taxelflow.slip.cut_contact import BorderLoss, Steps, Velocity, at_velocity, steady_velocity

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from restless import SENSOR, held, slide, texture, tilt
 from synthetic import grid_sensor, scans_of
-from taxelflow import api
 from taxelflow.messages import cut
+from taxelflow.pipeline import api
 from taxelflow.slip.evidence import GROWTH, log_likelihood_ratio
 from taxelflow.slip.pattern_change import BEFORE_BINS, PatternChanges, PatternWatch
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import pytest
 
-from taxelflow import api
 from taxelflow.messages import RawScans, cut, joined
+from taxelflow.pipeline import api
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

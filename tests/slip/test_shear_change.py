@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from restless import SENSOR, texture
 from sheared import let_go, sheared
 from synthetic import grid_sensor, scans_of
-from taxelflow import api
 from taxelflow.messages import cut
+from taxelflow.pipeline import api
 from taxelflow.slip.pattern_change import PatternWatch
 from taxelflow.slip.shear_change import ShearNoise, spread
 

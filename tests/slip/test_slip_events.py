@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from sliding import RATE_HZ, kinds, slid, slips_of
 from synthetic import pieces
-from taxelflow import api
 from taxelflow.messages import LOST, Event
+from taxelflow.pipeline import api
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 from taxelflow.slip.slip_events import SlipEvents

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from restless import held, slide
-from taxelflow import api
 from taxelflow.estimation.completion import start_slips
 from taxelflow.messages import cut, joined
+from taxelflow.pipeline import api
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
     from taxelflow.estimation.base import Mode
     from taxelflow.messages import Bools, Event, Floats, Slips
-    from taxelflow.result import Result
+    from taxelflow.pipeline.result import Result
 
 both = pytest.mark.parametrize("mode", ["batch", "stream"])
 

@@ -23,7 +23,7 @@ from taxelflow import Conditioner, Live, SlipMonitor
 from taxelflow.acquire.ros.decode import follow
 from taxelflow.acquire.ros.kinds import kind_of
 from taxelflow.acquire.ros.open import columns_of
-from taxelflow.live.loop import update_of
+from taxelflow.pipeline.live.loop import update_of
 from taxelflow.publish.sinks.lines import event_row, json_lines
 
 _USUAL = {

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow import registry
 from taxelflow.acquire.base import Recording
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.control.base import Touch
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import RawScans
-from taxelflow.pipeline import Pipeline
+from taxelflow.pipeline.stages import Pipeline
+from taxelflow.runtime import registry
 from taxelflow.sensors.kinematics import PadKinematics
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Estimator
     from taxelflow.messages import Floats
-    from taxelflow.pipeline import Output
+    from taxelflow.pipeline.stages import Output
     from taxelflow.sensors.sensor import Sensor
 
 _MIRRORED = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0]])

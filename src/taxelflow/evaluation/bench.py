@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, cast
 import msgspec
 import numpy as np
 
-from taxelflow import api
 from taxelflow.acquire.base import Recording
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
@@ -28,7 +27,8 @@ from taxelflow.evaluation.bench_space import space_steps
 from taxelflow.evaluation.bench_throughput import Throughput, throughput
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.messages import RawScans, Scans, cut
-from taxelflow.pipeline import Pipeline
+from taxelflow.pipeline import api
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.tables import Tables
 from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.catalogue import load_sensor
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from taxelflow.estimation.centroid.session import CentroidSession
     from taxelflow.evaluation.base import Table
     from taxelflow.messages import Floats
-    from taxelflow.pipeline import Output
+    from taxelflow.pipeline.stages import Output
 
     Result = TypeVar("Result", bound=Sized)
 

@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from taxelflow import api, registry
 from taxelflow.errors import ExtraMissing
 from taxelflow.estimation.template.online.session import StreamSession
 from taxelflow.evaluation.pairs import needed
 from taxelflow.messages import Scans, cut
+from taxelflow.pipeline import api
+from taxelflow.runtime import registry
 from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.scenario import SCENARIOS, Contact, Motion

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from taxelflow import api
+from taxelflow.pipeline import api
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow import api
 from taxelflow.acquire.joints import asked_joints
 from taxelflow.errors import ExtraMissing
 from taxelflow.fusion.spatial.parameters import SpatialField
 from taxelflow.fusion.spatial.session import SpatialSession
 from taxelflow.messages import cut
+from taxelflow.pipeline import api
 from taxelflow.simulation.grasp import Grasp, simulate_grasp
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, cast
 import msgspec
 import numpy as np
 
-from taxelflow import api
 from taxelflow.estimation.centroid.convolution_kernel import weighted_sums
 from taxelflow.messages import Scans
+from taxelflow.pipeline import api
 from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor

@@ -25,7 +25,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.sparse import bsr_array, csr_array
 
 from taxelflow.errors import NameUnknown, ParameterInvalid
-from taxelflow.geometry import rotation
+from taxelflow.numerics.geometry import rotation
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.load import state_at
 from taxelflow.simulation.motion import move

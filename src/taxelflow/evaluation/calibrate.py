@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow import api, registry
 from taxelflow.acquire.trajectory import Trajectory
 from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Calibratable
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.gainfit import GainFit, Sightings, fit_gains
 from taxelflow.messages import Scans, Slips, joined
+from taxelflow.pipeline import api
+from taxelflow.runtime import registry
 from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
 

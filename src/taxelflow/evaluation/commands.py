@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 from tyro.conf import Positional
 
-from taxelflow import registry
 from taxelflow.acquire.options import Recorded
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import at_least, write_tables
+from taxelflow.runtime import registry
 
 if TYPE_CHECKING:
     from taxelflow.evaluation.base import Score as AnyScore
@@ -56,9 +56,9 @@ class Calibrate(Recorded):
 
     def run(self, _rest: list[str]) -> int:
         """Read, fit, write, print."""
-        from taxelflow import api
         from taxelflow.acquire.trajectory import read_trajectory
         from taxelflow.evaluation.calibrate import calibrate
+        from taxelflow.pipeline import api
         from taxelflow.publish.terminal import show_calibration
         from taxelflow.sensors.calibration import save_calibration
 
@@ -95,9 +95,9 @@ class Info(Recorded):
 
     def run(self, _rest: list[str]) -> int:
         """Read once, count, print."""
-        from taxelflow import api
         from taxelflow.evaluation.checkup import check_up
         from taxelflow.evaluation.checkup_table import show_checkup
+        from taxelflow.pipeline import api
         from taxelflow.publish.summary import to_json
         from taxelflow.publish.terminal import progress
 

@@ -12,12 +12,12 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from taxelflow import api
 from taxelflow.evaluation.base import Table, at_least, unwatched
 from taxelflow.evaluation.cells import caption
 from taxelflow.evaluation.nees import SPANS, Consistency, consistency
 from taxelflow.evaluation.pose_errors import FEWEST, without_frame
 from taxelflow.messages import LOST, OK
+from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import of_second, simulate
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from taxelflow.estimation.base import Estimator, Mode
     from taxelflow.evaluation.base import Cell, Watch
     from taxelflow.messages import Bools, Floats
-    from taxelflow.result import Result
+    from taxelflow.pipeline.result import Result
     from taxelflow.simulation.scenario import Scenario
 
 TWO = ("two-contacts", "two-contacts-meet")

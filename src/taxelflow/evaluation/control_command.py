@@ -8,9 +8,9 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from taxelflow import registry
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.commands import check_csv
+from taxelflow.runtime import registry
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

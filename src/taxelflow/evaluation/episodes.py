@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow import api
 from taxelflow.errors import ParameterInvalid
+from taxelflow.pipeline import api
 from taxelflow.publish.lerobot import Episode, write_lerobot
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from taxelflow import api
 from taxelflow.evaluation.base import at_least, table_of, unwatched
 from taxelflow.evaluation.cells import caption, number, short
+from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from taxelflow.errors import GainsUnknown
-from taxelflow.geometry import rotation, transform
+from taxelflow.numerics.geometry import rotation, transform
 
 if TYPE_CHECKING:
     from taxelflow.acquire.trajectory import Trajectory

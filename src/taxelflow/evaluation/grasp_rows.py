@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 import numpy as np
 
-from taxelflow import api
 from taxelflow.fusion.spatial.parameters import SpatialField
-from taxelflow.geometry import adjoint, se3_inverse, se3_log, se3_of
+from taxelflow.numerics.geometry import adjoint, se3_inverse, se3_log, se3_of
+from taxelflow.pipeline import api
 from taxelflow.simulation.grasp import Grasp, grasp_bound, simulate_grasp
 
 if TYPE_CHECKING:

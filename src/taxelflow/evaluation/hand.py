@@ -14,13 +14,13 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from taxelflow import api
 from taxelflow.evaluation.base import at_least, table_of, unwatched
 from taxelflow.evaluation.bound import modelled
 from taxelflow.evaluation.cells import caption, number, short
 from taxelflow.evaluation.field import SCENES
 from taxelflow.evaluation.grasp_rows import GraspRow, grasp_rows
-from taxelflow.geometry import rotation
+from taxelflow.numerics.geometry import rotation
+from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.motion import move

@@ -13,12 +13,12 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from taxelflow import api
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import at_least, table_of, unwatched
 from taxelflow.evaluation.cells import caption, number, short, solved_by
 from taxelflow.evaluation.hard_cases import CASES
 from taxelflow.evaluation.strokes import SPEEDS_MM_S, bounds, rms_of, strokes_by, trial, ungrouped
+from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.simulation.scenario import Solver
 from taxelflow.simulation.simulate import simulate

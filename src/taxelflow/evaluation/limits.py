@@ -14,7 +14,6 @@ import numpy as np
 from rich.console import Console
 from tyro.conf import Positional
 
-from taxelflow import api, registry
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import Table, at_least, unwatched
@@ -41,7 +40,9 @@ from taxelflow.evaluation.limits_rows import (
 )
 from taxelflow.evaluation.pose_errors import Errors, errors_of
 from taxelflow.evaluation.strokes import ungrouped
+from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime import registry
 from taxelflow.simulation.scenario import SCENARIOS, Solver
 from taxelflow.simulation.simulate import simulate
 

@@ -12,7 +12,7 @@ from taxelflow.estimation.template.parameters import Template
 from taxelflow.evaluation.pose_errors import FEWEST, without_frame
 from taxelflow.evaluation.strokes import ungrouped
 from taxelflow.messages import LOST, OK, joined
-from taxelflow.pipeline import Pipeline
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.runtime.adoption import Late
 from taxelflow.simulation.motion import move
 from taxelflow.simulation.scenario import SCENARIOS, Scenario

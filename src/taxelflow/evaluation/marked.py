@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow import api
 from taxelflow.acquire.columns import Columns
 from taxelflow.errors import RecordingCorrupt, RecordingMissing
+from taxelflow.pipeline import api
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from taxelflow import registry
 from taxelflow.errors import ParameterInvalid, RecordingMissing
+from taxelflow.runtime import registry
 from taxelflow.runtime.turns import quick_turns
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ class View:
         return 0
 
     def _recording(self) -> Recording:
-        from taxelflow import api
+        from taxelflow.pipeline import api
 
         found = api.read(Path(self.shown), self.sensor, topic=self.topic, joints=self.joints)
         return found.with_contacts(self.contacts)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow import api
 from taxelflow.estimation.centroid.paper_reference import convolution_matrix
 from taxelflow.evaluation.base import Watch, unwatched
 from taxelflow.evaluation.field import Field, true_twist
 from taxelflow.evaluation.limits import Limits
 from taxelflow.evaluation.strokes import PAPER_METHODS, Row
 from taxelflow.evaluation.table1 import PaperRow, Table1
+from taxelflow.pipeline import api
 from taxelflow.publish.figures import strokes_of
 from taxelflow.publish.plots.curve import curve_figure, table_figure
 from taxelflow.publish.plots.hand import Moment, at_contacts, field_figure, layout_figure

@@ -15,7 +15,6 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from taxelflow import api
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import Table, at_least, table_of, unwatched
 from taxelflow.evaluation.cells import caption, decimals, short, solved_by
@@ -33,6 +32,7 @@ from taxelflow.evaluation.strokes import (
     strokes_by,
     ungrouped,
 )
+from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.simulation.scenario import Solver
 from taxelflow.simulation.simulate import simulate

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.geometry import rotation
 from taxelflow.messages import LOST, OK
+from taxelflow.numerics.geometry import rotation
 from taxelflow.simulation.motion import move
 
 if TYPE_CHECKING:

@@ -20,13 +20,13 @@ from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.ndimage import shift
 from tyro.conf import Positional
 
-from taxelflow import api
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.template.online.session import StreamSession
 from taxelflow.estimation.template.parameters import Template
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption
 from taxelflow.messages import LOST, OK, cut
+from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:

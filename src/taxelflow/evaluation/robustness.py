@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, get_args
 import msgspec
 from rich.console import Console
 
-from taxelflow import api
 from taxelflow.errors import NameUnknown
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import at_least, table_of, unwatched
 from taxelflow.evaluation.cells import caption, number, short
 from taxelflow.evaluation.robustness_rows import SIMPLE, CaseRow, RobustnessSummary, row_of, summaries, with_ratios
+from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.simulation.relief.cases import EFFECTS, PLACES, Moved, case, sensor_at
 from taxelflow.simulation.relief.parameters import Shape

@@ -18,12 +18,12 @@ import numpy as np
 from rich.console import Console
 from scipy.stats import chi2
 
-from taxelflow import api
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import at_least, table_of, unwatched
 from taxelflow.evaluation.cells import caption, number
 from taxelflow.evaluation.slip_scoring import MODES, NOISE, OBJECTS, Job, Tally, found_by
+from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.slip.parameters import SlipMonitor
 

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow import api
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.oracle import called
 from taxelflow.messages import OK, Event, Slips, joined
+from taxelflow.pipeline import api
 from taxelflow.runtime.compiling import announced
 from taxelflow.simulation.parameters import Contact
 from taxelflow.simulation.scenario import SCENARIOS, Scenario

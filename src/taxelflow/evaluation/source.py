@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import RecordingError
+from taxelflow.pipeline import api
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from taxelflow import api, registry
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.base import unwatched
 from taxelflow.evaluation.bound import bound_of
 from taxelflow.messages import LOST, joined
+from taxelflow.pipeline import api
+from taxelflow.runtime import registry
 from taxelflow.runtime.compiling import announced
 from taxelflow.simulation.scenario import SCENARIOS, Scenario
 

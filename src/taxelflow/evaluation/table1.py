@@ -12,11 +12,11 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from taxelflow import api
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import at_least, table_of, unwatched
 from taxelflow.evaluation.cells import caption, decimals, short, solved_by
 from taxelflow.evaluation.strokes import Row, Stroke, rows_of, run_trials, scored_methods, strokes_by, ungrouped
+from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.simulation.scenario import Solver
 from taxelflow.simulation.simulate import simulate

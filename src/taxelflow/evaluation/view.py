@@ -7,22 +7,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from taxelflow import api, registry
 from taxelflow.acquire.joints import declared_joints
 from taxelflow.errors import TaxelflowError
-from taxelflow.live.face import Live
-from taxelflow.live.loop import Limits, run_live
-from taxelflow.live.view import LiveView
-from taxelflow.pipeline import Pipeline
+from taxelflow.pipeline import api
+from taxelflow.pipeline.live.face import Live
+from taxelflow.pipeline.live.loop import Limits, run_live
+from taxelflow.pipeline.live.view import LiveView
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.view.history import History, Results
 from taxelflow.publish.view.page import Page
+from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.pipeline import Output
+    from taxelflow.pipeline.stages import Output
     from taxelflow.publish.view.server import PageServer
     from taxelflow.sensors.sensor import Sensor
 

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from taxelflow import api
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import Table, Watch, table_of, unwatched
 from taxelflow.evaluation.live_bench import resident_mb
 from taxelflow.evaluation.view import Filling
 from taxelflow.evaluation.view_tab import DEBUGGED, Tab
 from taxelflow.messages import cut
-from taxelflow.pipeline import Pipeline
+from taxelflow.pipeline import api
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.view.browser import BrowserFailed, drawn_by, headless
 from taxelflow.publish.view.history import History, Results
 from taxelflow.publish.view.page import Page

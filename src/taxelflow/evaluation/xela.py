@@ -17,7 +17,6 @@ import numpy as np
 from rich.console import Console
 from tyro.conf import Positional
 
-from taxelflow import api
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.base import Mode
@@ -25,6 +24,7 @@ from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number
 from taxelflow.evaluation.marked import marked_recordings, open_marked
 from taxelflow.messages import OK
+from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from taxelflow.evaluation.base import Table, Watch
     from taxelflow.evaluation.marked import Marked
     from taxelflow.messages import Bools, Floats
-    from taxelflow.result import Result
+    from taxelflow.pipeline.result import Result
 
 Half = Literal["tune", "test"]
 MODES: tuple[Mode, ...] = ("batch", "stream")

@@ -17,8 +17,8 @@ from taxelflow.fusion.in_hand import Carrier, Home
 from taxelflow.fusion.pose import Anchor, Body, follow_pose
 from taxelflow.fusion.reference import Reference
 from taxelflow.fusion.twist import Equations, Row, fuse_twists
-from taxelflow.geometry import rotation
 from taxelflow.messages import Bools, Floats, Motions, Slips, Texture
+from taxelflow.numerics.geometry import rotation
 from taxelflow.numerics.records import records, unknown
 from taxelflow.runtime.settled import Settled
 

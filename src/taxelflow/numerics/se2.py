@@ -1,4 +1,4 @@
-"""Rotations of the plane for kernels, written out; `taxelflow.geometry` has them for whole arrays.
+"""Rotations of the plane for kernels, written out; `taxelflow.numerics.geometry` has them for whole arrays.
 
 cos, sin: of the angle, anticlockwise from the x axis of the outer frame.
 """

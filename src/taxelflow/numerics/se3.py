@@ -1,4 +1,4 @@
-"""Poses and symmetric eigenvalues for kernels, written out; `taxelflow.geometry` has poses for whole arrays."""
+"""Poses and symmetric eigenvalues for kernels, written out; `numerics.geometry` has poses for whole arrays."""
 
 from __future__ import annotations
 

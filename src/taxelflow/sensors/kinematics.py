@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from taxelflow.errors import ExtraMissing
-from taxelflow.geometry import se3_inverse, se3_of
+from taxelflow.numerics.geometry import se3_inverse, se3_of
 from taxelflow.sensors.hand import HandModelInvalid
 
 if TYPE_CHECKING:

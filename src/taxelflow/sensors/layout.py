@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.geometry import transform
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.geometry import transform
 from taxelflow.sensors import triangulation
 from taxelflow.sensors.pad_geometry import geometry_of, patch_taxels
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.geometry import rotate
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.geometry import rotate
 from taxelflow.sensors import triangulation
 from taxelflow.sensors.flattening import flatten
 

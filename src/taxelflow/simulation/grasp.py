@@ -17,8 +17,8 @@ import numpy as np
 
 from taxelflow.acquire.base import Recording
 from taxelflow.errors import ParameterInvalid
-from taxelflow.geometry import se3_exp, se3_inverse
 from taxelflow.messages import Joints, RawScans
+from taxelflow.numerics.geometry import se3_exp, se3_inverse
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import joint_angles
 from taxelflow.sensors.kinematics import PadKinematics, angles_of

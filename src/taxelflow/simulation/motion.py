@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.geometry import rotation
+from taxelflow.numerics.geometry import rotation
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats

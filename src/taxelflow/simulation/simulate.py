@@ -13,8 +13,8 @@ from taxelflow.acquire.base import HAND, Recording, Truth
 from taxelflow.acquire.limits import BLOCK_SCANS
 from taxelflow.acquire.npz import write_npz
 from taxelflow.errors import NameUnknown, ParameterInvalid
-from taxelflow.geometry import inverse_transform
 from taxelflow.messages import RawScans, cut
+from taxelflow.numerics.geometry import inverse_transform
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.contact import taxel_pressure
 from taxelflow.simulation.load import State, state_at

@@ -7,8 +7,8 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_idl, get_typestore
 
 from bagged import PLAIN, ROWS, SDH, SDH_CELLS, message, plain, scans_of, store_of, write_bag, write_mcap_file
-from taxelflow.api import read
 from taxelflow.errors import RecordingCorrupt
+from taxelflow.pipeline.api import read
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,7 +7,7 @@ import pytest
 
 from bagged import EPOCH_S, SCANS, STORAGES, bag_of, plain, scans_of, write_bag
 from taxelflow.acquire.ros.kinds import KINDS, kind_of
-from taxelflow.api import read
+from taxelflow.pipeline.api import read
 from taxelflow.sensors.catalogue import builtin_sensors
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from mcap.writer import CompressionType
 from rosbags.typesys import Stores
 
 from bagged import EPOCH_S, PLAIN, ROWS, message, store_of, write_mcap_file
-from taxelflow.api import read
 from taxelflow.errors import TopicUnclear
+from taxelflow.pipeline.api import read
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,7 +7,6 @@ import pytest
 
 from bagged import EPOCH_S, SCANS, SDH, SDH_CELLS, STORAGES, bag_of, plain, scans_of, write_bag
 from synthetic import grid_sensor
-from taxelflow.api import read
 from taxelflow.errors import (
     ParameterInvalid,
     PitchNeeded,
@@ -16,6 +15,7 @@ from taxelflow.errors import (
     TaxelCountWrong,
     TopicUnclear,
 )
+from taxelflow.pipeline.api import read
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import pytest
 
 from bagged import SDH, SDH_CELLS, plain, scans_of, write_bag
 from taxelflow.acquire.ros.open import open_bag
-from taxelflow.api import read
+from taxelflow.pipeline.api import read
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from bagged import SDH, SDH_CELLS, scans_of, write_bag
-from taxelflow.api import read
 from taxelflow.errors import TopicUnclear
+from taxelflow.pipeline.api import read
 
 if TYPE_CHECKING:
     from pathlib import Path

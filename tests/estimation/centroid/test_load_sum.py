@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import METHODS, assert_same, dome, grid_sensor, pieces, recorded, scans_of, slips_by
-from taxelflow.api import estimate
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.centroid.load_sum import Sum
+from taxelflow.pipeline.api import estimate
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

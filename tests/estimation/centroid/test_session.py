@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from synthetic import dome, grid_sensor, scans_of
-from taxelflow import registry
 from taxelflow.estimation.centroid.session import pad_gains
+from taxelflow.runtime import registry
 
 PALM = grid_sensor(4, 7)
 METHODS = ("lnorm", "convolution", "sum", "principal_axis")

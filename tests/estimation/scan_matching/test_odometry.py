@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthetic import assert_same, dome, grid_sensor, pieces, scans_of, slips_by
-from taxelflow.api import estimate
 from taxelflow.errors import ParameterInvalid
-from taxelflow.geometry import rotation
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
+from taxelflow.numerics.geometry import rotation
+from taxelflow.pipeline.api import estimate
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor
 

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from synthetic import assert_same, grid_sensor, pieces, scans_of, unknown_slips
-from taxelflow.api import estimate
 from taxelflow.cli import main
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.smoothing import session as smoothers
 from taxelflow.estimation.smoothing.parameters import NOTE, Smoothing
 from taxelflow.messages import LOST, OK, Scans, Slips, cut, joined
+from taxelflow.pipeline.api import estimate
 
 if TYPE_CHECKING:
     from pathlib import Path

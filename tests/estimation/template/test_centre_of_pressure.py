@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow import api
 from taxelflow.acquire.base import Recording
 from taxelflow.estimation.template.centre_of_pressure import combine
 from taxelflow.estimation.template.online.witness import carry
 from taxelflow.evaluation.robustness_rows import CaseRow, row_of
 from taxelflow.messages import Floats
+from taxelflow.pipeline import api
 from taxelflow.simulation.relief.cases import PLACES, case, sensor_at
 from taxelflow.simulation.relief.parameters import Pressing
 from taxelflow.simulation.relief.simulate import simulate_relief

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from taxelflow import api
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.dead_taxels import silent_taxels
 from taxelflow.estimation.template.observations import Scanned
+from taxelflow.pipeline import api
 from taxelflow.simulation.relief.cases import PLACES, case, sensor_at
 from taxelflow.simulation.relief.simulate import simulate_relief
 

@@ -6,13 +6,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from taxelflow import api
 from taxelflow.estimation.template.depth import pressed, spread_of, take_depth, with_depth
 from taxelflow.estimation.template.hypotheses import covering
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.normal_equations import Normal, assemble
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.messages import Floats
+from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.simulation.relief.parameters import Course, Object, Pressing, SensorFaults, Skin

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rigged import rigged
-from taxelflow import api
 from taxelflow.evaluation.strokes import strokes_by, trial, ungrouped
+from taxelflow.pipeline import api
 from taxelflow.simulation.simulate import simulate
 
 

@@ -8,13 +8,13 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from synthetic import grid_sensor, recorded
-from taxelflow import api
 from taxelflow.estimation.template import map_export as mapped
+from taxelflow.pipeline import api
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
     from taxelflow.messages import Floats, LearnedPattern
-    from taxelflow.result import Result
+    from taxelflow.pipeline.result import Result
 
 SENSOR = grid_sensor(12, 10, pitch_m=(0.004, 0.004))
 NOISE = 200.0

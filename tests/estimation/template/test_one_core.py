@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from taxelflow.api import estimate, estimator
 from taxelflow.estimation.template import warmup
 from taxelflow.numerics import banded, blas
+from taxelflow.pipeline.api import estimate, estimator
 
 if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rigged import rigged
-from taxelflow import api
 from taxelflow.evaluation.nees import consistency
 from taxelflow.evaluation.pose_errors import without_frame
 from taxelflow.messages import OK
+from taxelflow.pipeline import api
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:

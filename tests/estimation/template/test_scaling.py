@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from rigged import rigged
-from taxelflow import api
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.scaling import may_have_grown
 from taxelflow.messages import OK
+from taxelflow.pipeline import api
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
     from taxelflow.messages import Floats
-    from taxelflow.result import Result
+    from taxelflow.pipeline.result import Result
 
 
 def seen(mode: Mode = "batch", rate_hz: float = 30.0, after_s: float = 0.0, **changes: object) -> tuple[Floats, Floats]:

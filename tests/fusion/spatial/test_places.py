@@ -10,8 +10,8 @@ import pytest
 
 from linked import carried, linked_hand
 from taxelflow.acquire.joints import asked_joints, joints_of
-from taxelflow.api import convert, read, recording
 from taxelflow.cli import main
+from taxelflow.pipeline.api import convert, read, recording
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import JointsInvalid
 

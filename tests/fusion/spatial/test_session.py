@@ -8,8 +8,8 @@ from synthetic import assert_same
 from taxelflow.errors import ParameterInvalid
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.fusion.spatial.parameters import SpatialField
-from taxelflow.geometry import adjoint, se3_exp, se3_inverse, se3_log, se3_of
 from taxelflow.messages import UNRESOLVED, Floats, Slips, SpatialMotions, cut, joined
+from taxelflow.numerics.geometry import adjoint, se3_exp, se3_inverse, se3_log, se3_of
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 
@@ -308,7 +308,7 @@ def test_a_twist_in_another_frame_is_the_adjoint() -> None:
 
 
 def _quaternion(R: Floats) -> Floats:
-    from taxelflow.geometry import quaternion_of
+    from taxelflow.numerics.geometry import quaternion_of
 
     return quaternion_of(R)
 

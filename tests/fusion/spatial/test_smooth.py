@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from taxelflow import api
 from taxelflow.acquire.base import Recording
-from taxelflow.geometry import quaternion_of
 from taxelflow.messages import Floats, RawScans, SpatialMotions
+from taxelflow.numerics.geometry import quaternion_of
+from taxelflow.pipeline import api
 from taxelflow.publish.spatial import in_words
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor

@@ -11,7 +11,7 @@ from taxelflow.control.hold import Hold
 from taxelflow.errors import ExtraMissing, GraphicsMissing, ParameterInvalid
 from taxelflow.evaluation.control import Course
 from taxelflow.evaluation.control_film import film_course
-from taxelflow.geometry import se3_inverse
+from taxelflow.numerics.geometry import se3_inverse
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.simulation.mujoco.barrett import BarrettHand
 from taxelflow.simulation.mujoco.events import G_M_S2, LIFT_S, Happening

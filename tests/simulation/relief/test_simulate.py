@@ -8,9 +8,9 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from taxelflow import api
 from taxelflow.errors import NameUnknown
 from taxelflow.messages import Floats
+from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.relief.cases import EFFECTS, PLACES, Moved, case, sensor_at
 from taxelflow.simulation.relief.course import follow

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.geometry import transform
+from taxelflow.numerics.geometry import transform
 from taxelflow.publish.plots.outlines import outlines
 from taxelflow.publish.plots.style import BLUE, GREY, INK, MAGENTA, VERMILION, caption, plain
 

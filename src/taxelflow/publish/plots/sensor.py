@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.geometry import transform
+from taxelflow.numerics.geometry import transform
 from taxelflow.publish.plots.outlines import extent_mm, outlines
 from taxelflow.publish.plots.style import BLUE, GREY, INK, MAGENTA, VERMILION, caption, plain
 from taxelflow.sensors.triangulation import nearest_m

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.geometry import rotation, transform
+from taxelflow.numerics.geometry import rotation, transform
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

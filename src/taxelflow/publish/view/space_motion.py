@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.geometry import hat, se3_of
+from taxelflow.numerics.geometry import hat, se3_of
 from taxelflow.publish.spatial import basis_of
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from taxelflow.geometry import quaternion_of, se3_of
+from taxelflow.numerics.geometry import quaternion_of, se3_of
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.kinematics import model_text
 from taxelflow.simulation.mujoco.camera import View

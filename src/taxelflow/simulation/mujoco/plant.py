@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from taxelflow.errors import ExtraMissing, ParameterInvalid
-from taxelflow.geometry import se3_inverse
+from taxelflow.numerics.geometry import se3_inverse
 from taxelflow.simulation.mujoco.scene import TIMESTEP_S
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import numpy as np
 from taxelflow.acquire.base import Recording, Truth
 from taxelflow.acquire.limits import BLOCK_SCANS
 from taxelflow.errors import NameUnknown
-from taxelflow.geometry import rotation
 from taxelflow.messages import RawScans, cut
+from taxelflow.numerics.geometry import rotation
 from taxelflow.simulation.relief.balance import Sites, depths, pressure_at, settle
 from taxelflow.simulation.relief.body import body_of
 from taxelflow.simulation.relief.course import follow

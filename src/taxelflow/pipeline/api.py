@@ -1,0 +1,219 @@
+"""The Python face: `read` a recording, `estimate` its motion, get typed arrays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from inspect import signature
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from taxelflow.acquire.base import Reading, Recording
+from taxelflow.acquire.columns import Columns
+from taxelflow.acquire.joints import asked_joints
+from taxelflow.condition.parameters import Conditioner
+from taxelflow.contacts.features import ContactFeatures
+from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingCorrupt, RecordingMissing, written_at
+from taxelflow.estimation.smoothing.parameters import Smoothing
+from taxelflow.messages import RawScans, Scans, joined
+from taxelflow.pipeline.result import Result, summarise
+from taxelflow.pipeline.stages import Pipeline
+from taxelflow.publish.summary import Totals
+from taxelflow.runtime import registry
+from taxelflow.runtime.compiling import announced
+from taxelflow.sensors.calibration import Calibration, load_calibration
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.sensor import Sensor
+from taxelflow.slip.parameters import SlipMonitor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from taxelflow.estimation.base import Estimator, Mode
+
+_BAG_DIRECTORY = "metadata.yaml"
+"""What makes a directory a ROS 2 bag; the registry knows its reader by this name."""
+_PADS_DIRECTORY = "folder"
+"""Name of the reader of a directory with one file per pad."""
+
+
+def read(
+    path: str | Path,
+    sensor: str | Path | Sensor | None = None,
+    *,
+    topic: str | None = None,
+    columns: Columns | None = None,
+    joints: str | None = None,
+) -> Recording:
+    """Open a recording; its scans are read when asked for.
+
+    sensor: a built-in name, a TOML file or a `Sensor`, for formats that carry no layout or to replace theirs.
+    topic: which one of a bag. columns: how a csv, text or Parquet file is laid out, if not as usual. Raises
+    RecordingMissing, FormatUnknown, SensorNeeded, TopicUnclear, RecordingCorrupt, TaxelCountWrong, NameUnknown,
+    ParameterInvalid, ExtraMissing.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if (path / _BAG_DIRECTORY).is_file():
+        suffix = _BAG_DIRECTORY
+    elif path.is_dir() and sensor is not None:
+        suffix = _PADS_DIRECTORY
+    elif not path.is_file():
+        raise RecordingMissing(path)
+    if suffix not in registry.names("reader"):
+        raise FormatUnknown(path, registry.names("reader"))
+    if path.is_file() and not path.stat().st_size:
+        raise RecordingCorrupt(path, "the file is empty", "record or copy it again")
+    if sensor is not None and not isinstance(sensor, Sensor):
+        sensor = load_sensor(str(sensor))
+    if suffix == _PADS_DIRECTORY and not (
+        (columns and columns.pads) or (sensor and any(pad.files for pad in sensor.pads))
+    ):
+        raise RecordingMissing(path)
+    opener = registry.find("reader", suffix)
+    asked = {name: value for name, value in {"topic": topic, "columns": columns}.items() if value is not None}
+    for name in asked.keys() - signature(opener).parameters.keys():
+        seen = columns.changed() if columns is not None and name == "columns" else asked[name]
+        raise ParameterInvalid(name, seen, f"be left out for {suffix} recordings: it has no meaning there")
+    recording = cast("Recording", opener(path, sensor, **asked))
+    return recording if joints is None else replace(recording, joints=asked_joints(joints, recording.sensor))
+
+
+def recording(
+    t_s: ArrayLike,
+    values: ArrayLike,
+    sensor: str | Path | Sensor,
+    *,
+    masked: Sequence[int] = (),
+    shear: ArrayLike | None = None,
+) -> Recording:
+    """A recording from arrays.
+
+    t_s: (scans,), s, increasing. values: (scans, taxels) in the sensor's unit and the order of its layout, NaN where
+    missing, or (scans, rows, cols) of a sensor that is one full grid. sensor: a built-in name, a plain grid such as
+    `grid:16x16@4mm,kPa`, a TOML file or a `Sensor`. masked: numbers of taxels that are switched off. shear: (scans,
+    taxels, 2) or (scans, rows, cols, 2) of a three-axis sensor, along x (right) and y (up) of the pad, same unit.
+    Raises RecordingCorrupt, TaxelCountWrong, NameUnknown, SensorFileInvalid, ParameterInvalid.
+    """
+    chosen = sensor if isinstance(sensor, Sensor) else load_sensor(str(sensor))
+    found = Recording.of_arrays(t_s, values, chosen, shear=shear)
+    off = np.zeros(chosen.layout.taxels, dtype=np.bool_)
+    for taxel in masked:
+        if not 0 <= taxel < len(off):
+            raise ParameterInvalid("masked", taxel, f"hold numbers from 0 to {len(off) - 1}")
+        off[taxel] = True
+    return replace(found, masked=off)
+
+
+def convert(
+    recording: Recording,
+    path: str | Path,
+    watched: Callable[[Iterable[RawScans]], Iterable[RawScans]] = iter,
+) -> Reading:
+    """Write a recording as another format, by suffix: .npz, .parquet and .mcap carry sensor, mask and truth, .csv not.
+
+    Scans stay as the sensor sent them, to the bit; repeated stamps are dropped. The file is there whole or not at all.
+    The pass over the recording is given back: it counts scans and holds what was lost. `watched` may show progress.
+    Raises FormatUnknown, ExtraMissing and what reading raises.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in registry.names("writer"):
+        raise FormatUnknown(path, registry.names("writer"), "writer")
+    write = registry.find("writer", path.suffix.lower())
+    part = path.with_name(path.name + ".part")
+    reading = recording.source_blocks()
+    try:
+        with written_at(path):
+            write(recording, part, watched(reading))
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    return reading
+
+
+def segmented(recording: Recording, conditioner: Conditioner | None = None) -> Iterator[Scans]:
+    """Blocks of scans as an estimator gets them in a batch: conditioned, contacts split."""
+    conditioner = conditioner or Conditioner()
+    with announced():
+        session = conditioner.start(recording.sensor, recording.masked, recording.blocks())
+        split = bool((recording.layout.contact_of >= 0).any())
+        limits = conditioner.contact_on, conditioner.contact_off
+        contacts = ContactFeatures().start(recording.sensor, *limits) if split else None
+    for scans in chain(chain.from_iterable(map(session.step, recording.blocks())), session.finish()):
+        yield scans if contacts is None else contacts.step(scans).scans
+
+
+def conditioned(recording: Recording) -> Scans:
+    """All scans of `segmented` in memory."""
+    return joined(list(segmented(recording)))
+
+
+def estimator(method: str, **parameters: Any) -> Estimator:
+    """An estimator by name, such as `lnorm` or `convolution`. Raises NameUnknown, ParameterInvalid."""
+    kind = registry.find("estimator", method)
+    try:
+        return cast("Estimator", kind(**parameters))
+    except TypeError as error:
+        raise ParameterInvalid(f"parameters of {method}", parameters, f"fit the method: {error}") from error
+
+
+def estimate(
+    recording: Recording | str | Path,
+    method: str | Estimator = "convolution",
+    *,
+    mode: Mode = "batch",
+    condition: Conditioner | None = None,
+    monitor: SlipMonitor | None = None,
+    calibration: Calibration | str | Path | None = None,
+    smooth: Smoothing | None = None,
+    contacts: int | str | Mapping[str, int] | None = None,
+    **parameters: Any,
+) -> Result:
+    """Run a recording through the pipeline and keep all results in memory.
+
+    method: a name, whose parameters follow (e.g. gain=1.04), or an estimator of your own. contacts: the most contacts
+    to separate on every pad, or by pad ({"palm": 2}); as in the sensor's file if left out. Raises what `read`
+    raises, ParameterInvalid and NameUnknown for contacts, TimesNotIncreasing, and CalibrationError if `calibration` (an
+    object or a file) is broken or of another sensor or method. `summary.loss` holds what a truncated
+    recording lacks.
+    """
+    if not isinstance(recording, Recording):
+        recording = read(recording)
+    recording = recording.with_contacts(contacts)
+    if isinstance(method, str):
+        chosen, name = estimator(method, **parameters), method
+    else:
+        chosen, name = method, type(method).__name__
+    if calibration is not None and not isinstance(calibration, Calibration):
+        calibration = load_calibration(calibration)
+    pipeline = Pipeline(
+        chosen,
+        mode,
+        condition or Conditioner(),
+        monitor or SlipMonitor(),
+        calibration=calibration,
+        smooth=smooth or Smoothing(),
+    )
+    run = pipeline.start(recording)
+    totals = Totals(recording.layout)
+    outputs = []
+    for output in run:
+        totals.add(output.slips, output.events)
+        outputs.append(output)
+    whole = joined(outputs)
+    return Result(
+        sensor=recording.sensor,
+        slips=whole.slips,
+        slipping=whole.slipping,
+        motions=whole.motions,
+        events=whole.events,
+        patterns=run.patterns,
+        summary=summarise(name, pipeline, run, totals),
+        contacts=whole.contacts,
+        evidence=whole.evidence,
+        spatial=whole.spatial,
+    )

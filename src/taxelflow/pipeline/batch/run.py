@@ -1,0 +1,176 @@
+"""A batch from its recordings to its manifest: what is finished is found, what is missing is estimated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from shutil import rmtree
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from taxelflow.errors import BatchUnlike, ClusterFault, RecordingsAlike, printable, written_at
+from taxelflow.pipeline.batch.cluster import connected, outcomes
+from taxelflow.pipeline.batch.manifest import Manifest, Row
+from taxelflow.pipeline.batch.task import PARTS, finished, source_of
+from taxelflow.publish.summary import to_json
+from taxelflow.publish.terminal import counted
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from taxelflow.pipeline.batch.task import Outcome, Settings
+
+MANIFEST, SETTINGS = "manifest.csv", "batch.json"
+_MOST_FAULTS = 20
+"""Faults in a row after which the cluster is taken to be broken."""
+_MOST_LISTED = 10
+"""Failures and differences that are printed at most."""
+
+
+@dataclass
+class Report:
+    """What became of a batch.
+
+    failed: rows of its recordings that failed, now or before. seconds, recorded_s: processor time and length of the
+    recordings that were estimated on workers which had estimated before.
+    """
+
+    directory: Path
+    recordings: int
+    before: int = 0
+    now: int = 0
+    failed: list[Row] = field(default_factory=list)
+    seconds: float = 0.0
+    recorded_s: float = 0.0
+
+    def count(self, outcome: Outcome) -> None:
+        """Count a recording in that is done or has failed."""
+        self.now += outcome.status == "done"
+        if outcome.warm and outcome.recorded_s > 0:
+            self.seconds += outcome.seconds or 0.0
+            self.recorded_s += outcome.recorded_s
+
+    def lines(self) -> list[str]:
+        """A few lines for the terminal."""
+        lines = [
+            f"{self.recordings} recordings: {self.before + self.now} done ({self.now} now, {self.before} before), "
+            f"{len(self.failed)} failed"
+        ]
+        if self.recorded_s > 0:
+            lines.append(
+                f"{3600 * self.seconds / self.recorded_s:.3g} s of processor time per hour of recording, without the "
+                f"first of each worker, which loads kernels ({self.recorded_s / 3600:.2g} h in {self.seconds:.2g} s)"
+            )
+        return [*lines, f"results in {self.directory}"]
+
+    def complaints(self) -> list[str]:
+        """A line for each of the first failures, and how many there are more."""
+        listed = [f"failed: {row.recording}: {row.message}" for row in self.failed[:_MOST_LISTED]]
+        if (more := len(self.failed) - _MOST_LISTED) > 0:
+            listed.append(f"{more} more failed: see {self.directory / MANIFEST}")
+        return listed
+
+
+def run_batch(
+    recordings: Mapping[str, Path],
+    out: Path,
+    settings: Settings,
+    scheduler: str | None,
+    workers: int | None,
+    *,
+    retry_failed: bool,
+) -> Report:
+    """Estimate what is missing. recordings: by the name of their result. scheduler, workers: see `connected`.
+
+    Raises BatchUnlike and RecordingsAlike where `out` holds other results, ExtraMissing, and ClusterFault where
+    recordings are left undone.
+    """
+    with written_at(out):
+        out.mkdir(parents=True, exist_ok=True)
+    report = Report(out, len(recordings))
+    with Manifest(out / MANIFEST) as manifest:
+        missing = _missing(recordings, out, manifest, retry_failed=retry_failed)
+        report.before = len(recordings) - len(missing) - len(manifest.of(recordings.values(), "failed"))
+        _check_settings(out, settings, fresh=not any(row.status == "done" for row in manifest.rows.values()))
+        if missing:
+            _estimate(missing, settings, (scheduler, workers), manifest, report)
+        report.failed = manifest.of(recordings.values(), "failed")
+    rmtree(out / PARTS, ignore_errors=True)
+    return report
+
+
+def _missing(recordings: Mapping[str, Path], out: Path, manifest: Manifest, *, retry_failed: bool) -> dict[str, Path]:
+    """Recordings without results, besides those that failed; the manifest gets rows of results that it lacks.
+
+    Raises RecordingsAlike where results of that name are of another recording.
+    """
+    missing = {}
+    for name, path in recordings.items():
+        row = manifest.rows.get(printable(str(path)))
+        found = finished(out / name)
+        if found is None:
+            if row is None or row.status == "done" or retry_failed:
+                missing[name] = path
+        elif row is None or row.status == "failed":
+            if (source := source_of(out / name)) != str(path):
+                raise RecordingsAlike(source, path, out / name)
+            manifest.add(Row(printable(str(path)), "done", None, found.message))
+    return missing
+
+
+def _check_settings(out: Path, settings: Settings, *, fresh: bool) -> None:
+    """Raises BatchUnlike where results are of other settings. fresh: there are none, so that these settings hold."""
+    file = out / SETTINGS
+    asked = to_json(msgspec.to_builtins(settings, enc_hook=str))
+    if not fresh and file.exists():
+        before, now = _flat(msgspec.json.decode(file.read_bytes())), _flat(msgspec.json.decode(asked))
+        unlike = [key for key in {**before, **now} if before.get(key) != now.get(key)]
+        if unlike:
+            seen = [f"{key} was {before.get(key)!r}, is {now.get(key)!r}" for key in unlike[:_MOST_LISTED]]
+            raise BatchUnlike(out, ", ".join(seen))
+        return
+    part = file.with_name(f"{SETTINGS}.part")
+    with written_at(part):
+        part.write_bytes(asked)
+    part.replace(file)
+
+
+def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
+    """Values of nested mappings by dotted names."""
+    if not isinstance(value, dict):
+        return {prefix: value}
+    flat: dict[str, Any] = {}
+    for key, part in value.items():
+        flat |= _flat(part, f"{prefix}.{key}" if prefix else key)
+    return flat
+
+
+def _estimate(
+    missing: Mapping[str, Path],
+    settings: Settings,
+    where: tuple[str | None, int | None],
+    manifest: Manifest,
+    report: Report,
+) -> None:
+    """Estimate recordings, and add a row for each that is done or has failed. Raises ClusterFault for any other."""
+    faults: list[str] = []
+    in_a_row = ended = 0
+    tasks = ((path, report.directory / name) for name, path in missing.items())
+    with connected(*where, most=len(missing)) as client:
+        for path, outcome in counted(outcomes(client, settings, tasks), "recordings", len(missing)):
+            if outcome.status == "fault":
+                faults.append(f"{path}: {outcome.message}")
+                in_a_row += 1
+            else:
+                in_a_row = 0
+                ended += 1
+                manifest.add(Row(printable(str(path)), outcome.status, outcome.seconds, outcome.message))
+                report.count(outcome)
+            if in_a_row == _MOST_FAULTS:
+                break
+    if faults:
+        raise ClusterFault(
+            f"{len(missing) - ended} recordings are not done, through faults of workers; the first is {faults[0]}",
+            "mend it, then run the same command again: what is finished is kept",
+        )

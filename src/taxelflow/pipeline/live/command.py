@@ -1,0 +1,156 @@
+"""The commands `taxelflow run`, `record` and `emulate`: sources in, estimates out, without end."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional, UseAppendAction
+
+from taxelflow.condition.parameters import Conditioner
+from taxelflow.errors import AddressInvalid, ParameterInvalid
+from taxelflow.estimation.smoothing.parameters import Smoothing
+from taxelflow.runtime import registry
+from taxelflow.runtime.addresses import parse_address
+from taxelflow.slip.parameters import SlipMonitor
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from taxelflow.acquire.devices.base import Source
+    from taxelflow.pipeline.live.loop import Limits, Report
+
+
+@dataclass(frozen=True, kw_only=True)
+class FromSource:
+    """What is read, and for how long."""
+
+    source: Annotated[Positional[str], tyro.conf.arg(metavar="SOURCE")]
+    """URL to read: tcp://HOST:PORT, tcp-listen://HOST:PORT, udp-listen://HOST:PORT, serial:/dev/ttyUSB0?baud=921600,
+    stdin:, replay:FILE?speed=1 (max), rig:SCENARIO?seed=1, or that of a device; see docs/live.md."""
+    sensor: str | None = None
+    """Name of a built-in sensor (see `taxelflow sensors`), or a TOML file; not needed where the source names its
+    own."""
+    max_scans: int | None = None
+    """Number of scans after which to end."""
+    duration: float | None = None
+    """Duration after which to end, s."""
+    quiet: bool = False
+    """Run without a status screen, for services."""
+
+    def __post_init__(self) -> None:
+        if self.max_scans is not None and self.max_scans < 1:
+            raise ParameterInvalid("max-scans", self.max_scans, "be 1 or more")
+        if self.duration is not None and not self.duration > 0:
+            raise ParameterInvalid("duration", self.duration, "be above 0 s")
+
+    def opened(self) -> Source:
+        """The source. Raises NameUnknown, AddressInvalid, SensorNeeded, and what its device raises."""
+        from taxelflow.sensors.catalogue import load_sensor
+
+        address = parse_address(self.source)
+        make = registry.find("source", address.scheme)
+        made: Source = make(address, None if self.sensor is None else load_sensor(self.sensor))
+        return made
+
+    @property
+    def limits(self) -> Limits:
+        """When the run ends by itself."""
+        from taxelflow.pipeline.live.loop import Limits
+
+        return Limits(self.max_scans, self.duration)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run(FromSource):
+    """Estimate motion and slip live, from a device to files and programs, until the source ends.
+
+    A method's own parameters follow as options, as for `estimate`. Ctrl-C and SIGTERM end in order.
+    Exit code: 0; 2 on bad input, or where the source cannot be opened.
+    """
+
+    to: Annotated[UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="SINK")] = ()
+    """Address that results go to: tables:DIR, parquet:DIR, mcap:FILE, jsonl:FILE (jsonl:- for stdout), jsonl-listen://HOST:PORT,
+    foxglove://HOST:PORT. May be given several times."""
+    method: str = "convolution"
+    """Method of estimation, as for `estimate`."""
+    calibration: Path | None = None
+    """Gains per pad and axis: a file by `taxelflow calibrate`, of the same sensor and method."""
+    contacts: str | None = None
+    """Split contacts that move independently, as for `estimate`."""
+    condition: Conditioner = field(default_factory=Conditioner)
+    monitor: SlipMonitor = field(default_factory=SlipMonitor)
+    smooth: Smoothing = field(default_factory=Smoothing)
+
+    def run(self, rest: list[str]) -> int:
+        """Open, run, print the totals."""
+        from taxelflow.pipeline.live.adoptions import asked_adoptions
+        from taxelflow.pipeline.live.face import Live
+        from taxelflow.pipeline.live.loop import run_live
+        from taxelflow.pipeline.live.status import StatusScreen
+
+        sinks = opened_sinks(self.to)
+        kind = registry.find("estimator", self.method)
+        estimator = tyro.cli(kind, args=rest, prog=f"taxelflow run --method {self.method}")
+        source = self.opened()
+        live = Live(
+            source.recording,
+            estimator,
+            condition=self.condition,
+            monitor=self.monitor,
+            calibration=self.calibration,
+            smooth=self.smooth,
+            contacts=self.contacts,
+            adoptions=asked_adoptions(self.source),
+        )
+        with StatusScreen(quiet=self.quiet) as screen:
+            report = run_live(source, sinks, live, self.limits, self.method, screen.show)
+        _conclude(report, taken="jsonl:-" in self.to)
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record(FromSource):
+    """Record a device's scans as they come, with its sensor, into an .mcap file that survives a kill.
+
+    The file is complete but for the last second at any moment, and is read without --sensor or --topic.
+    Exit code: 0; 2 on bad input, or where the source cannot be opened.
+    """
+
+    out: Annotated[Positional[Path], tyro.conf.arg(metavar="OUT")]
+    """File to write: .mcap."""
+
+    def run(self, _rest: list[str]) -> int:
+        """Open, record, print the totals."""
+        from taxelflow.pipeline.live.loop import run_live
+        from taxelflow.pipeline.live.mcap_sink import McapSink
+        from taxelflow.pipeline.live.status import StatusScreen
+
+        if self.out.suffix != ".mcap":
+            raise ParameterInvalid("out", str(self.out), "end in .mcap")
+        with StatusScreen(quiet=self.quiet) as screen:
+            sink = McapSink(self.out, drawn=False)
+            report = run_live(self.opened(), {str(self.out): sink}, None, self.limits, watch=screen.show)
+        _conclude(report, taken=False)
+        return 0
+
+
+def opened_sinks(urls: tuple[str, ...]) -> dict[str, Any]:
+    """Sinks by URL, not open yet. Raises NameUnknown, AddressInvalid, and what a sink raises."""
+    sinks = {}
+    for url in urls:
+        address = parse_address(url)
+        if url in sinks:
+            raise AddressInvalid(url, "it is given twice", "each sink once")
+        sinks[url] = registry.find("sink", address.scheme)(address)
+    return sinks
+
+
+def _conclude(report: Report, *, taken: bool) -> None:
+    """Print the totals. taken: standard output holds results."""
+    from taxelflow.pipeline.live.status import say_totals
+
+    say_totals(report, sys.stderr if taken else sys.stdout)

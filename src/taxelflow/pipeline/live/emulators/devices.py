@@ -1,0 +1,247 @@
+"""Devices with protocols of their own: XELA, Schunk DSA, BarrettHand, Inspire."""
+
+from __future__ import annotations
+
+import json
+import socketserver
+import struct
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.acquire.devices import barrett, dsa, inspire, xela
+from taxelflow.acquire.devices.frames import crc_table
+from taxelflow.errors import ExtraMissing
+from taxelflow.pipeline.live.emulators.streams import Pty
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from taxelflow.messages import Floats
+    from taxelflow.runtime.addresses import Address
+    from taxelflow.sensors.sensor import Sensor
+
+_POLL_S = 0.02
+
+
+class WebSocketServer:
+    """Sends messages to all who are connected. welcome: what each gets first."""
+
+    welcome: tuple[str, ...] = ()
+
+    def __init__(self, host: str, port: int) -> None:
+        try:
+            from websockets import exceptions
+            from websockets.sync.server import serve
+        except ImportError as error:
+            raise ExtraMissing("devices", "websockets") from error
+        self._serve: Any = serve
+        self._closed: Any = exceptions.ConnectionClosed
+        self._place = host, port
+        self._clients: list[Any] = []
+        self._ended = threading.Event()
+
+    def __enter__(self) -> Self:
+        self._server = self._serve(self._talk, *self._place)
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+        self.port = self._server.socket.getsockname()[1]
+        return self
+
+    def __exit__(self, *_details: object) -> None:
+        self._ended.set()
+        time.sleep(_POLL_S)
+        self._server.shutdown()
+
+    def wait(self) -> None:
+        """See `Emulator`."""
+        while not self._clients:
+            time.sleep(_POLL_S)
+
+    def send(self, message: bytes) -> bool:
+        """See `Emulator`."""
+        sent = False
+        for client in list(self._clients):
+            try:
+                client.send(message.decode(errors="replace"))
+                sent = True
+            except self._closed:
+                pass
+        return sent
+
+    def cut(self) -> None:
+        """See `Emulator`."""
+        for client in list(self._clients):
+            client.socket.shutdown(2)
+
+    def _talk(self, client: Any) -> None:
+        for message in self.welcome:
+            client.send(message)
+        self.greet(client)
+        self._clients.append(client)
+        try:
+            while not self._ended.is_set() and client.state == 1:
+                time.sleep(_POLL_S)
+        finally:
+            self._clients.remove(client)
+
+    def greet(self, client: Any) -> None:
+        """Take what a client says first."""
+
+
+class Xela(WebSocketServer):
+    """XELA's server, with one sensor."""
+
+    welcome = ('{"message":"Welcome"}',)
+
+    def __init__(self, address: Address, _sensor: Sensor) -> None:
+        super().__init__(address.host or "127.0.0.1", xela.PORT if address.port is None else address.port)
+        self._count = 0
+
+    @property
+    def url(self) -> str:
+        """See `Emulator`."""
+        return f"xela://{self._place[0]}:{self.port}"
+
+    def encode(self, t_s: float, values: Floats) -> bytes:
+        """See `Emulator`."""
+        self._count += 1
+        numbers = ",".join(f"{max(0, round(value)):04X}" for value in np.nan_to_num(values).tolist())
+        sensor = {"time": t_s, "sensor": "1", "model": "XR1944", "taxels": len(values) // 3, "data": numbers}
+        return json.dumps({"message": self._count, "1": sensor}).encode()
+
+
+class Dsa:
+    """A DSACON32m on a pseudo-terminal; it sends when it has been asked to."""
+
+    def __init__(self, address: Address, sensor: Sensor) -> None:
+        self._table = crc_table(dsa.polynomial_of(address))
+        self._cells, self._count = dsa.cells_of(sensor.layout)
+
+    def __enter__(self) -> Self:
+        self._pty = Pty()
+        self.url = f"dsa:{self._pty.path}"
+        return self
+
+    def __exit__(self, *_details: object) -> None:
+        self._pty.close()
+
+    def wait(self) -> None:
+        """See `Emulator`."""
+        while dsa.PREAMBLE not in self._pty.received():
+            time.sleep(_POLL_S)
+
+    def encode(self, t_s: float, values: Floats) -> bytes:
+        """See `Emulator`."""
+        cells = np.zeros(self._count, np.int64)
+        cells[self._cells[: len(values)]] = np.clip(np.round(np.nan_to_num(values)), 0, 4095)
+        if len(values) < len(self._cells):
+            cells = cells[:-1]
+        starts = np.flatnonzero(np.concatenate([[True], np.diff(cells) != 0]))
+        ends = np.append(starts[1:], len(cells))
+        words: list[int] = []
+        for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+            whole, rest = divmod(end - start, 15)
+            words += [15 << 12 | int(cells[start])] * whole + ([rest << 12 | int(cells[start])] if rest else [])
+        payload = struct.pack("<IB", round(1e3 * t_s) & 0xFFFFFFFF, dsa.RUN_LENGTHS) + np.array(words, "<u2").tobytes()
+        return dsa.frame(dsa.SCAN, payload, self._table)
+
+    def send(self, message: bytes) -> bool:
+        """See `Emulator`."""
+        return self._pty.send(message)
+
+    def cut(self) -> None:
+        """A pseudo-terminal cannot be unplugged and plugged in again under its path."""
+
+
+class Barrett:
+    """Four pucks on a CAN bus of python-can; `interface=virtual` is within one process, `udp_multicast` is not."""
+
+    def __init__(self, address: Address, _sensor: Sensor) -> None:
+        self.url = address.url
+        self._bus = barrett.CanBus(address.options.get("interface", "socketcan"), address.need_path("barrett-can:can0"))
+
+    def __enter__(self) -> Self:
+        self._bus.open()
+        return self
+
+    def __exit__(self, *_details: object) -> None:
+        self._bus.shut()
+
+    def wait(self) -> None:
+        """Until a puck is asked for readings."""
+        while not self._bus.asked():
+            pass
+
+    def encode(self, _t_s: float, values: Floats) -> bytes:
+        """See `Emulator`."""
+        per_puck = np.array_split(values, len(barrett.PUCKS))
+        return b"".join(
+            barrett.frames_of(puck, np.resize(own, barrett.READINGS))
+            for puck, own in zip(barrett.PUCKS, per_puck, strict=True)
+        )
+
+    def send(self, message: bytes) -> bool:
+        """See `Emulator`."""
+        whole = len(message) // barrett.CAN_FRAME.size * barrett.CAN_FRAME.size
+        for identifier, content in barrett.CAN_FRAME.iter_unpack(message[:whole]):
+            self._bus.send(identifier, content)
+        return True
+
+    def cut(self) -> None:
+        """A bus stays."""
+
+
+class _ModbusServer(socketserver.ThreadingTCPServer):
+    allow_reuse_address = True
+    daemon_threads = True
+
+
+class Inspire:
+    """A Modbus TCP server that answers reads of holding registers from the last scan."""
+
+    def __init__(self, address: Address, sensor: Sensor) -> None:
+        self._place = address.host or "127.0.0.1", inspire.PORT if address.port is None else address.port
+        self._registers = np.zeros(sensor.channel_map.columns, np.int16)
+        self._read = threading.Event()
+
+    def __enter__(self) -> Self:
+        hand = self
+
+        class Answer(socketserver.StreamRequestHandler):
+            def handle(self) -> None:
+                while len(head := self.rfile.read(12)) == 12:
+                    number, _, _, unit, function, first, count = struct.unpack(">HHHBBHH", head)
+                    start = (first - inspire.FIRST) // inspire.BYTES
+                    values = hand._registers[start : start + count].astype(">i2").tobytes()
+                    body = struct.pack(">BBB", unit, function, len(values)) + values
+                    self.wfile.write(struct.pack(">HHH", number, 0, len(body)) + body)
+                    hand._read.set()
+
+        self._server = _ModbusServer(self._place, Answer)
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+        self.url = f"inspire-modbus://{self._place[0]}:{self._server.server_address[1]}"
+        return self
+
+    def __exit__(self, *_details: object) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+
+    def wait(self) -> None:
+        """See `Emulator`."""
+        self._read.wait()
+
+    def encode(self, _t_s: float, values: Floats) -> bytes:
+        """See `Emulator`."""
+        numbers = np.clip(np.round(np.nan_to_num(values)), -32768, 32767).astype(np.int16)
+        return numbers.tobytes()
+
+    def send(self, message: bytes) -> bool:
+        """See `Emulator`."""
+        if len(message) == self._registers.nbytes:
+            self._registers = np.frombuffer(message, np.int16)
+        return True
+
+    def cut(self) -> None:
+        """See `Emulator`."""

@@ -1,0 +1,118 @@
+"""`taxelflow.Live`: one scan in, its results out at once, for a loop of your own."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.acquire.base import Recording
+from taxelflow.acquire.devices.base import Arrival, Faults
+from taxelflow.acquire.devices.timeline import Timeline
+from taxelflow.condition.parameters import Conditioner
+from taxelflow.errors import TaxelCountWrong
+from taxelflow.estimation.smoothing.parameters import Smoothing
+from taxelflow.messages import RawScans
+from taxelflow.pipeline.api import estimator
+from taxelflow.pipeline.stages import Output, Pipeline
+from taxelflow.runtime.adoption import AsRecorded, WhenReady
+from taxelflow.sensors.calibration import Calibration, load_calibration
+from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.slip.parameters import SlipMonitor
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import ArrayLike
+
+    from taxelflow.estimation.base import Estimator
+    from taxelflow.runtime.adoption import Adoption
+    from taxelflow.sensors.sensor import Sensor
+
+
+class Live:
+    """Motion and slip from a stream of scans; kernels are compiled when it is made.
+
+    sensor: a built-in name, a TOML file, a `Sensor`, or a `Recording` whose sensor and masks are meant. method,
+    condition, monitor, calibration, smooth, contacts, parameters: as for `estimate`. Raises what `load_sensor`,
+    `estimator` and `estimate` raise for these. adoptions: those of a former loop, whose results come out once more from
+    the same scans; if left out, what is learned is used when it is ready, and the loop never waits.
+
+    pads: names along the second axis of results. faults: counts of scans that were repeated or late, and of jumps of
+    the clock.
+    """
+
+    def __init__(
+        self,
+        sensor: str | Path | Sensor | Recording,
+        method: str | Estimator = "convolution",
+        *,
+        condition: Conditioner | None = None,
+        monitor: SlipMonitor | None = None,
+        calibration: Calibration | str | Path | None = None,
+        smooth: Smoothing | None = None,
+        contacts: int | str | Mapping[str, int] | None = None,
+        adoptions: Iterable[Adoption] | None = None,
+        **parameters: Any,
+    ) -> None:
+        if isinstance(sensor, (str, Path)):
+            sensor = load_sensor(str(sensor))
+        recording = sensor if isinstance(sensor, Recording) else Recording.live(sensor)
+        recording = recording.with_contacts(contacts)
+        if calibration is not None and not isinstance(calibration, Calibration):
+            calibration = load_calibration(calibration)
+        chosen = estimator(method, **parameters) if isinstance(method, str) else method
+        self.pipeline = Pipeline(
+            chosen,
+            "stream",
+            condition or Conditioner(),
+            monitor or SlipMonitor(),
+            calibration=calibration,
+            smooth=smooth or Smoothing(),
+        )
+        self.recording = recording
+        self.pads = recording.layout.pads
+        self._faults = Faults()
+        self._timeline = Timeline(self._faults)
+        self._adopting = WhenReady() if adoptions is None else AsRecorded(adoptions)
+        self.run = self.pipeline.start(recording, self._adopting)
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """Counts by kind."""
+        return dict(self._faults.counts)
+
+    def adopted(self) -> list[Adoption]:
+        """What has been learned and put to use since the last call, and in which scan; none for former adoptions."""
+        return self._adopting.taken()
+
+    def step(self, t_s: float, values: ArrayLike) -> Output:
+        """Results that this scan makes ready; none for the first scans, from which noise and tare are learned.
+
+        t_s: the sensor's clock. values: (columns,), readings in the sensor's unit and order, NaN where one is missing.
+        A scan that is repeated or late gives nothing; after a jump of the clock time goes on from the last scan. Raises
+        TaxelCountWrong.
+        """
+        readings = np.asarray(values, dtype=np.float64)
+        columns = self.recording.sensor.channel_map.columns
+        if readings.shape != (columns,):
+            raise TaxelCountWrong("the scan", readings.size, self.recording.sensor.name, columns)
+        placed_s = self._timeline.place(Arrival(time.monotonic(), float(t_s), readings))
+        if placed_s is None:
+            return self.push(no_time(columns))
+        return self.push(RawScans(np.array([placed_s]), readings[np.newaxis]))
+
+    def push(self, scans: RawScans) -> Output:
+        """Results that these scans make ready: (scans, columns) as the source sends them, later than all before."""
+        return self.run.step(self.recording.sensor.channel_map.of_source(scans))
+
+    def finish(self) -> Output:
+        """Results that were held back; no scan may follow."""
+        return self.run.finish()
+
+
+def no_time(columns: int) -> RawScans:
+    """No scan."""
+    return RawScans(np.zeros(0), np.zeros((0, columns)))

@@ -1,0 +1,231 @@
+"""The loop: a source's thread, the estimate here, a thread per sink; and what is to be said of it."""
+
+from __future__ import annotations
+
+import gc
+import signal
+import threading
+import time
+from collections import deque
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.acquire.metadata import texts_of
+from taxelflow.messages import joined
+from taxelflow.pipeline.live.intake import Intake
+from taxelflow.pipeline.live.latency import Latencies
+from taxelflow.pipeline.live.workers import SinkWorker
+from taxelflow.pipeline.result import summarise
+from taxelflow.pipeline.stages import Output
+from taxelflow.publish.sinks.base import Ending, Head, Update
+from taxelflow.publish.summary import Totals
+from taxelflow.runtime.turns import quick_turns
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from taxelflow.acquire.devices.base import Source
+    from taxelflow.messages import Event, Floats
+    from taxelflow.pipeline.live.face import Live
+    from taxelflow.pipeline.live.intake import Placed
+    from taxelflow.publish.sinks.base import Sink
+
+_COUNTED = 16
+"""Scans that are counted into the summary at once."""
+_SEEN_EVENTS = 6
+_WATCH_S = 0.2
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a run ends by itself: after so many scans in order, or so many s; None for never."""
+
+    max_scans: int | None = None
+    duration_s: float | None = None
+
+
+@dataclass
+class Report:
+    """What a run amounts to, while it goes on and at its end.
+
+    latest: the last results. estimated: latencies from arrival until the estimate is known.
+    """
+
+    source: Source
+    intake: Intake
+    workers: list[SinkWorker]
+    pads: tuple[str, ...]
+    began_s: float = field(default_factory=time.monotonic)
+    latest: Update | None = None
+    events: deque[Event] = field(default_factory=lambda: deque(maxlen=_SEEN_EVENTS))
+    estimated: Latencies = field(default_factory=Latencies)
+
+
+def run_live(
+    source: Source,
+    sinks: Mapping[str, Sink],
+    live: Live | None,
+    limits: Limits,
+    method: str = "",
+    watch: Callable[[Report], None] | None = None,
+) -> Report:
+    """Run a source into sinks until it ends, a limit is reached, or a signal asks for the end.
+
+    live: what estimates; None records only. watch: called several times a second. Raises SourceUnreachable,
+    SinkUnusable, and what the source raises where it cannot go on.
+    """
+    stop = threading.Event()
+    pads = live.pads if live is not None else ()
+    head = Head(source.recording.sensor, pads, texts_of(source.recording), source.faults.tell)
+    workers: list[SinkWorker] = []
+    ending = Ending(None, (), failed=True)
+    try:
+        for name, sink in sinks.items():
+            sink.open(head)
+            workers.append(SinkWorker(name, sink, source.faults))
+            workers[-1].start()
+        with source, _undisturbed(), _signals(stop):
+            raw = [worker for worker in workers if worker.sink.raw]
+            intake = Intake(source, raw, stop, limits.max_scans, estimates=live is not None)
+            report = Report(source, intake, workers, pads)
+            intake.start()
+            estimate = None if live is None else _Estimate(live, report, method)
+            _follow(report, estimate, stop, limits, watch)
+            intake.join()
+            found = Ending(None, ()) if estimate is None else estimate.finish()
+            if intake.error is None:
+                ending = found
+    finally:
+        for worker in workers:
+            worker.finish(ending)
+    if intake.error is not None:
+        raise intake.error
+    return report
+
+
+def _follow(
+    report: Report,
+    estimate: _Estimate | None,
+    stop: threading.Event,
+    limits: Limits,
+    watch: Callable[[Report], None] | None,
+) -> None:
+    """Estimate from what comes, until nothing more does."""
+    watched_s = 0.0
+    while (scans := report.intake.take()) is not None:
+        for scan in scans:
+            if estimate is not None:
+                estimate.step(scan)
+        now = time.monotonic()
+        if limits.duration_s is not None and now - report.began_s >= limits.duration_s:
+            stop.set()
+        if report.workers and all(worker.ended for worker in report.workers):  # nobody reads any more
+            stop.set()
+        if watch is not None and now - watched_s >= _WATCH_S:
+            watch(report)
+            watched_s = now
+
+
+def update_of(output: Output, arrived_s: Floats | None = None) -> Update:
+    """Results as sinks take them. arrived_s: (scans,), when the scans came, monotonic; now if left out."""
+    if arrived_s is None:
+        arrived_s = np.full(len(output), time.monotonic())
+    slips, motions, contacts = output.slips, output.motions, output.contacts
+    return Update(arrived_s, slips, output.slipping, motions, output.events, contacts, output.evidence, output.spatial)
+
+
+class _Estimate:
+    """Steps the pipeline, and passes its results on with the times of arrival."""
+
+    def __init__(self, live: Live, report: Report, method: str) -> None:
+        self._live, self._report, self._method = live, report, method
+        self._totals = Totals(live.recording.layout)
+        self._uncounted: list[Output] = []
+        self._arrivals: deque[tuple[float, float]] = deque()
+
+    def step(self, scan: Placed) -> None:
+        """One scan."""
+        self._arrivals.append((scan.t_s, scan.arrived_s))
+        output = self._live.push(scan.raw)
+        if not len(output):
+            return
+        self._publish(output)
+        if len(output) == 1:  # otherwise scans were held back until noise was known
+            self._report.estimated.add(time.monotonic() - scan.arrived_s)
+
+    def finish(self) -> Ending:
+        """Publish what was held back; what the run amounts to."""
+        output = self._live.finish()
+        if len(output):
+            self._publish(output)
+        self._count()
+        run = self._live.run
+        summary = summarise(self._method, self._live.pipeline, run, self._totals) if self._totals.scans else None
+        return Ending(summary, run.patterns)
+
+    def _publish(self, output: Output) -> None:
+        update = replace(
+            update_of(output, self._arrived(output.slips.t_s)),
+            adoptions=self._live.adopted(),
+            missed=self._report.intake.missed(),
+        )
+        for worker in self._report.workers:
+            worker.offer(update)
+            if self._report.source.patient:
+                worker.give_room()
+        self._report.latest = update
+        self._report.events.extend(output.events)
+        self._uncounted.append(output)
+        if len(self._uncounted) >= _COUNTED:
+            self._count()
+
+    def _arrived(self, t_s: Floats) -> Floats:
+        """When these scans arrived; those between them were dropped as repetitions."""
+        found = []
+        for t in t_s.tolist():
+            when_s, arrived_s = self._arrivals.popleft()
+            while when_s < t:
+                when_s, arrived_s = self._arrivals.popleft()
+            found.append(arrived_s)
+        return np.array(found)
+
+    def _count(self) -> None:
+        if self._uncounted:
+            slips = joined([output.slips for output in self._uncounted])
+            self._totals.add(slips, [event for output in self._uncounted for event in output.events])
+            self._uncounted.clear()
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Threads that take turns quickly, and no garbage collection of what is there before the first scan."""
+    gc.collect()
+    gc.freeze()
+    try:
+        with quick_turns():
+            yield
+    finally:
+        gc.unfreeze()
+
+
+@contextmanager
+def _signals(stop: threading.Event) -> Iterator[None]:
+    """SIGINT and SIGTERM ask for the end; a second SIGINT interrupts."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def ask(number: int, _frame: object) -> None:
+        if stop.is_set() and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        stop.set()
+
+    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

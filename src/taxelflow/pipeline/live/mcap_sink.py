@@ -1,0 +1,159 @@
+"""Raw scans, slips, motion and events in one MCAP file that survives the end of its process: `mcap:FILE`."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from taxelflow.acquire.ros.write import McapScans
+from taxelflow.errors import ExtraMissing
+from taxelflow.pipeline.live.adoptions import ADOPTIONS, MISSED
+from taxelflow.publish.sinks.drawn import Drawing, nanoseconds
+from taxelflow.publish.sinks.lines import event_row, object_rows, pad_rows, spatial_objects
+from taxelflow.publish.sinks.patient import PatientFile
+
+if TYPE_CHECKING:
+    from taxelflow.messages import RawScans
+    from taxelflow.publish.sinks.base import Ending, Head, Update
+    from taxelflow.runtime.addresses import Address
+
+_FLUSH_S = 0.5
+"""Time between chunks on disk: half of what may be lost when the process is killed."""
+_DRAWN_S = 1 / 30
+"""Shortest time between pictures."""
+_NUMBER = {"type": ["number", "null"]}
+_SCHEMAS = {
+    "/slips": ("taxelflow.Slips", {"t_s": {"type": "number"}, "pads": {"type": "object"}}),
+    "/object": (
+        "taxelflow.Object",
+        dict.fromkeys(("t_s", "vx_m_s", "vy_m_s", "omega_rad_s", "x_m", "y_m"), _NUMBER),
+    ),
+    "/object3d": (
+        "taxelflow.Object3d",
+        dict.fromkeys(("t_s", "vx_m_s", "vy_m_s", "vz_m_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"), _NUMBER),
+    ),
+    "/events": ("taxelflow.Event", {"t_s": _NUMBER, "pad": {"type": "string"}, "event": {"type": "string"}}),
+    ADOPTIONS: (
+        "taxelflow.Adoption",
+        {"t_s": {"type": "number"}, "what": {"type": "string"}, "number": {"type": "integer"}},
+    ),
+    MISSED: ("taxelflow.MissedScan", {"t_s": {"type": "number"}}),
+    "/late": ("taxelflow.LateScan", {"t_s": {"type": "number"}, "values": {"type": "array"}}),
+}
+"""JSON topics: name of the schema and its properties."""
+
+_log = logging.getLogger("taxelflow")
+
+
+class McapSink:
+    """Scans as they arrived, and results if there are any; what came too late to be in order stands on `/late`."""
+
+    lossless = True
+    raw = True
+    dropped = 0
+    gathers_s = 0.01
+
+    def __init__(self, path: Path, *, drawn: bool) -> None:
+        self._path, self._wants_drawing = path, drawn
+
+    def open(self, head: Head) -> None:
+        """See `Sink`."""
+        self._file = PatientFile(self._path, head.tell)
+        self._buffered = io.BufferedWriter(self._file)
+        self._scans = McapScans(self._buffered, head.texts)
+        self._pads = head.pads
+        self._channels: dict[str, int] = {}
+        self._drawing: Drawing | None = None
+        if self._wants_drawing:
+            try:
+                self._drawing = Drawing(head.sensor)
+            except ExtraMissing as missing:
+                _log.warning("%s has no pictures for Foxglove: %s", self._path, missing)
+        self._flush()
+
+    def write_raw(self, scans: RawScans, *, late: bool) -> None:
+        """See `Sink`."""
+        if late:
+            for t_s, values in zip(scans.t_s.tolist(), scans.values.tolist(), strict=True):
+                self._tell("/late", t_s, {"t_s": t_s, "values": values})
+            return
+        self._scans.write(scans)
+        if self._drawing is None:
+            return
+        for t_s, values in zip(scans.t_s.tolist(), scans.values, strict=True):
+            if 0.0 <= t_s - self._drawn_s < _DRAWN_S:
+                continue
+            self._drawn_s = t_s
+            for message in self._drawing.scan(t_s, values):
+                self._add(message.topic, message.t_ns, message.content)
+
+    def write(self, update: Update) -> None:
+        """See `Sink`."""
+        rows = zip(update.slips.t_s.tolist(), pad_rows(update, self._pads), object_rows(update.motions), strict=True)
+        for t_s, pads, moved in rows:
+            self._tell("/slips", t_s, {"t_s": t_s, "pads": pads})
+            self._tell("/object", t_s, moved)
+        for adoption in update.adoptions:
+            self._tell(ADOPTIONS, adoption.t_s, adoption._asdict())
+        for t_s in update.missed:
+            self._tell(MISSED, t_s, {"t_s": t_s})
+        for row in spatial_objects(update, self._pads):
+            self._tell("/object3d", float(row["t_s"]), row)
+        for event in update.events:
+            self._tell("/events", event.t_s, event_row(event))
+        if self._drawing is not None:
+            arrows = self._drawing.arrows(update)
+            self._add(arrows.topic, arrows.t_ns, arrows.content)
+
+    def tick(self) -> None:
+        """See `Sink`."""
+        if time.monotonic() - self._flushed_s >= _FLUSH_S:
+            self._flush()
+
+    def hurry(self) -> None:
+        """See `Sink`."""
+        self._file.give_up()
+
+    def close(self, _ending: Ending) -> None:
+        """See `Sink`."""
+        self._scans.finish()
+        self._buffered.close()
+
+    _drawn_s = float("-inf")
+    _flushed_s = float("-inf")
+
+    def _flush(self) -> None:
+        self._scans.writer.flush()  # type: ignore[no-untyped-call]
+        self._flushed_s = time.monotonic()
+
+    def _tell(self, topic: str, t_s: float, content: object) -> None:
+        self._add(topic, nanoseconds(t_s), msgspec.json.encode(content))
+
+    def _add(self, topic: str, t_ns: int, content: bytes) -> None:
+        if topic not in self._channels:
+            self._channels[topic] = self._register(topic)
+        self._scans.writer.add_message(self._channels[topic], t_ns, content, t_ns)
+
+    def _register(self, topic: str) -> int:
+        writer = self._scans.writer
+        if topic in _SCHEMAS:
+            name, properties = _SCHEMAS[topic]
+            schema = json.dumps({"title": name, "type": "object", "properties": properties}).encode()
+            return writer.register_channel(topic, "json", writer.register_schema(name, "jsonschema", schema))
+        if self._drawing is None:
+            raise RuntimeError("a picture was written without a drawing")
+        drawn = self._drawing.schemas[topic]
+        schema_id = writer.register_schema(drawn.name, drawn.encoding, drawn.data)
+        return writer.register_channel(topic, "protobuf", schema_id)
+
+
+def write(address: Address) -> McapSink:
+    """`mcap:FILE`; `?draw=0` leaves out the pictures for Foxglove. Raises AddressInvalid."""
+    address.check_options(("draw",))
+    return McapSink(Path(address.need_path("mcap:FILE")), drawn=address.choice("draw", ("1", "0")) == "1")

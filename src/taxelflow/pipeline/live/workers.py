@@ -1,0 +1,184 @@
+"""A thread per sink, with a bounded queue: a sink that is slow or dead holds up nobody but itself."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taxelflow.messages import RawScans, joined
+from taxelflow.pipeline.live.latency import Latencies
+from taxelflow.publish.sinks.base import Ending, Update
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from taxelflow.acquire.devices.base import Faults
+    from taxelflow.publish.sinks.base import Sink
+
+_HELD, _HELD_LOSSLESS = 512, 20_000
+"""Scans that wait for a sink; then the oldest are dropped for a live sink, the newest for a file that takes none."""
+_CROWDED = 2_000
+"""Scans that wait for a file before a source that can wait is slowed down;"""
+_STUCK_S = 0.25
+"""... unless the file's last write takes longer than this: then it is stuck."""
+_TICK_S = 0.05
+_BATCH = 256
+_GRACE_S = 1.5
+"""Time for a sink to close in."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Raw:
+    """Scans as the source sent them. late: out of order, not to be estimated from."""
+
+    scans: RawScans
+    late: bool = False
+
+    def __len__(self) -> int:
+        return len(self.scans)
+
+
+class SinkWorker(threading.Thread):
+    """Passes results to one sink. published, dropped: scans. latencies: from arrival to written."""
+
+    def __init__(self, name: str, sink: Sink, faults: Faults) -> None:
+        super().__init__(name=f"taxelflow-{name}", daemon=True)  # a thread that is stuck must not outlive the run
+        self.label, self.sink = name, sink
+        self.published = 0
+        self.latencies = Latencies()
+        self.ended = False
+        self._faults = faults
+        self._dropped = 0
+        self._waiting: deque[Update | Raw] = deque()
+        self._come = threading.Condition()
+        self._closing: Ending | None = None
+        self._settled_s: float | None = None
+        self._busy_since = float("inf")
+        self._most = _HELD_LOSSLESS if sink.lossless else _HELD
+        self._awaited = _BATCH if sink.gathers_s else 1
+
+    @property
+    def dropped(self) -> int:
+        """Scans, or lines for a client, that were not passed on."""
+        return self._dropped + self.sink.dropped
+
+    def offer(self, item: Update | Raw) -> None:
+        """Queue it; returns at once."""
+        with self._come:
+            if self._settled_s is None and isinstance(item, Update):  # the first scans wait until noise is known
+                self._settled_s = float(item.arrived_s[-1])
+            if self.ended:
+                self._dropped += len(item)
+                return
+            if len(self._waiting) >= self._most:
+                self._drop(item)
+            else:
+                self._waiting.append(item)
+            if len(self._waiting) >= self._awaited:
+                self._come.notify()
+
+    def give_room(self) -> None:
+        """Wait while a file has much to write and is writing it; for sources that can wait."""
+        while (
+            self.sink.lossless
+            and len(self._waiting) > _CROWDED
+            and not self.ended
+            and time.monotonic() - self._busy_since < _STUCK_S
+        ):
+            time.sleep(0.002)
+
+    def finish(self, ending: Ending) -> None:
+        """Write what waits, close, and wait for that a little; once is enough."""
+        if self._closing is not None:
+            return
+        with self._come:
+            self._closing = ending
+            self._come.notify()
+        self._drained()
+        self.sink.hurry()
+        self.join(_GRACE_S)
+        if self.is_alive():
+            left = sum(map(len, self._waiting))
+            self._dropped += left
+            self._faults.tell("a sink is stuck", f"{self.label}; {left} scans are lost")
+
+    def _drained(self) -> None:
+        """Wait while it goes on."""
+        while self.is_alive() and self._waiting and time.monotonic() - self._busy_since < _GRACE_S:
+            time.sleep(0.005)
+
+    def _drop(self, item: Update | Raw) -> None:
+        if not self._dropped:
+            self._faults.tell("a sink is too slow", f"{self.label}; scans are dropped for it")
+        if self.sink.lossless:
+            self._dropped += len(item)
+        else:
+            self._dropped += len(self._waiting.popleft())
+            self._waiting.append(item)
+
+    def run(self) -> None:
+        """The thread's work."""
+        try:
+            while not self._done():
+                for item in self._taken():
+                    self._pass(item)
+                self.sink.tick()
+                self._busy_since = float("inf")
+        except BrokenPipeError:  # who read it has seen enough
+            pass
+        except Exception as error:
+            self._faults.tell("a sink has failed", f"{self.label}: {error}")
+        with self._come:
+            self.ended = True
+            self._dropped += sum(map(len, self._waiting))
+            self._waiting.clear()
+        try:
+            self.sink.close(self._closing or Ending(None, ()))
+        except OSError as error:
+            if not isinstance(error, BrokenPipeError):
+                self._faults.tell("a sink cannot be closed", f"{self.label}: {error}")
+
+    def _done(self) -> bool:
+        with self._come:
+            if len(self._waiting) < self._awaited and self._closing is None:
+                self._come.wait(self.sink.gathers_s or _TICK_S)
+            return self._closing is not None and not self._waiting
+
+    def _taken(self) -> Iterator[Update | Raw]:
+        """What waits, consecutive items of a kind joined."""
+        with self._come:
+            items = [self._waiting.popleft() for _ in range(min(len(self._waiting), _BATCH))]
+        self._busy_since = time.monotonic()
+        start = 0
+        for end in range(1, len(items) + 1):
+            if end == len(items) or _kind(items[end]) != _kind(items[start]):
+                yield _together(items[start:end])
+                start = end
+
+    def _pass(self, item: Update | Raw) -> None:
+        if isinstance(item, Raw):
+            self.sink.write_raw(item.scans, late=item.late)
+            self.published += len(item)
+            return
+        self.sink.write(item)
+        self.published += 0 if self.sink.raw else len(item)
+        now = time.monotonic()
+        for arrived_s in item.arrived_s.tolist():
+            if self._settled_s is not None and arrived_s >= self._settled_s:
+                self.latencies.add(now - arrived_s)
+
+
+def _kind(item: Update | Raw) -> object:
+    return item.late if isinstance(item, Raw) else None
+
+
+def _together(items: list[Update | Raw]) -> Update | Raw:
+    if len(items) == 1:
+        return items[0]
+    raws = [item for item in items if isinstance(item, Raw)]
+    if raws:
+        return Raw(joined([raw.scans for raw in raws]), raws[0].late)
+    return joined([item for item in items if isinstance(item, Update)])

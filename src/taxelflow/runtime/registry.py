@@ -1,0 +1,156 @@
+"""Every exchangeable part by name: the one place where a new reader, writer, estimator, source or sink is announced.
+
+Built-in parts stand in these tables and are imported on use; other packages add theirs as entry points
+of the group `taxelflow.<stage>`.
+"""
+
+from __future__ import annotations
+
+import ast
+from importlib import import_module
+from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from taxelflow.errors import NameUnknown
+
+PARTS: dict[str, dict[str, str]] = {
+    "reader": {
+        ".npz": "taxelflow.acquire.npz:open_npz",
+        ".csv": "taxelflow.acquire.csv:open_csv",
+        ".dsa": "taxelflow.acquire.dsa:open_dsa",
+        ".tsv": "taxelflow.acquire.csv:open_csv",
+        ".txt": "taxelflow.acquire.csv:open_csv",
+        ".bag": "taxelflow.acquire.ros.open:open_bag",
+        ".db3": "taxelflow.acquire.ros.open:open_bag",
+        ".mcap": "taxelflow.acquire.ros.open:open_bag",
+        ".parquet": "taxelflow.acquire.parquet:open_parquet",
+        ".npy": "taxelflow.acquire.npy:open_npy",
+        ".h5": "taxelflow.acquire.hdf5:open_hdf5",
+        ".hdf5": "taxelflow.acquire.hdf5:open_hdf5",
+        "metadata.yaml": "taxelflow.acquire.ros.open:open_bag",
+        "folder": "taxelflow.acquire.padfiles:open_pads",
+    },
+    "writer": {
+        ".npz": "taxelflow.acquire.npz:write_npz",
+        ".csv": "taxelflow.acquire.csv:write_csv",
+        ".parquet": "taxelflow.acquire.parquet:write_parquet",
+        ".mcap": "taxelflow.acquire.ros.write:write_mcap",
+    },
+    "estimator": {
+        "lnorm": "taxelflow.estimation.centroid.lnorm:LNorm",
+        "convolution": "taxelflow.estimation.centroid.convolution:Convolution",
+        "template": "taxelflow.estimation.template.parameters:Template",
+        "registration": "taxelflow.estimation.scan_matching.parameters:Registration",
+        "sum": "taxelflow.estimation.centroid.load_sum:Sum",
+        "principal_axis": "taxelflow.estimation.centroid.principal_axis:PrincipalAxis",
+    },
+    "source": {
+        "tcp": "taxelflow.acquire.devices.tcp:connect",
+        "tcp-listen": "taxelflow.acquire.devices.tcp:listen",
+        "udp-listen": "taxelflow.acquire.devices.udp:listen",
+        "serial": "taxelflow.acquire.devices.serial:connect",
+        "stdin": "taxelflow.acquire.devices.stdin:read",
+        "ros2": "taxelflow.acquire.devices.dds:connect",
+        "rosbridge": "taxelflow.acquire.devices.rosbridge:connect",
+        "lsl": "taxelflow.acquire.devices.lsl:connect",
+        "inspire-modbus": "taxelflow.acquire.devices.inspire:connect",
+        "inspire-dds": "taxelflow.acquire.devices.dds:inspire",
+        "xela": "taxelflow.acquire.devices.xela:connect",
+        "dsa": "taxelflow.acquire.devices.dsa:connect",
+        "barrett-can": "taxelflow.acquire.devices.barrett:connect",
+        "replay": "taxelflow.pipeline.live.replay:replay",
+        "rig": "taxelflow.pipeline.live.replay:rig",
+    },
+    "emulator": {
+        "tcp": "taxelflow.pipeline.live.emulators.streams:TcpServer",
+        "tcp-listen": "taxelflow.pipeline.live.emulators.streams:TcpClient",
+        "udp-listen": "taxelflow.pipeline.live.emulators.streams:UdpSender",
+        "serial": "taxelflow.pipeline.live.emulators.streams:SerialDevice",
+        "stdin": "taxelflow.pipeline.live.emulators.streams:StandardOutput",
+        "ros2": "taxelflow.pipeline.live.emulators.ros:Ros2",
+        "rosbridge": "taxelflow.pipeline.live.emulators.ros:Rosbridge",
+        "lsl": "taxelflow.pipeline.live.emulators.lsl:Lsl",
+        "inspire-modbus": "taxelflow.pipeline.live.emulators.devices:Inspire",
+        "inspire-dds": "taxelflow.pipeline.live.emulators.ros:InspireDds",
+        "xela": "taxelflow.pipeline.live.emulators.devices:Xela",
+        "dsa": "taxelflow.pipeline.live.emulators.devices:Dsa",
+        "barrett-can": "taxelflow.pipeline.live.emulators.devices:Barrett",
+    },
+    "sink": {
+        "tables": "taxelflow.publish.sinks.tables:write",
+        "parquet": "taxelflow.publish.sinks.parquet:write",
+        "mcap": "taxelflow.pipeline.live.mcap_sink:write",
+        "jsonl": "taxelflow.publish.sinks.jsonl:write",
+        "jsonl-listen": "taxelflow.publish.sinks.jsonl:listen",
+        "ros2": "taxelflow.pipeline.live.ros2_sink:write",
+        "lsl": "taxelflow.pipeline.live.lsl_sink:write",
+        "foxglove": "taxelflow.publish.sinks.foxglove:listen",
+    },
+    "controller": {
+        "hold": "taxelflow.control.hold:Hold",
+        "constant": "taxelflow.control.baselines:Constant",
+        "threshold": "taxelflow.control.baselines:Threshold",
+        "centroid": "taxelflow.control.baselines:CentroidSpeed",
+        "slide": "taxelflow.control.motion:Slide",
+        "pivot": "taxelflow.control.motion:Pivot",
+    },
+    "drawing": {
+        "results": "taxelflow.evaluation.plot:plot_results",
+    },
+    "score": {
+        "table1": "taxelflow.evaluation.table1:Table1",
+        "hard": "taxelflow.evaluation.hard:Hard",
+        "field": "taxelflow.evaluation.field:Field",
+        "slip": "taxelflow.evaluation.slip:Slip",
+        "hand": "taxelflow.evaluation.hand:Hand",
+        "limits": "taxelflow.evaluation.limits:Limits",
+        "peers": "taxelflow.evaluation.peers:Peers",
+        "contacts": "taxelflow.evaluation.contacts:Contacts",
+        "prediction": "taxelflow.evaluation.prediction:Prediction",
+        "robustness": "taxelflow.evaluation.robustness:Robustness",
+        "xela": "taxelflow.evaluation.xela:Xela",
+        "live": "taxelflow.evaluation.live_bench:LiveBench",
+        "view": "taxelflow.evaluation.view_bench:ViewBench",
+    },
+}
+
+_KINDS = {"estimator": "method"}
+"""What the command line calls a part of a stage, where that is not the stage's name."""
+
+
+def names(stage: str) -> list[str]:
+    """Known names of a stage, built-in ones first."""
+    return [*PARTS[stage], *sorted(_plugins(stage))]
+
+
+def find(stage: str, name: str) -> Any:
+    """The part of that name, imported now. Raises NameUnknown with the list of names."""
+    if name in PARTS[stage]:
+        module, _, attribute = PARTS[stage][name].partition(":")
+        return getattr(import_module(module), attribute)
+    plugins = _plugins(stage)
+    if name in plugins:
+        return plugins[name].load()
+    raise NameUnknown(_KINDS.get(stage, stage), name, names(stage))
+
+
+def summary(stage: str, name: str) -> str:
+    """First line of a part's docstring, read from its source file: the part itself is not imported.
+
+    Empty if there is no source or no docstring.
+    """
+    where = PARTS[stage].get(name) or _plugins(stage)[name].value
+    module, _, attribute = where.partition(":")
+    found = find_spec(module)
+    if found is None or found.origin is None or not found.origin.endswith(".py"):
+        return ""
+    for node in ast.parse(Path(found.origin).read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == attribute:
+            return (ast.get_docstring(node) or "").partition("\n")[0]
+    return ""
+
+
+def _plugins(stage: str) -> dict[str, Any]:
+    return {point.name: point for point in entry_points(group=f"taxelflow.{stage}")}

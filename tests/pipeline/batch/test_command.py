@@ -1,0 +1,177 @@
+"""`taxelflow batch` in one process, in place of a cluster."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from batched import alone, manifest, one_by_one, slides, statuses, written
+from rigged import refused
+from taxelflow.cli import main
+from taxelflow.pipeline.batch import cluster
+from taxelflow.pipeline.batch.task import Outcome, Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of two recordings and a broken one; batches run in this process."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("taxelflow.pipeline.batch.run.connected", alone)
+    monkeypatch.setattr("taxelflow.pipeline.batch.run.outcomes", one_by_one)
+    slides(tmp_path / "runs", "a.npz", "b.npz")
+    (tmp_path / "runs" / "broken.npz").write_bytes(b"PK")
+    return tmp_path / "runs"
+
+
+def batch(*words: str) -> int:
+    return main(["batch", "runs/*.npz", "--out", "out", *words])
+
+
+def test_a_batch_does_what_is_missing_and_keeps_what_failed_until_asked(runs: Path, capsys: Capture) -> None:
+    assert batch() == 1
+    said = capsys.readouterr()
+    assert said.out.startswith("3 recordings: 2 done (2 now, 0 before), 1 failed\n")
+    assert "s of processor time per hour of recording" in said.out
+    assert said.err.startswith(f"taxelflow: failed: {runs}/broken.npz: cannot read ")
+    assert said.err.count("\n") == 1
+    before = written(Path("out"))
+    assert set(before) == {
+        "batch.json",
+        "manifest.csv",
+        *(f"{name}/{file}" for name in "ab" for file in ("events.parquet", "object.parquet", "slips.parquet")),
+        *(f"{name}/summary.json" for name in "ab"),
+    }
+
+    slides(runs, "broken.npz", "c.npz")
+    assert batch() == 1
+    assert capsys.readouterr().out.startswith("4 recordings: 3 done (1 now, 2 before), 1 failed\n")
+    after = written(Path("out"))
+    assert {name: after[name] for name in before if name != "manifest.csv"} == {
+        name: content for name, content in before.items() if name != "manifest.csv"
+    }
+
+    assert batch("--retry-failed") == 0
+    assert set(statuses(Path("out")).values()) == {"done"}
+    assert all(float(row["seconds"]) > 0 for row in manifest(Path("out")))
+    assert batch() == 0
+
+
+@pytest.mark.usefixtures("runs")
+def test_results_that_a_killed_client_has_not_noted_are_done(capsys: Capture) -> None:
+    batch()
+    lines = Path("out/manifest.csv").read_text().splitlines(keepends=True)
+    kept = [line for line in lines if "/a.npz" not in line]
+    Path("out/manifest.csv").write_text("".join(kept)[:-3])  # in the middle of the last row
+    capsys.readouterr()
+    assert batch() == 1
+    assert "2 done (0 now, 2 before), 1 failed" in capsys.readouterr().out
+    assert statuses(Path("out")) == {"a.npz": "done", "b.npz": "done", "broken.npz": "failed"}
+    assert {row["recording"]: row["seconds"] for row in manifest(Path("out"))}["a.npz"] == ""
+
+
+@pytest.mark.usefixtures("runs")
+def test_other_settings_or_recordings_of_the_same_name_are_refused(capsys: Capture) -> None:
+    assert batch() == 1
+    words = ("batch", "runs/*.npz", "--out", "out")
+    assert "out holds results with other settings: pipeline.estimator.gain was 1.0, is 1.1; use the same" in refused(
+        capsys, *words, "--gain", "1.1"
+    )
+    assert "method was 'convolution', is 'lnorm'" in refused(capsys, *words, "--method", "lnorm")
+    slides(Path("other"), "a.npz")
+    Path("out/manifest.csv").unlink()
+    assert "would both be in" in refused(capsys, "batch", "other/a.npz", "--out", "out")
+    assert "would both be in" in refused(capsys, "batch", "other/a.npz", "runs/a.npz", "--out", "new")
+    assert not Path("new").exists()
+
+
+@pytest.mark.usefixtures("runs")
+def test_settings_may_change_while_nothing_is_done() -> None:
+    Path("runs/plain.csv").write_text("t_s,a,b\n" + "".join(f"{scan / 10},1,{scan % 2}\n" for scan in range(30)))
+    words = ["batch", "runs/plain.csv", "--out", "out"]
+    assert main(words) == 1
+    assert "--sensor" in manifest(Path("out"))[0]["message"]
+    assert main([*words, "--sensor", "grid:1x2@4mm", "--retry-failed"]) == 0
+
+
+@pytest.mark.usefixtures("runs")
+def test_a_fault_of_a_worker_leaves_recordings_undone(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    def outcomes(
+        client: None, settings: Settings, tasks: Iterable[tuple[Path, Path]]
+    ) -> Iterator[tuple[Path, Outcome]]:
+        first, *others = tasks
+        yield first[0], Outcome("fault", message="OSError: No space left on device")
+        yield from one_by_one(client, settings, others)
+
+    monkeypatch.setattr("taxelflow.pipeline.batch.run.outcomes", outcomes)
+    said = refused(capsys, "batch", "runs/*.npz", "--out", "out")
+    assert "1 recordings are not done, through faults of workers" in said
+    assert "a.npz: OSError: No space left on device; mend it, then run the same command again" in said
+    assert statuses(Path("out")) == {"b.npz": "done", "broken.npz": "failed"}
+
+
+@pytest.mark.usefixtures("runs")
+def test_a_broken_cluster_ends_the_batch(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    def outcomes(
+        _client: None, _settings: Settings, tasks: Iterable[tuple[Path, Path]]
+    ) -> Iterator[tuple[Path, Outcome]]:
+        [(first, _), *_] = tasks
+        while True:
+            yield first, Outcome("fault", message="a worker has taxelflow 0.0.9, not 0.1.0")
+
+    monkeypatch.setattr("taxelflow.pipeline.batch.run.outcomes", outcomes)
+    assert "3 recordings are not done" in refused(capsys, "batch", "runs/*.npz", "--out", "out")
+
+
+@pytest.mark.usefixtures("runs")
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["runs/*.bag"], "recordings must match at least one recording (got 'runs/*.bag')"),
+        ([], "recordings must name at least one path or a quoted pattern"),
+        (["runs/*.npz", "--workers", "0"], "workers must be at least 1 (got 0)"),
+        (
+            ["runs/*.npz", "--workers", "1", "--scheduler", "tcp://127.0.0.1:1"],
+            "workers must be left out with --scheduler",
+        ),
+        (["runs/a.npz", "--gain", "1.1", "runs/b.npz"], "recordings must stand before the method's own options"),
+        (["runs/*.npz", "--method", "tempalte"], "did you mean 'template'?"),
+        (["runs/*.npz", "--sensor", "barret"], "unknown sensor 'barret'"),
+    ],
+    ids=lambda one: one if isinstance(one, str) else "",
+)
+def test_bad_input_is_refused_in_one_line(capsys: Capture, words: list[str], says: str) -> None:
+    assert says in refused(capsys, "batch", *words, "--out", "out")
+    assert not Path("out").exists()
+
+
+def test_without_the_extra_the_message_names_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    [slide] = slides(tmp_path / "runs", "a.npz")
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert "pip install 'taxelflow[cluster]'" in refused(capsys, "batch", slide, "--out", tmp_path / "out")
+
+
+def test_a_scheduler_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    [slide] = slides(tmp_path / "runs", "a.npz")
+    monkeypatch.setattr(cluster, "_PATIENCE", replace(cluster._PATIENCE, answer_s=0.1))
+    for address in ("tcp://127.0.0.1:1", "nowhere://x"):
+        words = ("batch", slide, "--out", tmp_path / "out", "--scheduler", address)
+        assert f"no scheduler answers at {address}" in refused(capsys, *words)
+
+
+def test_help_of_a_method_shows_its_own_options(capsys: Capture) -> None:
+    with pytest.raises(SystemExit):
+        main(["batch", "--method", "template", "--help"])
+    said = capsys.readouterr().out
+    assert "--retry-failed" in said
+    assert "--window-scans" in said

@@ -1,0 +1,142 @@
+"""Devices with protocols of their own: what an emulated one sends arrives, faults are told, parsers take any bytes."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from streaming import PALM, free_port, opened
+from taxelflow import load_sensor
+from taxelflow.acquire.devices.barrett import BarrettParser, frames_of
+from taxelflow.acquire.devices.base import Faults
+from taxelflow.acquire.devices.dsa import DsaParser
+from taxelflow.acquire.devices.frames import FrameParser
+from taxelflow.acquire.devices.line import LineParser
+from taxelflow.acquire.devices.xela import XelaParser
+from taxelflow.pipeline.live.emulators.base import Fault, Playback
+from taxelflow.runtime import registry
+from taxelflow.runtime.addresses import parse_address
+from taxelflow.sensors.frame import Frame
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+
+DEVICES = {
+    "xela": ("xela://127.0.0.1:{port}", "xela-4x4@4.7mm"),
+    "dsa": ("dsa:", "schunk-sdh2"),
+    "barrett-can": ("barrett-can:{port}?interface=virtual", "barretthand-bh280-96"),
+    "inspire-modbus": ("inspire-modbus://127.0.0.1:{port}?rate=400", "inspire-rh56dftp@3mm"),
+}
+FULL = {"xela": 65535, "dsa": 4095, "barrett-can": 15, "inspire-modbus": 4095}
+SCANS = 30
+
+
+def sent_and_received(kind: str, faults: tuple[Fault, ...] = ()) -> tuple[Playback, Floats, list[Any], Any]:
+    """The playback, what was to be sent, arrivals and the source of an emulated device."""
+    form, name = DEVICES[kind]
+    sensor = load_sensor(name)
+    columns = sensor.channel_map.columns
+    values = np.random.default_rng(0).integers(0, FULL[kind], (SCANS, columns)).astype(float)
+    url = form.format(port=free_port())
+    arrived: list[Any] = []
+    done = threading.Event()
+
+    def read(source: Any) -> None:
+        for arrival in source:
+            if arrival is not None:
+                arrived.append(arrival)
+            if done.is_set() and (arrival is None or kind == "inspire-modbus"):
+                return
+
+    with (
+        registry.find("emulator", kind)(parse_address(url), sensor) as device,
+        opened(url if kind in ("barrett-can", "inspire-modbus") else device.url, sensor) as source,
+    ):
+        reader = threading.Thread(target=read, args=[source])
+        reader.start()
+        playback = Playback(device, faults, 1.0)
+        playback.run(zip((0.02 * np.arange(SCANS) + 1.0).tolist(), values, strict=True))
+        done.set()
+        reader.join(5)
+    return playback, values, arrived, source
+
+
+@pytest.mark.parametrize("kind", ["xela", "dsa", "barrett-can"])
+def test_what_a_device_sends_arrives_exactly(kind: str) -> None:
+    playback, values, arrived, source = sent_and_received(kind)
+    assert playback.whole == SCANS
+    assert np.array_equal([arrival.values for arrival in arrived], values)
+    assert not source.faults.counts
+
+
+@pytest.mark.parametrize(
+    ("kind", "fault", "told"),
+    [
+        ("xela", "half-frame", "bad message"),
+        ("xela", "taxel-count", "bad message"),
+        ("xela", "cable", "connection lost"),
+        ("dsa", "half-frame", "wrong checksum"),
+        ("dsa", "checksum", "wrong checksum"),
+        ("dsa", "garbage", "garbage between frames"),
+        ("dsa", "taxel-count", "bad frame"),
+        ("barrett-can", "half-frame", "puck silent"),
+    ],
+)
+def test_a_fault_of_a_device_is_told(kind: str, fault: str, told: str, caplog: pytest.LogCaptureFixture) -> None:
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)
+    playback, _, arrived, source = sent_and_received(kind, (Fault(fault, 0.2, 0.1),))
+    assert source.faults.counts[told] >= 1
+    assert sum(record.message.startswith(told) for record in caplog.records) == 1
+    assert playback.whole - 3 <= len(arrived) <= playback.whole + 1
+
+
+def test_all_registers_of_the_inspire_hand_are_read() -> None:
+    _, values, arrived, _ = sent_and_received("inspire-modbus")
+    seen = {tuple(row) for row in values.astype(int).tolist()}
+    whole = [arrival for arrival in arrived if tuple(arrival.values.astype(int).tolist()) in seen]
+    assert len(whole) >= 3  # a scan may change while its nine answers are read
+    assert len(arrived[0].values) == 1062
+
+
+def test_a_puck_that_is_silent_leaves_its_readings_missing() -> None:
+    faults = Faults()
+    parser = BarrettParser(faults)
+    two = b"".join(frames_of(puck, np.ones(24)) for puck in (11, 12, 11))
+    (t_s, values), *_ = parser.feed(two)
+    assert t_s is None
+    assert np.isnan(values).sum() == 48
+    assert faults.counts["puck silent"] == 1
+
+
+PARSERS = {
+    "line": lambda faults: LineParser(28, faults, timed=True),
+    "frames": lambda faults: FrameParser(Frame("AA55", checksum="crc16-ccitt"), 28, faults, timed=True),
+    "bare frames": lambda faults: FrameParser(Frame("AA"), 2, faults, timed=True),
+    "dsa": lambda faults: DsaParser(PALM.layout, faults, 0x8408),
+    "barrett": BarrettParser,
+    "xela": lambda faults: XelaParser(48, faults),
+}
+PIECES = st.lists(
+    st.one_of(
+        st.binary(max_size=80),
+        st.sampled_from([b"\xaa\xaa\xaa", b"\xaaU", b"1,2,3\n", b"nan,", b'{"1":{"data":"0","time":1}}', b"\n"]),
+    ),
+    max_size=30,
+)
+
+
+@pytest.mark.parametrize("name", PARSERS)
+@given(pieces=PIECES)
+def test_a_parser_takes_any_bytes_and_gives_whole_scans_only(name: str, pieces: list[bytes]) -> None:
+    columns = {"line": 28, "frames": 28, "bare frames": 2, "dsa": 28, "barrett": 96, "xela": 48}[name]
+    logging.disable()
+    parser: Any = PARSERS[name](Faults())
+    scans = [scan for piece in pieces for scan in parser.feed(piece)] + parser.end()
+    logging.disable(logging.NOTSET)
+    assert all(values.shape == (columns,) for _, values in scans)

@@ -1,0 +1,106 @@
+"""Lab Streaming Layer in and out, on this machine only. Needs the extra `lsl`."""
+
+from __future__ import annotations
+
+import json
+import threading
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from streaming import PALM, SCANS, published, running, slid
+from taxelflow.acquire.devices.base import Faults
+from taxelflow.errors import AddressInvalid, TaxelflowError
+from taxelflow.pipeline.live.emulators.base import Playback, parse_fault
+from taxelflow.pipeline.live.loop import Limits
+from taxelflow.publish.tables import OBJECT
+from taxelflow.runtime import registry
+from taxelflow.runtime.addresses import parse_address
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pylsl = pytest.importorskip("pylsl")
+
+
+def test_a_stream_is_read_with_its_stamps_and_results_go_out_as_another(tmp_path: Path) -> None:
+    scans, events = slid(), list[dict[str, object]]()
+    with (
+        registry.find("emulator", "lsl")(parse_address("lsl:taxelflow-test-in"), PALM) as device,
+        running(
+            device.url,
+            f"jsonl:{tmp_path}/a.jsonl",
+            "lsl:taxelflow-test-out",
+            limits=Limits(max_scans=SCANS, duration_s=10.0),
+        ) as reports,
+    ):
+        rows, markers = (_inlet(name) for name in ("taxelflow-test-out", "taxelflow-test-out-events"))
+        Playback(device, (), 2.0).run(zip((scans.t_s + 100.0).tolist(), scans.values, strict=True))
+        received, stamps = list[list[float]](), list[float]()
+        while len(received) < SCANS:
+            row, stamp = rows.pull_sample(timeout=5.0)
+            assert row is not None
+            received.append(row)
+            stamps.append(stamp)
+        while (marker := markers.pull_sample(timeout=1.0)[0]) is not None:
+            events.append(json.loads(marker[0]))
+    assert reports[0].intake.scans_in == SCANS
+    lines = published(tmp_path / "a.jsonl")
+    sent = [[line["object"][name] for name in OBJECT] for line in lines]
+    np.testing.assert_array_equal(np.array(sent, float), np.array(received)[:, : len(OBJECT)])
+    np.testing.assert_allclose(np.array(received)[:, 0], scans.t_s + 100.0, rtol=1e-12)
+    assert np.array(received)[:, -1].tolist() == [line["pads"]["pad0"]["slipping"] for line in lines]
+    assert (np.diff(stamps) >= 0).all()
+    assert 0.0 <= pylsl.local_clock() - stamps[-1] < 10.0  # by LSL's clock, not by the sensor's
+    assert [event["event"] for event in events] == [one["event"] for line in lines for one in line["events"]]
+
+
+def test_a_stream_that_is_lost_is_found_again(tmp_path: Path) -> None:
+    scans = slid()
+    with (
+        registry.find("emulator", "lsl")(parse_address("lsl:taxelflow-test-lost"), PALM) as device,
+        running(device.url, f"jsonl:{tmp_path}/a.jsonl", limits=Limits(duration_s=6.0)) as reports,
+    ):
+        again = np.concatenate([scans.t_s, scans.t_s + 1.0, scans.t_s + 2.0])
+        values = np.tile(scans.values, (3, 1))
+        Playback(device, [parse_fault("cable@0.3:0.5")], 1.0).run(zip((again + 100.0).tolist(), values, strict=True))
+    told = reports[0].source.faults.counts
+    assert told["connection lost"] == 1
+    assert told["connected again"] == 1
+    assert published(tmp_path / "a.jsonl")[-1]["t_s"] == pytest.approx(again[-1] + 100.0)
+
+
+def test_a_stream_of_another_shape_is_counted_and_left_out() -> None:
+    faults = Faults()
+    from taxelflow.acquire.devices.lsl import LslParser
+
+    parser = LslParser(2, faults, timed=True)
+    assert parser.feed(np.array([3.0, 0.0, 1.0, 2.0, 3.0]).tobytes()) == []
+    assert faults.counts["bad message"] == 1
+    ((t_s, values),) = parser.feed(np.array([2.0, 0.5, 1.0, 2.0]).tobytes())
+    assert (t_s, values.tolist()) == (0.5, [1.0, 2.0])
+
+
+def test_without_such_a_stream_the_run_says_so() -> None:
+    with (
+        pytest.raises(TaxelflowError, match="no stream 'taxelflow-nobody'"),
+        running("lsl:taxelflow-nobody?wait=0.2"),
+    ):
+        threading.Event().wait(0.1)
+
+
+def test_streams_stay_on_this_machine_and_one_process_has_one_reach() -> None:
+    registry.find("emulator", "lsl")(parse_address("lsl:taxelflow-test-reach"), PALM)
+    with pytest.raises(AddressInvalid, match="scope=link; give all LSL addresses the same: machine is in use"):
+        registry.find("emulator", "lsl")(parse_address("lsl:taxelflow-test-reach?scope=link"), PALM)
+    with pytest.raises(AddressInvalid, match="scope=all; give scope=machine or link or site or config"):
+        registry.find("emulator", "lsl")(parse_address("lsl:taxelflow-test-reach?scope=all"), PALM)
+
+
+def _inlet(name: str) -> Any:
+    streams = pylsl.resolve_byprop("name", name, 1, timeout=20.0)
+    assert streams
+    inlet = pylsl.StreamInlet(streams[0])
+    inlet.open_stream(timeout=5.0)
+    return inlet

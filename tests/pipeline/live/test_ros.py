@@ -1,0 +1,143 @@
+"""ROS without ROS: cyclonedds between two processes, CDR as rosbags has it, rosbridge; and the node with a stand-in."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from streaming import PALM, SCANS, free_port, lines, opened, published, running, slid
+from taxelflow import load_sensor
+from taxelflow.acquire.ros.decode import store_of
+from taxelflow.acquire.ros.kinds import kind_of
+from taxelflow.errors import TaxelflowError
+from taxelflow.pipeline.live.emulators.base import Playback
+from taxelflow.pipeline.live.loop import Limits
+from taxelflow.pipeline.live.ros2_sink import Ros2Types
+from taxelflow.runtime import registry
+from taxelflow.runtime.addresses import parse_address
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+LOOPBACK = (
+    '<CycloneDDS><Domain id="any"><General><Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>'
+    "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
+    '<Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>'
+)
+TOUCH = "tactile_msgs/msg/TactileState"
+
+
+@pytest.fixture(autouse=True)
+def loopback(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+
+
+def test_messages_have_the_bytes_that_rosbags_gives_them() -> None:
+    types = Ros2Types()
+    ours = bytes(types.touch(12.5, {"palm": [1.0, 2.0], "thumb": [3.0]}).serialize())
+    kind = kind_of(TOUCH)
+    assert kind is not None
+    store = store_of(TOUCH, "", "", kind.definition)
+    known: Any = store.types
+    stamp = known["builtin_interfaces/msg/Time"](12, 500_000_000)
+    header = known["std_msgs/msg/Header"](stamp, "hand")
+    channel = known["sensor_msgs/msg/ChannelFloat32"]
+    sensors = [channel("palm", np.array([1, 2], np.float32)), channel("thumb", np.array([3], np.float32))]
+    assert ours == bytes(store.serialize_cdr(known[TOUCH](header, sensors), TOUCH))
+    twist = types.twist(3.0, np.array([0.1, 0.2, np.nan]), np.diag([1.0, 2.0, np.nan]))
+    assert twist.twist.covariance[35] == -1.0
+    again = store_of("geometry_msgs/msg/TwistWithCovarianceStamped", "", "", "").deserialize_cdr(
+        bytes(twist.serialize()), "geometry_msgs/msg/TwistWithCovarianceStamped"
+    )
+    assert (again.twist.twist.linear.x, again.header.frame_id) == (0.1, "hand")  # type: ignore[attr-defined]
+
+
+def test_another_process_receives_scans_by_dds_and_passes_them_on(tmp_path: Path) -> None:
+    (tmp_path / "hand.toml").write_text(
+        'name = "hand"\nunit = "Pa"\n[[pads]]\nname = "pad0"\nrows = 4\ncols = 7\npitch_m = [0.01, 0.01]\n'
+    )
+    with registry.find("emulator", "ros2")(parse_address("ros2:/touch"), PALM) as device:
+        command = [sys.executable, "-m", "taxelflow.cli", "record", device.url, str(tmp_path / "a.mcap")]
+        process = subprocess.Popen(
+            [*command, "--sensor", str(tmp_path / "hand.toml"), "--max-scans", "40"], stdout=subprocess.PIPE
+        )
+        scans = slid()
+        Playback(device, (), 1.0).run(zip((scans.t_s + 100.0).tolist(), scans.values, strict=True))
+        said, _ = process.communicate(timeout=30)
+    assert b"scans in: 40" in said
+    import taxelflow
+
+    received = taxelflow.read(tmp_path / "a.mcap").load()
+    sent = dict(zip((scans.t_s + 100.0).round(6).tolist(), scans.values, strict=True))
+    assert np.allclose(received.values, [sent[t] for t in received.t_s.round(6).tolist()], rtol=1e-6)
+
+
+def test_a_topic_is_read_through_rosbridge(tmp_path: Path) -> None:
+    scans = slid()
+    url = f"rosbridge://127.0.0.1:{free_port()}/touch"
+    with (
+        registry.find("emulator", "rosbridge")(parse_address(url), PALM) as device,
+        running(url, f"jsonl:{tmp_path}/a.jsonl", limits=Limits(max_scans=SCANS, duration_s=10.0)) as reports,
+    ):
+        playback = Playback(device, (), 2.0)
+        playback.run(zip((scans.t_s + 100.0).tolist(), scans.values, strict=True))
+        threading.Event().wait(0.1)
+    assert not reports[0].source.faults.counts
+    assert np.allclose([row["t_s"] for row in published(tmp_path / "a.jsonl")], scans.t_s + 100.0)
+
+
+def test_results_are_published_to_ros_2(tmp_path: Path) -> None:
+    from taxelflow.acquire.devices.dds import best_effort, cyclonedds
+
+    dds, types = cyclonedds(), Ros2Types()
+    participant = dds.domain.DomainParticipant(7)
+    kind = types["tactile_msgs/msg/TactileState"]
+    topic = dds.topic.Topic(participant, "rt/taxelflow/scans", kind)
+    reader = dds.sub.DataReader(participant, topic, qos=best_effort())
+    port = free_port()
+    with running(f"tcp-listen://127.0.0.1:{port}", "ros2:"):
+        from streaming import connected
+
+        with connected(port) as device:
+            for line in lines(slid()):
+                device.sendall(line)
+                threading.Event().wait(0.005)
+    received = [sample for sample in reader.take(N=200) if hasattr(sample, "sensors")]
+    assert received
+    assert [channel.name for channel in received[0].sensors] == ["pad0"]
+    assert len(received[0].sensors[0].values) == 28
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("ros2:/touch", "no type"),
+        ("ros2:/touch?type=a_msgs/Other", "type=a_msgs/Other"),
+        ("rosbridge://127.0.0.1:1", "no path"),
+        ("inspire-dds:?side=x", "side=r or l"),
+    ],
+)
+def test_a_malformed_topic_is_refused(url: str, words: str) -> None:
+    with pytest.raises(TaxelflowError, match=words):
+        opened(url)
+
+
+def test_the_inspire_hand_is_read_by_dds() -> None:
+    hand = load_sensor("inspire-rh56dftp@3mm")
+    values = np.random.default_rng(0).integers(0, 4095, (5, 1062)).astype(float)
+    with (
+        registry.find("emulator", "inspire-dds")(parse_address("inspire-dds:"), hand) as device,
+        opened("inspire-dds:", hand) as source,
+    ):
+        arrivals = iter(source)
+        next(arrivals)  # it has opened
+        Playback(device, (), 0.0).run(zip([0.0, 0.1, 0.2, 0.3, 0.4], values, strict=True))
+        found = [arrival.values for arrival in islice(arrivals, 5) if arrival is not None]
+    assert np.array_equal(found, values)

@@ -1,0 +1,108 @@
+"""The node of ros/taxelflow_ros with a stand-in for rclpy: there is no ROS where these tests run."""
+
+from __future__ import annotations
+
+import json
+import runpy
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any, ClassVar
+
+import pytest
+
+from streaming import slid
+
+PACKAGE = Path(__file__).resolve().parents[3] / "ros" / "taxelflow_ros"
+
+
+class Node:
+    """What the node uses of rclpy's."""
+
+    given: ClassVar[dict[str, Any]] = {}
+
+    def __init__(self, name: str) -> None:
+        self.name, self.published, self.subscriptions = name, {}, []
+
+    def declare_parameter(self, name: str, usual: Any) -> Any:
+        return SimpleNamespace(value=self.given.get(name, usual))
+
+    def create_publisher(self, _kind: Any, topic: str, _depth: int) -> Any:
+        return SimpleNamespace(publish=self.published.setdefault(topic, []).append)
+
+    def create_subscription(self, kind: Any, topic: str, call: Any, _qos: Any) -> None:
+        self.subscriptions.append((kind, topic, call))
+
+    def get_clock(self) -> Any:
+        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=10**9))
+
+    def get_logger(self) -> Any:
+        return SimpleNamespace(warning=lambda *_text, **_options: None)
+
+
+def twist() -> Any:
+    stamped = SimpleNamespace(header=SimpleNamespace(), twist=SimpleNamespace(twist=SimpleNamespace()))
+    stamped.twist.twist.linear, stamped.twist.twist.angular = SimpleNamespace(), SimpleNamespace()
+    return stamped
+
+
+@pytest.fixture
+def node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The node on a stand-in for ROS."""
+    (tmp_path / "hand.toml").write_text(
+        'name = "hand"\nunit = "Pa"\n[[pads]]\nname = "pad0"\nrows = 4\ncols = 7\npitch_m = [0.01, 0.01]\n'
+    )
+    modules = {
+        "rclpy": {},
+        "rclpy.node": {"Node": Node},
+        "rclpy.qos": {"qos_profile_sensor_data": None},
+        "geometry_msgs.msg": {"TwistWithCovarianceStamped": twist},
+        "std_msgs.msg": {"String": lambda data: SimpleNamespace(data=data)},
+        "tactile_msgs.msg": {"TactileState": SimpleNamespace},
+    }
+    for name, content in modules.items():
+        module = ModuleType(name)
+        vars(module).update(content)
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setattr(Node, "given", {"sensor": str(tmp_path / "hand.toml"), "condition.contact_on": 7.0})
+    return runpy.run_path(str(PACKAGE / "taxelflow_ros" / "node.py"))["SlipNode"]()
+
+
+def test_scans_in_twist_slips_and_events_out(node: Any) -> None:
+    ((_, topic, call),) = node.subscriptions
+    assert topic == "/touch"
+    assert node.live.pipeline.condition.contact_on == 7.0
+    scans = slid()
+    for t_s, values in zip(scans.t_s.tolist(), scans.values, strict=True):
+        stamp = SimpleNamespace(sec=int(t_s), nanosec=round(t_s % 1 * 1e9))
+        channel = SimpleNamespace(values=values)
+        call(SimpleNamespace(header=SimpleNamespace(stamp=stamp), sensors=[channel]))
+    assert len(node.published["~/slips"]) == len(scans)
+    assert json.loads(node.published["~/slips"][-1].data)["pads"]["pad0"]["contact"] is True
+    assert json.loads(node.published["~/events"][0].data)["event"] == "contact"
+    moved = node.published["~/object"][-1]
+    assert moved.header.frame_id == "hand"
+    assert moved.twist.twist.linear.x == pytest.approx(0.05, rel=0.3)
+    assert moved.twist.covariance[35] == -1.0
+
+
+def test_a_message_of_another_size_is_left_out(node: Any) -> None:
+    node.scan(SimpleNamespace(header=SimpleNamespace(stamp=0.0), sensors=[SimpleNamespace(values=[1.0])]))
+    assert not node.published["~/slips"]
+
+
+def test_the_launch_file_declares_what_the_node_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+    declared: list[str] = []
+    stand_ins = {
+        "launch": {"LaunchDescription": list},
+        "launch.actions": {"DeclareLaunchArgument": lambda name, **_usual: declared.append(name)},
+        "launch.substitutions": {"LaunchConfiguration": str},
+        "launch_ros.actions": {"Node": lambda **settings: settings},
+    }
+    for name, content in stand_ins.items():
+        module = ModuleType(name)
+        vars(module).update(content)
+        monkeypatch.setitem(sys.modules, name, module)
+    described = runpy.run_path(str(PACKAGE / "launch" / "slip.launch.py"))["generate_launch_description"]()
+    assert declared == ["sensor", "topic", "type", "method"]
+    assert described[-1]["executable"] == "slip"

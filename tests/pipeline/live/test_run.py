@@ -1,0 +1,256 @@
+"""The loop in one process: what comes in by each transport comes out of each sink, in order and whole."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import socket
+import termios
+import threading
+import tty
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import taxelflow
+from streaming import PALM, SCANS, connected, free_port, lines, opened, published, running, slid
+from taxelflow.errors import SourceUnreachable, TaxelCountWrong, TaxelflowError
+from taxelflow.messages import RawScans, joined
+from taxelflow.pipeline.live.adoptions import asked_adoptions
+from taxelflow.pipeline.live.face import Live
+from taxelflow.pipeline.live.loop import Limits
+from taxelflow.pipeline.live.status import drawn, totals
+from taxelflow.pipeline.stages import Output
+from taxelflow.publish.tables import EVENTS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from taxelflow.runtime.adoption import Adoption
+
+
+def streamed(scans: RawScans, adoptions: list[Adoption] | None = None) -> Output:
+    live = Live(PALM, adoptions=adoptions)
+    steps = [live.step(t, v) for t, v in zip(scans.t_s.tolist(), scans.values, strict=True)]
+    return joined([*steps, live.finish()])
+
+
+def test_scans_over_tcp_come_out_of_every_sink_and_the_mcap_reads_back_bit_equal(tmp_path: Path) -> None:
+    scans, port = slid(), free_port()
+    sinks = [f"tables:{tmp_path}/t", f"mcap:{tmp_path}/a.mcap", f"jsonl:{tmp_path}/a.jsonl"]
+    with running(f"tcp-listen://127.0.0.1:{port}", *sinks) as reports, connected(port) as device:
+        device.sendall(b"# a comment\n" + b"".join(lines(scans)) + b"1,2,3\nno,numbers\n")
+    assert reports[0].intake.scans_in == SCANS
+    assert dict(reports[0].source.faults.counts) == {"bad line": 2}
+    rows = published(tmp_path / "a.jsonl")
+    assert [row["t_s"] for row in rows] == scans.t_s.tolist()
+    recording = taxelflow.read(tmp_path / "a.mcap")
+    assert np.array_equal(recording.load().values, scans.values)
+    assert recording.scans == SCANS  # the file is complete
+    replayed = f"replay:{tmp_path}/a.mcap?speed=max&adoptions=recorded"
+    expected = streamed(scans, asked_adoptions(replayed))
+    pad_rows = [row["pads"]["pad0"] for row in rows[-10:]]
+    assert [row["x_m"] for row in pad_rows] == expected.slips.pose[-10:, 0, 0].tolist()
+    assert [row["std_x_m"] for row in pad_rows] == np.sqrt(expected.slips.covariance[-10:, 0, 0, 0]).tolist()
+    assert (tmp_path / "t" / "slips.csv").read_text().count("\n") == SCANS + 1
+    assert json.loads((tmp_path / "t" / "summary.json").read_text())["scans"] == SCANS
+    assert sum(len(row["events"]) for row in rows) == len(expected.events)
+
+
+def test_a_json_line_has_the_keys_of_the_contract(tmp_path: Path) -> None:
+    scans = slid()
+    simulated = taxelflow.Recording("made", "live", PALM, lambda: iter([scans]), scans=SCANS)
+    taxelflow.convert(simulated, tmp_path / "a.npz")
+    with running(f"replay:{tmp_path}/a.npz?speed=max", f"jsonl:{tmp_path}/a.jsonl"):
+        pass
+    row = published(tmp_path / "a.jsonl")[-1]
+    assert list(row) == ["t_s", "age_ms", "pads", "object", "events"]
+    pad = row["pads"]["pad0"]
+    assert list(pad) == [
+        "contact",
+        *("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s", "std_x_m", "std_y_m"),
+        "slipping",
+        "quality",
+    ]
+    assert pad["contact"] is True
+    assert pad["theta_rad"] is None
+    assert row["age_ms"] > 0
+    assert {"t_s", "vx_m_s", "rotor_1_s", "pads", "std_theta_rad"} <= set(row["object"])
+    events = [event for found in published(tmp_path / "a.jsonl") for event in found["events"]]
+    assert tuple(events[0]) == EVENTS
+
+
+def test_datagrams_without_time_have_the_time_of_arrival(tmp_path: Path) -> None:
+    port = free_port()
+    limits = Limits(max_scans=30)
+    with (
+        running(f"udp-listen://127.0.0.1:{port}?time=arrival", f"jsonl:{tmp_path}/a.jsonl", limits=limits),
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device,
+    ):
+        while not (tmp_path / "a.jsonl").exists():
+            pass
+        device.connect(("127.0.0.1", port))
+        for line in lines(slid(60), timed=False):
+            try:
+                device.send(line)
+            except ConnectionRefusedError:  # it does not listen yet, or has all it wants
+                threading.Event().wait(0.01)
+    times = [row["t_s"] for row in published(tmp_path / "a.jsonl")]
+    assert len(times) == 30
+    assert (np.diff(times) > 0).all()
+
+
+def test_a_serial_line_is_read_from_a_pseudo_terminal(tmp_path: Path) -> None:
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    closed = termios.tcgetattr(slave)
+    scans = slid()
+    with running(f"serial:{os.ttyname(slave)}", f"jsonl:{tmp_path}/a.jsonl", limits=Limits(60, 20.0)):
+        for _ in range(6000):
+            if termios.tcgetattr(slave) != closed:  # pyserial sets the line when it opens
+                break
+            threading.Event().wait(0.01)
+        threading.Event().wait(0.3)  # then it empties the buffer
+        os.write(master, b"the rest of a line\n")
+        for line in lines(scans):
+            os.write(master, line)
+    os.close(master)
+    assert [row["t_s"] for row in published(tmp_path / "a.jsonl")] == scans.t_s[:60].tolist()
+
+
+def test_a_client_of_the_json_server_gets_each_scan(tmp_path: Path) -> None:
+    port, out = free_port(), free_port()
+    with (
+        running(f"tcp-listen://127.0.0.1:{port}", f"jsonl-listen://127.0.0.1:{out}"),
+        connected(out) as client,
+        connected(port) as device,
+    ):
+        threading.Event().wait(0.2)
+        device.sendall(b"".join(lines(slid())))
+        device.shutdown(socket.SHUT_WR)
+        received = b"".join(iter(lambda: client.recv(1 << 16), b""))
+    assert [json.loads(line)["t_s"] for line in received.splitlines()] == slid().t_s.tolist()
+
+
+def test_a_lost_connection_is_made_again_and_the_gap_is_told(tmp_path: Path, caplog: Any) -> None:
+    scans = slid()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        with running(f"tcp://127.0.0.1:{port}", f"jsonl:{tmp_path}/a.jsonl") as reports:
+            device, _ = server.accept()
+            device.sendall(b"".join(lines(scans)[:40]) + b"0.41,1,2")
+            threading.Event().wait(0.3)
+            device.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+            device.close()  # a reset
+            device, _ = server.accept()
+            device.sendall(b"".join(lines(scans)[50:]))
+            device.close()
+    assert [row["t_s"] for row in published(tmp_path / "a.jsonl")] == [*scans.t_s[:40], *scans.t_s[50:]]
+    assert reports[0].intake.timeline.gaps == 1
+    assert [record.message for record in caplog.records if "connection lost" in record.message]
+
+
+def test_a_second_client_is_waited_for_if_asked(tmp_path: Path) -> None:
+    port, scans = free_port(), slid()
+    limits = Limits(max_scans=SCANS)
+    with running(f"tcp-listen://127.0.0.1:{port}?keep=1", f"jsonl:{tmp_path}/a.jsonl", limits=limits):
+        for part in (slice(0, 30), slice(30, SCANS)):
+            with connected(port) as device:
+                device.sendall(b"".join(lines(scans)[part]))
+    assert len(published(tmp_path / "a.jsonl")) == SCANS
+
+
+def test_a_full_disk_is_told_once_and_holds_up_no_other_sink(tmp_path: Path) -> None:
+    with running("rig:stroke?speed=max", "jsonl:/dev/full", f"jsonl:{tmp_path}/a.jsonl") as reports:
+        pass
+    assert len(published(tmp_path / "a.jsonl")) == 140
+    assert reports[0].source.faults.counts["cannot write"] == 1
+
+
+def test_a_client_that_does_not_read_misses_lines_and_holds_up_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("taxelflow.publish.sinks.jsonl._MOST_WAITING", 0)  # no room at all, beyond the system's
+    port, out = free_port(), free_port()
+    sinks = [f"jsonl-listen://127.0.0.1:{out}", f"jsonl:{tmp_path}/a.jsonl"]
+    with running(f"tcp-listen://127.0.0.1:{port}", *sinks) as reports, connected(out):
+        threading.Event().wait(0.2)
+        with connected(port) as device:
+            device.sendall(b"".join(lines(slid())))
+    assert len(published(tmp_path / "a.jsonl")) == SCANS
+    assert reports[0].workers[0].dropped == SCANS
+    assert reports[0].source.faults.counts["a client does not read"] == 1
+
+
+def test_record_keeps_scans_and_what_came_too_late(tmp_path: Path) -> None:
+    port, scans = free_port(), slid()
+    sent = lines(scans)
+    sent[30], sent[31] = sent[31], sent[30]
+    with running(f"tcp-listen://127.0.0.1:{port}", f"mcap:{tmp_path}/a.mcap", record=True), connected(port) as device:
+        device.sendall(b"".join(sent))
+    assert taxelflow.read(tmp_path / "a.mcap").load().t_s.tolist() == np.delete(scans.t_s, 30).tolist()
+    from mcap.reader import make_reader
+
+    with (tmp_path / "a.mcap").open("rb") as file:
+        found = list(make_reader(file).iter_messages(topics=["/late"]))
+    assert json.loads(found[0][2].data)["t_s"] == scans.t_s[30]
+
+
+def test_live_gives_results_at_once_and_survives_its_clock() -> None:
+    scans = slid()
+    whole = streamed(scans)
+    live = Live(PALM)
+    out = [live.step(t, v) for t, v in zip(scans.t_s.tolist(), scans.values, strict=True)]
+    assert [len(one) for one in out] == [0] * 11 + [12] + [1] * (SCANS - 12)
+    assert np.array_equal(out[-1].slips.pose, whole.slips.pose[-1:], equal_nan=True)
+    assert len(live.step(scans.t_s[-1], scans.values[-1])) == 0  # repeated
+    assert len(live.step(scans.t_s[-5], scans.values[-1])) == 0  # late
+    assert len(live.step(-500.0, scans.values[-1] + 1)) == 1  # the device has started again
+    assert live.faults == {"scan repeated": 1, "scan late": 1, "clock jumped": 1}
+
+
+def test_live_refuses_a_scan_of_another_size() -> None:
+    with pytest.raises(TaxelCountWrong, match="the scan has 2 taxels per scan but sensor 'grid' has 28"):
+        Live(PALM).step(0.0, [1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("tcp:5000", "no host and port"),
+        ("tcp://127.0.0.1:99999", "0-65535"),
+        ("nothing", "no scheme"),
+        ("tcp://127.0.0.1:5?tim=arrival", "unknown option 'tim'"),
+        ("tcp://127.0.0.1:5?time=soon", "time=device or arrival"),
+        ("serial:", "no path"),
+        ("rig:nowhere", "known are stroke"),
+        ("replay:a.npz?speed=-1", "does not exist"),
+    ],
+)
+def test_a_malformed_source_is_refused(url: str, words: str) -> None:
+    with pytest.raises(TaxelflowError, match=words):
+        opened(url)
+
+
+def test_rows_of_a_run_whose_source_fails_stay_in_part_files(tmp_path: Path) -> None:
+    url = f"tcp://127.0.0.1:{free_port()}?wait=0"
+    with pytest.raises(SourceUnreachable, match="Connection refused"), running(url, f"tables:{tmp_path}/t"):
+        pass
+    assert {path.suffix for path in (tmp_path / "t").iterdir()} == {".part"}
+
+
+def test_status_and_totals_of_a_run(tmp_path: Path) -> None:
+    with running("rig:stroke?speed=max", f"jsonl:{tmp_path}/a.jsonl") as reports:
+        pass
+    said = totals(reports[0])
+    assert said[0] == "scans in: 140"
+    assert f"published: jsonl:{tmp_path}/a.jsonl 140" in said
+    from rich.console import Console
+
+    with (tmp_path / "screen").open("w") as file:
+        Console(file=file, width=160).print(drawn(reports[0], 7.0))
+    screen = (tmp_path / "screen").read_text()
+    assert "140 scans, 7.0 Hz" in screen
+    assert "palm" in screen

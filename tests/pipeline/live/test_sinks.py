@@ -1,0 +1,163 @@
+"""Sinks on their own: Foxglove's messages, files on full disks, sinks that fail or are stuck."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from streaming import PALM, connected, free_port, lines, published, running, slid
+from taxelflow import load_sensor
+from taxelflow.acquire.devices.base import Faults
+from taxelflow.pipeline.live.latency import Latencies
+from taxelflow.pipeline.live.workers import Raw, SinkWorker
+from taxelflow.publish.sinks.base import Ending, ResultSink
+from taxelflow.publish.sinks.drawn import Drawing
+from taxelflow.publish.sinks.patient import PatientFile
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_foxglove_gets_a_cloud_a_grid_per_pad_and_slips() -> None:
+    from websockets.sync.client import connect
+
+    port, fox = free_port(), free_port()
+    with (
+        running(f"tcp-listen://127.0.0.1:{port}", f"foxglove://127.0.0.1:{fox}"),
+        connected(port) as device,
+        connect(f"ws://127.0.0.1:{fox}", subprotocols=["foxglove.sdk.v1"]) as client,  # type: ignore[list-item]
+    ):
+        channels: dict[str, Any] = {}
+        while len(channels) < 6:
+            message = client.recv(timeout=5)
+            if isinstance(message, str) and json.loads(message)["op"] == "advertise":
+                channels |= {channel["topic"]: channel for channel in json.loads(message)["channels"]}
+        wanted = [{"id": k, "channelId": channel["id"]} for k, channel in enumerate(channels.values())]
+        client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+        threading.Event().wait(0.2)
+        for line in lines(slid()):
+            device.sendall(line)
+            threading.Event().wait(0.002)
+        device.shutdown(1)
+        seen = set()
+        while len(seen) < 6:
+            content = client.recv(timeout=5)
+            if isinstance(content, bytes):
+                seen.add(content[1:5])  # the subscription
+    assert set(channels) == {"/taxels", "/pads/pad0", "/arrows", "/slips", "/object", "/events"}
+    assert channels["/taxels"]["schemaName"] == "foxglove.PointCloud"
+
+
+def test_pads_are_drawn_where_they_lie_in_the_hand() -> None:
+    hand = load_sensor("barretthand-162")
+    drawing = Drawing(hand)
+    cloud, *grids = drawing.scan(1.0, np.arange(162.0))
+    assert cloud.topic == "/taxels"
+    assert [grid.topic for grid in grids] == [f"/pads/{name}" for name in hand.layout.pads[:7]]
+    points = drawing._points
+    assert np.isfinite(points).all()
+    palm = hand.layout.of_pad(6)
+    x, y, theta = hand.layout.T_hand[6]
+    own = np.stack([hand.layout.x_m[palm], hand.layout.y_m[palm]])
+    turned = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]]) @ own + [[x], [y]]
+    assert np.allclose(points[palm, :2], turned.T, atol=1e-6)
+
+
+def test_a_file_goes_on_when_a_full_disk_has_room_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    file = PatientFile(tmp_path / "a", lambda kind, _seen: told.append(kind))
+    room, write = [3], os.write
+
+    def limited(descriptor: int, content: Any) -> int:
+        if not room[0]:
+            room[0] = 100
+            raise OSError(28, "No space left on device")
+        taken = min(room[0], len(content))
+        room[0] -= taken
+        return write(descriptor, content[:taken])
+
+    monkeypatch.setattr(os, "write", limited)
+    assert file.write(b"a whole line\n") == 13
+    file.close()
+    assert (tmp_path / "a").read_bytes() == b"a whole line\n"
+    assert told == ["cannot write", "written again"]
+
+
+class _Stuck(ResultSink):
+    """Takes one update and never comes back, or fails."""
+
+    lossless = True
+    raw = True
+    dropped = 0
+
+    def __init__(self, *, fails: bool) -> None:
+        self.fails, self.free = fails, threading.Event()
+
+    def write_raw(self, _scans: Any, *, late: bool) -> None:
+        if self.fails:
+            raise RuntimeError("broken")
+        self.free.wait()
+
+    def hurry(self) -> None:
+        self.free.set()
+
+    def close(self, _ending: Ending) -> None:
+        """Nothing is open."""
+
+
+@pytest.mark.parametrize("fails", [True, False])
+def test_a_sink_that_fails_or_is_stuck_holds_up_nobody(fails: bool) -> None:
+    faults = Faults()
+    worker = SinkWorker("a", _Stuck(fails=fails), faults)
+    worker.start()
+    began = time.monotonic()
+    for _ in range(100):
+        worker.offer(Raw(slid(1)))
+    worker.give_room()
+    assert time.monotonic() - began < 1.0
+    worker.finish(Ending(None, ()))
+    assert worker.ended
+    assert worker.dropped + worker.published == 100 or fails
+    assert faults.counts["a sink has failed"] == fails
+
+
+def test_a_named_pipe_that_nobody_reads_is_told_at_the_end(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with running("rig:stroke?speed=max", f"jsonl:{tmp_path}/pipe", f"jsonl:{tmp_path}/a.jsonl") as reports:
+        pass
+    assert len(published(tmp_path / "a.jsonl")) == 140
+    assert reports[0].source.faults.counts["a sink is stuck"] == 1
+
+
+def test_latencies_are_within_a_bin() -> None:
+    seen = Latencies()
+    for ms in range(1, 101):
+        seen.add(1e-3 * ms)
+    assert seen.quantile_s(0.5) == pytest.approx(0.05, rel=0.06)
+    assert seen.quantile_s(0.99) == pytest.approx(0.099, rel=0.06)
+    assert seen.longest_s == 0.1
+    assert sum(count for _, _, count in seen.decades()) == 100
+    assert seen.words().startswith("p50")
+    assert PALM.frame is None
+
+
+def test_parquet_files_hold_the_rows_of_the_lines(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    port = free_port()
+    with (
+        running(f"tcp-listen://127.0.0.1:{port}", f"parquet:{tmp_path / 'tables'}", f"jsonl:{tmp_path / 'a.jsonl'}"),
+        connected(port) as device,
+    ):
+        device.sendall(b"".join(lines(slid())))
+    seen = published(tmp_path / "a.jsonl")
+    slips = parquet.read_table(tmp_path / "tables" / "slips.parquet").to_pylist()
+    assert [row["t_s"] for row in slips] == [line["t_s"] for line in seen]
+    assert [row["slipping"] for row in slips] == [line["pads"]["pad0"]["slipping"] for line in seen]
+    events = parquet.read_table(tmp_path / "tables" / "events.parquet").to_pylist()
+    assert [row["event"] for row in events] == [event["event"] for line in seen for event in line["events"]]

@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+
+from rigged import refused
+from taxelflow.acquire.base import Recording
+from taxelflow.errors import ExtraMissing
+from taxelflow.evaluation.view import Filling, Playing
+from taxelflow.pipeline.api import convert, estimate, estimator
+from taxelflow.pipeline.live.face import Live
+from taxelflow.pipeline.live.loop import Limits, run_live
+from taxelflow.pipeline.live.replay import Replay
+from taxelflow.pipeline.live.view import LiveView
+from taxelflow.pipeline.stages import Pipeline
+from taxelflow.publish.view.history import History
+from taxelflow.publish.view.server import PageServer
+from taxelflow.slip.parameters import SlipMonitor
+
+
+def test_a_live_source_fills_the_page_on_this_computer_only(stroke: Recording) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    live = Live(stroke, "convolution")
+    sink = LiveView(live, "stroke", PageServer(port=0))
+    run_live(Replay(stroke, 5.0), {"view": sink}, live, Limits(), watch=sink.watch)
+    assert sink.page.url.startswith("http://127.0.0.1:")
+    assert re.match(r"\d+ scans", sink.page.panel.source)
+    assert "0 dropped" in sink.page.panel.source
+    assert "latency to the estimate: " in sink.page.panel.source
+    times, known = sink.history.times, sink.history.within(-np.inf, np.inf)
+    assert known is not None
+    assert set(times) <= set(known.slips.t_s)
+    assert len(times) > 30  # those from which tare is learned are not shown
+    moving = sink.history.at(float(times[len(times) // 2]))
+    assert moving is not None
+    assert moving.pressure.max() > 5 * live.run.learned.noise.max()  # type: ignore[union-attr]
+    assert {event.event for event in sink.history.events} >= {"contact", "release"}
+
+
+def test_a_recording_fills_the_page_with_what_estimate_gives(stroke: Recording) -> None:
+    history = History()
+    Filling(stroke, Pipeline(estimator("convolution")), history).fill()
+    known, asked = history.within(-np.inf, np.inf), estimate(stroke)
+    assert history.complete
+    assert known is not None
+    assert np.array_equal(known.slips.pose, asked.slips.pose, equal_nan=True)
+    assert np.array_equal(known.slipping, asked.slipping)
+    assert np.array_equal(history.times, asked.slips.t_s)
+    assert history.events == asked.events
+
+
+def test_slips_are_decided_anew_at_another_rate_of_false_alarms(stroke: Recording) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    playing = Playing(stroke, ("convolution", "sum"), PageServer(port=0))
+    try:
+        playing.decide(1e-3)
+        assert "wait" in playing.page.panel.decided
+        playing.fill()
+        history = playing.page.histories[0]
+        before = history.events
+        playing.decide(1e-3)
+        assert history.changes == 1
+        assert history.events == estimate(stroke, monitor=SlipMonitor(alarms_per_hour=1e-3)).events
+        assert [event.event for event in before][:1] == ["contact"]
+        assert "slips at 0.001 false alarms per hour" in playing.page.panel.decided
+    finally:
+        playing.close()
+
+
+def test_methods_that_are_compared_differ(
+    capsys: pytest.CaptureFixture[str], stroke: Recording, tmp_path: Path
+) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    convert(stroke, tmp_path / "stroke.npz")
+    twice = ("--method", "sum", "--method", "sum")
+    assert "be different ones" in refused(capsys, "view", tmp_path / "stroke.npz", *twice)
+    assert "be a recording" in refused(capsys, "view", f"replay:{tmp_path / 'stroke.npz'}", "--film", "a.mp4")
+
+
+def test_the_command_says_where_its_page_is_and_ends_with_ctrl_c(stroke: Recording, tmp_path: Path) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    convert(stroke, tmp_path / "stroke.npz")
+    command = [sys.executable, "-m", "taxelflow.cli", "view", str(tmp_path / "stroke.npz"), "--port", "18733"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            said = process.stdout.readline() if process.stdout else ""
+            with urlopen(said.split()[0]) as page:
+                assert b"<html" in page.read(2000)
+        finally:
+            process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+    assert said.startswith("http://127.0.0.1:")
+
+
+def test_without_viser_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(ExtraMissing, match=r"taxelflow\[view\]"):
+        PageServer(port=0)
+
+
+def test_a_recording_that_is_missing_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "does not exist" in refused(capsys, "view", tmp_path / "none.npz")
+
+
+def test_the_page_is_there_before_the_pipeline_is_imported() -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    code = """
+import sys
+from urllib.request import urlopen
+import taxelflow.cli
+from taxelflow.publish.view.server import PageServer
+with PageServer(port=0) as server:
+    assert b"<html" in urlopen(server.url).read(2000)
+    print([name for name in ("numba", "scipy", "taxelflow.pipeline") if name in sys.modules])
+"""
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.split("\n")[0] == "[]"
+
+
+def test_the_estimate_waits_for_a_browser_that_is_opening(stroke: Recording) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    server = PageServer(port=0)
+    playing = Playing(stroke, ("convolution",), server)
+    try:
+        threading.Thread(target=playing.run, args=(threading.Event(),), daemon=True).start()
+        history = playing.page.histories[0]
+        awaited(lambda: len(history.times) > 0)
+        assert not history.complete
+        server.opened.set()  # as a browser does
+        awaited(lambda: history.complete)
+    finally:
+        playing.close()
+
+
+def awaited(done: Callable[[], bool]) -> None:
+    """Let other threads work until something is so."""
+    end = time.monotonic() + 60.0
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.001)
