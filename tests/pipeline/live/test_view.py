@@ -121,7 +121,7 @@ import taxelflow.cli
 from taxelflow.publish.view.server import PageServer
 with PageServer(port=0) as server:
     assert b"<html" in urlopen(server.url).read(2000)
-    print([name for name in ("numba", "scipy", "taxelflow.pipeline") if name in sys.modules])
+    print([name for name in ("numba", "scipy", "taxelflow.pipeline.stages") if name in sys.modules])
 """
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.split("\n")[0] == "[]"
