@@ -43,7 +43,7 @@ _NEAR, _FAR = 0.25, 1.0
 """Keyframes closer than this, in pitches, show the same; further for contacts whose size varies: what the size leaves
 unexplained seems to move them."""
 _DECIDE, _MORE = 4, 1.5
-"""Keyframes from which hypotheses are compared, anew when so many times more were taken."""
+"""Keyframes from which hypotheses are compared, and factor of keyframes taken after which they are compared again."""
 _SETTLED = 20
 """From so many keyframes on another start must be clearly likelier: it may end in the same place, and only turn the
 frame a little."""
