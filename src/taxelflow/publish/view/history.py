@@ -171,13 +171,16 @@ class History:
         with self._lock:
             blocks = [*self._known.read(self.keep_s)]
         parts = []
-        for block in blocks:
-            first, last = np.searchsorted(_times(block), (from_s - SAME_S, to_s + SAME_S))
+        for block in reversed(blocks):  # what is shown is mostly the newest
+            times = _times(block)
+            if times[-1] < from_s - SAME_S:
+                break
+            first, last = np.searchsorted(times, (from_s - SAME_S, to_s + SAME_S))
             if last > first:
                 parts.append(_rows(block, int(first), int(last)))
         if not parts:
             return None
-        return parts[0] if len(parts) == 1 else _joined_results(parts)
+        return parts[0] if len(parts) == 1 else _joined_results(parts[::-1])
 
     def _scans(self) -> list[Seen]:
         with self._lock:

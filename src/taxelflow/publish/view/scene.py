@@ -246,7 +246,7 @@ class Scene:
     def _colours(self, results: Results | None, sure: Any) -> Any:
         """(entries, 3), of the arrows: grey where the pose is not resolved."""
         quality = np.full(len(self.layout.pads), NO_POSE) if results is None else results.slips.quality[0]
-        known = np.isin(quality, (OK, NO_POSE, LOST))
+        known = (quality == OK) | (quality == NO_POSE) | (quality == LOST)
         return np.where(known[:, np.newaxis], lit(sure), lit(GREY))
 
 
