@@ -183,7 +183,7 @@ def inherit(
             ]
     error, told, weighted = np.zeros((6, 6)), np.zeros((3, 6)), np.zeros((6, 6))
     for pad in range(len(anchors)):
-        if contacts.use[pad] > 0.0:
+        if contacts.use[pad] > 0.0 and anchors[pad].root[0, 0] > 0.0:
             multiply(A, anchors[pad].root, error)
             multiply(contacts.rows[pad], error, told)
             add_product(contacts.rows[pad], contacts.W[pad], told, weighted)

@@ -16,6 +16,7 @@ from taxelflow.fusion.spatial.window import Seen, Velocities
 from taxelflow.fusion.spatial.window_rows import MotionFields, PadSlips, Rules, fill_motions, fill_rows
 from taxelflow.messages import AMBIGUOUS, Bools, Floats, SpatialMotions, Texture
 from taxelflow.numerics.records import records
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from taxelflow.messages import Joints, Slips
@@ -58,6 +59,7 @@ class SpatialSession:
         self._coarse_m = float(np.max(layout.pitch_m[self._used], initial=0.0))
         self._memory = Memory(records(Anchor, count), records(Body, 1), records(Misfit, 2))
         begin(self._memory)
+        self._fill_rows, self._fuse, self._fill_motions = Settled(fill_rows), Settled(fuse_scans), Settled(fill_motions)
         self._seen, self._begin, self._end = _nothing_seen(layout, _SPARE), 0, 0
         self._rules = records(Rules, count)
         self._rules["used"], self._rules["edge_m"] = self._used, edge_doubt * layout.pitch_m
@@ -90,7 +92,7 @@ class SpatialSession:
             np.ones((scans, pads), dtype=np.bool_) if texture is None else texture.turns,
             np.zeros((scans, pads, 2, 2)) if texture is None else texture.unobservable,
         )
-        fill_rows(pads_slips, frames, self._rules, first, seen)
+        self._fill_rows(pads_slips, frames, self._rules, first, seen)
         now = slice(first, first + scans)
         if texture is not None and texture.smooth.any():
             seen.under[now] = centres(frames, seen.known[now], texture.smooth, self._coarse_m)
@@ -100,7 +102,7 @@ class SpatialSession:
     def fuse(self, prepared: Prepared) -> None:
         """The kernel alone."""
         seen, first, velocities, moving, out = prepared
-        fuse_scans(seen, first, self._window_s, velocities, moving, self._limits, self._memory, out)
+        self._fuse(seen, first, self._window_s, velocities, moving, self._limits, self._memory, out)
 
     def _room_for(self, t_s: Floats) -> tuple[Seen, int]:
         """What was seen, with room for scans at t_s, and the first of these; only a window of scans before is kept."""
@@ -203,7 +205,7 @@ class SpatialSession:
             np.empty((scans, 6, 6)),
             np.empty((scans, 6)),
         )
-        fill_motions(out.twists, out.poses, out.body, out.pads, self._worst, answers)
+        self._fill_motions(out.twists, out.poses, out.body, out.pads, self._worst, answers)
         return SpatialMotions(
             t_s=t_s,
             twist=answers.twist,

@@ -109,7 +109,7 @@ def solve(contacts: Contacts, limit: float, out: Solution) -> int:
     return rank
 
 
-@routine
+@lean_kernel
 def all_observed(limit: float, out: Solution) -> bool:
     """Whether all standard deviations are below the limit: the information less 1 / limit^2 is positive."""
     copy_matrix(out.normal, out.covariance)
@@ -118,7 +118,7 @@ def all_observed(limit: float, out: Solution) -> bool:
     return factor_small(out.covariance, 6)
 
 
-@routine
+@lean_kernel
 def solve_whole(out: Solution) -> None:
     """Fill xi and its covariance where all directions are observed: a twentieth of the work of eigenvectors."""
     factor_small(out.normal, 6)
@@ -133,7 +133,7 @@ def solve_whole(out: Solution) -> None:
     mirror(out.covariance)
 
 
-@routine
+@lean_kernel
 def add_contact(contacts: Contacts, pad: int, out: Solution) -> None:
     """Add one contact to the normal equations of xi and of the joints' errors."""
     W, H, G = contacts.W[pad], contacts.rows[pad], contacts.G[pad]
@@ -160,7 +160,7 @@ def add_product(A: Floats, W: Floats, B: Floats, total: Floats) -> None:
             total[i, j] += A[0, i] * x + A[1, i] * y + A[2, i] * z
 
 
-@routine
+@lean_kernel
 def eliminate_joints(sure: Floats, out: Solution) -> None:
     """Schur complement of the joints' errors; their D becomes its factor."""
     joints = len(sure)

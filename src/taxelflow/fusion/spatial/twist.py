@@ -9,7 +9,7 @@ import numpy as np
 from taxelflow.fusion.spatial.robust import Verdict, solve_robustly
 from taxelflow.fusion.spatial.solve import Contacts, Solution
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.se3 import planar_rows
+from taxelflow.numerics.se3 import multiply, planar_rows
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import lean_kernel, routine
 
@@ -104,7 +104,7 @@ def fill_joints(J: Floats, std: float, centre: Floats, length_m: float, contacts
                 contacts.G[pad, a, j] = seen_of(contacts.rows[pad, a], J[pad, :, j], centre, length_m)
 
 
-@routine
+@lean_kernel
 def seen_of(row: Floats, twist: Floats, centre: Floats, length_m: float) -> float:
     """What a scaled row (6,) about the centre sees of a twist (6,) at the hand's origin."""
     total = 0.0
@@ -149,11 +149,11 @@ def unscale(solution: Solution, verdict: Verdict, centre: Floats, length_m: floa
         A[3 + i, 3 + i] = 1.0 / length_m
         A[i, 3 + m] = centre[n] / length_m  # v at the origin: v + centre x omega
         A[i, 3 + n] = -centre[m] / length_m
-    blind = 0
+    carried, blind = np.empty((6, 6)), 0
+    multiply(A, solution.covariance, carried)
+    multiply(carried, A.T, out.covariance)
     for i in range(6):
         out.value[i] = product_of(A[i], solution.xi)
-        for j in range(6):
-            out.covariance[i, j] = carried(A[i], solution.covariance, A[j])
     for d in range(6):
         if not solution.values[d] * limit * limit > 1.0:
             for i in range(6):
@@ -172,21 +172,12 @@ def product_of(a: Floats, b: Floats) -> float:
 
 
 @lean_kernel
-def carried(a: Floats, matrix: Floats, b: Floats) -> float:
-    """a^T matrix b of vectors (n,)."""
-    total = 0.0
-    for i in range(len(a)):
-        total += a[i] * product_of(matrix[i], b)
-    return total
-
-
-@routine
 def usual_misfit(past: Misfit) -> float:
     """Reduced chi-square of the last scans, at least 1: by how much the contacts' covariances are too small."""
     return max(1.0, past.chi2 / past.freedom) if past.freedom > LEAST_FREEDOM else 1.0
 
 
-@routine
+@lean_kernel
 def doubt_all(contacts: Contacts, usual: float) -> None:
     """Divide the information of all contacts by the usual misfit."""
     for pad in range(len(contacts.use)):
@@ -195,7 +186,7 @@ def doubt_all(contacts: Contacts, usual: float) -> None:
                 contacts.W[pad, a, b] /= usual
 
 
-@routine
+@lean_kernel
 def widen(past: Misfit, usual: float, verdict: Verdict, out: Sixfold) -> None:
     """Remember a scan's misfit, whose covariance allows for the usual one, and widen by what has come to it since."""
     if verdict.freedom > 0.0:

@@ -13,7 +13,7 @@ import numpy as np
 from taxelflow.fusion.reference import UNOBSERVABLE_M_S
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.se3 import copy_matrix
-from taxelflow.runtime.compiling import routine
+from taxelflow.runtime.compiling import lean_kernel, routine
 
 _FEWEST = 3
 """Scans through which a line is drawn."""
@@ -104,13 +104,18 @@ def fit_line(seen: Seen, pad: int, first: int, last: int, out: Velocities) -> No
                 middle, nearest = k, abs(off)
     slow = 2.0 / (seen.t_s[last] - seen.t_s[first]) ** 2
     begin_at(seen.frames[middle, pad], out.frames[pad], out.rate[pad], out.covariance[pad])
+    moved = np.zeros(3)
     for k in range(first, last + 1):
         own = share[k - first]
         if own > 0.0:
             slope = own * (seen.t_s[k] - seen.t_s[last] - mean_s) / spread
-            add_scan(seen, pad, (k, last), own, slope, out)
+            add_scan(seen, pad, (k, last), (own, slope), moved, out)
             add_covariance(slope * slope, own * slow, seen.covariance[k, pad], seen.noise[k, pad], out.covariance[pad])
             out.rate[pad, 2] += slope * (seen.theta[k, pad] - seen.theta[middle, pad])
+    K = out.frames[pad]
+    for i in range(3):
+        out.rate[pad, 0] += K[i, 0] * moved[i]
+        out.rate[pad, 1] += K[i, 1] * moved[i]
     if seen.under[last, pad, 2] > 0.0:  # points that are one stay one: levers of noise would pretend to see a turn
         point = put_under(seen.frames[last, pad], seen.under[last, pad])
         for i in range(3):
@@ -121,24 +126,25 @@ def fit_line(seen: Seen, pad: int, first: int, last: int, out: Velocities) -> No
     out.known[pad] = True
 
 
-@routine
-def add_scan(seen: Seen, pad: int, scans: tuple[int, int], share: float, slope: float, out: Velocities) -> None:
-    """Add a scan's point and the pad's turn, with its share of the mean and its weight in the slope.
+@lean_kernel
+def add_scan(
+    seen: Seen, pad: int, scans: tuple[int, int], weights: tuple[float, float], moved: Floats, out: Velocities
+) -> None:
+    """Add a scan's point and the pad's turn, with weights in the mean and in the slope; moved (3,): slope of the point.
 
     scans: this one, and the last of the window, whose point under the contact holds for all.
     """
-    scan, last = scans
+    (scan, last), (share, slope) = scans, weights
     F, K = seen.frames[scan, pad], out.frames[pad]
     under, height = seen.under[last, pad], seen.height[scan, pad]
     for i in range(3):
         point = F[i, 3] + F[i, 0] * under[0] + F[i, 1] * under[1] + F[i, 2] * (under[2] + height)
         K[i, 3] += share * point
-        out.rate[pad, 0] += slope * K[i, 0] * point
-        out.rate[pad, 1] += slope * K[i, 1] * point
+        moved[i] += slope * point
     out.rate[pad, 2] += slope * turned(K, F)
 
 
-@routine
+@lean_kernel
 def begin_at(middle: Floats, frame: Floats, rate: Floats, covariance: Floats) -> None:
     """Take the axes of a frame (4, 4) in the middle of the window; its origin, rate and covariance are sums from 0."""
     copy_matrix(middle, frame)
@@ -148,7 +154,7 @@ def begin_at(middle: Floats, frame: Floats, rate: Floats, covariance: Floats) ->
             covariance[a, b] = 0.0
 
 
-@routine
+@lean_kernel
 def add_covariance(of_noise: float, of_rest: float, own: Floats, noise: Floats, total: Floats) -> None:
     """Add a pose's noise (3, 3) and the rest of its own covariance (3, 3) to the total, each with its factor."""
     for a in range(3):
@@ -165,7 +171,7 @@ def put_under(frame: Floats, under: Floats) -> Floats:
     return point
 
 
-@routine
+@lean_kernel
 def turned(K: Floats, F: Floats) -> float:
     """Turn of a frame F (4, 4) against K about the z axis of K, rad."""
     sin = cos = 0.0
