@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from taxelflow.estimation.template.brief_gaps import bridged
+from taxelflow.estimation.template.brief_gaps import bridged, formed
 from taxelflow.estimation.template.pose_output import Poses
-from taxelflow.messages import AMBIGUOUS, OK
+from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 
 SCANS, PERIOD_S, SPEED_M_S = 40, 0.02, 0.02
 
@@ -51,3 +51,21 @@ def test_what_a_scan_knows_by_itself_counts() -> None:
 def test_without_enough_known_scans_nothing_is_drawn() -> None:
     poses, _ = steady(slice(4, SCANS))
     assert bridged(poses, PERIOD_S * np.arange(SCANS)) is poses
+
+
+def test_a_scan_that_fits_elsewhere_by_chance_is_drawn_to_those_around() -> None:
+    poses, true = steady(slice(0, 1), off_m=0.018, std_m=0.26e-3)
+    found = bridged(poses, PERIOD_S * np.arange(SCANS))
+    assert abs(found.pose[0, 0] - true[0, 0]) < 1e-3
+
+
+def test_while_a_contact_forms_or_ends_no_scan_is_resolved_beyond_one_that_does_not_fit() -> None:
+    poses, _ = steady(slice(0, 0))
+    load = np.ones(SCANS)
+    load[:4], load[-4:] = [0.15, 0.35, 0.45, 0.8], [0.9, 0.4, 0.3, 0.1]
+    poses.quality[[1, 20, SCANS - 2]] = UNRESOLVED
+    found = formed(poses, load).quality
+    resolved = np.flatnonzero(found != UNRESOLVED).tolist()
+    assert resolved == [*range(2, 20), *range(21, SCANS - 2)]
+    whole = formed(poses, np.ones(SCANS)).quality
+    np.testing.assert_array_equal(whole, poses.quality)

@@ -8,7 +8,7 @@ from synthetic import assert_same
 from taxelflow.errors import ParameterInvalid
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.fusion.spatial.parameters import SpatialField
-from taxelflow.messages import UNRESOLVED, Floats, Slips, SpatialMotions, cut, joined
+from taxelflow.messages import UNRESOLVED, Floats, Slips, SpatialMotions, Texture, cut, joined
 from taxelflow.numerics.geometry import adjoint, se3_exp, se3_inverse, se3_log, se3_of
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
@@ -230,6 +230,36 @@ def test_contacts_that_are_never_resolved_place_the_object_after_a_window() -> N
     found = fused(sensor, slips)
     assert np.isnan(found.pose[:25]).all()
     assert np.isfinite(found.pose[26:]).all()
+
+
+def test_a_pad_that_sticks_is_blamed_after_scans_in_which_nobody_could_be() -> None:
+    sensor, random, twist = hand(around(6)), np.random.default_rng(6), np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.4])
+    slips = slips_of(sensor, moved(140, twist))
+    slips.pose[:] += random.normal(size=slips.pose.shape) * [1e-5, 1e-5, 1e-3]
+    slips.pose[:, 3] = slips.pose[:1, 3]
+    slips.pose[:50, 5] = slips.pose[:1, 5]  # two of six: no third is left to judge by
+    found = fused(sensor, slips)
+    assert not found.blamed[40:50, 5].any()
+    late = slice(80, None)  # the misfit of before still counts for half
+    assert found.blamed[late, 3].all()
+    assert not np.delete(found.blamed[late], 3, axis=1).any()
+    np.testing.assert_allclose(found.twist[late], np.broadcast_to(twist, (60, 6)), atol=5e-3)
+
+
+def test_a_contact_that_only_looks_smooth_moves_with_the_surface_though_another_pad_sticks() -> None:
+    sensor, random, twist = hand(around(6)), np.random.default_rng(7), np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.4])
+    slips = slips_of(sensor, moved(80, twist))
+    slips.pose[:] += random.normal(size=slips.pose.shape) * [1e-5, 1e-5, 1e-3]
+    slips.pose[:, 4] = slips.pose[:1, 4]
+    smooth = np.zeros(slips.contact.shape, dtype=np.bool_)
+    smooth[:, 1] = True
+    texture = Texture(slips.t_s, smooth, ~smooth, np.zeros((*smooth.shape, 2, 2)))
+    session = SpatialField().start(sensor, None)
+    assert session is not None
+    found = session.step(slips, slips.pose[..., :2], texture)
+    assert found.blamed[40:, 4].all()
+    assert not found.blamed[40:, 1].any()
+    np.testing.assert_allclose(found.twist[40:], np.broadcast_to(twist, (40, 6)), atol=5e-3)
 
 
 def test_with_three_pads_nobody_can_be_blamed() -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.brief_gaps import bridged
+from taxelflow.estimation.template.brief_gaps import bridged, formed
 from taxelflow.estimation.template.bundle_adjustment import information_of
 from taxelflow.estimation.template.centre_of_pressure import witnessed
 from taxelflow.estimation.template.contact_solver import solve_contact
@@ -146,7 +146,8 @@ class BatchSession:
             if solved.error > CHANGES and len(scanned) > MEMORY:
                 poses, moment = follow_changing(scanned, pitch_m, turns=solved.turns)
                 rival, growth = rival[:0], growth[:0]
-            poses = bridged(poses, scanned.t_s).doubted(rival, pitch_m).doubted(growth, pitch_m)
+            poses = bridged(formed(poses, scanned.load().sum(axis=1)), scanned.t_s)
+            poses = poses.doubted(rival, pitch_m).doubted(growth, pitch_m)
             poses = poses.open_across(scanned, pitch_m)
             if layout.unseen_error:
                 edge: Bools = np.asarray(layout.border[own].any(axis=1), dtype=np.bool_)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.fusion.spatial.pose import Anchor, Body, fit_pose, inherit, set_anchors, start_body
-from taxelflow.fusion.spatial.robust import Verdict
+from taxelflow.fusion.spatial.robust import Verdict, most_chi2
 from taxelflow.fusion.spatial.solve import Contacts, Solution, room
 from taxelflow.fusion.spatial.twist import (
     Limits,
@@ -91,17 +91,17 @@ def fuse_scans(
     for row in range(len(out.body)):
         pose_step(seen, first + row, row, moving, limits, contacts, solution, memory, out)
         scan, own = first + row, of_scan(velocities, row)
-        usual, under, was, deep_chi2 = usual_misfit(memory.misfits[0]), np.empty((pads, 3)), np.empty((pads, 3)), 0.0
+        usual, under, was = usual_misfit(memory.misfits[0]), np.empty((pads, 3)), np.empty((pads, 3))
         copy_matrix(seen.under[scan], under)
-        verdict = Verdict(0, 0.0, 0.0, False)
+        deepest = verdict = Verdict(0, 0.0, 0.0, False, 0)
         for attempt in range(_ATTEMPTS):
             if window_s > 0.0:
                 rates(seen, scan, window_s, own)
             verdict = twist_step(row, own, usual, moving, limits, contacts, solution)
             if attempt == 0:
-                deep_chi2 = verdict.chi2
+                deepest = verdict
             copy_matrix(seen.under[scan], was)
-            if not another(attempt, verdict, deep_chi2, contacts, under, seen.under[scan]):
+            if not another(attempt, verdict, deepest, usual, under, seen.under[scan]):
                 break
             shift(own, was, seen.under[scan])
         write_twist(row, own, usual, verdict, limits, contacts, solution, memory, out)
@@ -132,25 +132,36 @@ def twist_step(
 
 
 @routine
-def another(attempt: int, verdict: Verdict, deep_chi2: float, contacts: Contacts, deep: Floats, under: Floats) -> bool:
-    """Whether to solve another time, with `under` (pads, 3) as it then is.
+def another(attempt: int, verdict: Verdict, first: Verdict, usual: float, deep: Floats, under: Floats) -> bool:
+    """Whether to solve another time, with `under` (pads, 3) as it then is. first: verdict of the first attempt.
 
-    First, smooth contacts are those of a round object (deep). If they then contradict each other, and far less at the
-    surface, their patterns are of knobs that are fixed to it and move with it. Else they are taken as deep again.
+    First, smooth contacts are those of a round object (deep). If the contacts then contradict each other, and far less
+    at the surface, the smooth patterns are of knobs that are fixed to the object and move with it. Else they are taken
+    as deep again. A contact that is blamed costs as much as twice the proof.
     """
-    wrong, smooth = verdict.contradicted, False
-    for pad in range(len(contacts.use)):
-        wrong = wrong or contacts.use[pad] < 0.0
-        smooth = smooth or deep[pad, 2] > 0.0
-    if attempt == 0 and wrong and smooth:
-        for pad in range(len(under)):
-            for i in range(3):
-                under[pad, i] = 0.0
-        return True
-    if attempt == 1 and (wrong or deep_chi2 - verdict.chi2 < _PROOF):
-        copy_matrix(deep, under)
-        return True
+    if attempt == 0 and (verdict.blamed > 0 or verdict.chi2 * usual > most_chi2(verdict.freedom)):
+        smooth = lies_deep(under)
+        if smooth:
+            under[:] = 0.0
+        return smooth
+    if attempt == 1:
+        scatter = 1.0 / usual
+        if verdict.freedom > 0.0:
+            scatter = max(scatter, verdict.chi2 / verdict.freedom)
+        proof = first.chi2 - verdict.chi2 + 2.0 * _PROOF * scatter * (first.blamed - verdict.blamed)
+        if proof < _PROOF * scatter:
+            copy_matrix(deep, under)
+            return True
     return False
+
+
+@routine
+def lies_deep(under: Floats) -> bool:
+    """Whether the point of any contact, at (pads, 3), lies below the surface."""
+    deep = 0.0
+    for pad in range(len(under)):
+        deep = max(deep, under[pad, 2])
+    return deep > 0.0
 
 
 @routine
@@ -234,16 +245,16 @@ def pose_step(
         usual = usual_misfit(past)
         joint_std = np.sqrt(2.0) * moving.joint_std  # of now, and of when the contact was anchored
         doubts = (moving.J[row], joint_std, usual)
-        before, under, deep_chi2 = np.empty((4, 4)), np.empty((len(memory.anchors), 3)), 0.0
+        before, under = np.empty((4, 4)), np.empty((len(memory.anchors), 3))
         copy_matrix(body.pose, before)
         copy_matrix(seen.under[scan], under)
-        verdict = Verdict(0, 0.0, 0.0, False)
+        deepest = verdict = Verdict(0, 0.0, 0.0, False, 0)
         for attempt in range(_ATTEMPTS):
             copy_matrix(before, body.pose)
             verdict = fit_pose(seen, scan, doubts, limits, contacts, solution, memory.anchors, body)
             if attempt == 0:
-                deep_chi2 = verdict.chi2
-            if not another(attempt, verdict, deep_chi2, contacts, under, seen.under[scan]):
+                deepest = verdict
+            if not another(attempt, verdict, deepest, usual, under, seen.under[scan]):
                 break
         centre = centre_of(seen.frames[scan], seen.known[scan])
         inherit(contacts, solution, centre, limits, memory.anchors, body)

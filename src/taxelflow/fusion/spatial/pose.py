@@ -87,12 +87,12 @@ def fit_pose(
     """
     J, joint_std, usual = doubts
     step, centre = np.zeros(6), centre_of(seen.frames[scan], seen.known[scan])
-    verdict = Verdict(0, 0.0, 0.0, False)
+    verdict = Verdict(0, 0.0, 0.0, False, 0)
     for _ in range(_ITERATIONS):
         linearise(seen, scan, centre, limits, contacts, anchors, body)
         fill_joints(J, joint_std, centre, limits.length_m, contacts)
         doubt_all(contacts, usual)
-        verdict = solve_robustly(contacts, limits.pose_m, solution)  # blames afresh, the closer the better
+        verdict = solve_robustly(contacts, limits.pose_m, usual, solution)  # blames afresh, the closer the better
         for i in range(3):
             step[i], step[3 + i] = solution.xi[i], solution.xi[3 + i] / limits.length_m
         move_about(centre, step, body.pose)

@@ -37,7 +37,7 @@ class Contacts(NamedTuple):
 class Solution(NamedTuple):
     """xi: (6,), covariance: (6, 6), scaled. values: (6,), vectors: (6, 6), eigenvalues of the information and its
     eigenvectors in columns; where all directions are observed, values are infinite and vectors are not filled in.
-    chi2: (pads,), of each contact's residual. joints: (joints,), errors of the joints' angles.
+    residual: (pads, 3), what is left of each contact; chi2: (pads,), of it. joints: (joints,), errors of their angles.
 
     Work: normal (6, 6), right (6,), D (joints, joints), crossed (6, joints), column (joints,).
     """
@@ -46,6 +46,7 @@ class Solution(NamedTuple):
     covariance: Floats
     values: Floats
     vectors: Floats
+    residual: Floats
     chi2: Floats
     joints: Floats
     normal: Floats
@@ -63,6 +64,7 @@ def room(pads: int, joints: int) -> Solution:
         np.zeros((6, 6)),
         np.zeros(6),
         np.zeros((6, 6)),
+        np.zeros((pads, 3)),
         np.zeros(pads),
         np.zeros(joints),
         np.zeros((6, 6)),
@@ -193,8 +195,8 @@ def find_residuals(contacts: Contacts, out: Solution) -> None:
             for i in range(6):
                 out.joints[j] -= out.crossed[i, j] * out.xi[i]
         solve_factored(out.D, out.joints, joints)
-    left = np.empty(3)
     for pad in range(len(contacts.use)):
+        left = out.residual[pad]
         for a in range(3):
             left[a] = contacts.y[pad, a]
             for i in range(6):

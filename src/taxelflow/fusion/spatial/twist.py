@@ -65,7 +65,7 @@ def fuse_twist(
         for a in range(3):
             contacts.y[pad, a] = seen[pad, a] if contacts.W[pad, a, a] > 0.0 else 0.0
     doubt_all(contacts, usual)
-    return solve_robustly(contacts, limits.twist_m_s, solution)
+    return solve_robustly(contacts, limits.twist_m_s, usual, solution)
 
 
 @routine
