@@ -12,6 +12,7 @@ from taxelflow.acquire.base import Recording
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.view_film import Part, film_recording
 from taxelflow.pipeline.api import convert
+from taxelflow.publish.view.palette import DARK
 
 
 def test_the_scene_of_a_part_of_a_recording_is_filmed(stroke: Recording, tmp_path: Path) -> None:
@@ -25,6 +26,8 @@ def test_the_scene_of_a_part_of_a_recording_is_filmed(stroke: Recording, tmp_pat
     assert frames.shape[:3] == (2, 720, 1280)
     assert np.ptp(frames[0].reshape(-1, 3), axis=0).min() > 100  # pressure has colour
     assert np.any(frames[0] != frames[1])
+    edges = np.concatenate([frames[:, [0, -1]].reshape(-1, 3), frames[:, :, [0, -1]].reshape(-1, 3)])
+    assert np.abs(edges.astype(int) - DARK.background).max() < 16  # the background fills the picture
 
 
 def test_a_part_that_is_none_is_refused(stroke: Recording, tmp_path: Path) -> None:
