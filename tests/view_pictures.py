@@ -10,8 +10,6 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
 from browsed import installed_browser, opened
 from rigged import rigged
 from taxelflow.evaluation.view import Filling
@@ -19,6 +17,7 @@ from taxelflow.pipeline import api
 from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.view.history import History
 from taxelflow.publish.view.page import Page
+from taxelflow.publish.view.palette import round_up
 from taxelflow.publish.view.server import PageServer
 from taxelflow.simulation.grasp import Grasp, simulate_grasp
 from taxelflow.simulation.simulate import save
@@ -30,21 +29,11 @@ SHOTS = {
     "icub": ("bulb-pull", {"sensor": "icub-forearm"}, "convolution"),
 }
 GRASP = "grasp"
-OBLIQUE = (0.85, -0.3, 0.9)
-"""From there the motion along the hand's axis is seen."""
 REAL = ("sdh", "sdh-dsa/tennisball.dsa", "template")
 
 
-def shoot(
-    recording: Path,
-    method: str,
-    out: Path,
-    *,
-    light: bool = False,
-    flat: bool = False,
-    direction: tuple[float, float, float] | None = None,
-) -> None:
-    """A picture at the middle of the strongest slip. direction: to the camera, if not the usual one."""
+def shoot(recording: Path, method: str, out: Path, *, light: bool = False, flat: bool = False) -> None:
+    """A picture at the middle of the strongest slip, its pressures over the whole scale."""
     read = api.read(recording)
     history = History()
     Filling(read, Pipeline(api.estimator(method)), history).fill()
@@ -59,13 +48,14 @@ def shoot(
             loudest = max(slips, key=lambda event: event.path_m if event.path_m == event.path_m else 0.0)
             page.player.seek(loudest.onset_s + 0.5 * loudest.duration_s)
             page.panel.pad.value = loudest.pad
-            if light:
-                page.panel.light.value = True
-                page.apply_look()
+            page.panel.light.value = light
+            seen = history.at(page.player.at_s)
+            browsed.tick()
+            page.panel.set_scales(round_up(0.9 * float(seen.pressure.max())), page.scene.ring_m_s)
+            page.apply_look()
             browsed.tick()
             camera = browsed.client.camera
-            seen_from = page.scene.seen_from(loudest.pad) if direction is None else np.array(direction)
-            found = page.scene.frame(seen_from, camera.image_width / camera.image_height)
+            found = page.scene.frame(page.direction(), camera.image_width / camera.image_height)
             camera.position, camera.look_at = found.position, found.look_at
             note = browsed.tab.get_by_text("Software WebGL")
             note.wait_for()
@@ -90,7 +80,7 @@ def main() -> None:
         if not wanted or GRASP in wanted:
             recording = Path(made) / f"{GRASP}.npz"
             api.convert(simulate_grasp(Grasp()).recording, recording)
-            shoot(recording, "template", folder / f"view-{GRASP}.png", direction=OBLIQUE)
+            shoot(recording, "template", folder / f"view-{GRASP}.png")
     real = Path(os.environ.get("TAXELFLOW_DATA", "")) / REAL[1]
     if real.is_file() and (not wanted or REAL[0] in wanted):
         shoot(real, REAL[2], folder / f"view-{REAL[0]}.png", flat=True)

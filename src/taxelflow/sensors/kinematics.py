@@ -92,6 +92,21 @@ class Kinematics:
         T[~placed] = np.nan
         return T
 
+    def ends(self) -> dict[int, Floats]:
+        """(n, 2, 3) of each link of the hand: place and axis of its joint to the link above, then of those to the links
+        below, in its frame. The axis is 0 where nothing moves.
+        """
+        model = self._model
+        found = {self._base: [np.zeros((2, 3))]}
+        for link in range(self._base + 1, model.nbody):  # each comes after the one that carries it
+            above, first = int(model.body_parentid[link]), int(model.body_jntadr[link])
+            if above in found:
+                end = np.zeros((2, 3)) if first < 0 else np.stack([model.jnt_pos[first], model.jnt_axis[first]])
+                T = se3_of(model.body_pos[link], np.roll(model.body_quat[link], -1))
+                found[link] = [end]
+                found[above].append(end @ T[:3, :3].T + np.stack([T[:3, 3], np.zeros(3)]))
+        return {link: np.stack(ends) for link, ends in found.items()}
+
     def _placed(self, angles: Floats, links: list[int]) -> tuple[Bools, Floats]:
         """(scans, links), whether the joints that move a link have known angles; angles with 0 for unknown ones."""
         known = np.isfinite(angles)
@@ -174,12 +189,13 @@ class Kinematics:
 class PadKinematics:
     """T_hand_pad of a sensor's pads by joint angles. Pads without a link stay at their `pose` in the hand.
 
-    placed: (pads,), whether a pad has a place. linked: numbers of the pads on links. joints: of the hand.
+    placed: (pads,), whether a pad has a place. linked: numbers of the pads on links, links: those of their links.
+    fixed: (pads, 4, 4), poses on them. joints: of the hand. model: None without linked pads.
     """
 
     def __init__(self, sensor: Sensor) -> None:
         """Raises HandModelInvalid, ExtraMissing."""
-        self._fixed = np.array(
+        self.fixed = np.array(
             [
                 np.eye(4) if pad.pose is None else se3_of(np.array(pad.pose[:3]), np.array(pad.pose[3:]))
                 for pad in sensor.pads
@@ -188,11 +204,9 @@ class PadKinematics:
         self.placed = np.array([pad.pose is not None or pad.link is not None for pad in sensor.pads])
         self.linked = [number for number, pad in enumerate(sensor.pads) if pad.link is not None]
         hand = sensor.hand
-        self._model = None if hand is None or not self.linked else hand_model(hand.urdf, hand.base, sensor.name)
-        self._links = (
-            [self._model.link(sensor.pads[number].link or "") for number in self.linked] if self._model else []
-        )
-        self.joints: tuple[str, ...] = self._model.joints if self._model else ()
+        self.model = None if hand is None or not self.linked else hand_model(hand.urdf, hand.base, sensor.name)
+        self.links = [self.model.link(sensor.pads[k].link or "") for k in self.linked] if self.model else []
+        self.joints: tuple[str, ...] = self.model.joints if self.model else ()
 
     def angles_at(self, joints: Joints | None, t_s: Floats) -> Floats:
         """(scans, joints) at times (scans,), NaN where unknown."""
@@ -200,17 +214,17 @@ class PadKinematics:
 
     def poses(self, angles: Floats) -> Floats:
         """(scans, pads, 4, 4) at joint angles (scans, joints); NaN for pads without a place, and unknown angles."""
-        T = np.tile(self._fixed, (len(angles), 1, 1, 1))
+        T = np.tile(self.fixed, (len(angles), 1, 1, 1))
         T[:, ~self.placed] = np.nan
-        if self._model is not None:
-            T[:, self.linked] = self._model.poses(angles, self._links) @ self._fixed[self.linked]
+        if self.model is not None:
+            T[:, self.linked] = self.model.poses(angles, self.links) @ self.fixed[self.linked]
         return T
 
     def jacobians(self, angles: Floats) -> Floats:
         """Twists (scans, pads, 6, joints) of the pads per rate of each joint, at the hand's origin; 0 if unlinked."""
-        J = np.zeros((len(angles), len(self._fixed), 6, len(self.joints)))
-        if self._model is not None:
-            J[:, self.linked] = self._model.jacobians(angles, self._links)
+        J = np.zeros((len(angles), len(self.fixed), 6, len(self.joints)))
+        if self.model is not None:
+            J[:, self.linked] = self.model.jacobians(angles, self.links)
         return J
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from browsed import Browsed, installed_browser, opened
+from taxelflow.publish.view.camera import picture_axes
 from taxelflow.sensors.catalogue import load_sensor
 from viewed import viewed
 
@@ -139,17 +140,35 @@ def test_a_press_on_the_event_strip_goes_to_that_time(browsed: Browsed) -> None:
 
 def test_a_second_method_has_arrows_of_its_own(browsed: Browsed) -> None:
     def blue(picture: np.ndarray) -> int:
-        """Pixels of the second method's colour, which pressure does not have: no other picture is compared."""
+        """Pixels of the second method's colour."""
         red, green, blue = np.moveaxis(picture, 2, 0)
         return int(((blue > red + 80) & (blue > 180) & (green > 150)).sum())
 
-    assert blue(seen_at(browsed, 11.5)) == 0
+    alone = blue(seen_at(browsed, 11.5))  # white edges over blue taxels
     browsed.page.panel.second.value = "second"
     browsed.tick()
-    assert blue(browsed.settled(lambda picture: blue(picture) > 10)) > 10  # a slow browser draws fewer pixels
+    assert blue(browsed.settled(lambda picture: blue(picture) > alone + 20)) > alone + 20  # it draws few pictures
     browsed.page.panel.second.value = "none"
     browsed.tick()
-    assert blue(browsed.settled(lambda picture: blue(picture) == 0)) == 0
+    assert blue(browsed.settled(lambda picture: blue(picture) == alone)) == alone
+
+
+def test_names_face_the_camera_that_a_user_turns(browsed: Browsed) -> None:
+    camera, words = browsed.client.camera, browsed.page.scene._names._words[0]
+    place, target, before = camera.position.copy(), camera.look_at.copy(), words._handle.wxyz.copy()
+
+    def turned() -> bool:
+        browsed.tick()
+        return bool(np.abs(words._handle.wxyz - before).max() > 0.1)
+
+    def stand(at: np.ndarray) -> None:
+        camera.position, camera.look_at = at, target
+
+    stand(target + np.array([0.5, 0.3, 0.2]))
+    browsed.wait_for(turned)
+    assert words._handle.wxyz == pytest.approx(picture_axes(np.array([0.5, 0.3, 0.2])).wxyz, abs=0.02)
+    stand(place)
+    browsed.wait_for(lambda: not turned())
 
 
 def test_the_console_reports_no_error(browsed: Browsed) -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.publish.view.camera import FOV_RAD, fitted, picture_axes
+from taxelflow.publish.view.camera import FOV_RAD, clearest, fitted, picture_axes
 from taxelflow.publish.view.lighting import as_lit, seen
 from taxelflow.publish.view.palette import DARK, GREEN, LIGHT, VERMILION, ramp
 
@@ -37,3 +37,16 @@ def test_lit_surfaces_look_as_asked_up_to_the_brightest_that_the_lights_allow() 
     assert np.abs(seen(as_lit(greys)) - greys).max() < 4
     asked = np.vstack([ramp(DARK.idle), ramp(LIGHT.idle), [GREEN, VERMILION, DARK.plate, LIGHT.plate]]).astype(float)
     assert np.abs(seen(as_lit(asked)) - asked).mean() < 5  # pure colours are clipped
+
+
+def test_the_clearest_view_faces_the_skin_and_is_hidden_by_no_other_pad() -> None:
+    grid = np.stack(np.meshgrid(np.linspace(-0.02, 0.02, 5), np.linspace(0.0, 0.04, 5)), axis=-1).reshape(-1, 2)
+    wall = np.column_stack([grid[:, 0], np.zeros(25), grid[:, 1]])
+    place, normal = np.concatenate([wall, wall - 0.08 * np.eye(3)[1]]), np.tile((0.0, -1.0, 0.0), (50, 1))
+    pad = np.repeat([0, 1], 25)
+    found = clearest(place, normal, pad, 0.01)
+    assert found[1] < -0.5
+    ahead = np.array([0.0, -np.cos(np.radians(30)), np.sin(np.radians(30))])
+    one = clearest(place[:25], normal[:25], pad[:25], 0.01)
+    assert one == pytest.approx(ahead)  # alone the wall is seen from straight ahead
+    assert found[2] > one[2] or abs(found[0]) > 0.1  # the other one stands before it there

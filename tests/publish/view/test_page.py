@@ -31,7 +31,7 @@ def test_a_browser_that_changes_the_look_does_not_bring_back_an_older_picture() 
     try:
         page.player.playing = False
         page.show_at(11.5)
-        assert compared._heads.batched_scales.max() > 1e-4
+        assert compared.arrows.batched_scales.max() > 1e-4
         compared.draw = slowly
         looking = threading.Thread(target=page.apply_look)  # as a callback of the browser does
         looking.start()
@@ -43,6 +43,6 @@ def test_a_browser_that_changes_the_look_does_not_bring_back_an_older_picture() 
         go_on.set()
         looking.join(60.0)
         ticking.join(60.0)
-        assert compared._heads.batched_scales.max() < 1e-6
+        assert compared.arrows.batched_scales.max() < 1e-6
     finally:
         page.close()

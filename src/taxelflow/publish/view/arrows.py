@@ -8,6 +8,7 @@ import numpy as np
 
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
+from taxelflow.publish.view.palette import round_up
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
@@ -18,8 +19,11 @@ RING = 0.03
 RINGS = 2
 _LONGEST = 3.2
 """Length of the longest arrow, in rings; a faster slip is drawn as long as this."""
-_THICK, _HEAD = 0.0095, 0.036
-"""Width of a shaft and length of a head, as shares of the hand's size."""
+_WIDE = 0.028
+"""Width of an arrow's head, as a share of the hand's size, and at most as a share of its length."""
+_SLIM = 0.55
+_HEAD, _SHAFT = 0.42, 0.36
+"""Length of the head as a share of the arrow, and width of its shaft as one of the head."""
 
 
 class Arrows:
@@ -27,11 +31,10 @@ class Arrows:
 
     def __init__(self, server: Any, name: str, count: int, size_m: float, *, wide: float = 1.0, rings: bool) -> None:
         self._size, self._wide = size_m, wide
-        self._shafts = add_batch(server, f"{name}/shafts", shapes.disc(), count)
-        self._heads = add_batch(server, f"{name}/heads", shapes.cone(), count)
+        self.arrows = add_batch(server, f"{name}/arrows", shapes.arrow(_HEAD, _SHAFT), count)
         self._rings = None
         if rings:
-            shape = shapes.ring(0.965)
+            shape = shapes.ring(0.955, 0.03)
             self._rings = add_batch(server, f"{name}/rings", shape, RINGS * count, side="double", opacity=0.75)
 
     def tint(self, ring: Any) -> None:
@@ -46,19 +49,11 @@ class Arrows:
         ring = RING * size
         start = np.where(known[:, np.newaxis], vectors.start, 0.0) + raised_m * vectors.normal
         arrow = np.where(known[:, np.newaxis], vectors.velocity, 0.0) * per_speed_s
-        length = np.linalg.norm(arrow, axis=1)
-        arrow *= np.minimum(1.0, _LONGEST * ring / np.maximum(length, 1e-12))[:, np.newaxis]
-        length = np.minimum(length, _LONGEST * ring)
-        thick, head = self._wide * _THICK * size, np.minimum(_HEAD * size, 0.6 * length)
-        shaft = np.maximum(length - head, 0.0) * known
-        turned, ends = shapes.standing(arrow), arrow / np.maximum(length, 1e-12)[:, np.newaxis]
-        for handle, at, high, width in (
-            (self._shafts, start, shaft, np.full(len(length), thick)),
-            (self._heads, start + ends * shaft[:, np.newaxis], head, 0.75 * self._wide * head),
-        ):
-            shown = np.where(known & (length > 0), width, 0.0)
-            scales = np.column_stack([shown, shown, np.where(known, high, 0.0)]) + shapes.NONE
-            put(handle, batched_positions=at, batched_wxyzs=turned, batched_colors=colours, batched_scales=scales)
+        length = np.minimum(np.linalg.norm(arrow, axis=1), _LONGEST * ring)
+        wide = self._wide * np.minimum(_WIDE * size, _SLIM * length)
+        scales = np.column_stack([wide, wide, length]) + shapes.NONE
+        turned = shapes.standing(arrow)
+        put(self.arrows, batched_positions=start, batched_wxyzs=turned, batched_colors=colours, batched_scales=scales)
         if self._rings is not None:
             self._draw_rings(start, vectors.normal, np.where(known, ring, 0.0))
 
@@ -70,3 +65,9 @@ class Arrows:
             batched_wxyzs=np.repeat(shapes.standing(normal), RINGS, axis=0),
             batched_scales=np.repeat(each[:, np.newaxis], 3, axis=1),
         )
+
+
+def speed_of_ring(speeds: Floats) -> float:
+    """A round speed for the first ring: typical slips reach the second one."""
+    known = speeds[np.isfinite(speeds)]
+    return round_up(float(np.quantile(known, 0.8)) / RINGS) if len(known) else 0.01

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.errors import ExtraMissing
+from taxelflow.publish.view.hand_links import Skin
 from taxelflow.publish.view.placement import ON_LINKS, Placement, corners_of, tangents
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.sensors.pad_geometry import geometry_of
@@ -37,7 +38,11 @@ def fingers_of(sensor: Sensor, joints: Joints | None) -> tuple[Fingers | None, s
 
 
 class Fingers:
-    """Places of all pads by time. Between known angles the hand stays as it was."""
+    """Places of all pads by time. Between known angles the hand stays as it was.
+
+    links: joints and skin of each link of the hand, by its number, see `Kinematics.ends`. reach: (n, 3), places of
+    taxels at some times.
+    """
 
     def __init__(self, sensor: Sensor, joints: Joints, kinematics: PadKinematics) -> None:
         self._layout, self._joints, self._kinematics = sensor.layout, joints, kinematics
@@ -53,8 +58,10 @@ class Fingers:
         times = joints.t_s[np.linspace(0, len(joints.t_s) - 1, min(len(joints.t_s), _MOST_POSES)).astype(int)]
         self._angles = kinematics.angles_at(joints, times[:1])[0]
         places = [self._moved(angles).place for angles in kinematics.angles_at(joints, times)]
-        self.box = corners_of(np.concatenate(places), layout)
+        self.reach = np.concatenate(places)
+        self.box = corners_of(self.reach, layout)
         self.moving = len(joints.t_s) > 1
+        self.links = self._skins()
 
     def at(self, t_s: float) -> Placement:
         """The pads at a time."""
@@ -62,6 +69,28 @@ class Fingers:
         if np.isfinite(angles).all():
             self._angles = angles
         return self._moved(self._angles)
+
+    def link_poses(self) -> dict[int, Floats]:
+        """T_hand_link (4, 4) of each link, when `at` was called last."""
+        model, links = self._kinematics.model, [*self.links]
+        return {} if model is None else dict(zip(links, model.poses(self._angles[np.newaxis], links)[0], strict=True))
+
+    def _skins(self) -> dict[int, tuple[Floats, Skin]]:
+        kinematics = self._kinematics
+        if kinematics.model is None:
+            return {}
+        ends, T = kinematics.model.ends(), kinematics.fixed[self._pad]
+        home = np.full(len(kinematics.placed), next(iter(ends)))  # the base carries pads without a link
+        home[kinematics.linked] = kinematics.links
+        R = T[:, :3, :3]
+        place = np.einsum("nij,nj->ni", R, self._place) + T[:, :3, 3]
+        normal = np.einsum("nij,nj->ni", R, self._normal)
+        across = R @ self._tangent * self._layout.pitch_m[self._pad][:, np.newaxis]
+        on = home[self._pad]
+        return {
+            link: (joints, Skin(place[on == link], normal[on == link], across[on == link]))
+            for link, joints in ends.items()
+        }
 
     def _moved(self, angles: Floats) -> Placement:
         T = self._kinematics.poses(angles[np.newaxis])[0]

@@ -7,12 +7,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from taxelflow.messages import Floats
 
 FOV_RAD = 0.4
 """Vertical field of view: narrow, so that pads far from the middle are not distorted."""
 MARGIN = 1.06
 _ROUNDS = 12
+_HIDDEN = -0.5
+"""What a hidden taxel counts, where one that faces the camera counts 1."""
+_HEIGHTS, _TURNS = np.radians((30.0, 42.0, 55.0)), 24
+"""Directions that are tried for the clearest view of a hand: angles above the horizon, and turns about it."""
 
 
 class Camera(NamedTuple):
@@ -23,11 +29,8 @@ class Camera(NamedTuple):
 
     @property
     def wxyz(self) -> Floats:
-        """(4,), orientation of a camera whose z looks ahead and whose y is down, with z of the scene up."""
-        right, up, out = picture_axes(self.position - self.look_at)
-        from viser.transforms import SO3
-
-        return SO3.from_matrix(np.stack([right, -up, -out], axis=1)).wxyz.astype(np.float64)
+        """(4,), its orientation, with z of the scene up."""
+        return picture_axes(self.position - self.look_at).wxyz
 
 
 class Axes(NamedTuple):
@@ -36,6 +39,36 @@ class Axes(NamedTuple):
     right: Floats
     up: Floats
     out: Floats
+
+    @property
+    def wxyz(self) -> Floats:
+        """(4,), orientation of a frame whose x points right, y down, and z ahead: of a camera, of a plane before it."""
+        from viser.transforms import SO3
+
+        return SO3.from_matrix(np.stack([self.right, -self.up, -self.out], axis=1)).wxyz.astype(np.float64)
+
+
+class View(NamedTuple):
+    """What a camera sees. eye: (3,), where it is. front_m: from there to the nearest point. wide_m: width of the
+    picture in the middle of what it shows.
+    """
+
+    axes: Axes
+    eye: Floats
+    front_m: float
+    wide_m: float
+
+    def nearer(self, point: Floats) -> tuple[Floats, float]:
+        """Where a point (3,) has to be to be seen in the same place, before all else, and how much smaller."""
+        share = min(1.0, self.front_m / float((self.eye - point) @ self.axes.out))
+        return self.eye + share * (point - self.eye), share
+
+
+def view_of(camera: Camera, points: Floats, wide_m: float) -> View:
+    """Of points (n, 3)."""
+    axes = picture_axes(camera.position - camera.look_at)
+    front_m = float(((camera.position - points) @ axes.out).min())
+    return View(axes, camera.position, front_m, wide_m)
 
 
 def picture_axes(direction: Floats) -> Axes:
@@ -61,3 +94,29 @@ def fitted(points: Floats, direction: Floats, aspect: float) -> Camera:
     depth = float(own[:, 2].mean())
     look_at = middle @ np.stack(axes[:2]) + depth * axes.out
     return Camera(look_at + (far - depth) * axes.out, look_at)
+
+
+def clearest(place: Floats, normal: Floats, pad: NDArray[np.int64], cell_m: float) -> Floats:
+    """(3,), the direction from above in which most of the skin faces the camera, and is hidden by no other pad.
+
+    place, normal: (taxels, 3). pad: (taxels,), whose they are. cell_m: size of a taxel.
+    """
+    best, found = -np.inf, np.array([0.0, 0.0, 1.0])
+    for height in _HEIGHTS:
+        for turn in 2 * np.pi * np.arange(_TURNS) / _TURNS - np.pi / 2:
+            direction = np.array([np.cos(turn) * np.cos(height), np.sin(turn) * np.cos(height), np.sin(height)])
+            own = place @ np.stack(picture_axes(direction), axis=1)
+            seen = np.where(_in_front(own, pad, cell_m), np.maximum(normal @ direction, 0.0), _HIDDEN)
+            if seen.sum() > best + 1e-9:
+                best, found = float(seen.sum()), direction
+    return found
+
+
+def _in_front(own: Floats, pad: NDArray[np.int64], cell_m: float) -> NDArray[np.bool_]:
+    """(taxels,), whether no taxel of another pad is before it in the picture. own: (taxels, 3), along its axes."""
+    cells = np.floor((own[:, :2] - own[:, :2].min(axis=0)) / (2.0 * cell_m)).astype(np.int64)
+    key = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
+    order = np.lexsort((-own[:, 2], key))
+    first = np.searchsorted(key[order], key)  # of the cell's taxels, the nearest
+    found: NDArray[np.bool_] = pad[order[first]] == pad
+    return found

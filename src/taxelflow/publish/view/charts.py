@@ -11,6 +11,7 @@ from taxelflow.publish.view.history import SAME_S
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.publish.view.history import Results
+    from taxelflow.sensors.sensor import Sensor
 
 COUNTS = "counts"
 SHOWN_S = 6.0
@@ -22,6 +23,8 @@ _BLUE, _ORANGE, _GREEN, _GREY = "#4a9fe0", "#e6843c", "#3cb88a", "#8f95a3"
 
 _HEIGHT = 118
 """Of a plot, pixels."""
+_PADDING = (9, 24, 0, 0)
+"""Above, right, below, left, pixels: half a number stands above the highest line."""
 _CIRCLES: Any = {"show": True, "size": 6, "fill": "rgba(0,0,0,0)", "width": 1.2}
 _COMPARED = {"speed": 2, "turn": 1}
 """Curves of the plots that differ by method; load and evidence do not."""
@@ -52,14 +55,25 @@ def charts(load_unit: str) -> dict[str, Chart]:
     }
 
 
+def shown_unit(sensor: Sensor) -> tuple[float, str]:
+    """Factor from conditioned pressure to the unit that is shown, and that unit."""
+    return (1.0, COUNTS) if sensor.si_unit == "count" else (1e-3, "kPa")
+
+
+def load_unit(scale: float, unit: str) -> tuple[float, str]:
+    """Factor to the unit of loads, and that unit: millions of counts would fit neither beside an axis nor in a table.
+
+    scale, unit: of pressure.
+    """
+    return (1e-3 * scale, "thousand counts") if unit == COUNTS else (scale, unit)
+
+
 class Charts:
     """The plots in the panel. load_scale: from Pa or counts to load_unit. compares: whether a second method is drawn,
     as circles.
     """
 
     def __init__(self, gui: Any, load_scale: float, load_unit: str, *, compares: bool = False) -> None:
-        if load_unit == COUNTS:  # millions of them would not fit beside the axis
-            load_scale, load_unit = 1e-3 * load_scale, "thousand counts"
         self._load_scale, self._compares = load_scale, compares
         self._plots = {name: _plot(gui, chart, compares=compares) for name, chart in charts(load_unit).items()}
 
@@ -135,4 +149,5 @@ def _plot(gui: Any, chart: Chart, *, compares: bool) -> Any:
         axes=(time, axis),
         legend=uplot.Legend(show=False),
         height=_HEIGHT,
+        padding=_PADDING,
     )

@@ -1,67 +1,146 @@
-"""The colour scale with its unit, what the rings stand for, and the time, beside the hand."""
+"""What colours and marks mean: the scale of pressure with its unit, rings, lights, and the time, below the hand."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from taxelflow.publish.view import shapes
 from taxelflow.publish.view.arrows import RINGS
-from taxelflow.publish.view.batch import add_batch
-from taxelflow.publish.view.palette import number
+from taxelflow.publish.view.lettering import LEFT, RIGHT, Anchor, Plane, Words, font
+from taxelflow.publish.view.palette import GREEN, MAGENTA, VERMILION, number, ramp
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.publish.view.camera import Axes
+    from taxelflow.publish.view.palette import Rgb, Theme
 
-_STEPS = 64
-_FONT = 1.0
-_HIGH = 0.026
-_BELOW = 0.07
-"""Height of the scale, and its distance from the hand, as shares of the hand's size."""
+_SIZE = (1600, 102)
+"""Of the legend, pixels."""
+_WIDE = 0.93
+"""Its width, as a share of the picture's."""
+_BAR = (4, 12, 512, 42)
+"""Of the scale of pressure: left, top, right, bottom."""
+_ROWS = (27, 71)
+"""Heights of what stands in two rows."""
+_RADIUS = 45
+"""Of the outer ring, pixels."""
+_BELOW = 0.05
+"""Distance from the hand, as a share of the picture's width."""
+
+
+class Scales(NamedTuple):
+    """Of pressure, from 0 to `top` in a unit, and speed of the first ring. moves: the object's motion may be drawn."""
+
+    top: float
+    unit: str
+    ring_m_s: float
+    moves: bool
 
 
 class Legend:
-    """Stands below the hand, in the plane of the hand laid flat or in that of the picture."""
+    """Stands below the hand, in the plane of the picture."""
 
     def __init__(self, server: Any) -> None:
-        self._bar = add_batch(server, "/scale/bar", shapes.box(), _STEPS, flat_shading=True)
-        look: dict[str, Any] = {"font_screen_scale": _FONT, "anchor": "center-left"}
-        label = server.scene.add_label
-        self._top = label("/scale/top", "", **look)
-        self._rings = label("/scale/rings", "", **look)
-        self._clock = label("/scale/clock", "", visible=False, **look)
+        self._server = server
+        self._plane = Plane(server, "/legend")
+        self._clock: Words | None = None
+        self._end: tuple[Floats, Axes, Anchor, float] | None = None
+        self._colour: Rgb = (0, 0, 0)
+        self._drawn: tuple[Theme, Scales] | None = None
 
-    def place(self, points: Floats, axes: Axes) -> Floats:
-        """Move it below points (n, 3) as seen along the axes; return its own corners (m, 3)."""
+    def place(self, points: Floats, axes: Axes, wide_m: float) -> Floats:
+        """Move it below points (n, 3) as seen along the axes, in a picture so wide; return its own corners (m, 3)."""
         own = points @ np.stack(axes, axis=1)
         low, high = own.min(axis=0), own.max(axis=0)
-        size = float((high - low).max())
-        depth = 0.0 if np.allclose(axes.out, (0.0, 0.0, 1.0)) else float((low[2] + high[2]) / 2)
-        length, y = 0.36 * size, low[1] - _BELOW * size
-        left = (low[0] + high[0]) / 2 - 0.5 * size
+        depth, pixel_m = float((low[2] + high[2]) / 2), _WIDE * wide_m / _SIZE[0]
+        wide, tall = pixel_m * np.array(_SIZE)
+        x, y = (low[0] + high[0]) / 2, low[1] - _BELOW * wide_m
 
-        def at(x: float, up: float = 0.0) -> Floats:
-            found: Floats = x * axes.right + (y + up) * axes.up + depth * axes.out
+        def at(aside: float, below: float) -> Floats:
+            found: Floats = (x + aside) * axes.right + (y - below) * axes.up + depth * axes.out
             return found
 
-        steps = left + (np.arange(_STEPS) + 0.5) * length / _STEPS
-        turned = shapes.along(axes.out[np.newaxis], axes.right[np.newaxis])
-        self._bar.batched_positions = np.stack([at(x) for x in steps])
-        self._bar.batched_wxyzs = np.repeat(turned, _STEPS, axis=0)
-        self._bar.batched_scales = np.tile((length / _STEPS, _HIGH * size, shapes.NONE), (_STEPS, 1))
-        self._top.position = tuple(at(left + 1.04 * length))
-        self._rings.position = tuple(at(left + 1.04 * length + 0.2 * size))
-        self._clock.position = tuple(at(left + 0.84 * size))
-        return np.stack([at(left, -_HIGH * size), at(left + size, -_HIGH * size)])
+        self._plane.move(at(-wide / 2, tall / 2), axes, LEFT, pixel_m)
+        self._end = at(wide / 2, pixel_m * _ROWS[0]), axes, RIGHT, pixel_m
+        self._put_clock()
+        return np.stack([at(-wide / 2, tall), at(wide / 2, tall)])
 
-    def show(self, colours: Any, top: float, unit: str, ring_m_s: float) -> None:
-        """colours: (n, 3), of pressure from 0 to top in the unit."""
-        self._bar.batched_colors = colours[np.linspace(0, len(colours) - 1, _STEPS).astype(int)]
-        self._top.text = f"0 to {number(top)} {unit}"
-        self._rings.text = "rings " + ", ".join(number(1e3 * ring_m_s * (k + 1)) for k in range(RINGS)) + " mm/s"
+    def show(self, theme: Theme, scales: Scales) -> None:
+        """Draw in the colours of a theme."""
+        self._colour = theme.words
+        if (theme, scales) != self._drawn:
+            self._drawn = theme, scales
+            self._plane.draw(drawn(theme, scales))
+        if self._clock is not None:
+            self._clock.tint(theme.words)
 
     def tell(self, words: str) -> None:
-        """Write something, such as the time, to the right; nothing if empty."""
-        self._clock.visible, self._clock.text = bool(words), words
+        """Write something, such as the time, to the right."""
+        if self._clock is None:
+            self._clock = Words(self._server, "/clock", words)
+            self._put_clock()
+        self._clock.words = words
+        self._clock.tint(self._colour)
+
+    def _put_clock(self) -> None:
+        if self._clock is not None and self._end is not None:
+            self._clock.move(*self._end)
+
+
+def drawn(theme: Theme, scales: Scales) -> Any:
+    """(height, width, 4), the legend but for the time."""
+    from PIL import Image, ImageDraw
+
+    image = Image.new("RGBA", _SIZE, (*theme.words, 0))
+    pen = ImageDraw.Draw(image)
+    _draw_bar(image, pen, theme, scales)
+    x = _draw_rings(pen, theme, scales, _BAR[2] + 88)
+    for row, colour, word in ((_ROWS[0], GREEN, "contact"), (_ROWS[1], VERMILION, "slip")):
+        pen.ellipse((x, row - 12, x + 24, row + 12), fill=(*colour, 255))
+        _write(pen, theme, x + 38, row, word)
+    x += 38 + 152
+    _draw_arrow(pen, theme.line, x, _ROWS[0])
+    _write(pen, theme, x + 80, _ROWS[0], "slip velocity")
+    if scales.moves:
+        _draw_arrow(pen, MAGENTA, x, _ROWS[1])
+        _write(pen, theme, x + 80, _ROWS[1], "motion of the object")
+    return np.asarray(image)
+
+
+def _draw_bar(image: Any, pen: Any, theme: Theme, scales: Scales) -> None:
+    from PIL import Image, ImageDraw
+
+    left, top, right, bottom = _BAR
+    colours = ramp(theme.idle)[np.linspace(0, 255, right - left).astype(int)]
+    bar = Image.fromarray(np.repeat(colours[np.newaxis], bottom - top, axis=0))
+    mask = Image.new("L", bar.size, 0)
+    ImageDraw.Draw(mask).rounded_rectangle((0, 0, *bar.size), radius=6, fill=255)
+    image.paste(bar, (left, top), mask)
+    end, middle, wide = f"{number(scales.top)} {scales.unit}", number(0.5 * scales.top), right - left
+    marks = [(0.0, "0", "lm"), (1.0, end, "rm")]
+    if font().getlength(end) + 0.6 * font().getlength(middle) < 0.5 * wide:  # else they would touch
+        marks.append((0.5, middle, "mm"))
+    for share, words, anchor in marks:
+        pen.text((left + share * wide, _ROWS[1]), words, fill=(*theme.words, 255), font=font(), anchor=anchor)
+
+
+def _draw_rings(pen: Any, theme: Theme, scales: Scales, x: int) -> int:
+    """At x; returns where it ends."""
+    middle = sum(_ROWS) // 2
+    for k in range(RINGS):
+        radius = _RADIUS * (k + 1) // RINGS
+        box = (x + _RADIUS - radius, middle - radius, x + _RADIUS + radius, middle + radius)
+        pen.ellipse(box, outline=(*theme.ring, 255), width=3)
+    words = ", ".join(number(1e3 * scales.ring_m_s * (k + 1)) for k in range(RINGS)) + " mm/s"
+    _write(pen, theme, x + 106, middle, words)
+    return int(x + 106 + font().getlength(words) + 72)
+
+
+def _draw_arrow(pen: Any, colour: Rgb, x: int, y: int) -> None:
+    pen.line((x, y, x + 42, y), fill=(*colour, 255), width=7)
+    pen.polygon(((x + 37, y - 14), (x + 64, y), (x + 37, y + 14)), fill=(*colour, 255))
+
+
+def _write(pen: Any, theme: Theme, x: int, y: int, words: str) -> None:
+    pen.text((x, y), words, fill=(*theme.words, 255), font=font(), anchor="lm")

@@ -15,11 +15,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.messages import Floats
+    from taxelflow.publish.view.camera import Axes
     from taxelflow.publish.view.palette import Rgb
 
 _AMBIENT, _KEY = 2.5, 1.6
 """Intensities. Their sum decides the lightest colour; their ratio, how much darker the sides of a taxel are."""
-_KEY_FROM = (-0.4, -0.5, 1.0)
+_KEY_FROM = (-0.4, 0.5, 1.0)
+"""Along the axes of the picture."""
+_FILL, _FILL_FROM = 0.9, (0.9, -0.7, 0.1)
+"""Of the light on what the key light leaves dark."""
 _FACING = _KEY_FROM[2] / float(np.linalg.norm(_KEY_FROM))
 _LIGHT = (_AMBIENT + _KEY * _FACING) / np.pi
 """Radiance of a white surface whose normal is z."""
@@ -33,12 +37,18 @@ _HIGHEST = 0.97
 """Of the curve; above it the light that is needed grows without bound."""
 
 
-def add_lights(scene: Any) -> None:
-    """Replace the default lights, under which colours are washed out."""
+def add_lights(scene: Any, axes: Axes, *, space: bool) -> None:
+    """Replace the default lights, under which colours are washed out. axes: of the picture, on whose side the key light
+    is. space: whether there are surfaces of all directions.
+    """
     scene.configure_default_lights(False)
     scene.configure_environment_map(hdri=None)
     scene.add_light_ambient("/lights/ambient", intensity=_AMBIENT)
-    scene.add_light_directional("/lights/key", intensity=_KEY, position=_KEY_FROM)
+    scene.add_light_directional("/lights/key", intensity=_KEY, position=tuple(np.array(_KEY_FROM) @ np.stack(axes)))
+    if space:
+        scene.add_light_directional(
+            "/lights/fill", intensity=_FILL, position=tuple(np.array(_FILL_FROM) @ np.stack(axes))
+        )
 
 
 def as_lit(colours: Any) -> NDArray[np.uint8]:

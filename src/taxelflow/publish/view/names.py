@@ -4,35 +4,45 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from taxelflow.publish.view.lettering import EM, LEFT, RIGHT, TOP, Words
+
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
-    from taxelflow.publish.view.camera import Axes
+    from taxelflow.publish.view.camera import View
+    from taxelflow.publish.view.palette import Rgb
     from taxelflow.publish.view.placement import Placement
     from taxelflow.sensors.layout import Layout
 
 _FEW = 8
 """Pads in space that have names: those of more would cover the taxels. Of more pads laid flat they are smaller."""
-_FONT, _SMALL = 0.95, 0.8
+_LARGE, _SMALL = 0.0195, 0.0165
+"""Size of the letters, as shares of the picture's width."""
+_ANCHORS = {"center-left": (1.5, LEFT), "center-right": (-1.5, RIGHT)}
 
 
 class Names:
-    """Labels. crowded: there are so many pads in space that none has a name."""
+    """Words that face the camera. crowded: there are so many pads in space that none has a name."""
 
     def __init__(self, server: Any, layout: Layout, placement: Placement, radius_m: float) -> None:
         self._radius = radius_m
         few = layout.pad_count <= _FEW
         self.crowded = placement.spatial and not few
         named = () if self.crowded else layout.pads[: layout.pad_count]
-        self._labels = [
-            server.scene.add_label(f"/names/{pad}", name, font_screen_scale=_FONT if few else _SMALL)
-            for pad, name in enumerate(named)
-        ]
+        self._em = _LARGE if few else _SMALL
+        self._words = [Words(server, f"/names/{pad}", name) for pad, name in enumerate(named)]
 
-    def move(self, spots: Floats, anchors: list[str], axes: Axes) -> None:
-        """Put them beside lights at spots (pads, 3), anchored as told, in a picture with these axes."""
-        for label, spot, anchor in zip(self._labels, spots, anchors, strict=False):
-            sideways = {"center-left": 1.6, "center-right": -1.6}.get(anchor)
-            away = -1.6 * axes.up if sideways is None else sideways * axes.right
-            if label.anchor != anchor:
-                label.anchor = anchor
-            label.position = tuple(spot + self._radius * away)
+    def tint(self, colour: Rgb) -> None:
+        """Write them in a colour."""
+        for words in self._words:
+            words.tint(colour)
+
+    def move(self, spots: Floats, anchors: list[str], view: View) -> None:
+        """Put them beside lights at spots (pads, 3), anchored as told, before all else that a view shows there."""
+        axes, pixel_m = view.axes, self._em * view.wide_m / EM
+        if len(spots):
+            pixel_m *= view.nearer(spots.mean(axis=0))[1]  # all are equally large in the picture
+        for words, spot, anchor in zip(self._words, spots, anchors, strict=False):
+            sideways, own = _ANCHORS.get(anchor, (0.0, TOP))
+            away = sideways * axes.right if sideways else -1.3 * axes.up
+            place, _ = view.nearer(spot + self._radius * away)
+            words.move(place, axes, own, pixel_m)

@@ -46,7 +46,7 @@ class ObjectMotion:
             head_length=5.0 * thick,
             visible=False,
         )
-        self._spread = add_batch(server, "/object/spread", shapes.ring(0.94), 1, side="double")
+        self._spread = add_batch(server, "/object/spread", shapes.ring(0.94, 1.0), 1, side="double")
 
     def show(self, results: Results | None, trail: Results | None, height_m: float, per_speed_s: float) -> None:
         """Draw one scan. height_m: above the skin. per_speed_s: length of an arrow over its speed."""

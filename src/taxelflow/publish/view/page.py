@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.publish.view.arrows import speed_of_ring
+from taxelflow.publish.view.camera import Camera
 from taxelflow.publish.view.charts import SHOWN_S
 from taxelflow.publish.view.palette import DARK, LIGHT, round_up
 from taxelflow.publish.view.panel import OBJECT, Heading, Panel
 from taxelflow.publish.view.player import Player
-from taxelflow.publish.view.scene import Scene, speed_of_ring
+from taxelflow.publish.view.scene import Scene
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -71,6 +73,8 @@ class Page:
         self.panel.on_look(self.apply_look)
         self.panel.save.on_click(self._save)
         self.panel.face.on_click(self._face)
+        self._looked_from: Camera | None = None
+        self._server.on_client_connect(lambda client: client.camera.on_update(self._look_from))
         self.apply_look()
 
     def on_decide(self, decide: Callable[[float], None]) -> None:
@@ -125,14 +129,19 @@ class Page:
             if snapshot is not None:
                 self.scene.legend.tell(f"{snapshot.t_s - self.player.first_s:.2f} s")
                 self._draw(snapshot)
+                self.scene.name()
 
     def direction(self) -> Any:
         """(3,), from which the scene that is shown is seen best."""
-        return self.scene.seen_from(self._loaded_pad())
+        snapshot = self._history.at(self.player.at_s)
+        return self.scene.seen_from(None if snapshot is None else snapshot.pressure)
 
     def tick(self, now_s: float, elapsed_s: float) -> None:
         """Advance by the time that has passed; draw if that changes what is shown."""
         with self._drawing:
+            if self._looked_from is not None:
+                looked, self._looked_from = self._looked_from, None
+                self.scene.turn(looked)
             self._tick(now_s, elapsed_s)
 
     def _tick(self, now_s: float, elapsed_s: float) -> None:
@@ -156,6 +165,7 @@ class Page:
             return
         self._plotted_s, self._told = now_s, settled
         self._tell(snapshot)
+        self.scene.name()
 
     def _snapshot(self) -> Snapshot | None:
         """What is known at the player's time, by the chosen method."""
@@ -232,6 +242,10 @@ class Page:
             top, ring_m_s = self.panel.scales
             self.scene.configure(theme=theme, top=top, ring_m_s=ring_m_s)
 
+    def _look_from(self, camera: Any) -> None:
+        """A browser's camera has moved: names face the one that moved last."""
+        self._looked_from = Camera(np.array(camera.position), np.array(camera.look_at))
+
     def _face(self, event: Any) -> None:
         """Move the user's camera to where the pad of the plots, or else the most loaded one, is seen best."""
         if event.client is None:
@@ -256,8 +270,9 @@ class Page:
         client = event.client
         if client is None:
             return
-        height = min(client.camera.image_height, _RENDER[0])
-        width = min(client.camera.image_width, _RENDER[1])
+        high, wide = client.camera.image_height, client.camera.image_width
+        share = min(1.0, _RENDER[0] / high, _RENDER[1] / wide)  # of another form, its background would not fill it
+        height, width = round(share * high), round(share * wide)
         with BytesIO() as file:
             imwrite(file, client.get_render(height, width, transport_format="png", timeout=30.0), extension=".png")
             client.send_file_download("taxelflow.png", file.getvalue(), save_immediately=True)

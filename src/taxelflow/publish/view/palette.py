@@ -37,7 +37,7 @@ GREY: Rgb = (128, 134, 146)
 @dataclass(frozen=True)
 class Theme:
     """Colours of the surroundings. line: of slip vectors; second: of those of a second method. ring: of their rings.
-    idle: taxels without pressure.
+    idle: taxels without pressure. words: of names and scales.
     """
 
     dark: bool
@@ -48,6 +48,14 @@ class Theme:
     ring: Rgb
     unlit: Rgb
     second: Rgb
+    words: Rgb
+    link: Rgb
+
+    @property
+    def body(self) -> Rgb:
+        """Of what is inside a closed skin."""
+        red, green, blue = (round(0.5 * (own + far)) for own, far in zip(self.plate, self.background, strict=True))
+        return red, green, blue
 
     @property
     def glow(self) -> Rgb:
@@ -59,12 +67,14 @@ class Theme:
 DARK = Theme(
     dark=True,
     background=(17, 19, 25),
-    plate=(44, 49, 62),
+    plate=(50, 56, 71),
     idle=(72, 79, 97),
     line=(255, 255, 255),
     ring=(128, 134, 148),
     unlit=(72, 79, 97),
     second=(90, 215, 255),
+    words=(196, 201, 212),
+    link=(104, 113, 132),
 )
 LIGHT = Theme(
     dark=False,
@@ -75,19 +85,25 @@ LIGHT = Theme(
     ring=(90, 96, 110),
     unlit=(176, 183, 197),
     second=(0, 120, 190),
+    words=(66, 71, 84),
+    link=(150, 158, 174),
 )
 
 
+_ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+"""Round numbers, so near to each other that a scale is used to two thirds at least."""
+
+
 def round_up(value: float) -> float:
-    """The next of 1, 2, 5, 10, 20, ... that is not smaller; 1 for a value that is not above 0."""
+    """The next of 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 15, ... that is not smaller; 1 for a value that is not above 0."""
     if not (value > 0 and np.isfinite(value)):
         return 1.0
     power = 10.0 ** np.floor(np.log10(value) + 1e-12)
-    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9)))
+    return float(next(step * power for step in _ROUND if step * power >= value * (1 - 1e-9)))
 
 
 def number(value: float) -> str:
-    """A round number in words: 0.5, 20, 4000, 100 000."""
-    if value < 1:
-        return f"{value:g}"
+    """A round number in words: 0.5, 7.5, 20, 4000, 100 000."""
+    if value < 100:
+        return f"{value:.3g}"
     return f"{value:,.0f}".replace(",", " ") if value >= 1e4 else f"{value:.0f}"

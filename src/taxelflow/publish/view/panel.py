@@ -8,11 +8,10 @@ import numpy as np
 
 from taxelflow.messages import QUALITY
 from taxelflow.publish.spatial import in_words
-from taxelflow.publish.view.charts import Charts
+from taxelflow.publish.view.charts import Charts, load_unit, shown_unit
 from taxelflow.publish.view.palette import DARK, ramp
-from taxelflow.publish.view.placement import WORDS
+from taxelflow.publish.view.placement import IN_A_ROW, ON_LINKS, WORDS
 from taxelflow.publish.view.player import SPEEDS
-from taxelflow.publish.view.scene import shown_unit
 from taxelflow.publish.view.strip import Strip
 
 if TYPE_CHECKING:
@@ -25,6 +24,8 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 OBJECT = "object (all pads)"
+_MARKS = (("assum", "assumed"), ("measured", "measured"), ("from ", "published"))
+"""Parts of a note on places, and what they say of them; the first one counts."""
 NO_METHOD = "none"
 _MOST_ROWS = 8
 _MAP_PIXELS = 240
@@ -44,12 +45,13 @@ class Panel:
     def __init__(self, server: Any, sensor: Sensor, placement: Placement, player: Player, heading: Heading) -> None:
         self._sensor, self._player = sensor, player
         self._scale, self._unit = shown_unit(sensor)
+        self._load = load_unit(self._scale, self._unit)
         self._pads = sensor.layout.pads
         self._times = np.zeros(0)
         self._patterns: list[LearnedPattern] = []
         gui = server.gui
-        counts = {WORDS[how]: placement.how.count(how) for how in placement.how}
-        poses = ", ".join(f"{count} {'pad' if count == 1 else 'pads'} {words}" for words, count in counts.items())
+        marks = marked(sensor, placement.how)
+        poses = ", ".join(f"{len(own)} {'pad' if len(own) == 1 else 'pads'} {words}" for words, own in marks.items())
         note = f"  \n{heading.note}" if heading.note else ""
         gui.add_markdown(f"**{heading.title}**  \n`{sensor.name}`: {poses}{note}")
         self._status = gui.add_markdown("reading ...")
@@ -62,7 +64,7 @@ class Panel:
         self.second = gui.add_dropdown("compared with", (NO_METHOD, *methods), initial_value=second, visible=several)
         self.pad = gui.add_dropdown("shown below", (OBJECT, *self._pads), initial_value=OBJECT)
         self._table = gui.add_markdown("")
-        self._charts = Charts(gui, self._scale, self._unit, compares=several)
+        self._charts = Charts(gui, *self._load, compares=several)
         with gui.add_folder("Learned map", visible=False) as self._map_folder:
             self._map = gui.add_image(np.zeros((8, 8, 3), np.uint8), format="png")
             self._map_text = gui.add_markdown("")
@@ -71,9 +73,9 @@ class Panel:
             self._decide = gui.add_button("Decide again")
             self._decided = gui.add_markdown("")
         self._add_look(gui)
-        if words := notes_of(sensor):
-            with gui.add_folder("Where the places come from", expand_by_default=False):
-                gui.add_markdown(words)
+        with gui.add_folder("Where the places come from", expand_by_default=False):
+            each = [f"- **{words}**: {', '.join(own)}" for words, own in marks.items()]
+            gui.add_markdown("\n".join([*each, notes_of(sensor)]))
 
     def _add_playback(self, gui: Any) -> None:
         player = self._player
@@ -172,7 +174,7 @@ class Panel:
         pending = "" if complete or player.following else " · estimating ..."
         pace = "" if player.following else f" {player.speed:g} x"
         self._status.content = f"**{snapshot.t_s - player.first_s:.3f} s** · {state}{pace}{pending}"
-        self._table.content = _table(self._pads, snapshot.results, self._scale, self._unit)
+        self._table.content = _table(self._pads, snapshot.results, *self._load)
 
     def show_plots(self, results: Results | None, at_s: float, second: Results | None) -> None:
         """Draw the last seconds. second: of the method that is compared."""
@@ -197,6 +199,22 @@ class Panel:
             f"{best.pad}, {best.scans} scans, {wide:.0f} x {high:.0f} mm, up to {top:.3g} {self._unit}; "
             "blank: not observed"
         )
+
+
+def marked(sensor: Sensor, how: tuple[int, ...]) -> dict[str, list[str]]:
+    """Names of pads by where they stand, and whether that is measured, published or assumed by the sensor file's notes.
+
+    how: (pads,), index in `WORDS`.
+    """
+    found: dict[str, list[str]] = {}
+    for pad, way in zip(sensor.pads, how, strict=True):
+        hand = "" if sensor.hand is None else sensor.hand.note
+        notes = f"{hand if way == ON_LINKS else sensor.note} {pad.note}".lower()
+        known = next((mark for part, mark in _MARKS if part in notes), "as the sensor file has it")
+        known = f"mounting {known}" if way == ON_LINKS and known == "assumed" else known
+        mark = "" if way == IN_A_ROW else f" ({known})"
+        found.setdefault(f"{WORDS[way]}{mark}", []).append(pad.name)
+    return found
 
 
 def notes_of(sensor: Sensor) -> str:

@@ -20,8 +20,12 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 IN_SPACE, LAID_FLAT, IN_A_ROW, ON_LINKS = range(4)
-WORDS = ("with a pose in space", "laid flat", "set out: their places are not known", "at the hand's joint angles")
+WORDS = ("with a pose in space", "laid flat", "set out: their places are not known", "on the links of the hand's model")
 """What the view says about the place of a pad."""
+
+
+_CLEAR = 0.25
+"""Length of the mean normal above which the skin is seen from its side, not from the front."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +69,11 @@ class Placement:
     def spatial(self) -> bool:
         """Whether the pads stand in space, in any direction."""
         return self.how[0] in (IN_SPACE, ON_LINKS)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the pads are a skin that looks in all directions."""
+        return self.how[0] == IN_SPACE and bool(np.linalg.norm(self.normal.mean(axis=0)) < _CLEAR)
 
     @property
     def size_m(self) -> float:

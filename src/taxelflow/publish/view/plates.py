@@ -1,52 +1,112 @@
-"""The plate under each plane pad: where it stands and how large it is."""
+"""The plates under plane pads: rectangles under matrices, rounded outlines under pads of another form."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taxelflow.publish.view import shapes
+from taxelflow.publish.view.batch import add_batch, put
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.publish.view.placement import Placement
+    from taxelflow.publish.view.shapes import Shape
     from taxelflow.sensors.layout import Layout
 
 _PLANE = 1e-3
 """Largest difference of the unit normals of a plane pad."""
-_RIM, _THICK = 1.35, 0.18
+_RIM, _THICK = 0.675, 0.18
 """Of a plate beyond the middles of the outer taxels, and its thickness, in pitches."""
+_BELOW = 0.02
+"""Of its upper side below the taxels, in pitches."""
+_CORNERS = 12
+"""Of the outline about one taxel of a plate that is no rectangle."""
 
 
-class Plates(NamedTuple):
-    """One per pad, of size 0 for a curved or irregular one. positions, scales: (pads, 3), m. wxyzs: (pads, 4)."""
+class Plates:
+    """One under each plane pad; a curved pad has none."""
 
-    positions: Floats
-    scales: Floats
-    wxyzs: Floats
+    def __init__(self, server: Any, layout: Layout, placement: Placement, **look: Any) -> None:
+        """look: what viser takes, such as opacity."""
+        self._layout = layout
+        alike: dict[bytes, list[int]] = {}
+        outlines = {}
+        for pad in range(layout.pad_count):
+            if _plane(placement.normal[layout.of_pad(pad)]):
+                outline = _outline(layout, pad)
+                key = np.round(outline * 1e6).tobytes()
+                outlines[key] = outline
+                alike.setdefault(key, []).append(pad)
+        self._batches = []
+        for number, (key, pads) in enumerate(alike.items()):
+            shape = _prism(outlines[key], _THICK * float(np.median(layout.pitch_m[pads[0]])))
+            scales = np.ones((len(pads), 3))
+            name = f"/plates/{number}"
+            self._batches.append(
+                (pads, add_batch(server, name, shape, len(pads), scales=scales, flat_shading=True, **look))
+            )
+
+    def move(self, placement: Placement) -> None:
+        """Put them under the pads as they are placed."""
+        layout = self._layout
+        for pads, batch in self._batches:
+            first = [layout.of_pad(pad).start for pad in pads]
+            normal, tangent = placement.normal[first], placement.tangent[first]
+            local = np.stack([layout.x_m[first], layout.y_m[first]], axis=1)
+            below = _BELOW * np.median(layout.pitch_m[pads], axis=1)[:, np.newaxis]
+            origin = placement.place[first] - np.einsum("nij,nj->ni", tangent, local) - below * normal
+            put(batch, batched_positions=origin, batched_wxyzs=shapes.along(normal, tangent[:, :, 0]))
+
+    def tint(self, colours: Any) -> None:
+        """colours: (pads, 3)."""
+        for pads, batch in self._batches:
+            put(batch, batched_colors=colours[pads])
 
 
-def plates_of(layout: Layout, placement: Placement) -> Plates:
-    """The plates under the pads as they are placed."""
-    count = layout.pad_count
-    positions, scales = np.zeros((count, 3)), np.full((count, 3), shapes.NONE)
-    normals, axes = np.tile((0.0, 0.0, 1.0), (count, 1)), np.tile((1.0, 0.0, 0.0), (count, 1))
-    for pad in range(count):
-        own = layout.of_pad(pad)
-        normal, place = placement.normal[own], placement.place[own]
-        irregular = placement.spatial and bool(layout.tables[pad])  # a rectangle would lie under its neighbours
-        if irregular or np.abs(normal - normal[0]).max() > _PLANE:
-            continue
-        pitch = float(np.median(layout.pitch_m[pad]))
-        across = placement.tangent[own.start][:, 0]
-        across = across - (across @ normal[0]) * normal[0]
-        across /= np.linalg.norm(across)
-        frame = np.stack([across, np.cross(normal[0], across), normal[0]], axis=1)
-        inside = place @ frame
-        low, high = inside.min(axis=0), inside.max(axis=0)
-        middle = (low + high) / 2 - (0.0, 0.0, (_THICK + 0.02) * pitch)
-        positions[pad] = frame @ middle
-        scales[pad, :2], scales[pad, 2] = (high - low)[:2] + _RIM * layout.pitch_m[pad], _THICK * pitch
-        normals[pad], axes[pad] = normal[0], across
-    return Plates(positions, scales, shapes.along(normals, axes))
+def _plane(normal: Floats) -> bool:
+    return bool(np.abs(normal - normal[0]).max() <= _PLANE)
+
+
+def _outline(layout: Layout, pad: int) -> Floats:
+    """(n, 2), anticlockwise, in the pad's frame."""
+    own = layout.of_pad(pad)
+    xy, rim = np.stack([layout.x_m[own], layout.y_m[own]], axis=1), _RIM * layout.pitch_m[pad]
+    if layout.tables[pad]:
+        turn = 2 * np.pi * (np.arange(_CORNERS) + 0.5) / _CORNERS
+        around = rim * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        return _hull((xy[:, np.newaxis] + around).reshape(-1, 2))
+    (left, bottom), (right, top) = xy.min(axis=0) - rim, xy.max(axis=0) + rim
+    return np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
+
+
+def _hull(points: Floats) -> Floats:
+    """(n, 2), convex hull of points (m, 2), anticlockwise (Andrew's chains)."""
+    ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
+    found: list[Floats] = []
+    for chain in (ordered, ordered[::-1]):
+        first = len(found)
+        for point in chain:
+            while len(found) >= first + 2 and _left(found[-2], found[-1], point) <= 0:
+                found.pop()
+            found.append(point)
+        found.pop()
+    return np.array(found)
+
+
+def _left(a: Floats, b: Floats, c: Floats) -> float:
+    """Positive if c lies to the left of the way from a to b."""
+    (ux, uy), (vx, vy) = b - a, c - a
+    return float(ux * vy - uy * vx)
+
+
+def _prism(outline: Floats, thick_m: float) -> Shape:
+    """A plate of this outline (n, 2), whose upper side has z = 0."""
+    count = len(outline)
+    vertices = np.concatenate([np.column_stack([outline, np.full(count, z)]) for z in (0.0, -thick_m)])
+    here = np.arange(count)
+    there = (here + 1) % count
+    fan = np.stack([np.zeros(count - 2, dtype=int), here[1:-1], there[1:-1]], axis=1)
+    sides = np.stack([here, here + count, there + count, here, there + count, there], axis=1).reshape(-1, 3)
+    return shapes.Shape(vertices, np.concatenate([fan, fan[:, ::-1] + count, sides]))

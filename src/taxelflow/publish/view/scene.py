@@ -11,15 +11,16 @@ from taxelflow.publish.view import shapes
 from taxelflow.publish.view.arrows import RING, RINGS, Arrows
 from taxelflow.publish.view.articulation import fingers_of
 from taxelflow.publish.view.batch import add_batch, put
-from taxelflow.publish.view.camera import FOV_RAD, Camera, fitted, picture_axes
-from taxelflow.publish.view.charts import COUNTS
-from taxelflow.publish.view.legend import Legend
+from taxelflow.publish.view.camera import FOV_RAD, Camera, View, clearest, fitted, picture_axes, view_of
+from taxelflow.publish.view.charts import shown_unit
+from taxelflow.publish.view.hand_links import THROUGH, HandLinks
+from taxelflow.publish.view.legend import Legend, Scales
 from taxelflow.publish.view.lighting import add_lights, as_lit, lit
 from taxelflow.publish.view.names import Names
 from taxelflow.publish.view.object_motion import ObjectMotion
-from taxelflow.publish.view.palette import DARK, GREEN, GREY, VERMILION, Theme, ramp, round_up
-from taxelflow.publish.view.placement import IN_SPACE, placed, spots_in_space, spots_of
-from taxelflow.publish.view.plates import plates_of
+from taxelflow.publish.view.palette import DARK, GREEN, GREY, VERMILION, Theme, ramp
+from taxelflow.publish.view.placement import placed, spots_in_space, spots_of
+from taxelflow.publish.view.plates import Plates
 from taxelflow.publish.view.space_motion import SpaceMotion
 from taxelflow.publish.view.vectors import Field
 
@@ -42,8 +43,12 @@ _FRONT = (0.0, -0.4, 0.917)
 """Direction from the hand to the camera, if nothing speaks for another one."""
 _OVER = np.array([0.0, 0.0, 0.35])
 """Added to the normal of a pad that the camera faces, so that it looks from above."""
-_CLEAR = 0.25
-"""Length of the mean normal above which the skin is seen from its side, not from the front."""
+_PAD = 5.0
+"""Size of the hand over the smaller side of a pad at least, for the size of arrows: on a single pad they are larger."""
+_FULL = 1.22
+"""Height of hand and scales over that of the hand, about."""
+_SAME_WAY, _SAME_PLACE = 0.9994, 0.01
+"""Cosine of 2 degrees, by which a camera turns, and share of its distance by which it moves, before names follow it."""
 
 
 class Scene:
@@ -67,20 +72,26 @@ class Scene:
         scene, size, entries = server.scene, self.placement.size_m, len(self.layout.pads)
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
-        add_lights(scene)
+        self._axes = picture_axes(self._front())
+        space = self.placement.spatial
+        add_lights(scene, self._axes if space else picture_axes(np.array((0.0, 0.0, 1.0))), space=space)
         self._add_taxels()
         self._body = self._add_body()
-        self._plates = add_batch(server, "/plates", shapes.box(), self.layout.pad_count, flat_shading=True)
-        self._radius = min(0.011 * size, 0.9 * self._pitch)
-        self._lights = add_batch(server, "/lights_of_pads", shapes.disc(), self.layout.pad_count)
+        self._links = HandLinks(server, self._fingers, size) if self._fingers is not None else None
+        seen_through = {} if self._links is None else {"opacity": THROUGH}
+        self._plates = Plates(server, self.layout, self.placement, **seen_through)
+        self._radius = min(0.0095 * size, 0.9 * self._pitch)
+        self._lights = add_batch(server, "/lights_of_pads", shapes.disc(), self.layout.pad_count, flat_shading=True)
         self._names = Names(server, self.layout, self.placement, self._radius)
-        self._arrows = Arrows(server, "/slip", entries, size, rings=True)
-        self._compared = Arrows(server, "/compared", entries, size, wide=0.7, rings=False) if compares else None
+        self._mark = mark = max(size, _PAD * self._narrow())
+        self._arrows = Arrows(server, "/slip", entries, mark, rings=True)
+        self._compared = Arrows(server, "/compared", entries, mark, wide=0.7, rings=False) if compares else None
         self.legend = Legend(server)
         self._motion = ObjectMotion(server, size) if self.placement.flat else None
         self._in_space = SpaceMotion(server, size) if self.placement.spatial else None
         self._field = Field(self.layout, self.placement)
-        self._axes = picture_axes(self._front() if self.placement.spatial else np.array([0.0, 0.0, 1.0]))
+        self._view: View | None = None
+        self._named = False
         self._put()
         self.frame(self._front(), _ASPECT)
 
@@ -91,8 +102,12 @@ class Scene:
         self._ramp = as_lit(ramp(self.theme.idle))
         self._server.scene.set_background_image(np.full((2, 2, 3), self.theme.background, np.uint8), format="png")
         self._arrows.tint(lit(self.theme.ring))
+        if self._named:
+            self._names.tint(self.theme.words)
+        if self._links is not None:
+            self._links.tint(lit(self.theme.link))
         scale, unit = shown_unit(self._sensor)
-        self.legend.show(self._ramp, self.top * scale, unit, self.ring_m_s)
+        self.legend.show(self.theme, Scales(self.top * scale, unit, self.ring_m_s, self.follows))
         if self._last is None:
             self._taxels.batched_colors = np.tile(self._ramp[0], (self.layout.taxels, 1))
             self._light(None)
@@ -129,27 +144,59 @@ class Scene:
                 now, before = (None if one is None else one.spatial for one in (results, trail))
                 self._in_space.show(now, before, middle, self._per_speed_s)
 
+    def name(self) -> None:
+        """Write the names of pads, if that has not been done: the first picture does not wait for them."""
+        if not self._named:
+            self._named = True
+            self._names.tint(self.theme.words)
+
     def frame(self, direction: Floats, aspect: float) -> Camera:
         """Place the camera of browsers that open later, and the scales, for a view from a direction (3,)."""
-        place, box = self.placement, self.placement.box
-        axes = picture_axes(direction)
-        if place.spatial:
-            points = np.concatenate([place.place, np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)])
-        else:
-            axes = picture_axes(np.array([0.0, 0.0, 1.0]))
-            outer = RING * RINGS * place.size_m
+        place = self.placement
+        axes = self._axes = picture_axes(direction)
+        reach = place.place if self._fingers is None else self._fingers.reach
+        points = np.concatenate([reach + side for side in self._pitch * np.concatenate([np.eye(3), -np.eye(3)])])
+        if self._links is not None:
+            points = np.concatenate([points, self._links.corners])
+        if not place.spatial:
+            outer = RING * RINGS * self._mark
             rings = place.place + outer * np.array([[[0.6, 0, 0]], [[-0.6, 0, 0]], [[0, 0.6, 0]]])
-            points = np.concatenate([self.lights_m - (0.0, 3.5 * self._radius, 0.0), *rings])
-        points = np.concatenate([points, self.legend.place(points, axes)])
+            points = np.concatenate([points, self.lights_m - (0.0, 3.5 * self._radius, 0.0), *rings])
+        self._points = points
+        wide, high = np.ptp(points @ np.stack(axes[:2], axis=1), axis=0)
+        wide_m = max(float(wide), _FULL * aspect * float(high))
+        points = np.concatenate([points, self.legend.place(points, axes, wide_m)])
         found, camera = fitted(points, direction, aspect), self._server.initial_camera
+        self._view = view_of(found, self._points, wide_m)
+        self._put()
         far = float(np.linalg.norm(found.position - found.look_at))
         camera.fov, camera.near, camera.far = FOV_RAD, far / 100, 100 * far
         camera.up, camera.look_at, camera.position = (0.0, 0.0, 1.0), found.look_at, found.position
         return found
 
-    def seen_from(self, pad: str) -> Floats:
-        """(3,), the usual direction of view; for a skin that is closed, and so has none, one that shows the pad."""
-        return self.facing(pad) if self._closed else self._front()
+    def turn(self, camera: Camera) -> None:
+        """Let names and scales face a camera that has moved."""
+        if self._view is None:
+            return
+        view = view_of(camera, self._points, self._view.wide_m)
+        same = float(view.axes.out @ self._view.axes.out) > _SAME_WAY
+        if view.front_m <= 0 or (same and np.linalg.norm(view.eye - self._view.eye) < _SAME_PLACE * view.front_m):
+            return
+        self._view = view
+        with self._server.atomic():
+            self._names.move(self.lights_m, self._anchors, view)
+            if not same:
+                self.legend.place(self._points, view.axes, view.wide_m)
+
+    def seen_from(self, pressure: Floats | None) -> Floats:
+        """(3,), the usual direction of view; for a skin that is closed, and so has none, one that shows the pressure
+        (taxels,).
+        """
+        weight = np.zeros(1) if pressure is None else np.maximum(pressure, 0.0)
+        if not (self.placement.closed and weight.sum() > 0):
+            return self._front()
+        direction: Floats = weight @ self.placement.normal / weight.sum()
+        return np.asarray(direction / max(float(np.linalg.norm(direction)), shapes.NONE) + _OVER)
 
     def facing(self, pad: str) -> Floats:
         """(3,), direction from which a pad is seen best: from above its skin, in space; else the usual one."""
@@ -167,21 +214,26 @@ class Scene:
     @property
     def _per_speed_s(self) -> float:
         """Length of an arrow over its speed."""
-        return RING * self.placement.size_m / self.ring_m_s
-
-    @property
-    def _closed(self) -> bool:
-        """Whether the skin looks in all directions."""
-        place = self.placement
-        return place.how[0] == IN_SPACE and bool(np.linalg.norm(place.normal.mean(axis=0)) < _CLEAR)
+        return RING * self._mark / self.ring_m_s
 
     def _front(self) -> Floats:
-        """The usual direction of view, between the front and the mean normal of a skin in space."""
-        mean: Floats = self.placement.normal.mean(axis=0)
-        length = float(np.linalg.norm(mean))
-        if not self.placement.spatial or length < _CLEAR:
+        """The usual direction of view: of fingers the clearest, of a skin in space between the front and its normal."""
+        place = self.placement
+        if not place.spatial:
             return np.array(_FRONT)
-        return np.asarray(mean / length + 0.6 * np.array(_FRONT))
+        if self._fingers is not None:
+            home = np.repeat(np.arange(self.layout.pad_count), np.diff(self.layout.starts[: self.layout.pad_count + 1]))
+            return clearest(place.place, place.normal, home, self._pitch)
+        mean: Floats = place.normal.mean(axis=0)
+        length = float(np.linalg.norm(mean))
+        return np.array(_FRONT) if place.closed else np.asarray(mean / length + 0.6 * np.array(_FRONT))
+
+    def _narrow(self) -> float:
+        """Smaller side of a usual pad, m."""
+        layout = self.layout
+        own = [layout.of_pad(pad) for pad in range(layout.pad_count)]
+        sides = [min(np.ptp(layout.x_m[each]), np.ptp(layout.y_m[each])) for each in own]
+        return float(np.median(sides))
 
     def _add_taxels(self) -> None:
         layout = self.layout
@@ -192,37 +244,34 @@ class Scene:
         wide = np.minimum(np.broadcast_to(wide, pitch.shape), 0.95 * pitch)
         self._sizes = np.column_stack([wide, np.full(layout.taxels, self._high)])
         shape, scales = shapes.disc() if tables else shapes.box(), self._sizes * (1.0, 1.0, _FLOOR)
-        self._taxels = add_batch(self._server, "/taxels", shape, layout.taxels, scales=scales, flat_shading=not tables)
+        self._taxels = add_batch(self._server, "/taxels", shape, layout.taxels, scales=scales, flat_shading=True)
 
     def _add_body(self) -> Any:
         """A solid inside a closed skin, that hides the taxels of the far side; None where none fits."""
-        body = shapes.inside(self.placement.place) if self._closed else None
+        body = shapes.inside(self.placement.place) if self.placement.closed else None
         return None if body is None else add_batch(self._server, "/body", body, 1, scales=np.ones((1, 3)))
 
     def _put(self) -> None:
         """Move everything that belongs to a pad to where the pads are."""
         place, layout, radius = self.placement, self.layout, self._radius
+        if self._links is not None and self._fingers is not None:
+            self._links.move(self._fingers.link_poses())
         self._field.placement = place
         turned = shapes.along(place.normal, place.tangent[:, :, 0])
         put(self._taxels, batched_positions=place.place, batched_wxyzs=turned)
-        under = plates_of(layout, place)
-        put(
-            self._plates,
-            batched_positions=under.positions,
-            batched_scales=under.scales,
-            batched_wxyzs=under.wxyzs,
-        )
+        self._plates.move(place)
         if self._names.crowded:  # beside one pad is another
             own = [layout.of_pad(pad) for pad in range(layout.pad_count)]
             above = place.place + (_RAISED + 0.2) * self._high * place.normal
             self.lights_m = np.array([above[each].mean(axis=0) for each in own])
-            anchors: list[str] = []
+            self._anchors: list[str] = []
         elif place.spatial:
-            self.lights_m, anchors = spots_in_space(layout, place, radius, self._axes)
+            self.lights_m, self._anchors = spots_in_space(layout, place, radius, self._axes)
         else:
-            self.lights_m, anchors = spots_of(layout, place, radius)
+            self.lights_m, self._anchors = spots_of(layout, place, radius)
         put(self._lights, batched_positions=self.lights_m)
-        self._names.move(self.lights_m, anchors, self._axes)
+        if self._view is not None:
+            self._names.move(self.lights_m, self._anchors, self._view)
 
     def _light(self, results: Results | None) -> None:
         count = self.layout.pad_count
@@ -239,23 +288,12 @@ class Scene:
         size = np.array((2.0, 2.0, 0.5)) * self._radius
         scales = np.where(shown[:, np.newaxis], size, shapes.NONE)
         put(self._lights, batched_scales=scales, batched_colors=np.where(slips[:, np.newaxis], orange, pressed))
-        put(self._plates, batched_colors=np.where(slips[:, np.newaxis], lit(self.theme.glow), plate))
+        self._plates.tint(np.where(slips[:, np.newaxis], lit(self.theme.glow), plate))
         if self._body is not None:
-            put(self._body, batched_colors=plate[np.newaxis])
+            put(self._body, batched_colors=lit(self.theme.body)[np.newaxis])
 
     def _colours(self, results: Results | None, sure: Any) -> Any:
         """(entries, 3), of the arrows: grey where the pose is not resolved."""
         quality = np.full(len(self.layout.pads), NO_POSE) if results is None else results.slips.quality[0]
         known = (quality == OK) | (quality == NO_POSE) | (quality == LOST)
         return np.where(known[:, np.newaxis], lit(sure), lit(GREY))
-
-
-def shown_unit(sensor: Sensor) -> tuple[float, str]:
-    """Factor from conditioned pressure to the unit that is shown, and that unit."""
-    return (1.0, COUNTS) if sensor.si_unit == "count" else (1e-3, "kPa")
-
-
-def speed_of_ring(speeds: Floats) -> float:
-    """A round speed for the first ring: typical slips reach the second one."""
-    known = speeds[np.isfinite(speeds)]
-    return round_up(float(np.quantile(known, 0.8)) / RINGS) if len(known) else 0.01

@@ -44,14 +44,16 @@ def disc() -> Shape:
     return _turned(((0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (0.0, 1.0)), _ROUND)
 
 
-def cone() -> Shape:
-    """A cone of diameter 1 that stands on the origin, tip up."""
-    return _turned(((0.0, 0.0), (0.5, 0.0), (0.0, 1.0)), _ROUND)
+def arrow(head: float, shaft: float) -> Shape:
+    """An arrow that stands on the origin, tip up, its head of diameter 1. head: length. shaft: diameter."""
+    thin, neck = 0.5 * shaft, 1.0 - head
+    return _turned(((0.0, 0.0), (thin, 0.0), (thin, neck), (0.5, neck), (0.0, 1.0)), _ROUND)
 
 
-def ring(inner: float) -> Shape:
-    """A flat ring of radius 1. inner: radius of its hole."""
-    return _turned(((inner, 0.0), (1.0, 0.0), (1.0, 1e-3), (inner, 1e-3), (inner, 0.0)), 64)
+def ring(inner: float, high: float) -> Shape:
+    """A ring of radius 1 and this height, which is still seen from its side. inner: radius of its hole."""
+    low, top = -0.5 * high, 0.5 * high
+    return _turned(((inner, low), (1.0, low), (1.0, top), (inner, top), (inner, low)), 64)
 
 
 def inside(points: Floats) -> Shape | None:

@@ -59,7 +59,7 @@ class SpaceMotion:
             head_length=5.0 * thick,
             visible=False,
         )
-        self._spread = add_batch(server, "/object/spread", shapes.ring(0.94), _ELLIPSES, side="double")
+        self._spread = add_batch(server, "/object/spread", shapes.ring(0.96, 1.0), _ELLIPSES, side="double")
 
     def show(
         self, motions: SpatialMotions | None, trail: SpatialMotions | None, middle: Floats, per_speed_s: float
