@@ -39,12 +39,12 @@ class Skin(NamedTuple):
 
 
 class HandLinks:
-    """The solids. They move with the fingers. corners: (n, 3), as they are now."""
+    """The solids. They move with the fingers."""
 
     def __init__(self, server: Any, fingers: Fingers, size_m: float) -> None:
         found = [(link, solid_of(ends, skin, _JOINT * size_m)) for link, (ends, skin) in fingers.links.items()]
         self._shapes = {link: shape for link, shape in found if shape is not None}
-        self.corners = np.zeros((0, 3))
+        self._T: dict[int, Floats] = {}
         self._solids = [
             (link, add_batch(server, f"/hand/{link}", shape, 1, scales=np.ones((1, 3)), opacity=THROUGH))
             for link, shape in self._shapes.items()
@@ -52,13 +52,18 @@ class HandLinks:
 
     def move(self, T: dict[int, Floats]) -> None:
         """Put the links where they are: poses (4, 4) in the hand."""
-        self.corners = np.concatenate(
-            [shape.vertices @ T[link][:3, :3].T + T[link][:3, 3] for link, shape in self._shapes.items()]
-        )
+        self._T = T
         for link, solid in self._solids:
             frame = T[link]
             turned = shapes.along(frame[:3, 2][np.newaxis], frame[:3, 0][np.newaxis])
             put(solid, batched_positions=frame[:3, 3][np.newaxis], batched_wxyzs=turned)
+
+    def corners(self) -> Floats:
+        """(n, 3), of all links where they are now."""
+        places = [
+            shape.vertices @ self._T[link][:3, :3].T + self._T[link][:3, 3] for link, shape in self._shapes.items()
+        ]
+        return np.concatenate(places)
 
     def tint(self, colour: Any) -> None:
         """colour: (3,)."""

@@ -157,7 +157,7 @@ class Scene:
         reach = place.place if self._fingers is None else self._fingers.reach
         points = np.concatenate([reach + side for side in self._pitch * np.concatenate([np.eye(3), -np.eye(3)])])
         if self._links is not None:
-            points = np.concatenate([points, self._links.corners])
+            points = np.concatenate([points, self._links.corners()])
         if not place.spatial:
             outer = RING * RINGS * self._mark
             rings = place.place + outer * np.array([[[0.6, 0, 0]], [[-0.6, 0, 0]], [[0, 0.6, 0]]])
