@@ -43,8 +43,8 @@ def slid(velocity: tuple[float, float, float], *, scans: int = 300, begin: int =
 def watched(*blocks: Slips, monitor: SlipMonitor | None = None) -> tuple[Bools, list[Event], SlipSession]:
     session = (monitor or SlipMonitor()).begin(tuple(f"pad{k}" for k in range(blocks[0].contact.shape[1])))
     found = [session.step(block) for block in blocks]
-    flags = np.concatenate([slipping for slipping, _ in found])
-    return flags, [event for _, events in found for event in events], session
+    flags = np.concatenate([one.slipping for one in found])
+    return flags, [event for one in found for event in one.events], session
 
 
 def kinds(events: list[Event]) -> list[str]:

@@ -43,7 +43,7 @@ def test_what_is_cut_and_joined_is_whole_again(name: str, cuts: list[int], messa
 def test_blocks_within_a_block_are_joined_field_by_field(slips: Slips, messages: dict[str, Any]) -> None:
     """Lists are chained, None stays None, and a field named `noise` is shared by scans only."""
     contacts = ContactFeatures().start(PALM, 6.0, 4.0).step(SCANS).contacts
-    rest = messages["Motions"], [messages["Event"]], contacts, np.zeros(slips.contact.shape)
+    rest = messages["Motions"], [messages["Event"]], contacts, *np.zeros((2, *slips.contact.shape))
     updates = [Update(np.arange(len(part)) + 0.0, part, part.contact, *rest) for part in pieces(slips, [3])]
     whole = joined(updates)
     assert_same(whole.slips, slips)

@@ -97,6 +97,7 @@ def update() -> Update:
         [],
         contacts,
         np.zeros((3, 2)),
+        np.zeros((3, 2)),
         motions(),
     )
 

@@ -64,7 +64,7 @@ def test_a_slip_faster_than_the_scans_is_told_when_the_contact_has_settled(known
 def test_a_recording_keeps_its_dates() -> None:
     """There is no way between two scans that it could be dated by."""
     live, session = watched(torn()), SlipMonitor().look_back(("pad",))
-    (some, first), (rest, last) = session.step(torn()), session.finish()
+    (some, first, _), (rest, last, _) = session.step(torn()), session.finish()
     found = [*first, *last]
     assert np.flatnonzero(np.concatenate([some, rest])).tolist() == [GONE]
     assert [event.event for event in found] == [event.event for event in live]

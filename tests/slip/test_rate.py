@@ -82,7 +82,7 @@ def test_the_threshold_is_the_one_that_a_simulation_of_the_test_gives(components
 
 def alarms(pose: Floats, rate_hz: float, monitor: SlipMonitor, std: Floats = STD) -> int:
     t_s = np.arange(len(pose)) / rate_hz
-    _, events = monitor.begin(("pad",)).step(still_slips(t_s, STD * pose, std, np.full(3, np.nan)))
+    events = monitor.begin(("pad",)).step(still_slips(t_s, STD * pose, std, np.full(3, np.nan))).events
     return sum(event.event == "slip_start" for event in events)
 
 
@@ -126,6 +126,6 @@ def test_irregular_times_keep_the_rate() -> None:
     t_s = np.cumsum(random.uniform(0.003, 0.03, 200_000))
     monitor = SlipMonitor(alarms_per_hour=60 / (t_s[-1] / 3600))
     pose = STD * random.standard_normal((200_000, 3))
-    _, events = monitor.begin(("pad",)).step(still_slips(t_s, pose, STD, np.full(3, np.nan)))
+    events = monitor.begin(("pad",)).step(still_slips(t_s, pose, STD, np.full(3, np.nan))).events
     found = sum(event.event == "slip_start" for event in events)
     assert 10 <= found <= 1.5 * poisson.ppf(0.999, 60)

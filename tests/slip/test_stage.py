@@ -73,7 +73,7 @@ def test_where_nothing_stirs_the_pose_decides(mode: Mode) -> None:
     result = api.estimate(recording, mode=mode)
     monitor = SlipMonitor()
     watch = (monitor.begin if mode == "stream" else monitor.look_back)(recording.layout.pads)
-    (slipping, events), (rest, last) = watch.step(result.slips), watch.finish()
+    (slipping, events, _), (rest, last, _) = watch.step(result.slips), watch.finish()
     np.testing.assert_array_equal(result.slipping, np.concatenate([slipping, rest]))
     assert [_dated(event) for event in result.events] == [_dated(event) for event in (*events, *last)]
 
@@ -102,13 +102,15 @@ def test_the_blocks_do_not_matter(mode: Mode) -> None:
             (
                 np.concatenate([part.slipping for part in parts]),
                 np.concatenate([part.evidence for part in parts]),
+                np.concatenate([part.margin for part in parts]),
                 [event for part in parts for event in part.events],
             )
         )
-    for slipping, evidence, events in found[1:]:
+    for slipping, evidence, margin, events in found[1:]:
+        np.testing.assert_array_equal(margin, found[0][2])
         np.testing.assert_array_equal(slipping, found[0][0])
         np.testing.assert_array_equal(evidence, found[0][1])
-        assert repr(events) == repr(found[0][2])
+        assert repr(events) == repr(found[0][3])
 
 
 def _slips(recording: Recording, mode: Mode) -> Slips:

@@ -57,7 +57,8 @@ if TYPE_CHECKING:
 class Output:
     """Results of some scans: motion and quality of every pad, whether it slips (scans, pads), the object's motion, what
     the contacts are like, the events that are complete (in a batch, those from a slip's begin on wait for its end),
-    evidence (scans, pads): log odds of a slip by the pattern's change, and motion in space where pads have places.
+    evidence (scans, pads): log odds of a slip by the pattern's change, margin (scans, pads): log of the statistic that
+    decides on slips over its threshold, NaN where a scan was not tested, and motion in space where pads have places.
     """
 
     slips: Slips
@@ -66,6 +67,7 @@ class Output:
     events: list[Event]
     contacts: Contacts
     evidence: Floats
+    margin: Floats
     spatial: SpatialMotions | None = None
 
     def __len__(self) -> int:
@@ -262,7 +264,7 @@ class Run:
         texture, self._textures = _split(self._textures, len(judged))
         motions = self._fuse.step(slips, contacts.centroid, texture)
         spatial = None if self._space is None else self._space.step(slips, contacts.centroid, texture)
-        yield Output(slips, judged.slipping, motions, judged.events, contacts, judged.evidence, spatial)
+        yield Output(slips, judged.slipping, motions, judged.events, contacts, judged.evidence, judged.margin, spatial)
 
     def _joined(self, outputs: Iterable[Output]) -> Output:
         return joined([*outputs] or [self._nothing])
@@ -272,7 +274,9 @@ class Run:
         none = np.zeros((*scans.contact.shape, 2))
         footprint = Footprint(scans.t_s, scans.contact, none.astype(np.bool_), none[..., 0])
         slips, contacts = Slips.of(footprint, Estimates.unknown(scans)), self._segment.step(scans).contacts
-        return Output(slips, slips.contact, self._fuse.step(slips, contacts.centroid), [], contacts, none[..., 0])
+        return Output(
+            slips, slips.contact, self._fuse.step(slips, contacts.centroid), [], contacts, none[..., 0], none[..., 0]
+        )
 
 
 def _in_rows(scans: Scans) -> Scans:

@@ -33,6 +33,8 @@ _STOP_ODDS, _RESUME_ODDS, _FINAL_ODDS = 3.0, 0.02, 30.0
 _END_SIGMAS = 2.5
 """A method without displacement stops slipping below this disturbance, standard deviations: 1 % of a still object's
 scans exceed it."""
+_SMALLEST = 1e-300
+"""Lower limit of odds and probabilities in a logarithm."""
 _MIN_DURATION_S = 1e-9
 """Lower limit of the duration of a slip, against division by 0."""
 
@@ -58,11 +60,13 @@ class PadState:
 
 
 class Change:
-    """Begin or end of a slip, or a report that is withdrawn; NaN if there is none in a scan."""
+    """Begin or end of a slip, or a report that is withdrawn, NaN if there is none in a scan; and the test's margin."""
 
     onset_s: float
     velocity: Vector
     """m/s, m/s, rad/s; NaN where unknown."""
+    margin: float
+    """Log of the test's statistic over its threshold: above 0 it slips. NaN where the scan was not tested."""
 
 
 @kernel
@@ -115,9 +119,15 @@ def has_flips(last: Bools, flags: Bools) -> bool:
 
 @routine
 def _clear(change: Change) -> None:
-    change.onset_s = np.nan
+    change.onset_s = change.margin = np.nan
     for axis in range(3):
         change.velocity[axis] = np.nan
+
+
+@routine
+def _margin(statistic: float, threshold: float) -> float:
+    """Log of a statistic over its threshold."""
+    return float(np.log(max(statistic, _SMALLEST) / max(threshold, _SMALLEST)))
 
 
 @routine
@@ -175,7 +185,9 @@ def _test_onset(statistic: float, parameters: Parameters, state: PadState, chang
     """Does a slip begin? statistic: of `shiryaev_roberts`, after the last measurement of an object at rest."""
     measurement, rest, slip, step = state.measurement, state.rest, state.onset.slip, state.rest.innovation
     components = step.axes + (1 if step.yaw_used else 0)
-    if statistic > alarm_threshold(parameters.alarm_interval_s, measurement.t_s - measurement.previous_s, components):
+    threshold = alarm_threshold(parameters.alarm_interval_s, measurement.t_s - measurement.previous_s, components)
+    change.margin = _margin(statistic, threshold)
+    if statistic > threshold:
         state.mode = SLIPPING
         start_slide(measurement, slip, rest.p_aa, state.slide)
         rest.square_sum = max(rest.square_sum - slip.explained, 0.0)  # the slip's part is not noise
@@ -195,6 +207,7 @@ def _scale_noise(state: PadState) -> None:
 def _test_stop(odds: float, parameters: Parameters, state: PadState, change: Change) -> None:
     """Has a slipping object stopped? odds: of `stop_odds`, after its last measurement."""
     slide, stop = state.slide, state.slide.stop
+    change.margin = _margin(_STOP_ODDS, odds)
     if odds > _STOP_ODDS and not slide.stop_reported:
         slide.stop_reported = True
         duration_s = max(stop.since_s - slide.start_s, _MIN_DURATION_S)
@@ -240,12 +253,14 @@ def _test_disturbance(scan: Observation, parameters: Parameters, state: PadState
     """
     p_value = erfc(scan.disturbance / np.sqrt(2.0))
     if state.mode == SLIPPING:
+        change.margin = _margin(erfc(_END_SIGMAS / np.sqrt(2.0)), p_value)
         if scan.disturbance < _END_SIGMAS:
             state.mode = RESTING
             change.onset_s = scan.t_s
         return
-    settled = scan.t_s - state.first_s >= parameters.settle_s
-    if settled and p_value < (scan.t_s - state.last_s) / parameters.alarm_interval_s:
+    settled, accepted = scan.t_s - state.first_s >= parameters.settle_s, scan.t_s - state.last_s
+    change.margin = _margin(accepted / parameters.alarm_interval_s, p_value) if settled else np.nan
+    if settled and p_value < accepted / parameters.alarm_interval_s:
         state.mode, state.slide.stop_reported = SLIPPING, False
         change.onset_s = scan.t_s
 

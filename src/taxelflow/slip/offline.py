@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.messages import Bools, Event, Floats, Slips
-from taxelflow.slip.session import SlipSession
+from taxelflow.messages import Event, Floats, Slips
+from taxelflow.slip.session import Detected, SlipSession
 
 if TYPE_CHECKING:
     from taxelflow.numerics.records import Records
@@ -60,36 +60,38 @@ class OfflineSlipSession:
         # Of the scans held: time, time of the pose (pads,), displacement and variance of the pose (pads, 3).
         self._t, self._pose_t = np.zeros(0), np.zeros((0, len(pads)))
         self._moved, self._variance = np.zeros((0, len(pads), 3)), np.zeros((0, len(pads), 3))
+        self._margin = np.zeros((0, len(pads)))  # of the detector
 
     @property
     def scatter(self) -> Floats:
         """(pads,), see `SlipSession.scatter`."""
         return self._detector.scatter
 
-    def step(self, slips: Slips) -> tuple[Bools, list[Event]]:
-        """Slipping (scans, pads) of the next scans that are final, possibly none, and their events in time order.
+    def step(self, slips: Slips) -> Detected:
+        """Slips of the next scans that are final, possibly none.
 
         `t_s` of a slip's event is the first scan that slips, or no longer slips.
         """
-        _, events = self._detector.step(slips)
+        _, events, margin = self._detector.step(slips)
         new = (
             slips.t_s,
             slips.t_s[:, np.newaxis] - np.nan_to_num(slips.lag_s),
             np.where(slips.contact[..., np.newaxis], slips.displacement, np.nan),
             np.einsum("kpii,kp->kpi", slips.displacement_covariance, np.where(slips.lag_s > 0, 1.0, 0.5)),
         )
-        held = (self._t, self._pose_t, self._moved, self._variance)
-        self._t, self._pose_t, self._moved, self._variance = map(np.concatenate, zip(held, new, strict=True))
+        held = (self._t, self._pose_t, self._moved, self._variance, self._margin)
+        whole = map(np.concatenate, zip(held, (*new, margin), strict=True))
+        self._t, self._pose_t, self._moved, self._variance, self._margin = whole
         for event in events:
             scan = self._first + int(np.searchsorted(self._t, event.t_s))
             self._pads[self._numbers[event.pad]].pending.append((scan, event))
         return self._advance(self._first + len(self._t))
 
-    def finish(self) -> tuple[Bools, list[Event]]:
+    def finish(self) -> Detected:
         """The scans and events that `step` has held back."""
         return self._advance(self._first + len(self._t) + _LOOKBACK_SCANS + _LOOKAHEAD_SCANS)
 
-    def _advance(self, seen: int) -> tuple[Bools, list[Event]]:
+    def _advance(self, seen: int) -> Detected:
         """Refine the events that are due after this many scans, and give the scans that are final."""
         for number, pad in enumerate(self._pads):
             while pad.pending and pad.pending[0][0] + _LOOKAHEAD_SCANS < seen:
@@ -107,9 +109,10 @@ class OfflineSlipSession:
                 found.append((scan, number, _at_scan(event, float(times[scan]))))
                 pad.slipping = {"slip_start": True, "slip_stop": False}.get(event.event, pad.slipping)
             slipping[done:, number] = pad.slipping
+        margin = self._margin[start - self._first : stop - self._first].copy()
         self._given = stop
         self._drop_before(stop - _LOOKBACK_SCANS - _SIDE_SCANS)
-        return slipping, [event for _, _, event in sorted(found, key=lambda one: one[:2])]
+        return Detected(slipping, [event for _, _, event in sorted(found, key=lambda one: one[:2])], margin)
 
     def _drop_before(self, scan: int) -> None:
         """Drop the scans held before this one."""
@@ -117,6 +120,7 @@ class OfflineSlipSession:
         self._first += old
         self._t, self._pose_t = self._t[old:], self._pose_t[old:]
         self._moved, self._variance = self._moved[old:], self._variance[old:]
+        self._margin = self._margin[old:]
 
     def _refine(self, number: int, pad: _PadEvents) -> None:
         """Refine the oldest pending event of a pad, or drop it with the one that cancels it.

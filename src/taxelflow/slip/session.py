@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import isnan, nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,16 @@ from taxelflow.slip.detector import Change, PadState, follow, has_flips
 from taxelflow.slip.measurement import observations
 
 _CHANGE = record_dtype(Change)
+
+
+class Detected(NamedTuple):
+    """By the pose. slipping: (scans, pads). events: in time order. margin: (scans, pads), log of the test's statistic
+    over its threshold, NaN where a scan was not tested.
+    """
+
+    slipping: Bools
+    events: list[Event]
+    margin: Floats
 
 
 class SlipSession:
@@ -35,14 +45,14 @@ class SlipSession:
         seen = rest["components"] > 0
         return np.sqrt(np.where(seen, rest["square_sum"] / np.where(seen, rest["components"], 1.0), 1.0))
 
-    def step(self, slips: Slips) -> tuple[Bools, list[Event]]:
-        """Slipping (scans, pads), and the events in time order."""
+    def step(self, slips: Slips) -> Detected:
+        """Detect slips in the next scans."""
         slipping = np.empty(slips.contact.shape, dtype=np.bool_)
         changes = np.empty(slips.contact.shape, dtype=_CHANGE)
         follow(observations(slips), self._parameters, self._states, slipping, changes)
         changing = has_flips_in_block if is_block(len(slips)) else has_flips
         if not changing(self._contact, slips.contact) and not changing(self._slipping, slipping):
-            return slipping, []
+            return Detected(slipping, [], changes["margin"])
         contact = np.concatenate([self._contact, slips.contact])
         slips_now = np.concatenate([self._slipping, slipping])
         self._contact, self._slipping = contact[-1:], slips_now[-1:]
@@ -58,11 +68,12 @@ class SlipSession:
                 events.append(_slip_event(t_s, name, "slip_start" if slips_on else "slip_stop", changes[scan, pad]))
             if touched and not touches:
                 events.append(Event(t_s, name, "release"))
-        return slipping, events
+        return Detected(slipping, events, changes["margin"])
 
-    def finish(self) -> tuple[Bools, list[Event]]:
+    def finish(self) -> Detected:
         """Nothing is held back."""
-        return np.zeros((0, len(self._pads)), dtype=np.bool_), []
+        count = len(self._pads)
+        return Detected(np.zeros((0, count), dtype=np.bool_), [], np.zeros((0, count)))
 
 
 def has_flips_in_block(last: Bools, flags: Bools) -> bool:

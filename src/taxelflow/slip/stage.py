@@ -21,6 +21,7 @@ from taxelflow.slip.verdict import Posed, Verdict
 if TYPE_CHECKING:
     from taxelflow.messages import Scans, Slips
     from taxelflow.sensors.layout import Layout
+    from taxelflow.slip.session import Detected
 
 Block = TypeVar("Block", Odds, PatternChanges)
 
@@ -28,12 +29,14 @@ Block = TypeVar("Block", Odds, PatternChanges)
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
     """The oldest scans that are judged. slipping: (scans, pads). evidence: (scans, pads), log odds of a slip by the
-    change of the pattern; NaN where unknown. events: those that are complete, in time order; of a recording later than
-    their scans, as slips wait for their end.
+    change of the pattern; NaN where unknown. margin: (scans, pads), log of the statistic that decides, over its
+    threshold: that of the pose, on restless pads of the pattern; NaN where a scan was not tested. events: those that
+    are complete, in time order; of a recording later than their scans, as slips wait for their end.
     """
 
     slipping: Bools
     evidence: Floats
+    margin: Floats
     events: list[Event]
 
     def __len__(self) -> int:
@@ -66,6 +69,7 @@ class SlipStage:
         self._changes: list[PatternChanges] = []
         self._slips: list[Slips] = []  # not judged yet
         self._posed: list[Bools] = []  # slipping by the pose, of scans that are not judged yet
+        self._margins: list[Floats] = []  # by the pose, likewise
         self._events: list[Event] = []
 
     @property
@@ -82,15 +86,17 @@ class SlipStage:
     def step(self, slips: Slips) -> Judged:
         """Judge scans that were seen, which follow those of the last call."""
         self._slips.append(slips)
-        return self._judge(*self._detector.step(slips), last=False)
+        return self._judge(self._detector.step(slips), last=False)
 
     def finish(self) -> Judged:
         """The scans that `step` has held back."""
-        return self._judge(*self._detector.finish(), last=True)
+        return self._judge(self._detector.finish(), last=True)
 
-    def _judge(self, posed: Bools, events: list[Event], *, last: bool) -> Judged:
+    def _judge(self, detected: Detected, *, last: bool) -> Judged:
+        posed = detected.slipping
         self._posed.append(posed)
-        self._events += events
+        self._margins.append(detected.margin)
+        self._events += detected.events
         parts = []
         if len(posed):
             parts.append(self._odds.step(posed, self._taken(len(posed))))
@@ -98,20 +104,24 @@ class SlipStage:
             parts.append(self._odds.finish())
         count = sum(map(len, parts))
         if not count:
-            return Judged(posed[:0], np.empty((0, *posed.shape[1:])), self._completed.finish() if last else [])
+            none = np.empty((0, *posed.shape[1:]))
+            return Judged(posed[:0], none, none, self._completed.finish() if last else [])
         odds = joined(parts)
         slips = joined(self._slips)
         flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
+        margins = self._margins[0] if len(self._margins) == 1 else np.concatenate(self._margins)
         left = len(slips) > count  # a stream holds nothing back, and copies nothing
         self._slips = [cut(slips, count, len(slips))] if left else []
         self._posed = [flags[count:]] if len(flags) > count else []
+        self._margins = [margins[count:]] if len(margins) > count else []
         slips = cut(slips, 0, count) if left else slips
         due = [event for event in self._events if event.t_s <= slips.t_s[-1]]
         self._events = self._events[len(due) :]
         told = Posed(flags[:count], due, self._agreement.step(slips))
         slipping, found = self._verdict.step(slips, told, odds)
         complete = self._completed.step(slips, slipping, found, self._lost(count))
-        return Judged(slipping, odds.log_odds, [*complete, *self._completed.finish()] if last else complete)
+        margin = np.where(odds.restless, odds.log_odds, margins[:count])
+        return Judged(slipping, odds.log_odds, margin, [*complete, *self._completed.finish()] if last else complete)
 
     def _lost(self, count: int) -> Floats | None:
         """The oldest losses at borders, of so many scans."""

@@ -133,8 +133,17 @@ def update_of(output: Output, arrived_s: Floats | None = None) -> Update:
     """Results as sinks take them. arrived_s: (scans,), when the scans came, monotonic; now if left out."""
     if arrived_s is None:
         arrived_s = np.full(len(output), time.monotonic())
-    slips, motions, contacts = output.slips, output.motions, output.contacts
-    return Update(arrived_s, slips, output.slipping, motions, output.events, contacts, output.evidence, output.spatial)
+    return Update(
+        arrived_s,
+        output.slips,
+        output.slipping,
+        output.motions,
+        output.events,
+        output.contacts,
+        output.evidence,
+        output.margin,
+        output.spatial,
+    )
 
 
 class _Estimate:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True, eq=False)
 class Update:
     """Results of some scans. arrived_s: (scans,), when each came, by the computer's monotonic clock. missed: times
-    of scans, s, for which there was no time since the last update. The other fields as in `Result`.
+    of scans, s, for which there was no time since the last update. The other fields as in `Output`.
     """
 
     arrived_s: Floats
@@ -37,6 +37,7 @@ class Update:
     events: list[Event]
     contacts: Contacts
     evidence: Floats
+    margin: Floats
     spatial: SpatialMotions | None = None
     adoptions: list[Adoption] = field(default_factory=list)
     missed: list[float] = field(default_factory=list)

@@ -50,7 +50,8 @@ def charts(load_unit: str) -> dict[str, Chart]:
         "turn": Chart("rate of turn, deg/s", (("turn", _GREEN),), compared=True),
         "load": Chart(f"load, {load_unit}", (("load", _BLUE),), points=False),
         "evidence": Chart(
-            "evidence of a slip, log odds (line: threshold)", (("evidence", _ORANGE), ("threshold", _GREY))
+            "slip test, log of statistic over threshold (line: slips above)",
+            (("evidence", _ORANGE), ("threshold", _GREY)),
         ),
     }
 
@@ -101,10 +102,10 @@ def curves_of(results: Results, pad: int | None, load_scale: float) -> dict[str,
     slips = results.slips
     if pad is None:
         velocity, load = results.motions.velocity, np.nansum(slips.load, axis=1)
-        known = np.isfinite(results.evidence).any(axis=1)
-        evidence = np.where(known, np.max(np.nan_to_num(results.evidence, nan=-np.inf), axis=1), np.nan)
+        known = np.isfinite(results.margin).any(axis=1)
+        evidence = np.where(known, np.max(np.nan_to_num(results.margin, nan=-np.inf), axis=1), np.nan)
     else:
-        velocity, load, evidence = slips.velocity[:, pad], slips.load[:, pad], results.evidence[:, pad]
+        velocity, load, evidence = slips.velocity[:, pad], slips.load[:, pad], results.margin[:, pad]
     return {
         "speed": [1e3 * velocity[:, 0], 1e3 * velocity[:, 1]],
         "turn": [np.degrees(velocity[:, 2])],
