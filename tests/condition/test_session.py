@@ -150,7 +150,7 @@ def test_a_stream_does_not_depend_on_how_it_is_cut(gap_and_whole: tuple[Floats, 
 
 @pytest.mark.parametrize("cuts", [(), (45, 52), range(1, 400)], ids=["one block", "three blocks", "single scans"])
 def test_an_offset_found_late_makes_one_scan_incomplete(cuts: Any) -> None:
-    """The pad is loaded at first; its offset is found when it is idle, and the scan at which it is used is no motion."""
+    """The pad is loaded at first; its offset is found when it is idle. The scan that first uses it is no motion."""
     values = 2000.0 + noisy(400)
     values[:40] += dome(PALM)
     values[300:] += dome(PALM)
