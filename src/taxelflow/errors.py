@@ -240,6 +240,15 @@ class ParameterInvalid(TaxelflowError):
 
     def __init__(self, name: str, seen: object, duty: str) -> None:
         super().__init__(f"{name} must {duty} (got {seen!r})")
+        self.name = name
+
+    def on_command_line(self, words: Iterable[str]) -> str:
+        """The message, with the parameter named by its option where that is among the words of a command."""
+        for word in words:
+            option = word.partition("=")[0]
+            if option.startswith("--") and f".{option[2:].replace('-', '_')}".endswith(f".{self.name}"):
+                return f"{option}{str(self).removeprefix(self.name)}"
+        return str(self)
 
 
 class ResultMissing(TaxelflowError):
@@ -283,7 +292,8 @@ class GainsUnknown(CalibrationError):
     """Recording and truth do not determine the gains."""
 
     def __init__(self, seen: str, remedy: str) -> None:
-        super().__init__(f"gains cannot be estimated: {seen}; {remedy}")
+        self.why = f"{seen}; {remedy}"
+        super().__init__(f"gains cannot be estimated: {self.why}")
 
 
 class BatchUnlike(TaxelflowError):
