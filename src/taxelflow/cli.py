@@ -284,9 +284,8 @@ def main(args: list[str] | None = None) -> int:
         if error.errno == errno.ENOSPC and error.filename in (None, _OUTPUT):
             error.filename = _OUTPUT
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # its buffer would raise again at exit
-        print(
-            f"taxelflow: {error.strerror or error}: {error.filename}; check the path and permissions", file=sys.stderr
-        )
+        remedy = "make room there" if error.errno == errno.ENOSPC else "check the path and permissions"
+        print(f"taxelflow: {error.strerror or error}: {error.filename}; {remedy}", file=sys.stderr)
         return BAD_INPUT
 
 
