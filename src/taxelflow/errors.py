@@ -135,11 +135,11 @@ class RecordingCorrupt(RecordingError):
 class RecordingTruncated(RecordingError):
     """The recording is incomplete; the scans before the damage have been delivered.
 
-    read: number of these scans. expected: number that the file declares, None if unknown.
+    read: number of these scans. expected: number that the file declares, None if unknown. seen: what the damage is.
     """
 
     def __init__(self, path: Path, read: int, expected: int | None, seen: str) -> None:
-        self.read, self.expected = read, expected
+        self.read, self.expected, self.seen = read, expected, seen
         of = f" of {expected}" if expected is not None else ""
         super().__init__(f"{path} is truncated: {read}{of} scans could be read ({seen}); record or copy it again")
 
