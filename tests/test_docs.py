@@ -126,3 +126,9 @@ def test_results_are_tables_that_a_page_names(path: Path) -> None:
 def test_the_reference_has_every_public_name() -> None:
     named_there = set(re.findall(r"taxelflow\.(\w+)", (DOCS / "reference.md").read_text()))
     assert named_there >= set(taxelflow.__all__)
+
+
+def test_every_page_is_in_the_table_of_contents() -> None:
+    listed = set(re.findall(r"^[\w/-]+$", (DOCS / "index.md").read_text(), re.MULTILINE))
+    names = {str(page.relative_to(DOCS).with_suffix("")) for page in PAGES}
+    assert names - listed == {"index"}
