@@ -1,4 +1,4 @@
-"""Gates of `make check` that ruff does not have: length of modules and of commit subjects, and what kernels may use.
+"""Gates of `make check` that ruff does not have: modules, commit subjects, what kernels and we of numba may use.
 
 At most 10 arguments and fewer than 4 nested blocks in a function are rules of ruff (pyproject.toml). Run it as
 `python tests/gates.py`: it prints each violation and exits with 1 if there is one.
@@ -138,6 +138,27 @@ def _fills_slice(node: ast.Assign | ast.AugAssign) -> bool:
     )
 
 
+def private_names(folder: Path) -> list[str]:
+    """Private names of numba that modules below a folder import, or give as options."""
+    found = []
+    for path in sorted(folder.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            found += [f"{path.name}:{node.lineno}: {name} is private to numba" for name in _private_in(node)]  # type: ignore[attr-defined]
+    return found
+
+
+def _private_in(node: ast.AST) -> list[str]:
+    if isinstance(node, ast.ImportFrom):
+        names = [f"{node.module}.{one.name}" for one in node.names]
+    elif isinstance(node, ast.Import):
+        names = [one.name for one in node.names]
+    elif isinstance(node, ast.keyword):
+        return ["_nrt"] if node.arg == "_nrt" else []
+    else:
+        return []
+    return [name for name in names if name.startswith("numba.") and "._" in name]
+
+
 def long_subjects(subjects: Iterable[str]) -> list[str]:
     """Commits whose subject has more than 72 characters, each given as `HASH SUBJECT`."""
     return [
@@ -167,6 +188,7 @@ def main() -> int:
     """Print what violates a gate."""
     package = ROOT / "src" / "taxelflow"
     violations = long_modules(package) + dear_constructs(package) + long_subjects(recent_subjects(ROOT))
+    violations += private_names(package) + private_names(ROOT / "tests")
     for violation in violations:
         print(violation, file=sys.stderr)
     return bool(violations)

@@ -85,6 +85,20 @@ def test_help_texts_flow(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> No
     assert "estimate [-h] [ESTIMATE OPTIONS] RECORDING" in said
 
 
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["score", "table1", "--strokes", "1"], "taxelflow: --strokes must be at least 2 (got 1)"),
+        (["score", "table1", "--strokes=1"], "taxelflow: --strokes must be at least 2 (got 1)"),
+        (["info", "{file}", "--condition.contact-on", "-1"], "taxelflow: --condition.contact-on must "),
+        (["simulate", "stroke", "--sensing.rate-hz", "0", "--out", "{file}"], "taxelflow: --sensing.rate-hz must "),
+    ],
+    ids=lambda one: " ".join(one[:3]) if isinstance(one, list) else "",
+)
+def test_a_wrong_value_is_named_by_its_option(capsys: Capture, file: Path, arguments: list[str], says: str) -> None:
+    assert refused(capsys, *(word.format(file=file) for word in arguments)).startswith(says)
+
+
 def test_help_of_an_unknown_method(capsys: Capture) -> None:
     assert "did you mean 'lnorm'" in refused(capsys, "estimate", "--method", "lnrom", "--help")
 

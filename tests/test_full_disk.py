@@ -34,6 +34,7 @@ def test_results_on_a_full_disk_name_the_place(
     (out / table).symlink_to(FULL)
     said = refused(capsys, "estimate", recording, "--sensor", SENSOR, "--out", out)
     assert "No space left on device" in said
+    assert "make room there" in said
     assert str(out) in said
 
 

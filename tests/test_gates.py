@@ -4,7 +4,7 @@ import os
 import subprocess
 from typing import TYPE_CHECKING
 
-from gates import dear_constructs, long_modules, long_subjects, recent_subjects
+from gates import dear_constructs, long_modules, long_subjects, private_names, recent_subjects
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,4 +67,20 @@ def cheap(a, b):
     assert dear_constructs(tmp_path, may) == []
     assert dear_constructs(tmp_path, {"stage.py": {**may["stage.py"], "sort": "why"}}) == [
         "stage.py may use sort but does not"
+    ]
+
+
+def test_a_private_name_of_numba_is_named(tmp_path: Path) -> None:
+    source = """
+from numba.core import _helperlib, event
+import numba.core.runtime._nrt_python
+import numba, _own
+from other import _private
+routine = register_jitable(_nrt=False, nogil=True)
+"""
+    (tmp_path / "kernels.py").write_text(source)
+    assert private_names(tmp_path) == [
+        "kernels.py:2: numba.core._helperlib is private to numba",
+        "kernels.py:3: numba.core.runtime._nrt_python is private to numba",
+        "kernels.py:6: _nrt is private to numba",
     ]

@@ -129,5 +129,10 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module 'taxelflow' has no attribute {name!r}")
 
 
+def __dir__() -> list[str]:
+    """Public names, for the completion of editors and notebooks."""
+    return sorted({*globals(), *__all__})
+
+
 if "gymnasium" in sys.modules:  # it has no plugins: an environment is known once its package was imported
     import_module("taxelflow.simulation.mujoco.environment")

@@ -25,7 +25,14 @@ from tyro.conf import Positional
 
 from taxelflow import __version__
 from taxelflow.acquire.options import Recorded
-from taxelflow.errors import NameUnknown, OptionsUnknown, RecordingsSeveral, TaxelflowError, written_at
+from taxelflow.errors import (
+    NameUnknown,
+    OptionsUnknown,
+    ParameterInvalid,
+    RecordingsSeveral,
+    TaxelflowError,
+    written_at,
+)
 from taxelflow.evaluation.commands import PARTLY_READ, Bench, Calibrate, Figures, Info, Plot, Score
 from taxelflow.evaluation.control_command import Control
 from taxelflow.evaluation.design_command import Design
@@ -153,7 +160,6 @@ class Sensors:
         from taxelflow.sensors.catalogue import catalogue, load_sensor
 
         if self.joints is not None:
-            from taxelflow.errors import ParameterInvalid
             from taxelflow.publish.plots.space import draw_space
 
             if self.plot is None or self.name is None:
@@ -265,7 +271,8 @@ def main(args: list[str] | None = None) -> int:
             sys.stdout.flush()
         return code
     except TaxelflowError as error:
-        print(f"taxelflow: {error}", file=sys.stderr)
+        said = error.on_command_line(args) if isinstance(error, ParameterInvalid) else error
+        print(f"taxelflow: {said}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("taxelflow: interrupted; rows computed so far stand in the .part files", file=sys.stderr)
@@ -277,9 +284,8 @@ def main(args: list[str] | None = None) -> int:
         if error.errno == errno.ENOSPC and error.filename in (None, _OUTPUT):
             error.filename = _OUTPUT
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # its buffer would raise again at exit
-        print(
-            f"taxelflow: {error.strerror or error}: {error.filename}; check the path and permissions", file=sys.stderr
-        )
+        remedy = "make room there" if error.errno == errno.ENOSPC else "check the path and permissions"
+        print(f"taxelflow: {error.strerror or error}: {error.filename}; {remedy}", file=sys.stderr)
         return BAD_INPUT
 
 

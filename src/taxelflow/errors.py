@@ -135,11 +135,11 @@ class RecordingCorrupt(RecordingError):
 class RecordingTruncated(RecordingError):
     """The recording is incomplete; the scans before the damage have been delivered.
 
-    read: number of these scans. expected: number that the file declares, None if unknown.
+    read: number of these scans. expected: number that the file declares, None if unknown. seen: what the damage is.
     """
 
     def __init__(self, path: Path, read: int, expected: int | None, seen: str) -> None:
-        self.read, self.expected = read, expected
+        self.read, self.expected, self.seen = read, expected, seen
         of = f" of {expected}" if expected is not None else ""
         super().__init__(f"{path} is truncated: {read}{of} scans could be read ({seen}); record or copy it again")
 
@@ -240,6 +240,15 @@ class ParameterInvalid(TaxelflowError):
 
     def __init__(self, name: str, seen: object, duty: str) -> None:
         super().__init__(f"{name} must {duty} (got {seen!r})")
+        self.name = name
+
+    def on_command_line(self, words: Iterable[str]) -> str:
+        """The message, with the parameter named by its option where that is among the words of a command."""
+        for word in words:
+            option = word.partition("=")[0]
+            if option.startswith("--") and f".{option[2:].replace('-', '_')}".endswith(f".{self.name}"):
+                return f"{option}{str(self).removeprefix(self.name)}"
+        return str(self)
 
 
 class ResultMissing(TaxelflowError):
@@ -283,7 +292,8 @@ class GainsUnknown(CalibrationError):
     """Recording and truth do not determine the gains."""
 
     def __init__(self, seen: str, remedy: str) -> None:
-        super().__init__(f"gains cannot be estimated: {seen}; {remedy}")
+        self.why = f"{seen}; {remedy}"
+        super().__init__(f"gains cannot be estimated: {self.why}")
 
 
 class BatchUnlike(TaxelflowError):

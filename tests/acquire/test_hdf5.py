@@ -1,6 +1,7 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import h5py
 import msgspec
@@ -8,14 +9,11 @@ import numpy as np
 import pytest
 
 from synthetic import grid_sensor
-from taxelflow.acquire import hdf5
+from taxelflow.acquire import hdf5, hdf5_text
 from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.hdf5 import open_hdf5
 from taxelflow.errors import ExtraMissing, RecordingCorrupt, RecordingTooLarge, SensorNeeded
 from taxelflow.pipeline.api import read
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SENSOR = grid_sensor(2, 3)
 VALUES = np.random.default_rng(0).integers(0, 4096, (2500, 2, 3))
@@ -117,3 +115,40 @@ def test_without_h5py_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(hdf5, "import_module", missing)
     with pytest.raises(ExtraMissing, match=r"taxelflow\[h5\]"):
         read(path, SENSOR)
+
+
+@pytest.mark.parametrize("place", ["attribute", "dataset"])
+@pytest.mark.parametrize("fixed", [True, False], ids=["fixed length", "variable length"])
+def test_the_text_of_a_sensor_is_read_wherever_it_is(tmp_path: Path, place: str, fixed: bool) -> None:
+    text: Any = msgspec.json.encode(SENSOR)
+    text = np.bytes_(text) if fixed else text.decode()
+    path = write(tmp_path / "a.h5", t=T_S, pressure=VALUES)
+    with h5py.File(path, "a") as file:
+        if place == "attribute":
+            file.attrs["sensor"] = text
+        else:
+            file["sensor"] = text
+    assert read(path).sensor.name == SENSOR.name
+
+
+def test_a_damaged_text_is_an_error_unless_the_sensor_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = Path(__file__).parents[1] / "hostile" / "findings" / "heap-that-never-ends.h5"
+    with pytest.raises(RecordingCorrupt, match=r"no scan is readable: Can't .*; record or copy it again$"):
+        read(path, SENSOR).load()
+    monkeypatch.setattr(hdf5_text, "_PROGRAM", "import sys; sys.exit('no such text')")
+    with pytest.raises(
+        RecordingCorrupt, match="its text sensor cannot be read: no such text; store it as text of fixed"
+    ):
+        read(path)
+    monkeypatch.setattr(hdf5_text, "_MOST_S", 0.01)
+    monkeypatch.setattr(hdf5_text, "_PROGRAM", "while True: pass")
+    with pytest.raises(RecordingCorrupt, match=r"cannot be read in 0\.01 s"):
+        read(path)
+
+
+def test_a_table_of_texts_is_no_sensor(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5", t=T_S, pressure=VALUES)
+    with h5py.File(path, "a") as file:
+        file.attrs["sensor"] = ["a", "b"]
+    with pytest.raises(RecordingCorrupt, match="not one text"):
+        read(path)

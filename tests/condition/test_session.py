@@ -148,6 +148,20 @@ def test_a_stream_does_not_depend_on_how_it_is_cut(gap_and_whole: tuple[Floats, 
     assert scan_by_scan(stream(values, cuts)) == whole
 
 
+@pytest.mark.parametrize("cuts", [(), (45, 52), range(1, 400)], ids=["one block", "three blocks", "single scans"])
+def test_an_offset_found_late_makes_one_scan_incomplete(cuts: Any) -> None:
+    """The pad is loaded at first; its offset is found when it is idle. The scan that first uses it is no motion."""
+    values = 2000.0 + noisy(400)
+    values[:40] += dome(PALM)
+    values[300:] += dome(PALM)
+    blocks = scan_by_scan(stream(values, cuts))
+    assert len(blocks) == 400
+    (found,) = [k for k, (*_, complete) in enumerate(blocks) if not complete]
+    before, after = (np.mean(blocks[k][1]) for k in (found - 1, found))
+    assert found > 40
+    assert before - after == pytest.approx(2000, abs=150)
+
+
 def test_a_stream_of_single_scans_is_that_of_one_block() -> None:
     values = grasp(500)
     assert scan_by_scan(stream(values, range(500))) == scan_by_scan(stream(values))

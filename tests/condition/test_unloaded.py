@@ -81,3 +81,16 @@ def test_one_scan_is_not_called_silent(tmp_path: Path) -> None:
     notes = notes_of(path)
     assert not any("silent" in note for note in notes)
     assert any("the recording holds 1 scan" in note for note in notes)
+
+
+def test_from_a_few_scans_no_level_of_contact_is_named(tmp_path: Path) -> None:
+    values = np.random.default_rng(0).normal(0, 100, (60, 28))
+    short, long = (
+        next(
+            note for note in notes_of(save(tmp_path / f"{scans}.npz", values[:scans])) if note.startswith("no contact")
+        )
+        for scans in (1, 60)
+    )
+    assert "is unknown from so short a recording" in short
+    assert "contact begins at" not in short
+    assert "contact begins at" in long

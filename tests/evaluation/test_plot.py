@@ -328,6 +328,27 @@ def test_the_field_is_drawn_at_moments_when_most_pads_slip(turned: Path) -> None
         np.testing.assert_array_equal(~moment.faint[layout.independent], slipping[k])
 
 
+def test_moments_of_a_slip_that_hardly_moves_are_not_drawn(turned: Path, tmp_path: Path) -> None:
+    """A slip is flagged before the pads move, and a little after."""
+    slow = shutil.copytree(turned, tmp_path / "slow")
+    rows = list(csv.DictReader((turned / "slips.csv").read_text().splitlines()))
+    half_s = float(np.median([float(row["t_s"]) for row in rows if row["slipping"] == "1"]))
+    for row in rows:
+        for name in ("vx_m_s", "vy_m_s"):
+            if row[name] and float(row["t_s"]) < half_s:
+                row[name] = str(0.01 * float(row[name]))
+    with (slow / "slips.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    whole, halved = (gathered([folder]).results[0].moments for folder in (turned, slow))
+    first_s = float(rows[0]["t_s"])
+    drawn_s = [[first_s + float(moment.title.split()[0]) for moment in moments] for moments in (whole, halved)]
+    assert min(drawn_s[0]) < half_s
+    assert drawn_s[1]
+    assert min(drawn_s[1]) >= half_s - 1e-2
+
+
 def test_where_no_pad_slips_there_is_no_field(turned: Path, tmp_path: Path) -> None:
     still = shutil.copytree(turned, tmp_path / "still")
     rows = list(csv.DictReader((turned / "slips.csv").read_text().splitlines()))

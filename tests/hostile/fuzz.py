@@ -38,6 +38,8 @@ SENSOR = grid_sensor(2, 3)
 VALUES = np.arange(240.0).reshape(40, 6)
 _AT_ONCE = 60
 """Files that one process reads."""
+_AT_MOST_S = 120
+"""Processor time of such a process, s: what never ends is a finding, too."""
 SLOW_S = 5.0
 """Processor time of a file of a few kB that counts as a finding."""
 _WITH_SENSOR = (".npz", ".dsa", ".h5")
@@ -196,6 +198,9 @@ def findings_of(paths: list[Path]) -> dict[Path, str]:
     receive, send = os.pipe()
     child = os.fork()
     if not child:
+        import resource  # not on Windows, which has no fork either
+
+        resource.setrlimit(resource.RLIMIT_CPU, (_AT_MOST_S, _AT_MOST_S))
         with os.fdopen(send, "wb", buffering=0) as said:
             for number, path in enumerate(paths):
                 said.write(struct.pack("<I", number))

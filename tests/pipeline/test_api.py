@@ -84,6 +84,7 @@ BEGINNING = 1500
 def test_the_public_face_is_exactly_this() -> None:
     assert set(taxelflow.__all__) == PUBLIC
     assert set(taxelflow._HOME) == PUBLIC
+    assert set(dir(taxelflow)) >= PUBLIC  # what an editor or a notebook completes
 
 
 @pytest.mark.parametrize("name", sorted(PUBLIC))

@@ -211,7 +211,7 @@ class Reading:
                 block = self._checked(next(self._blocks))
             except RecordingTruncated as loss:
                 if not self.scans:
-                    raise self._empty(str(loss)) from loss
+                    raise self._empty(loss.seen) from loss
                 self.loss = loss
                 raise StopIteration from None
             except StopIteration:

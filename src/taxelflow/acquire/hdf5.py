@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from taxelflow.acquire.arrays import Stored, array_recording
 from taxelflow.acquire.columns import Columns
+from taxelflow.acquire.hdf5_text import text_beside
 from taxelflow.acquire.limits import MOST_ARRAY_BYTES, check_expansion
 from taxelflow.acquire.metadata import sensor_in_text
 from taxelflow.errors import ExtraMissing, RecordingCorrupt, RecordingTooLarge
@@ -42,12 +43,13 @@ def open_hdf5(path: Path, sensor: Sensor | None, columns: Columns | None = None)
             if time is not None and _dataset(file, path, time).shape != values.shape[:1]:
                 seen = f"dataset {time} has shape {file[time].shape} and {name} {values.shape}"
                 raise RecordingCorrupt(path, seen, _REMEDY)
-            shape, kind, text = values.shape, values.dtype, _sensor_text(file, path)
+            shape, kind = values.shape, values.dtype
+            text = _sensor_text(file, path) if sensor is None else None
     except (OSError, KeyError, ValueError, RuntimeError) as error:
         raise RecordingCorrupt(path, " ".join(str(error).split()), _REMEDY) from error
     if asked.times is not None or asked.rate_hz is not None:
         time = None
-    if sensor is None and text is not None:
+    if text is not None:
         sensor = sensor_in_text(path, text)
 
     @contextmanager
@@ -82,15 +84,21 @@ def _dataset(file: Any, path: Path, name: str) -> Any:
 
 
 def _sensor_text(file: Any, path: Path) -> str | None:
+    """The JSON text of the sensor, None if there is none. Raises RecordingCorrupt."""
     if "sensor" in file.attrs:
-        text = file.attrs["sensor"]
+        place, stored = "attribute", file.attrs.get_id("sensor")
     elif _is_dataset(file, "sensor"):
-        if math.prod(file["sensor"].shape) * file["sensor"].dtype.itemsize > _MOST_TEXT:
-            raise RecordingCorrupt(path, "dataset sensor is larger than a sensor's text", _REMEDY)
-        text = file["sensor"][()]
+        place, stored = "dataset", file["sensor"]
     else:
         return None
-    return text.decode() if isinstance(text, bytes) else str(text)
+    kind, shape = stored.dtype, stored.shape or ()
+    text = _library().check_string_dtype(kind)
+    if text is not None and text.length is None and not shape:
+        return text_beside(path, place, "sensor")
+    if kind.hasobject or math.prod(shape) * kind.itemsize > _MOST_TEXT:
+        raise RecordingCorrupt(path, f"{place} sensor is {kind} {shape}, not one text of at most 4 MB", _REMEDY)
+    found = file.attrs["sensor"] if place == "attribute" else file["sensor"][()]
+    return found.decode(errors="replace") if isinstance(found, bytes) else str(found)
 
 
 def _library() -> Any:

@@ -21,6 +21,8 @@ _DOWNWARDS = 4.0
 """Touched taxels read lower than resting ones by at least this many times what they read higher."""
 _FEWEST = 4
 """Taxels from which this is judged."""
+_FEWEST_SCANS = 5
+"""Scans from which the noise is known."""
 
 
 def no_contact(windows: Floats, learned: Baseline, sensor: Sensor, contact_on: float) -> str:
@@ -40,10 +42,13 @@ def no_contact(windows: Floats, learned: Baseline, sensor: Sensor, contact_on: f
     highest = to_unit * float(np.max(readings, initial=-np.inf, where=known))
     if highest == lowest:
         return f"{what}: all readings are {lowest:.4g} {sensor.unit}"
+    seen = f"{what}: readings range from {lowest:.4g} to {highest:.4g} {sensor.unit}"
+    if np.count_nonzero(known.any(axis=2)) < _FEWEST_SCANS:
+        return f"{seen}; the noise, and so the level at which contact begins, is unknown from so short a recording"
     most = to_unit * float(np.max(above, initial=-np.inf, where=known))
     noise = to_unit * float(np.median(learned.noise[live]))
     return (
-        f"{what}: readings range from {lowest:.4g} to {highest:.4g} {sensor.unit}, at most {most:.4g} above idle; "
+        f"{seen}, at most {most:.4g} above idle; "
         f"contact begins at {contact_on:g} times the noise of {noise:.3g} = {contact_on * noise:.3g} {sensor.unit}"
     )
 

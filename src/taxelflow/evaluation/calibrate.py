@@ -75,7 +75,7 @@ def calibrate(
             try:
                 fit = fit_gains(sightings, truth, layout.pitch_m[number], search_s)
             except GainsUnknown as error:
-                failed.append(f"{name}: {error}")
+                failed.append(f"{name}: {error.why}")
                 continue
             found.append(_entry(name, fit, sightings, layout.pitch_m[number], estimator.pitches_per_index))
     if not found:

@@ -85,8 +85,8 @@ def _bulb() -> Figure:
     times = [moving[0] + share * (moving[1] - moving[0]) for share in (0.25, 0.5, 0.75)]
     caption = (
         "A compliant bulb pulled from left to right over the hand (the paper's Fig. 4), at three times: taxels shaded "
-        "by pressure, slip vectors of pads and palm groups in red. Those of Method II fall far short of the pull: the "
-        "bulb covers whole pads, and the centroid of a full pad hardly moves. Those of the "
+        "by pressure, slip vectors of pads and palm groups in orange. Those of Method II fall far short of the pull: "
+        "the bulb covers whole pads, and the centroid of a full pad hardly moves. Those of the "
         "template are close to it where a pad sees enough of the bulb's texture, and err where it does not."
     )
     return field_figure(recording.layout, _by_method(recording, times), caption)
@@ -101,7 +101,7 @@ def _rotation() -> Figure:
         fields[name] += moments
     caption = (
         "An object turned over the hand, there and back, and turned while it slides (the paper's Fig. 7): slip vectors "
-        "in red, the centre of rotation as a magenta cross where it is sure. Fingers 1 and 2 give opposite vectors, "
+        "in orange, the centre of rotation as a magenta cross where it is sure. Fingers 1 and 2 give opposite vectors, "
         "the palm's left and right groups mirror them. Blue: the palm as one group, whose vector is nearly empty "
         "while the object turns about it."
     )

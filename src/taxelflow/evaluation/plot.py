@@ -33,6 +33,8 @@ _MOMENTS = 3
 """Scans drawn of those in which most pads slip: one in each part of them."""
 _FAST = 0.75
 """The scan drawn is this quantile of its part by speed: clearly moving, and not the one that is farthest off."""
+_SHARE = 0.2
+"""Least speed of the pads that slip, as a share of that quantile of all slips: less is noise at its begin or end."""
 
 
 class _Result(NamedTuple):
@@ -198,10 +200,12 @@ def _moments(result: _Result, recording: Recording | None) -> list[Moment]:
     known = np.isfinite(v[..., 0]) & np.isfinite(layout.T_hand[:, 0])
     several = known[:, : layout.pad_count].sum(axis=1) >= _FEWEST_PADS
     known &= layout.independent
-    count = np.where(several, (known & slipping).sum(axis=1), 0)
+    moving, slips = np.hypot(v[..., 0], v[..., 1]), slipping & np.isfinite(v[..., 0])
+    speed = np.where(known & slipping, moving, 0.0).sum(axis=1)
+    fast = speed >= _SHARE * np.quantile(moving[slips], _FAST) if slips.any() else several  # a slip may begin at rest
+    count = np.where(several & fast, (known & slipping).sum(axis=1), 0)
     if not count.max(initial=0):
         return []
-    speed = np.where(known & slipping, np.hypot(v[..., 0], v[..., 1]), 0.0).sum(axis=1)
     parts = filter(len, np.array_split(np.flatnonzero(count == count.max()), _MOMENTS))
     chosen = [int(part[np.argsort(speed[part])[int(np.ceil(_FAST * (len(part) - 1)))]]) for part in parts]
     pressure = {} if recording is None else pressure_at(result.ran, recording, t_s[chosen].tolist())

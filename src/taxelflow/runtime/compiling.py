@@ -25,8 +25,6 @@ import numba
 from numba.core import event
 from numba.extending import register_jitable
 
-from taxelflow.runtime.pipeline import KernelCompiler, RoutineCompiler
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
@@ -40,10 +38,17 @@ _IMPORT = re.compile(rb"^from (taxelflow[\w.]*) import (\([^)]*\)|[^\n]*)", re.M
 _OPTIONS = {"error_model": "numpy", "fastmath": {"reassoc", "contract"}}
 """Sums may be reordered; NaN stays NaN, and a division by 0 is one."""
 _TESTED = "0.68."
-"""Releases of numba that our pipelines were tested with. Others compile by numba's own, which takes half as long again:
-the pipelines depend on its internals."""
-_KERNEL: dict[str, Any] = {"pipeline_class": KernelCompiler} if numba.__version__.startswith(_TESTED) else {}
-_ROUTINE: dict[str, Any] = {"pipeline_class": RoutineCompiler} if _KERNEL else {}
+"""Releases of numba that our pipelines were tested with. Others compile by numba's own, which takes twice as long: the
+pipelines use names of numba that its documentation does not have, so they are not even imported."""
+_PIPELINES = "taxelflow.runtime.pipeline"
+_KERNEL: dict[str, Any] = {}
+_ROUTINE: dict[str, Any] = {}
+_LEAN: dict[str, Any] = {}
+if numba.__version__.startswith(_TESTED):
+    from taxelflow.runtime.pipeline import KernelCompiler, LeanCompiler, RoutineCompiler
+
+    _KERNEL["pipeline_class"], _ROUTINE["pipeline_class"] = KernelCompiler, RoutineCompiler
+    _LEAN["pipeline_class"] = LeanCompiler
 _ROUTINE |= {"nogil": True, "no_cfunc_wrapper": True, **_OPTIONS}
 _config: Any = numba.config
 KERNELS: list[Any] = []
@@ -83,11 +88,8 @@ def inlined(function: Kernel) -> Kernel:
 
 
 def lean_kernel(function: Kernel) -> Kernel:
-    """A `routine` that makes no array, and so counts no references: for work of less than the microsecond they take.
-
-    The option is that of numba's documentation of `register_jitable`.
-    """
-    routine_: Any = register_jitable(**_ROUTINE, _nrt=False)
+    """A `routine` that makes no array, and so counts no references: for work of less than the microsecond they take."""
+    routine_: Any = register_jitable(**(_ROUTINE | _LEAN))
     return cast("Kernel", routine_(function))
 
 
@@ -152,9 +154,9 @@ def hash_of(module: str, root: Path = _ROOT) -> str:
 
 
 def sources_of(module: str, root: Path = _ROOT) -> dict[Path, bytes]:
-    """The source of a module and of all that it imports from the package at `root`, by file."""
+    """The source of a module and of all that it imports from the package at `root`, by file, and how it is compiled."""
     found: dict[Path, bytes] = {}
-    waiting = [module]
+    waiting = [module, _PIPELINES]
     while waiting:
         for file in _files(waiting.pop(), root):
             if file not in found:

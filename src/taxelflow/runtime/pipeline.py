@@ -102,14 +102,18 @@ class KernelCompiler(CompilerBase):
 
 
 class _Intermediate(JITCodeLibrary):
-    """Code that is there to be linked: it is neither optimised as a whole nor emitted."""
+    """Code that is there to be linked: it is neither optimised as a whole nor emitted, and links nothing itself."""
 
-    def _optimize_final_module(self) -> None:
-        pass
+    def __init__(self, codegen: Any, name: str) -> None:
+        super().__init__(codegen, name)  # type: ignore[no-untyped-call]
+        self.called: list[Any] = []
 
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._finalized = True
+    def add_linking_library(self, library: Any) -> None:
+        """Keep what this code calls; whoever links this code links it, too."""
+        self.called += [library, *getattr(library, "called", ())]
+
+    def finalize(self) -> None:
+        """Nothing: numba asks for it before it links this code into a kernel."""
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -125,7 +129,8 @@ class _RoutineLowering(NativeLowering):
         changed: bool = super().run_pass(state)  # type: ignore[no-untyped-call]
         own: list[object] = []
         entry = own.copy  # numba finds the code by its entry from Python, which must be a built-in
-        state.targetctx.insert_user_function(entry, state.cr.fndesc, [state.library])
+        linked = dict.fromkeys([state.library, *state.library.called])
+        state.targetctx.insert_user_function(entry, state.cr.fndesc, list(linked))
         state.cr = state.cr._replace(cfunc=entry)
         return changed
 
@@ -134,3 +139,13 @@ class RoutineCompiler(KernelCompiler):
     """The passes of a routine, which Python cannot call."""
 
     lowering = _RoutineLowering
+
+
+class LeanCompiler(RoutineCompiler):
+    """The passes of a routine that makes no array: references to arrays are not counted in it."""
+
+    def __init__(self, *arguments: Any) -> None:
+        """As numba calls it."""
+        *_, flags, _locals = arguments
+        flags.nrt = False
+        super().__init__(*arguments)

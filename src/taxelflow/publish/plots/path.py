@@ -87,7 +87,7 @@ def _panels(contacts: Sequence[_Contact], layout: Layout) -> Figure:
     )
     text = (
         f"{count}, with start time and length of path while slipping. Blue dot: first position; black square: last; "
-        f"red: slip. All pads have one scale; the widest is {wide:.0f} mm."
+        f"orange: slip. All pads have one scale; the widest is {wide:.0f} mm."
     )
     caption(figure, text, 150)
     return figure
