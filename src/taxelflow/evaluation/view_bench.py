@@ -104,7 +104,7 @@ class ViewReport(msgspec.Struct, frozen=True):
         for row in self.shown:
             console.print(
                 f"{row.taxels} taxels at {row.rate_hz:g} Hz for {row.seconds:g} s: {row.updates_hz:.1f} updates a "
-                f"second, server {100 * row.core_share:.0f} % of a core, {row.resident_mb:.0f} MB "
+                f"second, server {100 * row.core_share:.1f} % of a core, {row.resident_mb:.0f} MB "
                 f"({row.resident_growth_mb:+.1f}); browser draws {row.drawn_hz:.1f} a second, heap {row.heap_mb:.1f} "
                 f"MB ({row.heap_growth_mb:+.2f}); {row.renderer}; load average {row.load_average:.1f}"
             )
