@@ -42,7 +42,7 @@ from taxelflow.simulation.warmup import made_up
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from taxelflow.acquire.base import Reading, Recording
     from taxelflow.condition.baseline import Baseline
@@ -202,11 +202,11 @@ class Run:
         """Results that are ready after these scans, which follow those of the last call; none, as a rule, until tare
         and noise are known, and in a batch until contacts end.
         """
-        return self._joined(self._through(raw))
+        return joined([*self._through(raw)] or [self._nothing])
 
     def finish(self) -> Output:
         """Results that were held back; no scan may follow."""
-        return self._joined(self._rest())
+        return joined([*self._rest()] or [self._nothing])
 
     def __iter__(self) -> Iterator[Output]:
         try:
@@ -266,24 +266,18 @@ class Run:
         spatial = None if self._space is None else self._space.step(slips, contacts.centroid, texture)
         yield Output(slips, judged.slipping, motions, judged.events, contacts, judged.evidence, judged.margin, spatial)
 
-    def _joined(self, outputs: Iterable[Output]) -> Output:
-        return joined([*outputs] or [self._nothing])
-
     def _without_scans(self, scans: Scans) -> Output:
         """An output of no scans."""
-        none = np.zeros((*scans.contact.shape, 2))
-        footprint = Footprint(scans.t_s, scans.contact, none.astype(np.bool_), none[..., 0])
+        none = np.zeros(scans.contact.shape)
+        footprint = Footprint(scans.t_s, scans.contact, np.zeros((*none.shape, 2), dtype=np.bool_), none)
         slips, contacts = Slips.of(footprint, Estimates.unknown(scans)), self._segment.step(scans).contacts
-        return Output(
-            slips, slips.contact, self._fuse.step(slips, contacts.centroid), [], contacts, none[..., 0], none[..., 0]
-        )
+        return Output(slips, slips.contact, self._fuse.step(slips, contacts.centroid), [], contacts, none, none)
 
 
 def _in_rows(scans: Scans) -> Scans:
     """Scans whose pressure is contiguous: kernels of a session are called for the types of its first arrays."""
-    if scans.pressure.flags.c_contiguous:
-        return scans
-    return replace(scans, pressure=np.ascontiguousarray(scans.pressure))
+    contiguous = scans.pressure.flags.c_contiguous
+    return scans if contiguous else replace(scans, pressure=np.ascontiguousarray(scans.pressure))
 
 
 def _split(held: list[Block], count: int) -> tuple[Block, list[Block]]:
