@@ -138,6 +138,7 @@ def test_the_table_compares_controllers_on_the_same_trials(tmp_path: Path, capsy
         ("--controller pivot --by-deg 300", "by_deg must be above 0 and below 180 (got 300.0)"),
         ("--controller slide --events pour", "events must be none for slide (got 'pour')"),
         ("--controller hold --against constant --json", "against must be left out with --json"),
+        ("--controller hold --film grip.mp4 --json", "film must be left out with --json (got 'grip.mp4')"),
         ("--controller hold --against slide", "against must not be used with slide or pivot (got 'slide')"),
         ("--controller slide --hand barrett", "hand must be gripper for slide, pivot (got 'barrett with slide')"),
         (
