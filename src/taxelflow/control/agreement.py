@@ -30,7 +30,7 @@ _MOST = 25.0
 class Agreement:
     """When the velocity of the pads is a slip."""
 
-    slip_m_s: float = 0.004
+    slip_m_s: float = 0.00235
     """Least speed of a slip: apparent motion as the load changes stays below."""
     sigmas: float = 4.0
     """Standard deviations of the velocity from rest that are a slip."""

@@ -20,21 +20,21 @@ from taxelflow.control.blindness import Blindness
 class Hold:
     """Raise the grip on slip by what the slip says, and relax slowly."""
 
-    stop_s: float = 0.03
+    stop_s: float = 0.0154
     """Time in which a slip is to be stopped."""
     least_m_s2: float = 0.5
     """Least deceleration asked for."""
-    margin: float = 1.15
+    margin: float = 1.07
     """Force held after a slip, over the least force that the slip has shown."""
     settle_s: float = 0.3
     """Time constant with which the force comes down to that after a slip."""
     memory_s: float = 0.05
     """Time with which what a scan of a slip has shown of the least force fades."""
-    foresee_s: float = 0.3
+    foresee_s: float = 0.165
     """How far ahead the growth of the least force from slip to slip is extrapolated."""
     calm_s: float = 1.0
     """Time without slip after which the force is relaxed."""
-    relax_1_s: float = 0.02
+    relax_1_s: float = 0.0752
     """Rate of that relaxation, 1/s."""
     blind_times: float = 4.0
     """Force over the first one where the pads cannot tell a slip: the growth of the load that is to be borne."""
