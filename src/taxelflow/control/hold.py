@@ -73,8 +73,8 @@ class HoldSession:
         if motion.slipping:
             least_n = self._balance.least_n()
             self._shown.add(touch.t_s, motion.speed_m_s, least_n)
-            sure_m_s = motion.speed_m_s * max(1.0 - 2.0 / max(motion.sigmas, 2.0), 0.0)
-            slow_m_s2 = max(sure_m_s / p.stop_s, p.least_m_s2)
+            sure = 1.0 if motion.sigmas > p.agreement.sigmas else max(1.0 - 2.0 / max(motion.sigmas, 2.0), 0.0)
+            slow_m_s2 = max(sure * motion.speed_m_s / p.stop_s, p.least_m_s2)
             braking_n = least_n * (1.0 + min(slow_m_s2 / G_M_S2, 1.0))
             self._force_n = min(max(braking_n, self._force_n), self._most_n)
             return self._force_n
