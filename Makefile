@@ -10,7 +10,7 @@ DOCS_READY := .venv/ready-docs
 CONTROL := plot,sim,video
 EVERYTHING := plot,bench,report,video,view,devices,ros,lsl,cluster,sim,dev
 
-.PHONY: setup demo demo-live demo-control bench-live bench-view test test-long check docs wheel golden golden-update fuzz bench bench-start pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench control) constraints format clean
+.PHONY: setup demo demo-live demo-control bench-live bench-view test test-long check docs wheel golden golden-update fuzz bench bench-start pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench control control-search) constraints format clean
 .DELETE_ON_ERROR:
 
 setup: $(READY)
@@ -183,16 +183,25 @@ results-bench: $(READY)
 	$(TAXELFLOW) bench --recording $(TAXELFLOW_DATA)/sdh-dsa/slip_examples_pen_and_wooden_block.dsa --csv $(RUNS)/bench.csv
 	cp $(RUNS)/bench*.csv docs/results/
 
-# Fresh seeds: 100 trials on objects that can be felt, 20 on a plate.
+# Fresh seeds: 100 trials on objects that can be felt, 20 on a plate; then a hand, slow grippers, and commanded motion.
 results-control: $(READY)
 	@mkdir -p $(RUNS)
 	$(TAXELFLOW) control --controller hold --against threshold centroid constant --objects ball rod box bottle bumpy plate \
-	  --trials 120 --seed 70000 --csv $(RUNS)/control.csv
-	$(TAXELFLOW) control --controller hold --sweep actuator --objects ball bottle bumpy --trials 12 --seed 9500 \
+	  --trials 120 --seed 72000 --csv $(RUNS)/control.csv
+	$(TAXELFLOW) control --controller hold --sweep actuator --objects ball bottle bumpy --trials 12 --seed 72500 \
 	  --csv $(RUNS)/control-actuator.csv
 	$(TAXELFLOW) control --controller hold --hand barrett --against threshold centroid constant --objects jar case can \
-	  --trials 36 --seed 41000 --csv $(RUNS)/control-hand.csv
+	  --trials 36 --seed 43000 --csv $(RUNS)/control-hand.csv
+	$(TAXELFLOW) control --controller slide --by-mm 5 --trials 8 --seed 73000 --csv $(RUNS)/control-slide-5.csv
+	$(TAXELFLOW) control --controller slide --by-mm 20 --trials 8 --seed 73100 --csv $(RUNS)/control-slide-20.csv
+	$(TAXELFLOW) control --controller pivot --by-deg 45 --trials 8 --seed 73200 --csv $(RUNS)/control-pivot.csv
 	cp $(RUNS)/control*.csv docs/results/
+
+# One search for every controller, about an hour; the defaults are what it found.
+results-control-search: $(READY)
+	for name in hold threshold centroid constant; do \
+	  $(TAXELFLOW) control --controller $$name --tune 16 --trials 80 --seed 3000 || exit 1; \
+	done
 
 # The pictures that README and docs show.
 pictures: $(READY)

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from taxelflow.cli import main
-from taxelflow.evaluation.control import ControlReport, Outcome, Scans, TrialRow
+from taxelflow.control.baselines import Constant
+from taxelflow.control.hold import Hold
+from taxelflow.evaluation.control import ControlReport, Course, Outcome, Scans, TrialRow, held
 from taxelflow.evaluation.control_summary import paired, summary, tables_of, wilson
 from taxelflow.evaluation.control_table import share
+from taxelflow.simulation.mujoco.trial import Trial
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,32 +41,30 @@ def test_json_is_the_contract_and_nothing_else(capsys: Capture) -> None:
         "--events",
         "weak",
         "none",
+        "--latency-ms",
+        "250",
         "--json",
-    ]
+    ]  # so late, a force that holds comes after a weak grip has slid
     assert main(words) == 0
     told = json.loads(capsys.readouterr().out)
     assert list(told) == ["controller", "trials", "held", "within_5_mm", "force_p50", "force_p90"]
     assert told["controller"] == "constant"
     assert [trial["object"] for trial in told["trials"]] == ["ball", "rod", "box"]
     assert [trial["event"] for trial in told["trials"]] == ["weak", "none", "weak"]
-    assert [trial["held"] for trial in told["trials"]] == [False, True, False]
+    assert [trial["slid_mm"] < 5.0 for trial in told["trials"]] == [False, True, True]
     for trial in told["trials"]:
         assert list(trial) == ["seed", "object", "event", "grasped", "held", "slid_mm", "force_over_least"]
         assert trial["grasped"]
-    assert told["held"] == told["within_5_mm"] == pytest.approx(1 / 3)
-    assert 1.15 <= told["force_p50"] <= 1.4
+    assert (told["held"], told["within_5_mm"]) == pytest.approx((1.0, 2 / 3))
+    assert 0.75 <= told["force_p50"] / Constant().times <= 0.97
     assert main(words) == 0
     assert json.loads(capsys.readouterr().out) == told
 
 
 @in_mujoco
-def test_hold_catches_what_a_constant_force_drops(capsys: Capture) -> None:
-    words = ["--trials", "1", "--seed", "11", "--objects", "ball", "--events", "weak"]
-    held = []
-    for name in ("constant", "hold"):
-        assert main(["control", "--controller", name, "--method", "convolution", *words, "--json"]) == 0
-        held.append(json.loads(capsys.readouterr().out)["trials"][0]["held"])
-    assert held == [False, True]
+def test_hold_catches_what_the_first_force_drops() -> None:
+    trial = Trial.drawn(11, "ball", "weak")
+    assert [held(Course(trial, one, "convolution")).held for one in (Constant(times=1.0), Hold())] == [False, True]
 
 
 @in_mujoco
@@ -95,7 +96,7 @@ def test_a_hand_takes_the_grippers_place(capsys: Capture) -> None:
     told = json.loads(capsys.readouterr().out)
     (trial,) = told["trials"]
     assert (trial["object"], trial["grasped"], trial["held"]) == ("jar", True, True)
-    assert 1.15 <= trial["force_over_least"] <= 1.4
+    assert 1.15 <= trial["force_over_least"] / Constant().times <= 1.4
 
 
 @in_mujoco
@@ -137,6 +138,7 @@ def test_the_table_compares_controllers_on_the_same_trials(tmp_path: Path, capsy
         ("--controller pivot --by-deg 300", "by_deg must be above 0 and below 180 (got 300.0)"),
         ("--controller slide --events pour", "events must be none for slide (got 'pour')"),
         ("--controller hold --against constant --json", "against must be left out with --json"),
+        ("--controller hold --film grip.mp4 --json", "film must be left out with --json (got 'grip.mp4')"),
         ("--controller hold --against slide", "against must not be used with slide or pivot (got 'slide')"),
         ("--controller slide --hand barrett", "hand must be gripper for slide, pivot (got 'barrett with slide')"),
         (

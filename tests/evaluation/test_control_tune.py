@@ -58,7 +58,7 @@ def test_all_draws_are_tried_on_some_trials_and_the_cheapest_on_all() -> None:
         return TrialRow(trial.seed, "ball", "pour", True, True, 1.0, 1.0 + abs(controller.times - 3.0))
 
     trials = list(drawn_in_turn(0, 8, ("ball",), ("pour",), Trial.drawn))
-    report = tune("constant", Constant(), trials, 7, run, iter)
+    report = tune("constant", Constant(times=1.0), trials, 7, run, iter)
     counts = [one.trials for one in report.tried]
     assert counts == [8] * 5 + [2] * 3
     assert {} in [one.parameters for one in report.tried[:5]]

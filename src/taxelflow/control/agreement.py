@@ -30,7 +30,7 @@ _MOST = 25.0
 class Agreement:
     """When the velocity of the pads is a slip."""
 
-    slip_m_s: float = 0.004
+    slip_m_s: float = 0.00235
     """Least speed of a slip: apparent motion as the load changes stays below."""
     sigmas: float = 4.0
     """Standard deviations of the velocity from rest that are a slip."""
@@ -42,8 +42,12 @@ class Agreement:
     """Least standard deviation of a pad's velocity."""
     memory_s: float = 0.2
     """Time over which the noise is learned."""
+    load_m: float = 1e-3
+    """Standard deviation of apparent motion per unit of log load, as in the slip stage: both pads make it alike."""
 
     def __post_init__(self) -> None:
+        if not 0 <= self.load_m < float("inf"):
+            raise ParameterInvalid("agreement.load_m", self.load_m, "be a finite number, 0 or more")
         for name in ("sigmas", "alerted_sigmas", "acceleration_m_s2", "noise_m_s", "memory_s"):
             if not 0 < getattr(self, name) < float("inf"):
                 raise ParameterInvalid(f"agreement.{name}", getattr(self, name), "be a finite number above 0")
@@ -73,7 +77,7 @@ class AgreementSession:
     def __init__(self, parameters: Agreement) -> None:
         self._p = parameters
         self._velocity, self._covariance = np.zeros(0), np.zeros((0, 0))
-        self._excess = 1.0
+        self._excess, self._force_n = 1.0, 0.0
         self._jumped: Bools = np.zeros(0, dtype=np.bool_)  # pads, in the scan before
 
     def step(self, touch: Touch) -> Motion:
@@ -84,7 +88,7 @@ class AgreementSession:
         self._covariance = self._covariance + (p.acceleration_m_s2 * touch.dt_s) ** 2 * np.eye(count)
         known = np.asarray(np.isfinite(touch.velocity[:, :2]).all(axis=1), dtype=np.bool_)
         known &= np.isfinite(touch.covariance[:, :2, :2]).all(axis=(1, 2))
-        said, noise_said = touch.velocity[:, :2], touch.covariance[:, :2, :2] + p.noise_m_s**2 * np.eye(2)
+        said, noise_said = touch.velocity[:, :2], touch.covariance[:, :2, :2] + self._least_variance(touch) * np.eye(2)
         alerted, at_rest = bool(touch.slipping.any()), self._excess
         believed = self._believed(known, said, touch.axes, at_rest * noise_said)
         velocity, noise, axes = said[believed], noise_said[believed], touch.axes[believed]
@@ -107,6 +111,14 @@ class AgreementSession:
             fast = float(np.sqrt((said[known] ** 2).sum(axis=1).mean())) > p.slip_m_s
             slips = slips or (fast and _from_rest(said[known], at_rest * noise_said[known]) > needed)
         return replace(motion, slipping=bool(slips))
+
+    def _least_variance(self, touch: Touch) -> float:
+        """Variance of each pad's velocity in each direction that the reported one does not have, (m/s)^2."""
+        before_n, self._force_n = self._force_n, touch.force_n
+        if not (before_n > 0.0 and touch.force_n > 0.0 and touch.dt_s > 0.0):
+            return self._p.noise_m_s**2
+        by_load = self._p.load_m * float(np.log(touch.force_n / before_n)) / touch.dt_s
+        return self._p.noise_m_s**2 + by_load**2
 
     def _believed(self, known: Bools, said: Floats, axes: Floats, noise: Floats) -> Bools:
         """(pads,): those known, without pads that in this scan jump from what is predicted while others do not.

@@ -40,3 +40,25 @@ class Balance:
         rising = float(np.polyfit(t_s - t_s[0], speed, 1)[0]) if len(t_s) > 1 else 0.0
         share = float(np.clip(rising / self._free, -_LARGEST_SHARE, _LARGEST_SHARE))
         return float(force_n.mean() / (1.0 - share))
+
+
+class Shown:
+    """Least force that slips have shown: the mean over their scans by the square of the speed, which fades with time.
+
+    As a slip ends its acceleration vanishes, and the balance says what the force was. Motion that is none, of an image
+    that settles under a new force, is slow, too, and says the same. Fast scans know more.
+    """
+
+    def __init__(self, memory_s: float) -> None:
+        self._memory_s, self._last_s = memory_s, 0.0
+        self._weight = self._weighed = 0.0
+
+    def add(self, t_s: float, speed: float, least_n: float) -> None:
+        """A scan of a slip."""
+        kept, self._last_s = float(np.exp((self._last_s - t_s) / self._memory_s)), t_s
+        self._weight = kept * self._weight + speed**2
+        self._weighed = kept * self._weighed + speed**2 * least_n
+
+    def least_n(self) -> float:
+        """Least force by now, N; 0 before the first slip."""
+        return self._weighed / self._weight if self._weight > 0.0 else 0.0

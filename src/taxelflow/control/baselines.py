@@ -13,7 +13,7 @@ from taxelflow.control.base import Touch
 class Constant:
     """Hold a constant force."""
 
-    times: float = 1.0
+    times: float = 2.48
     """Factor on the first force."""
     method: None = None
 
@@ -71,11 +71,11 @@ class ThresholdSession:
 class CentroidSpeed:
     """Squeeze when a pad's centre of pressure moves faster than a threshold (as mas-group/tactile_slip_detector)."""
 
-    speed_m_s: float = 0.01
+    speed_m_s: float = 0.0112
     """Threshold on the speed of the paper's method II."""
-    up: float = 1.05
+    up: float = 1.08
     """Factor on the force in each scan above the threshold."""
-    relax_1_s: float = 0.05
+    relax_1_s: float = 0.0121
     """Rate at which the force comes down otherwise, 1/s."""
     method: str = "convolution"
 

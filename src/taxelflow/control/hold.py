@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from math import exp, log
 
 from taxelflow.control.agreement import Agreement
-from taxelflow.control.balance import G_M_S2, Balance
+from taxelflow.control.balance import G_M_S2, Balance, Shown
 from taxelflow.control.base import Touch
 from taxelflow.control.blindness import Blindness
 
@@ -20,19 +20,21 @@ from taxelflow.control.blindness import Blindness
 class Hold:
     """Raise the grip on slip by what the slip says, and relax slowly."""
 
-    stop_s: float = 0.03
+    stop_s: float = 0.0154
     """Time in which a slip is to be stopped."""
     least_m_s2: float = 0.5
     """Least deceleration asked for."""
-    margin: float = 1.15
+    margin: float = 1.07
     """Force held after a slip, over the least force that the slip has shown."""
     settle_s: float = 0.3
     """Time constant with which the force comes down to that after a slip."""
-    foresee_s: float = 0.3
+    memory_s: float = 0.05
+    """Time with which what a scan of a slip has shown of the least force fades."""
+    foresee_s: float = 0.165
     """How far ahead the growth of the least force from slip to slip is extrapolated."""
     calm_s: float = 1.0
     """Time without slip after which the force is relaxed."""
-    relax_1_s: float = 0.02
+    relax_1_s: float = 0.0752
     """Rate of that relaxation, 1/s."""
     blind_times: float = 4.0
     """Force over the first one where the pads cannot tell a slip: the growth of the load that is to be borne."""
@@ -52,8 +54,7 @@ class HoldSession:
     def __init__(self, parameters: Hold, force_n: float, most_n: float) -> None:
         self._p, self._force_n, self._most_n = parameters, force_n, most_n
         self._both = parameters.agreement.start()
-        self._balance = Balance()
-        self._slips, self._least_n = False, 0.0
+        self._balance, self._shown, self._slips = Balance(), Shown(parameters.memory_s), False
         self._blindness = parameters.blindness.start()
         self._taught: tuple[float, float] | None = None  # time and least force of the slip before
         self._target_n, self._calm_s = force_n, 0.0
@@ -70,9 +71,11 @@ class HoldSession:
         self._slips = motion.slipping
         self._balance.add(touch.t_s, motion.speed_m_s, touch.force_n)
         if motion.slipping:
-            self._least_n = self._balance.least_n()
-            slow_m_s2 = max(motion.speed_m_s / p.stop_s, p.least_m_s2)
-            braking_n = self._least_n * (1.0 + min(slow_m_s2 / G_M_S2, 1.0))
+            least_n = self._balance.least_n()
+            self._shown.add(touch.t_s, motion.speed_m_s, least_n)
+            sure = 1.0 if motion.sigmas > p.agreement.sigmas else max(1.0 - 2.0 / max(motion.sigmas, 2.0), 0.0)
+            slow_m_s2 = max(sure * motion.speed_m_s / p.stop_s, p.least_m_s2)
+            braking_n = least_n * (1.0 + min(slow_m_s2 / G_M_S2, 1.0))
             self._force_n = min(max(braking_n, self._force_n), self._most_n)
             return self._force_n
         if was:
@@ -90,10 +93,10 @@ class HoldSession:
 
     def _learn(self, t_s: float) -> None:
         """A slip has ended: hold its least force with a margin, and more while it grows from slip to slip."""
-        growth_1_s = 0.0
-        if self._taught is not None and self._least_n > self._taught[1] > 0.0:
-            growth_1_s = log(self._least_n / self._taught[1]) / max(t_s - self._taught[0], 0.05)
-        self._taught = (t_s, self._least_n)
+        growth_1_s, least_n = 0.0, self._shown.least_n()
+        if self._taught is not None and least_n > self._taught[1] > 0.0:
+            growth_1_s = log(least_n / self._taught[1]) / max(t_s - self._taught[0], 0.05)
+        self._taught = (t_s, least_n)
         ahead = exp(min(growth_1_s * self._p.foresee_s, 0.5))
-        self._target_n = min(self._p.margin * self._least_n * ahead, self._most_n)
+        self._target_n = min(self._p.margin * least_n * ahead, self._most_n)
         self._calm_s = 0.0

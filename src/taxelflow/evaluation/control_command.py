@@ -89,6 +89,9 @@ class Control:
         self._check_hand()
         if self.json and self.against:
             raise ParameterInvalid("against", " ".join(self.against), "be left out with --json, one controller each")
+        for name in ("film", "plot", "lerobot"):
+            if self.json and getattr(self, name) is not None:
+                raise ParameterInvalid(name, str(getattr(self, name)), "be left out with --json")
         if self.against and {self.controller, *self.against} & set(_MOTIONS):
             raise ParameterInvalid("against", " ".join(self.against), f"not be used with {' or '.join(_MOTIONS)}")
         names = (self.controller, *self.against)
@@ -164,7 +167,7 @@ class Control:
             self._print_json(report)
         else:
             report.show()
-        return 0
+        return NOT_GRASPED if any(row.grasped < row.trials for row in report.rows) else 0
 
     def _print_json(self, report: Any) -> None:
         import msgspec
