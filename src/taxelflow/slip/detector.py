@@ -33,8 +33,8 @@ _STOP_ODDS, _RESUME_ODDS, _FINAL_ODDS = 3.0, 0.02, 30.0
 _END_SIGMAS = 2.5
 """A method without displacement stops slipping below this disturbance, standard deviations: 1 % of a still object's
 scans exceed it."""
-_SMALLEST = 1e-300
-"""Lower limit of odds and probabilities in a logarithm."""
+_END_P_VALUE = erfc(_END_SIGMAS / np.sqrt(2.0))
+"""Of the same."""
 _MIN_DURATION_S = 1e-9
 """Lower limit of the duration of a slip, against division by 0."""
 
@@ -66,7 +66,7 @@ class Change:
     velocity: Vector
     """m/s, m/s, rad/s; NaN where unknown."""
     margin: float
-    """Log of the test's statistic over its threshold: above 0 it slips. NaN where the scan was not tested."""
+    """The test's statistic over its threshold: above 1 it slips. NaN where the scan was not tested."""
 
 
 @kernel
@@ -125,12 +125,6 @@ def _clear(change: Change) -> None:
 
 
 @routine
-def _margin(statistic: float, threshold: float) -> float:
-    """Log of a statistic over its threshold."""
-    return float(np.log(max(statistic, _SMALLEST) / max(threshold, _SMALLEST)))
-
-
-@routine
 def _continue_contact(scan: Observation, state: PadState) -> bool:
     """Count the poses of a contact; False if there is none to judge."""
     if not scan.contact or (np.isnan(scan.disturbance) and not has_pose(scan, state.partial)):
@@ -186,7 +180,7 @@ def _test_onset(statistic: float, parameters: Parameters, state: PadState, chang
     measurement, rest, slip, step = state.measurement, state.rest, state.onset.slip, state.rest.innovation
     components = step.axes + (1 if step.yaw_used else 0)
     threshold = alarm_threshold(parameters.alarm_interval_s, measurement.t_s - measurement.previous_s, components)
-    change.margin = _margin(statistic, threshold)
+    change.margin = statistic / threshold
     if statistic > threshold:
         state.mode = SLIPPING
         start_slide(measurement, slip, rest.p_aa, state.slide)
@@ -207,7 +201,7 @@ def _scale_noise(state: PadState) -> None:
 def _test_stop(odds: float, parameters: Parameters, state: PadState, change: Change) -> None:
     """Has a slipping object stopped? odds: of `stop_odds`, after its last measurement."""
     slide, stop = state.slide, state.slide.stop
-    change.margin = _margin(_STOP_ODDS, odds)
+    change.margin = _STOP_ODDS / odds
     if odds > _STOP_ODDS and not slide.stop_reported:
         slide.stop_reported = True
         duration_s = max(stop.since_s - slide.start_s, _MIN_DURATION_S)
@@ -253,14 +247,15 @@ def _test_disturbance(scan: Observation, parameters: Parameters, state: PadState
     """
     p_value = erfc(scan.disturbance / np.sqrt(2.0))
     if state.mode == SLIPPING:
-        change.margin = _margin(erfc(_END_SIGMAS / np.sqrt(2.0)), p_value)
+        change.margin = _END_P_VALUE / p_value
         if scan.disturbance < _END_SIGMAS:
             state.mode = RESTING
             change.onset_s = scan.t_s
         return
     settled, accepted = scan.t_s - state.first_s >= parameters.settle_s, scan.t_s - state.last_s
-    change.margin = _margin(accepted / parameters.alarm_interval_s, p_value) if settled else np.nan
-    if settled and p_value < accepted / parameters.alarm_interval_s:
+    accepted /= parameters.alarm_interval_s
+    change.margin = accepted / p_value if settled else np.nan
+    if settled and p_value < accepted:
         state.mode, state.slide.stop_reported = SLIPPING, False
         change.onset_s = scan.t_s
 
