@@ -50,4 +50,4 @@ def test_a_sweep_has_a_row_for_each_actuator(capsys: Capture) -> None:
 @pytest.mark.parametrize("words", ["--controller slide", "--controller hold --events pour"])
 def test_a_sweep_has_an_event_of_its_own(words: str, capsys: Capture) -> None:
     assert main(["control", *words.split(), "--sweep", "actuator"]) == 2
-    assert "taxelflow: sweep must be used with one controller that holds" in capsys.readouterr().err
+    assert "taxelflow: --sweep must be used with one controller that holds" in capsys.readouterr().err

@@ -35,5 +35,5 @@ def test_every_scenario_has_its_help(name: str, capsys: pytest.CaptureFixture[st
 def test_a_parameter_that_does_not_fit_is_one_calm_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "press", "--load.lift-s", "9", "--out", str(tmp_path / "a.npz")]) == 2
     assert capsys.readouterr().err == (
-        "taxelflow: load.lift_s must be at most motion.rest_s, 2 s: a moving object is in contact (got 9.0)\n"
+        "taxelflow: --load.lift-s must be at most motion.rest_s, 2 s: a moving object is in contact (got 9.0)\n"
     )
