@@ -46,3 +46,13 @@ def test_a_browser_that_changes_the_look_does_not_bring_back_an_older_picture() 
         assert compared.arrows.batched_scales.max() < 1e-6
     finally:
         page.close()
+
+
+@pytest.mark.parametrize(("name", "known"), [("inspire-rh56dftp@3.0mm", False), ("schunk-sdh2", True)])
+def test_the_motion_of_the_hand_is_drawn_only_where_all_pads_have_a_place(name: str, known: bool) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    from taxelflow.publish.view.scene import Scene
+    from taxelflow.publish.view.server import PageServer
+
+    with PageServer(port=0) as server:
+        assert Scene(server.viser, load_sensor(name)).follows is known
