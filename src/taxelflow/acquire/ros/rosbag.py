@@ -60,8 +60,8 @@ class RosbagSource:
         read = 0
         try:
             with self._open() as reader:
-                for received_ns, content in _messages(reader, topic, self._path):
-                    yield received_ns, content
+                for message in _messages(reader, topic, self._path):
+                    yield _whole(message)
                     read += 1
         except RecordingTooLarge:
             raise
@@ -76,6 +76,14 @@ class RosbagSource:
         from rosbags.rosbag2 import Reader as Ros2
 
         return Ros2(self._path)
+
+
+def _whole(message: Any) -> tuple[int, bytes]:
+    """Time and bytes of a message. Raises TypeError: a damaged row of a database may hold anything."""
+    received_ns, content = message
+    if not isinstance(received_ns, int) or not isinstance(content, bytes | bytearray | memoryview):
+        raise TypeError("a message has no time, or no bytes")
+    return received_ns, content if isinstance(content, bytes) else bytes(content)
 
 
 def _messages(reader: Any, topic: Topic, path: Path) -> Iterator[tuple[int, bytes]]:
