@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 UPDATE_S = 1 / 30
 """The scene is drawn so often while something changes."""
-_PLOT_S = 0.1
+_PLOT_S, _GROW_S = 0.1, 1.0
+"""Times between two plots, and between two looks at the highest pressures, by which the scale of a source grows."""
 _RENDER = (1080, 1920)
 """Height and width of a saved picture at most."""
 
@@ -67,7 +68,7 @@ class Page:
         self.draws = 0
         self._scaled = (False, False)  # by pressure, by speed
         self._shown: tuple[object, ...] = ()
-        self._plotted_s = 0.0
+        self._plotted_s = self._grown_s = 0.0
         self._told: object = None
         self._listed: object = None
         self.panel.on_look(self.apply_look)
@@ -211,7 +212,8 @@ class Page:
         by_pressure, by_speed = self._scaled
         complete = self._history.complete
         if self.player.following:
-            if not by_pressure or now_s - self._plotted_s >= _PLOT_S:
+            if not by_pressure or now_s - self._grown_s >= _GROW_S:
+                self._grown_s = now_s
                 self._scale_up()
             return
         if by_pressure and (by_speed or not complete):
