@@ -46,19 +46,19 @@ def test_json_is_the_contract_and_nothing_else(capsys: Capture) -> None:
         "--json",
     ]  # so late, a force that holds comes after a weak grip has slid
     assert main(words) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert list(told) == ["controller", "trials", "held", "within_5_mm", "force_p50", "force_p90"]
-    assert told["controller"] == "constant"
-    assert [trial["object"] for trial in told["trials"]] == ["ball", "rod", "box"]
-    assert [trial["event"] for trial in told["trials"]] == ["weak", "none", "weak"]
-    assert [trial["slid_mm"] < 5.0 for trial in told["trials"]] == [False, True, True]
-    for trial in told["trials"]:
+    printed = json.loads(capsys.readouterr().out)
+    assert list(printed) == ["controller", "trials", "held", "within_5_mm", "force_p50", "force_p90"]
+    assert printed["controller"] == "constant"
+    assert [trial["object"] for trial in printed["trials"]] == ["ball", "rod", "box"]
+    assert [trial["event"] for trial in printed["trials"]] == ["weak", "none", "weak"]
+    assert [trial["slid_mm"] < 5.0 for trial in printed["trials"]] == [False, True, True]
+    for trial in printed["trials"]:
         assert list(trial) == ["seed", "object", "event", "grasped", "held", "slid_mm", "force_over_least"]
         assert trial["grasped"]
-    assert (told["held"], told["within_5_mm"]) == pytest.approx((1.0, 2 / 3))
-    assert 0.75 <= told["force_p50"] / Constant().times <= 0.97
+    assert (printed["held"], printed["within_5_mm"]) == pytest.approx((1.0, 2 / 3))
+    assert 0.75 <= printed["force_p50"] / Constant().times <= 0.97
     assert main(words) == 0
-    assert json.loads(capsys.readouterr().out) == told
+    assert json.loads(capsys.readouterr().out) == printed
 
 
 @in_mujoco
@@ -84,17 +84,17 @@ def test_an_object_that_is_not_grasped_is_a_fault_of_the_bench(capsys: Capture) 
     assert main(words) == 1
     out, err = capsys.readouterr()
     assert "trial 0 (ball) was not grasped before the lift" in err
-    told = json.loads(out)
-    assert told["trials"][0]["grasped"] is told["trials"][0]["held"] is False
-    assert told["held"] is told["within_5_mm"] is told["force_p50"] is None
+    printed = json.loads(out)
+    assert printed["trials"][0]["grasped"] is printed["trials"][0]["held"] is False
+    assert printed["held"] is printed["within_5_mm"] is printed["force_p50"] is None
 
 
 @in_mujoco
 def test_a_hand_takes_the_grippers_place(capsys: Capture) -> None:
     words = ["control", "--hand", "barrett", "--trials", "1", "--seed", "5", "--events", "none", "--json"]
     assert main([*words, "--controller", "constant"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    (trial,) = told["trials"]
+    printed = json.loads(capsys.readouterr().out)
+    (trial,) = printed["trials"]
     assert (trial["object"], trial["grasped"], trial["held"]) == ("jar", True, True)
     assert 1.15 <= trial["force_over_least"] / Constant().times <= 1.4
 
@@ -148,7 +148,7 @@ def test_the_table_compares_controllers_on_the_same_trials(tmp_path: Path, capsy
         ("--controller hold --bandwidth-hz 0", "actuator.bandwidth_hz must be a finite number above 0 (got 0.0)"),
     ],
 )
-def test_bad_input_is_told_in_one_line(words: str, message: str, capsys: Capture) -> None:
+def test_bad_input_is_reported_in_one_line(words: str, message: str, capsys: Capture) -> None:
     assert main(["control", *words.split()]) == 2
     out, err = capsys.readouterr()
     assert not out

@@ -86,19 +86,19 @@ def test_events_of_a_pad_alternate_and_agree_with_the_flags() -> None:
     np.testing.assert_array_equal(np.cumsum(told)[:-1], flags[:, 0])
 
 
-def test_the_margin_is_above_0_from_the_scan_that_slips_to_the_one_that_has_stopped() -> None:
+def test_the_statistic_exceeds_its_threshold_from_the_scan_that_slips_to_the_one_that_has_stopped() -> None:
     slips = slips_of(slid((0.02, 0.0, 0.0)))
     found = SlipMonitor().begin(("pad0",)).step(slips)
-    tested = np.isfinite(found.margin[:, 0])
+    tested = np.isfinite(found.statistic[:, 0])
     assert tested.mean() > 0.9
     onset = int(np.argmax(found.slipping[:, 0]))
-    assert found.margin[onset, 0] > 0.0  # the test of this scan
-    assert (found.margin[:onset][tested[:onset], 0] <= 0.0).all()
+    assert found.statistic[onset, 0] > 1.0  # the test of this scan
+    assert (found.statistic[:onset][tested[:onset], 0] <= 1.0).all()
     later = slice(onset + 1, None)
-    np.testing.assert_array_equal(found.margin[later, 0] > 0.0, found.slipping[later, 0])
+    np.testing.assert_array_equal(found.statistic[later, 0] > 1.0, found.slipping[later, 0])
 
 
-def test_without_displacement_the_margin_is_that_of_the_disturbance() -> None:
+def test_without_displacement_the_statistic_is_that_of_the_disturbance() -> None:
     slips = slips_of(noise(300))
     slips.displacement[...], slips.pose[...] = NAN, NAN
     slips.disturbance[...] = 0.5
@@ -106,9 +106,9 @@ def test_without_displacement_the_margin_is_that_of_the_disturbance() -> None:
     found = SlipMonitor().begin(("pad0",)).step(slips)
     assert found.slipping[150:200, 0].all()
     settled = slice(100, 150)
-    assert (found.margin[settled, 0] < 0.0).all()
-    assert (found.margin[150:200, 0] > 0.0).all()
-    assert found.margin[200, 0] < 0.0
+    assert (found.statistic[settled, 0] < 1.0).all()
+    assert (found.statistic[150:200, 0] > 1.0).all()
+    assert found.statistic[200, 0] < 1.0
 
 
 def test_nothing_is_held_back() -> None:

@@ -102,12 +102,12 @@ def test_the_blocks_do_not_matter(mode: Mode) -> None:
             (
                 np.concatenate([part.slipping for part in parts]),
                 np.concatenate([part.evidence for part in parts]),
-                np.concatenate([part.margin for part in parts]),
+                np.concatenate([part.statistic for part in parts]),
                 [event for part in parts for event in part.events],
             )
         )
-    for slipping, evidence, margin, events in found[1:]:
-        np.testing.assert_array_equal(margin, found[0][2])
+    for slipping, evidence, statistic, events in found[1:]:
+        np.testing.assert_array_equal(statistic, found[0][2])
         np.testing.assert_array_equal(slipping, found[0][0])
         np.testing.assert_array_equal(evidence, found[0][1])
         assert repr(events) == repr(found[0][3])

@@ -15,35 +15,34 @@ from taxelflow.errors import RecordingCorrupt
 if TYPE_CHECKING:
     from pathlib import Path
 
-_MOST_S = 20.0
-"""Time that the process may take, s, where processor time cannot be limited; ..."""
+_MOST_S, _MOST_CPU_S = 20.0, 3
+"""Time and processor time that the process may take, s; importing the library takes a tenth of the latter."""
 _PROGRAM = """
 import sys
 try:
     import resource
-    resource.setrlimit(resource.RLIMIT_CPU, (3, 3))
+    resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[4]),) * 2)
 except ImportError:
     pass
 import h5py
-path, place, name = sys.argv[1:]
+path, place, name = sys.argv[1:4]
 with h5py.File(path, "r") as file:
     text = file.attrs[name] if place == "attribute" else file[name][()]
 text = text.encode(errors="surrogateescape") if isinstance(text, str) else bytes(text)
 sys.stdout.buffer.write(text)
 """
-"""... else 3 s of processor time, of which importing the library takes a tenth."""
 _REMEDY = "store it as text of fixed length (numpy.bytes_), or give --sensor"
 
 
 def text_beside(path: Path, place: str, name: str) -> str:
     """One text of variable length. place: attribute or dataset. Raises RecordingCorrupt."""
-    command = [sys.executable, "-c", _PROGRAM, str(path), place, name]
+    command = [sys.executable, "-c", _PROGRAM, str(path), place, name, str(_MOST_CPU_S)]
     try:
         done = subprocess.run(command, capture_output=True, timeout=_MOST_S, check=False)
     except subprocess.TimeoutExpired as error:
         raise RecordingCorrupt(path, f"its text {name} cannot be read in {_MOST_S:g} s", _REMEDY) from error
     if done.returncode:
         said = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
-        why = said[0] if said else "it takes more than 3 s of processor time, as a damaged one does"
+        why = said[0] if said else f"it takes more than {_MOST_CPU_S} s of processor time, as a damaged one does"
         raise RecordingCorrupt(path, f"its text {name} cannot be read: {why}", _REMEDY)
     return done.stdout.decode(errors="replace")

@@ -67,7 +67,7 @@ class Filling:
 
 
 def _results_of(output: Output) -> Results:
-    return Results(output.slips, output.slipping, output.motions, output.margin, output.spatial)
+    return Results(output.slips, output.slipping, output.motions, output.statistic, output.spatial)
 
 
 class Playing:

@@ -236,7 +236,7 @@ def _feed(
                 cut(results.slips, k, k + 1),
                 results.slipping[k : k + 1],
                 cut(results.motions, k, k + 1),
-                results.margin[k : k + 1],
+                results.statistic[k : k + 1],
             ),
         )
         for k in range(len(t_s))

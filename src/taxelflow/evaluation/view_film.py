@@ -83,10 +83,7 @@ def _frames(page: Page, drawn: Any, times: Any) -> Iterator[Frame]:
         page.show_at(at_s)
         if not camera:
             found = page.scene.frame(page.direction(), WIDTH / HEIGHT)
-            drawn.camera.position, drawn.camera.look_at = (
-                found.position,
-                found.look_at,
-            )  # the background stands before it
+            drawn.camera.position, drawn.camera.look_at = found.position, found.look_at  # its background is behind
             camera = {"wxyz": found.wxyz, "position": found.position, "fov": FOV_RAD}
             drawn.get_render(HEIGHT, WIDTH, timeout=_TIMEOUT_S, **camera)  # the first one may lack its labels
         frame = drawn.get_render(HEIGHT, WIDTH, timeout=_TIMEOUT_S, **camera)

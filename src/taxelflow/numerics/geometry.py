@@ -37,9 +37,9 @@ def inverse_transform(pose: Floats, points: Floats) -> Floats:
 
 
 def rotate(quaternion: Floats, vectors: Floats) -> Floats:
-    """Vectors (..., 3) rotated by a quaternion [x, y, z, w] (4,) of any length but 0."""
-    vector, scalar = quaternion[:3], quaternion[3]
-    norm = float(quaternion @ quaternion)
+    """Vectors (..., 3) rotated by quaternions [x, y, z, w] (..., 4) of any length but 0."""
+    vector, scalar = quaternion[..., :3], quaternion[..., 3:]
+    norm = (quaternion**2).sum(axis=-1, keepdims=True)
     twice = 2.0 * np.cross(vector, vectors)
     rotated: Floats = vectors + (scalar * twice + np.cross(vector, twice)) / norm
     return rotated

@@ -124,6 +124,24 @@ def multiply(a: Floats, b: Floats, out: Floats) -> None:
 
 
 @lean_kernel
+def product_of(a: Floats, b: Floats) -> float:
+    """Scalar product of vectors (n,)."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@lean_kernel
+def carried(a: Floats, matrix: Floats, b: Floats) -> float:
+    """a^T matrix b of vectors (n,)."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * product_of(matrix[i], b)
+    return total
+
+
+@lean_kernel
 def cholesky(a: Floats, root: Floats, n: int) -> None:
     """Fill the lower half of root (n, n) with the Cholesky factor of a positive matrix a (n, n); the rest is 0."""
     for i in range(n):

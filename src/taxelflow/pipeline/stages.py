@@ -57,8 +57,8 @@ if TYPE_CHECKING:
 class Output:
     """Results of some scans: motion and quality of every pad, whether it slips (scans, pads), the object's motion, what
     the contacts are like, the events that are complete (in a batch, those from a slip's begin on wait for its end),
-    evidence (scans, pads): log odds of a slip by the pattern's change, margin (scans, pads): log of the statistic that
-    decides on slips over its threshold, NaN where a scan was not tested, and motion in space where pads have places.
+    evidence (scans, pads): log odds of a slip by the pattern's change, statistic (scans, pads): see `Judged`, and
+    motion in space where pads have places.
     """
 
     slips: Slips
@@ -67,7 +67,7 @@ class Output:
     events: list[Event]
     contacts: Contacts
     evidence: Floats
-    margin: Floats
+    statistic: Floats
     spatial: SpatialMotions | None = None
 
     def __len__(self) -> int:
@@ -264,7 +264,8 @@ class Run:
         texture, self._textures = _split(self._textures, len(judged))
         motions = self._fuse.step(slips, contacts.centroid, texture)
         spatial = None if self._space is None else self._space.step(slips, contacts.centroid, texture)
-        yield Output(slips, judged.slipping, motions, judged.events, contacts, judged.evidence, judged.margin, spatial)
+        found = judged.evidence, judged.statistic, spatial
+        yield Output(slips, judged.slipping, motions, judged.events, contacts, *found)
 
     def _without_scans(self, scans: Scans) -> Output:
         """An output of no scans."""

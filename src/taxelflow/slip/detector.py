@@ -60,12 +60,12 @@ class PadState:
 
 
 class Change:
-    """Begin or end of a slip, or a report that is withdrawn, NaN if there is none in a scan; and the test's margin."""
+    """Begin or end of a slip, or a report that is withdrawn, NaN if there is none; and the statistic of the test."""
 
     onset_s: float
     velocity: Vector
     """m/s, m/s, rad/s; NaN where unknown."""
-    margin: float
+    statistic: float
     """The test's statistic over its threshold: above 1 it slips. NaN where the scan was not tested."""
 
 
@@ -119,7 +119,7 @@ def has_flips(last: Bools, flags: Bools) -> bool:
 
 @routine
 def _clear(change: Change) -> None:
-    change.onset_s = change.margin = np.nan
+    change.onset_s = change.statistic = np.nan
     for axis in range(3):
         change.velocity[axis] = np.nan
 
@@ -180,7 +180,7 @@ def _test_onset(statistic: float, parameters: Parameters, state: PadState, chang
     measurement, rest, slip, step = state.measurement, state.rest, state.onset.slip, state.rest.innovation
     components = step.axes + (1 if step.yaw_used else 0)
     threshold = alarm_threshold(parameters.alarm_interval_s, measurement.t_s - measurement.previous_s, components)
-    change.margin = statistic / threshold
+    change.statistic = statistic / threshold
     if statistic > threshold:
         state.mode = SLIPPING
         start_slide(measurement, slip, rest.p_aa, state.slide)
@@ -201,7 +201,7 @@ def _scale_noise(state: PadState) -> None:
 def _test_stop(odds: float, parameters: Parameters, state: PadState, change: Change) -> None:
     """Has a slipping object stopped? odds: of `stop_odds`, after its last measurement."""
     slide, stop = state.slide, state.slide.stop
-    change.margin = _STOP_ODDS / odds
+    change.statistic = _STOP_ODDS / odds
     if odds > _STOP_ODDS and not slide.stop_reported:
         slide.stop_reported = True
         duration_s = max(stop.since_s - slide.start_s, _MIN_DURATION_S)
@@ -247,14 +247,14 @@ def _test_disturbance(scan: Observation, parameters: Parameters, state: PadState
     """
     p_value = erfc(scan.disturbance / np.sqrt(2.0))
     if state.mode == SLIPPING:
-        change.margin = _END_P_VALUE / p_value
+        change.statistic = _END_P_VALUE / p_value
         if scan.disturbance < _END_SIGMAS:
             state.mode = RESTING
             change.onset_s = scan.t_s
         return
     settled, accepted = scan.t_s - state.first_s >= parameters.settle_s, scan.t_s - state.last_s
     accepted /= parameters.alarm_interval_s
-    change.margin = accepted / p_value if settled else np.nan
+    change.statistic = accepted / p_value if settled else np.nan
     if settled and p_value < accepted:
         state.mode, state.slide.stop_reported = SLIPPING, False
         change.onset_s = scan.t_s

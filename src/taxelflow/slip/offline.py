@@ -60,7 +60,7 @@ class OfflineSlipSession:
         # Of the scans held: time, time of the pose (pads,), displacement and variance of the pose (pads, 3).
         self._t, self._pose_t = np.zeros(0), np.zeros((0, len(pads)))
         self._moved, self._variance = np.zeros((0, len(pads), 3)), np.zeros((0, len(pads), 3))
-        self._margin = np.zeros((0, len(pads)))  # of the detector
+        self._statistic = np.zeros((0, len(pads)))  # of the detector
 
     @property
     def scatter(self) -> Floats:
@@ -72,16 +72,16 @@ class OfflineSlipSession:
 
         `t_s` of a slip's event is the first scan that slips, or no longer slips.
         """
-        _, events, margin = self._detector.step(slips)
+        _, events, statistic = self._detector.step(slips)
         new = (
             slips.t_s,
             slips.t_s[:, np.newaxis] - np.nan_to_num(slips.lag_s),
             np.where(slips.contact[..., np.newaxis], slips.displacement, np.nan),
             np.einsum("kpii,kp->kpi", slips.displacement_covariance, np.where(slips.lag_s > 0, 1.0, 0.5)),
         )
-        held = (self._t, self._pose_t, self._moved, self._variance, self._margin)
-        whole = map(np.concatenate, zip(held, (*new, margin), strict=True))
-        self._t, self._pose_t, self._moved, self._variance, self._margin = whole
+        held = (self._t, self._pose_t, self._moved, self._variance, self._statistic)
+        whole = map(np.concatenate, zip(held, (*new, statistic), strict=True))
+        self._t, self._pose_t, self._moved, self._variance, self._statistic = whole
         for event in events:
             scan = self._first + int(np.searchsorted(self._t, event.t_s))
             self._pads[self._numbers[event.pad]].pending.append((scan, event))
@@ -109,10 +109,10 @@ class OfflineSlipSession:
                 found.append((scan, number, _at_scan(event, float(times[scan]))))
                 pad.slipping = {"slip_start": True, "slip_stop": False}.get(event.event, pad.slipping)
             slipping[done:, number] = pad.slipping
-        margin = self._margin[start - self._first : stop - self._first].copy()
+        statistic = self._statistic[start - self._first : stop - self._first].copy()
         self._given = stop
         self._drop_before(stop - _LOOKBACK_SCANS - _SIDE_SCANS)
-        return Detected(slipping, [event for _, _, event in sorted(found, key=lambda one: one[:2])], margin)
+        return Detected(slipping, [event for _, _, event in sorted(found, key=lambda one: one[:2])], statistic)
 
     def _drop_before(self, scan: int) -> None:
         """Drop the scans held before this one."""
@@ -120,7 +120,7 @@ class OfflineSlipSession:
         self._first += old
         self._t, self._pose_t = self._t[old:], self._pose_t[old:]
         self._moved, self._variance = self._moved[old:], self._variance[old:]
-        self._margin = self._margin[old:]
+        self._statistic = self._statistic[old:]
 
     def _refine(self, number: int, pad: _PadEvents) -> None:
         """Refine the oldest pending event of a pad, or drop it with the one that cancels it.

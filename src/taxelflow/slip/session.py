@@ -14,18 +14,16 @@ from taxelflow.slip.detector import Change, PadState, follow, has_flips
 from taxelflow.slip.measurement import observations
 
 _CHANGE = record_dtype(Change)
-_SMALLEST = 1e-300
-"""Bound of the ratio of a statistic to its threshold."""
 
 
 class Detected(NamedTuple):
-    """By the pose. slipping: (scans, pads). events: in time order. margin: (scans, pads), log of the test's statistic
-    over its threshold, NaN where a scan was not tested.
+    """By the pose. slipping: (scans, pads). events: in time order. statistic: (scans, pads), of the test, over its
+    threshold: above 1 it slips; NaN where a scan was not tested.
     """
 
     slipping: Bools
     events: list[Event]
-    margin: Floats
+    statistic: Floats
 
 
 class SlipSession:
@@ -54,7 +52,7 @@ class SlipSession:
         follow(observations(slips), self._parameters, self._states, slipping, changes)
         changing = has_flips_in_block if is_block(len(slips)) else has_flips
         if not changing(self._contact, slips.contact) and not changing(self._slipping, slipping):
-            return Detected(slipping, [], _log(changes["margin"]))
+            return Detected(slipping, [], changes["statistic"])
         contact = np.concatenate([self._contact, slips.contact])
         slips_now = np.concatenate([self._slipping, slipping])
         self._contact, self._slipping = contact[-1:], slips_now[-1:]
@@ -70,7 +68,7 @@ class SlipSession:
                 events.append(_slip_event(t_s, name, "slip_start" if slips_on else "slip_stop", changes[scan, pad]))
             if touched and not touches:
                 events.append(Event(t_s, name, "release"))
-        return Detected(slipping, events, _log(changes["margin"]))
+        return Detected(slipping, events, changes["statistic"])
 
     def finish(self) -> Detected:
         """Nothing is held back."""
@@ -81,11 +79,6 @@ class SlipSession:
 def has_flips_in_block(last: Bools, flags: Bools) -> bool:
     """`has_flips` in NumPy."""
     return bool(len(flags) and ((flags[0] != last[0]).any() or (flags[1:] != flags[:-1]).any()))
-
-
-def _log(ratio: Floats) -> Floats:
-    """Log of ratios, bounded where one of their parts is 0."""
-    return np.log(np.clip(ratio, _SMALLEST, 1.0 / _SMALLEST))
 
 
 def _slip_event(t_s: float, pad: str, kind: str, change: Any) -> Event:

@@ -24,19 +24,21 @@ if TYPE_CHECKING:
     from taxelflow.slip.session import Detected
 
 Block = TypeVar("Block", Odds, PatternChanges)
+_MOST_LOG = 700.0
+"""Bound of log odds whose exponential is a number."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
     """The oldest scans that are judged. slipping: (scans, pads). evidence: (scans, pads), log odds of a slip by the
-    change of the pattern; NaN where unknown. margin: (scans, pads), log of the statistic that decides, over its
-    threshold: that of the pose, on restless pads of the pattern; NaN where a scan was not tested. events: those that
-    are complete, in time order; of a recording later than their scans, as slips wait for their end.
+    change of the pattern; NaN where unknown. statistic: (scans, pads), that which decides, over its threshold: above 1
+    it slips. It is that of the pose, on restless pads the odds; NaN where a scan was not tested. events: those that are
+    complete, in time order; of a recording later than their scans, as slips wait for their end.
     """
 
     slipping: Bools
     evidence: Floats
-    margin: Floats
+    statistic: Floats
     events: list[Event]
 
     def __len__(self) -> int:
@@ -69,7 +71,7 @@ class SlipStage:
         self._changes: list[PatternChanges] = []
         self._slips: list[Slips] = []  # not judged yet
         self._posed: list[Bools] = []  # slipping by the pose, of scans that are not judged yet
-        self._margins: list[Floats] = []  # by the pose, likewise
+        self._statistics: list[Floats] = []  # by the pose, likewise
         self._events: list[Event] = []
 
     @property
@@ -95,7 +97,7 @@ class SlipStage:
     def _judge(self, detected: Detected, *, last: bool) -> Judged:
         posed = detected.slipping
         self._posed.append(posed)
-        self._margins.append(detected.margin)
+        self._statistics.append(detected.statistic)
         self._events += detected.events
         parts = []
         if len(posed):
@@ -109,19 +111,21 @@ class SlipStage:
         odds = joined(parts)
         slips = joined(self._slips)
         flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
-        margins = self._margins[0] if len(self._margins) == 1 else np.concatenate(self._margins)
+        statistics = self._statistics[0] if len(self._statistics) == 1 else np.concatenate(self._statistics)
         left = len(slips) > count  # a stream holds nothing back, and copies nothing
         self._slips = [cut(slips, count, len(slips))] if left else []
         self._posed = [flags[count:]] if len(flags) > count else []
-        self._margins = [margins[count:]] if len(margins) > count else []
+        self._statistics = [statistics[count:]] if len(statistics) > count else []
         slips = cut(slips, 0, count) if left else slips
         due = [event for event in self._events if event.t_s <= slips.t_s[-1]]
         self._events = self._events[len(due) :]
         told = Posed(flags[:count], due, self._agreement.step(slips))
         slipping, found = self._verdict.step(slips, told, odds)
         complete = self._completed.step(slips, slipping, found, self._lost(count))
-        margin = np.where(odds.restless, odds.log_odds, margins[:count])
-        return Judged(slipping, odds.log_odds, margin, [*complete, *self._completed.finish()] if last else complete)
+        statistic = statistics[:count]
+        if odds.restless.any():
+            statistic = np.where(odds.restless, np.exp(np.clip(odds.log_odds, -_MOST_LOG, _MOST_LOG)), statistic)
+        return Judged(slipping, odds.log_odds, statistic, [*complete, *self._completed.finish()] if last else complete)
 
     def _lost(self, count: int) -> Floats | None:
         """The oldest losses at borders, of so many scans."""

@@ -6,13 +6,13 @@ import pytest
 from taxelflow.acquire.joints import constant_joints
 from taxelflow.publish.view.camera import Camera, picture_axes, view_of
 from taxelflow.publish.view.legend import Scales, drawn
-from taxelflow.publish.view.lettering import lettered
+from taxelflow.publish.view.lettering import text_image
 from taxelflow.publish.view.palette import DARK, LIGHT, number, round_up
 from taxelflow.sensors.catalogue import load_sensor
 
 
 def test_words_have_one_colour_and_stand_on_nothing() -> None:
-    short, long = lettered("palm", DARK.words), lettered("finger3_mid", DARK.words)
+    short, long = text_image("palm", DARK.words), text_image("finger3_mid", DARK.words)
     assert (long[..., :3] == DARK.words).all()  # also where nothing is, or edges would be dark
     assert set(np.unique(long[[0, -1], :, 3])) == {0}
     assert long[..., 3].max() == 255

@@ -18,6 +18,7 @@ import numpy as np
 
 from taxelflow.fusion.spatial.solve import Contacts, Solution, solve
 from taxelflow.messages import Floats
+from taxelflow.numerics.se3 import carried
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import lean_kernel, routine
 
@@ -115,18 +116,6 @@ def one_stands_out(contacts: Contacts, chi2: float, freedom: float, usual: float
         if excess(less / (parts * scatter), their_freedom) > _SIGMAS:
             return True
     return False
-
-
-@lean_kernel
-def carried(a: Floats, matrix: Floats, b: Floats) -> float:
-    """a^T matrix b of vectors (n,)."""
-    total = 0.0
-    for i in range(len(a)):
-        part = 0.0
-        for j in range(len(b)):
-            part += matrix[i, j] * b[j]
-        total += a[i] * part
-    return total
 
 
 @lean_kernel

@@ -9,7 +9,7 @@ import numpy as np
 from taxelflow.fusion.spatial.robust import Verdict, solve_robustly
 from taxelflow.fusion.spatial.solve import Contacts, Solution
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.se3 import multiply, planar_rows
+from taxelflow.numerics.se3 import multiply, planar_rows, product_of
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import lean_kernel, routine
 
@@ -160,15 +160,6 @@ def unscale(solution: Solution, verdict: Verdict, centre: Floats, length_m: floa
                 out.blind[blind, i] = product_of(A[i], solution.vectors[:, d])
             blind += 1
     out.rank = verdict.rank
-
-
-@lean_kernel
-def product_of(a: Floats, b: Floats) -> float:
-    """Scalar product of vectors (n,)."""
-    total = 0.0
-    for i in range(len(a)):
-        total += a[i] * b[i]
-    return total
 
 
 @lean_kernel

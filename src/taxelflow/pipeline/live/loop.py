@@ -141,7 +141,7 @@ def update_of(output: Output, arrived_s: Floats | None = None) -> Update:
         output.events,
         output.contacts,
         output.evidence,
-        output.margin,
+        output.statistic,
         output.spatial,
     )
 

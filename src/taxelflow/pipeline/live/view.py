@@ -62,7 +62,7 @@ class LiveView:
 
     def write(self, update: Update) -> None:
         """Results."""
-        results = Results(update.slips, update.slipping, update.motions, update.margin, update.spatial)
+        results = Results(update.slips, update.slipping, update.motions, update.statistic, update.spatial)
         self.history.add(results, update.events)
 
     def tick(self) -> None:

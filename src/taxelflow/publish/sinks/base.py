@@ -37,7 +37,7 @@ class Update:
     events: list[Event]
     contacts: Contacts
     evidence: Floats
-    margin: Floats
+    statistic: Floats
     spatial: SpatialMotions | None = None
     adoptions: list[Adoption] = field(default_factory=list)
     missed: list[float] = field(default_factory=list)

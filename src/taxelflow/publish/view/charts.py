@@ -1,4 +1,4 @@
-"""Time plots of one pad or of the object: speed, rate of turn, load, evidence of a slip against its threshold."""
+"""Time plots of one pad or of the object: speed, rate of turn, load, and the slip test against its threshold."""
 
 from __future__ import annotations
 
@@ -25,9 +25,11 @@ _HEIGHT = 118
 """Of a plot, pixels."""
 _PADDING = (9, 24, 0, 0)
 """Above, right, below, left, pixels: half a number stands above the highest line."""
+_RATIOS = 1e-6, 1e6
+"""Statistics over their threshold between which they are drawn."""
 _CIRCLES: Any = {"show": True, "size": 6, "fill": "rgba(0,0,0,0)", "width": 1.2}
 _COMPARED = {"speed": 2, "turn": 1}
-"""Curves of the plots that differ by method; load and evidence do not."""
+"""Curves of the plots that differ by method; load and the slip test do not."""
 
 
 class Chart(NamedTuple):
@@ -49,9 +51,9 @@ def charts(load_unit: str) -> dict[str, Chart]:
         ),
         "turn": Chart("rate of turn, deg/s", (("turn", _GREEN),), compared=True),
         "load": Chart(f"load, {load_unit}", (("load", _BLUE),), points=False),
-        "evidence": Chart(
+        "test": Chart(
             "slip test, log of statistic over threshold (line: slips above)",
-            (("evidence", _ORANGE), ("threshold", _GREY)),
+            (("statistic", _ORANGE), ("threshold", _GREY)),
         ),
     }
 
@@ -102,15 +104,15 @@ def curves_of(results: Results, pad: int | None, load_scale: float) -> dict[str,
     slips = results.slips
     if pad is None:
         velocity, load = results.motions.velocity, np.nansum(slips.load, axis=1)
-        known = np.isfinite(results.margin).any(axis=1)
-        evidence = np.where(known, np.max(np.nan_to_num(results.margin, nan=-np.inf), axis=1), np.nan)
+        known = ~np.isnan(results.statistic).all(axis=1)
+        tested = np.where(known, np.max(np.nan_to_num(results.statistic, nan=-np.inf), axis=1), np.nan)
     else:
-        velocity, load, evidence = slips.velocity[:, pad], slips.load[:, pad], results.margin[:, pad]
+        velocity, load, tested = slips.velocity[:, pad], slips.load[:, pad], results.statistic[:, pad]
     return {
         "speed": [1e3 * velocity[:, 0], 1e3 * velocity[:, 1]],
         "turn": [np.degrees(velocity[:, 2])],
         "load": [load_scale * load],
-        "evidence": [evidence, np.zeros(len(slips))],
+        "test": [np.log(np.clip(tested, *_RATIOS)), np.zeros(len(slips))],
     }
 
 

@@ -1,7 +1,7 @@
 """The links of a hand with joints: solids between its joints, behind its pads.
 
-A model of a hand tells where joints are, not what links look like. Each link is the convex hull of its joints and of
-the backs of its pads, and lies behind its own pads, so that it hides none of their taxels from the front.
+The model of a hand has the places of joints, but no surfaces of links. Each link is drawn as the convex hull of its
+joints and of the backs of its pads. It lies behind its own pads, and hides none of their taxels from the front.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from taxelflow.publish.view.batch import add_batch, put
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
-    from taxelflow.publish.view.articulation import Fingers
     from taxelflow.publish.view.shapes import Shape
 
 _SECTIONS = 16
@@ -41,8 +40,9 @@ class Skin(NamedTuple):
 class HandLinks:
     """The solids. They move with the fingers."""
 
-    def __init__(self, server: Any, fingers: Fingers, size_m: float) -> None:
-        found = [(link, solid_of(ends, skin, _JOINT * size_m)) for link, (ends, skin) in fingers.links.items()]
+    def __init__(self, server: Any, links: dict[int, tuple[Floats, Skin]], size_m: float) -> None:
+        """links: joints and skin of each link by its number, see `Fingers`."""
+        found = [(link, solid_of(ends, skin, _JOINT * size_m)) for link, (ends, skin) in links.items()]
         self._shapes = {link: shape for link, shape in found if shape is not None}
         self._T: dict[int, Floats] = {}
         self._solids = [

@@ -34,7 +34,7 @@ class Results(NamedTuple):
     slips: Slips
     slipping: Bools
     motions: Motions
-    margin: Floats
+    statistic: Floats
     spatial: SpatialMotions | None = None
 
 
@@ -196,13 +196,13 @@ def _joined_scans(blocks: Sequence[Seen]) -> Seen:
 
 
 def _joined_results(blocks: Sequence[Results]) -> Results:
-    slips, slipping, motions, margin, spatial = zip(*blocks, strict=True)
+    slips, slipping, motions, statistic, spatial = zip(*blocks, strict=True)
     known = [one for one in spatial if one is not None]
     return Results(
         joined(slips),
         np.concatenate(slipping),
         joined(motions),
-        np.concatenate(margin),
+        np.concatenate(statistic),
         joined(known) if known else None,
     )
 
@@ -212,6 +212,6 @@ def _rows(results: Results, first: int, last: int) -> Results:
         cut(results.slips, first, last),
         results.slipping[first:last],
         cut(results.motions, first, last),
-        results.margin[first:last],
+        results.statistic[first:last],
         None if results.spatial is None else cut(results.spatial, first, last),
     )

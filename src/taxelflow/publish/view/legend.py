@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from taxelflow.publish.view.arrows import RINGS
-from taxelflow.publish.view.lettering import LEFT, RIGHT, Anchor, Plane, Words, font
+from taxelflow.publish.view.lettering import LEFT, RIGHT, Anchor, Label, Plane, font
 from taxelflow.publish.view.palette import GREEN, MAGENTA, VERMILION, number, ramp
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Legend:
     def __init__(self, server: Any) -> None:
         self._server = server
         self._plane = Plane(server, "/legend")
-        self._clock: Words | None = None
+        self._clock: Label | None = None
         self._end: tuple[Floats, Axes, Anchor, float] | None = None
         self._colour: Rgb = (0, 0, 0)
         self._drawn: tuple[Theme, Scales] | None = None
@@ -78,7 +78,7 @@ class Legend:
     def tell(self, words: str) -> None:
         """Write something, such as the time, to the right."""
         if self._clock is None:
-            self._clock = Words(self._server, "/clock", words)
+            self._clock = Label(self._server, "/clock", words)
             self._put_clock()
         self._clock.words = words
         self._clock.tint(self._colour)

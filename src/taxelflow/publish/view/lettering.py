@@ -1,4 +1,4 @@
-"""Words and pictures in the scene: planes that face the camera, in the colours of the theme.
+"""Labels and pictures in the scene: planes that face the camera, in the colours of the theme.
 
 Labels of viser are black on white boxes in every theme. The font is the one that Pillow holds.
 """
@@ -41,8 +41,8 @@ def font(em: int = EM) -> Any:
     return ImageFont.load_default(em)
 
 
-def lettered(words: str, colour: Rgb) -> NDArray[np.uint8]:
-    """(height, width, 4), words on nothing."""
+def text_image(words: str, colour: Rgb) -> NDArray[np.uint8]:
+    """(height, width, 4), a transparent image of text."""
     from PIL import Image, ImageDraw
 
     own = font()
@@ -84,8 +84,8 @@ class Plane:
         handle.scale, handle.position, handle.wxyz = pixel_m, place + pixel_m * off, axes.wxyz
 
 
-class Words(Plane):
-    """One line of words."""
+class Label(Plane):
+    """One line of text."""
 
     def __init__(self, server: Any, name: str, words: str) -> None:
         super().__init__(server, name)
@@ -96,4 +96,4 @@ class Words(Plane):
         """Write them in a colour."""
         if self._written != (self.words, colour):
             self._written = self.words, colour
-            self.draw(lettered(self.words, colour))
+            self.draw(text_image(self.words, colour))

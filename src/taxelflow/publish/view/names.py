@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from taxelflow.publish.view.lettering import EM, LEFT, RIGHT, TOP, Words
+from taxelflow.publish.view.lettering import EM, LEFT, RIGHT, TOP, Label
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -21,7 +21,7 @@ _ANCHORS = {"center-left": (1.5, LEFT), "center-right": (-1.5, RIGHT)}
 
 
 class Names:
-    """Words that face the camera. crowded: there are so many pads in space that none has a name."""
+    """Labels of pads. crowded: too many pads stand in space for names, and none is drawn."""
 
     def __init__(self, server: Any, layout: Layout, placement: Placement, radius_m: float) -> None:
         self._radius = radius_m
@@ -29,7 +29,7 @@ class Names:
         self.crowded = placement.spatial and not few
         named = () if self.crowded else layout.pads[: layout.pad_count]
         self._em = _LARGE if few else _SMALL
-        self._words = [Words(server, f"/names/{pad}", name) for pad, name in enumerate(named)]
+        self._words = [Label(server, f"/names/{pad}", name) for pad, name in enumerate(named)]
 
     def tint(self, colour: Rgb) -> None:
         """Write them in a colour."""
@@ -37,7 +37,7 @@ class Names:
             words.tint(colour)
 
     def move(self, spots: Floats, anchors: list[str], view: View) -> None:
-        """Put them beside lights at spots (pads, 3), anchored as told, before all else that a view shows there."""
+        """Place each label beside its light at spots (pads, 3), on the side of its anchor, in front of the hand."""
         axes, pixel_m = view.axes, self._em * view.wide_m / EM
         if len(spots):
             pixel_m *= view.nearer(spots.mean(axis=0))[1]  # all are equally large in the picture

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 OBJECT = "object (all pads)"
-_MARKS = (("assum", "assumed"), ("measured", "measured"), ("from ", "published"))
+_MARKS = {"assum": "assumed", "not published": "not published", "measured": "measured", "published": "published"}
 """Parts of a note on places, and what they say of them; the first one counts."""
 NO_METHOD = "none"
 _MOST_ROWS = 8
@@ -210,7 +210,7 @@ def marked(sensor: Sensor, how: tuple[int, ...]) -> dict[str, list[str]]:
     for pad, way in zip(sensor.pads, how, strict=True):
         hand = "" if sensor.hand is None else sensor.hand.note
         notes = f"{hand if way == ON_LINKS else sensor.note} {pad.note}".lower()
-        known = next((mark for part, mark in _MARKS if part in notes), "as the sensor file has it")
+        known = next((mark for part, mark in _MARKS.items() if part in notes), "as the sensor file has it")
         known = f"mounting {known}" if way == ON_LINKS and known == "assumed" else known
         mark = "" if way == IN_A_ROW else f" ({known})"
         found.setdefault(f"{WORDS[way]}{mark}", []).append(pad.name)

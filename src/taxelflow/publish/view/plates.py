@@ -82,23 +82,11 @@ def _outline(layout: Layout, pad: int) -> Floats:
 
 
 def _hull(points: Floats) -> Floats:
-    """(n, 2), convex hull of points (m, 2), anticlockwise (Andrew's chains)."""
-    ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
-    found: list[Floats] = []
-    for chain in (ordered, ordered[::-1]):
-        first = len(found)
-        for point in chain:
-            while len(found) >= first + 2 and _left(found[-2], found[-1], point) <= 0:
-                found.pop()
-            found.append(point)
-        found.pop()
-    return np.array(found)
+    """(n, 2), convex hull of points (m, 2), anticlockwise."""
+    from scipy.spatial import ConvexHull
 
-
-def _left(a: Floats, b: Floats, c: Floats) -> float:
-    """Positive if c lies to the left of the way from a to b."""
-    (ux, uy), (vx, vy) = b - a, c - a
-    return float(ux * vy - uy * vx)
+    found: Floats = points[ConvexHull(points).vertices]
+    return found
 
 
 def _prism(outline: Floats, thick_m: float) -> Shape:

@@ -77,7 +77,7 @@ class Scene:
         add_lights(scene, self._axes if space else picture_axes(np.array((0.0, 0.0, 1.0))), space=space)
         self._add_taxels()
         self._body = self._add_body()
-        self._links = HandLinks(server, self._fingers, size) if self._fingers is not None else None
+        self._links = HandLinks(server, self._fingers.links, size) if self._fingers is not None else None
         seen_through = {} if self._links is None else {"opacity": THROUGH}
         self._plates = Plates(server, self.layout, self.placement, **seen_through)
         self._radius = min(0.0095 * size, 0.9 * self._pitch)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.numerics.geometry import hat
+from taxelflow.numerics.geometry import hat, rotate
 from taxelflow.publish.spatial import basis_of
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
@@ -147,8 +147,8 @@ def path_of(trail: SpatialMotions, middle: Floats, most: int) -> tuple[Floats, B
         return np.zeros((0, 3)), np.zeros(0, dtype=np.bool_)
     chosen = np.linspace(first, len(trail) - 1, most).astype(int)
     place, turn = trail.pose[chosen, :3], trail.pose[chosen, 3:]
-    point = _rotated(turn[-1:] * (-1.0, -1.0, -1.0, 1.0), middle - place[-1])[0]
-    path = _rotated(turn, point) + place
+    point = rotate(turn[-1] * (-1.0, -1.0, -1.0, 1.0), middle - place[-1])
+    path = rotate(turn, point) + place
     hidden = trail.pose_blind[chosen, :, :3] + np.cross(trail.pose_blind[chosen, :, 3:], path[:, np.newaxis])
     told: Bools = np.asarray(np.linalg.norm(hidden, axis=2).max(axis=1) < _TELLS)
     return path, told
@@ -170,14 +170,6 @@ def marks_of(blind: Floats, middle: Floats, size_m: float) -> Floats:
         point = middle + off * min(1.0, 0.5 * size_m / max(far, shapes.NONE))
         marks += [point + bar * along, _arc(point, 0.05 * size_m, along, 2 * np.pi, _RING)]
     return np.concatenate(marks)
-
-
-def _rotated(quaternions: Floats, vector: Floats) -> Floats:
-    """(n, 3), a vector (3,) rotated by each quaternion [x, y, z, w] (n, 4) of any length but 0."""
-    axis, scalar = quaternions[:, :3], quaternions[:, 3:]
-    twice = 2.0 * np.cross(axis, vector)
-    found: Floats = vector + (scalar * twice + np.cross(axis, twice)) / (quaternions**2).sum(axis=1, keepdims=True)
-    return found
 
 
 def _lever(point: Floats) -> Floats:
