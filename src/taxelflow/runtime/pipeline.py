@@ -21,7 +21,10 @@ from numba.core.typed_passes import (
     NopythonTypeInference,
     PreLowerStripPhis,
 )
-from numba.core.untyped_passes import FixupArgs, GenericRewrites, IRProcessing, ReconstructSSA, TranslateByteCode
+from numba.core.types import Function
+from numba.core.untyped_passes import FixupArgs, GenericRewrites, ReconstructSSA, TranslateByteCode
+
+from taxelflow.runtime.lowering import KernelLower, is_builtin
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,15 +70,59 @@ _with_room = FunctionType(_call.__code__.replace(co_stacksize=_ROOM_ENTRIES), {}
 chunk begins and returns. A frame that is larger gets a chunk of a power of two, and calls within it what it leaves."""
 
 
+@register_pass(mutates_CFG=True, analysis_only=False)
+class KernelLowering(NativeLowering):
+    """Lowering by `KernelLower`."""
+
+    _name = "kernel_lowering"
+    lowering_class = KernelLower
+
+
+class _Types:
+    """numba's typing context, which remembers how operators and functions of its own are typed."""
+
+    _typed: ClassVar[dict[tuple[int, Any], tuple[Any, Any]]] = {}
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._context, name)
+
+    def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
+        """The signature of a call. Functions that are compiled for their types are looked for each time."""
+        key = id(func), args
+        if not kws and key in self._typed:
+            return self._typed[key][1]
+        signature = self._context.resolve_function_type(func, args, kws)
+        if not kws and isinstance(func, Function) and signature is not None and is_builtin(func, signature):
+            self._typed[key] = func, signature  # the function, for its id to stay its own
+        return signature
+
+
+class _Passes(PassManager):
+    """Passes that are run one after the other; they are not timed, and numba's listeners do not hear of them."""
+
+    def __init__(self, *passes: type) -> None:
+        super().__init__("taxelflow")  # type: ignore[no-untyped-call]
+        self._run = [one() for one in passes]
+
+    def run(self, state: Any) -> None:
+        """Run them on the state of a compile."""
+        for one in self._run:
+            one.run_pass(state)
+
+
 class KernelCompiler(CompilerBase):
     """The passes of a kernel. `IRLegalization` ends the lives of variables: without it arrays are never freed."""
 
-    lowering: type = NativeLowering
+    lowering: type = KernelLowering
 
     def __init__(self, *arguments: Any) -> None:
         """As numba calls it."""
         super().__init__(*arguments)  # type: ignore[no-untyped-call]
         self.state.flags = _Options(self.state.flags)
+        self.state.typingctx = _Types(self.state.typingctx)
 
     def compile_extra(self, func: Any) -> Any:
         """Compile a function, with room for the calls of all passes."""
@@ -83,22 +130,19 @@ class KernelCompiler(CompilerBase):
 
     def define_pipelines(self) -> list[PassManager]:
         """One list of passes; there is no other to fall back to."""
-        passes = PassManager("taxelflow")
-        for one in (
-            TranslateByteCode,
-            FixupArgs,
-            IRProcessing,
-            GenericRewrites,
-            ReconstructSSA,
-            NopythonTypeInference,
-            PreLowerStripPhis,
-            IRLegalization,
-            self.lowering,
-            NoPythonBackend,
-        ):
-            passes.add_pass(one, one.__name__)
-        passes.finalize()
-        return [passes]
+        return [
+            _Passes(
+                TranslateByteCode,
+                FixupArgs,
+                GenericRewrites,
+                ReconstructSSA,
+                NopythonTypeInference,
+                PreLowerStripPhis,
+                IRLegalization,
+                self.lowering,
+                NoPythonBackend,
+            )
+        ]
 
 
 class _Intermediate(JITCodeLibrary):
@@ -117,7 +161,7 @@ class _Intermediate(JITCodeLibrary):
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
-class _RoutineLowering(NativeLowering):
+class _RoutineLowering(KernelLowering):
     """Lowering to intermediate code."""
 
     _name = "routine_lowering"
