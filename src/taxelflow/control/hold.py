@@ -10,10 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from math import exp, log
 
+import numpy as np
+
 from taxelflow.control.agreement import Agreement
 from taxelflow.control.balance import G_M_S2, Balance, Shown
 from taxelflow.control.base import Touch
 from taxelflow.control.blindness import Blindness
+
+_MIDDLE = np.zeros(2)
+"""Point of the object whose motion is judged, on facing pads: that between their middles, near its centre of mass."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ class HoldSession:
         """The force to command, N."""
         p, was = self._p, self._slips
         sees = ~(touch.detail_m > p.blindness.detail_m)  # the slip detector of a pad that cannot tell knows nothing
-        motion = self._both.step(replace(touch, slipping=touch.slipping & sees))
+        motion = self._both.step(replace(touch, slipping=touch.slipping & sees).of_point(_MIDDLE))
         if self._blindness.step(touch):
             self._target_n, self._force_n = max(self._target_n, self._blind_n), max(self._force_n, self._blind_n)
             self._calm_s = 0.0
