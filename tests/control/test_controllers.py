@@ -147,7 +147,7 @@ def test_hold_weighs_a_slipping_object_stops_it_and_relaxes(weight: float) -> No
 
 
 def weighed(load_n: Callable[[float], float], seconds: float) -> tuple[list[float], list[float]]:
-    """`Hold` on an object of m a = L - 2 mu F, whose least force at a time is load_n: way in m and force, scan by scan."""
+    """Way in m and force, scan by scan, of an object in `Hold` with m a = L - 2 mu F and this least force at a time."""
     controller, force_n, felt_n = Hold().start(6.5, MOST_N), 6.5, 6.5
     speed = slid = 0.0
     ways, forces = [], []
