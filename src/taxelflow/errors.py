@@ -355,7 +355,7 @@ class SinkUnusable(TaxelflowError):
 
 
 class GraphicsMissing(TaxelflowError):
-    """No way to render without a display. seen: what each way said."""
+    """No way to render without a display. seen: what each way reported."""
 
     def __init__(self, seen: str) -> None:
         super().__init__(f"cannot render pictures: {seen}; install EGL (libegl1 with Mesa) or OSMesa (libosmesa6)")

@@ -458,7 +458,7 @@ def _joined_field(parts: list[Any]) -> Any:
 def cut(block: Block, start: int, stop: int) -> Block:
     """Scans `start` to `stop` (excluded) of a block, as views."""
     kind, scans = type(block), slice(start, stop)
-    names = kind.__match_args__  # of the dataclass; `fields` makes its answer anew each time
+    names = kind.__match_args__  # of the dataclass; `fields` builds its answer each time
     return kind(*(part if (part := getattr(block, name)) is None or name in _SHARED else part[scans] for name in names))
 
 

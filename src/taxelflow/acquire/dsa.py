@@ -100,7 +100,7 @@ def _joints(path: Path) -> Joints | None:
                 t_s.append(float(_text(element, "time_stamp")) / 1e3)
                 degrees.append([float(number) for number in _text(element, "angle_data").split(",")])
     except (EOFError, OSError, ElementTree.ParseError):
-        pass  # the scans before the damage are read all the same, and reading them says what is lost
+        pass  # the scans before the damage are read all the same, and reading them reports what is lost
     if not degrees or any(len(row) != len(_JOINTS) for row in degrees):
         return None
     return joints_of(_JOINTS, np.array(t_s), np.radians(degrees))

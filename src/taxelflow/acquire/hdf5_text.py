@@ -42,7 +42,9 @@ def text_beside(path: Path, place: str, name: str) -> str:
     except subprocess.TimeoutExpired as error:
         raise RecordingCorrupt(path, f"its text {name} cannot be read in {_MOST_S:g} s", _REMEDY) from error
     if done.returncode:
-        said = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
-        why = said[0] if said else f"it takes more than {_MOST_CPU_S} s of processor time, as a damaged one does"
+        reported = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        why = (
+            reported[0] if reported else f"it takes more than {_MOST_CPU_S} s of processor time, as a damaged one does"
+        )
         raise RecordingCorrupt(path, f"its text {name} cannot be read: {why}", _REMEDY)
     return done.stdout.decode(errors="replace")

@@ -153,7 +153,7 @@ def _sent(windows: Floats, sensor: Sensor) -> Floats:
 
 
 def _declared(scans: Floats, noise: Floats) -> Offsets:
-    """Offsets of the taxels of a pad, from scans (scans, taxels) that the user says are idle."""
+    """Offsets of the taxels of a pad, from scans (scans, taxels) that the user declares idle."""
     known = np.isfinite(scans)
     count = np.maximum(known.sum(axis=0), 1)
     mean: Floats = np.where(known, scans, 0.0).sum(axis=0) / count

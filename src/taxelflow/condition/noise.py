@@ -177,12 +177,12 @@ def _rest_likelihood(live: Floats, near: NDArray[np.int64], grid: Floats, cut: f
     readings = far_from_loads(some.reshape(-1, live.shape[2]), near)
     known = np.isfinite(readings)
     clipped = np.sum(readings <= cut, axis=0, where=known)
-    telling = (known.sum(axis=0) >= _MIN_REST_SCANS) & (clipped <= _MAX_CLIPPED_REST * known.sum(axis=0))
-    telling = np.flatnonzero(telling & _independent(readings.reshape(some.shape)))
-    telling = telling[:: 1 + len(readings) * len(telling) // _MAX_REST_READINGS]
+    usable = (known.sum(axis=0) >= _MIN_REST_SCANS) & (clipped <= _MAX_CLIPPED_REST * known.sum(axis=0))
+    usable = np.flatnonzero(usable & _independent(readings.reshape(some.shape)))
+    usable = usable[:: 1 + len(readings) * len(usable) // _MAX_REST_READINGS]
     likelihood = np.zeros((live.shape[2], len(grid)))
-    if len(telling):
-        likelihood[telling] = rest_likelihood(readings[:, telling], grid, cut, reach)
+    if len(usable):
+        likelihood[usable] = rest_likelihood(readings[:, usable], grid, cut, reach)
     return likelihood
 
 

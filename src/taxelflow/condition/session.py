@@ -79,7 +79,7 @@ class ConditionSession:
         self._estimate_baseline(self.lookahead_counts.usual_s)
 
     def adopt_by(self, adopting: Adopting) -> None:
-        """Use what is learned again when this says so; at once where drift is followed, which changes the offsets."""
+        """Use what is learned again when this is true; at once where drift is followed, which changes the offsets."""
         if self._drift is None:
             self._relearning = Relearning(self._parameters, self._sensor, self._adopt, adopting)
 

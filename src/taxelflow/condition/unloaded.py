@@ -16,7 +16,7 @@ _ACTIVE_SIGMAS = 20.0
 _QUIET_SHARE = 0.25
 """Share of the taxels, by the span of their readings, that rest the most, and that move the most; ..."""
 _QUIETER = 4.0
-"""... the former span less than the latter by at least this factor, or nothing is said."""
+"""... the former span less than the latter by at least this factor, or nothing is reported."""
 _DOWNWARDS = 4.0
 """Touched taxels read lower than resting ones by at least this many times what they read higher."""
 _FEWEST = 4

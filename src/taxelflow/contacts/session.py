@@ -21,7 +21,7 @@ class SegmentedScans:
 
     scans: as conditioned, but each split contact holds its own taxels only. moved_apart: (scans, pads), where contacts
     of a pad that is treated as one rigid object have moved relative to each other since it was touched. contacts:
-    features of every pad's contact. texture: what its pattern can tell.
+    features of every pad's contact. texture: what its pattern shows.
     """
 
     scans: Scans

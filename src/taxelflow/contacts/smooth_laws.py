@@ -40,7 +40,7 @@ class Scratch(NamedTuple):
 
 
 def room_for(taxels: int) -> Scratch:
-    """Scratch for pads of so many taxels at most."""
+    """Scratch for pads of at most this many taxels."""
     rest, left, shares, least = np.zeros((4, taxels))
     return Scratch(rest, left, shares, least, np.zeros((taxels, TERMS)), np.zeros((TERMS, TERMS)), np.zeros(TERMS))
 

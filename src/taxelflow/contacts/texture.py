@@ -1,8 +1,8 @@
-"""What a contact's pattern of pressure can tell about the surface that moves under it.
+"""What a contact's pattern of pressure shows of the surface that moves under it.
 
 A smooth round object presses a pattern that shows where it touches, and not how its surface moves: when it spins, the
 pattern stays. What the laws of smooth contact (`smooth_laws`) leave of a pattern is texture, once the noise is taken
-off. A direction in which the pattern has no gradient beyond that of noise is not told at all, as along a ridge that
+off. A direction in which the pattern has no gradient beyond that of noise is not observable, as along a ridge that
 crosses the pad.
 """
 
@@ -32,7 +32,7 @@ _MEMORY = 0.9
 _TEXTURED = 0.05
 """Share of the gradient's energy that texture has at least; the four laws leave less than 0.03 of each other's."""
 _TOLD = 5.0
-"""Energy of the gradient over that of noise from which a direction is told: a fifth of a pitch from one scan."""
+"""Energy of the gradient over that of noise from which a direction is observable: a fifth of a pitch from one scan."""
 _NEAR = 1.5
 """Distance of neighbours, in pitches: the eight around a taxel of a grid, the six of a hexagon."""
 
@@ -53,7 +53,7 @@ class Sums:
     """Of a contact, over its last evaluations: energies of the gradient xx, xy, yy, that of noise in x and y, and of
     texture alone; that of the gradient times the distance from the point about which a turn changes the pattern least,
     whole and across this distance: of the turn. count: evaluations, which fade, too. age: scans since the contact
-    began. smooth, turns, unobservable: what they tell, see `Texture`.
+    began. smooth, turns, unobservable: what they show, see `Texture`.
     """
 
     age: int
@@ -145,11 +145,11 @@ def measure(
 
 @routine
 def judge(own: Sums, unobservable: Floats) -> bool:
-    """Whether the contact is smooth; fill what is not told (2, 2), see `Texture`."""
+    """Whether the contact is smooth; fill what is not observable (2, 2), see `Texture`."""
     half, apart = 0.5 * (own.xx - own.yy), own.xy
     middle, radius = 0.5 * (own.xx + own.yy), np.hypot(half, apart)
     angle = 0.5 * np.arctan2(apart, half)
-    x, y = np.cos(angle), np.sin(angle)  # of the direction that is told best
+    x, y = np.cos(angle), np.sin(angle)  # of the direction that is observed best
     along, across = x * x * own.noise_x + y * y * own.noise_y, y * y * own.noise_x + x * x * own.noise_y
     for a in range(4):
         unobservable[a // 2, a % 2] = 0.0
@@ -200,7 +200,7 @@ def add_scan(
 
 @routine
 def gradient_at(k: int, values: Floats, noise: Floats, gradients: Gradients, first: int) -> tuple[float, float]:
-    """Gradient of values (entries from `first` on) at a taxel; a masked neighbour has no say."""
+    """Gradient of values (entries from `first` on) at a taxel; a masked neighbour does not count."""
     x = y = 0.0
     for n in range(gradients.first[k], gradients.first[k + 1]):
         j = gradients.others[n]

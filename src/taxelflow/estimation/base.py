@@ -62,7 +62,7 @@ class Background(Protocol):
     """A session that learns beside the stream."""
 
     def adopt_by(self, adopting: Adopting) -> None:
-        """Use what is learned when this says so; before the first scan only."""
+        """Use what is learned when this is true; before the first scan only."""
         ...
 
 

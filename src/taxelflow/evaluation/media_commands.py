@@ -17,10 +17,10 @@ from tyro.conf import Positional, UseAppendAction
 
 from taxelflow.errors import ParameterInvalid, RecordingMissing
 from taxelflow.runtime import registry
-from taxelflow.runtime.turns import quick_turns
+from taxelflow.runtime.turns import quick_turns, uncollected
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from taxelflow.acquire.base import Recording
     from taxelflow.publish.view.server import PageServer
@@ -135,26 +135,38 @@ class View:
             raise RecordingMissing(Path(self.shown))
         if self.film is not None:
             return self._film(self.film, methods)
-        from taxelflow.publish.view.server import PageServer
+        with uncollected() as started:
+            from taxelflow.publish.view.server import PageServer
 
-        with PageServer(self.host, self.port) as server, _asked_to_end() as asked, quick_turns():
-            print(f"{server.url} (end with Ctrl-C)", flush=True)
-            self._serve(server, methods, asked, live=live)
+            with PageServer(self.host, self.port) as server, _asked_to_end() as asked, quick_turns():
+                print(f"{server.url} (end with Ctrl-C)", flush=True)  # browsers load it, while the rest is imported
+                if live:
+                    self._serve_source(server, methods[0], asked, started)
+                else:
+                    self._serve_recording(server, methods, asked, started)
         return 0  # interrupted: the way to end it
 
-    def _serve(self, server: PageServer, methods: tuple[str, ...], asked: Event, *, live: bool) -> None:
-        """Import what estimates only now: browsers load the page in the meantime."""
-        from taxelflow.evaluation.view import view_recording, view_source
+    def _serve_recording(
+        self, server: PageServer, methods: tuple[str, ...], asked: Event, started: Callable[[], None]
+    ) -> None:
+        from taxelflow.evaluation.view import Playing
+
+        playing = Playing(self._recording(), methods, server, flat=self.flat)
+        try:
+            playing.run(asked, started)
+        finally:
+            playing.close()
+
+    def _serve_source(self, server: PageServer, method: str, asked: Event, started: Callable[[], None]) -> None:
+        from taxelflow.evaluation.view_live import view_source
         from taxelflow.sensors.catalogue import load_sensor
 
-        if live:
-            sensor = None if self.sensor is None else load_sensor(self.sensor)
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-            with suppress(KeyboardInterrupt):
-                if not asked.is_set():
-                    view_source(self.shown, sensor, methods[0], self.contacts, server)
-        else:
-            view_recording(self._recording(), methods, server, asked, flat=self.flat)
+        sensor = None if self.sensor is None else load_sensor(self.sensor)
+        started()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        with suppress(KeyboardInterrupt):
+            if not asked.is_set():
+                view_source(self.shown, sensor, method, self.contacts, server)
 
     def _film(self, out: Path, methods: tuple[str, ...]) -> int:
         from taxelflow.evaluation.view_film import Part, film_recording

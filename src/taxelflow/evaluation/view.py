@@ -1,4 +1,4 @@
-"""`taxelflow view`: a recording played in the browser while it is being estimated, or a live source."""
+"""`taxelflow view`: a recording that is played in the browser while it is being estimated."""
 
 from __future__ import annotations
 
@@ -10,25 +10,22 @@ from typing import TYPE_CHECKING
 from taxelflow.acquire.joints import declared_joints
 from taxelflow.errors import TaxelflowError
 from taxelflow.pipeline import api
-from taxelflow.pipeline.live.face import Live
-from taxelflow.pipeline.live.loop import Limits, run_live
-from taxelflow.pipeline.live.view import LiveView
 from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.view.history import History, Results
 from taxelflow.publish.view.page import Page
-from taxelflow.runtime import registry
-from taxelflow.runtime.addresses import parse_address
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from taxelflow.acquire.base import Recording
     from taxelflow.pipeline.stages import Output
     from taxelflow.publish.view.server import PageServer
-    from taxelflow.sensors.sensor import Sensor
 
 _BROWSER_S = 3.0
 """The estimate of a recording waits so long at most for a browser: compiling kernels would delay the first picture."""
+_DRAWS_S = 1.0
+"""A browser that has loaded the page draws the first picture in this time, also where it draws without a GPU. It needs
+a core and a half for that, more than a small computer has beside the estimate."""
 
 
 @dataclass
@@ -122,9 +119,9 @@ class Playing:
         finally:
             self._busy.release()
 
-    def run(self, asked: threading.Event) -> None:
-        """Fill and show until asked to end. Raises what reading raises."""
-        threading.Thread(target=self._guarded, name="estimate", daemon=True).start()
+    def run(self, asked: threading.Event, seen: Callable[[], None] = lambda: None) -> None:
+        """Fill and show until asked to end. seen: called when all pressures are known. Raises what reading raises."""
+        threading.Thread(target=self._guarded, args=(seen,), name="estimate", daemon=True).start()
         showing = threading.Thread(target=self.page.run, args=(self._stop,), name="view", daemon=True)
         showing.start()
         while showing.is_alive() and not asked.is_set():
@@ -141,30 +138,12 @@ class Playing:
         self._stop.set()
         self.page.close()
 
-    def _guarded(self) -> None:
+    def _guarded(self, seen: Callable[[], None]) -> None:
         try:
             self._fillings[0].see()
-            self.page.wait_for_browser(_BROWSER_S)
+            seen()
+            if self.page.wait_for_browser(_BROWSER_S):
+                self._stop.wait(_DRAWS_S)
             self._estimate()
         except Exception as error:  # raised by the thread that waits
             self.error = error
-
-
-def view_recording(
-    recording: Recording, methods: Sequence[str], server: PageServer, asked: threading.Event, *, flat: bool = False
-) -> None:
-    """Show the recording until asked to end. Raises NameUnknown, and what reading raises."""
-    playing = Playing(recording, methods, server, flat=flat)
-    try:
-        playing.run(asked)
-    finally:
-        playing.close()
-
-
-def view_source(url: str, sensor: Sensor | None, method: str, contacts: str | None, server: PageServer) -> None:
-    """Show a live source until it ends. Raises as `view_recording`, and what the source raises."""
-    address = parse_address(url)
-    source = registry.find("source", address.scheme)(address, sensor)
-    live = Live(source.recording, method, contacts=contacts)
-    sink = LiveView(live, f"{url}, {method}", server)
-    run_live(source, {"view": sink}, live, Limits(), method, sink.watch)

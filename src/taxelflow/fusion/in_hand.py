@@ -36,7 +36,7 @@ class Home(NamedTuple):
 class Carried(NamedTuple):
     """place, moved: (scans, pads, 2), of the contact's point and of its motion in the hand. turn, own_turn: (scans,
     pads, 2), of the motion and of the pose, with its variance; NaN where the pattern does not change by it. known,
-    told, kept: (scans, pads), the motion is known, the place is, and contact goes on with all of its way known.
+    placed, kept: (scans, pads), the motion is known, the place is, and contact goes on with all of its way known.
     """
 
     place: Floats
@@ -44,7 +44,7 @@ class Carried(NamedTuple):
     turn: Floats
     own_turn: Floats
     known: Bools
-    told: Bools
+    placed: Bools
     kept: Bools
 
 
@@ -65,11 +65,11 @@ class Carrier:
         flags = np.empty((3, *shape), dtype=np.bool_)
         out = Carried(room[0], room[1], room[2], room[3], flags[0], flags[1], flags[2])
         own = np.empty((2, *shape, 2, 2))
-        told = texture is not None
+        placed = texture is not None
         turns, unobservable = (texture.turns, texture.unobservable) if texture is not None else (slips.contact, own[0])
         seen = (slips.displacement, slips.displacement_covariance, slips.pose, slips.covariance)
         marks = (slips.contact, slips.border, slips.quality)
-        self._fill(seen, marks, slips.span_s, point, (told, turns, unobservable), home, own, out)
+        self._fill(seen, marks, slips.span_s, point, (placed, turns, unobservable), home, own, out)
         return out, own[0], own[1]
 
 
@@ -91,9 +91,9 @@ def carry_block(slips: Slips, point: Floats, texture: Texture | None, home: Home
         turn[~texture.turns] = own_turn[~texture.turns] = np.nan
     place = np.einsum("pij,spj->spi", home.R, point) + home.origin
     held = slips.contact & home.used
-    told = np.isfinite(place[..., 0]) & held
+    placed = np.isfinite(place[..., 0]) & held
     moved = np.einsum("pij,spj->spi", home.R, moved)
-    carried = Carried(place, moved, turn, own_turn, slips.valid & home.used, told, held & (slips.valid | ~told))
+    carried = Carried(place, moved, turn, own_turn, slips.valid & home.used, placed, held & (slips.valid | ~placed))
     place_cov, moved_cov = _product(_product(home.R, own), home.R.transpose(0, 2, 1))
     return carried, place_cov, moved_cov
 
@@ -159,8 +159,8 @@ def fill_carried(
         valid = bool(np.isfinite(moved[scan, pad, 0]))
         held = contact[scan, pad] and home.used[pad]
         out.known[scan, pad] = valid and home.used[pad]
-        out.told[scan, pad] = held and np.isfinite(out.place[scan, pad, 0])
-        out.kept[scan, pad] = held and (valid or not out.told[scan, pad])
+        out.placed[scan, pad] = held and np.isfinite(out.place[scan, pad, 0])
+        out.kept[scan, pad] = held and (valid or not out.placed[scan, pad])
 
 
 @routine

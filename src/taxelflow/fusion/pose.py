@@ -70,16 +70,16 @@ def follow_pose(
 
     place_cov: (scans, pads, 2, 2). turns: whether places are known at all. anchors: (pads,) of `Anchor` and bodies:
     (1,) of `Body` are kept from scan to scan. scratch: (1,) of `Equations`.
-    A contact is anchored on the object where it first lies there, and stays so while it is kept; it is anchored anew
+    A contact is anchored on the object where it first lies there, and stays so while it is kept; it is anchored again
     after a gap that its method does not measure across. While nothing touches everything is forgotten.
     Where the contacts contradict each other more than their covariances allow, the pose's covariance is multiplied by
     their reduced chi-square (Birge 1932).
     """
-    place, own_turn, told, kept = here.place, here.own_turn, here.told, here.kept
+    place, own_turn, placed, kept = here.place, here.own_turn, here.placed, here.kept
     body: Body = bodies[0]
     equations: Equations = scratch[0]
     for scan in range(place.shape[0]):
-        if not count_true(kept[scan]) and not count_true(told[scan]):
+        if not count_true(kept[scan]) and not count_true(placed[scan]):
             forget(anchors, body)
             continue
         for pad in range(place.shape[1]):
@@ -89,19 +89,19 @@ def follow_pose(
             robust = iteration >= _PLAIN
             clear(equations)
             if not add_contacts(
-                (place[scan], place_cov[scan], own_turn[scan], told[scan]), robust, anchors, body, equations
+                (place[scan], place_cov[scan], own_turn[scan], placed[scan]), robust, anchors, body, equations
             ):
                 observable = False
                 break
             observable = turns and turn_is_observable(equations.normal)
             if step_pose(observable, body, equations) < _SMALLEST_STEP and robust:
                 break
-        judge_misfit(place[scan], place_cov[scan], own_turn[scan], told[scan], observable, anchors, body)
+        judge_misfit(place[scan], place_cov[scan], own_turn[scan], placed[scan], observable, anchors, body)
         for pad in range(place.shape[1]):
             anchor: Anchor = anchors[pad]
-            if told[scan, pad] and not anchor.anchored:
+            if placed[scan, pad] and not anchor.anchored:
                 set_anchor(place[scan, pad], place_cov[scan, pad], own_turn[scan, pad, 0], anchor, body)
-            anchor.anchored = anchor.anchored or told[scan, pad]
+            anchor.anchored = anchor.anchored or placed[scan, pad]
         row: Row = rows[scan]
         at_start = body.pose[2] == 0.0 and body.covariance[2, 2] == 0.0
         write_pose(body, observable or at_start, row.pose, row.pose_covariance)
@@ -126,13 +126,13 @@ def add_contacts(
     """Add all anchored contacts to the normal equations of a Gauss-Newton step of the object's pose. Returns how many
     there are.
 
-    seen: places, covariances, own turns and whether they are told, of a scan. robust: less of those that are far off.
+    seen: places, covariances, own turns and whether places are known, of a scan. robust: less of those far off.
     """
-    place, place_cov, own_turn, told = seen
+    place, place_cov, own_turn, placed = seen
     count = 0
     for pad in range(len(place)):
         anchor: Anchor = anchors[pad]
-        if told[pad] and anchor.anchored:
+        if placed[pad] and anchor.anchored:
             count += 1
             add_contact(place[pad], place_cov[pad], own_turn[pad], robust, anchor, body, equations)
     return count
@@ -199,7 +199,7 @@ def residual_of(
 
 @inlined
 def weight_of(chi2: float, usual: float) -> float:
-    """Weight of a contact with this chi-square, where contacts usually have so many times what they should (Huber)."""
+    """Weight of a contact with this chi-square, where chi-square is usually too large by this factor (Huber)."""
     return np.sqrt(_FAR * usual / chi2) if chi2 > _FAR * usual else 1.0
 
 
@@ -211,13 +211,13 @@ def usual_misfit(body: Body) -> float:
 
 @routine
 def judge_misfit(
-    place: Floats, place_cov: Floats, own_turn: Floats, told: Bools, observable: bool, anchors: Records, body: Body
+    place: Floats, place_cov: Floats, own_turn: Floats, placed: Bools, observable: bool, anchors: Records, body: Body
 ) -> None:
     """Add the weighted residuals of a scan's contacts, if there are more than the pose needs, to the body's misfit."""
     misfit, freedom = 0.0, 0.0
     for pad in range(len(place)):
         anchor: Anchor = anchors[pad]
-        if told[pad] and anchor.anchored:
+        if placed[pad] and anchor.anchored:
             chi2, measured, _, _ = residual_of(place[pad], place_cov[pad], own_turn[pad], anchor, body)
             weight = min(1.0, (_STUDENT + 2.0) / (_STUDENT + chi2))
             misfit += weight * chi2

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 UNOBSERVABLE_M, UNOBSERVABLE_M_S = 0.05, 0.2
-"""Standard deviations of place and velocity in a direction that a contact's pattern does not tell, m and m/s: ten times
+"""Standard deviations of place and velocity in a direction that a contact's pattern does not show, m and m/s: ten times
 those from which the motion in space calls a direction not observable."""
 
 
@@ -27,7 +27,7 @@ class Reference:
     def step(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> Floats:
         """(scans, pads, 2) in the pads' frames, m; NaN where the pose is unknown. centroid: (scans, pads, 2).
 
-        With a known turn the pose is that of a point of the object. Without, or if the pattern does not tell it, the
+        With a known turn the pose is that of a point of the object. Without, or if the pattern does not show it, the
         point is the contact's centroid in the first scan of the contact that has both, moved with the pose.
         """
         turns = slips.contact if texture is None else texture.turns
@@ -45,8 +45,8 @@ def place_block(
     if not len(pose):
         return
     turns, contact = marks
-    told = np.isfinite(pose[..., 2]) & (turns if judged else True)
-    plain = told | ~np.isfinite(centroid[..., 0])
+    turn_known = np.isfinite(pose[..., 2]) & (turns if judged else True)
+    plain = turn_known | ~np.isfinite(centroid[..., 0])
     own = np.where(plain[..., np.newaxis], 0.0, centroid - pose[..., :2])
     scan = np.arange(len(pose))[:, np.newaxis]
     begin = np.maximum.accumulate(np.where(contact, 0, scan + 1), axis=0)  # of the contact
@@ -73,8 +73,8 @@ def place_points(
         for pad in range(len(offset)):
             own = offset[pad]
             if np.isfinite(pose[scan, pad, 0]) and not np.isfinite(own[0]):
-                told = np.isfinite(pose[scan, pad, 2]) and (not judged or turns[scan, pad])
-                plain = told or not np.isfinite(centroid[scan, pad, 0])
+                turn_known = np.isfinite(pose[scan, pad, 2]) and (not judged or turns[scan, pad])
+                plain = turn_known or not np.isfinite(centroid[scan, pad, 0])
                 own[0] = 0.0 if plain else centroid[scan, pad, 0] - pose[scan, pad, 0]
                 own[1] = 0.0 if plain else centroid[scan, pad, 1] - pose[scan, pad, 1]
             if not contact[scan, pad]:

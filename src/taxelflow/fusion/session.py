@@ -45,7 +45,7 @@ class FieldSession:
 
     def step(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> Motions:
         """Motion per scan; unknown (NaN) while nothing touches. centroid: (scans, pads, 2), see `Contacts`. texture:
-        without one every pattern tells all directions.
+        without one every pattern shows all directions.
         """
         point = self._reference.step(slips, centroid, texture)
         here, place_cov, moved_cov = self._carrier.step(slips, point, texture)

@@ -52,7 +52,7 @@ if numba.__version__.startswith(_TESTED):
 _ROUTINE |= {"nogil": True, "no_cfunc_wrapper": True, **_OPTIONS}
 _config: Any = numba.config
 KERNELS: list[Any] = []
-"""All kernels that are imported; `signatures` of each says for which types it is compiled."""
+"""All kernels that are imported; `signatures` of each lists for which types it is compiled."""
 _setting = Lock()
 
 
@@ -96,7 +96,7 @@ def lean_kernel(function: Kernel) -> Kernel:
 def _compiled(function: Kernel, *, nogil: bool, **options: object) -> Kernel:
     folder = _cache_folder(function)
     compile_: Any = numba.njit
-    with _setting:  # numba asks for the folder when it is told to cache
+    with _setting:  # numba asks for the folder when it is to cache
         before = _config.CACHE_DIR
         try:
             _config.CACHE_DIR = str(folder) if folder else before

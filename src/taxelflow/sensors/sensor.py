@@ -118,7 +118,7 @@ def _axis(sensor: Sensor) -> int:
 
 def with_shear(sensor: Sensor, source: str) -> Sensor:
     """The sensor; one of a single axis gets three. source: what holds shear. Raises SensorFileInvalid if three axes do
-    not say where they point."""
+    not declare where they point."""
     if sensor.axes == 1:
         return msgspec.structs.replace(sensor, axes=3, normal="z", shear=("x", "y"))
     if sensor.shear is None:

@@ -62,7 +62,7 @@ def _read() -> Iterator[RawScans]:
 
 
 def _reading(load: float, moved: float, apart: float) -> Floats:
-    """(taxels,) of a dome that has moved by so many pitches, or of two of them so many pitches apart."""
+    """(taxels,) of a dome that has moved by this many pitches, or of two of them this many pitches apart."""
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(float(_SIDE)), np.arange(float(_SIDE))))
     middle = 0.5 * (_SIDE - 1)
     places = [middle - 3.0 + moved] if not apart else [middle - 0.5 * apart, middle + 0.5 * apart]

@@ -5,7 +5,7 @@ A rigid pattern with pressure p moves by s along x over a pad from a to b. Its t
     dS/ds = p(a) - p(b),    dc/ds = 1 - ((b - c) p(b) + (c - a) p(a)) / S,
 
 with p integrated across x; along y the centroid moves, too, if the borders are loaded away from its middle. So readings
-at the borders say which share of a motion the centroid does not follow, or follows across: the loss. A scan's velocity
+at the borders show which share of a motion the centroid does not follow, or follows across: the loss. A scan's velocity
 has this share of the speed as a standard deviation, beside its noise.
 """
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 LIVE_AFTER_BINS, AFTER_BINS = 1, 2
 """Bins after the judged one, of a stream and of a recording: a stream judges 0.1 s late."""
 _CHUNK_BINS = 20
-"""A recording's odds are computed for so many bins at a time, from as many after them: three slips long."""
+"""A recording's odds are computed for this many bins at a time, from as many after them: three slips long."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,6 @@
 """Which pads are restless: their contacts' patterns change while the object rests, more than noise and creep explain.
 
-On such a skin a pose moves although the object does not, and its covariance says nothing about it. There the evidence
+On such a skin a pose moves although the object does not, and its covariance does not hold it. There the evidence
 of the patterns decides what is a slip; elsewhere the pose does. An object is taken to rest where the pose has it rest,
 or has had it slip for longer than objects do in a hand while load and tilt explain the pattern: poses may drift on.
 Where the pose has it rest, the change of the pattern with its load is learned, too.

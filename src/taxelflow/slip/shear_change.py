@@ -6,7 +6,7 @@ slides, the skin under it lets go taxel by taxel, and a twist of the object adds
     e = ds - p sum(ds) / sum(p),
 
 the spread is the norm of e over that of the pressure. It is the same in any frame of the pad. Total shear is left out:
-it tells how the object is pulled, not whether it slides.
+it shows how the object is pulled, not whether it slides.
 """
 
 from __future__ import annotations

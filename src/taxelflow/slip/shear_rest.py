@@ -1,6 +1,6 @@
 """What the spread of the change of shear is at rest, learned per pad where the pattern speaks for rest.
 
-Shear and pressure of a sensor have scales of their own, and a skin spreads shear in its own way: only rest tells.
+Shear and pressure of a sensor have scales of their own, and a skin spreads shear in its own way: only rest shows them.
 """
 
 from __future__ import annotations

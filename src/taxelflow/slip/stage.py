@@ -119,8 +119,8 @@ class SlipStage:
         slips = cut(slips, 0, count) if left else slips
         due = [event for event in self._events if event.t_s <= slips.t_s[-1]]
         self._events = self._events[len(due) :]
-        told = Posed(flags[:count], due, self._agreement.step(slips))
-        slipping, found = self._verdict.step(slips, told, odds)
+        posed_slips = Posed(flags[:count], due, self._agreement.step(slips))
+        slipping, found = self._verdict.step(slips, posed_slips, odds)
         complete = self._completed.step(slips, slipping, found, self._lost(count))
         statistic = statistics[:count]
         if odds.restless.any():
@@ -128,7 +128,7 @@ class SlipStage:
         return Judged(slipping, odds.log_odds, statistic, [*complete, *self._completed.finish()] if last else complete)
 
     def _lost(self, count: int) -> Floats | None:
-        """The oldest losses at borders, of so many scans."""
+        """The oldest losses at borders, of this many scans."""
         if self._loss is None:
             return None
         whole = np.concatenate(self._losses)
@@ -136,7 +136,7 @@ class SlipStage:
         return whole[:count]
 
     def _taken(self, count: int) -> PatternChanges:
-        """The oldest changes, of so many scans."""
+        """The oldest changes, of this many scans."""
         whole = joined(self._changes)
         if len(whole) == count:
             self._changes = []

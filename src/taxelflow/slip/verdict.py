@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posed:
-    """What poses tell of some scans. slipping: (scans, pads), by the pose of each pad, with its events in time order.
+    """Slips by the poses of some scans. slipping: (scans, pads), by the pose of each pad, with events in time order.
     agreed: (scans, pads), by facing pads together.
     """
 
@@ -135,13 +135,13 @@ class Verdict:
         places = {(int(scan), int(pad)) for scan, pad in zip(*np.nonzero(changed), strict=True)}
         found = []
         for scan, pad in sorted(places | own.keys()):
-            told = own.get((scan, pad), [])
+            own_events = own.get((scan, pad), [])
             if by_odds[scan : scan + 2, pad].any():
                 ends = before[scan, pad], before[scan + 1, pad]
-                told = self._decided(told, float(slips.t_s[scan]), pad, (bool(ends[0]), bool(ends[1])))
+                own_events = self._decided(own_events, float(slips.t_s[scan]), pad, (bool(ends[0]), bool(ends[1])))
             quality, evidence = QUALITY[slips.quality[scan, pad]], float(odds.log_odds[scan, pad])
             evidence = nan if np.isnan(evidence) else evidence  # one and the same NaN, as of other fields
-            found += [_witnessed(event, quality, evidence) for event in told]
+            found += [_witnessed(event, quality, evidence) for event in own_events]
         return final, found
 
     def _sure(self, slips: Slips) -> Bools:

@@ -91,12 +91,12 @@ def test_twist_axis_path_and_blind_directions_are_drawn_at_the_middle_of_the_con
         axis = np.asarray(drawn._axis.points[0], dtype=np.float64)
         for end in axis:  # on the axis the object moves along it only
             assert np.allclose(np.cross(velocity_at(TWIST, end), TWIST[3:]), 0.0, atol=1e-7)
-        for handle in (drawn._arrow, drawn._turn, drawn._axis, drawn._path, drawn._blind):
+        for handle in (drawn._arrow, drawn._turn, drawn._axis, drawn._path, drawn._blind, drawn._spread):
             assert handle.visible
         assert np.allclose(drawn._path.points[-1, 1], MIDDLE, atol=1e-7)
         assert drawn._spread.batched_scales.max() > 1e-5
         drawn.show(None, None, MIDDLE, 2.0)
-        for handle in (drawn._arrow, drawn._turn, drawn._axis, drawn._path, drawn._blind):
+        for handle in (drawn._arrow, drawn._turn, drawn._axis, drawn._path, drawn._blind, drawn._spread):
             assert not handle.visible
     finally:
         server.stop()

@@ -26,13 +26,13 @@ class _Clock:
     """A stamp that is up to this much older than the last one is a late scan; one that is older still, a clock set
     back."""
     most_late: int = 8
-    """After so many late scans in a row the clock was set back a little."""
+    """After this many late scans in a row the clock was set back a little."""
     jump_s: float = 1.0
     """A stamp is ahead if it has advanced by so much more than the computer's clock;"""
     jump_ratio: float = 20.0
-    """... and by so many times as much: a recording may be replayed faster."""
+    """... and by this many times as much: a recording may be replayed faster."""
     gap_ratio: float = 3.0
-    """A step longer than so many usual ones, the median of the last ones, is a gap."""
+    """A step longer than this many usual ones, the median of the last ones, is a gap."""
     steps: int = 32
     window_s: float = 1.0
     most_windows: int = 600
@@ -135,7 +135,7 @@ class Skew:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the clock: it was set anew."""
+        """Forget the clock: it was set again."""
         self._least: deque[tuple[float, float]] = deque(maxlen=_CLOCK.most_windows)
         self._until_s = -math.inf
         self._best = (0.0, math.inf)

@@ -25,7 +25,7 @@ def joints_in(source: Source, *, use_stamps: bool) -> Joints | None:
     by_joint: dict[str, tuple[list[float], list[float]]] = {}
     for topic in source.topics:
         if topic.message_type in JOINT_STATE.types and topic.encoding in ("ros1", "cdr"):
-            with suppress(RecordingTruncated):  # reading the scans says what is lost
+            with suppress(RecordingTruncated):  # reading the scans reports what is lost
                 _collect(source, topic, by_joint, use_stamps=use_stamps)
     if not by_joint:
         return None

@@ -27,7 +27,7 @@ _LANGUAGES: dict[str, Literal["msg", "idl", ""]] = {
     "ros2idl": "idl",
 }
 _CHARGE, _CHARGED = 1024, 4096
-"""Bytes that a record counts for in what a file unpacks to: so long its decoding takes; of so many at once."""
+"""Bytes that a record counts for in what a file unpacks to: so long its decoding takes; of this many at once."""
 
 
 class McapSource:

@@ -207,7 +207,7 @@ def step_back(
 ) -> None:
     """Fill out (6,), out_P (6, 6): the state before, given all that the later one holds; moved_P: of their difference.
 
-    Where rounding leaves no positive covariance ahead, the later state says nothing about the one before.
+    Where rounding leaves no positive covariance ahead, the later state does not constrain the one before.
     """
     G, more, factor = prediction.gain, np.zeros((STATES, STATES)), np.zeros((STATES, STATES))
     column = np.zeros(STATES)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 _OVERLAP = 4
-"""A window shares one part in so many with the one before."""
+"""A window shares one part in this many with the one before."""
 _MOST_BYTES = 2e8
 _BYTES_PER_READING = 250
 _FEWEST = 100

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _BRIEF = 5
 """Scans in a row; in more of them the object may have done anything."""
 _FASTEST, _MARGIN = 0.95, 2.0
-"""Quantile of the speeds in the other scans; the standard deviation of the speed in these is so many times that."""
+"""Quantile of the speeds in the other scans; the standard deviation of the speed in these is this many times that."""
 _FEWEST = 8
 """Known scans from which speeds are learned."""
 _FORMED = 0.5

@@ -35,10 +35,10 @@ _SMOOTH_ERROR = 0.02
 _MOST_CG, _CG_ERROR = 60, 1e-2
 _GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
 _WORSE = 1.1
-"""A round that makes the fit so many times worse is taken back."""
+"""A round that makes the fit worse by this factor is taken back."""
 _PROBES = 16
 _RIDGE = 1e-12
-"""Of what a scan tells most of, for a scan of one taxel tells nothing of the rest."""
+"""Share of a scan's largest information that is added to all: a scan of one taxel has none of the rest."""
 
 
 @dataclass(slots=True, eq=False)
@@ -205,7 +205,7 @@ def refine(
 def information_of(
     pattern: Pattern, scanned: Scanned, states: Floats, error: float, stiffness: Floats, level: float = 0.0
 ) -> Floats:
-    """(scans, 5, 5), what scans with an error say of their states, the pattern held. Arguments as for `refine`."""
+    """(scans, 5, 5), information of scans on their states, the pattern held. Arguments as for `refine`."""
     fixed = np.isinf(stiffness)
     linear = _Linear(pattern, scanned.with_error(error), fixed, level)
     linear.update(states)

@@ -27,14 +27,14 @@ class _Silence:
     beside: float = 1.25
     strong: float = 10.0
     silent: float = 0.1
-    """Neighbours lie within so many pitches, are loaded above so many standard deviations, and a silent taxel reads
+    """Neighbours lie within this many pitches, are loaded above this many standard deviations, and a silent taxel reads
     less than this share of theirs."""
     high: float = 0.2
     """Neighbours count that read more than this share of the largest reading: between feet, all get a little."""
     further: float = 2.0
-    """A contact that has gone over silent taxels went so many pitches further than they reach: it did not just rock."""
+    """A contact that has gone over silent taxels went this many pitches further than they reach: it did not rock."""
     across: float = 0.3
-    """A neighbour is on a side of a group if it lies so many pitches further out than its taxels."""
+    """A neighbour is on a side of a group if it lies this many pitches further out than its taxels."""
     enclosed: float = 0.5
     """A taxel is enclosed if the mean of the directions to its neighbours is shorter: at a corner an object may end."""
 

@@ -1,6 +1,6 @@
 """Contacts whose pattern changes, because the object rolls or deforms: each scan on the pattern of the few before it.
 
-Nothing is remembered beyond them, so errors add up from scan to scan, and roll cannot be told from slip.
+Nothing is remembered beyond them, so errors add up from scan to scan, and roll cannot be separated from slip.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ CHANGES = 2.0 * COARSE
 
 @dataclass(frozen=True, slots=True)
 class _Turning:
-    """When a turn is seen, and told."""
+    """When a turn is observed, and reported."""
 
     sight: float = 1.5
     seen_in: float = 0.9
     looks: int = 40
-    """A turn is seen if the patterns of a few scans tell it so well in the best of many looks; this share is worse."""
+    """A turn is seen if the patterns of a few scans show it so well in the best of many looks; this share is worse."""
     guess: float = 1.0
     """A turn that is no better known than this, rad, is none."""
 

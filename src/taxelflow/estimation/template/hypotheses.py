@@ -43,7 +43,7 @@ _SHARP = 0.005
 _SAME = 0.1
 """Largest distance, in pitches, at which two starts agree on a scan."""
 _RIVAL = 1.5
-"""A hypothesis that leaves up to so many times the error is a rival: faults of the sensor may have decided."""
+"""A hypothesis that leaves up to this many times the error is a rival: faults of the sensor may have decided."""
 _FAR_WORSE = 20.0
 """A start whose coarse fit costs so much more a scan is not refined: that is some twice what a free angle costs."""
 
@@ -89,10 +89,7 @@ def _sinking(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
     """Fits with a depth of each scan, which begin from those without."""
     rigid = [one for one in solved if not one.grows] if len(scanned) >= YOUNG else []
     none = np.zeros(len(scanned))
-    return [
-        refined(scanned, replace(one, pattern=replace(one.pattern), states=one.states.copy(), depth=none))
-        for one in rigid
-    ]
+    return [refined(scanned, replace(one.copy(), depth=none)) for one in rigid]
 
 
 def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
@@ -172,7 +169,7 @@ def refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...] = ROUNDS) -
     A fit that leaves more than the coarse error may be held up by the smoothing that goes with it: of an object smaller
     than a taxel, the pattern is sharper. It is tried, too, as if it left little.
     """
-    own = replace(start, pattern=replace(start.pattern), states=start.states.copy())
+    own = start.copy()
     best = _refined(scanned, start, rounds, most_error=np.inf)
     if best.error <= COARSE:
         return best

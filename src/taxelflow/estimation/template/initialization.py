@@ -30,7 +30,7 @@ class _Schedule:
     refine_rounds: int = 6
     young: int = 10
     solve_every: int = 3
-    """The pattern is solved anew after every scan up to the first number, then after every so many."""
+    """The pattern is solved again after every scan up to the first number, then after every `solve_every` scans."""
     huber: float = 6.0
     iterations: int = 30
     cheaper: float = 1e-3

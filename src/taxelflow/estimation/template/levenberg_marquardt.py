@@ -44,7 +44,7 @@ def register(  # noqa: PLR0912  loops over a state are written out
 ) -> tuple[float, float, int]:
     """Refine state (5,) so that the pattern explains one scan; information (5, 5) becomes J^T W J with the prior.
 
-    taxels: the scan, from `linearization.laid_out`; a masked taxel says nothing, a saturated reading counts only as far
+    taxels: the scan, from `linearization.laid_out`; a masked taxel does not count, a saturated reading only as far
     as the model lies below it. huber: standard deviations from which on a reading is held down. Returns the cost
     (robust -2 log likelihood with prior, of the readings off the lattice, too; the pattern's doubt counts where it
     explains a reading), chi-square, and how many readings that is over: those on the lattice, and loads off it.
@@ -71,7 +71,7 @@ def register(  # noqa: PLR0912  loops over a state are written out
             damping = max(damping * 20.0, 1e-3)
             if damping > _MOST_DAMPING:
                 break
-        matrix = normal  # which is made anew
+        matrix = normal  # which is filled again
         for a in range(STATE):
             step[a] = best_right[a]
         copy_lower(information, matrix)

@@ -144,7 +144,7 @@ def add_scans(
 ) -> None:
     """Add scans to stencil (knots, WIDTH, 2 WIDTH - 1), right and support (knots,); see `Sums.add`.
 
-    A saturated reading counts as what it says: the pattern is learned from the scans in which the place is not so.
+    A saturated reading counts as it reads: the pattern is learned from the scans in which the place is not so.
     """
     shape = surface.c.shape
     taxels = readings.places.shape[1]

@@ -98,7 +98,7 @@ def as_map(
     turns: bool,
     dead: NDArray[np.int64],
 ) -> LearnedPattern | None:
-    """Map of a pattern learned from scans at states (scans, 5); None if they are too few to tell more than a scan.
+    """Map of a pattern learned from scans at states (scans, 5); None if they are too few to show more than a scan.
 
     pose: (3,) that was given out for the last of the states, in m and rad.
     """

@@ -1,4 +1,4 @@
-"""Pattern and poses linearised together: what each reading says of its coefficients and of its scan's state."""
+"""Pattern and poses linearised together: the information of each reading on its coefficients and its scan's state."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
 
 @lean_kernel
 def _add_state(slope: Floats, factor: float, difference: float, block: Floats, gradient: Floats) -> None:
-    """Add what one reading says of its scan's state."""
+    """Add the information of one reading on its scan's state."""
     for a in range(STATE):
         gradient[a] += factor * slope[a] * difference
         for b in range(STATE):

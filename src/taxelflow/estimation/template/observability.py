@@ -1,4 +1,4 @@
-"""What a pattern can tell of motion, and what its own noise would pretend to tell."""
+"""Motion that a pattern shows, beside the motion that its own noise would seem to show."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DRAWS = 8
 
 
 class Sights(NamedTuple):
-    """How many times better a pattern tells each part of a pose than its own noise pretends to."""
+    """How many times better a pattern shows each part of a pose than its own noise seems to."""
 
     x: float
     y: float
@@ -27,9 +27,9 @@ class Sights(NamedTuple):
 
 
 def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, scan: int, error: float) -> Sights:
-    """How many times better the pattern tells x, y and theta, in a given scan, than its own noise pretends to.
+    """How many times better the pattern shows x, y and theta, in a given scan, than its own noise seems to.
 
-    Slopes of a pattern that is not known are slopes all the same. What they pretend to tell is what patterns tell that
+    Slopes of a pattern that is not known are slopes all the same. What they seem to show is what patterns show that
     are nothing but this one's noise: drawn from its posterior covariance, whose inverse `factor` factors. 0 across a
     line of taxels, and for its turn: see `scanned.across`.
     """
@@ -39,8 +39,8 @@ def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, s
     w = 1.0 / (scanned.variance[scan, known] + (error * scanned.amplitude) ** 2)
     slopes, load = gain * base[known, 1:4], base[known, :1]
 
-    def told(by: Floats, of: int) -> float:
-        """What slopes (taxels,) tell of one number while gain and the other two are unknown."""
+    def information(by: Floats, of: int) -> float:
+        """Information of slopes (taxels,) on one number while gain and the other two are unknown."""
         others = np.concatenate([np.delete(slopes, of, axis=1), load], axis=1)
         normal = (others * w[:, np.newaxis]).T @ others + 1e-12 * np.eye(3)
         mixed = (others * w[:, np.newaxis]).T @ by
@@ -52,8 +52,8 @@ def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, s
         white = random.standard_normal((pattern.coefficients.size, 1))
         drawn, _ = dtbtrs(factor.lower, white, uplo="L", trans="T")
         values = gain * _values(pattern, drawn.reshape(pattern.shape), scanned, states, scan)[known, 1:4]
-        pretended += [told(values[:, of], of) / _DRAWS for of in range(3)]
-    real = np.array([told(slopes[:, of], of) for of in range(3)])
+        pretended += [information(values[:, of], of) / _DRAWS for of in range(3)]
+    real = np.array([information(slopes[:, of], of) for of in range(3)])
     unobservable = scanned.across
     return Sights(*np.where([*unobservable, unobservable.any()], 0.0, real / np.maximum(pretended, 1e-300)))
 

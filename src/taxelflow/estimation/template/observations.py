@@ -38,7 +38,7 @@ _OUT = 3.0
 _AT_ONCE_S = 1e-9
 """Below this a delay is rounding."""
 _APART = 0.3
-"""Taxels closer than this, in pitches, along an axis lie in a line across it; those that jut out tell little."""
+"""Taxels closer than this, in pitches, along an axis lie in a line across it; those that jut out show little."""
 _LOOSE_TURN = 1e-3
 """Keeps a turn that nothing determines from wandering: 1 / rad^2."""
 
@@ -63,7 +63,7 @@ def strength(readings: Floats, variance: Floats) -> Floats:
 
 
 def reach(places: Floats) -> float:
-    """Diagonal of a pad in pitches, like places (2, taxels): what touches it is no further away, whatever scans say."""
+    """Diagonal of a pad in pitches, like places (2, taxels): what touches it is no further away."""
     return float(np.hypot(*(np.ptp(places, axis=1) + 1.0)))
 
 
@@ -155,7 +155,7 @@ class Scanned:
         return centre
 
     def stiffness(self, *, turns: bool, gain_std: float, size: float = np.inf) -> Floats:
-        """(5,) 1 / variance of each state, infinite where it is held: what scans of these taxels cannot tell, a turn
+        """(5,) 1 / variance of each state, infinite where it is held: what these taxels do not measure, a turn
         unless it `turns`, and its size unless that is given. That of x and y is around the pad's middle.
         """
         seen = ~self.across

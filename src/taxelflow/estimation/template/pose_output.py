@@ -48,7 +48,7 @@ class Poses:
         return moved, noise, np.diff(t_s, prepend=np.nan)
 
     def open_across(self, scanned: Scanned, pitch_m: float) -> Poses:
-        """With a place along x or y that its taxels cannot tell left open: anywhere on the pad."""
+        """With a place along x or y that its taxels do not measure left open: anywhere on the pad."""
         across = np.flatnonzero(scanned.across)
         if not len(across):
             return self

@@ -25,7 +25,7 @@ _LOADS, _DIFFER = (0.05, 0.95), 2.0
 """Quantiles of the load, and how many times the first the other must be for growth to show."""
 _FEWEST = 5
 _STAYS = 2.0
-"""Only a contact that seemed to stay within so many pitches, or to go with its load, may be one that grew."""
+"""Only a contact that seemed to stay within this many pitches, or to go with its load, may be one that grew."""
 _POWER, SIZE_STD = 1 / 3, 0.3
 """Hertz: size and pressure go with the cube root of the force; how far the size's logarithm is from that."""
 _TERMS = 4

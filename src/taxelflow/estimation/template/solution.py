@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,6 +57,10 @@ class Solved:
     def sinks(self) -> bool:
         """Whether the contact is pressed in more or less."""
         return len(self.depth) > 0
+
+    def copy(self) -> Solved:
+        """The same fit, with a pattern, states and depth of its own to refine."""
+        return replace(self, pattern=replace(self.pattern), states=self.states.copy(), depth=self.depth.copy())
 
     def rival_variance(self, *, turns: bool) -> float:
         """Variance of x and y, in pitches^2, by `growth`, and by `rival` where a rival that `turns` counts."""

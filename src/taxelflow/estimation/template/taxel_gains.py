@@ -63,7 +63,7 @@ def with_gains(scanned: Scanned, solved: Solved, refined: Callable[[Scanned, Sol
     best, corrected = solved, scanned
     for _ in range(_LEARNING.passes):
         corrected = scanned.divided(found.value)
-        best = refined(corrected, replace(best, pattern=replace(best.pattern), states=best.states.copy()))
+        best = refined(corrected, best.copy())
         known, found = found, _estimated(scanned, best, found.value, found.spread)
     as_read = replace(
         best,

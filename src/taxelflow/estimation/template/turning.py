@@ -24,7 +24,7 @@ alone gives 0.45."""
 _STEADY = 12.0
 """Scans over which an angle that turns steadily is one parameter."""
 _SEEN = 4.0
-"""An angle is observable if the pattern shows it so many times better than its own noise seems to."""
+"""An angle is observable if the pattern shows it better by this factor than its own noise seems to."""
 
 
 def explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:

@@ -1,4 +1,4 @@
-"""Where contacts are in space: frames from joint angles and the pads' skins, and what is to be said where they lack."""
+"""Where contacts are in space: frames from joint angles and the pads' skins, and the note where they lack."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The object's pose in space since first contact: a robust fit of all contacts to where they lie on the object.
 
-A contact is anchored on the object in its first scan. Later scans tell where that point is now, along the pad and about
+A contact is anchored on the object in its first scan. Later scans measure where that point is, along the pad and about
 its normal. A contact that comes later inherits the error that the pose has by then: these errors are common to all
 contacts of that time, so they are propagated through the fit and do not average out. While nothing touches, everything
 is forgotten.
@@ -34,7 +34,7 @@ _ITERATIONS = 4
 _SMALLEST_STEP = 1e-7
 """In m and rad: the next would be a thousandth of it, or less."""
 _SHARPER = 0.1
-"""Variance of a contact's place, over that of its anchor, below which it is anchored anew: while a contact is pressed
+"""Variance of a contact's place, over that of its anchor, below which it is anchored again: while a contact is pressed
 on, its first scans are often not resolved, and what is anchored there would blur all that follow."""
 
 
@@ -141,7 +141,7 @@ def linearise(
 
 @routine
 def place_covariance(seen: Seen, scan: int, pad: int, covariance: Floats) -> None:
-    """Fill covariance (3, 3) of a contact's pose, with what its pattern does not tell."""
+    """Fill covariance (3, 3) of a contact's pose, with what its pattern does not show."""
     copy_matrix(seen.covariance[scan, pad], covariance)
     for a in range(2):
         for b in range(2):
@@ -181,12 +181,12 @@ def inherit(
             A[i, 3 + j] = (body.pose[n, 3] - centre[n]) * body.pose[m, j] - (body.pose[m, 3] - centre[m]) * body.pose[
                 n, j
             ]
-    error, told, weighted = np.zeros((6, 6)), np.zeros((3, 6)), np.zeros((6, 6))
+    error, projected, weighted = np.zeros((6, 6)), np.zeros((3, 6)), np.zeros((6, 6))
     for pad in range(len(anchors)):
         if contacts.use[pad] > 0.0 and anchors[pad].root[0, 0] > 0.0:
             multiply(A, anchors[pad].root, error)
-            multiply(contacts.rows[pad], error, told)
-            add_product(contacts.rows[pad], contacts.W[pad], told, weighted)
+            multiply(contacts.rows[pad], error, projected)
+            add_product(contacts.rows[pad], contacts.W[pad], projected, weighted)
     solve_observed(solution, weighted, limits.pose_m, error)
     multiply(error, error.T, total)
     for i in range(6):

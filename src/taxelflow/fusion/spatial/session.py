@@ -68,7 +68,7 @@ class SpatialSession:
 
     def step(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> SpatialMotions:
         """Motion per scan. centroid: (scans, pads, 2), see `Contacts`. texture: without one every pattern is that of
-        the object's surface, and tells all directions.
+        the object's surface, and shows all directions.
         """
         prepared = self.prepare(slips, centroid, texture)
         self.fuse(prepared)

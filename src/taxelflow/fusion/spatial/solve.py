@@ -1,6 +1,6 @@
-"""Weighted least squares of six degrees of freedom from contacts, and what the contacts cannot tell.
+"""Weighted least squares of six degrees of freedom from contacts, and what the contacts do not determine.
 
-A contact tells y = H xi + G q + n of its three planar components: along its x and y, about its z. H: (3, 6), y: (3,),
+A contact measures y = H xi + G q + n of three planar components: along its x and y, about its z. H: (3, 6), y: (3,),
 information W: (3, 3), zero where a component is unknown. q: errors of the joint angles, of known variance, eliminated
 by a Schur complement. Rotations are scaled by a length, so that all components of xi are in m or m/s. A direction is
 observable where its standard deviation is below a limit; the others are eigenvectors of the information.

@@ -1,7 +1,7 @@
 """How fast the object's point at each contact moves in the hand: a straight line through the poses of a window.
 
 The pose of a contact on its pad and the pad's own pose give the point in the hand's frame, so that a moving finger and
-a slip are told apart. The turn about the contact's normal is that on the pad plus that of the pad.
+a slip are separated. The turn about the contact's normal is that on the pad plus that of the pad.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Seen(NamedTuple):
     the place, m^2, if a contact is anchored in a scan that contradicts its method's model. known, held: (scans, pads),
     whether the pose is known, and whether there is contact. kept: (scans, pads), the contact goes on, and where its
     pose is known so is the way from its last one. height: (scans, pads), of the point over its pad, m, filled in by the
-    fit of the pose: pads do not tell how deep the object is pressed in. under: (scans, pads, 3), from the contact to
+    fit of the pose: pads do not measure how deep the object is pressed in. under: (scans, pads, 3), from the contact to
     the point whose motion it shows, in its axes, m; see `roundness`. unobservable: (scans, pads, 2, 2), see `Texture`.
     """
 

@@ -31,11 +31,13 @@ class Arrows:
 
     def __init__(self, server: Any, name: str, count: int, size_m: float, *, wide: float = 1.0, rings: bool) -> None:
         self._size, self._wide = size_m, wide
-        self.arrows = add_batch(server, f"{name}/arrows", shapes.arrow(_HEAD, _SHAFT), count)
+        self._normal = np.zeros((count, 3))  # that the rings stand on
+        self.arrows = add_batch(server, f"{name}/arrows", shapes.arrow(_HEAD, _SHAFT), count, visible=False)
         self._rings = None
         if rings:
             shape = shapes.ring(0.955, 0.03)
-            self._rings = add_batch(server, f"{name}/rings", shape, RINGS * count, side="double", opacity=0.75)
+            more = {"side": "double", "opacity": 0.75, "visible": False}
+            self._rings = add_batch(server, f"{name}/rings", shape, RINGS * count, **more)
 
     def tint(self, ring: Any) -> None:
         """Colour of the rings, (3,)."""
@@ -46,6 +48,10 @@ class Arrows:
         """colours: (count, 3). per_speed_s: length over speed. raised_m: above the skin."""
         size = self._size
         known: Bools = np.logical_and.reduce(np.isfinite(vectors.velocity), axis=1)
+        shown = bool(known.any())
+        if not shown:
+            self._show(shown)
+            return
         ring = RING * size
         start = np.where(known[:, np.newaxis], vectors.start, 0.0) + raised_m * vectors.normal
         arrow = np.where(known[:, np.newaxis], vectors.velocity, 0.0) * per_speed_s
@@ -56,15 +62,23 @@ class Arrows:
         put(self.arrows, batched_positions=start, batched_wxyzs=turned, batched_colors=colours, batched_scales=scales)
         if self._rings is not None:
             self._draw_rings(start, vectors.normal, np.where(known, ring, 0.0))
+        self._show(shown)
+
+    def _show(self, shown: bool) -> None:
+        self.arrows.visible = shown
+        if self._rings is not None:
+            self._rings.visible = shown
 
     def _draw_rings(self, start: Floats, normal: Floats, radius: Floats) -> None:
         each = np.repeat(radius, RINGS) * np.tile(np.arange(RINGS) + 1, len(radius)) + shapes.NONE
         put(
             self._rings,
             batched_positions=np.repeat(start, RINGS, axis=0),
-            batched_wxyzs=np.repeat(shapes.standing(normal), RINGS, axis=0),
             batched_scales=np.repeat(each[:, np.newaxis], 3, axis=1),
         )
+        if not np.array_equal(normal, self._normal):
+            self._normal = normal
+            put(self._rings, batched_wxyzs=np.repeat(shapes.standing(normal), RINGS, axis=0))
 
 
 def speed_of_ring(speeds: Floats) -> float:

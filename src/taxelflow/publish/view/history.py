@@ -24,8 +24,8 @@ SAME_S = 1e-6
 """Times closer than this are of one scan."""
 
 
-_CHUNK = 256
-"""Scans of a chunk at most, if they come one by one."""
+_CHUNK, _TOGETHER = 256, 32
+"""Scans of a chunk at most, if they come one by one, and blocks that are joined at a time."""
 
 
 class Results(NamedTuple):
@@ -59,8 +59,8 @@ Block = TypeVar("Block", Seen, Results)
 
 
 class _Chunks(Generic[Block]):
-    """Blocks in time order. Those that come are joined when they are read, and with earlier ones of no more scans: each
-    scan is copied a few times only.
+    """Blocks in time order. Those that come are joined when many of them are read, and with earlier ones of no more
+    scans: each scan is copied a few times only.
     """
 
     def __init__(self, times: Callable[[Block], Floats], join: Callable[[Sequence[Block]], Block]) -> None:
@@ -75,20 +75,23 @@ class _Chunks(Generic[Block]):
 
     def read(self, keep_s: float) -> list[Block]:
         """All blocks, without those that are older than keep_s before the last scan."""
-        if self._new:
+        count = sum(map(self._count, self._new))
+        if len(self._new) >= _TOGETHER or count >= _CHUNK:
             tail, self._new = self._new, []
-            count, longest_s = sum(map(self._count, tail)), keep_s / 4
+            longest_s = keep_s / 4
             while self._blocks and (more := self._count(self._blocks[-1])) <= count and count + more <= _CHUNK:
                 if self._times(tail[-1])[-1] - self._times(self._blocks[-1])[0] > longest_s:
                     break
                 tail.insert(0, self._blocks.pop())
                 count += more
             self._blocks.append(tail[0] if len(tail) == 1 else self._join(tail))
-        if self._blocks:
-            since_s = self._times(self._blocks[-1])[-1] - keep_s
-            old = sum(1 for block in self._blocks if self._times(block)[-1] < since_s)
-            self._blocks = self._blocks[old:]
-        return self._blocks
+        held, old = self._blocks + self._new, 0
+        if held:
+            since_s = self._times(held[-1])[-1] - keep_s
+            old = next(number for number, block in enumerate(held) if self._times(block)[-1] >= since_s)
+        if old:
+            self._blocks, self._new = self._blocks[old:], self._new[max(0, old - len(self._blocks)) :]
+        return held[old:]
 
     def _count(self, block: Block) -> int:
         return len(self._times(block))
@@ -169,7 +172,7 @@ class History:
     def within(self, from_s: float, to_s: float) -> Results | None:
         """Results of the scans between two times; None if there are none."""
         with self._lock:
-            blocks = [*self._known.read(self.keep_s)]
+            blocks = self._known.read(self.keep_s)
         parts = []
         for block in reversed(blocks):  # what is shown is mostly the newest
             times = _times(block)
@@ -184,7 +187,7 @@ class History:
 
     def _scans(self) -> list[Seen]:
         with self._lock:
-            return [*self._seen.read(self.keep_s)]
+            return self._seen.read(self.keep_s)
 
 
 def _times(results: Results) -> Floats:
@@ -208,6 +211,8 @@ def _joined_results(blocks: Sequence[Results]) -> Results:
 
 
 def _rows(results: Results, first: int, last: int) -> Results:
+    if first == 0 and last == len(results.slipping):
+        return results
     return Results(
         cut(results.slips, first, last),
         results.slipping[first:last],

@@ -46,14 +46,13 @@ class ObjectMotion:
             head_length=5.0 * thick,
             visible=False,
         )
-        self._spread = add_batch(server, "/object/spread", shapes.ring(0.94, 1.0), 1, side="double")
+        self._spread = add_batch(server, "/object/spread", shapes.ring(0.94, 1.0), 1, side="double", visible=False)
 
     def show(self, results: Results | None, trail: Results | None, height_m: float, per_speed_s: float) -> None:
         """Draw one scan. height_m: above the skin. per_speed_s: length of an arrow over its speed."""
         if results is None:
-            for handle in (self._arc, self._path, self._cross, self._arrow):
+            for handle in (self._arc, self._path, self._cross, self._arrow, self._spread):
                 handle.visible = False
-            put(self._spread, batched_scales=np.full((1, 3), shapes.NONE))
             return
         motions = results.motions
         omega, pose = float(np.nan_to_num(motions.velocity[0, 2])), np.nan_to_num(motions.pose[0])
@@ -87,8 +86,8 @@ class ObjectMotion:
 
     def _draw_spread(self, here: Floats, covariance: Floats, height_m: float) -> None:
         """The ellipse of 2 standard deviations; grey where it is larger than what is drawn."""
-        if not (np.isfinite(here).all() and np.isfinite(covariance).all()):
-            put(self._spread, batched_scales=np.full((1, 3), shapes.NONE))
+        self._spread.visible = bool(np.isfinite(here).all() and np.isfinite(covariance).all())
+        if not self._spread.visible:
             return
         variance, axes = np.linalg.eigh(covariance)
         reach = _SIGMAS * np.sqrt(np.maximum(variance, 0.0))

@@ -106,9 +106,9 @@ class Page:
         """Where the page is."""
         return self._page_server.url
 
-    def wait_for_browser(self, seconds: float) -> None:
-        """Wait until a browser has drawn the scene, so long at most."""
-        self._page_server.opened.wait(seconds)
+    def wait_for_browser(self, seconds: float) -> bool:
+        """Wait until a browser has loaded the page, so long at most; whether one has."""
+        return self._page_server.opened.wait(seconds)
 
     @property
     def histories(self) -> tuple[History, ...]:
@@ -158,15 +158,19 @@ class Page:
         self._scale_once(now_s)
         chosen, decided = (self.panel.method.value, self.panel.second.value), [*map(_progress, self._methods.values())]
         shown = (snapshot.t_s, snapshot.results is None, scans, chosen, decided)
-        if shown != self._shown:
-            self._shown = shown
-            self._draw(snapshot)
         settled = (shown, player.playing, player.speed, self.panel.pad.value)
-        if now_s - self._plotted_s < _PLOT_S or settled == self._told:
+        plots = now_s - self._plotted_s >= _PLOT_S and settled != self._told
+        if shown == self._shown and not plots:
             return
-        self._plotted_s, self._told = now_s, settled
-        self._tell(snapshot)
-        self.scene.name()
+        with self._server.atomic():  # one message for both
+            if shown != self._shown:
+                self._shown = shown
+                self._draw(snapshot)
+            if plots:
+                self._plotted_s, self._told = now_s, settled
+                self._tell(snapshot)
+        if plots:
+            self.scene.name()
 
     def _snapshot(self) -> Snapshot | None:
         """What is known at the player's time, by the chosen method."""
@@ -182,17 +186,14 @@ class Page:
 
     def _tell(self, snapshot: Snapshot) -> None:
         history, since_s = self._chosen, snapshot.t_s - SHOWN_S
-        with self._server.atomic():
-            if history.events is not self._listed:
-                self._listed = history.events
-                self.panel.strip.list(history.events)
-            self.panel.show_time(self._history.times)
-            self.panel.show_state(snapshot, history.complete)
-            self.panel.show_plots(
-                self._results(since_s, snapshot.t_s), snapshot.t_s, self._compared(since_s, snapshot.t_s)
-            )
-            if history.complete:
-                self.panel.show_patterns(history.patterns, snapshot.t_s)
+        if history.events is not self._listed:
+            self._listed = history.events
+            self.panel.strip.list(history.events)
+        self.panel.show_time(self._history.times)
+        self.panel.show_state(snapshot, history.complete)
+        self.panel.show_plots(self._results(since_s, snapshot.t_s), snapshot.t_s, self._compared(since_s, snapshot.t_s))
+        if history.complete:
+            self.panel.show_patterns(history.patterns, snapshot.t_s)
 
     @property
     def _chosen(self) -> History:

@@ -91,7 +91,7 @@ class Scene:
         self._in_space = SpaceMotion(server, size) if self.placement.spatial else None
         self._field = Field(self.layout, self.placement)
         self._view: View | None = None
-        self._named = False
+        self._named, self._lit = False, (self.theme, b"", b"")  # how lights were drawn last
         self._put()
         self.frame(self._front(), _ASPECT)
 
@@ -124,11 +124,8 @@ class Scene:
                 self.placement = self._fingers.at(snapshot.t_s)
                 self._put()
             heights = np.stack([np.ones_like(level), np.ones_like(level), _FLOOR + (_RAISED - _FLOOR) * level], axis=1)
-            put(
-                self._taxels,
-                batched_colors=self._ramp[(255 * level).astype(int)],
-                batched_scales=self._sizes * heights,
-            )
+            self._taxels.batched_colors = self._ramp[(255 * level).astype(int)]
+            self._taxels.batched_scales = self._sizes * heights
             self._light(results)
             vectors = self._field.vectors(snapshot.pressure, results)
             self._arrows.draw(vectors, self._colours(results, self.theme.line), self._per_speed_s, raised_m)
@@ -282,6 +279,10 @@ class Scene:
             for entry in range(count, len(self.layout.pads)):  # a group or contact that slips lights its pad
                 home = int(np.searchsorted(self.layout.starts, self.layout.source[self.layout.starts[entry]], "right"))
                 slips[home - 1] |= results.slipping[0, entry]
+        drawn = (self.theme, touched.tobytes(), slips.tobytes())
+        if drawn == self._lit:
+            return
+        self._lit = drawn
         orange, plate = lit(VERMILION), lit(self.theme.plate)
         pressed = np.where(touched[:, np.newaxis], lit(GREEN), lit(self.theme.unlit))
         shown = touched | slips | (not self._names.crowded)  # lights of crowded pads in space would hide them

@@ -22,7 +22,7 @@ class PageServer:
 
     A browser takes a second to load the page: it does so while the command reads and imports. The module imports
     neither numba nor the pipeline. url: where the page is. viser: the server as the page uses it. opened: set when
-    a browser has drawn it.
+    a browser has loaded it.
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int = 8080) -> None:

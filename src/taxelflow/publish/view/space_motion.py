@@ -59,7 +59,9 @@ class SpaceMotion:
             head_length=5.0 * thick,
             visible=False,
         )
-        self._spread = add_batch(server, "/object/spread", shapes.ring(0.96, 1.0), _ELLIPSES, side="double")
+        self._spread = add_batch(
+            server, "/object/spread", shapes.ring(0.96, 1.0), _ELLIPSES, side="double", visible=False
+        )
 
     def show(
         self, motions: SpatialMotions | None, trail: SpatialMotions | None, middle: Floats, per_speed_s: float
@@ -68,9 +70,8 @@ class SpaceMotion:
         length of an arrow over its speed.
         """
         if motions is None or not np.isfinite(middle).all():
-            for handle in (self._turn, self._axis, self._blind, self._path, self._arrow):
+            for handle in (self._turn, self._axis, self._blind, self._path, self._arrow, self._spread):
                 handle.visible = False
-            put(self._spread, batched_scales=np.full((_ELLIPSES, 3), shapes.NONE))
             return
         self._show_twist(motions, middle, per_speed_s)
         self._show_blind(motions.blind[0], middle)
@@ -106,8 +107,8 @@ class SpaceMotion:
     def _show_place(self, motions: SpatialMotions, middle: Floats) -> None:
         covariance, at = motions.pose_covariance[0], _lever(middle)
         own = at @ covariance @ at.T
-        if not np.isfinite(own).all():
-            put(self._spread, batched_scales=np.full((_ELLIPSES, 3), shapes.NONE))
+        self._spread.visible = bool(np.isfinite(own).all())
+        if not self._spread.visible:
             return
         variance, axes = np.linalg.eigh(own)
         axes[:, 2] *= np.sign(np.linalg.det(axes))

@@ -54,8 +54,7 @@ class Field:
         if results is None:
             return Vectors(start, velocity, normal, touched)
         slips, speeds = results.slips, results.slips.velocity[0]
-        with np.errstate(invalid="ignore"):
-            spread = np.sqrt(np.trace(slips.displacement_covariance[0, :, :2, :2], axis1=1, axis2=2)) / slips.span_s[0]
+        variance = slips.displacement_covariance[0, :, 0, 0] + slips.displacement_covariance[0, :, 1, 1]
         for pad in np.flatnonzero(self._own & slips.contact[0]):
             own = layout.of_pad(int(pad))
             source = layout.source[own]
@@ -71,7 +70,9 @@ class Field:
             normal[pad] = place.normal[source[nearest]]
             flat = _at(here, slips.pose[0, pad], speeds[pad])
             known = slips.quality[0, pad] not in (NO_POSE, LOST) and np.isfinite(flat).all()
-            clear = results.slipping[0, pad] or np.hypot(*flat) > _SIGMAS * spread[pad]
+            with np.errstate(invalid="ignore"):
+                spread = np.sqrt(variance[pad]) / slips.span_s[0, pad]
+            clear = results.slipping[0, pad] or np.hypot(*flat) > _SIGMAS * spread
             if known and clear:
                 velocity[pad] = tangent @ flat
         return Vectors(start, velocity, normal, touched)

@@ -62,7 +62,7 @@ class Viewed(Protocol):
 
 
 class Camera:
-    """A camera on a plant, which says from where it is seen. Close it, or use it as a context manager."""
+    """A camera on a plant, with its own place. Close it, or use it as a context manager."""
 
     def __init__(self, grip: Viewed, height: int = 480, width: int = 480) -> None:
         """Raises GraphicsMissing where neither EGL nor OSMesa works."""

@@ -118,7 +118,7 @@ STANDARD_OBJECTS = tuple(OBJECTS)[:5]
 PALM_OBJECTS = ("jar", "case", "can")
 """Kinds that fit the palm of a hand: the bottle and the box as wide as it needs, and one without ribs."""
 FEATURELESS = ("plate", "can")
-"""Kinds that cover the pads and have nothing to feel along their slip: it cannot be told from rest."""
+"""Kinds that cover the pads and have nothing to feel along their slip: it cannot be distinguished from rest."""
 
 
 def shape(name: str, random: np.random.Generator) -> Shape:

@@ -1,6 +1,6 @@
 """What all plants share: the solver's steps, what the taxels read, and the truth.
 
-What MuJoCo's tactile sensor says about speed is the truth and stays here; only depths become pressure.
+What MuJoCo's tactile sensor reports of speed is the truth and stays here; only depths become pressure.
 """
 
 from __future__ import annotations
@@ -265,7 +265,7 @@ class Plant:
         self.model.body_inertia[self._body] = mass_kg * GYRATION_M2
 
     def _vertex_order(self, name: str) -> Any:
-        """Indices that bring MuJoCo's vertices, which it sorts anew, into the order of the skin's places."""
+        """Indices that bring MuJoCo's vertices, which it sorts, into the order of the skin's places."""
         geom = self.model.geom(f"{name}_skin").id
         mesh = self.model.geom_dataid[geom]
         start, count = self.model.mesh_vertadr[mesh], self.model.mesh_vertnum[mesh]

@@ -114,5 +114,5 @@ def balanced(depth_m: Floats, sum_m: float) -> Floats:
         return np.asarray(depth_m * (sum_m / total))
     top = np.sort(depth_m)[::-1]
     lifts = (np.cumsum(top) - sum_m) / np.arange(1, len(top) + 1)
-    pressed = int(np.flatnonzero(top > lifts)[-1])  # so many stay in contact; the deepest one always does
+    pressed = int(np.flatnonzero(top > lifts)[-1])  # that many stay in contact; the deepest one always does
     return np.asarray(np.maximum(depth_m - lifts[pressed], 0.0))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     Work = Callable[[], LearnedPattern | None]
 
 _MOST_WAITING = 32
-"""From so many on they are made even while something is being learned."""
+"""From this number on they are made even while something is being learned."""
 
 
 class Ended:

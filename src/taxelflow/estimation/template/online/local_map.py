@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FIRST_SLACK = (0.0025, 0.0025)
 """Before anything is known of how good a pattern is: pitches^2, rad^2."""
 _NOTHING, _CLEARLY = 10.0, 3.0
-"""Scans of less strength may be noise; one that is so many times stronger is not."""
+"""Scans of less strength may be noise; one that is stronger by this factor is not."""
 _MATURE, _SETTLED = 10, 0.05
 """Keyframes, and variance in pitches^2, from and up to which a pattern is known well."""
 
@@ -34,7 +34,7 @@ class Learned:
     hypothesis, may explain. fresh: how many of the last keyframes were registered on the pattern before. taken: scans
     that have ever been keyframes. looked: how many had been when the hypotheses were last compared. turned: by how much
     its theta differs from that of the pattern before. error: see `Scanned.with_error`. gain_std: from scan to scan.
-    turns, grows: see `Solved`. told: whether fits have agreed well enough to tell of the turn. changing: it does not
+    turns, grows: see `Solved`. reports_turn: whether fits have agreed well enough on it. changing: it does not
     stay the same, and only the last keyframes count. unseen_error: see `Layout`. origin: (2,) in pitches, added to what
     is reported: the frame of a pattern that grows is at the point that stays. arm: (2,) in pitches, from the origin of
     the frame to the point reported when its contact ended.
@@ -49,7 +49,7 @@ class Learned:
     gain_std: float = FIRST_GAIN_STD
     turns: bool = False
     grows: bool = False
-    told: bool = False
+    reports_turn: bool = False
     changing: bool = False
     turned: float = 0.0
     slack: Floats = field(default_factory=lambda: np.array(FIRST_SLACK))

@@ -34,7 +34,7 @@ _TURN_STD = 0.1
 """How far theta may move from scan to scan, rad."""
 _LEAST_GAIN_STD = 0.05
 _PROBATION = 3
-"""A pattern that was recognised is looked for all over the pad until so many scans have told where it is."""
+"""A pattern that was recognised is looked for all over the pad until this many scans have shown where it is."""
 
 
 class LocalMaps:
@@ -207,7 +207,7 @@ class LocalMaps:
         self._equal = bool((self.gains == 1.0).all())
         m.turn_std = _TURN_STD if learned.turns else 0.0
         m.gain_std = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
-        m.changing, m.seen, m.grows = learned.changing, learned.told, learned.grows or m.grows
+        m.changing, m.seen, m.grows = learned.changing, learned.reports_turn, learned.grows or m.grows
         m.slack, m.slack_t = learned.slack[0] + learned.unseen, learned.slack[1]
         self._open_across(pad, learned)
         states = learned.keyframes.states
@@ -224,7 +224,7 @@ class LocalMaps:
             own.lane.adopt(now_s)
 
     def _improve(self, pad: int, new: Learned) -> None:
-        """Put in what was learned, and register the last scan anew, so that its change is no motion."""
+        """Put in what was learned, and register the last scan again, so that its change is no motion."""
         own, m, old = self.learners[pad], self.track(pad), self.learners[pad].learned
         if old is None:
             return

@@ -45,16 +45,16 @@ unexplained seems to move them."""
 _DECIDE, _MORE = 4, 1.5
 """Keyframes from which hypotheses are compared, and factor of keyframes taken after which they are compared again."""
 _SETTLED = 20
-"""From so many keyframes on another start must be clearly likelier: it may end in the same place, and only turn the
+"""From this many keyframes on another start must be clearly likelier: it may end in the same place, and only turn the
 frame a little."""
 _YOUNG_ERROR = 0.005
 """Of a pattern of `YOUNG` keyframes an error below this is not believed, nor that of more below its share."""
-_TOLD = 0.1
-"""Share of the first slack from which on a turn is told: that of a pattern on which two more fits have agreed."""
+_REPORTED = 0.1
+"""Share of the first slack from which on a turn is reported: that of a pattern on which two more fits have agreed."""
 _CUT_SLACK = 0.5
 """What is added to the first slack, times the share of the load that lies at the border."""
 _CHANGES, _SEEN_ENOUGH, _LAST = 2.0 * COARSE, 12, 4
-"""A pattern that leaves twice the error that fits begin with, of so many keyframes, changes; then the last few make
+"""A pattern that leaves twice the error that fits begin with, of this many keyframes, changes; then the last few make
 it."""
 _MOST_SLACK, _FORGET = (1.0, 0.3), 0.2
 """Largest slack; and what stays of that before when keyframes have hardly moved."""
@@ -84,9 +84,9 @@ def first_pattern(
 
 
 def learn(known: Learned) -> Learned:
-    """The pattern anew from its keyframes; poses are refined with it where the object has moved.
+    """The pattern learned again from its keyframes; poses are refined with it where the object has moved.
 
-    The frame stays as well as the keyframes tell.
+    The frame stays as well as the keyframes determine it.
     """
     with on_one_core():
         new = _forgetting(known) if known.changing else _learn(known)
@@ -127,7 +127,7 @@ def _learn(known: Learned) -> Learned:
     turned = float(np.mean(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
     states, origin, off = in_frame_of(before, best, scanned, turned)
     slack = np.array(FIRST_SLACK) if best.grows and not known.grows else _slack(known, off)
-    told = best.turns and (known.told or bool(slack[1] < _TOLD * FIRST_SLACK[1]))
+    reports_turn = best.turns and (known.reports_turn or bool(slack[1] < _REPORTED * FIRST_SLACK[1]))
     new = replace(
         known,
         pattern=pattern,
@@ -139,7 +139,7 @@ def _learn(known: Learned) -> Learned:
         gain_std=best.gain_std if count >= YOUNG else FIRST_GAIN_STD,
         turns=best.turns,
         grows=best.grows,
-        told=told,
+        reports_turn=reports_turn,
         turned=turned,
         slack=slack,
         tilt=_tilt(best, scanned, known.unseen_error),

@@ -1,4 +1,4 @@
-"""What a registered scan says: slips with covariance and quality, and what it calls for."""
+"""What follows from a registered scan: slips with covariance and quality, and what it calls for."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from taxelflow.runtime.compiling import kernel, lean_kernel
 _FAR_OFF = 10.0
 """Chi-square over the usual above which a scan does not fit at all."""
 _PATIENCE, _MOST_POOR = 5, 20
-"""After so many scans in a row that do not fit, they are learned from, and the pattern is given up: the latter only
-where they do not fit at all, for a pattern that changes is learned anew."""
+"""After this many scans in a row that do not fit, they are learned from, and the pattern is given up: the latter only
+where they do not fit at all, for a pattern that changes is learned again."""
 _LEAP = 1.5
-"""A scan that moves so many radii and pitches at once is not believed."""
+"""A scan that moves this many radii and pitches at once is not believed."""
 _YOUNG = 12
 """A pattern of fewer keyframes learns from every scan that does not fit."""
 _NEAR, _SAME = 0.25, 5
-"""Keyframes closer than this, in pitches, show the same, and so many are enough."""
+"""Keyframes closer than this, in pitches, show the same, and this many are enough."""
 _LOUDER = 0.5
 """A change of the gain's logarithm by this much counts as a pitch."""
 

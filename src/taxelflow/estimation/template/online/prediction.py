@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from taxelflow.numerics.records import Records
 
 _NOISES = 4.0
-"""A step is more than its noise if its square is more than so many variances."""
+"""A step is more than its noise if its square is more than this many variances."""
 
 
 def expected(maps: Patterns, hand: Hand, tracks: Records, t_s: float | None) -> Floats:

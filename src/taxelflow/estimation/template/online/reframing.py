@@ -41,7 +41,7 @@ def _reframed(states: Floats, before: Floats, information: Floats, pattern: Patt
     """States (n, 5) with the object's frame shifted, and the pattern with it, so that most are where they were, (n, 2).
 
     Those count most of which the scans know most: information (n, 5, 5). Some may have been wrong before, so it is
-    their weighted median that stays. Only the origin moves: a turned lattice would have to be learned anew.
+    their weighted median that stays. Only the origin moves: a turned lattice would have to be learned again.
     """
     own = np.linalg.inv(information + 1e-9 * np.eye(STATE))
     weight = 1.0 / (own[:, 0, 0] + own[:, 1, 1])

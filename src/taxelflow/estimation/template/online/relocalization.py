@@ -34,7 +34,7 @@ class _Search:
     surely: float = 9.0
     leap: tuple[float, float] = (2.0, 0.5)
     """A place found all over the pad is followed only if chi-square is less by so much; an object that is known lies
-    within so many pitches and rad of where it was."""
+    within this many pitches and rad of where it was."""
     iterations: int = 20
     reaches: tuple[float, float, float, float, float] = (0.0, 0.5, 1.0, 1.5, 2.0)
     """Radii outwards of the scan's centroid at which the object is looked for."""

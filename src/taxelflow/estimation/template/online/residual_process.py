@@ -101,7 +101,7 @@ def keep(
             rest[0, i], rest[1, i], rest[2, i] = r, 0.0, own
             continue
         rest[2, i] = excess * (variance + own) + (own if still or off else 0.0)
-        if off:  # where it comes to lie next, the pattern may say anything
+        if off:  # where it comes to lie next, the pattern is not known
             rest[0, i], rest[1, i] = 0.0, own
             continue
         if reading == 0.0 and model <= 0.0:  # clipped: the noise of what is not loaded is hidden

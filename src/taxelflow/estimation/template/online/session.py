@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 _MISTAKEN = 2
-"""After so many scans that do not fit, it was another object."""
+"""After this many scans that do not fit, it was another object."""
 
 
 class StreamSession:

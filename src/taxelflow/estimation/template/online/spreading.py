@@ -26,7 +26,7 @@ class Turns:
         self._last_s = [-inf] * pads
 
     def taken(self, asking: Iterable[int], now_s: float, most: int) -> list[int]:
-        """Which of the pads that ask have their turn now, in order: those that have waited longest, up to so many."""
+        """Which of the pads that ask have their turn now, in order: those that have waited longest, up to this many."""
         last = self._last_s
         due = sorted((pad for pad in asking if now_s - last[pad] >= _JITTER * TURN_S), key=lambda pad: last[pad])
         chosen = sorted(due[:most])

@@ -19,7 +19,7 @@ HUBER = 5.0
 BLURRED = 0.25
 """A place is known badly from this standard deviation on, in pitches."""
 FAINT = 3.0
-"""A pattern from scans so many times fainter is not worth keeping."""
+"""A pattern from scans fainter by this factor is not worth keeping."""
 NOTHING, NOVEL, GONE = range(3)
 """What a scan calls for: nothing, to be learned from, a new start."""
 
@@ -106,7 +106,7 @@ class Track:
     changing: bool
     """Whether the pattern does not stay: every scan is learned from, and the old forgotten."""
     across: Annotated[Floats, 2]
-    """How far x and y may be off where they lead across a line of taxels; 0 where they are told."""
+    """How far x and y may be off where they lead across a line of taxels; 0 where they are observed."""
     flag: int
     """What the last scan calls for."""
     before: Vector
@@ -136,7 +136,7 @@ class Hand(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """One scan: reading, variance (0 where a reading says nothing) and ceiling (entries,), divided by taxels' gains;
+    """One scan: reading, variance (0 where a reading does not count) and ceiling (entries,), divided by taxels' gains;
     raw: (entries,), the reading as it is; contact: (pads,).
     """
 

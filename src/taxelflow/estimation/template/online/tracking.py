@@ -26,18 +26,18 @@ _PREDICTED, _AS_BEFORE, _WITH_CENTROID, _LOOSE, _TURNS, _GROWS, _ATTEMPTS = rang
 jump; and for an object that may have begun to turn, or to grow with the load."""
 _ITERATIONS = 12
 _POOR = 2.0
-"""A scan that fits so many times worse than usual is tried from other starts."""
+"""A scan that fits worse than usual by this factor is tried from other starts."""
 _REST = 2.0
 """And what it leaves is carried over to the next."""
 _MOVES, _SETTLES_S = 0.15, 0.2
-"""An object that is closer, in pitches, than this to where it was in so many seconds is still."""
+"""An object that is closer, in pitches, than this to where it was in this many seconds is still."""
 _FREE = 1e-6
 """Stiffness of a place."""
 _LOOSE_GAIN_STD = 0.5
 _CHEAPER, _PAID = 1e-3, 0.3
 """What an attempt must lower the cost by; and the share of the misfit that turning or growing must explain."""
 _STAYS, _SAME = 0.5, 5
-"""Only an object that has stayed within so many pitches, for so many keyframes, may be seen to grow."""
+"""Only an object that has stayed within this many pitches, for this many keyframes, may be seen to grow."""
 _GROWTH, _LEAST_GROWTH, _FIRST_GROWTH = 0.5, 0.002, 0.1
 """Change of the size's logarithm from scan to scan, per change of the load's; and where it first shows."""
 _CUT, _FIRST_TURN_STD = 0.1, 0.1
