@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
@@ -37,6 +39,24 @@ class Touch:
     detail_m: Floats
     place_m: Floats
     ready: bool = True
+
+    def of_point(self, point_m: Floats) -> Touch:
+        """What facing pads say of another point (2,) of the object, m: an object that turns moves elsewhere otherwise.
+
+        Each pad with its own turn, so that their errors stay independent, or where it has none with that of the other.
+        As it is where no turn is known, and for a hand, whose pads lie in different planes.
+        """
+        turn, known = self.velocity[:, 2], np.isfinite(self.velocity[:, 2])
+        if self.axes.shape[-1] != 2 or not known.any():
+            return self
+        turn = np.where(known, turn, turn[known].mean())
+        x, y = np.nan_to_num(point_m - self.place_m).T
+        velocity, lever = self.velocity.copy(), np.tile(np.eye(3), (len(turn), 1, 1))
+        velocity[:, :2] += turn[:, np.newaxis] * np.stack([-y, x], axis=1)
+        lever[:, 0, 2], lever[:, 1, 2] = -y, x
+        covariance = np.where(np.isfinite(self.covariance), self.covariance, 0.0)  # of a turn that is not known
+        moved = np.where(known[:, None, None], lever @ covariance @ lever.transpose(0, 2, 1), self.covariance)
+        return replace(self, velocity=velocity, covariance=moved)
 
 
 class ControlSession(Protocol):

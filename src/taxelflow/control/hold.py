@@ -10,10 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from math import exp, log
 
+import numpy as np
+
 from taxelflow.control.agreement import Agreement
 from taxelflow.control.balance import G_M_S2, Balance, Shown
 from taxelflow.control.base import Touch
 from taxelflow.control.blindness import Blindness
+from taxelflow.control.relaxing import SlippedForce
+
+_MIDDLE = np.zeros(2)
+"""Point of the object whose motion is judged, on facing pads: that between their middles, near its centre of mass."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,8 @@ class Hold:
     """Time without slip after which the force is relaxed."""
     relax_1_s: float = 0.0752
     """Rate of that relaxation, 1/s."""
+    again_s: float = 10.0
+    """Time without slip after which a force that has slipped is tried again; twice that if it slips again."""
     blind_times: float = 4.0
     """Force over the first one where the pads cannot tell a slip: the growth of the load that is to be borne."""
     agreement: Agreement = field(default_factory=Agreement)
@@ -56,24 +64,30 @@ class HoldSession:
         self._both = parameters.agreement.start()
         self._balance, self._shown, self._slips = Balance(), Shown(parameters.memory_s), False
         self._blindness = parameters.blindness.start()
+        self._quiet_s = 0.0  # since the slip detector alarmed
         self._taught: tuple[float, float] | None = None  # time and least force of the slip before
         self._target_n, self._calm_s = force_n, 0.0
+        self._slipped, self._before_n = SlippedForce(parameters.again_s), force_n
         self._blind_n = min(parameters.blind_times * force_n, most_n)
 
     def step(self, touch: Touch) -> float:
         """The force to command, N."""
-        p, was = self._p, self._slips
+        p, was, was_quiet_s = self._p, self._slips, self._quiet_s
         sees = ~(touch.detail_m > p.blindness.detail_m)  # the slip detector of a pad that cannot tell knows nothing
-        motion = self._both.step(replace(touch, slipping=touch.slipping & sees))
+        seen = replace(touch, slipping=touch.slipping & sees)
+        self._quiet_s = 0.0 if seen.slipping.any() else was_quiet_s + touch.dt_s
+        motion = self._both.step(seen.of_point(_MIDDLE))
         if self._blindness.step(touch):
             self._target_n, self._force_n = max(self._target_n, self._blind_n), max(self._force_n, self._blind_n)
             self._calm_s = 0.0
         self._slips = motion.slipping
         self._balance.add(touch.t_s, motion.speed_m_s, touch.force_n)
         if motion.slipping:
-            least_n = self._balance.least_n()
+            least_n, agreed = self._balance.least_n(), motion.sigmas > p.agreement.sigmas
+            if agreed and least_n > touch.force_n:
+                self._slipped.add(touch.t_s, touch.force_n)
             self._shown.add(touch.t_s, motion.speed_m_s, least_n)
-            sure = 1.0 if motion.sigmas > p.agreement.sigmas else max(1.0 - 2.0 / max(motion.sigmas, 2.0), 0.0)
+            sure = 1.0 if agreed else max(1.0 - 2.0 / max(motion.sigmas, 2.0), 0.0)
             slow_m_s2 = max(sure * motion.speed_m_s / p.stop_s, p.least_m_s2)
             braking_n = least_n * (1.0 + min(slow_m_s2 / G_M_S2, 1.0))
             self._force_n = min(max(braking_n, self._force_n), self._most_n)
@@ -82,9 +96,21 @@ class HoldSession:
             self._learn(touch.t_s)
         self._calm_s += touch.dt_s
         if self._calm_s > p.calm_s:
-            self._target_n *= 1.0 - p.relax_1_s * touch.dt_s
+            self._relax(touch, begins=self._quiet_s == 0.0 and was_quiet_s > p.calm_s)
+        else:
+            self._before_n = self._target_n
         self._force_n += (self._target_n - self._force_n) * min(touch.dt_s / p.settle_s, 1.0)
         return self._force_n
+
+    def _relax(self, touch: Touch, *, begins: bool) -> None:
+        """Lower the force, but not to one that has slipped. begins: the slip detector says that the object moves."""
+        p = self._p
+        if begins and self._target_n < self._before_n:
+            self._slipped.add(touch.t_s, touch.force_n)
+            self._target_n = max(self._target_n, min(p.margin * touch.force_n, self._before_n))
+            self._force_n, self._calm_s = max(self._force_n, self._target_n), 0.0
+        elif touch.force_n > p.margin * self._slipped.force_n(touch.t_s):
+            self._target_n *= 1.0 - p.relax_1_s * touch.dt_s
 
     @property
     def blind(self) -> bool:

@@ -6,7 +6,7 @@ wrong speed is corrected by the acceleration that a share of that force gives.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import radians
 from typing import Protocol
 
@@ -18,6 +18,8 @@ from taxelflow.control.base import Touch
 
 _RATIO_S = 0.2
 """Time over which the ratio of a commanded force to a felt one is learned."""
+_APART = 25.0
+"""Chi-square beyond which two pads do not see one turn: then that counts which is nearer to the turn before."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Loosening:
     shut: float = 1.6
     """Factor on the force that closes."""
     too_long: float = 1.035
-    """Way that is felt over the true one: `registration` reads steps far below a pitch too long, slides and turns."""
+    """What is felt over what is true: `registration` reads steps far below a pitch too long, slides more than turns."""
     smooth: float = 0.4
     """Weight of a new scan in the speed that begins and ends the motion."""
 
@@ -52,7 +54,7 @@ class Slide:
 
     by_m: float = 0.005
     speed_m_s: float = 0.015
-    loosening: Loosening = Loosening(loosen_1_s=0.15, free=G_M_S2)
+    loosening: Loosening = Loosening(loosen_1_s=0.15, free=G_M_S2, too_long=1.045)
     method: str = "registration"
 
     def start(self, force_n: float, most_n: float) -> LetMove:
@@ -99,11 +101,7 @@ class Slid:
 
     def step(self, touch: Touch) -> float:
         """Add a scan; the speed downwards, m/s."""
-        turns = touch.velocity[np.isfinite(touch.velocity[:, 2]), 2]
-        x, y = np.nan_to_num(self._way_m - touch.place_m).T
-        velocity = touch.velocity.copy()
-        velocity[:, :2] += np.stack([-y, x], axis=1) * (turns.mean() if len(turns) else 0.0)
-        now = self._both.step(replace(touch, velocity=velocity)).velocity
+        now = self._both.step(touch.of_point(self._way_m)).velocity
         self._way_m = self._way_m + now * touch.dt_s
         return -float(now[1])
 
@@ -120,7 +118,10 @@ class Turned:
 
     def step(self, touch: Touch) -> float:
         """Add a scan; the rate of rotation in the sense of the turn so far, rad/s."""
-        turns = touch.velocity[np.isfinite(touch.velocity[:, 2]), 2]
+        known = np.isfinite(touch.velocity[:, 2])
+        turns, variances = touch.velocity[known, 2], touch.covariance[known, 2, 2]
+        if len(turns) and np.ptp(turns) ** 2 > _APART * variances.sum():  # one of them has jumped
+            turns = turns[[np.abs(turns - self._rate_rad_s).argmin()]]
         if len(turns):
             self._rate_rad_s = float(turns.mean())
         self._angle_rad += self._rate_rad_s * touch.dt_s
