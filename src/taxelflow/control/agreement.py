@@ -5,7 +5,7 @@ wrong by the difference, whether the object moves or not. So the difference meas
 velocity counts as a slip when it is many standard deviations of that noise.
 
 Coarse taxels misread the velocity of a fine texture by as much as itself, and pads disagree because the object moves.
-So while the slip detector of a pad says slip, pads need not agree: velocities that an object at rest, with the noise
+So while the slip detector of a pad alarms, pads need not agree: velocities that an object at rest, with the noise
 learned before, has too seldom are a slip.
 """
 
@@ -35,7 +35,7 @@ class Agreement:
     sigmas: float = 4.0
     """Standard deviations of the velocity from rest that are a slip."""
     alerted_sigmas: float = 2.5
-    """The same while the slip detector of a pad says slip; velocities need not agree then."""
+    """The same while the slip detector of a pad alarms; velocities need not agree then."""
     acceleration_m_s2: float = 2.0
     """Standard deviation of the object's acceleration: how much a velocity tells of the next."""
     noise_m_s: float = 0.001
@@ -59,7 +59,7 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What the pads say. velocity: (2,) or (3,), of the object in the grip's frame, m/s. sigmas: from rest."""
+    """Motion by the pads. velocity: (2,) or (3,), of the object in the grip's frame, m/s. sigmas: from rest."""
 
     slipping: bool
     velocity: Floats
@@ -88,10 +88,10 @@ class AgreementSession:
         self._covariance = self._covariance + (p.acceleration_m_s2 * touch.dt_s) ** 2 * np.eye(count)
         known = np.asarray(np.isfinite(touch.velocity[:, :2]).all(axis=1), dtype=np.bool_)
         known &= np.isfinite(touch.covariance[:, :2, :2]).all(axis=(1, 2))
-        said, noise_said = touch.velocity[:, :2], touch.covariance[:, :2, :2] + self._least_variance(touch) * np.eye(2)
+        seen, noise_seen = touch.velocity[:, :2], touch.covariance[:, :2, :2] + self._least_variance(touch) * np.eye(2)
         alerted, at_rest = bool(touch.slipping.any()), self._excess
-        believed = self._believed(known, said, touch.axes, at_rest * noise_said)
-        velocity, noise, axes = said[believed], noise_said[believed], touch.axes[believed]
+        believed = self._believed(known, seen, touch.axes, at_rest * noise_seen)
+        velocity, noise, axes = seen[believed], noise_seen[believed], touch.axes[believed]
         now = at_rest
         chi_square = _apart(velocity, axes, noise)
         if chi_square is not None:
@@ -108,8 +108,8 @@ class AgreementSession:
         needed = p.alerted_sigmas if alerted else p.sigmas
         slips = sigmas > needed and motion.speed_m_s > p.slip_m_s
         if alerted and known.any():
-            fast = float(np.sqrt((said[known] ** 2).sum(axis=1).mean())) > p.slip_m_s
-            slips = slips or (fast and _from_rest(said[known], at_rest * noise_said[known]) > needed)
+            fast = float(np.sqrt((seen[known] ** 2).sum(axis=1).mean())) > p.slip_m_s
+            slips = slips or (fast and _from_rest(seen[known], at_rest * noise_seen[known]) > needed)
         return replace(motion, slipping=bool(slips))
 
     def _least_variance(self, touch: Touch) -> float:
@@ -120,12 +120,12 @@ class AgreementSession:
         by_load = self._p.load_m * float(np.log(touch.force_n / before_n)) / touch.dt_s
         return self._p.noise_m_s**2 + by_load**2
 
-    def _believed(self, known: Bools, said: Floats, axes: Floats, noise: Floats) -> Bools:
+    def _believed(self, known: Bools, seen: Floats, axes: Floats, noise: Floats) -> Bools:
         """(pads,): those known, without pads that in this scan jump from what is predicted while others do not.
 
         Registration jumps for one scan; a pad that is as far off in the next one has seen the object start.
         """
-        off = (said[known] - axes[known] @ self._velocity)[:, :, np.newaxis]
+        off = (seen[known] - axes[known] @ self._velocity)[:, :, np.newaxis]
         spread = axes[known] @ self._covariance @ axes[known].transpose(0, 2, 1) + noise[known]
         jumps = np.zeros(len(known), dtype=np.bool_)
         jumps[known] = (off.transpose(0, 2, 1) @ np.linalg.solve(spread, off))[:, 0, 0] > _MOST

@@ -1,4 +1,4 @@
-"""What an object's own motion says of the grip: a body that slips is a balance of its load and of friction.
+"""What an object's own motion shows of the grip: a body that slips is a balance of its load and of friction.
 
 While an object of mass m slips along the pads, m a = L - 2 mu F with its load L, a positive where it speeds up. The
 least force F* carries the load without acceleration, 2 mu F* = L. So with w = L / m, the acceleration of the object if
@@ -45,8 +45,8 @@ class Balance:
 class Shown:
     """Least force that slips have shown: the mean over their scans by the square of the speed, which fades with time.
 
-    As a slip ends its acceleration vanishes, and the balance says what the force was. Motion that is none, of an image
-    that settles under a new force, is slow, too, and says the same. Fast scans know more.
+    As a slip ends its acceleration vanishes, and the balance gives the felt force. An image that settles under a
+    new force shows slow motion that is none, and gives the same. Fast scans know more.
     """
 
     def __init__(self, memory_s: float) -> None:

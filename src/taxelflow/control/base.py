@@ -41,10 +41,10 @@ class Touch:
     ready: bool = True
 
     def of_point(self, point_m: Floats) -> Touch:
-        """What facing pads say of another point (2,) of the object, m: an object that turns moves elsewhere otherwise.
+        """Velocities of facing pads at another point (2,) of the object, m, which differ where it turns.
 
-        Each pad with its own turn, so that their errors stay independent, or where it has none with that of the other.
-        As it is where no turn is known, and for a hand, whose pads lie in different planes.
+        Each pad is moved by its own turn, so that errors stay independent; where it has none, by that of the other.
+        Unchanged where no turn is known, and for a hand, whose pads lie in different planes.
         """
         turn, known = self.velocity[:, 2], np.isfinite(self.velocity[:, 2])
         if self.axes.shape[-1] != 2 or not known.any():
@@ -55,7 +55,9 @@ class Touch:
         velocity[:, :2] += turn[:, np.newaxis] * np.stack([-y, x], axis=1)
         lever[:, 0, 2], lever[:, 1, 2] = -y, x
         covariance = np.where(np.isfinite(self.covariance), self.covariance, 0.0)  # of a turn that is not known
-        moved = np.where(known[:, None, None], lever @ covariance @ lever.transpose(0, 2, 1), self.covariance)
+        moved = np.where(
+            known[:, np.newaxis, np.newaxis], lever @ covariance @ lever.transpose(0, 2, 1), self.covariance
+        )
         return replace(self, velocity=velocity, covariance=moved)
 
 

@@ -1,6 +1,6 @@
 """Hold an object with the least force: let its own motion weigh it, stop it in a set time, then keep a margin.
 
-What a slip says of the least force is in `balance`.
+What a slip shows of the least force is in `balance`.
 
 Pads that a flat face covers cannot feel a slip. Then hold squeezes once, by the growth of the load that it has to bear.
 """
@@ -24,7 +24,7 @@ _MIDDLE = np.zeros(2)
 
 @dataclass(frozen=True)
 class Hold:
-    """Raise the grip on slip by what the slip says, and relax slowly."""
+    """Raise the grip on slip by what the slip shows, and relax slowly."""
 
     stop_s: float = 0.0154
     """Time in which a slip is to be stopped."""
@@ -103,7 +103,7 @@ class HoldSession:
         return self._force_n
 
     def _relax(self, touch: Touch, *, begins: bool) -> None:
-        """Lower the force, but not to one that has slipped. begins: the slip detector says that the object moves."""
+        """Lower the force, but not to one that has slipped. begins: the slip detector alarms after a silence."""
         p = self._p
         if begins and self._target_n < self._before_n:
             self._slipped.add(touch.t_s, touch.force_n)

@@ -19,7 +19,7 @@ from taxelflow.control.base import Touch
 _RATIO_S = 0.2
 """Time over which the ratio of a commanded force to a felt one is learned."""
 _APART = 25.0
-"""Chi-square beyond which two pads do not see one turn: then that counts which is nearer to the turn before."""
+"""Chi-square beyond which the turns of two pads differ: then only that which is nearer to the turn before counts."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Loosening:
     ahead_s: float = 0.02
     """Time that the object coasts on at its speed while the gripper closes."""
     near_s: float = 0.2
-    """Time before the end from which on the speed comes down, to that share of it that `slow` says."""
+    """Time before the end from which on the speed comes down, to the share of it that `slow` is."""
     slow: float = 0.3
     """Share of the speed at the end."""
     shut: float = 1.6
