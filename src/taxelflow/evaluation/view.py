@@ -124,10 +124,14 @@ class Playing:
         threading.Thread(target=self._guarded, args=(seen,), name="estimate", daemon=True).start()
         showing = threading.Thread(target=self.page.run, args=(self._stop,), name="view", daemon=True)
         showing.start()
-        while showing.is_alive() and not asked.is_set():
-            showing.join(0.2)
-            if self.error is not None:
-                raise self.error
+        try:
+            while showing.is_alive() and not asked.is_set():
+                showing.join(0.2)
+                if self.error is not None:
+                    raise self.error
+        finally:
+            self._stop.set()
+            showing.join()  # before the server closes that it draws on
 
     def _estimate(self) -> None:
         for filling in self._fillings:
