@@ -1,15 +1,17 @@
-"""The verdict on slips of groups, which have a part of their pad's contact."""
+"""The verdict on slips: of poses that are not `ok`, and of groups, which have a part of their pad's contact."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from taxelflow.messages import AMBIGUOUS, OK, Event, Slips
+from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED, Event, Slips
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor, with_contacts
 from taxelflow.slip.odds import Odds
-from taxelflow.slip.verdict import Posed, Verdict, pads_of_groups
+from taxelflow.slip.verdict import AGAINST, Posed, Verdict, decide, decide_block, pads_of_groups
 
 PALM = Pad("palm", rows=4, cols=4, pitch_m=(0.004, 0.004))
 THUMB = Pad("thumb", rows=2, cols=2, pitch_m=(0.004, 0.004))
@@ -54,6 +56,71 @@ def test_a_pad_with_separate_contacts_is_no_witness() -> None:
     assert ("left", "slip_start") in [(event.pad, event.event) for event in events]
 
 
+@pytest.mark.parametrize("quality", [AMBIGUOUS, UNRESOLVED])
+def test_a_slip_that_its_pattern_speaks_against_is_suspected_unless_the_pose_is_ok(quality: int) -> None:
+    slipping, events = of_palm([quality] * SCANS, [-9.0] * SCANS)
+    assert not slipping.any()
+    assert [(event.event, event.onset_s) for event in events] == [("slip_suspected", 0.02)]
+    slipping, events = of_palm([OK] * SCANS, [-9.0] * SCANS)
+    assert slipping.tolist() == [False, False, True, True, True, False]
+    assert [event.event for event in events] == ["slip_start", "slip_stop"]
+
+
+def test_it_begins_when_the_pattern_no_longer_does_and_is_dated_by_its_pose() -> None:
+    slipping, events = of_palm([AMBIGUOUS] * SCANS, [-9.0, -9.0, -9.0, AGAINST + 0.1, -9.0, -9.0])
+    assert slipping.tolist() == [False, False, False, True, True, False]
+    assert [event.event for event in events] == ["slip_suspected", "slip_start", "slip_stop"]
+    assert (events[1].t_s, events[1].onset_s) == (0.03, 0.02)
+
+
+def test_a_stream_does_not_wait_for_the_pattern_of_a_contact_that_the_border_cuts() -> None:
+    for quality, slips in ((AMBIGUOUS, True), (UNRESOLVED, False)):
+        slipping, _ = of_palm([quality] * SCANS, [-9.0] * SCANS, stream=True, border=True)
+        assert slipping.any() == slips
+    assert not of_palm([AMBIGUOUS] * SCANS, [-9.0] * SCANS, stream=True)[0].any()
+
+
+def test_a_pattern_that_nobody_has_compared_speaks_against_nothing() -> None:
+    slipping, events = of_palm([AMBIGUOUS] * SCANS, [np.nan] * SCANS)
+    assert slipping.tolist() == [False, False, True, True, True, False]
+    assert [event.event for event in events] == ["slip_start", "slip_stop"]
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_block_is_judged_as_scan_by_scan(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scans, whole = 12, np.array([-1, -1, 0, -1, 1])
+    flags = tuple(rng.random((scans, len(whole))) < share for share in (0.6, 0.1, 0.9, 0.2, 0.5, 0.5))
+    now, soon = rng.normal(-2.0, 3.0, (2, scans, len(whole)))
+    soon[rng.random(soon.shape) < 0.1] = np.nan
+    last, last_by_odds = rng.random((2, 1, len(whole))) < 0.5
+    found = []
+    for decided in (decide, decide_block):
+        final, by_odds = np.empty((2, scans, len(whole)), dtype=bool)
+        changes = decided(flags, whole, (now, soon), last, last_by_odds, final, by_odds)
+        found.append((changes, final, by_odds))
+    assert found[0][0] == found[1][0]
+    np.testing.assert_array_equal(found[0][1], found[1][1])
+    np.testing.assert_array_equal(found[0][2], found[1][2])
+
+
+def of_palm(
+    quality: list[int], log_odds: list[float], *, stream: bool = False, border: bool = False
+) -> tuple[np.ndarray, list[Event]]:
+    """Verdict on the palm, whose pose slips in scans 2 to 4: (scans,), and events. quality, log_odds: per scan."""
+    layout = HAND.layout
+    pads = len(layout.pads)
+    slipping = np.zeros((SCANS, pads), dtype=bool)
+    slipping[2:5, 0] = True
+    events = [Event(0.02, "palm", "slip_start", 0.02), Event(0.05, "palm", "slip_stop", 0.05)]
+    slips = touching(pads, OK)
+    slips.quality[:, 0], slips.border[:, 0, 0] = quality, border
+    each = np.tile(np.array(log_odds)[:, np.newaxis], (1, pads))
+    odds = Odds(each, each, np.zeros((SCANS, pads), dtype=bool))
+    final, found = Verdict(layout, stream=stream).step(slips, Posed(slipping, events, np.zeros_like(slipping)), odds)
+    return final[:, 0], found
+
+
 def judged(*, palm: bool, quality: int, sensor: Sensor = HAND) -> tuple[np.ndarray, list[Event]]:
     """Verdict on scans of which the pose of the group slips in 2 to 4, and that of the palm if given."""
     layout = sensor.layout
@@ -63,7 +130,8 @@ def judged(*, palm: bool, quality: int, sensor: Sensor = HAND) -> tuple[np.ndarr
     slipping[2:5, [layout.pads.index(name) for name in named]] = True
     events = [Event(t_s, name, kind) for t_s, kind in ((0.02, "slip_start"), (0.05, "slip_stop")) for name in named]
     posed = Posed(slipping, events, np.zeros_like(slipping))
-    odds = Odds(np.full((SCANS, pads), -5.0), np.zeros((SCANS, pads), dtype=bool))
+    unknown = np.full((SCANS, pads), -1.0)
+    odds = Odds(unknown, unknown, np.zeros((SCANS, pads), dtype=bool))
     return Verdict(layout).step(touching(pads, quality), posed, odds)
 
 

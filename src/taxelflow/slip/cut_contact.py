@@ -101,7 +101,9 @@ def steady_velocity(parts: list[Steps]) -> Velocity | None:
     """Velocity of a slip, if it was constant, a border cut the contact, and the method judges no pose itself."""
     if not parts:
         return None
-    moved, variance, loss, span_s, cut, judged = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    whole = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    # The order of a sum follows the order in memory, which must not depend on the blocks.
+    moved, variance, loss, span_s, cut, judged = map(np.ascontiguousarray, whole)
     known = np.isfinite(moved).all(axis=1) & np.isfinite(variance).all(axis=1) & np.isfinite(loss).all(axis=(1, 2))
     known &= (span_s > 0.0) & (variance > 0.0).all(axis=1)
     if judged[known].any() or not cut[known].any() or known.sum() < _MIN_STEPS:

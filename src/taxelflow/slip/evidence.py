@@ -16,9 +16,10 @@ from taxelflow.messages import Bools, Floats
 REST_CHANGE = 0.015
 """Unexplained change within 0.3 s of an object at rest on a soft skin, share of the pattern: the median of ten
 recordings is between 0.5 and 2 %."""
-GROWTH = 0.075
+GROWTH = 0.2
 """Unexplained change per change of the log load, of a contact not known yet: a patch that grows changes its pattern.
-Ten recordings: 0.1. A patch that grows over a border: 0.6, which has to be learned."""
+Ten recordings: 0.1. A Gaussian patch whose width grows as the cube root of its load: 0.33. A patch that grows over a
+border: 0.6, which has to be learned."""
 _SLIP_FACTOR = 6.0
 """Change of a pattern in a slip over that at rest; the spread of the change of shear grows as much."""
 _SPREAD = 0.6
@@ -27,7 +28,7 @@ _CORRELATION = 0.3
 """Of these logarithms of pattern and shear: what disturbs one disturbs the other."""
 _LARGEST_RATIO = 10.0
 """Upper limit of a log likelihood ratio: a bin is no proof."""
-REST_S, _SLIDE_S = 5.0, 0.7
+REST_S, SLIDE_S = 5.0, 0.7
 """Prior mean durations of rest and of a slip in the hand."""
 
 
@@ -86,4 +87,4 @@ def looked_back(later: Floats, log_ratio: Floats, touching: Bools, step_s: float
 def _transitions(step_s: float) -> tuple[float, float]:
     """Probabilities that a slip begins, and that it ends, within a time; the first bin has none before it."""
     step_s = min(step_s, REST_S)
-    return float(-np.expm1(-step_s / REST_S)), float(-np.expm1(-step_s / _SLIDE_S))
+    return float(-np.expm1(-step_s / REST_S)), float(-np.expm1(-step_s / SLIDE_S))

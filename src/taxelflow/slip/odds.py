@@ -27,15 +27,20 @@ if TYPE_CHECKING:
 
 LIVE_AFTER_BINS, AFTER_BINS = 1, 2
 """Bins after the judged one, of a stream and of a recording: a stream judges 0.1 s late."""
+_SOON_BINS = BEFORE_BINS + 1 + AFTER_BINS
+"""Bins within which the pattern of a slip that begins has changed."""
 _CHUNK_BINS = 20
 """A recording's odds are computed for this many bins at a time, from as many after them: three slips long."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Odds:
-    """log_odds: (scans, pads) of a slip; NaN where unknown. restless: (scans, pads), the odds decide."""
+    """Of a slip, (scans, pads) each. log_odds: NaN where unknown. soon: the highest of them within half a second in a
+    recording, the same in a stream. restless: the odds decide.
+    """
 
     log_odds: Floats
+    soon: Floats
     restless: Bools
 
     def __len__(self) -> int:
@@ -111,12 +116,12 @@ class LiveOdds:
                 self._logged = last, _log(last)
             log_odds[start:scan], restless[start:scan] = self._logged[1], last.restless
             start, last = scan, one or last
-        return Odds(log_odds, restless)
+        return Odds(log_odds, log_odds, restless)
 
     def finish(self) -> Odds:
         """Nothing is held back."""
         none = self._forward.last.restless[np.newaxis][:0]
-        return Odds(none.astype(np.float64), none)
+        return Odds(none.astype(np.float64), none.astype(np.float64), none)
 
 
 class OfflineOdds:
@@ -144,14 +149,15 @@ class OfflineOdds:
 
     def _chunk(self, bins: list[_Bin], count: int, until_s: float) -> Odds:
         """Odds of the scans before a time, which are those of the first `count` bins or of the last one given."""
-        smoothed = [self._given, *_smoothed(bins)[:count]]
+        known = [self._given, *_smoothed(bins)]
+        smoothed = known[: count + 1]
         scans = int(np.searchsorted(self._t, until_s))
         times, self._t = self._t[:scans], self._t[scans:]
         place = np.searchsorted([one.since_s for one in smoothed], times, side="right") - 1
         self._given = smoothed[-1]
 
-        log_odds, restless = np.stack([_log(one) for one in smoothed]), np.stack([one.restless for one in smoothed])
-        return Odds(log_odds[place], restless[place])
+        log_odds, restless = np.stack([_log(one) for one in known]), np.stack([one.restless for one in smoothed])
+        return Odds(log_odds[place], _soon(log_odds)[place], restless[place])
 
 
 def _smoothed(bins: list[_Bin]) -> list[_Bin]:
@@ -167,6 +173,20 @@ def _smoothed(bins: list[_Bin]) -> list[_Bin]:
             later = looked_back(later, after.log_ratio, after.touching, after.since_s - one.since_s)
         found.append(_Bin(one.since_s, one.log_ratio, one.touching, one.odds * later, bins[-1].restless))
     return found[::-1]
+
+
+def _soon(log_odds: Floats) -> Floats:
+    """(bins, pads), highest log odds of each bin and those after it that may show the same slip; NaN where unknown.
+
+    The bin in which a contact ends has those of the one before it.
+    """
+    soon = log_odds.copy()
+    for ahead in range(1, min(_SOON_BINS, len(log_odds) - 1) + 1):
+        soon[:-ahead] = np.fmax(soon[:-ahead], log_odds[ahead:])
+    unknown = np.isnan(log_odds)
+    soon[unknown] = np.nan
+    soon[1:] = np.where(unknown[1:], soon[:-1], soon[1:])
+    return soon
 
 
 def _log(one: _Bin) -> Floats:

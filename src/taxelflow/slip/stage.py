@@ -64,7 +64,7 @@ class SlipStage:
         self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)
         self._odds = LiveOdds(len(pads)) if stream else OfflineOdds(len(pads))
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
-        self._verdict = Verdict(layout)
+        self._verdict = Verdict(layout, stream=stream)
         self._completed = SlipEvents(pads, stream=stream)
         self._loss = None if stream else BorderLoss(layout)
         self._losses: list[Floats] = []  # of scans that are not judged yet

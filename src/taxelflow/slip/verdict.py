@@ -1,5 +1,8 @@
 """The verdict on slips: by the pose, on restless pads by the patterns' evidence, and by facing pads that agree.
 
+A pose that is not `ok` may move by tilt, rolling or growth alone. Its slip begins once the pattern is not against it.
+A stream, which knows the pattern's change 0.2 s late, does not wait for it where only the pad's border cuts a contact.
+
 A group has a part of its pad's contact. Load that moves over the border of the group looks like motion of that part, so
 where the whole contact rests, and its pose is `ok`, the part does not slip.
 """
@@ -7,14 +10,15 @@ where the whole contact rests, and its pose is `ok`, the part does not slip.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import nan
+from math import log, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.messages import OK, QUALITY, Event
+from taxelflow.messages import AMBIGUOUS, OK, QUALITY, Event
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel
+from taxelflow.slip.evidence import REST_S, SLIDE_S
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,6 +26,9 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.odds import Odds
+
+AGAINST = log(SLIDE_S / REST_S)
+"""Log odds of a slip below which its pattern speaks against it: those of an object of which nothing is known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,32 +55,44 @@ def pads_of_groups(layout: Layout) -> NDArray[np.int64]:
 
 
 def decide_block(
-    flags: tuple[Bools, Bools, Bools, Bools, Bools],
+    flags: tuple[Bools, Bools, Bools, Bools, Bools, Bools],
     whole: NDArray[np.int64],
-    log_odds: Floats,
+    log_odds: tuple[Floats, Floats],
     last: Bools,
     last_by_odds: Bools,
     final: Bools,
     by_odds: Bools,
 ) -> bool:
     """`decide` in NumPy."""
-    slipping, agreed, contact, restless, sure = flags
-    judged = np.where(restless, log_odds > 0.0, slipping)
+    slipping, agreed, contact, restless, sure, vague = flags
+    now, soon = log_odds
+    judged = np.where(restless, now > 0.0, slipping)
+    doubted = vague & ~restless & (soon < AGAINST)
     rests = np.zeros_like(final)
     for pad, part_of in enumerate(whole.tolist()):  # pads come before their groups
         if part_of >= 0:
             rests[:, pad] = sure[:, part_of] & ~final[:, part_of]
-        final[:, pad] = (judged[:, pad] | agreed[:, pad]) & contact[:, pad] & ~rests[:, pad]
-    by_odds[...] = restless | agreed | rests
-    changed = final != np.concatenate([last, final])[:-1]
+        slips = (judged[:, pad] | agreed[:, pad]) & contact[:, pad] & ~rests[:, pad]
+        believed = slips & (agreed[:, pad] | ~doubted[:, pad])
+        believed[:1] |= slips[:1] & last[:, pad]
+        final[:, pad] = slips & (_latest(believed) > _latest(~slips))
+    was = np.concatenate([last, final])[:-1]
+    by_odds[...] = restless | agreed | rests | (slipping & doubted & ~was)
+    changed = final != was
     return bool((changed & (by_odds | np.concatenate([last_by_odds, by_odds])[:-1])).any())
+
+
+def _latest(flags: Bools) -> NDArray[np.int64]:
+    """(scans,), number of the latest scan up to each that has the flag; -1 if none has."""
+    latest: NDArray[np.int64] = np.maximum.accumulate(np.where(flags, np.arange(len(flags)), -1))
+    return latest
 
 
 @kernel
 def decide(
-    flags: tuple[Bools, Bools, Bools, Bools, Bools],
+    flags: tuple[Bools, Bools, Bools, Bools, Bools, Bools],
     whole: NDArray[np.int64],
-    log_odds: Floats,
+    log_odds: tuple[Floats, Floats],
     last: Bools,
     last_by_odds: Bools,
     final: Bools,
@@ -81,21 +100,27 @@ def decide(
 ) -> bool:
     """Fill what slips, and whether others than its pose decide it, (scans, pads) each; whether they change anything.
 
-    flags: (scans, pads), slipping by the pose, agreed, contact, restless, and whether the pose of a pad's only contact
-    is `ok`. whole: (pads,), see `pads_of_groups`. last, last_by_odds: (1, pads), before.
+    flags: (scans, pads), slipping by the pose, agreed, contact, restless, whether the pose of a pad's only contact
+    is `ok`, and whether a pose has another quality. whole: (pads,), see `pads_of_groups`. log_odds: of
+    now, and the highest within the time that a slip takes to show; (scans, pads) each. last, last_by_odds: (1, pads),
+    before.
     """
-    slipping, agreed, contact, restless, sure = flags
+    slipping, agreed, contact, restless, sure, vague = flags
+    now, soon = log_odds
     changes = False
     for scan in range(final.shape[0]):
         for pad in range(final.shape[1]):
             was, by = last[0, pad], last_by_odds[0, pad]
             if scan > 0:
                 was, by = final[scan - 1, pad], by_odds[scan - 1, pad]
-            judged = log_odds[scan, pad] > 0.0 if restless[scan, pad] else slipping[scan, pad]
+            judged = now[scan, pad] > 0.0 if restless[scan, pad] else slipping[scan, pad]
+            unsure = slipping[scan, pad] and vague[scan, pad] and not restless[scan, pad]
+            unsure = unsure and soon[scan, pad] < AGAINST and not was
+            judged = judged and not unsure
             part_of = whole[pad]  # pads come before their groups
             rests = part_of >= 0 and sure[scan, part_of] and not final[scan, part_of]
             final[scan, pad] = (judged or agreed[scan, pad]) and contact[scan, pad] and not rests
-            by_odds[scan, pad] = restless[scan, pad] or agreed[scan, pad] or rests
+            by_odds[scan, pad] = restless[scan, pad] or agreed[scan, pad] or rests or unsure
             changes |= final[scan, pad] != was and (by or by_odds[scan, pad])
     return changes
 
@@ -103,7 +128,8 @@ def decide(
 class Verdict:
     """Slipping and events, block by block."""
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, *, stream: bool = False) -> None:
+        self._stream = stream
         count = len(layout.pads)
         self._pads = layout.pads
         self._numbers = {name: number for number, name in enumerate(layout.pads)}
@@ -111,18 +137,20 @@ class Verdict:
         self._separate = [(contact, pad) for contact, pad in enumerate(layout.contact_of.tolist()) if pad >= 0]
         self._slipping = np.zeros((1, count), dtype=np.bool_)
         self._by_odds = np.zeros((1, count), dtype=np.bool_)
+        self._suspected: dict[int, Event] = {}
+        """Begins of slips by the pose that go on and are only suspected, by pad."""
 
     def step(self, slips: Slips, posed: Posed, odds: Odds) -> tuple[Bools, list[Event]]:
         """Slipping (scans, pads), and the events of these scans in time order.
 
-        A slip that only the pose of one pad sees on a restless pad, or on a part of one that rests, becomes
-        `slip_suspected`.
+        A slip that only the pose of one pad sees on a restless pad, or on a part of one that rests, or that its pattern
+        speaks against while the pose is not `ok`, becomes `slip_suspected`.
         """
         events, final, by_odds = posed.events, np.empty_like(posed.slipping), np.empty_like(posed.slipping)
-        flags = (posed.slipping, posed.agreed, slips.contact, odds.restless, self._sure(slips))
+        flags = (posed.slipping, posed.agreed, slips.contact, odds.restless, self._sure(slips), self._vague(slips))
         last, last_by_odds = self._slipping, self._by_odds
         decide_ = decide_block if is_block(len(slips)) else decide
-        changes = decide_(flags, self._whole, odds.log_odds, last, last_by_odds, final, by_odds)
+        changes = decide_(flags, self._whole, (odds.log_odds, odds.soon), last, last_by_odds, final, by_odds)
         self._slipping, self._by_odds = final[-1:], by_odds[-1:]
         if not events and not changes:
             return final, []
@@ -138,7 +166,9 @@ class Verdict:
             own_events = own.get((scan, pad), [])
             if by_odds[scan : scan + 2, pad].any():
                 ends = before[scan, pad], before[scan + 1, pad]
-                own_events = self._decided(own_events, float(slips.t_s[scan]), pad, (bool(ends[0]), bool(ends[1])))
+                steady = not odds.restless[scan, pad]
+                ends_now = bool(ends[0]), bool(ends[1])
+                own_events = self._decided(own_events, float(slips.t_s[scan]), pad, ends_now, steady=steady)
             quality, evidence = QUALITY[slips.quality[scan, pad]], float(odds.log_odds[scan, pad])
             evidence = nan if np.isnan(evidence) else evidence  # one and the same NaN, as of other fields
             found += [_witnessed(event, quality, evidence) for event in own_events]
@@ -151,19 +181,42 @@ class Verdict:
             sure[:, pad] &= ~slips.contact[:, contact]
         return sure
 
-    def _decided(self, posed: list[Event], t_s: float, pad: int, ends: tuple[bool, bool]) -> list[Event]:
-        """Events of one scan that its pose does not decide alone. posed: by the pose. ends: slipping before, now."""
+    def _vague(self, slips: Slips) -> Bools:
+        """(scans, pads), poses that need their pattern's consent to begin a slip."""
+        vague: Bools = slips.quality > OK
+        if self._stream:
+            vague &= ~(slips.border.any(axis=2) & (slips.quality == AMBIGUOUS)) | (self._whole >= 0)
+        return vague
+
+    def _decided(
+        self, posed: list[Event], t_s: float, pad: int, ends: tuple[bool, bool], *, steady: bool
+    ) -> list[Event]:
+        """Events of one scan that its pose does not decide alone. posed: by the pose. ends: slipping before, now.
+
+        steady: the pad is not restless, so that a slip that was suspected began when its pose did.
+        """
         slipped, slips_on = ends
         starts = [event for event in posed if event.event == "slip_start"]
         slip: list[Event] = []
         if slips_on and not slipped:
-            slip = starts[:1] or [Event(t_s, self._pads[pad], "slip_start", t_s)]
+            suspected = [self._suspected[pad]] if steady and pad in self._suspected else []
+            slip = starts[:1] or [replace(one, t_s=t_s) for one in suspected]
+            slip = slip or [Event(t_s, self._pads[pad], "slip_start", t_s)]
         elif slipped and not slips_on:
             slip = [Event(t_s, self._pads[pad], "slip_stop", t_s)]
         elif not slips_on:
             slip = [replace(event, event="slip_suspected") for event in starts]
+        self._keep_suspected(posed, pad, slips_on=slips_on)
         touch, release = ([event for event in posed if event.event == kind] for kind in ("contact", "release"))
         return [*touch, *slip, *release]
+
+    def _keep_suspected(self, posed: list[Event], pad: int, *, slips_on: bool) -> None:
+        """Keep the begin of a slip by the pose that is only suspected, until the pose's slip ends."""
+        for event in posed:
+            if event.event == "slip_start" and not slips_on:
+                self._suspected[pad] = event
+            elif event.event != "slip_start":
+                self._suspected.pop(pad, None)
 
 
 def _witnessed(event: Event, quality: str, evidence: float) -> Event:

@@ -1,0 +1,52 @@
+"""Odds of a recording look ahead, and their chunks do not show."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from restless import held, slide
+from taxelflow.pipeline import api
+from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
+from taxelflow.slip.pattern_change import PatternChanges, PatternWatch
+
+
+@pytest.fixture(scope="module")
+def changes() -> dict[int, PatternChanges]:
+    """Of an object that slides from 10 s on and then lifts off, by bins after the judged one."""
+    recording = held(slide())
+    scans = api.conditioned(recording)
+    return {after: PatternWatch(recording.layout, 1e-4, after).step(scans) for after in (LIVE_AFTER_BINS, AFTER_BINS)}
+
+
+def odds_of(watch: LiveOdds | OfflineOdds, changes: PatternChanges, size: int) -> Odds:
+    parts = []
+    for start in range(0, len(changes), size):
+        own = PatternChanges(*(getattr(changes, field.name)[start : start + size] for field in fields(changes)))
+        parts.append(watch.step(np.zeros_like(own.touching), own))
+    parts.append(watch.finish())
+    return Odds(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Odds)))
+
+
+def test_odds_soon_are_the_highest_within_half_a_second(changes: dict[int, PatternChanges]) -> None:
+    odds, t_s = odds_of(OfflineOdds(1), changes[AFTER_BINS], 7), changes[AFTER_BINS].t_s
+    now, soon = odds.log_odds[:, 0], odds.soon[:, 0]
+    assert (soon >= now)[~np.isnan(now)].all()
+    begin = int(np.argmax(now > 0))
+    assert (soon[(t_s < t_s[begin] - 0.05) & (t_s > t_s[begin] - 0.45)] > 0).all()
+    assert (soon[(t_s < t_s[begin] - 0.7) & (t_s > t_s[begin] - 1.5)] < 0).all()
+
+
+@pytest.mark.parametrize("size", [1, 400])
+def test_they_do_not_depend_on_the_blocks(changes: dict[int, PatternChanges], size: int) -> None:
+    first, second = (odds_of(OfflineOdds(1), changes[AFTER_BINS], each) for each in (13, size))
+    for field in fields(Odds):
+        np.testing.assert_array_equal(getattr(first, field.name), getattr(second, field.name))
+
+
+def test_a_stream_does_not_look_ahead(changes: dict[int, PatternChanges]) -> None:
+    odds = odds_of(LiveOdds(1), changes[LIVE_AFTER_BINS], 7)
+    np.testing.assert_array_equal(odds.log_odds, odds.soon)
+    assert np.nanmax(odds.log_odds) > 0
