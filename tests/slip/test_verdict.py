@@ -80,6 +80,11 @@ def test_a_stream_does_not_wait_for_the_pattern_of_a_contact_that_the_border_cut
     assert not of_palm([AMBIGUOUS] * SCANS, [-9.0] * SCANS, stream=True)[0].any()
 
 
+def test_it_waits_for_it_with_a_method_that_weighs_what_a_border_hides() -> None:
+    slipping, _ = of_palm([OK, *[AMBIGUOUS] * (SCANS - 1)], [-9.0] * SCANS, stream=True, border=True)
+    assert not slipping.any()
+
+
 def test_a_pattern_that_nobody_has_compared_speaks_against_nothing() -> None:
     slipping, events = of_palm([AMBIGUOUS] * SCANS, [np.nan] * SCANS)
     assert slipping.tolist() == [False, False, True, True, True, False]

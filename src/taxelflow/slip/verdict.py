@@ -1,7 +1,8 @@
 """The verdict on slips: by the pose, on restless pads by the patterns' evidence, and by facing pads that agree.
 
 A pose that is not `ok` may move by tilt, rolling or growth alone. Its slip begins once the pattern is not against it.
-A stream, which knows the pattern's change 0.2 s late, does not wait for it where only the pad's border cuts a contact.
+A stream, which knows the pattern's change 0.2 s late, does not wait for it where a method has only the border for a
+reason.
 
 A group has a part of its pad's contact. Load that moves over the border of the group looks like motion of that part, so
 where the whole contact rests, and its pose is `ok`, the part does not slip.
@@ -137,6 +138,8 @@ class Verdict:
         self._separate = [(contact, pad) for contact, pad in enumerate(layout.contact_of.tolist()) if pad >= 0]
         self._slipping = np.zeros((1, count), dtype=np.bool_)
         self._by_odds = np.zeros((1, count), dtype=np.bool_)
+        self._weighs_borders = False
+        """The method's own covariance holds what a border hides: it has found a pose of a cut contact to be `ok`."""
         self._suspected: dict[int, Event] = {}
         """Begins of slips by the pose that go on and are only suspected, by pad."""
 
@@ -185,7 +188,12 @@ class Verdict:
         """(scans, pads), poses that need their pattern's consent to begin a slip."""
         vague: Bools = slips.quality > OK
         if self._stream:
-            vague &= ~(slips.border.any(axis=2) & (slips.quality == AMBIGUOUS)) | (self._whole >= 0)
+            cut = slips.border.any(axis=2)
+            weighs = (cut & slips.contact & (slips.quality == OK)).any(axis=1)
+            weighs = np.logical_or.accumulate(np.concatenate([[self._weighs_borders], weighs]))
+            self._weighs_borders = bool(weighs[-1])
+            by_border = cut & (slips.quality == AMBIGUOUS) & ~weighs[1:, np.newaxis]
+            vague &= ~by_border | (self._whole >= 0)
         return vague
 
     def _decided(
