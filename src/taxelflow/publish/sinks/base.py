@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from msgspec import Raw
 
     from taxelflow.messages import (
         Bools,
@@ -24,10 +26,18 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 
+class ScanText(NamedTuple):
+    """Results of a scan as JSON, of the pads by name and of the object, made once for all sinks that write it."""
+
+    pads: Raw
+    moved: Raw
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Update:
     """Results of some scans. arrived_s: (scans,), when each came, by the computer's monotonic clock. missed: times
-    of scans, s, for which there was no time since the last update. The other fields as in `Output`.
+    of scans, s, for which there was no time since the last update. texts: of each scan; none if no sink wants any.
+    The other fields as in `Output`.
     """
 
     arrived_s: Floats
@@ -41,6 +51,7 @@ class Update:
     spatial: SpatialMotions | None = None
     adoptions: list[Adoption] = field(default_factory=list)
     missed: list[float] = field(default_factory=list)
+    texts: list[ScanText] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.slips)
@@ -70,12 +81,13 @@ class Ending:
 class Sink(Protocol):
     """A place for results. One thread calls it; it may block without holding up the estimate.
 
-    lossless: nothing is dropped for it. raw: it wants scans as they arrived, too. dropped: what it could not pass on.
-    gathers_s: time for which what has come may wait, s, so that more is written at once.
+    lossless: nothing is dropped for it. raw: it wants scans as they arrived, too. texts: it writes `Update.texts`.
+    dropped: what it could not pass on. gathers_s: time for which what has come may wait, s, so that more is written at once.
     """
 
     lossless: bool
     raw: bool
+    texts: bool
     dropped: int
     gathers_s: float
 
@@ -102,6 +114,7 @@ class ResultSink:
     """What sinks of results share: no raw scans, nothing to do between results."""
 
     raw = False
+    texts = False
     gathers_s = 0.0
 
     def write_raw(self, _scans: RawScans, *, late: bool) -> None:
