@@ -63,6 +63,13 @@ class Address:
             raise AddressInvalid(self.url, f"{name}={text}", f"{name}=NUMBER, at least {lowest:g}")
         return value
 
+    def whole(self, name: str, default: int, lowest: int = 0) -> int:
+        """The option of that name as a whole number, at least `lowest`. Raises AddressInvalid."""
+        value = self.number(name, default, lowest)
+        if value != round(value):
+            raise AddressInvalid(self.url, f"{name}={self.options[name]}", f"{name}=NUMBER without fraction")
+        return round(value)
+
     def choice(self, name: str, allowed: tuple[str, ...]) -> str:
         """The option of that name, one of `allowed`, of which the first is the default. Raises AddressInvalid."""
         text = self.options.get(name, allowed[0])

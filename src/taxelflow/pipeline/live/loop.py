@@ -185,7 +185,7 @@ class _Estimate:
 
     def _publish(self, output: Output) -> None:
         update = update_of(output, self._arrived(output.slips.t_s), self._live.adopted(), self._report.intake.missed())
-        if any(worker.sink.texts for worker in self._report.workers):
+        if any(getattr(worker.sink, "texts", False) for worker in self._report.workers):
             update.texts.extend(scan_texts(update, self._report.pads))
         for worker in self._report.workers:
             worker.offer(update)

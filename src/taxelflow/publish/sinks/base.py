@@ -81,13 +81,13 @@ class Ending:
 class Sink(Protocol):
     """A place for results. One thread calls it; it may block without holding up the estimate.
 
-    lossless: nothing is dropped for it. raw: it wants scans as they arrived, too. texts: it writes `Update.texts`.
-    dropped: what it could not pass on. gathers_s: time for which what has come may wait, s, so that more is written at once.
+    lossless: nothing is dropped for it. raw: it wants scans as they arrived, too. dropped: what it could not pass on.
+    gathers_s: time for which what has come may wait, s, so that more is written at once. One that writes `Update.texts`
+    has an attribute `texts` that is true.
     """
 
     lossless: bool
     raw: bool
-    texts: bool
     dropped: int
     gathers_s: float
 
@@ -114,7 +114,6 @@ class ResultSink:
     """What sinks of results share: no raw scans, nothing to do between results."""
 
     raw = False
-    texts = False
     gathers_s = 0.0
 
     def write_raw(self, _scans: RawScans, *, late: bool) -> None:

@@ -102,7 +102,7 @@ class JsonServer(ResultSink):
         self.dropped = 0
 
     @property
-    def texts(self) -> bool:  # type: ignore[override]
+    def texts(self) -> bool:
         """Whether anybody reads."""
         return bool(self._clients)
 
