@@ -179,4 +179,3 @@ class SinkWorker(threading.Thread):
         for arrived_s in item.arrived_s.tolist():
             if self._settled_s is not None and arrived_s >= self._settled_s:
                 self.latencies.add(now - arrived_s)
-

@@ -58,9 +58,7 @@ def pad_rows(update: Update, pads: tuple[str, ...]) -> list[dict[str, Any]]:
     numbers[..., :3], numbers[..., 3:6] = slips.pose, slips.velocity
     with np.errstate(invalid="ignore"):
         np.sqrt(slips.covariance.diagonal(axis1=2, axis2=3)[..., :2], out=numbers[..., 6:])
-    flags = zip(
-        slips.contact.tolist(), update.slipping.tolist(), slips.quality.tolist(), numbers.tolist(), strict=True
-    )
+    flags = zip(slips.contact.tolist(), update.slipping.tolist(), slips.quality.tolist(), numbers.tolist(), strict=True)
     return [
         {
             pad: _Pad(touched, *row, slides, _QUALITY[judged])

@@ -67,7 +67,9 @@ class StreamSession:
         """See `Background`."""
         mapper, starter = worker(), worker("starts")
         self._maps = LocalMaps(self._layout, Workers(mapper, starter), self._latency_s, adopting)
-        compiled = [beside.submit(compile_) for beside in (mapper, starter) for compile_ in (compile_batch, compile_stream)]
+        compiled = [
+            beside.submit(compile_) for beside in (mapper, starter) for compile_ in (compile_batch, compile_stream)
+        ]
         for done in compiled:
             done.result()
 
