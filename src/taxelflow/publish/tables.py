@@ -196,11 +196,12 @@ def _slip_rows(slips: Slips, slipping: Bools, evidence: Floats, pads: tuple[str,
 
 def motion_columns(motions: Motions) -> Iterable[list[float]]:
     """Rows of `OBJECT` as numbers; the number of pads is whole."""
-    std_twist = np.sqrt(np.diagonal(motions.velocity_covariance, axis1=1, axis2=2))
-    std_pose = np.sqrt(np.diagonal(motions.pose_covariance, axis1=1, axis2=2))
-    rotor, rotor_std = motions.rotor[:, np.newaxis], motions.rotor_std[:, np.newaxis]
-    known: Floats = np.hstack([motions.velocity, rotor, motions.centre, motions.pose])
-    doubt: Floats = np.hstack([std_twist, rotor_std, motions.centre_std, std_pose])
+    known, doubt = np.empty((len(motions), 9)), np.empty((len(motions), 9))
+    known[:, :3], known[:, 3], known[:, 4:6] = motions.velocity, motions.rotor, motions.centre
+    known[:, 6:] = motions.pose
+    np.sqrt(motions.velocity_covariance.diagonal(axis1=1, axis2=2), out=doubt[:, :3])
+    doubt[:, 3], doubt[:, 4:6] = motions.rotor_std, motions.centre_std
+    np.sqrt(motions.pose_covariance.diagonal(axis1=1, axis2=2), out=doubt[:, 6:])
     for t, values, pads, std in zip(
         motions.t_s.tolist(), known.tolist(), motions.pads.tolist(), doubt.tolist(), strict=True
     ):

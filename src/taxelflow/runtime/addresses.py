@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl, unquote, urlsplit
@@ -50,7 +51,7 @@ class Address:
                 raise AddressInvalid(self.url, f"unknown option {name!r}", f"options: {listed}")
 
     def number(self, name: str, default: float, lowest: float = 0.0) -> float:
-        """The option of that name as a number, at least `lowest`. Raises AddressInvalid."""
+        """The option of that name as a finite number, at least `lowest`. Raises AddressInvalid."""
         text = self.options.get(name)
         if text is None:
             return default
@@ -58,9 +59,16 @@ class Address:
             value = float(text)
         except ValueError:
             value = float("nan")
-        if not value >= lowest:
+        if not (lowest <= value < math.inf):
             raise AddressInvalid(self.url, f"{name}={text}", f"{name}=NUMBER, at least {lowest:g}")
         return value
+
+    def whole(self, name: str, default: int, lowest: int = 0) -> int:
+        """The option of that name as a whole number, at least `lowest`. Raises AddressInvalid."""
+        value = self.number(name, default, lowest)
+        if value != round(value):
+            raise AddressInvalid(self.url, f"{name}={self.options[name]}", f"{name}=NUMBER without fraction")
+        return round(value)
 
     def choice(self, name: str, allowed: tuple[str, ...]) -> str:
         """The option of that name, one of `allowed`, of which the first is the default. Raises AddressInvalid."""

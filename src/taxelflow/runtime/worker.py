@@ -1,4 +1,4 @@
-"""A process that works for all live streams of this one, so that their threads do not wait for Python's lock.
+"""Processes that work for all live streams of this one, so that their threads do not wait for Python's lock.
 
 It is started with a pipe to it and one from it, not by `multiprocessing`, which would import the user's script once
 more. Its pipe ends when this process ends, however that happens, and so does it.
@@ -108,8 +108,8 @@ def _copied(function: Callable[..., Result], arguments: tuple[Any, ...]) -> Resu
 
 
 @cache
-def worker() -> Worker:
-    """That of this process, started when it is first asked for."""
+def worker(kind: str = "learns") -> Worker:
+    """That of this process and kind, started when it is first asked for. What is urgent has a kind of its own."""
     made = Worker()
     atexit.register(made.close)
     return made

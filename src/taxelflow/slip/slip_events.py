@@ -103,10 +103,12 @@ class SlipEvents:
             hold(times, seen, marks, chosen, (start, min(stop, len(slips))), self._progress, self._room)
 
     def _keep(self, slips: Slips, slipping: Bools, pads: list[int], start: int, stop: int) -> None:
-        """Keep the displacements of these scans, up to the last that slips."""
+        """Keep the displacements of these scans of a recording, up to the last that slips."""
+        if self._loss is None:  # a stream has no losses at borders: this is a tenth of its step otherwise
+            return
         for pad in pads:
             count = int(np.max(np.flatnonzero(slipping[start:stop, pad]), initial=-1)) + 1
-            if self._loss is not None and self._progress["held"][pad] + count < MOST_ROWS:
+            if self._progress["held"][pad] + count < MOST_ROWS:
                 self._steps[pad].append(steps_of(slips, self._loss, pad, start, start + count))
 
     def _change(self, pad: int, held: _Held) -> None:

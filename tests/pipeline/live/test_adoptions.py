@@ -64,8 +64,7 @@ class Stalled:
 def _with_workers(beside: Stalled, patched: pytest.MonkeyPatch, method: str = "template") -> Live:
     """A loop whose mapper is beside, and whose first maps are there at once."""
     with patched.context() as making:
-        making.setattr(session, "worker", lambda: beside)
-        making.setattr(session, "ThreadPoolExecutor", lambda *_, **__: Stalled())
+        making.setattr(session, "worker", lambda kind="learns": beside if kind == "learns" else Stalled())
         return Live(PALM, method)
 
 

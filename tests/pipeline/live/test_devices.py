@@ -140,3 +140,23 @@ def test_a_parser_takes_any_bytes_and_gives_whole_scans_only(name: str, pieces: 
     scans = [scan for piece in pieces for scan in parser.feed(piece)] + parser.end()
     logging.disable(logging.NOTSET)
     assert all(values.shape == (columns,) for _, values in scans)
+
+
+@pytest.mark.parametrize(
+    "line", ["0.1,1_0,2", "0.1,0x1,2", "0.1,1", "0.1,1,2,", "nan,1,2", "0.1,\u0661,2", "0.1,1,2\0"]
+)
+def test_a_line_that_is_no_scan_is_counted(line: str) -> None:
+    faults = Faults()
+    parser = LineParser(2, faults, timed=True)
+    assert parser.feed(line.encode() + b"\r\n") == []
+    assert faults.counts["bad line"] == 1
+
+
+@pytest.mark.parametrize(
+    "line", ["0.1,1,2", "0.1;1;2", "0.1\t1\t2", " 0.1 1 2 ", "0.1, 1, 2\r", "\n\r\n# comment\n0.1,1,2"]
+)
+def test_a_line_may_be_written_in_several_ways(line: str) -> None:
+    faults = Faults()
+    [(t_s, values)] = LineParser(2, faults, timed=True).feed(line.encode() + b"\n")
+    assert (t_s, values.tolist()) == (0.1, [1.0, 2.0])
+    assert not faults.counts

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 import taxelflow
 from streaming import PALM, SCANS, connected, free_port, lines, opened, published, running, slid
@@ -134,6 +135,41 @@ def test_a_client_of_the_json_server_gets_each_scan(tmp_path: Path) -> None:
     assert [json.loads(line)["t_s"] for line in received.splitlines()] == slid().t_s.tolist()
 
 
+def test_a_time_that_cannot_be_costs_that_scan_only(tmp_path: Path) -> None:
+    scans, port = slid(), free_port()
+    wrong = [b"1e300,", b"-1e300,", b"1.7e12,"]
+    sinks = [f"mcap:{tmp_path}/a.mcap", f"jsonl:{tmp_path}/a.jsonl"]
+    with running(f"tcp-listen://127.0.0.1:{port}", *sinks) as reports, connected(port) as device:
+        for place, line in enumerate(lines(scans)):
+            device.sendall(line)
+            if place % 20 == 10 and wrong:
+                device.sendall(wrong.pop() + line.split(b",", 1)[1])
+    assert dict(reports[0].source.faults.counts) == {"time out of range": 3}
+    assert [row["t_s"] for row in published(tmp_path / "a.jsonl")] == scans.t_s.tolist()
+    assert np.array_equal(taxelflow.read(tmp_path / "a.mcap").load().t_s, scans.t_s)
+
+
+def test_the_results_in_an_mcap_file_are_those_of_the_lines(tmp_path: Path) -> None:
+    port = free_port()
+    sinks = [f"mcap:{tmp_path}/a.mcap?draw=0", f"jsonl:{tmp_path}/a.jsonl"]
+    with running(f"tcp-listen://127.0.0.1:{port}", *sinks), connected(port) as device:
+        device.sendall(b"".join(lines(slid())))
+    found: dict[str, list[Any]] = {"/slips": [], "/object": []}
+    with (tmp_path / "a.mcap").open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages(topics=list(found)):
+            found[channel.topic].append(json.loads(message.data))
+    rows = published(tmp_path / "a.jsonl")
+    assert [row["pads"] for row in found["/slips"]] == [row["pads"] for row in rows]
+    assert found["/object"] == [row["object"] for row in rows]
+
+
+def test_a_file_of_ours_without_scans_is_refused_as_empty(tmp_path: Path) -> None:
+    with running(f"tcp-listen://127.0.0.1:{(port := free_port())}", f"mcap:{tmp_path}/a.mcap"), connected(port):
+        pass
+    with pytest.raises(TaxelflowError, match="topic /scans holds no messages"):
+        taxelflow.read(tmp_path / "a.mcap")
+
+
 def test_a_lost_connection_is_made_again_and_the_gap_is_told(tmp_path: Path, caplog: Any) -> None:
     scans = slid()
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -227,6 +263,9 @@ def test_live_refuses_a_scan_of_another_size() -> None:
         ("serial:", "no path"),
         ("rig:nowhere", "known are stroke"),
         ("replay:a.npz?speed=-1", "does not exist"),
+        ("serial:/dev/ttyUSB0?baud=inf", "baud=NUMBER"),
+        ("rig:stroke?seed=1.5", "without fraction"),
+        ("rig:stroke?seed=", "seed=NUMBER"),
     ],
 )
 def test_a_malformed_source_is_refused(url: str, words: str) -> None:

@@ -127,6 +127,36 @@ def test_a_sink_that_fails_or_is_stuck_holds_up_nobody(fails: bool) -> None:
     assert faults.counts["a sink has failed"] == fails
 
 
+class _Taken(_Stuck):
+    """Notes how many scans it is given at once."""
+
+    gathers_s = 0.0
+
+    def __init__(self) -> None:
+        super().__init__(fails=False)
+        self.given: list[tuple[int, bool]] = []
+        self.came = threading.Event()
+
+    def write_raw(self, scans: Any, *, late: bool) -> None:
+        self.given.append((len(scans), late))
+        self.came.set()
+        self.free.wait()
+
+
+def test_what_waits_for_a_sink_is_written_at_once() -> None:
+    sink = _Taken()
+    worker = SinkWorker("a", sink, Faults())
+    worker.start()
+    worker.offer(Raw(slid(1)))
+    worker.wake()
+    assert sink.came.wait(20)
+    for k in range(9):
+        worker.offer(Raw(slid(1), late=k % 3 == 0))
+    worker.finish(Ending(None, ()))
+    assert sink.given == [(1, False), (6, False), (3, True)]
+    assert worker.published == 10
+
+
 def test_a_named_pipe_that_nobody_reads_is_told_at_the_end(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with running("rig:stroke?speed=max", f"jsonl:{tmp_path}/pipe", f"jsonl:{tmp_path}/a.jsonl") as reports:

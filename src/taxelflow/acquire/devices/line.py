@@ -63,6 +63,8 @@ class LineParser:
             self._faults.count("bad line", f"{len(fields)} numbers, {wanted} expected ({form}){hint}")
             return None
         try:
+            if b"_" in line:  # which Python reads between digits
+                raise ValueError
             numbers = [float(field) if field.strip() else math.nan for field in fields]
         except ValueError:
             self._faults.count("bad line", f"not numbers: {line[:60].decode(errors='replace')!r}")

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.clock import FARTHEST_S
+
 if TYPE_CHECKING:
     from taxelflow.acquire.devices.base import Arrival, Faults
 
@@ -90,6 +92,9 @@ class Timeline:
         return t_s
 
     def _of_device(self, stamp_s: float, arrived_s: float) -> float | None:
+        if not abs(stamp_s) <= FARTHEST_S:  # one such stamp would leave no room for those that follow
+            self._faults.count("time out of range", f"{stamp_s:.6g} s; that scan is dropped")
+            return None
         t_s = stamp_s + self._offset_s
         if not math.isfinite(self._last_s):
             self.skew.add(t_s, arrived_s)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from taxelflow.acquire.ros.kinds import KINDS, Kind, kind_of
+from taxelflow.acquire.ros.kinds import KINDS, SCAN, Kind, kind_of
 from taxelflow.errors import TopicUnclear
 
 if TYPE_CHECKING:
@@ -70,7 +70,9 @@ def choose(path: Path, topics: list[Topic], name: str | None) -> tuple[Topic, Ki
             seen = f"{_shown(fitting[0])} is of no known type ({known}) or encoding ({fitting[0].encoding!r})"
             raise TopicUnclear(path, seen, listed)
     else:
-        fitting = [topic for topic in topics if topic.kind is not None and topic.messages != 0]
+        usable = [topic for topic in topics if topic.kind is not None]
+        fitting = [topic for topic in usable if topic.messages != 0]
+        fitting = fitting or [topic for topic in usable if topic.kind is SCAN]  # our own, refused as empty
         if not fitting:
             raise TopicUnclear(path, "no topic has messages of a known type", listed)
         if len(fitting) > 1:

@@ -13,6 +13,7 @@ import numpy as np
 from taxelflow.acquire.metadata import texts_of
 from taxelflow.acquire.ros.kinds import SCAN
 from taxelflow.acquire.ros.mcap import METADATA
+from taxelflow.numerics.clock import nanoseconds
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -52,7 +53,7 @@ class McapScans:
         rows = np.ascontiguousarray(block.values)  # rosbags writes no strided array
         for t_s, values in zip(block.t_s.tolist(), rows, strict=True):
             content = self._store.serialize_cdr(self._scan(t_s=t_s, values=values), self._name)
-            at_ns = max(0, round(t_s * 1e9))
+            at_ns = nanoseconds(t_s)
             self.writer.add_message(self._channel, at_ns, bytes(content), at_ns)
 
     def finish(self) -> None:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _MOST_WAITING = 4096
 """Scans that wait for the estimate; a source that can wait does so, of another one the oldest are dropped."""
+_MOST_TAKEN = 16
+"""Scans that are estimated before sinks are woken for their results: threads that wake hold up the estimate."""
 _WAIT_S = 0.1
 
 
@@ -83,8 +85,7 @@ class Intake(threading.Thread):
                 self._come.wait(_WAIT_S)
             if not self._waiting:
                 return None if self._done else []
-            taken = list(self._waiting)
-            self._waiting.clear()
+            taken = [self._waiting.popleft() for _ in range(min(len(self._waiting), _MOST_TAKEN))]
             self._come.notify()
             return taken
 

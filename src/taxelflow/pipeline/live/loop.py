@@ -8,7 +8,7 @@ import threading
 import time
 from collections import deque
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,17 +21,19 @@ from taxelflow.pipeline.live.workers import SinkWorker
 from taxelflow.pipeline.result import summarise
 from taxelflow.pipeline.stages import Output
 from taxelflow.publish.sinks.base import Ending, Head, Update
+from taxelflow.publish.sinks.lines import scan_texts
 from taxelflow.publish.summary import Totals
 from taxelflow.runtime.turns import quick_turns
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from taxelflow.acquire.devices.base import Source
     from taxelflow.messages import Event, Floats
     from taxelflow.pipeline.live.face import Live
     from taxelflow.pipeline.live.intake import Placed
     from taxelflow.publish.sinks.base import Sink
+    from taxelflow.runtime.adoption import Adoption
 
 _COUNTED = 16
 """Scans that are counted into the summary at once."""
@@ -119,6 +121,8 @@ def _follow(
         for scan in scans:
             if estimate is not None:
                 estimate.step(scan)
+        for worker in report.workers:
+            worker.wake()
         now = time.monotonic()
         if limits.duration_s is not None and now - report.began_s >= limits.duration_s:
             stop.set()
@@ -129,7 +133,9 @@ def _follow(
             watched_s = now
 
 
-def update_of(output: Output, arrived_s: Floats | None = None) -> Update:
+def update_of(
+    output: Output, arrived_s: Floats | None = None, adoptions: Sequence[Adoption] = (), missed: Sequence[float] = ()
+) -> Update:
     """Results as sinks take them. arrived_s: (scans,), when the scans came, monotonic; now if left out."""
     if arrived_s is None:
         arrived_s = np.full(len(output), time.monotonic())
@@ -143,6 +149,8 @@ def update_of(output: Output, arrived_s: Floats | None = None) -> Update:
         output.evidence,
         output.statistic,
         output.spatial,
+        list(adoptions),
+        list(missed),
     )
 
 
@@ -176,11 +184,9 @@ class _Estimate:
         return Ending(summary, run.patterns)
 
     def _publish(self, output: Output) -> None:
-        update = replace(
-            update_of(output, self._arrived(output.slips.t_s)),
-            adoptions=self._live.adopted(),
-            missed=self._report.intake.missed(),
-        )
+        update = update_of(output, self._arrived(output.slips.t_s), self._live.adopted(), self._report.intake.missed())
+        if any(getattr(worker.sink, "texts", False) for worker in self._report.workers):
+            update.texts.extend(scan_texts(update, self._report.pads))
         for worker in self._report.workers:
             worker.offer(update)
             if self._report.source.patient:

@@ -13,9 +13,10 @@ import msgspec
 
 from taxelflow.acquire.ros.write import McapScans
 from taxelflow.errors import ExtraMissing
+from taxelflow.numerics.clock import nanoseconds
 from taxelflow.pipeline.live.adoptions import ADOPTIONS, MISSED
-from taxelflow.publish.sinks.drawn import Drawing, nanoseconds
-from taxelflow.publish.sinks.lines import event_row, object_rows, pad_rows, spatial_objects
+from taxelflow.publish.sinks.drawn import Drawing
+from taxelflow.publish.sinks.lines import event_row, scan_texts, spatial_objects
 from taxelflow.publish.sinks.patient import PatientFile
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class McapSink:
 
     lossless = True
     raw = True
+    texts = True
     dropped = 0
     gathers_s = 0.01
 
@@ -95,10 +97,10 @@ class McapSink:
 
     def write(self, update: Update) -> None:
         """See `Sink`."""
-        rows = zip(update.slips.t_s.tolist(), pad_rows(update, self._pads), object_rows(update.motions), strict=True)
-        for t_s, pads, moved in rows:
-            self._tell("/slips", t_s, {"t_s": t_s, "pads": pads})
-            self._tell("/object", t_s, moved)
+        texts = update.texts or scan_texts(update, self._pads)
+        for t_s, text in zip(update.slips.t_s.tolist(), texts, strict=True):
+            self._tell("/slips", t_s, {"t_s": t_s, "pads": text.pads})
+            self._add("/object", nanoseconds(t_s), bytes(text.moved))
         for adoption in update.adoptions:
             self._tell(ADOPTIONS, adoption.t_s, adoption._asdict())
         for t_s in update.missed:

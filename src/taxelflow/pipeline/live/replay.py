@@ -89,7 +89,7 @@ def rig(address: Address, sensor: Sensor | None) -> Replay:
         raise NameUnknown("scenario", name, SCENARIOS)
     if sensor is not None:
         raise AddressInvalid(address.url, "a scenario has its own sensor", "no --sensor")
-    return _paced(address, simulate(replace(SCENARIOS[name], seed=int(address.number("seed", 0)))))
+    return _paced(address, simulate(replace(SCENARIOS[name], seed=address.whole("seed", 0))))
 
 
 def _paced(address: Address, recording: Recording, missed: frozenset[float] = frozenset()) -> Replay:

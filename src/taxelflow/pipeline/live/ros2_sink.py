@@ -16,7 +16,7 @@ import numpy as np
 from taxelflow.acquire.devices.dds import best_effort, cyclonedds, dds_type, domain_of
 from taxelflow.acquire.ros.decode import store_of
 from taxelflow.acquire.ros.kinds import kind_of
-from taxelflow.publish.sinks.drawn import nanoseconds
+from taxelflow.numerics.clock import nanoseconds
 from taxelflow.publish.sinks.lines import event_row
 
 if TYPE_CHECKING:
@@ -32,6 +32,9 @@ _TWIST, _POSE, _TOUCH, _TEXT = (
 )
 _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
 """Places of x, y and the turn about z in a covariance of 6 x 6."""
+
+_LAST_S = 2.0**31 - 1.0
+"""Latest time of a header: its seconds have 32 bits."""
 
 
 class Ros2Types:
@@ -50,7 +53,7 @@ class Ros2Types:
 
     def header(self, t_s: float) -> Any:
         """A header of the frame `hand`."""
-        sec, nanosec = divmod(nanoseconds(t_s), 10**9)
+        sec, nanosec = divmod(nanoseconds(min(t_s, _LAST_S)), 10**9)
         stamp = self["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
         return self["std_msgs/msg/Header"](stamp=stamp, frame_id="hand")
 

@@ -66,7 +66,7 @@ class SinkWorker(threading.Thread):
         return self._dropped + self.sink.dropped
 
     def offer(self, item: Update | Raw) -> None:
-        """Queue it; returns at once."""
+        """Queue it; returns at once. The thread is woken by `wake`, or when much waits."""
         with self._come:
             if self._settled_s is None and isinstance(item, Update):  # the first scans wait until noise is known
                 self._settled_s = float(item.arrived_s[-1])
@@ -77,7 +77,13 @@ class SinkWorker(threading.Thread):
                 self._drop(item)
             else:
                 self._waiting.append(item)
-            if len(self._waiting) >= self._awaited:
+            if len(self._waiting) >= _BATCH:
+                self._come.notify()
+
+    def wake(self) -> None:
+        """Let the thread write what was offered, if it is enough."""
+        if len(self._waiting) >= self._awaited:
+            with self._come:
                 self._come.notify()
 
     def give_room(self) -> None:
@@ -148,15 +154,19 @@ class SinkWorker(threading.Thread):
             return self._closing is not None and not self._waiting
 
     def _taken(self) -> Iterator[Update | Raw]:
-        """What waits, consecutive items of a kind joined."""
+        """What waits, items of a kind joined; scans as they came before what they gave."""
         with self._come:
             items = [self._waiting.popleft() for _ in range(min(len(self._waiting), _BATCH))]
         self._busy_since = time.monotonic()
-        start = 0
-        for end in range(1, len(items) + 1):
-            if end == len(items) or _kind(items[end]) != _kind(items[start]):
-                yield _together(items[start:end])
-                start = end
+        if len(items) == 1:
+            yield items[0]
+            return
+        raws = [item for item in items if isinstance(item, Raw)]
+        for late in (False, True):
+            if scans := [raw.scans for raw in raws if raw.late == late]:
+                yield Raw(joined(scans), late)
+        if updates := [item for item in items if isinstance(item, Update)]:
+            yield joined(updates)
 
     def _pass(self, item: Update | Raw) -> None:
         if isinstance(item, Raw):
@@ -169,16 +179,3 @@ class SinkWorker(threading.Thread):
         for arrived_s in item.arrived_s.tolist():
             if self._settled_s is not None and arrived_s >= self._settled_s:
                 self.latencies.add(now - arrived_s)
-
-
-def _kind(item: Update | Raw) -> object:
-    return item.late if isinstance(item, Raw) else None
-
-
-def _together(items: list[Update | Raw]) -> Update | Raw:
-    if len(items) == 1:
-        return items[0]
-    raws = [item for item in items if isinstance(item, Raw)]
-    if raws:
-        return Raw(joined([raw.scans for raw in raws]), raws[0].late)
-    return joined([item for item in items if isinstance(item, Update)])

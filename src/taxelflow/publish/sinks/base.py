@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from msgspec import Raw
 
     from taxelflow.messages import (
         Bools,
@@ -24,10 +26,18 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 
+class ScanText(NamedTuple):
+    """Results of a scan as JSON, of the pads by name and of the object, made once for all sinks that write it."""
+
+    pads: Raw
+    moved: Raw
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Update:
     """Results of some scans. arrived_s: (scans,), when each came, by the computer's monotonic clock. missed: times
-    of scans, s, for which there was no time since the last update. The other fields as in `Output`.
+    of scans, s, for which there was no time since the last update. texts: of each scan; none if no sink wants any.
+    The other fields as in `Output`.
     """
 
     arrived_s: Floats
@@ -41,6 +51,7 @@ class Update:
     spatial: SpatialMotions | None = None
     adoptions: list[Adoption] = field(default_factory=list)
     missed: list[float] = field(default_factory=list)
+    texts: list[ScanText] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.slips)
@@ -71,7 +82,8 @@ class Sink(Protocol):
     """A place for results. One thread calls it; it may block without holding up the estimate.
 
     lossless: nothing is dropped for it. raw: it wants scans as they arrived, too. dropped: what it could not pass on.
-    gathers_s: time for which what has come may wait, s, so that more is written at once.
+    gathers_s: time for which what has come may wait, s, so that more is written at once. One that writes `Update.texts`
+    has an attribute `texts` that is true.
     """
 
     lossless: bool

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from taxelflow.errors import ExtraMissing
+from taxelflow.numerics.clock import nanoseconds
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,11 +34,6 @@ class Drawn(NamedTuple):
     topic: str
     t_ns: int
     content: bytes
-
-
-def nanoseconds(t_s: float) -> int:
-    """A scan's time as files and messages have it: 0 if it is before 1970."""
-    return max(0, round(1e9 * t_s))
 
 
 class Drawing:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.errors import ExtraMissing, SinkUnusable
-from taxelflow.publish.sinks.drawn import Drawing, nanoseconds
+from taxelflow.numerics.clock import nanoseconds
+from taxelflow.publish.sinks.drawn import Drawing
 from taxelflow.publish.sinks.lines import event_row, object_rows, pad_rows
 
 if TYPE_CHECKING:

@@ -30,6 +30,7 @@ class JsonFile(ResultSink):
     """A line per scan, on disk when it is written."""
 
     lossless = True
+    texts = True
     dropped = 0
 
     def __init__(self, path: str) -> None:
@@ -99,6 +100,11 @@ class JsonServer(ResultSink):
         self._endpoint = endpoint
         self._clients: list[_Client] = []
         self.dropped = 0
+
+    @property
+    def texts(self) -> bool:
+        """Whether anybody reads."""
+        return bool(self._clients)
 
     def open(self, head: Head) -> None:
         """See `Sink`."""

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.messages import QUALITY
+from taxelflow.publish.sinks.base import ScanText
 from taxelflow.publish.spatial import COLUMNS, spatial_values
 from taxelflow.publish.spatial import NAME as SPATIAL
 from taxelflow.publish.tables import OBJECT, motion_columns
@@ -18,52 +19,58 @@ if TYPE_CHECKING:
     from taxelflow.messages import Event, Motions, Slips
     from taxelflow.publish.sinks.base import Update
 
-_PAD = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s", "std_x_m", "std_y_m")
+_NUMBERS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s", "std_x_m", "std_y_m")
 _QUALITY = (None, *QUALITY[1:])
+_Pad = msgspec.defstruct(
+    "_Pad", [("contact", bool), *((name, float) for name in _NUMBERS), ("slipping", bool), ("quality", str | None)]
+)
+_Object = msgspec.defstruct("_Object", [(name, float) for name in OBJECT])
+"""Structs are made and encoded in half the time of dictionaries."""
 
 
 def json_lines(update: Update, pads: tuple[str, ...]) -> list[bytes]:
     """A line for each scan, with its final newline. Unknown numbers are null."""
     ages = (1e3 * (time.monotonic() - update.arrived_s)).tolist()
     events = events_by_scan(update)
-    encode = msgspec.json.encode  # NaN becomes null
-    scans = zip(update.slips.t_s.tolist(), ages, pad_rows(update, pads), object_rows(update.motions), strict=True)
+    texts = update.texts or scan_texts(update, pads)
     in_space = spatial_objects(update, pads)
-    return [
-        encode(
-            {"t_s": t_s, "age_ms": age, "pads": by_pad, "object": moved}
-            | ({SPATIAL: in_space[scan]} if in_space else {})
-            | {"events": events.get(scan, [])}
-        )
-        + b"\n"
-        for scan, (t_s, age, by_pad, moved) in enumerate(scans)
-    ]
+    lines = []
+    for scan, (t_s, age, text) in enumerate(zip(update.slips.t_s.tolist(), ages, texts, strict=True)):
+        line = {"t_s": t_s, "age_ms": age, "pads": text.pads, "object": text.moved}
+        if in_space:
+            line[SPATIAL] = in_space[scan]
+        line["events"] = events.get(scan, [])
+        lines.append(msgspec.json.encode(line) + b"\n")
+    return lines
 
 
-def pad_rows(update: Update, pads: tuple[str, ...]) -> list[dict[str, dict[str, Any]]]:
-    """For each scan, what is known of each pad."""
+def scan_texts(update: Update, pads: tuple[str, ...]) -> list[ScanText]:
+    """For each scan, its results as JSON; NaN is null."""
+    encode, raw = msgspec.json.encode, msgspec.Raw
+    rows = zip(pad_rows(update, pads), object_rows(update.motions), strict=True)
+    return [ScanText(raw(encode(by_pad)), raw(encode(moved))) for by_pad, moved in rows]
+
+
+def pad_rows(update: Update, pads: tuple[str, ...]) -> list[dict[str, Any]]:
+    """For each scan, what is known of each pad, as structs."""
     slips: Slips = update.slips
+    numbers = np.empty((*slips.contact.shape, len(_NUMBERS)))
+    numbers[..., :3], numbers[..., 3:6] = slips.pose, slips.velocity
     with np.errstate(invalid="ignore"):
-        std = np.sqrt(np.diagonal(slips.covariance, axis1=2, axis2=3))
-    numbers = np.concatenate([slips.pose, slips.velocity, std[..., :2]], axis=2).tolist()
-    flags = zip(slips.contact.tolist(), update.slipping.tolist(), slips.quality.tolist(), numbers, strict=True)
+        np.sqrt(slips.covariance.diagonal(axis1=2, axis2=3)[..., :2], out=numbers[..., 6:])
+    flags = zip(slips.contact.tolist(), update.slipping.tolist(), slips.quality.tolist(), numbers.tolist(), strict=True)
     return [
         {
-            pad: {
-                "contact": touched,
-                **dict(zip(_PAD, row, strict=True)),
-                "slipping": slides,
-                "quality": _QUALITY[judged],
-            }
+            pad: _Pad(touched, *row, slides, _QUALITY[judged])
             for pad, touched, slides, judged, row in zip(pads, contact, slipping, quality, rows, strict=True)
         }
         for contact, slipping, quality, rows in flags
     ]
 
 
-def object_rows(motions: Motions) -> list[dict[str, float]]:
-    """For each scan, the columns of object.csv."""
-    return [dict(zip(OBJECT, row, strict=True)) for row in motion_columns(motions)]
+def object_rows(motions: Motions) -> list[Any]:
+    """For each scan, the columns of object.csv, as structs."""
+    return [_Object(*row) for row in motion_columns(motions)]
 
 
 def spatial_objects(update: Update, pads: tuple[str, ...]) -> list[dict[str, float | int | str]]:

@@ -69,16 +69,16 @@ class LocalMaps:
 
     def learn_from(self, pad: int, scan: Scan) -> None:
         """Make a scan a keyframe, and begin to learn from it, unless the pattern was begun with it."""
-        m, part, known = self.track(pad), self._as_read(pad, scan), self.learners[pad].learned
-        if known is not None and known.keyframes.scanned.t_s[-1] == scan.t:
+        own, tracks, taxels = self.learners[pad], self.tracks, self._layout.of_pad(pad)
+        if own.learned is not None and own.learned.keyframes.scanned.t_s[-1] == scan.t:
             return
         late = self._late(pad) if len(self._delay) else np.zeros(0)
-        bend = m.speed[:, np.newaxis] * late
-        novel = Novel(scan.t, part.reading.copy(), part.variance.copy(), bend, m.state.copy())
-        self.learners[pad].learn_from(novel)
-        if m.keyframes < MOST_KEYFRAMES:
-            m.keyframe[m.keyframes] = m.state
-            m.keyframes += 1
+        bend, state = tracks["speed"][pad][:, np.newaxis] * late, tracks["state"][pad]
+        own.learn_from(Novel(scan.t, scan.reading[taxels].copy(), scan.variance[taxels].copy(), bend, state.copy()))
+        held = int(tracks["keyframes"][pad])
+        if held < MOST_KEYFRAMES:
+            tracks["keyframe"][pad, held] = state
+            tracks["keyframes"][pad] = held + 1
         self.go_on(pad)
 
     def run(self, job: int, scan: Scan, rows: Rows, k: int = 0) -> int:
@@ -266,8 +266,10 @@ class LocalMaps:
 
     def go_on(self, pad: int) -> None:
         """Begin to learn from the scans that wait."""
-        m = self.track(pad)
-        self.learners[pad].go_on(float(m.last_t), partial(self._improve, pad), may_turn=bool(m.turned))
+        own, tracks = self.learners[pad], self.tracks
+        if not own.lane.busy:
+            put = partial(self._improve, pad)
+            own.go_on(float(tracks["last_t"][pad]), put, may_turn=bool(tracks["turned"][pad]))
 
     def settle(self, pad: int, now_s: float) -> None:
         """End what is still being learned when a contact, or its pattern, ends."""

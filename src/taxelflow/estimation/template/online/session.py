@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats, LearnedPattern
     from taxelflow.runtime.adoption import Adopting
-    from taxelflow.runtime.worker import Runs
     from taxelflow.sensors.layout import Layout
 
 _MISTAKEN = 2
@@ -66,10 +65,13 @@ class StreamSession:
 
     def adopt_by(self, adopting: Adopting) -> None:
         """See `Background`."""
-        beside: Runs = worker()
-        self._maps = LocalMaps(self._layout, Workers(beside, self._thread), self._latency_s, adopting)
-        for compile_ in (compile_batch, compile_stream):
-            beside.submit(compile_).result()
+        mapper, starter = worker(), worker("starts")
+        self._maps = LocalMaps(self._layout, Workers(mapper, starter), self._latency_s, adopting)
+        compiled = [
+            beside.submit(compile_) for beside in (mapper, starter) for compile_ in (compile_batch, compile_stream)
+        ]
+        for done in compiled:
+            done.result()
 
     @property
     def patterns(self) -> Sequence[LearnedPattern]:
@@ -197,21 +199,23 @@ class StreamSession:
 
     def _answer(self, pad: int, scan: Scan) -> None:
         """Do what a scan calls for."""
-        own, m = self._maps.learners[pad], self._maps.track(pad)
-        if own.learned is None or own.beginning:
+        own, tracks = self._maps.learners[pad], self._maps.tracks
+        known = own.learned
+        if known is None or own.beginning:
             return
-        if m.flag == GONE:
+        if tracks["flag"][pad] == GONE:
+            m = self._maps.track(pad)
             grows, broken = m.grows, m.broken + _doubt_of_place(m)
             self._maps.settle(pad, scan.t)
             self._maps.begin(pad, scan)
             m = self._maps.track(pad)
             m.grows, m.broken = grows, broken  # it is the same contact
             return
-        faintest = own.learned.keyframes.scanned.readings.max(axis=1).min()
-        louder = self._maps.part(pad, scan).reading.max() > FAINT * faintest
-        if louder and state_of(m.state).gain > FAINT and not own.learned.mature:  # what was learned from is too faint
-            self._maps.learn_anew(pad, scan)
-            return
+        if state_of(tracks["state"][pad]).gain > FAINT and not known.mature:
+            faintest = known.keyframes.scanned.readings.max(axis=1).min()
+            if self._maps.part(pad, scan).reading.max() > FAINT * faintest:  # what was learned from is too faint
+                self._maps.learn_anew(pad, scan)
+                return
         self._maps.learn_from(pad, scan)
 
     def _compile(self) -> None:

@@ -1,0 +1,13 @@
+"""Times as files and messages have them: whole nanoseconds since 1970, in 64 bits."""
+
+from __future__ import annotations
+
+from typing import Final
+
+FARTHEST_S: Final = 1.8e10
+"""Times up to this, in the year 2540, are whole nanoseconds of 64 bits; a device that sends a later one has failed."""
+
+
+def nanoseconds(t_s: float) -> int:
+    """A time in ns: 0 if it is before 1970 or unknown, that of `FARTHEST_S` if it is later than that."""
+    return round(1e9 * min(max(0.0, t_s), FARTHEST_S))
