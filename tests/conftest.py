@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 settings.register_profile("taxelflow", deadline=None, max_examples=40, derandomize=True, database=None)
 settings.load_profile("taxelflow")
 Settled.checked = True  # every call of every test
+gc.disable()  # until tests are collected: none of what is imported is garbage
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 FIRST = (
@@ -80,6 +82,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The files that take longest first: else a worker would be left with one of them at the end."""
     order = {name: place for place, name in enumerate(FIRST)}
     items.sort(key=lambda item: order.get(item.path.stem, len(FIRST)))
+
+
+def pytest_collection_finish() -> None:
+    """Leave modules and tests out of garbage collections, each of which would look at all of their objects again."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)
