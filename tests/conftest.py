@@ -19,7 +19,7 @@ from warm import warm_up
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-settings.register_profile("taxelflow", deadline=None, max_examples=40, derandomize=True, database=None)
+settings.register_profile("taxelflow", deadline=None, max_examples=25, derandomize=True, database=None)
 settings.load_profile("taxelflow")
 Settled.checked = True  # every call of every test
 gc.disable()  # until tests are collected: none of what is imported is garbage
