@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,6 +69,11 @@ FIRST = (
     "test_cli_help",
 )
 """Files of tests that take 5 s and more; some of them wait for processes or a browser while others compute."""
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than cores: some tests wait for processes, devices or a browser while others compute."""
+    return 1 + len(os.sched_getaffinity(0)) if sys.platform == "linux" else 1 + (os.cpu_count() or 1)
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
