@@ -79,7 +79,7 @@ FIRST = (
     "test_gainfit",
     "test_elastic",
 )
-"""Files of tests that take 4 s and more, longest first; some of them wait for processes or a browser while others compute."""
+"""Files of tests that take 4 s and more, longest first; some wait for processes or a browser while others compute."""
 
 
 def pytest_xdist_auto_num_workers() -> int:
