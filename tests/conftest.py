@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import gc
 import os
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,11 +79,6 @@ FIRST = (
     "test_elastic",
 )
 """Files of tests that take 4 s and more, longest first; some wait for processes or a browser while others compute."""
-
-
-def pytest_xdist_auto_num_workers() -> int:
-    """One more than cores: some tests wait for processes, devices or a browser while others compute."""
-    return 1 + len(os.sched_getaffinity(0)) if sys.platform == "linux" else 1 + (os.cpu_count() or 1)
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

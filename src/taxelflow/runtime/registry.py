@@ -10,7 +10,7 @@ import ast
 import sys
 from functools import lru_cache
 from importlib import import_module
-from importlib.metadata import EntryPoints, entry_points
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -154,11 +154,11 @@ def summary(stage: str, name: str) -> str:
     return ""
 
 
-def _plugins(stage: str) -> dict[str, Any]:
-    return {point.name: point for point in _installed(tuple(sys.path)).select(group=f"taxelflow.{stage}")}
+def _plugins(stage: str) -> dict[str, EntryPoint]:
+    return _installed(stage, tuple(sys.path))
 
 
-@lru_cache(maxsize=1)
-def _installed(_path: tuple[str, ...]) -> EntryPoints:
-    """Entry points of all packages on this path: finding them reads a file of each package, some 20 ms."""
-    return entry_points()
+@lru_cache(maxsize=32)
+def _installed(stage: str, _path: tuple[str, ...]) -> dict[str, EntryPoint]:
+    """Entry points of the packages on this path: to find them, a file of each package is read, which takes 20 ms."""
+    return {point.name: point for point in entry_points(group=f"taxelflow.{stage}")}
