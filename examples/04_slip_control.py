@@ -1,7 +1,7 @@
 """Slip-driven control, the paper's purpose, on the rig: hold an object that grows heavier, and let one slip 5 mm.
 
 The plant is the simplest that slips: the object moves when its weight exceeds friction, with a velocity that grows with
-the excess. What the controllers know is only what the taxels say. Run it: python examples/04_slip_control.py
+the excess. The controllers know the readings of the taxels only. Run it: python examples/04_slip_control.py
 """
 
 from dataclasses import dataclass, field

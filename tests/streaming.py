@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import socket
 import threading
+import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from taxelflow.pipeline.live.loop import Report
@@ -88,3 +89,11 @@ def connected(port: int) -> socket.socket:
 
 def published(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def awaited(done: Callable[[], bool]) -> None:
+    """Let other threads work until something is so."""
+    end = time.monotonic() + 60.0
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.001)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rigged import estimated, refused, rigged, strokes_by_both
-from synthetic import assert_same
+from synthetic import assert_same, grid_sensor, recorded
 from taxelflow.cli import main
 from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency
 from taxelflow.pipeline.api import read
@@ -16,6 +16,8 @@ from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from taxelflow.simulation.scenario import Scenario
 
 Capture = pytest.CaptureFixture[str]
 nan = float("nan")
@@ -43,10 +45,22 @@ def ended(arguments: list[str]) -> object:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_each_scenario_may_be_simulated_by_its_name(tmp_path: Path, capsys: Capture, name: str) -> None:
+def test_each_scenario_may_be_asked_for_by_its_name(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    asked: list[tuple[Scenario, Path]] = []
+    made = recorded(np.zeros((3, 28)), grid_sensor(4, 7))
+    monkeypatch.setattr("taxelflow.simulation.simulate.save", lambda *words: (asked.append(words), made)[1])
     path = tmp_path / "a.npz"
     assert main(["simulate", name, "--out", str(path), "--sensing.rate-hz", "5"]) == 0
-    made = simulate(rigged(name, sensing={"rate_hz": 5.0}))
+    assert asked == [(rigged(name, sensing={"rate_hz": 5.0}), path)]
+    assert capsys.readouterr().out == f"3 scans of {made.sensor.name} in {path}\n"
+
+
+def test_what_is_simulated_is_written(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "a.npz"
+    assert main(["simulate", "slide-and-turn", "--out", str(path), "--sensing.rate-hz", "5"]) == 0
+    made = simulate(rigged("slide-and-turn", sensing={"rate_hz": 5.0}))
     assert_same(read(path).load(), made.load())
     assert capsys.readouterr().out == f"{made.scans} scans of {made.sensor.name} in {path}\n"
     assert list(tmp_path.iterdir()) == [path]

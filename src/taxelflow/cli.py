@@ -73,7 +73,7 @@ class Estimate(Recorded, Estimating):
         from taxelflow.pipeline.result import summarise
         from taxelflow.publish.summary import Totals, to_json
         from taxelflow.publish.tables import Tables
-        from taxelflow.publish.terminal import note_on_stderr, progress, say
+        from taxelflow.publish.terminal import note_on_stderr, print_summary, progress
 
         if further := [word for word in rest if not word.startswith("-") and Path(word).exists()]:
             raise RecordingsSeveral(str(self.recording), *further)
@@ -99,7 +99,7 @@ class Estimate(Recorded, Estimating):
             sys.stdout.buffer.write(to_json(summary))
             note_on_stderr(summary)
         else:
-            say(summary, self.out)
+            print_summary(summary, self.out)
         return PARTLY_READ if summary.loss else 0
 
 
@@ -271,8 +271,8 @@ def main(args: list[str] | None = None) -> int:
             sys.stdout.flush()
         return code
     except TaxelflowError as error:
-        said = error.on_command_line(args) if isinstance(error, ParameterInvalid) else error
-        print(f"taxelflow: {said}", file=sys.stderr)
+        message = error.on_command_line(args) if isinstance(error, ParameterInvalid) else error
+        print(f"taxelflow: {message}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("taxelflow: interrupted; rows computed so far stand in the .part files", file=sys.stderr)

@@ -39,6 +39,7 @@ BESIDE_THE_MIDDLE, ON_THE_LINE = 139, 146
 @cache
 def airbag(dead: tuple[int, ...] = ()) -> tuple[Recording, Result]:
     recording = simulate(rigged("stroke", sensing={"dead": dead}))
+    recording = ungrouped(recording) if dead else recording
     return recording, api.estimate(recording, "template")
 
 
@@ -300,14 +301,13 @@ def test_results_do_not_depend_on_how_the_stream_is_cut(mode: str) -> None:
     parameters = {"window_scans": 20} if mode == "batch" else {}  # the first contact is longer
     whole = slips_by("template", PAD, scans, mode=mode, **parameters)
     np.testing.assert_array_equal(np.isfinite(whole.pose[:, 0, 0]), contact)
-    for length in (1, 7):
-        blocks = pieces(scans, range(length, 34, length))
-        assert_same(slips_by("template", PAD, *blocks, mode=mode, **parameters), whole)
+    blocks = pieces(scans, [*range(1, 9), 15, 22, 25, 26, 33])
+    assert_same(slips_by("template", PAD, *blocks, mode=mode, **parameters), whole)
 
 
 @both_modes
 def test_the_scale_of_pressure_changes_no_pose(mode: str) -> None:
-    values = feet_at(way(40)[:24])
+    values = feet_at(way(40)[:16])
     one = slips_by("template", PAD, scans_of(PAD, values, noise=NOISE), mode=mode)
     other = slips_by("template", PAD, scans_of(PAD, 1e-3 * values, noise=1e-3 * NOISE), mode=mode)
     np.testing.assert_allclose(other.pose, one.pose, atol=2e-6)
@@ -396,13 +396,13 @@ def test_a_pad_of_which_a_line_is_left_tells_nothing_of_what_is_across() -> None
 
 
 def test_one_wrong_reading_does_not_drop_a_young_pattern() -> None:
-    poses = way(40)[:24]
+    poses = way(40)[:16]
     values, sound = feet_at(poses), feet_at(poses)
     values[8, 33] = 600e3
     wrong, right = (
         slips_by("template", PAD, scans_of(PAD, one, noise=NOISE), mode="stream") for one in (values, sound)
     )
-    assert np.isfinite(wrong.displacement[1:, 0, 0]).sum() >= 22
+    assert np.isfinite(wrong.displacement[1:, 0, 0]).sum() >= 14
     off = np.delete(wrong.pose[:, 0, :2] - right.pose[:, 0, :2], 8, axis=0)
     assert np.abs(off).max() < 1e-3
 
@@ -413,15 +413,15 @@ def test_where_a_table_has_its_origin_shifts_poses_and_no_more(mode: str) -> Non
         PAD, pads=(Pad(name="pad0", taxels=tuple((x + 0.3, y - 0.2) for x, y in zip(*AT, strict=True))),)
     )
     near = msgspec.structs.replace(PAD, pads=(Pad(name="pad0", taxels=tuple(zip(*AT, strict=True))),))
-    values = feet_at(way(40)[:24])
+    values = feet_at(way(40)[:16])
     one, other = (slips_by("template", at, scans_of(at, values, noise=NOISE), mode=mode) for at in (near, far))
-    np.testing.assert_allclose(other.pose[:, 0, :2] - one.pose[:, 0, :2], np.full((24, 2), [0.3, -0.2]), atol=1e-5)
+    np.testing.assert_allclose(other.pose[:, 0, :2] - one.pose[:, 0, :2], np.full((16, 2), [0.3, -0.2]), atol=1e-5)
     np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-2)
 
 
 def test_a_pattern_of_noise_is_dropped_when_the_object_comes() -> None:
     noise = np.random.default_rng(0).normal(0, NOISE, (8, PAD.layout.taxels))
-    values = np.concatenate([noise, feet_at(way(40))])
+    values = np.concatenate([noise, feet_at(way(40)[:20])])
     slips = slips_by("template", PAD, scans_of(PAD, values, noise=NOISE), mode="stream")
     centre = (values[8:] @ np.stack([PAD.layout.x_m, PAD.layout.y_m]).T) / values[8:].sum(axis=1, keepdims=True)
     assert np.isnan(slips.displacement[8, 0]).all()

@@ -57,8 +57,9 @@ def test_json_is_the_contract_and_nothing_else(capsys: Capture) -> None:
         assert trial["grasped"]
     assert (printed["held"], printed["within_5_mm"]) == pytest.approx((1.0, 2 / 3))
     assert 0.75 <= printed["force_p50"] / Constant().times <= 0.97
+    words[words.index("--trials") + 1] = "1"
     assert main(words) == 0
-    assert json.loads(capsys.readouterr().out) == printed
+    assert json.loads(capsys.readouterr().out)["trials"] == printed["trials"][:1]
 
 
 @in_mujoco

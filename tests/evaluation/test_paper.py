@@ -8,9 +8,10 @@ import pytest
 from rigged import svg_words
 from taxelflow.acquire.base import Truth
 from taxelflow.cli import main
-from taxelflow.evaluation import paper
+from taxelflow.evaluation import field, paper
 from taxelflow.evaluation.field import SCENES, Field, FieldReport, FieldRow, cuts_of, true_twist
 from taxelflow.evaluation.limits import Limits
+from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.grasp import Grasp
 
@@ -32,6 +33,12 @@ def test_every_figure_of_the_paper_is_drawn(
     monkeypatch.setattr(Field, "run", lambda _self, _watched: made_up_field())
     monkeypatch.setattr(paper, "Limits", lambda seeds: Limits(seeds=seeds, methods=("convolution", "lnorm")))
     monkeypatch.setattr(paper, "FIELD_METHODS", ("convolution", "lnorm"))  # the template takes 15 s
+    quick, estimate = {"template": "convolution"}, api.estimate
+    monkeypatch.setattr(
+        api,
+        "estimate",
+        lambda recording, method="convolution", **more: estimate(recording, quick.get(method, method), **more),
+    )
     monkeypatch.setattr(
         "taxelflow.simulation.grasp.Grasp", lambda strokes: Grasp(strokes=strokes - 1, rest_s=0.1)
     )  # one is drawn
@@ -49,7 +56,9 @@ def test_every_figure_of_the_paper_is_drawn(
         assert sum(word.startswith("true: ") for word in words) == 6
 
 
-def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four() -> None:
+def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(field, "SCENES", ("turn-over-hand",))
+    monkeypatch.setattr(field, "cuts_of", lambda hand: cuts_of(hand)[:2])
     rows = {(row.scenario, row.cut): row for row in Field(1).run().rows}
     two, four = (rows["turn-over-hand", cut] for cut in ("tips of fingers 1, 2", "fingers 1, 2"))
     assert (two.vectors, four.vectors) == (2, 4)

@@ -37,8 +37,8 @@ def turned(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_moving_object_is_predicted_better_than_no_motion() -> None:
-    (row,) = score_recordings([slide(np.linspace(-0.008, 0.008, 100))]).predictions
-    assert row.scans == 98
+    (row,) = score_recordings([slide(np.linspace(-0.008, 0.008, 60))]).predictions
+    assert row.scans == 58
     assert row.registered_percent < 0.7 * row.no_motion_percent
     assert row.registered_percent < row.centroid_percent
     assert row.forecast_percent < row.no_motion_percent
@@ -55,8 +55,8 @@ def test_a_still_object_is_predicted_to_the_noise() -> None:
 
 
 def test_a_jump_is_charged_to_the_template() -> None:
-    way = np.repeat([-0.012, 0.012], 30)
-    still, jumped = (score_recordings([slide(x)]).predictions[0] for x in (np.full(60, -0.012), way))
+    way = np.repeat([-0.012, 0.012], 20)
+    still, jumped = (score_recordings([slide(x)]).predictions[0] for x in (np.full(40, -0.012), way))
     assert jumped.forecast_percent > 3 * still.forecast_percent
 
 

@@ -13,6 +13,7 @@ from rigged import refused
 from synthetic import unknown_slips
 from taxelflow.cli import main
 from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.evaluation import robustness
 from taxelflow.evaluation.robustness import PAIRS, SHAPES, Robustness
 from taxelflow.evaluation.robustness_rows import ALL_ROWS, CaseRow, row_of, summaries, with_ratios
 from taxelflow.messages import LOST, NO_POSE, OK, Slips, no_scans
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from taxelflow.messages import Floats
+    from taxelflow.simulation.relief.parameters import Pressing
 
 NAMES = ("all", "nut", "grid", 0, "template")
 PRESSING = case("nut", "grid")
@@ -167,8 +169,17 @@ def test_an_unknown_name_lists_the_known_ones(options: dict[str, Any], named: st
         Robustness(seeds=0)
 
 
-def test_the_command_prints_and_writes_every_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["--shapes", "bar", "--layouts", "xela", "palm", "--methods", "lnorm", "convolution", "sum"]
+def brief(*words: Any, **more: Any) -> Pressing:
+    """A case of fewer scans."""
+    whole = case(*words, **more)
+    return replace(whole, course=replace(whole.course, moving_scans=60))
+
+
+def test_the_command_prints_and_writes_every_case(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(robustness, "case", brief)
+    words = ["--shapes", "bar", "dome", "--layouts", "xela", "--methods", "lnorm", "convolution", "sum"]
     path = tmp_path / "rows.csv"
     assert main(["score", "robustness", *words, "--csv", str(path)]) == 0
     shown = capsys.readouterr().out

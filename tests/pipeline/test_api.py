@@ -77,7 +77,7 @@ PUBLIC = {
 }
 DSA = ["masked_matrix", "reactive_grasping", "slip_and_rotation_teapot_handle", "tennisball"]
 LONG_DSA = "slip_examples_pen_and_wooden_block"
-BEGINNING = 1500
+BEGINNING = 900
 """Scans of a real recording that are estimated."""
 
 

@@ -31,7 +31,7 @@ _MEMORY = 0.9
 """What is left of the sums after an evaluation: they reach back over about 80 scans."""
 _TEXTURED = 0.05
 """Share of the gradient's energy that texture has at least; the four laws leave less than 0.03 of each other's."""
-_TOLD = 5.0
+_OBSERVABLE = 5.0
 """Energy of the gradient over that of noise from which a direction is observable: a fifth of a pitch from one scan."""
 _NEAR = 1.5
 """Distance of neighbours, in pitches: the eight around a taxel of a grid, the six of a hexagon."""
@@ -153,8 +153,8 @@ def judge(own: Sums, unobservable: Floats) -> bool:
     along, across = x * x * own.noise_x + y * y * own.noise_y, y * y * own.noise_x + x * x * own.noise_y
     for a in range(4):
         unobservable[a // 2, a % 2] = 0.0
-    if middle - radius < _TOLD * across:
-        tilt = across / (own.count * (middle + radius)) if middle + radius > _TOLD * along else 1.0
+    if middle - radius < _OBSERVABLE * across:
+        tilt = across / (own.count * (middle + radius)) if middle + radius > _OBSERVABLE * along else 1.0
         unobservable[0, 0] = y * y + tilt * x * x
         unobservable[1, 1] = x * x + tilt * y * y
         unobservable[0, 1] = unobservable[1, 0] = (tilt - 1.0) * x * y
@@ -193,7 +193,7 @@ def add_scan(
     own.xx, own.xy, own.yy = _MEMORY * own.xx + xx, _MEMORY * own.xy + xy_, _MEMORY * own.yy + yy
     own.noise_x, own.noise_y = _MEMORY * own.noise_x + noise_x, _MEMORY * own.noise_y + noise_y
     own.texture = _MEMORY * own.texture + rough - share * (noise_x + noise_y)
-    turn, arm = turn_energy(pressure, noise, xy, (begin, end), gradients, _TOLD * (noise_x + noise_y))
+    turn, arm = turn_energy(pressure, noise, xy, (begin, end), gradients, _OBSERVABLE * (noise_x + noise_y))
     own.count = _MEMORY * own.count + 1.0
     own.turn, own.arm = _MEMORY * own.turn + turn, _MEMORY * own.arm + arm
 
@@ -218,7 +218,7 @@ def turn_energy(
     """Energy of a turn about the point c where it is least, sum of ((r - c) x g)^2, and of |r - c|^2 |g|^2.
 
     About the centre of a round pattern the first is 0, even if the pad sees only a part of its rim. least: energy of
-    the gradient from which it says in one direction where c is.
+    the gradient from which it determines c in one direction.
     """
     begin, end = own
     aa = ab = bb = pa = pb = pp = rr_g = rx_g = ry_g = 0.0

@@ -37,7 +37,7 @@ class Agreement:
     alerted_sigmas: float = 2.5
     """The same while the slip detector of a pad alarms; velocities need not agree then."""
     acceleration_m_s2: float = 2.0
-    """Standard deviation of the object's acceleration: how much a velocity tells of the next."""
+    """Standard deviation of the object's acceleration: how far a velocity predicts the next."""
     noise_m_s: float = 0.001
     """Least standard deviation of a pad's velocity."""
     memory_s: float = 0.2

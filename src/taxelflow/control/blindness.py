@@ -29,12 +29,12 @@ class Blindness:
                 raise ParameterInvalid(f"blindness.{name}", getattr(self, name), "be a finite number above 0")
 
     def start(self) -> BlindnessSession:
-        """Begin without knowledge: pads that say nothing are not blind."""
+        """Begin without knowledge: pads without an image are not blind."""
         return BlindnessSession(self)
 
 
 class BlindnessSession:
-    """The mean detail of both pads' images. blind: what it says now."""
+    """The mean detail of both pads' images. blind: whether it is too low now."""
 
     def __init__(self, parameters: Blindness) -> None:
         self._p, self._details_1_m = parameters, float("nan")

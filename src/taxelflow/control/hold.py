@@ -45,7 +45,7 @@ class Hold:
     again_s: float = 10.0
     """Time without slip after which a force that has slipped is tried again; twice that if it slips again."""
     blind_times: float = 4.0
-    """Force over the first one where the pads cannot tell a slip: the growth of the load that is to be borne."""
+    """Force over the first one where the pads cannot detect a slip: the growth of the load that is to be borne."""
     agreement: Agreement = field(default_factory=Agreement)
     blindness: Blindness = field(default_factory=Blindness)
     method: str = "registration"
@@ -73,7 +73,7 @@ class HoldSession:
     def step(self, touch: Touch) -> float:
         """The force to command, N."""
         p, was, was_quiet_s = self._p, self._slips, self._quiet_s
-        sees = ~(touch.detail_m > p.blindness.detail_m)  # the slip detector of a pad that cannot tell knows nothing
+        sees = ~(touch.detail_m > p.blindness.detail_m)  # the slip detector of a pad without detail is not used
         seen = replace(touch, slipping=touch.slipping & sees)
         self._quiet_s = 0.0 if seen.slipping.any() else was_quiet_s + touch.dt_s
         motion = self._both.step(seen.of_point(_MIDDLE))
@@ -114,7 +114,7 @@ class HoldSession:
 
     @property
     def blind(self) -> bool:
-        """Whether the pads cannot tell a slip now."""
+        """Whether the pads cannot detect a slip now."""
         return self._blindness.blind
 
     def _learn(self, t_s: float) -> None:

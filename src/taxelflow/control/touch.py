@@ -29,7 +29,7 @@ _MIRRORED = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0]])
 
 
 class Facing:
-    """What the output of a stream says of two pads. They face each other, with their y axes parallel."""
+    """What a stream's output contains for two pads. They face each other, with their y axes parallel."""
 
     def __init__(self, sensor: Sensor, down: Floats | None = None) -> None:
         """down: see `TouchStream`. Raises ParameterInvalid for a sensor that has not two pads alike."""
@@ -44,7 +44,7 @@ class Facing:
 
 
 class OnHand:
-    """What the output of a stream says of a hand's pads, which lie on links that its joints move."""
+    """What a stream's output contains for a hand's pads, which lie on links that its joints move."""
 
     def __init__(self, sensor: Sensor, down: Floats | None = None) -> None:
         """down: see `TouchStream`. Raises HandModelInvalid, ExtraMissing."""

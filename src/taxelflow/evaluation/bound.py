@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from taxelflow.simulation.scenario import Scenario
 
 _STEPS = (5e-3, 5e-3, 0.03)
-"""Steps of the derivatives to both sides, in pitches and rad: about what a scan can tell, so that structure which is
-too fine to be seen (the cells of the elastic solver's fields) counts for little."""
+"""Steps of the derivatives to both sides, in pitches and rad: about the resolution of a scan, so that structure
+which is too fine to be seen (the cells of the elastic solver's fields) counts for little."""
 _LOOSE = np.diag([1.0, 1.0, 1e-2])
 """Information in every pose, of 1 m and 10 rad: keeps matrices of scans that know nothing invertible."""
 _SPINS_RAD = 0.2

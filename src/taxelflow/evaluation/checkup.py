@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _FEWEST_IDLE = 5
-"""Idle windows that say something of a drift."""
+"""Fewest idle windows from which a drift is estimated."""
 
 
 class TaxelFinding(msgspec.Struct, frozen=True):

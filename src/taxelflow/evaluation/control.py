@@ -119,7 +119,7 @@ class MotionReport(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Scans:
-    """Of one trial. blind: (scans,), the controller knows that its pads cannot tell a slip. step_s: (scans,)."""
+    """Of one trial. blind: (scans,), the controller knows that its pads cannot detect a slip. step_s: (scans,)."""
 
     blind: Bools
     step_s: Floats
@@ -127,7 +127,7 @@ class Scans:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Trials of a controller that holds, with what their scans tell of the estimator. scans: one of each trial."""
+    """Trials of a controller that holds, with what their scans show of the estimator. scans: one of each trial."""
 
     report: ControlReport
     scans: list[Scans]
@@ -153,7 +153,7 @@ def motions_of(name: str, courses: list[Course], watched: Watched) -> MotionRepo
 class Seen:
     """One scan under control. slid_m, turned_rad: from where the object was at the handover. least_n: least force per
     pad that holds now. commanded_n: force per pad during the scan. blind: the controller knows that its pads cannot
-    tell a slip. step_s: processor time from readings to touch.
+    detect a slip. step_s: processor time from readings to touch.
     """
 
     moment: Moment

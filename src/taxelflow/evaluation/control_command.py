@@ -76,7 +76,7 @@ class Control:
     """Write the trials as episodes of a LeRobot data set (format v3.0) into this new directory."""
 
     def run(self, _rest: list[str]) -> int:
-        """Run the trials, print, and say whether the bench worked."""
+        """Run the trials and print them; 0 if the bench worked."""
         from threadpoolctl import threadpool_limits
 
         with threadpool_limits(1):  # the matrices are too small to share among cores

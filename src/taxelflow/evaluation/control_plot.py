@@ -32,7 +32,7 @@ def plot_course(course: Course, path: Path) -> Path:
 def headline(trial: Trial) -> str:
     """The trial in words: what is held, and what happens to it."""
     happening, mass_g = trial.happening, f"{1e3 * trial.held.mass_kg:.0f} g"
-    told = {
+    happens = {
         "pour": f"is poured into: {mass_g} become {1e3 * happening.mass_kg * happening.times:.0f} g",
         "pull": f"of {mass_g} is pulled: {happening.times:.1f} times its weight",
         "shake": f"of {mass_g} is shaken: {happening.shake_g:.1f} g at {happening.shake_hz:.1f} Hz",
@@ -40,7 +40,7 @@ def headline(trial: Trial) -> str:
         "double": f"of {mass_g} weighs twice as much at once",
     }
     thing = "bumpy block" if trial.object == "bumpy" else trial.object
-    return f"A {thing} {told.get(trial.event, f'of {mass_g}')}"
+    return f"A {thing} {happens.get(trial.event, f'of {mass_g}')}"
 
 
 def draw_force(axis: Any, trial: Trial, seen: Sequence[Seen]) -> None:

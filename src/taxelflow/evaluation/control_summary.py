@@ -25,10 +25,10 @@ class SummaryRow(msgspec.Struct, frozen=True):
     """One controller on objects that can be felt, or on featureless ones. Shares are of the grasped trials.
 
     held_low and so on: Wilson's 95 % interval. blind: share of the scans in which the controller knows that its pads
-    cannot tell a slip. step_ms: processor time of the estimator for both pads. wins, losses: trials within 5 mm of the
-    first controller only, and of this one only; gain: difference of the shares, with a 95 % interval over trials.
-    cost: 1 for an object lost or slid 5 mm or more, 0.25 for a force of twice the least, mean; cost_more: by how much
-    it is above that of the first controller, with a 95 % interval over trials.
+    cannot detect a slip. step_ms: processor time of the estimator for both pads. wins, losses: trials within 5 mm
+    of the first controller only, and of this one only; gain: difference of the shares, with a 95 % interval over
+    trials. cost: 1 for an object lost or slid 5 mm or more, 0.25 for a force of twice the least, mean; cost_more: by
+    how much it is above that of the first controller, with a 95 % interval over trials.
     """
 
     controller: str

@@ -36,7 +36,7 @@ def show_holding(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
     for note in (
         "in brackets: 95 % intervals; force: of the last second over the least that holds, of held trials",
         _COST_NOTE,
-        "blind: scans in which the controller knows that its pads cannot tell a slip",
+        "blind: scans in which the controller knows that its pads cannot detect a slip",
     ):
         console.print(note, style="dim")
     for row in rows:

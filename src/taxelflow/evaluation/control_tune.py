@@ -43,7 +43,7 @@ FIRST_SHARE, FINALISTS = 0.25, 4
 
 
 class Tried(msgspec.Struct, frozen=True):
-    """One draw: parameters, and what so many trials with them cost."""
+    """One draw: parameters, and what that number of trials with them cost."""
 
     trials: int
     parameters: dict[str, float]

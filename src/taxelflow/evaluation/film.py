@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from taxelflow.publish.summary import Summary
 
 _MOST_FRAMES = 3000
-"""A GIF of so many frames has some 50 MB."""
+"""Most frames of a film: a GIF of that length has about 50 MB."""
 
 
 def make_film(

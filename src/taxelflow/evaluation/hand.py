@@ -183,7 +183,7 @@ def _poses(rows: list[GraspRow]) -> Shown:
 def hand_bound(scenario: Scenario, t_s: Floats) -> Floats:
     """Cramér-Rao standard deviations (scans, 3), m, m, rad, of the object's pose in the hand, pattern known.
 
-    t_s: (scans,), true times. NaN where no pad tells the pose.
+    t_s: (scans,), true times. NaN where no pad observes the pose.
     """
     layout = load_sensor(scenario.sensor).layout
     information = np.zeros((len(t_s), 3, 3))
@@ -194,8 +194,8 @@ def hand_bound(scenario: Scenario, t_s: Floats) -> Floats:
             turn[:2, :2] = rotation(layout.T_hand[pad, 2])
             information += turn @ (np.swapaxes(by_pose, 1, 2) @ by_pose) @ turn.T
     deviation = np.full((len(t_s), 3), np.nan)
-    told = np.linalg.eigvalsh(information)[:, 0] > 0.0
-    deviation[told] = np.sqrt(np.diagonal(np.linalg.inv(information[told]), axis1=1, axis2=2))
+    observable = np.linalg.eigvalsh(information)[:, 0] > 0.0
+    deviation[observable] = np.sqrt(np.diagonal(np.linalg.inv(information[observable]), axis1=1, axis2=2))
     return deviation
 
 

@@ -76,7 +76,7 @@ class PacedRow(msgspec.Struct, frozen=True):
     p99_ms: float
     longest_ms: float
     load_average: float
-    """Of the machine, during the run: a figure from a busy machine says little."""
+    """Of the machine, during the run: a figure from a busy machine is of little use."""
     resident_mb: float
     growth: float
     """Of the resident memory, from a fifth of the run to its end, as a share."""
@@ -237,7 +237,7 @@ def _paced(method: str, sensor: Sensor, scans: RawScans, rate_hz: float, seconds
 
 
 def resident_mb() -> float:
-    """Resident memory now where the system tells it, else the largest so far."""
+    """Resident memory now where the system reports it, else the largest so far."""
     status = Path("/proc/self/statm")
     if status.exists():
         return int(status.read_text().split()[1]) * resource.getpagesize() / 1e6

@@ -41,7 +41,7 @@ class LateRow(msgspec.Struct, frozen=True):
 
 
 def late_rows(seeds: int, delays_s: Sequence[float] = DELAYS_S) -> Iterator[LateRow]:
-    """A row for each scenario and delay, over so many seeds."""
+    """A row for each scenario and delay, over this number of seeds."""
     for name in _SCENARIOS:
         first = None
         for delay_s in delays_s:

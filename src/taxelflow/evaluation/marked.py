@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 READINGS = "xela_sensor1.csv"
 _SENSOR = "xela-4x4@4.7mm"
-"""The recordings do not say their pitch; this is that of the uSkin modules of their time."""
+"""The recordings do not state their pitch; this is that of the uSkin modules of their time."""
 _POSITION = ("marker1_position_x", "marker1_position_y", "marker1_position_z")
 _FARTHEST_M = 1.5
 """A marker on an object in the hand is nearer to the camera on it."""

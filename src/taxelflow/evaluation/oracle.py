@@ -25,7 +25,7 @@ _LENIENT = 0.02
 oracle may begin as if far more alarms were allowed.
 """
 _FLOOR_M = 1e-6
-"""No pose is better known; some methods say 0."""
+"""Least standard deviation of a pose; some methods report 0."""
 _STOPS_PER_S = 3.6
 """One over the mean duration of the rig's slips."""
 _LOOKS_BACK, _LOOKS_ON = 60, 30

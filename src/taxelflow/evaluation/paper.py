@@ -65,7 +65,7 @@ def draw_paper(out: Path, form: str, *, strokes: int, seeds: int, watched: Watch
 def _taxels() -> Figure:
     caption = (
         "The 162 taxels of the paper's hand, numbered as in a scan, on the hand laid flat. The palm's second row is "
-        "143 to 149, as the paper says; the order within the fingers, the tips' shape and the fingers' places are "
+        "143 to 149, as in the paper; the order within the fingers, the tips' shape and the fingers' places are "
         "assumptions."
     )
     return layout_figure(load_sensor(_HAND).layout, caption, numbers=True)

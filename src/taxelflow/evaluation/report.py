@@ -216,10 +216,10 @@ def _events(events: Sequence[tuple[Event, Shown]], zero_s: float) -> Sheet:
             event.pad,
             event.event.replace("_", " "),
             result.label,
-            _said(event.onset_s - zero_s, ".3f"),
-            _said(1e3 * event.path_m, ".1f"),
-            _said(1e3 * event.speed_m_s, ".1f"),
-            _said(float(np.degrees(event.direction_rad)), ".0f"),
+            _number(event.onset_s - zero_s, ".3f"),
+            _number(1e3 * event.path_m, ".1f"),
+            _number(1e3 * event.speed_m_s, ".1f"),
+            _number(float(np.degrees(event.direction_rad)), ".0f"),
             event.quality,
         ]
         for event, result in events
@@ -227,7 +227,7 @@ def _events(events: Sequence[tuple[Event, Shown]], zero_s: float) -> Sheet:
     return Sheet(heading, rows)
 
 
-def _said(value: float, form: str) -> str:
+def _number(value: float, form: str) -> str:
     return format(value, form) if np.isfinite(value) else ""
 
 
@@ -253,6 +253,6 @@ def _notes(results: Sequence[Shown]) -> list[str]:
     """Notes of all results, each once; with the method where there are several."""
     notes = []
     for result in results:
-        said = [*result.ran.notes, *([result.ran.loss] if result.ran.loss else [])]
-        notes += [f"{result.label}: {note}" if len(results) > 1 else note for note in said]
+        own = [*result.ran.notes, *([result.ran.loss] if result.ran.loss else [])]
+        notes += [f"{result.label}: {note}" if len(results) > 1 else note for note in own]
     return list(dict.fromkeys(notes))

@@ -55,7 +55,7 @@ class Health(NamedTuple):
 class _Moment(NamedTuple):
     t_s: float
     pad: str
-    said: str
+    caption: str
 
 
 def health_of(ran: Summary, recording: Recording | None) -> Health:
@@ -71,8 +71,8 @@ def health_of(ran: Summary, recording: Recording | None) -> Health:
                f"drift {found.unit}", "tared", "never loaded", "saturated", "missing readings", "findings"]  # fmt: skip
     rows = [
         [
-            pad.name, str(pad.taxels), str(pad.masked), _said(pad.lowest), _said(pad.highest), _said(pad.noise),
-            _said(pad.idle_drift), "yes" if pad.tared else "no", str(len(pad.idle_taxels)),
+            pad.name, str(pad.taxels), str(pad.masked), _number(pad.lowest), _number(pad.highest), _number(pad.noise),
+            _number(pad.idle_drift), "yes" if pad.tared else "no", str(len(pad.idle_taxels)),
             str(len(pad.saturated_taxels)), str(pad.missing_readings), str(len(pad.findings)),
         ]
         for pad in found.pads
@@ -86,17 +86,17 @@ def health_of(ran: Summary, recording: Recording | None) -> Health:
             peak[taxel] = np.nan if value is None else value
             marks[taxel] = pad.marks[row][col]
     largest = float(np.nanmax(peak, initial=0.0))
-    said = (
+    caption = (
         f"Largest reading of each taxel, from light (0) to dark ({largest:.4g} {found.unit}). "
         "Red outline: taxel with a finding; magenta: reached full scale; white: masked."
     )
     masked = [taxel for taxel, mark in enumerate(marks) if mark == "x"]
-    picture = {"shades": shades(peak, masked), "marks": "".join(marks), "said": said}
+    picture = {"shades": shades(peak, masked), "marks": "".join(marks), "caption": caption}
     findings = [finding.words for pad in found.pads for finding in pad.findings]
     return Health(Sheet(heading, rows, [bool(pad.findings) for pad in found.pads]), findings, picture)
 
 
-def _said(value: float | None) -> str:
+def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.4g}"
 
 
@@ -134,22 +134,22 @@ def _moments(shown: Shown, label: str) -> list[_Moment]:
     busiest = max(tracks, key=lambda track: float(np.nan_to_num(track.numbers["load_pa"][largest])))
     chosen = [_Moment(float(t_s[largest]), busiest.pad, "largest load")]
     slips = [_slip(track, span, shown) for track in tracks for span in spans(track.flags["slipping"])]
-    for _, middle_s, pad, said in sorted(slips, key=lambda slip: -slip[0]):
+    for _, middle_s, pad, caption in sorted(slips, key=lambda slip: -slip[0]):
         if len(chosen) < _MOST_SCANS and all(abs(middle_s - moment.t_s) >= _APART_S for moment in chosen):
-            chosen.append(_Moment(middle_s, pad, said + (f" by {label}" if label else "")))
+            chosen.append(_Moment(middle_s, pad, caption + (f" by {label}" if label else "")))
     return sorted(chosen)
 
 
 def _slip(track: Track, span: tuple[int, int], shown: Shown) -> tuple[float, float, str, str]:
-    """Path in m, 0 if unknown, time of the middle scan, pad, and what is said of a slip, as its event tells it."""
+    """Path in m, 0 if unknown, time of the middle scan, pad, and the caption of a slip, as its event describes it."""
     (first, stop), t_s = span, track.numbers["t_s"]
     middle_s = float(t_s[(first + stop) // 2 if stop - first > 1 else first])
     last_s = float(t_s[min(stop, len(t_s) - 1)])
     for event in shown.events:
         inside = t_s[first] - SAME_S <= event.t_s <= last_s + SAME_S
         if event.pad == track.pad and event.event in ("slip_start", "slip_stop") and inside and event.path_m > 0:
-            said = f"{track.pad} slips {1e3 * event.path_m:.1f} mm in {event.duration_s:.2f} s"
-            return event.path_m, middle_s, track.pad, said
+            caption = f"{track.pad} slips {1e3 * event.path_m:.1f} mm in {event.duration_s:.2f} s"
+            return event.path_m, middle_s, track.pad, caption
     return 0.0, middle_s, track.pad, f"{track.pad} slips"
 
 
@@ -177,7 +177,7 @@ def _scan(
         ]
     fastest = max((hypot(vx, vy) for _, _, vx, vy, _ in arrows), default=0.0)
     scale = _LONGEST * wide_mm / (fastest or 1.0)
-    title = f"{moment.t_s - zero_s:.2f} s: {moment.said}"
+    title = f"{moment.t_s - zero_s:.2f} s: {moment.caption}"
     if fastest:
         title += f"; longest arrow {1e3 * fastest:.3g} mm/s"
     return {

@@ -30,7 +30,7 @@ _WORSE, _BETTER = 1.1, 1 / 3
 
 
 class CaseRow(msgspec.Struct, frozen=True):
-    """One method on one recording. None: the method does not tell, or not in enough scans."""
+    """One method on one recording. None: the method does not estimate it, or not in enough scans."""
 
     effect: str
     shape: str
@@ -103,17 +103,17 @@ def row_of(names: tuple[str, str, str, int, str], pressing: Pressing, slips: Sli
     error = np.full(pose.shape, np.nan)
     error[known] = without_frame(pose[known], path.pose[known], np.ones((int(known.sum()), 3)))
     squared, turned = _normalised(error, slips.covariance[:, pad])
-    told = np.isfinite(squared)
+    stated = np.isfinite(squared)
     return CaseRow(
         *names,
         scans=scans,
         known_share=share,
         error_mm=1e3 * _rms(np.hypot(error[:, 0], error[:, 1])),
         error_deg=float(np.degrees(_rms(error[:, 2]))) if np.isfinite(error[:, 2]).any() else None,
-        nees_position=float(squared[told].mean()) / 2 if told.any() else None,
+        nees_position=float(squared[stated].mean()) / 2 if stated.any() else None,
         nees_turn=float(np.nanmean(turned)) if np.isfinite(turned).any() else None,
         ok=int(ok.sum()),
-        wrong=int(_wrong(error, squared)[ok].sum()) if told.any() else None,
+        wrong=int(_wrong(error, squared)[ok].sum()) if stated.any() else None,
     )
 
 

@@ -56,7 +56,7 @@ class Filling:
         self.history.complete = True
 
     def decide(self, alarms_per_hour: float) -> None:
-        """The results anew, at another rate of false alarms; the old ones are shown until then."""
+        """Detect slips again, at another rate of false alarms; the old results are shown until then."""
         self.pipeline = replace(self.pipeline, monitor=replace(self.pipeline.monitor, alarms_per_hour=alarms_per_hour))
         outputs = [*self.pipeline.start(self.recording)]
         blocks = [_results_of(one) for one in outputs if len(one)]
@@ -103,19 +103,19 @@ class Playing:
         self._estimate()
 
     def decide(self, alarms_per_hour: float) -> None:
-        """Decide on slips anew, unless that is being done."""
-        tell = self.page.panel.tell_decided
+        """Detect slips again, unless that is being done."""
+        show = self.page.panel.show_decided
         if not all(filling.history.complete for filling in self._fillings) or not self._busy.acquire(blocking=False):
-            tell("wait until the recording is estimated")
+            show("wait until the recording is estimated")
             return
         try:
-            tell("deciding ...")
+            show("deciding ...")
             for filling in self._fillings:
                 filling.decide(alarms_per_hour)
             slips = sum(event.event == "slip_start" for event in self._fillings[0].history.events)
-            tell(f"{slips} slips at {alarms_per_hour:g} false alarms per hour")
+            show(f"{slips} slips at {alarms_per_hour:g} false alarms per hour")
         except TaxelflowError as error:
-            tell(str(error))
+            show(str(error))
         finally:
             self._busy.release()
 

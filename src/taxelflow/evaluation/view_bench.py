@@ -50,11 +50,11 @@ class StartRow(msgspec.Struct, frozen=True):
     address_s: float
     """Until the address is printed."""
     address_cpu_s: float
-    """Processor time of the command until then; NaN where the system does not tell it."""
+    """Processor time of the command until then; NaN where the system does not report it."""
     picture_s: float
     """Until a scan is drawn."""
     load_average: float
-    """Of the machine: a figure from a busy machine says little."""
+    """Of the machine: a figure from a busy machine is of little use."""
 
 
 class ShowRow(msgspec.Struct, frozen=True):
@@ -143,11 +143,11 @@ def _start(tab: Tab, folder: Path) -> StartRow:
     began = time.monotonic()
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
-            said = process.stdout.readline() if process.stdout else ""
-            if not said.startswith("http"):
-                raise BrowserFailed(f"taxelflow view said {said.strip()!r}")
+            printed = process.stdout.readline() if process.stdout else ""
+            if not printed.startswith("http"):
+                raise BrowserFailed(f"taxelflow view printed {printed.strip()!r}, not its address")
             address_s, address_cpu_s = time.monotonic() - began, _cpu_s(process.pid)
-            tab.open(said.split()[0])
+            tab.open(printed.split()[0])
             tab.wait_for("document.querySelector('canvas') && document.body.innerText.includes(' s · ')")
             tab.count_pictures()
             tab.wait_for("window.drawn > 2")
@@ -158,10 +158,10 @@ def _start(tab: Tab, folder: Path) -> StartRow:
 
 def _cpu_s(process: int) -> float:
     """Processor time of a process so far, s."""
-    told = Path(f"/proc/{process}/stat")
-    if not told.exists():
+    statistics = Path(f"/proc/{process}/stat")
+    if not statistics.exists():
         return float("nan")
-    user, system = told.read_text(encoding="utf-8").rpartition(")")[2].split()[_USER : _USER + 2]
+    user, system = statistics.read_text(encoding="utf-8").rpartition(")")[2].split()[_USER : _USER + 2]
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
@@ -228,7 +228,7 @@ def _prepared() -> tuple[Sensor, Floats, Floats, Results]:
 def _feed(
     history: History, t_s: Floats, pressure: Floats, results: Results, rate_hz: float, stop: threading.Event
 ) -> None:
-    """Add scans at their rate, the recording over and over, until told to stop."""
+    """Add scans at their rate, the recording over and over, until `stop` is set."""
     cuts = [
         (
             pressure[k : k + 1],

@@ -45,9 +45,9 @@ class Tab:
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
         while True:
-            told = json.loads(self._socket.recv(timeout=_PATIENCE_S))
-            if told.get("id") == self._number:
-                return told.get("result", {})
+            reply = json.loads(self._socket.recv(timeout=_PATIENCE_S))
+            if reply.get("id") == self._number:
+                return reply.get("result", {})
 
     def value(self, expression: str) -> Any:
         """Value of an expression in the page."""

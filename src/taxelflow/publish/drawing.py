@@ -26,8 +26,8 @@ def draw_sensor(sensor: Sensor) -> None:
     console.print(f"{sensor.name}  {layout.taxels} taxels in {pads}, {sensor.unit}", style="bold")
     if sensor.note:
         console.print(sensor.note)
-    if said := _channels(sensor):
-        console.print(said)
+    if described := _channels(sensor):
+        console.print(described)
     for index, pad in enumerate(sensor.pads):
         console.print(f"\n{pad.name}  {_size(pad, layout, index)}", style="bold")
         if pad.origin_m is not None:
@@ -58,18 +58,18 @@ def _channels(sensor: Sensor) -> str:
     channels = sensor.channel_map
     if channels.identity:
         return ""
-    said = [f"the source sends {channels.columns} numbers a scan"]
+    parts = [f"the source sends {channels.columns} numbers a scan"]
     if sensor.axes > 1:
-        said.append(f"{sensor.axes} per taxel, of which {sensor.normal} is normal to the skin")
+        parts.append(f"{sensor.axes} per taxel, of which {sensor.normal} is normal to the skin")
     offset = channels.offset
     if offset.any() or sensor.polarity < 0:
         idle = f"{offset:g}" if offset.ndim == 0 else f"{offset.min():g} to {offset.max():g}"
-        said.append(f"{idle} without load, {'less' if sensor.polarity < 0 else 'more'} under load")
+        parts.append(f"{idle} without load, {'less' if sensor.polarity < 0 else 'more'} under load")
     if bool(np.any(np.diff(channels.column) < 0)):
-        said.append("in an order of its own")
+        parts.append("in an order of its own")
     if sensor.gain:
-        said.append("with a gain for each taxel")
-    return ", ".join(said)
+        parts.append("with a gain for each taxel")
+    return ", ".join(parts)
 
 
 def _rows(layout: Layout, pad: int) -> list[str]:

@@ -71,7 +71,7 @@ def _bar(what: str, total: int | None, unit: str) -> Iterator[Callable[[int], No
         bar.stop()
 
 
-def say(summary: Summary, directory: Path) -> None:
+def print_summary(summary: Summary, directory: Path) -> None:
     """A finished run in a few lines; what was lost or odd goes to stderr."""
     console = Console(markup=False)
     if summary.contact:

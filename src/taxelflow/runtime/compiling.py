@@ -184,7 +184,7 @@ class _Compiles(event.Listener):
         self.contexts = 0
         self._depth = 0
         self._collects = False
-        self._said = False
+        self._announced = False
         self._bar: Progress | None = None
 
     def on_start(self, _event: object) -> None:
@@ -193,8 +193,8 @@ class _Compiles(event.Listener):
             return
         self._collects = gc.isenabled()
         gc.disable()
-        if self.contexts and not self._said:
-            self._said = True
+        if self.contexts and not self._announced:
+            self._announced = True
             _log.warning(_notice())
         if self.contexts and self._bar is None and sys.stderr.isatty():
             self._bar = _bar()

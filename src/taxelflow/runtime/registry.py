@@ -7,8 +7,10 @@ of the group `taxelflow.<stage>`.
 from __future__ import annotations
 
 import ast
+import sys
+from functools import lru_cache
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -152,5 +154,11 @@ def summary(stage: str, name: str) -> str:
     return ""
 
 
-def _plugins(stage: str) -> dict[str, Any]:
+def _plugins(stage: str) -> dict[str, EntryPoint]:
+    return _installed(stage, tuple(sys.path))
+
+
+@lru_cache(maxsize=32)
+def _installed(stage: str, _path: tuple[str, ...]) -> dict[str, EntryPoint]:
+    """Entry points of the packages on this path: to find them, a file of each package is read, which takes 20 ms."""
     return {point.name: point for point in entry_points(group=f"taxelflow.{stage}")}

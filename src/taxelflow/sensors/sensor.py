@@ -122,7 +122,7 @@ def with_shear(sensor: Sensor, source: str) -> Sensor:
     if sensor.axes == 1:
         return msgspec.structs.replace(sensor, axes=3, normal="z", shear=("x", "y"))
     if sensor.shear is None:
-        seen = f"{sensor.name} does not say where the axes of its taxels point, and {source} hold shear"
+        seen = f"{sensor.name} does not state where the axes of its taxels point, and {source} hold shear"
         raise SensorFileInvalid(sensor.name, "top level, field shear", seen, 'add it, as in shear = ["x", "-y"]')
     return sensor
 

@@ -99,19 +99,19 @@ def test_the_std_of_a_pattern_is_that_of_its_error() -> None:
 
 
 def test_windows_of_a_contact_have_patterns_in_the_frame_of_its_poses() -> None:
-    truth = way(90)
-    result = api.estimate(moved(truth), "template", window_scans=50)
+    truth = way(60)
+    result = api.estimate(moved(truth), "template", window_scans=34)
     assert len(result.patterns) > 1
     for pattern in result.patterns:
         assert np.median(explained(result, pattern, truth)) < 6 * NOISE
-    cut = api.estimate(moved(truth, block=7), "template", window_scans=50)
+    cut = api.estimate(moved(truth, block=7), "template", window_scans=34)
     for one, other in zip(result.patterns, cut.patterns, strict=True):
         np.testing.assert_array_equal(one.pressure, other.pressure)
     np.testing.assert_array_equal(result.slips.pose, cut.slips.pose)
 
 
 def test_a_stream_keeps_the_pattern_of_each_contact() -> None:
-    truth = np.repeat(way(60, turn=0.0), 2, axis=0)
+    truth = np.repeat(way(30, turn=0.0), 2, axis=0)
     result = api.estimate(moved(truth), "template", mode="stream")
     (pattern,) = result.patterns
     assert pattern.t_last_s <= result.slips.t_s[-1]

@@ -15,7 +15,7 @@ from taxelflow.publish.spatial import in_words
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 
-RATE_HZ, IDLE, SCANS = 100.0, 20, 90
+RATE_HZ, IDLE, SCANS = 100.0, 20, 70
 RADIUS_M, SIDE, PITCH_M = 0.04, 6, 0.004
 SIDES = ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0))
 Pattern = Callable[[int, Floats, Floats], Floats]

@@ -60,7 +60,7 @@ def sent_and_received(kind: str, faults: tuple[Fault, ...] = ()) -> tuple[Playba
     ):
         reader = threading.Thread(target=read, args=[source])
         reader.start()
-        playback = Playback(device, faults, 1.0)
+        playback = Playback(device, faults, 1.0 if kind == "inspire-modbus" else 2.0)
         playback.run(zip((0.02 * np.arange(SCANS) + 1.0).tolist(), values, strict=True))
         done.set()
         reader.join(5)

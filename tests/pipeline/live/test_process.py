@@ -14,8 +14,9 @@ import pytest
 
 import taxelflow
 from rigged import refused
-from streaming import PALM, connected, free_port, lines, slid
+from streaming import PALM, awaited, connected, free_port, lines, slid
 from taxelflow.cli import main
+from taxelflow.errors import TaxelflowError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,6 +43,14 @@ def test_lines_on_standard_input_become_json_lines_and_nothing_else_on_standard_
     assert b"scans in: 80" in done.stderr
 
 
+def scans_in(path: Path) -> int:
+    """Scans that can be read of a recording that is being written."""
+    try:
+        return sum(len(block) for block in taxelflow.read(path).blocks())
+    except TaxelflowError:
+        return 0
+
+
 @pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
 def test_what_arrived_is_in_the_file_when_the_process_ends(
     tmp_path: Path, sensor: str, ending: signal.Signals, capsys: pytest.CaptureFixture[str]
@@ -51,7 +60,7 @@ def test_what_arrived_is_in_the_file_when_the_process_ends(
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     with connected(port) as device:
         device.sendall(b"".join(lines(slid())))
-        time.sleep(1.0)
+        awaited(lambda: scans_in(out) == 80)  # that it takes a second at most, tests/killed.py counts
         device.sendall(b"".join(lines(slid(100))[80:]))
         if ending != signal.SIGKILL:
             time.sleep(0.1)

@@ -14,6 +14,7 @@ import pytest
 from streaming import PALM, connected, free_port, lines, published, running, slid
 from taxelflow import load_sensor
 from taxelflow.acquire.devices.base import Faults
+from taxelflow.pipeline.live import workers
 from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.workers import Raw, SinkWorker
 from taxelflow.publish.sinks.base import Ending, ResultSink
@@ -31,7 +32,11 @@ def test_foxglove_gets_a_cloud_a_grid_per_pad_and_slips() -> None:
     with (
         running(f"tcp-listen://127.0.0.1:{port}", f"foxglove://127.0.0.1:{fox}"),
         connected(port) as device,
-        connect(f"ws://127.0.0.1:{fox}", subprotocols=["foxglove.sdk.v1"]) as client,  # type: ignore[list-item]
+        connect(
+            f"ws://127.0.0.1:{fox}",
+            subprotocols=["foxglove.sdk.v1"],  # type: ignore[list-item]
+            max_queue=None,  # else what is not read keeps it from closing for 10 s
+        ) as client,
     ):
         channels: dict[str, Any] = {}
         while len(channels) < 6:
@@ -157,7 +162,8 @@ def test_what_waits_for_a_sink_is_written_at_once() -> None:
     assert worker.published == 10
 
 
-def test_a_named_pipe_that_nobody_reads_is_told_at_the_end(tmp_path: Path) -> None:
+def test_a_named_pipe_that_nobody_reads_is_told_at_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "_GRACE_S", 0.4)
     os.mkfifo(tmp_path / "pipe")
     with running("rig:stroke?speed=max", f"jsonl:{tmp_path}/pipe", f"jsonl:{tmp_path}/a.jsonl") as reports:
         pass

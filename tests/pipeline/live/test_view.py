@@ -5,8 +5,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -14,6 +12,7 @@ import numpy as np
 import pytest
 
 from rigged import refused
+from streaming import awaited
 from taxelflow.acquire.base import Recording
 from taxelflow.errors import ExtraMissing
 from taxelflow.evaluation.view import Filling, Playing
@@ -140,11 +139,3 @@ def test_the_estimate_waits_for_a_browser_that_is_opening(stroke: Recording) -> 
         awaited(lambda: history.complete)
     finally:
         playing.close()
-
-
-def awaited(done: Callable[[], bool]) -> None:
-    """Let other threads work until something is so."""
-    end = time.monotonic() + 60.0
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.001)

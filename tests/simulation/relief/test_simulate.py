@@ -22,6 +22,7 @@ QUIET = SensorFaults(noise_pa=0.0, bits=0)
 HELD = Course(travel_m=0.0, turn_rad=0.0, idle_scans=0, pressing_scans=0, rest_scans=0, moving_scans=2)
 
 
+BRIEF = {"rest_scans": 2, "moving_scans": 6}
 PLACE = PLACES["palm"]
 
 
@@ -29,7 +30,7 @@ PLACE = PLACES["palm"]
 def read_with(effect: str) -> Floats:
     """(scans, taxels) of a bar on the palm with an effect, in a course of fewer scans."""
     pressing = case("bar", "palm", effect)
-    course = replace(pressing.course, moving_scans=16)
+    course = replace(pressing.course, **BRIEF)
     values: Floats = simulate_relief(replace(pressing, course=course), sensor_at(PLACE), PLACE.pad).load().values
     return values
 
@@ -122,7 +123,7 @@ def test_rows_that_are_read_later_see_the_object_later() -> None:
 def test_every_layout_reads_a_moving_object_that_the_pipeline_finds(place: str) -> None:
     at = PLACES[place]
     pressing = case("nut", place, "all")
-    course = replace(pressing.course, moving_scans=40)
+    course = replace(pressing.course, moving_scans=24)
     recording = simulate_relief(replace(pressing, course=course), sensor_at(at), at.pad)
     layout, values = recording.layout, recording.load().values
     own = layout.of_pad(layout.pads.index(at.pad))
@@ -144,7 +145,7 @@ def test_every_effect_changes_the_readings(effect: str) -> None:
 def test_the_same_seed_makes_the_same_recording_and_another_one_another() -> None:
     place = PLACES["hex"]
     pressings = (case("ring", "hex", "all", seed=seed) for seed in (3, 3, 4))
-    brief = (replace(one, course=replace(one.course, moving_scans=10)) for one in pressings)
+    brief = (replace(one, course=replace(one.course, **BRIEF)) for one in pressings)
     first, again, other = (simulate_relief(one, sensor_at(place), place.pad).load().values for one in brief)
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)

@@ -46,7 +46,7 @@ class Faults:
             _log.warning("%s%s", kind, f": {seen}" if seen else "")
         self.counts[kind] += times
 
-    def tell(self, kind: str, seen: str) -> None:
+    def report(self, kind: str, seen: str) -> None:
         """Count and log each time, for faults that end and come again, such as a lost connection."""
         _log.warning("%s: %s", kind, seen)
         self.counts[kind] += 1

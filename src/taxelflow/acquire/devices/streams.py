@@ -99,7 +99,7 @@ class ByteSource:
                     return
             except OSError as error:
                 self._lost = True
-                self.faults.tell("connection lost", f"{_words(error)}; connecting again")
+                self.faults.report("connection lost", f"{_words(error)}; connecting again")
                 self._transport.close()
                 self._parser.restart()
                 yield from backoff.pause()
@@ -115,7 +115,7 @@ class ByteSource:
                 backoff.restart()
                 if self._lost:
                     self._lost = False
-                    self.faults.tell("connected again", self._address.url)
+                    self.faults.report("connected again", self._address.url)
                 yield from _spread(self._parser.feed(received), max(before, now - _SPREAD_S), now)
                 continue
             if now - heard > self._timeout_s:

@@ -88,8 +88,8 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
 ) -> tuple[float, float, int]:
     """Fill normal (5, 5), its lower half, with J^T W J, right (5,) with J^T W (y - model) at a state (5,).
 
-    taxels: from `laid_out`. Others, and what is returned, as for `register`, but without the prior. The cost tells
-    which state is better; W holds the doubt even where it is not what explains a reading.
+    taxels: from `laid_out`. Others, and what is returned, as for `register`, but without the prior. The cost ranks
+    states; W holds the doubt even where it is not what explains a reading.
     """
     c, doubt = surface.c, surface.doubt
     h, left, low = surface.lattice

@@ -94,7 +94,7 @@ class Scanned:
     """Scans of one contact on one pad.
 
     t_s: (scans,). places: (2, taxels) in pitches. readings, variance: (scans, taxels), the latter 0 where a reading
-    says nothing. ceiling: (taxels,). delay_s: (taxels,), see `delays_of`. bends: (scans, 3, taxels or 0),
+    is not used. ceiling: (taxels,). delay_s: (taxels,), see `delays_of`. bends: (scans, 3, taxels or 0),
     see `spline.evaluate`.
     """
 

@@ -38,13 +38,13 @@ class _Patience:
 _PATIENCE = _Patience()
 
 _LOGS = ("distributed", "distributed.client", "tornado.application", "asyncio")
-"""Loggers that tell of faults, each of which becomes one line of ours."""
+"""Loggers of faults, each of which becomes one line of ours."""
 _AGAIN = "what is finished is kept: run the same command again"
 
 
 @contextmanager
 def connected(scheduler: str | None, workers: int | None, *, most: int) -> Iterator[Any]:
-    """A Dask client of the scheduler at this address, or of so many processes of this machine, at most `most`.
+    """A Dask client of the scheduler at this address, or of `workers` processes of this machine, at most `most`.
 
     Raises ExtraMissing, ClusterFault.
     """

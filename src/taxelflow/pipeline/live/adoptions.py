@@ -56,6 +56,6 @@ def _read(address: Address, name: str) -> list[dict[str, Any]]:
     source, found = McapSource(path), list[dict[str, Any]]()
     for topic in source.topics:
         if topic.name == name:
-            with suppress(RecordingTruncated):  # what is whole is used; the replay of the scans says that it was cut
+            with suppress(RecordingTruncated):  # what is whole is used; the replay of the scans reports that it was cut
                 found += [msgspec.json.decode(content) for _, content in source.messages(topic)]
     return found

@@ -41,7 +41,7 @@ class Placed:
 
 
 class Intake(threading.Thread):
-    """Reads a source to its end, or until it is told to stop.
+    """Reads a source to its end, or until it is stopped.
 
     scans_in: whole scans that arrived. dropped: those of them that were repeated or late, or for which there was no
     time. error: what ended the source, if it did not end in order.
@@ -133,7 +133,7 @@ class Intake(threading.Thread):
                 self._come.wait(_WAIT_S)
             if len(self._waiting) >= _MOST_WAITING:
                 if not self.overrun:
-                    self._source.faults.tell("the estimate is too slow", "the oldest scans are dropped")
+                    self._source.faults.report("the estimate is too slow", "the oldest scans are dropped")
                 self.overrun += 1
                 self._missed.append(self._waiting.popleft().t_s)
             self._waiting.append(placed)

@@ -1,4 +1,4 @@
-"""The loop: a source's thread, the estimate here, a thread per sink; and what is to be said of it."""
+"""The loop: a source's thread, the estimate here, a thread per sink; and its report."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _WATCH_S = 0.2
 
 @dataclass(frozen=True)
 class Limits:
-    """When a run ends by itself: after so many scans in order, or so many s; None for never."""
+    """When a run ends by itself: after a number of scans in order, or of s; None for never."""
 
     max_scans: int | None = None
     duration_s: float | None = None
@@ -81,7 +81,7 @@ def run_live(
     """
     stop = threading.Event()
     pads = live.pads if live is not None else ()
-    head = Head(source.recording.sensor, pads, texts_of(source.recording), source.faults.tell)
+    head = Head(source.recording.sensor, pads, texts_of(source.recording), source.faults.report)
     workers: list[SinkWorker] = []
     ending = Ending(None, (), failed=True)
     try:

@@ -66,7 +66,7 @@ class McapSink:
 
     def open(self, head: Head) -> None:
         """See `Sink`."""
-        self._file = PatientFile(self._path, head.tell)
+        self._file = PatientFile(self._path, head.report)
         self._buffered = io.BufferedWriter(self._file)
         self._scans = McapScans(self._buffered, head.texts)
         self._pads = head.pads
@@ -83,7 +83,7 @@ class McapSink:
         """See `Sink`."""
         if late:
             for t_s, values in zip(scans.t_s.tolist(), scans.values.tolist(), strict=True):
-                self._tell("/late", t_s, {"t_s": t_s, "values": values})
+                self._write_json("/late", t_s, {"t_s": t_s, "values": values})
             return
         self._scans.write(scans)
         if self._drawing is None:
@@ -99,16 +99,16 @@ class McapSink:
         """See `Sink`."""
         texts = update.texts or scan_texts(update, self._pads)
         for t_s, text in zip(update.slips.t_s.tolist(), texts, strict=True):
-            self._tell("/slips", t_s, {"t_s": t_s, "pads": text.pads})
+            self._write_json("/slips", t_s, {"t_s": t_s, "pads": text.pads})
             self._add("/object", nanoseconds(t_s), bytes(text.moved))
         for adoption in update.adoptions:
-            self._tell(ADOPTIONS, adoption.t_s, adoption._asdict())
+            self._write_json(ADOPTIONS, adoption.t_s, adoption._asdict())
         for t_s in update.missed:
-            self._tell(MISSED, t_s, {"t_s": t_s})
+            self._write_json(MISSED, t_s, {"t_s": t_s})
         for row in spatial_objects(update, self._pads):
-            self._tell("/object3d", float(row["t_s"]), row)
+            self._write_json("/object3d", float(row["t_s"]), row)
         for event in update.events:
-            self._tell("/events", event.t_s, event_row(event))
+            self._write_json("/events", event.t_s, event_row(event))
         if self._drawing is not None:
             arrows = self._drawing.arrows(update)
             self._add(arrows.topic, arrows.t_ns, arrows.content)
@@ -134,7 +134,7 @@ class McapSink:
         self._scans.writer.flush()  # type: ignore[no-untyped-call]
         self._flushed_s = time.monotonic()
 
-    def _tell(self, topic: str, t_s: float, content: object) -> None:
+    def _write_json(self, topic: str, t_s: float, content: object) -> None:
         self._add(topic, nanoseconds(t_s), msgspec.json.encode(content))
 
     def _add(self, topic: str, t_ns: int, content: bytes) -> None:

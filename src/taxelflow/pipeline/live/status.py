@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 _ARROWS = "→↗↑↖←↙↓↘"
 _SAME_CLOCK_S = 1e6
-"""Clocks farther apart have different zeros: the offset says nothing."""
+"""Clocks farther apart have different zeros: the offset means nothing."""
 
 
 class StatusScreen:
-    """A screen on stderr that is drawn anew several times a second; nothing where nobody watches."""
+    """A screen on stderr that is redrawn several times a second; nothing where nobody watches."""
 
     def __init__(self, *, quiet: bool) -> None:
         self._screen: Screen | None = None
@@ -56,7 +56,7 @@ class StatusScreen:
 
 
 class Rate:
-    """Scans a second, counted anew each second."""
+    """Scans a second, counted over each second."""
 
     def __init__(self) -> None:
         self._scans, self._at_s = 0, time.monotonic()

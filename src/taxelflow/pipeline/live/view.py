@@ -73,7 +73,7 @@ class LiveView:
         if self._stop.is_set():
             return
         words = intake_words(report, self._rate.of(report))
-        self.page.panel.tell_source(f"{words}  \nlatency to the estimate: {report.estimated.words()}")
+        self.page.panel.show_source(f"{words}  \nlatency to the estimate: {report.estimated.words()}")
 
     def hurry(self) -> None:
         """Nothing is waited for."""

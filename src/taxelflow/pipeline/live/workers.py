@@ -109,7 +109,7 @@ class SinkWorker(threading.Thread):
         if self.is_alive():
             left = sum(map(len, self._waiting))
             self._dropped += left
-            self._faults.tell("a sink is stuck", f"{self.label}; {left} scans are lost")
+            self._faults.report("a sink is stuck", f"{self.label}; {left} scans are lost")
 
     def _drained(self) -> None:
         """Wait while it goes on."""
@@ -118,7 +118,7 @@ class SinkWorker(threading.Thread):
 
     def _drop(self, item: Update | Raw) -> None:
         if not self._dropped:
-            self._faults.tell("a sink is too slow", f"{self.label}; scans are dropped for it")
+            self._faults.report("a sink is too slow", f"{self.label}; scans are dropped for it")
         if self.sink.lossless:
             self._dropped += len(item)
         else:
@@ -136,7 +136,7 @@ class SinkWorker(threading.Thread):
         except BrokenPipeError:  # who read it has seen enough
             pass
         except Exception as error:
-            self._faults.tell("a sink has failed", f"{self.label}: {error}")
+            self._faults.report("a sink has failed", f"{self.label}: {error}")
         with self._come:
             self.ended = True
             self._dropped += sum(map(len, self._waiting))
@@ -145,7 +145,7 @@ class SinkWorker(threading.Thread):
             self.sink.close(self._closing or Ending(None, ()))
         except OSError as error:
             if not isinstance(error, BrokenPipeError):
-                self._faults.tell("a sink cannot be closed", f"{self.label}: {error}")
+                self._faults.report("a sink cannot be closed", f"{self.label}: {error}")
 
     def _done(self) -> bool:
         with self._come:

@@ -207,7 +207,7 @@ class _Moving:
         self._now.set_xdata([t_s - film.zero_s])
         self._clock.set_text(f"{t_s - film.zero_s:7.2f} s")
         past = [event for event in film.events if event.t_s <= t_s][-2 * _LAYOUT.lines :]
-        self._seen.set_text("\n".join(_said(event, film.zero_s) for event in reversed(past)))
+        self._seen.set_text("\n".join(_words(event, film.zero_s) for event in reversed(past)))
         drawn: list[tuple[Axes, Any]] = [(hand, self._taxels), (hand, self._shafts), (hand, self._heads)]
         return [*drawn, (load, self._now), (words, self._clock), (words, self._seen)]
 
@@ -232,7 +232,7 @@ class _Moving:
         self._heads.set_color(colours)
 
 
-def _said(event: Event, zero_s: float) -> str:
+def _words(event: Event, zero_s: float) -> str:
     speed = f"  {1e3 * event.speed_m_s:.0f} mm/s" if np.isfinite(event.speed_m_s) else ""
     return f"{event.t_s - zero_s:7.2f} s  {plain(event.pad)}\n{'':12}{event.event.replace('_', ' ')}{speed}"
 

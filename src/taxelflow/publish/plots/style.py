@@ -1,4 +1,4 @@
-"""One look for all pictures: colours that colour-blind people can tell apart, quiet axes, methods by mark."""
+"""One look for all pictures: colours that colour-blind people can distinguish, quiet axes, methods by mark."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def result_chart(
 ) -> dict[str, Any]:
     """One result. tracks: of pads that touched. names: its label, short label and colour. zero_s: time shown as 0.
 
-    Scans are put together in bins of 2, 4, 8, ... until the trajectories take at most so many bytes.
+    Scans are put together in bins of 2, 4, 8, ... until the trajectories take at most `most_bytes`.
     """
     chart: dict[str, Any] = dict(names)
     lags = np.concatenate([track.numbers["lag_s"][track.flags["contact"]] for track in tracks])

@@ -289,8 +289,8 @@
     }).observe(section);
 
     // Key scans and the sensor's map.
-    const said = pick(".scans-hint");
-    said.textContent = recording.scans.length ? "Pressure from light (0) to dark (largest of the scan); arrows: slip vectors in the colours of the methods. Click a scan to see its time above." : recording.no_scans;
+    const hint = pick(".scans-hint");
+    hint.textContent = recording.scans.length ? "Pressure from light (0) to dark (largest of the scan); arrows: slip vectors in the colours of the methods. Click a scan to see its time above." : recording.no_scans;
     for (const scan of recording.scans) {
       const figure = document.createElement("figure"), caption = document.createElement("figcaption");
       const svg = handPicture(recording.hand, recording.hand.touched, scan.shades, 340);
@@ -314,7 +314,7 @@
         const points = recording.hand.outlines[k].map(([x, y]) => `${x},${-y}`).join(" ");
         element("polygon", { points, fill: "none", stroke: mark === "x" ? "#9aa0a6" : mark === "F" ? "#cc2fa0" : "#d55e00", "stroke-width": 0.8 }, svg);
       });
-      caption.textContent = recording.health.said;
+      caption.textContent = recording.health.caption;
       caption.style.maxWidth = "480px";
       figure.append(svg, caption);
       pick(".health").appendChild(figure);

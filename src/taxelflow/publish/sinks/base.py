@@ -60,13 +60,13 @@ class Update:
 @dataclass(frozen=True, slots=True, eq=False)
 class Head:
     """What a sink knows when it opens. texts: the sensor, masks and truth as JSON by name, for files that carry them.
-    tell: reports a fault to the user.
+    report: of a fault, to the user.
     """
 
     sensor: Sensor
     pads: tuple[str, ...]
     texts: dict[str, str]
-    tell: Callable[[str, str], None]
+    report: Callable[[str, str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

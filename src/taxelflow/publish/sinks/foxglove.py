@@ -44,7 +44,7 @@ class FoxgloveServer:
             topic: foxglove.Channel(topic, schema=schema, message_encoding="protobuf", context=context)
             for topic, schema in self._drawing.schemas.items()
         }
-        self._told = {
+        self._results = {
             topic: foxglove.Channel(topic, message_encoding="json", context=context)
             for topic in ("/slips", "/object", "/events")
         }
@@ -68,10 +68,10 @@ class FoxgloveServer:
         self._drawn["/arrows"].log(arrows.content, log_time=arrows.t_ns)
         t_s = float(update.slips.t_s[-1])
         now = {"log_time": nanoseconds(t_s)}
-        self._told["/slips"].log({"t_s": t_s, "pads": _known(pad_rows(update, self._pads)[-1])}, **now)
-        self._told["/object"].log(_known(object_rows(update.motions)[-1]), **now)
+        self._results["/slips"].log({"t_s": t_s, "pads": _known(pad_rows(update, self._pads)[-1])}, **now)
+        self._results["/object"].log(_known(object_rows(update.motions)[-1]), **now)
         for event in update.events:
-            self._told["/events"].log(_known(event_row(event)), log_time=nanoseconds(event.t_s))
+            self._results["/events"].log(_known(event_row(event)), log_time=nanoseconds(event.t_s))
 
     def tick(self) -> None:
         """The server has threads of its own."""

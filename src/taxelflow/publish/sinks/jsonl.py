@@ -39,7 +39,7 @@ class JsonFile(ResultSink):
     def open(self, head: Head) -> None:
         """See `Sink`."""
         self._pads = head.pads
-        self._file = PatientFile(_STDOUT if self._path == "-" else self._path, head.tell)
+        self._file = PatientFile(_STDOUT if self._path == "-" else self._path, head.report)
 
     def write(self, update: Update) -> None:
         """See `Sink`."""
@@ -108,7 +108,7 @@ class JsonServer(ResultSink):
 
     def open(self, head: Head) -> None:
         """See `Sink`."""
-        self._pads, self._tell = head.pads, head.tell
+        self._pads, self._report = head.pads, head.report
         try:
             self._server = socket.create_server(self._endpoint)
         except OSError as error:
@@ -124,7 +124,7 @@ class JsonServer(ResultSink):
             return
         missed = sum(not client.offer(line) for line in json_lines(update, self._pads) for client in self._clients)
         if missed and not self.dropped:
-            self._tell("a client does not read", "lines are dropped for it")
+            self._report("a client does not read", "lines are dropped for it")
         self.dropped += missed
         self._send()
 

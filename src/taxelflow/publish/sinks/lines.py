@@ -81,7 +81,7 @@ def spatial_objects(update: Update, pads: tuple[str, ...]) -> list[dict[str, flo
 
 
 def events_by_scan(update: Update) -> dict[int, list[dict[str, Any]]]:
-    """Events as rows of events.csv, by the scan of the update that they are told with."""
+    """Events as rows of events.csv, by the scan of the update that reports them."""
     found: dict[int, list[dict[str, Any]]] = {}
     for event in update.events:
         scan = min(int(np.searchsorted(update.slips.t_s, event.t_s)), len(update) - 1)

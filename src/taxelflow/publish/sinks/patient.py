@@ -21,11 +21,11 @@ _RETRY_S = 0.2
 class PatientFile(io.RawIOBase):
     """A file for writing whose `write` returns when all is written; while that fails it tries again.
 
-    A failure is told once. From `give_up` on it tries for `grace_s` more, and then drops what it is given: `lost`
+    A failure is reported once. From `give_up` on it tries for `grace_s` more, and then drops what it is given: `lost`
     counts these bytes.
     """
 
-    def __init__(self, path: Path | str | int, tell: Callable[[str, str], None], grace_s: float = 1.0) -> None:
+    def __init__(self, path: Path | str | int, report: Callable[[str, str], None], grace_s: float = 1.0) -> None:
         """path: of the file, or a descriptor. Raises SinkUnusable."""
         super().__init__()
         self._name = "standard output" if isinstance(path, int) else str(path)
@@ -35,7 +35,7 @@ class PatientFile(io.RawIOBase):
             self._file = path if isinstance(path, int) else os.open(path, flags, 0o666)
         except OSError as error:
             raise SinkUnusable(self._name, error.strerror or str(error)) from error
-        self._tell, self._grace_s = tell, grace_s
+        self._report, self._grace_s = report, grace_s
         self._failing = False
         self._at = 0
         self._deadline = float("inf")
@@ -67,12 +67,12 @@ class PatientFile(io.RawIOBase):
                 left = left[os.write(self._file, left) :]
                 if self._failing:
                     self._failing = False
-                    self._tell("written again", self._name)
+                    self._report("written again", self._name)
             except BrokenPipeError:
                 raise
             except OSError as error:
                 if not self._failing:
-                    self._tell("cannot write", f"{self._name}: {error.strerror}; trying again")
+                    self._report("cannot write", f"{self._name}: {error.strerror}; trying again")
                     self._failing = True
                 if time.monotonic() >= self._deadline:
                     self.lost += len(left)
@@ -81,10 +81,10 @@ class PatientFile(io.RawIOBase):
         return size
 
     def close(self) -> None:
-        """Close it; what could not be written is told."""
+        """Close it; what could not be written is reported."""
         if not self.closed:
             if self.lost:
-                self._tell("lost", f"{self.lost} bytes could not be written to {self._name}")
+                self._report("lost", f"{self.lost} bytes could not be written to {self._name}")
             if self._file > 2:
                 os.close(self._file)
         super().close()

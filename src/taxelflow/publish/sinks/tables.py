@@ -33,7 +33,7 @@ class TablesSink(ResultSink):
         """See `Sink`."""
 
         def opened(path: Path) -> io.TextIOWrapper:
-            file = PatientFile(path, head.tell)
+            file = PatientFile(path, head.report)
             self._files.append(file)
             return io.TextIOWrapper(io.BufferedWriter(file), newline="", encoding="utf-8")
 

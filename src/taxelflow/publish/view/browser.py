@@ -80,7 +80,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def drawn_by(page: Page, beside: int) -> Any:
-    """viser's handle of the browser that has opened the page and draws a scene of at most so many pixels in width.
+    """viser's handle of the browser that has opened the page and draws a scene of at most this width in pixels.
 
     Raises BrowserFailed.
     """

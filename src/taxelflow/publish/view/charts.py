@@ -17,7 +17,7 @@ COUNTS = "counts"
 SHOWN_S = 6.0
 """Time that the plots span, up to the scan that is shown."""
 _MOST = 400
-"""Points of a plot; of more scans, every so many are drawn."""
+"""Most points of a plot; of more scans, every second, third, ... is drawn."""
 _BLUE, _ORANGE, _GREEN, _GREY = "#4a9fe0", "#e6843c", "#3cb88a", "#8f95a3"
 
 

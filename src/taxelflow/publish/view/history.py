@@ -132,7 +132,7 @@ class History:
                 self.events = [*(event for event in self.events if event.t_s > late_s), *events]
 
     def replace(self, blocks: list[Results], events: list[Event]) -> None:
-        """Results of all scans were found anew."""
+        """Replace the results of all scans."""
         known = _Chunks[Results](_times, _joined_results)
         for block in blocks:
             known.append(block)

@@ -75,8 +75,8 @@ class Legend:
         if self._clock is not None:
             self._clock.tint(theme.words)
 
-    def tell(self, words: str) -> None:
-        """Write something, such as the time, to the right."""
+    def write(self, words: str) -> None:
+        """Write words, such as the time, to the right."""
         if self._clock is None:
             self._clock = Label(self._server, "/clock", words)
             self._put_clock()

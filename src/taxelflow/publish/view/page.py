@@ -69,7 +69,7 @@ class Page:
         self._scaled = (False, False)  # by pressure, by speed
         self._shown: tuple[object, ...] = ()
         self._plotted_s = self._grown_s = 0.0
-        self._told: object = None
+        self._settled: object = None
         self._listed: object = None
         self.panel.on_look(self.apply_look)
         self.panel.save.on_click(self._save)
@@ -79,11 +79,11 @@ class Page:
         self.apply_look()
 
     def on_decide(self, decide: Callable[[float], None]) -> None:
-        """Offer in the panel to decide on slips anew; called with the accepted false alarms per hour."""
+        """Offer in the panel to detect slips again; called with the accepted false alarms per hour."""
         self.panel.on_decide(decide)
 
     def run(self, stop: threading.Event) -> None:
-        """Show what the player points at, until told to stop."""
+        """Show what the player points at, until `stop` is set."""
         last = time.monotonic()
         while not stop.is_set():
             now = time.monotonic()
@@ -128,7 +128,7 @@ class Page:
             self._scale_once()
             snapshot = self._snapshot()
             if snapshot is not None:
-                self.scene.legend.tell(f"{snapshot.t_s - self.player.first_s:.2f} s")
+                self.scene.legend.write(f"{snapshot.t_s - self.player.first_s:.2f} s")
                 self._draw(snapshot)
                 self.scene.name()
 
@@ -159,7 +159,7 @@ class Page:
         chosen, decided = (self.panel.method.value, self.panel.second.value), [*map(_progress, self._methods.values())]
         shown = (snapshot.t_s, snapshot.results is None, scans, chosen, decided)
         settled = (shown, player.playing, player.speed, self.panel.pad.value)
-        plots = now_s - self._plotted_s >= _PLOT_S and settled != self._told
+        plots = now_s - self._plotted_s >= _PLOT_S and settled != self._settled
         if shown == self._shown and not plots:
             return
         with self._server.atomic():  # one message for both
@@ -167,8 +167,8 @@ class Page:
                 self._shown = shown
                 self._draw(snapshot)
             if plots:
-                self._plotted_s, self._told = now_s, settled
-                self._tell(snapshot)
+                self._plotted_s, self._settled = now_s, settled
+                self._show_panel(snapshot)
         if plots:
             self.scene.name()
 
@@ -184,7 +184,7 @@ class Page:
         trail = self._results(snapshot.t_s - SHOWN_S, snapshot.t_s) if self.scene.follows else None
         self.scene.show(snapshot, trail, self._compared(snapshot.t_s, snapshot.t_s))
 
-    def _tell(self, snapshot: Snapshot) -> None:
+    def _show_panel(self, snapshot: Snapshot) -> None:
         history, since_s = self._chosen, snapshot.t_s - SHOWN_S
         if history.events is not self._listed:
             self._listed = history.events

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 OBJECT = "object (all pads)"
 _MARKS = {"assum": "assumed", "not published": "not published", "measured": "measured", "published": "published"}
-"""Parts of a note on places, and what they say of them; the first one counts."""
+"""Parts of a note on places, and what they mean; the first one counts."""
 NO_METHOD = "none"
 _MOST_ROWS = 8
 _MAP_PIXELS = 240
@@ -142,27 +142,27 @@ class Panel:
         self.strip.show(self._player.at_s)
 
     def on_decide(self, decide: Callable[[float], None]) -> None:
-        """Offer to decide on slips anew, by an accepted rate of false alarms per hour."""
+        """Offer to detect slips again, at an accepted rate of false alarms per hour."""
         self._detector.visible = True
         self._decide.on_click(lambda _: decide(float(self.alarms.value)))
 
     @property
     def decided(self) -> str:
-        """What was told last."""
+        """What was shown last."""
         return str(self._decided.content)
 
-    def tell_decided(self, words: str) -> None:
-        """What became of the last request to decide anew."""
+    def show_decided(self, words: str) -> None:
+        """What became of the last request to detect slips again."""
         self._decided.content = words
 
-    def tell_source(self, words: str) -> None:
+    def show_source(self, words: str) -> None:
         """Rate, latency and losses of a live source."""
         if words != self._source.content:
             self._source.visible, self._source.content = True, words
 
     @property
     def source(self) -> str:
-        """What was told last of the source."""
+        """What was shown last of the source."""
         return str(self._source.content)
 
     def show_state(self, snapshot: Snapshot, complete: bool) -> None:

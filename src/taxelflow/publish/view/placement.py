@@ -1,7 +1,7 @@
 """Where taxels stand in the scene: in space, on the hand laid flat, or beside it.
 
-A pad stands where its pose in space says, if all pads have one (`articulation` moves those on links); else where its
-place on the hand laid flat says; a pad with neither stands below the others, upright and labelled: pads of one finger,
+A pad stands at its pose in space, if all pads have one (`articulation` moves those on links); else at its
+place on the hand laid flat; a pad with neither stands below the others, upright and labelled: pads of one finger,
 by their names, above one another, or all in rows.
 """
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 IN_SPACE, LAID_FLAT, IN_A_ROW, ON_LINKS = range(4)
 WORDS = ("with a pose in space", "laid flat", "set out: their places are not known", "on the links of the hand's model")
-"""What the view says about the place of a pad."""
+"""How the view describes the place of a pad."""
 
 
 _CLEAR = 0.25
@@ -36,7 +36,7 @@ class _Room:
     between: float = 6.5
     """Space between pads beside and above one another (where lights and names are), in pitches of the coarsest."""
     near: float = 2.2
-    """Taxels within so many pitches define the tangent plane of a curved pad."""
+    """Taxels within this number of pitches define the tangent plane of a curved pad."""
     name: tuple[float, float] = (0.06, 0.05)
     """Room for the name of a pad, as shares of the hand's size."""
     wide: float = 2.2

@@ -51,7 +51,7 @@ class Player:
         self.at_s = min(max(at_s, self.first_s), self.last_s)
 
     def step(self, times: Floats, scans: int) -> None:
-        """Go so many scans on, or back, and stop there."""
+        """Go forward by a number of scans, or back, and stop there."""
         self.playing = False
         if len(times):
             here = int(np.searchsorted(times, self.at_s + 1e-9, side="right")) - 1

@@ -28,7 +28,7 @@ _SIGMAS = 2.0
 _ELLIPSES, _WIDEST = 3, 0.1
 """Sections that stand for the ellipsoid, so that it hides no taxel; its half axis that is drawn at most, as a share of
 the hand's size: a larger one is grey."""
-_TELLS = 0.3
+_HIDES = 0.3
 """A motion that cannot be seen hides a point's place if it moves the point by this share of a translation's length."""
 _RING = 36
 """Pieces of the ring around an axis about which a turn cannot be seen."""
@@ -124,10 +124,10 @@ class SpaceMotion:
         )
 
     def _show_path(self, trail: SpatialMotions, middle: Floats) -> None:
-        path, told = path_of(trail, middle, _STEPS + 1)
+        path, observed = path_of(trail, middle, _STEPS + 1)
         self._path.visible = bool(len(path))
         if len(path):
-            known = (told[:-1] & told[1:])[:, np.newaxis, np.newaxis]
+            known = (observed[:-1] & observed[1:])[:, np.newaxis, np.newaxis]
             colours = np.where(known, MAGENTA, GREY).astype(np.uint8).repeat(2, axis=1)
             put(self._path, points=np.stack([path[:-1], path[1:]], axis=1), colors=colours)
 
@@ -139,8 +139,8 @@ def velocity_at(twist: Floats, point: Floats) -> Floats:
 
 
 def path_of(trail: SpatialMotions, middle: Floats, most: int) -> tuple[Floats, Bools]:
-    """(most, 3), where the object's point that is now at `middle` was since contact began, and whether contacts told
-    that (most,); empty with less than 3 scans.
+    """(most, 3), where the object's point that is now at `middle` was since contact began, and whether contacts
+    observed that (most,); empty with less than 3 scans.
     """
     lost = np.flatnonzero(~np.isfinite(trail.pose).all(axis=1))
     first = int(lost[-1]) + 1 if len(lost) else 0
@@ -151,8 +151,8 @@ def path_of(trail: SpatialMotions, middle: Floats, most: int) -> tuple[Floats, B
     point = rotate(turn[-1] * (-1.0, -1.0, -1.0, 1.0), middle - place[-1])
     path = rotate(turn, point) + place
     hidden = trail.pose_blind[chosen, :, :3] + np.cross(trail.pose_blind[chosen, :, 3:], path[:, np.newaxis])
-    told: Bools = np.asarray(np.linalg.norm(hidden, axis=2).max(axis=1) < _TELLS)
-    return path, told
+    observed: Bools = np.asarray(np.linalg.norm(hidden, axis=2).max(axis=1) < _HIDES)
+    return path, observed
 
 
 def marks_of(blind: Floats, middle: Floats, size_m: float) -> Floats:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 _SIGMAS = 3.0
-"""A velocity shorter than so many standard deviations is not drawn while the pad does not slip."""
+"""A velocity of fewer standard deviations is not drawn while the pad does not slip."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -56,7 +56,7 @@ class Emulator(Protocol):
         """Close it in order."""
 
     def wait(self) -> None:
-        """Until somebody reads, for devices that can tell."""
+        """Until somebody reads, for devices that know it."""
 
     def encode(self, t_s: float, values: Floats) -> bytes:
         """A scan (columns,) as the device sends it."""

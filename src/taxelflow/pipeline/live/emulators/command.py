@@ -50,7 +50,7 @@ class Emulate:
     reorder, taxel-count. May be given several times."""
 
     def run(self, _rest: list[str]) -> int:
-        """Open, send, say what was sent."""
+        """Open, send, print what was sent."""
         from taxelflow.pipeline.live.emulators.base import Playback, parse_fault
 
         if self.speed < 0:

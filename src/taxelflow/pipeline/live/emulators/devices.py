@@ -87,7 +87,7 @@ class WebSocketServer:
             self._clients.remove(client)
 
     def greet(self, client: Any) -> None:
-        """Take what a client says first."""
+        """Read the first message of a client."""
 
 
 class Xela(WebSocketServer):

@@ -114,7 +114,7 @@ class TcpServer(_Tcp):
         return self
 
     def __exit__(self, *details: object) -> None:
-        self._connected()  # a reader that waits is told of the end, too
+        self._connected()  # a reader that waits sees the end, too
         super().__exit__(*details)
         self._server.close()
 
