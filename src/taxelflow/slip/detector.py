@@ -98,8 +98,10 @@ def follow(observations: Records, held: Records, states: Records, slipping: Bool
                 raise_to_mean(state.poses, state.mean_variance, measurement.covariance)
             if measured:
                 resting = mode != SLIPPING
-                learn_walk(scan.pose_covariance, measurement.covariance, measurement.log_load, resting, state.walk)
-                measurement.walk = split_walk(measurement.covariance, measurement.log_load, state.walk) if resting else 0.0
+                learn_walk(scan.pose_covariance, state.mean_variance, measurement.log_load, resting, state.walk)
+                measurement.walk = (
+                    split_walk(measurement.covariance, measurement.log_load, state.walk) if resting else 0.0
+                )
             if measured and mode == RESTING:
                 update_rest(measurement, parameters, rest)
                 _test_onset(shiryaev_roberts(measurement, rest, onset), parameters, state, change)

@@ -17,14 +17,13 @@ import numpy as np
 
 from taxelflow.numerics.records import Vector
 from taxelflow.runtime.compiling import routine
-from taxelflow.slip.covariance import multiply
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.slip.covariance import Covariance
 
-_WEIGHT, _MOST = 0.02, 4.0
-"""Weight of a pose in the mean growth (about 50 poses), and the multiple of the mean at which its growth is cut."""
+_WEIGHT = 0.02
+"""Weight of a pose in the mean growth: about 50 poses."""
 _LEAST_SHARE = 0.01
 """Share of a pose's variance that is a walk worth learning: less is lost in creep and load."""
 _MOST_SHARE = 1.8
@@ -32,10 +31,10 @@ _MOST_SHARE = 1.8
 
 
 class Walk:
-    """State of one pad, along x and y.
+    """State of one pad.
 
-    last: variance of the last pose, m^2; NaN before the first. growth: mean growth of that per pose at a load of 1,
-    m^2. poses: how many it has been learned from.
+    last: variances of the last pose, m^2, m^2, rad^2; NaN where unknown. growth: mean growth of these per pose at a
+    load of 1. poses: how many it has been learned from.
     """
 
     last: Vector
@@ -52,32 +51,43 @@ def begin_walk(walk: Walk) -> None:
 
 
 @routine
-def learn_walk(matrix: Floats, noise: Covariance, log_load: float, rests: bool, walk: Walk) -> None:
-    """Add a pose with the covariance matrix (3, 3) and the noise of an object at rest. rests: learn from it."""
+def learn_walk(matrix: Floats, usual: Floats, log_load: float, rests: bool, walk: Walk) -> None:
+    """Add a pose with the covariance matrix (3, 3). usual: (3,), mean variances at rest. rests: learn from it."""
     square = np.exp(2.0 * log_load)
     first = np.isnan(walk.last[0]) and np.isnan(walk.last[1])
     if rests and not first:
         walk.poses += 1
     weight = max(1.0 / max(walk.poses, 1), _WEIGHT)
-    for axis in range(2):
+    for axis in range(3):
         before, now = walk.last[axis], matrix[axis, axis]
         walk.last[axis] = now
-        if rests and not (np.isnan(before) or np.isnan(now) or np.isnan(noise.variance[axis])):
+        if rests and not (np.isnan(before) or np.isnan(now)):
             mean = walk.growth[axis]
-            most = _MOST * max(mean, _LEAST_SHARE * noise.variance[axis] * square)
+            most = _MOST_SHARE * usual[axis] * square
             walk.growth[axis] += weight * (min(max((now - before) * square, -most), most) - mean)
 
 
 @routine
 def split_walk(noise: Covariance, log_load: float, walk: Walk) -> float:
-    """Take the walk out of the noise of an object at rest, half the variance of a step; the rest's share q / r."""
-    total, axes, square = 0.0, 0, np.exp(-2.0 * log_load)
-    for axis in range(2):
+    """Take the walk out of the noise of an object at rest, half the variance of a step; the rest's share q / r.
+
+    The rest filter has one share for all axes: the least of x and y, so that an axis with detail stays as good as it
+    is. Where the walk is larger, the noise is raised to what has that share.
+    """
+    shares, square, least = np.zeros(3), np.exp(-2.0 * log_load), np.inf
+    for axis in range(3):
         if not np.isnan(noise.variance[axis]):
-            total += max(walk.growth[axis], 0.0) * square / noise.variance[axis]
-            axes += 1
-    share = min(total / max(axes, 1), _MOST_SHARE)
-    if share < _LEAST_SHARE:
+            part = min(max(walk.growth[axis], 0.0) * square / noise.variance[axis], _MOST_SHARE)
+            shares[axis] = part / (1.0 - part / 2.0)
+            if axis < 2:
+                least = min(least, shares[axis])
+    if shares.max() < _LEAST_SHARE:
         return 0.0
-    multiply(noise, 1.0 - share / 2.0)
-    return float(share / (1.0 - share / 2.0))
+    least = max(least, _LEAST_SHARE)
+    for axis in range(3):
+        shares[axis] = np.sqrt(max(1.0, shares[axis] / least) / (1.0 + shares[axis] / 2.0))
+        noise.variance[axis] *= shares[axis] ** 2
+    noise.xy *= shares[0] * shares[1]
+    noise.xt *= shares[0] * shares[2]
+    noise.yt *= shares[1] * shares[2]
+    return float(least)
