@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.slip.covariance import Covariance
 
-_WEIGHT = 0.02
-"""Weight of a pose in the mean growth: about 50 poses."""
+_WEIGHT, _MOST = 0.02, 4.0
+"""Weight of a pose in the mean growth (about 50 poses), and the multiple of the mean at which its growth is cut."""
 _LEAST_SHARE = 0.01
 """Share of a pose's variance that is a walk worth learning: less is lost in creep and load."""
 _MOST_SHARE = 1.8
@@ -63,7 +63,7 @@ def learn_walk(matrix: Floats, usual: Floats, log_load: float, rests: bool, walk
         walk.last[axis] = now
         if rests and not (np.isnan(before) or np.isnan(now)):
             mean = walk.growth[axis]
-            most = _MOST_SHARE * usual[axis] * square
+            most = _MOST * max(mean, _LEAST_SHARE * usual[axis] * square)
             walk.growth[axis] += weight * (min(max((now - before) * square, -most), most) - mean)
 
 
