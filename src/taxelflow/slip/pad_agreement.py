@@ -76,8 +76,9 @@ class _Covariance(NamedTuple):
 
 @dataclass(eq=False)
 class _Pair:
-    """Two facing pads. to_first: (2, 2), from the second pad's frame to the first one's. noise: q^2, over `scans`. walk: share
-    of a step's variance that stays in the pose, likewise."""
+    """Two facing pads. to_first: (2, 2), from the second pad's frame to the first one's. noise: q^2, over `scans`.
+    walk: share of a step's variance that stays in the pose, likewise.
+    """
 
     pads: tuple[int, int]
     to_first: Floats
