@@ -74,14 +74,15 @@ def split_walk(noise: Covariance, log_load: float, walk: Walk) -> float:
     The rest filter has one share for all axes: the least of x and y, so that an axis with detail stays as good as it
     is. Where the walk is larger, the noise is raised to what has that share.
     """
-    shares, square, least = np.zeros(3), np.exp(-2.0 * log_load), np.inf
+    shares, square, least, largest = np.zeros(3), np.exp(-2.0 * log_load), np.inf, 0.0
     for axis in range(3):
         if not np.isnan(noise.variance[axis]):
             part = min(max(walk.growth[axis], 0.0) * square / noise.variance[axis], _MOST_SHARE)
             shares[axis] = part / (1.0 - part / 2.0)
+            largest = max(largest, shares[axis])
             if axis < 2:
                 least = min(least, shares[axis])
-    if shares.max() < _LEAST_SHARE:
+    if largest < _LEAST_SHARE:
         return 0.0
     least = max(least, _LEAST_SHARE)
     for axis in range(3):
