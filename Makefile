@@ -187,7 +187,7 @@ results-bench: $(READY)
 results-control: $(READY)
 	@mkdir -p $(RUNS)
 	$(TAXELFLOW) control --controller hold --against threshold centroid constant --objects ball rod box bottle bumpy plate \
-	  --trials 120 --seed 78000 --csv $(RUNS)/control.csv
+	  --trials 120 --seed 75000 --csv $(RUNS)/control.csv
 	$(TAXELFLOW) control --controller hold --trials 100 --seed 78200 --csv $(RUNS)/control-more.csv
 	$(TAXELFLOW) control --controller hold --sweep actuator --objects ball bottle bumpy --trials 6 --seed 75500 \
 	  --csv $(RUNS)/control-actuator.csv
