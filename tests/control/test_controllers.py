@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxelflow.control.agreement import Agreement
-from taxelflow.control.balance import Shown
+from taxelflow.control.balance import G_M_S2, Shown
 from taxelflow.control.base import Touch
 from taxelflow.control.baselines import CentroidSpeed, Constant, Threshold
 from taxelflow.control.hold import Hold
@@ -218,6 +218,65 @@ def test_pads_that_touch_beside_an_objects_middle_know_how_it_moves() -> None:
     assert unknown.of_point(np.zeros(2)) is unknown
 
 
+def without_turn(now: Touch, pad: int) -> Touch:
+    """The scan with a turn that one pad does not know."""
+    velocity, covariance = now.velocity.copy(), now.covariance.copy()
+    velocity[pad, 2] = covariance[pad, 2] = covariance[pad, :, 2] = np.nan
+    return replace(now, velocity=velocity, covariance=covariance)
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([None, 0, 1]))
+def test_velocities_at_another_point_have_the_covariance_of_what_they_are_made_of(seed: int, lacks: int | None) -> None:
+    """The law of propagation: moved velocities are linear in what the pads read, and so are their errors."""
+    random = np.random.default_rng(seed)
+    root, point = random.normal(size=(2, 3, 3)), random.normal(0.0, 0.02, 2)
+    now = replace(alike(0, 0.0, 0.0), place_m=random.normal(0.0, 0.01, (2, 2)))
+    now = replace(now, covariance=root @ root.transpose(0, 2, 1))
+    read = now if lacks is None else without_turn(now, lacks)
+    known = np.argwhere(np.isfinite(read.velocity))
+    moved, rest, spread = read.of_point(point), read.of_point(point).velocity[:, :2].ravel(), np.zeros((4, 4))
+    slopes = np.zeros((4, 2, 3))
+    for pad, axis in known:
+        pushed = read.velocity.copy()
+        pushed[pad, axis] += 1.0
+        slopes[:, pad, axis] = replace(read, velocity=pushed).of_point(point).velocity[:, :2].ravel() - rest
+    for pad in range(2):
+        spread += slopes[:, pad] @ now.covariance[pad] @ slopes[:, pad].T
+    np.testing.assert_allclose(moved.plane_covariance().reshape(4, 4), spread, atol=1e-12)
+    np.testing.assert_allclose(moved.covariance[0, :2, :2], spread[:2, :2], atol=1e-12)
+    shared = spread[:2, 2:]
+    assert (lacks is None) == (not shared.any())
+
+
+def test_a_place_that_is_not_known_exactly_adds_its_lever_to_the_covariance() -> None:
+    """The velocity of an image's middle, by Monte Carlo: that middle is 4 mm off, and the object turns by 2 rad/s."""
+    random, std_m, turn, place = np.random.default_rng(3), 4e-3, 2.0, np.array([0.005, -0.01])
+    now = without_turn(replace(touch(0, (0, 0, turn), (0, 0, 0)), place_m=np.tile(place, (2, 1))), 1)
+    now = replace(now, place_std_m=np.array([0.0, std_m]))
+    spread = np.array([
+        replace(
+            now,
+            velocity=now.velocity + np.array([*random.multivariate_normal(np.zeros(3), NOISE[0], 2)]),
+            place_m=now.place_m + np.outer([0.0, 1.0], random.normal(0.0, std_m, 2)),
+        ).of_point(np.zeros(2)).velocity[:, :2].ravel()
+        for _ in range(4_000)
+    ])  # fmt: skip
+    np.testing.assert_allclose(
+        now.of_point(np.zeros(2)).plane_covariance().reshape(4, 4), np.cov(spread.T), rtol=0.1, atol=4e-6
+    )
+
+
+def test_a_turn_that_both_pads_share_is_no_slip() -> None:
+    """One pad's noisy turn moves both: that they agree says nothing, since they have the same error."""
+    random, both, alarms = np.random.default_rng(2), Agreement().start(), 0
+    noise = np.tile(np.diag([1e-3, 1e-3, 0.4]) ** 2, (2, 1, 1))
+    for scan in range(4_000):
+        left, right = random.normal(0.0, [1e-3, 1e-3, 0.4], (2, 3))
+        now = replace(touch(scan, tuple(left), tuple(right)), covariance=noise, place_m=np.full((2, 2), 0.012))
+        alarms += both.step(without_turn(now, 1).of_point(np.zeros(2))).slipping
+    assert alarms / 4_000 < 2e-3
+
+
 def test_a_turn_that_one_pad_invents_is_none() -> None:
     """A bump left the pad: registration turned the image by 0.08 rad in one scan."""
     turned = Turned()
@@ -311,6 +370,23 @@ def test_a_motion_is_shut_when_it_has_gone_far_enough(controller: Slide | Pivot)
     assert max(speeds) < 3 * wanted
 
 
+def test_an_object_that_gets_away_is_caught() -> None:
+    """Past a bump it needs 1.7 times the force: a light block once slid 8.3 mm instead of 5 at up to 58 mm/s."""
+    controller = Slide(0.005)
+    session = controller.start(6.0, MOST_N)
+    gone, speed, felt_n = 0.0, 0.0, 6.0
+    for scan in range(1500):
+        both = (0.0, -speed * controller.loosening.too_long, 0.0)
+        force_n = session.step(touch(scan, both, both, felt_n))
+        felt_n += (force_n - felt_n) * 0.5
+        least_n = 5.0 if gone < 0.0022 else 8.5
+        speed = max(0.0, speed + G_M_S2 * (1.0 - felt_n / least_n) * DT_S)
+        gone += speed * DT_S
+    assert session.shut
+    assert speed == 0.0
+    assert gone < 0.0058
+
+
 def test_a_slide_is_that_of_the_middle_where_the_object_turns() -> None:
     """A contact 10 mm beside the middle moves up and down with the turn; the middle sinks steadily."""
     slid, angle = Slid(), 0.0
@@ -344,6 +420,30 @@ def test_the_second_pad_is_mirrored_into_the_first_ones_frame() -> None:
     np.testing.assert_allclose(told.velocity[:, :2], [[0.02, -0.01], [0.02, -0.01]], atol=0.003)
     assert told.force_n == pytest.approx(6e4 * 2 * np.pi * 0.003**2, rel=0.05)
     assert told.dt_s == pytest.approx(DT_S)
+
+
+def test_a_pad_without_a_turn_moves_as_the_middle_of_its_image() -> None:
+    """The object turns about the pads' middle by 1 rad/s; one bump leaves the second pad while another comes."""
+    skin, turn = Skin(noise_pa=50.0), 1.0
+    pads, random = TouchStream(sensor_of(skin), "registration"), np.random.default_rng(0)
+    layout = sensor_of(skin).layout
+    places = np.stack([layout.x_m[:256], layout.y_m[:256]])
+    bumps = 1e-3 * np.array([[-7.0, -5.0], [6.0, -7.0], [1.0, 8.0]])
+    moved = []
+    for scan in range(90):
+        angle, comes = turn * DT_S * max(scan - 30, 0), float(np.clip((scan - 40) / 20, 0.0, 1.0))
+        cosine, sine = np.cos(angle), np.sin(angle)
+        images = np.zeros((2, 256))
+        for pad, bump, share in ((0, 0, 1.0), (0, 1, 1.0), (0, 2, 1.0), (1, 0, 1.0 - comes), (1, 1, comes)):
+            x, y = bumps[bump]
+            at = np.array([(-1.0) ** pad * (cosine * x - sine * y), sine * x + cosine * y])
+            images[pad] += 6e4 * share * np.exp(-0.5 * ((places - at[:, np.newaxis]) ** 2).sum(axis=0) / 0.003**2)
+        noisy = images * (scan > 15) + random.normal(0.0, 50.0, images.shape)
+        said = pads.step(scan * DT_S, np.maximum(noisy, 0.0), NO_JOINTS)
+        if scan > 65:
+            moved.append(said.of_point(np.zeros(2)).velocity[:, :2])
+    assert np.isfinite(said.velocity[0, 2]) and np.isnan(said.velocity[1, 2])
+    np.testing.assert_allclose(np.mean(moved, axis=0), 0.0, atol=1e-3)
 
 
 @pytest.mark.parametrize(("down", "felt"), [((0.0, -1.0), False), ((-1.0, 0.0), True), (None, True)])

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import poisson
@@ -124,3 +126,17 @@ def test_only_pads_that_face_each_other_in_space_are_compared() -> None:
     assert not facing_pads(hand(LEFT, LEFT))
     assert not facing_pads(hand(LEFT, None))
     assert not facing_pads(hand(None, None))
+
+
+def test_poses_that_walk_as_they_say_do_not_agree_on_a_slip() -> None:
+    """Two pads on a plate: what of each step's noise stays in the pose adds up in a window."""
+    scans, random = 6000, np.random.default_rng(5)
+    moved = at_rest(scans, 4) + random.normal(0.0, 2.0 * STD_M, (scans, 2, 2))
+    grown = np.eye(3) * STD_M**2 * (1.0 + 4.0 * np.arange(scans))[:, np.newaxis, np.newaxis]
+    own = np.broadcast_to(6.0 * STD_M**2 * np.eye(3), (scans, 2, 3, 3)).copy()
+    grown = np.repeat(grown[:, np.newaxis], 2, axis=1)
+    false = watch(1000.0).step(replace(slips(moved), displacement_covariance=own, covariance=grown))
+    assert false[:, 0].sum() <= poisson.isf(1e-3, 1000 * scans * DT_S / 3600)  # 171 without the walk
+    with_slip = moved + np.concatenate([np.zeros((scans - 20, 2, 2)), sliding(0.05, 20)])
+    found = watch().step(replace(slips(with_slip), displacement_covariance=own, covariance=grown))
+    assert found[-10:].any()

@@ -59,12 +59,13 @@ class Filter:
         return self.rest["innovation"]
 
 
-@given(seed=st.integers(0, 99), dt_s=st.floats(0.002, 0.5))
+@given(seed=st.integers(0, 99), dt_s=st.floats(0.002, 0.5), walk=st.sampled_from([0.0, 0.5]))
 @settings(max_examples=20, deadline=None)
-def test_it_is_a_kalman_filter(seed: int, dt_s: float) -> None:
+def test_it_is_a_kalman_filter(seed: int, dt_s: float, walk: float) -> None:
     random = np.random.default_rng(seed)
     poses, load = STD * random.standard_normal((20, 3)), np.cumsum(0.3 * random.standard_normal(20))
     kernel, x = Filter(poses[0], load[0]), np.array([poses[0], np.zeros(3), np.zeros(3)])
+    kernel.measurement["walk"] = walk
     prior = np.diag([0.0, LOAD_M**2, CREEP_M_S**2])
     p, keep = np.diag([STD[0] ** 2, 0.0, 0.0]) + prior, np.exp(-dt_s)
     for k in range(1, 20):
@@ -73,6 +74,7 @@ def test_it_is_a_kalman_filter(seed: int, dt_s: float) -> None:
         model = np.array([[1.0, load[k] - load[k - 1], dt_s], [0.0, keep, 0.0], [0.0, 0.0, keep]])
         x, p = model @ x, model @ p @ model.T + (1 - keep**2) * prior
         r = scale * (STD[0] ** 2 + STD[1] ** 2) / 2
+        p[0, 0] += walk * r
         gain, u = p[:, 0] / (p[0, 0] + r), (poses[k] - x[0]) / STD * np.sqrt(r / (p[0, 0] + r))
         x, p = x + np.outer(gain, poses[k] - x[0]), p - np.outer(gain, p[0])
         np.testing.assert_allclose([step["gain_a"], step["gain_b"], step["gain_c"]], gain, rtol=1e-6, atol=1e-9)

@@ -88,20 +88,22 @@ class AgreementSession:
         self._covariance = self._covariance + (p.acceleration_m_s2 * touch.dt_s) ** 2 * np.eye(count)
         known = np.asarray(np.isfinite(touch.velocity[:, :2]).all(axis=1), dtype=np.bool_)
         known &= np.isfinite(touch.covariance[:, :2, :2]).all(axis=(1, 2))
-        seen, noise_seen = touch.velocity[:, :2], touch.covariance[:, :2, :2] + self._least_variance(touch) * np.eye(2)
+        seen, noise_seen = touch.velocity[:, :2], touch.plane_covariance()
+        noise_seen = noise_seen + self._least_variance(touch) * np.eye(seen.size).reshape(noise_seen.shape)
         alerted, at_rest = bool(touch.slipping.any()), self._excess
         believed = self._believed(known, seen, touch.axes, at_rest * noise_seen)
-        velocity, noise, axes = seen[believed], noise_seen[believed], touch.axes[believed]
+        velocity, noise, axes = seen[believed], _of(believed, noise_seen), touch.axes[believed]
         now = at_rest
         chi_square = _apart(velocity, axes, noise)
         if chi_square is not None:
             share = 0.0 if alerted else min(touch.dt_s / p.memory_s, 1.0)
             self._excess += share * (max(min(chi_square, _MOST), 1.0) - self._excess)
             now = max(self._excess, chi_square)
-        for measured, along, own in zip(velocity, axes, now * noise, strict=True):
+        if len(velocity):
+            along = axes.reshape(-1, count)
             shared = self._covariance @ along.T
-            gain = shared @ np.linalg.inv(along @ shared + own)
-            self._velocity = self._velocity + gain @ (measured - along @ self._velocity)
+            gain = shared @ np.linalg.inv(along @ shared + now * noise)
+            self._velocity = self._velocity + gain @ (velocity.ravel() - along @ self._velocity)
             self._covariance = self._covariance - gain @ along @ self._covariance
         sigmas = float(np.sqrt(self._velocity @ np.linalg.solve(self._covariance, self._velocity)))
         motion = Motion(False, self._velocity, sigmas)
@@ -109,7 +111,7 @@ class AgreementSession:
         slips = sigmas > needed and motion.speed_m_s > p.slip_m_s
         if alerted and known.any():
             fast = float(np.sqrt((seen[known] ** 2).sum(axis=1).mean())) > p.slip_m_s
-            slips = slips or (fast and _from_rest(seen[known], at_rest * noise_seen[known]) > needed)
+            slips = slips or (fast and _from_rest(seen[known], at_rest * _of(known, noise_seen)) > needed)
         return replace(motion, slipping=bool(slips))
 
     def _least_variance(self, touch: Touch) -> float:
@@ -126,7 +128,8 @@ class AgreementSession:
         Registration jumps for one scan; a pad that is as far off in the next one has seen the object start.
         """
         off = (seen[known] - axes[known] @ self._velocity)[:, :, np.newaxis]
-        spread = axes[known] @ self._covariance @ axes[known].transpose(0, 2, 1) + noise[known]
+        own = noise[known, :, known]
+        spread = axes[known] @ self._covariance @ axes[known].transpose(0, 2, 1) + own
         jumps = np.zeros(len(known), dtype=np.bool_)
         jumps[known] = (off.transpose(0, 2, 1) @ np.linalg.solve(spread, off))[:, 0, 0] > _MOST
         doubted = jumps & ~self._jumped if len(self._jumped) and not jumps[known].all() else np.zeros_like(jumps)
@@ -134,12 +137,18 @@ class AgreementSession:
         return known & ~doubted
 
 
+def _of(pads: Bools, covariance: Floats) -> Floats:
+    """(2 n, 2 n): what n of the pads have of a covariance (pads, 2, pads, 2)."""
+    count = 2 * int(pads.sum())
+    return covariance[pads][:, :, pads].reshape(count, count)
+
+
 def _from_rest(velocity: Floats, noise: Floats) -> float:
     """Normal deviate that an object at rest exceeds as seldom as the chi-square of velocities (pads, 2), agreed or not.
 
-    By the cube root of Wilson & Hilferty (1931). noise: (pads, 2, 2), covariances.
+    By the cube root of Wilson & Hilferty (1931). noise: (2 pads, 2 pads), covariance.
     """
-    square = np.einsum("pi,pi->", velocity, np.linalg.solve(noise, velocity[:, :, np.newaxis])[:, :, 0])
+    square = float(velocity.ravel() @ np.linalg.solve(noise, velocity.ravel()))
     spread = 2.0 / (9.0 * velocity.size)
     return float((np.cbrt(square / velocity.size) - (1.0 - spread)) / np.sqrt(spread))
 
@@ -147,12 +156,12 @@ def _from_rest(velocity: Floats, noise: Floats) -> float:
 def _apart(velocity: Floats, axes: Floats, noise: Floats) -> float | None:
     """Chi-square per degree of freedom of velocities (pads, 2) from one rigid motion; None where there is no freedom.
 
-    Of two facing pads that is their difference. axes: (pads, 2, n). noise: (pads, 2, 2), covariances.
+    Of two facing pads that is their difference. axes: (pads, 2, n). noise: (2 pads, 2 pads), covariance.
     """
     if len(velocity) < 2:
         return None
     whiten = np.linalg.inv(np.linalg.cholesky(noise))
-    A, b = (whiten @ axes).reshape(-1, axes.shape[-1]), (whiten @ velocity[:, :, None]).ravel()
+    A, b = whiten @ axes.reshape(-1, axes.shape[-1]), whiten @ velocity.ravel()
     found, _, rank, _ = np.linalg.lstsq(A, b, rcond=1e-6)
     residual = b - A @ found
     return float(residual @ residual) / (len(b) - int(rank))

@@ -25,7 +25,9 @@ class Touch:
     detail_m: (pads,), how far the object has to move along its load to change a pad's image by as much as the image
     itself, NaN where unknown; if the load's direction is unknown, in the direction in which that is least.
     place_m: (pads, 2), place on the pad of the point of the object whose velocity is given; NaN where unknown.
-    ready: False while the conditioner learns noise and tare.
+    ready: False while the conditioner learns noise and tare. place_std_m: (pads,), standard deviation of that place
+    along each axis; None for 0. joint: (pads, 3, pads, 3), covariance of all velocities, whose diagonal blocks are
+    `covariance`; None if the pads are independent of each other.
     """
 
     t_s: float
@@ -39,26 +41,43 @@ class Touch:
     detail_m: Floats
     place_m: Floats
     ready: bool = True
+    place_std_m: Floats | None = None
+    joint: Floats | None = None
 
     def of_point(self, point_m: Floats) -> Touch:
         """Velocities of facing pads at another point (2,) of the object, m, which differ where it turns.
 
-        Each pad is moved by its own turn, so that errors stay independent; where it has none, by that of the other.
+        Each pad is moved by its own turn, so that errors stay independent; where it has none, by that of the other:
+        then both have the errors of that turn, and `joint` their covariance.
         Unchanged where no turn is known, and for a hand, whose pads lie in different planes.
         """
-        turn, known = self.velocity[:, 2], np.isfinite(self.velocity[:, 2])
+        pads, known = len(self.velocity), np.isfinite(self.velocity[:, 2])
         if self.axes.shape[-1] != 2 or not known.any():
             return self
-        turn = np.where(known, turn, turn[known].mean())
+        share = np.where(known[:, np.newaxis], np.eye(pads), known / known.sum())  # of the turn of each pad
+        turn = share @ np.where(known, self.velocity[:, 2], 0.0)
         x, y = np.nan_to_num(point_m - self.place_m).T
-        velocity, lever = self.velocity.copy(), np.tile(np.eye(3), (len(turn), 1, 1))
-        velocity[:, :2] += turn[:, np.newaxis] * np.stack([-y, x], axis=1)
-        lever[:, 0, 2], lever[:, 1, 2] = -y, x
-        covariance = np.where(np.isfinite(self.covariance), self.covariance, 0.0)  # of a turn that is not known
-        moved = np.where(
-            known[:, np.newaxis, np.newaxis], lever @ covariance @ lever.transpose(0, 2, 1), self.covariance
-        )
-        return replace(self, velocity=velocity, covariance=moved)
+        across = np.stack([-y, x], axis=1)
+        velocity = self.velocity.copy()
+        velocity[:, :2] += turn[:, np.newaxis] * across
+        moves = np.einsum("pq,ab->paqb", np.eye(pads), np.eye(3))
+        moves[:, :2, :, 2] += across[:, :, np.newaxis] * share[:, np.newaxis, :]
+        own = np.where(np.isfinite(self.covariance), self.covariance, 0.0)
+        joint = np.einsum("paqb,qbc,rdqc->pard", moves, own, moves)
+        if self.place_std_m is not None:
+            anywhere = (turn**2 + share**2 @ own[:, 2, 2]) * np.nan_to_num(self.place_std_m) ** 2
+            joint[:, :2, :, :2] += np.einsum("p,pq,ab->paqb", anywhere, np.eye(pads), np.eye(2))
+        unknown = ~np.isfinite(self.covariance.diagonal(axis1=1, axis2=2))
+        joint[unknown], joint[:, :, unknown] = np.nan, np.nan
+        covariance = joint[np.arange(pads), :, np.arange(pads)]
+        return replace(self, velocity=velocity, covariance=covariance, joint=joint)
+
+    def plane_covariance(self) -> Floats:
+        """(pads, 2, pads, 2), of the first two components of all pads' velocities."""
+        if self.joint is not None:
+            return self.joint[:, :2, :, :2]
+        apart: Floats = np.einsum("pq,pab->paqb", np.eye(len(self.covariance)), self.covariance[:, :2, :2])
+        return apart
 
 
 class ControlSession(Protocol):

@@ -32,6 +32,8 @@ class Loosening:
     """Acceleration of the object if it were let go, m/s^2 or rad/s^2."""
     correct_s: float = 0.03
     """Time in which a wrong speed is corrected."""
+    catch_s: float = 0.01
+    """Time in which what exceeds twice the speed is corrected: the object gets away."""
     weigh_s: float = 0.02
     """Time over which the force that carries the load is averaged."""
     ahead_s: float = 0.02
@@ -157,6 +159,8 @@ class LetMove:
         if touch.force_n > 0.0:
             self._ratio += min(touch.dt_s / _RATIO_S, 1.0) * (self._force_n / touch.force_n - self._ratio)
         if self.shut:
+            if abs(self._now) > p.slow * self._wanted:  # it needs more than was weighed while it was let move
+                self._force_n = max(self._force_n, min(p.shut * self._ratio * self._balance.least_n(), self._most_n))
             return self._force_n
         if not self._moves:
             self._moves = abs(self._speed) > 0.2 * self._wanted
@@ -180,5 +184,6 @@ class LetMove:
         self._least_n = max(weighed_n, (1.0 - p.loosen_1_s * dt_s) * self._least_n)
         left_s = (self._goal - self.felt) / self._wanted
         wanted = self._wanted * float(np.clip(left_s / p.near_s, p.slow, 1.0))
-        share = (self._now - wanted) / (p.correct_s * p.free)
+        away = max(self._now - 2.0 * self._wanted, 0.0)
+        share = ((self._now - wanted) / p.correct_s + away / p.catch_s) / p.free
         return self._least_n * (1.0 + float(np.clip(share, -1.0, 1.0)))

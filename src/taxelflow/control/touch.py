@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,10 @@ if TYPE_CHECKING:
 
 _MIRRORED = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0]])
 """Signs of x, y, theta: the pads face each other, so the second sees x and turns mirrored."""
+
+_MIDDLE = 0.5
+"""Where a pad's image is fitted without a turn, its velocity is that of the image's middle. Standard deviation of that
+place around the centroid of the load, in standard deviations of the load. Measured: 0.45 to 0.6."""
 
 
 class Facing:
@@ -69,7 +74,7 @@ class _Felt:
         force_n = float(pressure.ravel() @ self._area_m2) / 2
         slipping, velocity, ready = np.zeros(pads, dtype=np.bool_), np.full((pads, 3), np.nan), out is None
         covariance, detail_m = np.full((pads, 3, 3), np.nan), np.full(pads, np.nan)
-        place_m = np.full((pads, 2), np.nan)
+        place_m, place_std_m = np.full((pads, 2), np.nan), np.zeros(pads)
         if out is not None and len(out):
             slips, signs = out.slips, self._signs
             slipping, velocity, ready = out.slipping[-1, :pads], signs * slips.velocity[-1, :pads], True
@@ -77,10 +82,16 @@ class _Felt:
             both = signs[:, :, None] * signs[:, None, :]
             variance = both * slips.displacement_covariance[-1, :pads]
             covariance = variance / square_s2
-            place_m = signs[:, :2] * slips.pose[-1, :pads, :2]
+            turns = np.isfinite(velocity[:, 2])
+            place_m = signs[:, :2] * np.where(
+                turns[:, None], slips.pose[-1, :pads, :2], out.contacts.centroid[-1, :pads]
+            )
+            spread_m = np.sqrt((out.contacts.axes[-1, :pads] ** 2).mean(axis=1)) / 4
+            place_std_m = np.where(turns, 0.0, _MIDDLE * spread_m)
             share = out.contacts.force[-1, :pads] / out.contacts.force_std[-1, :pads]
             detail_m = share * np.sqrt(_least(variance) if self._down is None else _along(variance, axes @ self._down))
-        return Touch(t_s, dt_s, pressure, force_n, slipping, velocity, axes, covariance, detail_m, place_m, ready=ready)
+        felt = Touch(t_s, dt_s, pressure, force_n, slipping, velocity, axes, covariance, detail_m, place_m)
+        return replace(felt, ready=ready, place_std_m=place_std_m)
 
 
 def _least(variance: Floats) -> Floats:

@@ -23,6 +23,7 @@ from taxelflow.slip.measurement import (
 )
 from taxelflow.slip.onset import OnsetState, alarm_threshold, prune, shiryaev_roberts
 from taxelflow.slip.rest_filter import RestState, discount_noise_scale, noise_scale, start_rest, update_rest
+from taxelflow.slip.walk import Walk, begin_walk, learn_walk, split_walk
 
 NEW, RESTING, SLIPPING = range(3)
 """Modes of a pad: no contact, or one that is too young to be judged; at rest; slipping."""
@@ -52,6 +53,7 @@ class PadState:
     """The contact is what remained of one that was judged, after a sudden loss of load."""
     mean_variance: Vector
     """Mean variance of the poses at rest; 0 where there is none yet."""
+    walk: Walk
     measurement: Measurement
     rest: RestState
     onset: OnsetState
@@ -94,6 +96,12 @@ def follow(observations: Records, held: Records, states: Records, slipping: Bool
                 _test_stop(stop_odds(measurement, parameters.creep_m_s, slide), parameters, state, change)
             elif measured:
                 raise_to_mean(state.poses, state.mean_variance, measurement.covariance)
+            if measured:
+                resting = mode != SLIPPING
+                learn_walk(scan.pose_covariance, state.mean_variance, measurement.log_load, resting, state.walk)
+                measurement.walk = (
+                    split_walk(measurement.covariance, measurement.log_load, state.walk) if resting else 0.0
+                )
             if measured and mode == RESTING:
                 update_rest(measurement, parameters, rest)
                 _test_onset(shiryaev_roberts(measurement, rest, onset), parameters, state, change)
@@ -133,6 +141,7 @@ def _continue_contact(scan: Observation, state: PadState) -> bool:
     if state.poses == 0:
         state.first_s, state.measurement.previous_s = scan.t_s, -np.inf
         discount_noise_scale(state.rest)
+        begin_walk(state.walk)
     state.poses += 1
     return True
 

@@ -74,6 +74,8 @@ class Measurement:
     """Accumulated displacement."""
     covariance: Covariance
     """Noise of the accumulated displacement of an object at rest; NaN variance where a coordinate is not used."""
+    walk: float
+    """Variance by which the pose of an object at rest has walked since the one before, over that of its noise."""
     pose_covariance: Covariance
     """Covariance of the absolute pose."""
 

@@ -49,13 +49,16 @@ _TEST = _Test()
 
 
 class _Step(NamedTuple):
-    """One scan of two pads: mean and half the difference of their displacements, m, and the mean log load."""
+    """One scan of two pads: mean and half the difference of their displacements, m, and the mean log load; the mean
+    variance of their poses, m^2.
+    """
 
     both_x: float
     both_y: float
     apart_x: float
     apart_y: float
     log_load: float
+    pose_variance: float
 
 
 class _Covariance(NamedTuple):
@@ -73,24 +76,29 @@ class _Covariance(NamedTuple):
 
 @dataclass(eq=False)
 class _Pair:
-    """Two facing pads. to_first: (2, 2), from the second pad's frame to the first one's. noise: q^2, over `scans`."""
+    """Two facing pads. to_first: (2, 2), from the second pad's frame to the first one's. noise: q^2, over `scans`.
+    walk: share of a step's variance that stays in the pose, likewise.
+    """
 
     pads: tuple[int, int]
     to_first: Floats
     steps: deque[_Step] = field(default_factory=lambda: deque(maxlen=max(WINDOWS)))
     noise: float = 1.0
+    walk: float = 0.0
     scans: int = 0
     agreed: bool = False
 
     def forget(self) -> None:
         """A contact has ended."""
         self.steps.clear()
-        self.scans, self.agreed = 0, False
+        self.scans, self.walk, self.agreed = 0, 0.0, False
 
-    def learn(self, half_square: float) -> None:
-        """One more difference."""
+    def learn(self, half_square: float, growth: float) -> None:
+        """One more difference, and the growth of the pose's variance over that of a step."""
         self.scans = min(self.scans + 1, _TEST.memory_scans)
         self.noise += (min(half_square, _TEST.most) - self.noise) / self.scans
+        if not self.agreed:
+            self.walk += (min(max(growth, -1.0), 1.0) - self.walk) / self.scans
 
 
 class PadAgreement:
@@ -126,8 +134,10 @@ class PadAgreement:
         (xx, xy), (_, yy) = matrix.tolist()
         noise = _Covariance(xx + _TEST.least_variance_m2, xy, yy + _TEST.least_variance_m2)
         load = float(np.log(np.maximum(slips.load[scan, [first, second]], 1e-9)).mean())
-        pair.steps.append(_Step((x + u) / 2, (y + v) / 2, (x - u) / 2, (y - v) / 2, load))
-        pair.learn(noise.half_square((x - u) / 2, (y - v) / 2))
+        variance = float(slips.covariance[scan, [first, second], :2, :2].trace(axis1=1, axis2=2).mean()) / 4.0
+        grown = variance - pair.steps[-1].pose_variance if pair.steps else 0.0
+        pair.steps.append(_Step((x + u) / 2, (y + v) / 2, (x - u) / 2, (y - v) / 2, load, variance))
+        pair.learn(noise.half_square((x - u) / 2, (y - v) / 2), grown / (noise.xx + noise.yy))
         if pair.scans < _TEST.least_scans:
             return False
         dt_s = float(slips.span_s[scan, [first, second]].mean())
@@ -141,13 +151,15 @@ class PadAgreement:
         if len(pair.steps) < window:
             return 1.0
         steps = list(pair.steps)[-window:]
-        both_x, both_y, apart_x, apart_y, _ = map(sum, zip(*steps, strict=True))
-        # A sum of steps has the noise of its ends only: that of one step. Both skins feel load and creep alike.
+        both_x, both_y, apart_x, apart_y, *_ = map(sum, zip(*steps, strict=True))
+        # A sum of steps has the noise of its ends only, that of one step, and what of each stays in the pose. Both
+        # skins feel load and creep alike.
         shared = (self._load_m * (steps[-1].log_load - steps[0].log_load)) ** 2
         shared += (self._creep_m_s * dt_s * window) ** 2
-        now = noise.half_square(apart_x, apart_y)
+        stays = 1.0 + (window - 1) * max(pair.walk, 0.0)
+        now = noise.half_square(apart_x, apart_y, stays)
         scale = max(pair.noise, (now + pair.scans * pair.noise) / (pair.scans + 1), 1.0)
-        f = noise.half_square(both_x, both_y, scale, shared)
+        f = noise.half_square(both_x, both_y, scale * stays, shared)
         return float((1.0 + f / pair.scans) ** -pair.scans)
 
 

@@ -2,12 +2,13 @@
 
 Per axis x, y, theta, with l the logarithm of the load and r[k] the variance of the pose z[k]:
 
-    a[k] = a[k-1] + b[k-1] (l[k] - l[k-1]) + c[k-1] (t[k] - t[k-1]),      z[k] = a[k] + v[k],    v[k] ~ N(0, s^2 r[k]).
+    a[k] = a[k-1] + b[k-1] (l[k] - l[k-1]) + c[k-1] (t[k] - t[k-1]) + w[k],
+    z[k] = a[k] + v[k],      v[k] ~ N(0, s^2 r[k]),      w[k] ~ N(0, s^2 q[k]).
 
-a is the position, b the displacement per unit of l, c the creep. b and c are first-order Gauss-Markov processes of mean
-0. All axes share one state covariance and one gain: noise that is k times larger along one axis makes the position k
-times less certain there. Innovations, whitened by the covariance of the noise, are u ~ N(0, s^2 I). s^2 and the lag-1
-autocorrelation of u are learned.
+a is the position, b the displacement per unit of l, c the creep, w the walk of a sum of steps (see `walk`). b and c are
+first-order Gauss-Markov processes of mean 0. All axes share one state covariance and one gain: noise that is k times
+larger along one axis makes the position k times less certain there. Innovations, whitened by the covariance of the
+noise, are u ~ N(0, s^2 I). s^2 and the lag-1 autocorrelation of u are learned.
 """
 
 from __future__ import annotations
@@ -163,6 +164,7 @@ def update_rest(measurement: Measurement, parameters: Parameters, rest: RestStat
     rest.log_load = measurement.log_load
     _predict(measurement.t_s - measurement.previous_s, parameters, rest)
     step.variance, step.axes = translation_variance(noise) * noise_scale(rest), translation_axes(noise)
+    rest.p_aa += measurement.walk * step.variance
     total = rest.p_aa + step.variance
     step.gain_a, step.gain_b, step.gain_c = rest.p_aa / total, rest.p_ab / total, rest.p_ac / total
     step.std_ratio = np.sqrt(step.variance / total)
