@@ -136,13 +136,15 @@ def test_slips_are_carried(seed: int, textured: bool) -> None:
 @SEEDS
 def test_verdicts_are_reached(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    flags: Any = tuple(rng.random((40, PADS)) < share for share in (0.5, 0.2, 0.9, 0.3, 0.6))
+    flags: Any = tuple(rng.random((40, PADS)) < share for share in (0.5, 0.2, 0.9, 0.3, 0.6, 0.5))
+    odds = rng.normal(-2.0, 3.0, (2, 40, PADS))
+    odds[1, rng.random((40, PADS)) < 0.1] = np.nan
     whole = np.array([-1, -1, 0, 1])  # groups come after their pads
     last = [rng.random((1, PADS)) < 0.5 for _ in range(2)]
     found = []
     for function in (decide, decide_block):
         final, by_odds = (np.zeros((40, PADS), dtype=np.bool_) for _ in range(2))
-        changes = function(flags, whole, rng.normal(size=(40, PADS)) * 0.0 + seed - 4.0, *last, final, by_odds)
+        changes = function(flags, whole, (odds[0], odds[1]), *last, final, by_odds)
         found.append((final, by_odds, np.array(changes)))
     assert all(equal(one, other) for one, other in zip(*found, strict=True))
 

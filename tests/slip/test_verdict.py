@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED, Event, Slips
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor, with_contacts
 from taxelflow.slip.odds import Odds
-from taxelflow.slip.verdict import AGAINST, Posed, Verdict, decide, decide_block, pads_of_groups
+from taxelflow.slip.verdict import AGAINST, Posed, Verdict, pads_of_groups
 
 PALM = Pad("palm", rows=4, cols=4, pitch_m=(0.004, 0.004))
 THUMB = Pad("thumb", rows=2, cols=2, pitch_m=(0.004, 0.004))
@@ -85,32 +83,25 @@ def test_it_waits_for_it_with_a_method_that_weighs_what_a_border_hides() -> None
     assert not slipping.any()
 
 
+@pytest.mark.parametrize("stirred", [False, True])
+def test_at_a_border_a_recording_asks_patterns_that_have_changed_at_rest(stirred: bool) -> None:
+    slipping, _ = of_palm([AMBIGUOUS] * SCANS, [-9.0] * SCANS, border=True, stirred=stirred)
+    assert slipping.any() != stirred
+
+
 def test_a_pattern_that_nobody_has_compared_speaks_against_nothing() -> None:
     slipping, events = of_palm([AMBIGUOUS] * SCANS, [np.nan] * SCANS)
     assert slipping.tolist() == [False, False, True, True, True, False]
     assert [event.event for event in events] == ["slip_start", "slip_stop"]
 
 
-@given(st.integers(0, 2**32 - 1))
-def test_a_block_is_judged_as_scan_by_scan(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    scans, whole = 12, np.array([-1, -1, 0, -1, 1])
-    flags = tuple(rng.random((scans, len(whole))) < share for share in (0.6, 0.1, 0.9, 0.2, 0.5, 0.5))
-    now, soon = rng.normal(-2.0, 3.0, (2, scans, len(whole)))
-    soon[rng.random(soon.shape) < 0.1] = np.nan
-    last, last_by_odds = rng.random((2, 1, len(whole))) < 0.5
-    found = []
-    for decided in (decide, decide_block):
-        final, by_odds = np.empty((2, scans, len(whole)), dtype=bool)
-        changes = decided(flags, whole, (now, soon), last, last_by_odds, final, by_odds)
-        found.append((changes, final, by_odds))
-    assert found[0][0] == found[1][0]
-    np.testing.assert_array_equal(found[0][1], found[1][1])
-    np.testing.assert_array_equal(found[0][2], found[1][2])
-
-
 def of_palm(
-    quality: list[int], log_odds: list[float], *, stream: bool = False, border: bool = False
+    quality: list[int],
+    log_odds: list[float],
+    *,
+    stream: bool = False,
+    border: bool = False,
+    stirred: bool = False,
 ) -> tuple[np.ndarray, list[Event]]:
     """Verdict on the palm, whose pose slips in scans 2 to 4: (scans,), and events. quality, log_odds: per scan."""
     layout = HAND.layout
@@ -121,7 +112,7 @@ def of_palm(
     slips = touching(pads, OK)
     slips.quality[:, 0], slips.border[:, 0, 0] = quality, border
     each = np.tile(np.array(log_odds)[:, np.newaxis], (1, pads))
-    odds = Odds(each, each, np.zeros((SCANS, pads), dtype=bool))
+    odds = Odds(each, each, np.zeros((SCANS, pads), dtype=bool), np.full((SCANS, pads), stirred))
     final, found = Verdict(layout, stream=stream).step(slips, Posed(slipping, events, np.zeros_like(slipping)), odds)
     return final[:, 0], found
 
@@ -136,7 +127,7 @@ def judged(*, palm: bool, quality: int, sensor: Sensor = HAND) -> tuple[np.ndarr
     events = [Event(t_s, name, kind) for t_s, kind in ((0.02, "slip_start"), (0.05, "slip_stop")) for name in named]
     posed = Posed(slipping, events, np.zeros_like(slipping))
     unknown = np.full((SCANS, pads), -1.0)
-    odds = Odds(unknown, unknown, np.zeros((SCANS, pads), dtype=bool))
+    odds = Odds(unknown, unknown, *np.zeros((2, SCANS, pads), dtype=bool))
     return Verdict(layout).step(touching(pads, quality), posed, odds)
 
 

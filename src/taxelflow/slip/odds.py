@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isnan
 from typing import TYPE_CHECKING
 
@@ -36,12 +36,13 @@ _CHUNK_BINS = 20
 @dataclass(frozen=True, slots=True, eq=False)
 class Odds:
     """Of a slip, (scans, pads) each. log_odds: NaN where unknown. soon: the highest of them within half a second in a
-    recording, the same in a stream. restless: the odds decide.
+    recording, the same in a stream. restless: the odds decide. stirred: the pattern was seen to change at rest.
     """
 
     log_odds: Floats
     soon: Floats
     restless: Bools
+    stirred: Bools
 
     def __len__(self) -> int:
         return len(self.log_odds)
@@ -56,6 +57,7 @@ class _Bin:
     touching: Bools
     odds: Floats
     restless: Bools
+    stirred: Bools
 
 
 class _Forward:
@@ -66,7 +68,7 @@ class _Forward:
         self._slipped = np.zeros(pads, dtype=np.bool_)
         nothing = np.full(pads, np.nan)
         untouched = np.zeros(pads, dtype=np.bool_)
-        self.last = _Bin(-np.inf, nothing, untouched, np.zeros(pads), untouched)
+        self.last = _Bin(-np.inf, nothing, untouched, np.zeros(pads), untouched, untouched)
 
     def step(self, slipping: Bools, changes: PatternChanges) -> list[tuple[int, _Bin]]:
         """Bins that are judged in these scans, each with the scan. slipping: (scans, pads), by the pose."""
@@ -84,7 +86,8 @@ class _Forward:
                 ratio = self._joint(changes, scan, ratio, usual)
             self._slipped, start = np.zeros_like(slipped), scan + 1
             odds = updated(self.last.odds, ratio, touching, since_s - self.last.since_s)
-            self.last = _Bin(since_s, ratio, touching, odds, self._restless.restless)
+            seen = self._restless.restless, self._restless.stirred
+            self.last = _Bin(since_s, ratio, touching, odds, *seen)
             found.append((scan, self.last))
         self._slipped = self._slipped | slipping[start:].any(axis=0)
         return found
@@ -109,19 +112,20 @@ class LiveOdds:
 
     def step(self, slipping: Bools, changes: PatternChanges) -> Odds:
         """Odds of these scans. slipping: (scans, pads), by the pose."""
-        log_odds, restless = np.empty(slipping.shape), np.empty_like(slipping)
+        log_odds, restless, stirred = np.empty(slipping.shape), np.empty_like(slipping), np.empty_like(slipping)
         start, last = 0, self._forward.last
         for scan, one in [*self._forward.step(slipping, changes), (len(slipping), None)]:
             if self._logged[0] is not last:  # it holds for many scans
                 self._logged = last, _log(last)
             log_odds[start:scan], restless[start:scan] = self._logged[1], last.restless
+            stirred[start:scan] = last.stirred
             start, last = scan, one or last
-        return Odds(log_odds, log_odds, restless)
+        return Odds(log_odds, log_odds, restless, stirred)
 
     def finish(self) -> Odds:
         """Nothing is held back."""
         none = self._forward.last.restless[np.newaxis][:0]
-        return Odds(none.astype(np.float64), none.astype(np.float64), none)
+        return Odds(none.astype(np.float64), none.astype(np.float64), none, none)
 
 
 class OfflineOdds:
@@ -157,7 +161,8 @@ class OfflineOdds:
         self._given = smoothed[-1]
 
         log_odds, restless = np.stack([_log(one) for one in known]), np.stack([one.restless for one in smoothed])
-        return Odds(log_odds[place], _soon(log_odds)[place], restless[place])
+        stirred = np.stack([one.stirred for one in smoothed])
+        return Odds(log_odds[place], _soon(log_odds)[place], restless[place], stirred[place])
 
 
 def _smoothed(bins: list[_Bin]) -> list[_Bin]:
@@ -171,7 +176,7 @@ def _smoothed(bins: list[_Bin]) -> list[_Bin]:
         else:
             after = bins[number + 1]
             later = looked_back(later, after.log_ratio, after.touching, after.since_s - one.since_s)
-        found.append(_Bin(one.since_s, one.log_ratio, one.touching, one.odds * later, bins[-1].restless))
+        found.append(replace(one, odds=one.odds * later, restless=bins[-1].restless, stirred=bins[-1].stirred))
     return found[::-1]
 
 

@@ -1,8 +1,8 @@
 """The verdict on slips: by the pose, on restless pads by the patterns' evidence, and by facing pads that agree.
 
 A pose that is not `ok` may move by tilt, rolling or growth alone. Its slip begins once the pattern is not against it.
-A stream, which knows the pattern's change 0.2 s late, does not wait for it where a method has only the border for a
-reason.
+Where a method has only the border for a reason, the pose decides, but in a recording on a pad that was seen to stir.
+A stream, which knows the pattern's change 0.2 s late, does not wait for it there.
 
 A group has a part of its pad's contact. Load that moves over the border of the group looks like motion of that part, so
 where the whole contact rests, and its pose is `ok`, the part does not slip.
@@ -150,7 +150,14 @@ class Verdict:
         speaks against while the pose is not `ok`, becomes `slip_suspected`.
         """
         events, final, by_odds = posed.events, np.empty_like(posed.slipping), np.empty_like(posed.slipping)
-        flags = (posed.slipping, posed.agreed, slips.contact, odds.restless, self._sure(slips), self._vague(slips))
+        flags = (
+            posed.slipping,
+            posed.agreed,
+            slips.contact,
+            odds.restless,
+            self._sure(slips),
+            self._vague(slips, odds.stirred),
+        )
         last, last_by_odds = self._slipping, self._by_odds
         decide_ = decide_block if is_block(len(slips)) else decide
         changes = decide_(flags, self._whole, (odds.log_odds, odds.soon), last, last_by_odds, final, by_odds)
@@ -184,16 +191,16 @@ class Verdict:
             sure[:, pad] &= ~slips.contact[:, contact]
         return sure
 
-    def _vague(self, slips: Slips) -> Bools:
-        """(scans, pads), poses that need their pattern's consent to begin a slip."""
-        vague: Bools = slips.quality > OK
-        if self._stream:
-            cut = slips.border.any(axis=2)
-            weighs = (cut & slips.contact & (slips.quality == OK)).any(axis=1)
-            weighs = np.logical_or.accumulate(np.concatenate([[self._weighs_borders], weighs]))
-            self._weighs_borders = bool(weighs[-1])
-            by_border = cut & (slips.quality == AMBIGUOUS) & ~weighs[1:, np.newaxis]
-            vague &= ~by_border | (self._whole >= 0)
+    def _vague(self, slips: Slips, stirred: Bools) -> Bools:
+        """(scans, pads), poses that need their pattern's consent to begin a slip. stirred: see `Odds`."""
+        cut = slips.border.any(axis=2)
+        weighs = (cut & slips.contact & (slips.quality == OK)).any(axis=1)
+        weighs = np.logical_or.accumulate(np.concatenate([[self._weighs_borders], weighs]))
+        self._weighs_borders = bool(weighs[-1])
+        by_border = cut & (slips.quality == AMBIGUOUS) & ~weighs[1:, np.newaxis]
+        if not self._stream:
+            by_border &= ~stirred
+        vague: Bools = (slips.quality > OK) & (~by_border | (self._whole >= 0))
         return vague
 
     def _decided(
