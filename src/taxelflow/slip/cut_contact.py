@@ -49,14 +49,15 @@ class BorderLoss:
             own, edge = layout.of_pad(pad), self._edge[starts[pad] : starts[pad + 1]]
             total = pressure[:, own].sum(axis=1)
             loaded = total > 0.0
+            load = pressure[loaded]
             for a, place in enumerate((layout.x_m, layout.y_m)):
-                middle = pressure[loaded, own] @ place[own] / total[loaded]
+                # No product of matrices, whose last bits depend on the number of scans.
+                middle = (load[:, own] * place[own]).sum(axis=1) / total[loaded]
                 for b, pitch_m in enumerate(layout.pitch_m[pad]):
                     ends = edge[self._faces[edge, b]]
                     reach = np.abs(place[ends] - middle[:, np.newaxis]) + (0.5 * pitch_m if a == b else 0.0)
-                    loss[loaded, pad, a, b] = (reach * pressure[loaded][:, ends]).sum(axis=1) / (
-                        pitch_m * total[loaded]
-                    )
+                    facing = np.ascontiguousarray(reach * load[:, ends])
+                    loss[loaded, pad, a, b] = facing.sum(axis=1) / (pitch_m * total[loaded])
         return loss
 
 
