@@ -49,3 +49,14 @@ def slide(rate_hz: float = 10.0, speed_m_s: float = 0.01) -> Floats:
     """Places: 8 s at rest, 1.5 s along x, 5 s at rest."""
     way = speed_m_s * np.arange(1, round(1.5 * rate_hz) + 1) / rate_hz
     return np.concatenate([np.zeros(round(8 * rate_hz)), way, np.full(round(5 * rate_hz), way[-1])])
+
+
+def smooth(x_m: Floats, tilted: float = 0.0, rate_hz: float = 25.0) -> Recording:
+    """A smooth dome at these places in contact, after 2 s and before 1 s without; its load is redistributed along x."""
+    layout, t_s = SENSOR.layout, np.arange(len(x_m)) / rate_hz
+    squared = (layout.x_m - x_m[:, np.newaxis]) ** 2 + layout.y_m**2
+    touched = 40e3 * np.exp(-squared / (2 * 0.008**2))
+    touched *= 1 + tilted * np.sin(1.5 * t_s)[:, np.newaxis] * layout.x_m / 0.015
+    values = np.concatenate([np.zeros((round(2 * rate_hz), 36)), touched, np.zeros((round(rate_hz), 36))])
+    noisy = values + np.random.default_rng(0).normal(0, 100.0, values.shape)
+    return recorded(noisy, SENSOR, np.arange(len(values)) / rate_hz)

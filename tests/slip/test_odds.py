@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ import pytest
 from restless import held, slide
 from taxelflow.pipeline import api
 from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
-from taxelflow.slip.pattern_change import PatternChanges, PatternWatch
+from taxelflow.slip.pattern_change import BASELINE_BINS, PatternChanges, PatternWatch
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,11 @@ def changes() -> dict[int, PatternChanges]:
     """Of an object that slides from 10 s on and then lifts off, by bins after the judged one."""
     recording = held(slide())
     scans = api.conditioned(recording)
-    return {after: PatternWatch(recording.layout, 1e-4, after).step(scans) for after in (LIVE_AFTER_BINS, AFTER_BINS)}
+    watches = {
+        LIVE_AFTER_BINS: PatternWatch(recording.layout, 1e-4, LIVE_AFTER_BINS),
+        AFTER_BINS: PatternWatch(recording.layout, 1e-4, AFTER_BINS, BASELINE_BINS),
+    }
+    return {after: watch.step(scans) for after, watch in watches.items()}
 
 
 def odds_of(watch: LiveOdds | OfflineOdds, changes: PatternChanges, size: int) -> Odds:
@@ -30,13 +34,21 @@ def odds_of(watch: LiveOdds | OfflineOdds, changes: PatternChanges, size: int) -
     return Odds(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Odds)))
 
 
-def test_odds_soon_are_the_highest_within_half_a_second(changes: dict[int, PatternChanges]) -> None:
-    odds, t_s = odds_of(OfflineOdds(1), changes[AFTER_BINS], 7), changes[AFTER_BINS].t_s
+def test_odds_soon_are_the_highest_of_those_within_half_a_second_and_of_longer_baselines(
+    changes: dict[int, PatternChanges],
+) -> None:
+    whole = changes[AFTER_BINS]
+    without = replace(whole, longer=np.full_like(whole.longer, np.nan))
+    odds, t_s = odds_of(OfflineOdds(1), without, 7), whole.t_s
     now, soon = odds.log_odds[:, 0], odds.soon[:, 0]
     assert (soon >= now)[~np.isnan(now)].all()
     begin = int(np.argmax(now > 0))
     assert (soon[(t_s < t_s[begin] - 0.05) & (t_s > t_s[begin] - 0.45)] > 0).all()
     assert (soon[(t_s < t_s[begin] - 0.7) & (t_s > t_s[begin] - 1.5)] < 0).all()
+    longer = odds_of(OfflineOdds(1), whole, 7).soon[:, 0]
+    assert (longer >= soon)[~np.isnan(soon)].all()
+    assert (longer[(t_s < t_s[begin] - 0.05) & (t_s > t_s[begin] - 1.9)] > 0).all()
+    assert (longer[(t_s < t_s[begin] - 2.4) & (t_s > t_s[begin] - 4.0)] < 0).all()
 
 
 @pytest.mark.parametrize("size", [1, 400])

@@ -15,7 +15,7 @@ from synthetic import grid_sensor, scans_of
 from taxelflow.messages import cut
 from taxelflow.pipeline import api
 from taxelflow.slip.evidence import GROWTH, log_likelihood_ratio
-from taxelflow.slip.pattern_change import BEFORE_BINS, PatternChanges, PatternWatch
+from taxelflow.slip.pattern_change import BASELINE_BINS, BEFORE_BINS, PatternChanges, PatternWatch
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats, Scans
@@ -25,7 +25,7 @@ CREEP_M_S = 1e-4
 
 
 def compared(scans: Scans, after: int = AFTER) -> PatternChanges:
-    return PatternWatch(SENSOR.layout, CREEP_M_S, after).step(scans)
+    return PatternWatch(SENSOR.layout, CREEP_M_S, after, BASELINE_BINS).step(scans)
 
 
 def ratios(changes: PatternChanges) -> Floats:
@@ -127,6 +127,15 @@ def test_patterns_are_not_compared_across_a_gap() -> None:
     assert not (ratios(compared(scans)) > 0).any()
 
 
+@pytest.mark.parametrize(("number", "between"), list(enumerate(BASELINE_BINS)))
+def test_longer_baselines_end_with_the_same_bins(number: int, between: int) -> None:
+    changes = compared(touched(texture(np.repeat([0.0, 0.01], 30))))
+    moved = np.flatnonzero(changes.longer[:, 0, number, 0] > 0.01)
+    assert moved[0] == 30  # the first bin after the step is one of those compared
+    assert moved[-1] == 30 + between + BEFORE_BINS + AFTER - 2
+    assert np.isnan(changes.longer[: BEFORE_BINS + between + AFTER - 1, 0, number]).all()
+
+
 @cache
 def slid() -> tuple[Scans, PatternChanges]:
     scans = touched(texture(slide(31.0)), 31.0)
@@ -136,10 +145,10 @@ def slid() -> tuple[Scans, PatternChanges]:
 @given(st.lists(st.integers(1, 60), max_size=6))
 def test_the_blocks_do_not_matter(sizes: list[int]) -> None:
     scans, whole = slid()
-    watch = PatternWatch(SENSOR.layout, CREEP_M_S, AFTER)
+    watch = PatternWatch(SENSOR.layout, CREEP_M_S, AFTER, BASELINE_BINS)
     edges = [0, *(edge for edge in np.cumsum(sizes).tolist() if edge < len(scans)), len(scans)]
     parts = [watch.step(cut(scans, start, stop)) for start, stop in pairwise(edges)]
-    for name in ("centre_s", "touching", "unexplained", "noise", "rise", "stirred"):
+    for name in ("centre_s", "touching", "unexplained", "noise", "rise", "stirred", "longer"):
         np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in parts]), getattr(whole, name))
 
 

@@ -21,7 +21,7 @@ def changed(*, stirred: float = 0.0, unexplained: float = 0.0, rise: float = 0.0
     """One bin of one pad."""
     touching = np.ones((1, 1), dtype=np.bool_)
     parts = (np.array([[number]]) for number in (unexplained, 0.0, rise, stirred, np.nan, np.nan))
-    return PatternChanges(np.zeros(1), np.zeros(1), touching, *parts)
+    return PatternChanges(np.zeros(1), np.zeros(1), touching, *parts, np.empty((1, 1, 0, 3)))
 
 
 def learned(slipped: bool, growth: float = 0.6) -> float:

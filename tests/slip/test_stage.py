@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from restless import held, slide
+from restless import held, slide, smooth
 from taxelflow.estimation.completion import start_slips
 from taxelflow.messages import cut, joined
 from taxelflow.pipeline import api
@@ -79,6 +79,20 @@ def test_where_nothing_stirs_the_pose_decides(mode: Mode) -> None:
     (slipping, events, _), (rest, last, _) = watch.step(result.slips), watch.finish()
     np.testing.assert_array_equal(result.slipping, np.concatenate([slipping, rest]))
     assert [_dated(event) for event in result.events] == [_dated(event) for event in (*events, *last)]
+
+
+@pytest.mark.parametrize("speed_m_s", [0.004, 0.012])
+def test_a_slow_slide_of_a_smooth_object_at_a_border_is_no_tilt(speed_m_s: float) -> None:
+    way = np.arange(0.0, 0.016, speed_m_s / 25.0) - 0.008
+    result = api.estimate(smooth(np.concatenate([np.full(100, way[0]), way, np.full(75, way[-1])])))
+    (start,) = (event for event in result.events if event.event == "slip_start")
+    assert start.onset_s == pytest.approx(6.0, abs=0.1)
+
+
+@pytest.mark.parametrize("method", ["convolution", "registration"])
+def test_what_a_tilt_explains_over_seconds_is_suspected(method: str) -> None:
+    result = api.estimate(smooth(np.zeros(250), tilted=0.4), method)
+    assert {event.event for event in result.events} == {"contact", "slip_suspected", "release"}
 
 
 def _dated(event: Event) -> tuple[float, str, str, float]:

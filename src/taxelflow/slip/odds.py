@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import isnan
+from math import isnan, log
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,13 +11,16 @@ import numpy as np
 from taxelflow.messages import joined
 from taxelflow.slip.evidence import (
     REST_CHANGE,
+    REST_EXPONENT,
+    REST_S,
+    SLIDE_S,
     distance,
     joint_log_likelihood_ratio,
     log_likelihood_ratio,
     looked_back,
     updated,
 )
-from taxelflow.slip.pattern_change import BEFORE_BINS
+from taxelflow.slip.pattern_change import BASELINE_BINS, BEFORE_BINS
 from taxelflow.slip.restless import RestlessPads
 from taxelflow.slip.shear_rest import ShearRest
 
@@ -25,24 +28,27 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
     from taxelflow.slip.pattern_change import PatternChanges
 
+AGAINST = log(SLIDE_S / REST_S)
+"""Log odds of a slip below which its pattern speaks against it: those of an object of which nothing is known."""
 LIVE_AFTER_BINS, AFTER_BINS = 1, 2
 """Bins after the judged one, of a stream and of a recording: a stream judges 0.1 s late."""
 _SOON_BINS = BEFORE_BINS + 1 + AFTER_BINS
 """Bins within which the pattern of a slip that begins has changed."""
+_LONGER_REST = REST_CHANGE * np.array([((between + 2) / 3) ** REST_EXPONENT for between in BASELINE_BINS])
+"""(baselines,), unexplained change at rest over longer baselines; `REST_CHANGE` has one bin between its patterns."""
 _CHUNK_BINS = 20
 """A recording's odds are computed for this many bins at a time, from as many after them: three slips long."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Odds:
-    """Of a slip, (scans, pads) each. log_odds: NaN where unknown. soon: the highest of them within half a second in a
-    recording, the same in a stream. restless: the odds decide. stirred: the pattern was seen to change at rest.
+    """Of a slip, (scans, pads) each. log_odds: NaN where unknown. soon: in a recording the highest of them within half
+    a second, and of those by a longer baseline that begins before; in a stream the same. restless: the odds decide.
     """
 
     log_odds: Floats
     soon: Floats
     restless: Bools
-    stirred: Bools
 
     def __len__(self) -> int:
         return len(self.log_odds)
@@ -50,25 +56,26 @@ class Odds:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Bin:
-    """One bin: (pads,) each, but for its first time."""
+    """One bin: (pads,) each, but for its first time. longer: (pads, baselines), log odds by longer baselines alone."""
 
     since_s: float
     log_ratio: Floats
     touching: Bools
     odds: Floats
     restless: Bools
-    stirred: Bools
+    longer: Floats
 
 
 class _Forward:
     """Odds after each bin, and which pads are restless."""
 
-    def __init__(self, pads: int, after: int) -> None:
+    def __init__(self, pads: int, after: int, longer: int = 0) -> None:
+        """longer: number of longer baselines."""
         self._restless, self._shear = RestlessPads(pads, BEFORE_BINS + 1 + after), ShearRest(pads)
         self._slipped = np.zeros(pads, dtype=np.bool_)
         nothing = np.full(pads, np.nan)
         untouched = np.zeros(pads, dtype=np.bool_)
-        self.last = _Bin(-np.inf, nothing, untouched, np.zeros(pads), untouched, untouched)
+        self.last = _Bin(-np.inf, nothing, untouched, np.zeros(pads), untouched, np.full((pads, longer), np.nan))
 
     def step(self, slipping: Bools, changes: PatternChanges) -> list[tuple[int, _Bin]]:
         """Bins that are judged in these scans, each with the scan. slipping: (scans, pads), by the pose."""
@@ -86,11 +93,19 @@ class _Forward:
                 ratio = self._joint(changes, scan, ratio, usual)
             self._slipped, start = np.zeros_like(slipped), scan + 1
             odds = updated(self.last.odds, ratio, touching, since_s - self.last.since_s)
-            seen = self._restless.restless, self._restless.stirred
-            self.last = _Bin(since_s, ratio, touching, odds, *seen)
+            longer = self._by_longer(changes.longer[scan])
+            self.last = _Bin(since_s, ratio, touching, odds, self._restless.restless, longer)
             found.append((scan, self.last))
         self._slipped = self._slipped | slipping[start:].any(axis=0)
         return found
+
+    def _by_longer(self, changes: Floats) -> Floats:
+        """(pads, baselines), log odds by longer baselines alone. changes: (pads, baselines, 3)."""
+        unexplained, noise, rise = np.moveaxis(changes, -1, 0)
+        with np.errstate(invalid="ignore"):
+            return AGAINST + log_likelihood_ratio(
+                unexplained, noise, rise, self._restless.growth[:, np.newaxis], _LONGER_REST[: rise.shape[1]]
+            )
 
     def _joint(self, changes: PatternChanges, scan: int, ratio: Floats, usual: tuple[Floats, Floats, Floats]) -> Floats:
         """(pads,), the ratio with the shear of pads that have it. ratio: by the pattern alone, from what is usual."""
@@ -112,27 +127,26 @@ class LiveOdds:
 
     def step(self, slipping: Bools, changes: PatternChanges) -> Odds:
         """Odds of these scans. slipping: (scans, pads), by the pose."""
-        log_odds, restless, stirred = np.empty(slipping.shape), np.empty_like(slipping), np.empty_like(slipping)
+        log_odds, restless = np.empty(slipping.shape), np.empty_like(slipping)
         start, last = 0, self._forward.last
         for scan, one in [*self._forward.step(slipping, changes), (len(slipping), None)]:
             if self._logged[0] is not last:  # it holds for many scans
                 self._logged = last, _log(last)
             log_odds[start:scan], restless[start:scan] = self._logged[1], last.restless
-            stirred[start:scan] = last.stirred
             start, last = scan, one or last
-        return Odds(log_odds, log_odds, restless, stirred)
+        return Odds(log_odds, log_odds, restless)
 
     def finish(self) -> Odds:
         """Nothing is held back."""
         none = self._forward.last.restless[np.newaxis][:0]
-        return Odds(none.astype(np.float64), none.astype(np.float64), none, none)
+        return Odds(none.astype(np.float64), none.astype(np.float64), none)
 
 
 class OfflineOdds:
     """Each scan has the odds of its bin by the bins before and after, 2 to 4 s late."""
 
     def __init__(self, pads: int) -> None:
-        self._forward = _Forward(pads, AFTER_BINS)
+        self._forward = _Forward(pads, AFTER_BINS, len(BASELINE_BINS))
         self._bins: list[_Bin] = []  # not given yet, after the last one that was
         self._given = self._forward.last
         self._t = np.zeros(0)  # of the scans held
@@ -161,8 +175,7 @@ class OfflineOdds:
         self._given = smoothed[-1]
 
         log_odds, restless = np.stack([_log(one) for one in known]), np.stack([one.restless for one in smoothed])
-        stirred = np.stack([one.stirred for one in smoothed])
-        return Odds(log_odds[place], _soon(log_odds)[place], restless[place], stirred[place])
+        return Odds(log_odds[place], _soon(log_odds, known)[place], restless[place])
 
 
 def _smoothed(bins: list[_Bin]) -> list[_Bin]:
@@ -176,22 +189,31 @@ def _smoothed(bins: list[_Bin]) -> list[_Bin]:
         else:
             after = bins[number + 1]
             later = looked_back(later, after.log_ratio, after.touching, after.since_s - one.since_s)
-        found.append(replace(one, odds=one.odds * later, restless=bins[-1].restless, stirred=bins[-1].stirred))
+        found.append(replace(one, odds=one.odds * later, restless=bins[-1].restless))
     return found[::-1]
 
 
-def _soon(log_odds: Floats) -> Floats:
+def _soon(log_odds: Floats, known: list[_Bin]) -> Floats:
     """(bins, pads), highest log odds of each bin and those after it that may show the same slip; NaN where unknown.
 
     The bin in which a contact ends has those of the one before it.
     """
-    soon = log_odds.copy()
-    for ahead in range(1, min(_SOON_BINS, len(log_odds) - 1) + 1):
-        soon[:-ahead] = np.fmax(soon[:-ahead], log_odds[ahead:])
+    soon = _highest(log_odds, _SOON_BINS)
+    for baseline, between in enumerate(BASELINE_BINS):
+        longer = np.stack([one.longer[:, baseline] for one in known])
+        soon = np.fmax(soon, _highest(longer, between))
     unknown = np.isnan(log_odds)
     soon[unknown] = np.nan
     soon[1:] = np.where(unknown[1:], soon[:-1], soon[1:])
     return soon
+
+
+def _highest(values: Floats, bins: int) -> Floats:
+    """(bins, pads), highest value of each bin and this many after it; NaN where all are unknown."""
+    highest = values.copy()
+    for ahead in range(1, min(bins, len(values) - 1) + 1):
+        highest[:-ahead] = np.fmax(highest[:-ahead], values[ahead:])
+    return highest
 
 
 def _log(one: _Bin) -> Floats:

@@ -8,13 +8,16 @@ with load g and tilt a; r is the place on the pad. Poses move along, for a tilt 
 changes the pattern in ways that load and tilt do not. Scans are averaged over bins of 0.1 s; y is the mean of the bins
 after one, q that of the two before it. The unexplained change is the norm of what the least squares fit of g and a
 leaves of y, over that of y. Taxels at the end of their range are left out.
+
+A slow slide of a smooth object is a tilt over 0.3 s, but not over a second: its shift is no longer small beside the
+width of the pattern. So a recording is compared over longer baselines, too.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +31,8 @@ BIN_S = 0.1
 """Duration of a bin. The slowest of the soft skins scan ten times a second."""
 BEFORE_BINS = 2
 """Bins whose mean is the pattern at rest. Two or three detect equally well."""
+BASELINE_BINS = (10, 20)
+"""Bins between the patterns that a recording compares over longer baselines: 1 and 2 s."""
 _LONGEST_BIN_S = 0.25
 """A longer time between two scans is a gap. Sensors that scan that slowly give no evidence."""
 STEADY_RISE = 0.1
@@ -37,6 +42,8 @@ _STIRRED_SIGMAS = 3.0
 With two, 7 of 150 firm contacts that stick and slip were called restless in their first second, and stayed so."""
 _RIDGE = 1e-9
 """Relative to the squared norm of the pattern: tilts of a line of taxels have one dimension only."""
+_OWN = 6
+"""Values of a pad and bin beside those of longer baselines."""
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Places of a symmetric matrix in its six elements."""
 
@@ -50,7 +57,9 @@ class PatternChanges:
     throughout. unexplained: share of the pattern's power that load and tilt do not explain. noise: share that noise
     leaves unexplained. rise: change of the log load. stirred: at a steady load, 1 where the pattern changed by more
     than noise and creep explain, 0 where it did not. spread: power of the change of shear that is not in proportion to
-    the pressure, over that of the pressure. spread_noise: what noise adds to it. Both NaN without shear.
+    the pressure, over that of the pressure. spread_noise: what noise adds to it. Both NaN without shear. longer:
+    (scans, pads, baselines, 3), unexplained, noise and rise over each longer baseline that ends with the same bins; a
+    stream has none.
     """
 
     t_s: Floats
@@ -62,6 +71,7 @@ class PatternChanges:
     stirred: Floats
     spread: Floats
     spread_noise: Floats
+    longer: Floats
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -85,8 +95,8 @@ class _Bin:
 class PatternWatch:
     """Compares patterns from bin to bin; the result does not depend on how the scans are cut into blocks."""
 
-    def __init__(self, layout: Layout, creep_m_s: float, after: int) -> None:
-        """creep_m_s: see `SlipMonitor`. after: bins after the one that is judged."""
+    def __init__(self, layout: Layout, creep_m_s: float, after: int, longer: tuple[int, ...] = ()) -> None:
+        """creep_m_s: see `SlipMonitor`. after: bins after the one that is judged. longer: bins of longer baselines."""
         self._starts = layout.starts[:-1]
         place_m = np.stack([layout.x_m, layout.y_m])
         count = np.diff(layout.starts)
@@ -97,30 +107,39 @@ class PatternWatch:
         self._basis = np.stack([one, x, y, x * x, x * y, y * y])
         self._extent = np.stack([one, *place_m, (place_m**2).sum(axis=0)])
         self._creep_m = creep_m_s * (after + BEFORE_BINS + 2) / 2 * BIN_S
-        self._bins: deque[_Bin] = deque(maxlen=BEFORE_BINS + 1 + after)
+        self._after, self._longer = after, longer
+        self._bins: deque[_Bin] = deque(maxlen=BEFORE_BINS + max((1, *longer)) + after)
         self._open: _Bin | None = None
         self._last_s = -np.inf
         self._shear_noise = ShearNoise(layout)
-        centre_s, touching, values = _nothing_found((1, len(layout.pads)))
-        self._unchanged = centre_s, touching, *values
+        self._unchanged = self._filled(*self._nothing_found((1, len(layout.pads))))
 
     def step(self, scans: Scans) -> PatternChanges:
         """Changes of the scans that follow those of the last call."""
         shear_noise = self._shear_noise.step(scans, scans.shear) if scans.shear is not None and len(scans) else None
         found: tuple[Floats, Bools, Floats] | None = None
         for scan, t_s in enumerate(scans.t_s.tolist()):
-            if self._completed(scans, scan, t_s) and len(self._bins) == self._bins.maxlen:
-                found = found or _nothing_found(scans.contact.shape)
+            if self._completed(scans, scan, t_s) and len(self._bins) > BEFORE_BINS + self._after:
+                found = found or self._nothing_found(scans.contact.shape)
                 centre_s, touching, values = found
-                centre = self._bins[BEFORE_BINS]
+                centre = self._bins[-1 - self._after]
                 centre_s[scan], touching[scan] = centre.since_s, centre.touching
                 self._compare(scans.noise, values[:, scan])
                 if shear_noise is not None:
                     self._compare_shear(shear_noise[scan], values[:, scan])
         if found is None and len(scans) == 1:  # most scans of a stream
             return PatternChanges(scans.t_s, *self._unchanged)
-        centre_s, touching, values = found or _nothing_found(scans.contact.shape)
-        return PatternChanges(scans.t_s, centre_s, touching, *values)
+        return PatternChanges(scans.t_s, *self._filled(*(found or self._nothing_found(scans.contact.shape))))
+
+    def _nothing_found(self, shape: tuple[int, ...]) -> tuple[Floats, Bools, Floats]:
+        """Room for the changes of (scans, pads): centre_s, touching, and the others, of which three for a baseline."""
+        others = _OWN + 3 * len(self._longer)
+        return np.full(shape[0], np.nan), np.zeros(shape, dtype=np.bool_), np.full((others, *shape), np.nan)
+
+    def _filled(self, centre_s: Floats, touching: Bools, values: Floats) -> tuple[Any, ...]:
+        """All fields but the time."""
+        shape = (*touching.shape, len(self._longer), 3)
+        return centre_s, touching, *values[:_OWN], np.moveaxis(values[_OWN:], 0, -1).reshape(shape)
 
     def _completed(self, scans: Scans, scan: int, t_s: float) -> bool:
         """Add a scan to the open bin; whether that completes it."""
@@ -146,17 +165,28 @@ class PatternWatch:
         self._open = None
         return True
 
-    def _sides(self) -> tuple[list[_Bin], list[_Bin]]:
-        """Bins before and after the one that is judged."""
-        bins = list(self._bins)
-        return bins[:BEFORE_BINS], bins[BEFORE_BINS + 1 :]
+    def _sides(self, between: int = 1) -> tuple[list[_Bin], list[_Bin]]:
+        """Bins before and after this many bins, the last of all."""
+        bins, first = list(self._bins), len(self._bins) - self._after - between
+        return bins[first - BEFORE_BINS : first], bins[len(bins) - self._after :]
 
     def _compare(self, noise: Floats, found: Floats) -> None:
-        """Fill in the first of (6, pads): unexplained, noise, rise and stirred. noise: (entries,)."""
-        before, after = self._sides()
-        valid = np.logical_and.reduce([one.touching & one.whole for one in self._bins])
+        """Fill in, of (6 and 3 of each longer baseline, pads), unexplained, noise, rise and stirred, and the longer
+        ones. noise: (entries,).
+        """
+        found[:4] = self._changed(noise, 1)
+        for number, between in enumerate(self._longer):
+            if len(self._bins) >= BEFORE_BINS + between + self._after:
+                first = _OWN + 3 * number
+                found[first : first + 3] = self._changed(noise, between)[:3]
+
+    def _changed(self, noise: Floats, between: int) -> Floats:
+        """(4, pads), unexplained, noise, rise and stirred over this many bins."""
+        before, after = self._sides(between)
+        window = list(self._bins)[-(BEFORE_BINS + between + self._after) :]
+        valid = np.logical_and.reduce([one.touching & one.whole for one in window])
         if not valid.any():
-            return
+            return np.full((4, len(valid)), np.nan)
         (old, old_scans), (new, new_scans) = _mean(before), _mean(after)
         clipped = np.logical_or.reduce([one.clipped for one in [*before, *after]])
         if clipped.any():
@@ -179,11 +209,14 @@ class PatternWatch:
             unexplained, noise_power = np.maximum(1 - tilted / power, 0.0), variance / power
             stirred = 1 - loaded / power > noise_power * (1 + _STIRRED_SIGMAS * np.sqrt(2 / taxels)) + creep
             valid &= np.isfinite(unexplained + noise_power + rise)
-        found[:3] = np.where(valid, (unexplained, noise_power, rise), np.nan)
-        found[3] = np.where(valid & (np.abs(rise) < STEADY_RISE), stirred, np.nan)
+        steady = valid & (np.abs(rise) < STEADY_RISE)
+        known = np.where(valid, (unexplained, noise_power, rise), np.nan)
+        return np.concatenate([known, np.where(steady, stirred, np.nan)[np.newaxis]])
 
     def _compare_shear(self, variance: Floats, found: Floats) -> None:
-        """Fill in the last of (6, pads) where the pattern is known: spread and its noise. variance: (pads,)."""
+        """Fill in, of (6 and more, pads), the last of six where the pattern is known: spread and its noise. variance:
+        (pads,).
+        """
         before, after = self._sides()
         (old, old_scans), (new, new_scans), shear = (
             _mean(before),
@@ -193,12 +226,7 @@ class PatternWatch:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             power, per_variance = spread((old, new), shear, self._starts)
             noise = per_variance * variance * (1 / old_scans + 1 / new_scans)
-        found[4:] = np.where(np.isfinite(found[0] + power), (power, noise), np.nan)
-
-
-def _nothing_found(shape: tuple[int, ...]) -> tuple[Floats, Bools, Floats]:
-    """Room for the changes of (scans, pads): centre_s, touching, and the six others."""
-    return np.full(shape[0], np.nan), np.zeros(shape, dtype=np.bool_), np.full((6, *shape), np.nan)
+        found[4:_OWN] = np.where(np.isfinite(found[0] + power), (power, noise), np.nan)
 
 
 def _mean(bins: list[_Bin]) -> tuple[Floats, int]:

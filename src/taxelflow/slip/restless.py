@@ -24,8 +24,6 @@ _SHARE = 0.25
 """Share of stirred bins at rest above which a pad is restless. Noise alone stirs 0.4 % of them."""
 _PRIOR_BINS = 4.0
 """Bins that were not stirred, in advance: two stirred ones are no accident, one may be."""
-_SOME = 0.05
-"""Share above which noise alone does not explain the stirred bins."""
 _MEMORY_BINS = 1000.0
 """Bins at rest that are remembered, 100 s: restlessness is a property of skin and arm, not of a contact."""
 _LONG_BINS = REST_S / BIN_S
@@ -55,12 +53,6 @@ class RestlessPads:
     def restless(self) -> Bools:
         """(pads,)."""
         found: Bools = self._stirred > _SHARE * (self._rest + _PRIOR_BINS)
-        return found
-
-    @property
-    def stirred(self) -> Bools:
-        """(pads,), seen to change at rest more often than by noise: a pose may move without a slip."""
-        found: Bools = self._stirred > _SOME * (self._rest + _PRIOR_BINS)
         return found
 
     def update(self, slipped: Bools, changes: PatternChanges, scan: int, log_ratio: Floats) -> None:

@@ -13,7 +13,7 @@ from taxelflow.slip.measurement import parameter_records
 from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
 from taxelflow.slip.offline import OfflineSlipSession
 from taxelflow.slip.pad_agreement import PadAgreement
-from taxelflow.slip.pattern_change import PatternChanges, PatternWatch
+from taxelflow.slip.pattern_change import BASELINE_BINS, PatternChanges, PatternWatch
 from taxelflow.slip.session import SlipSession
 from taxelflow.slip.slip_events import SlipEvents
 from taxelflow.slip.verdict import Posed, Verdict
@@ -60,7 +60,8 @@ class SlipStage:
     ) -> None:
         """The options are those of `SlipMonitor`."""
         pads, parameters = layout.pads, parameter_records(alarms_per_hour, load_m, creep_m_s, settle_s)
-        self._watch = PatternWatch(layout, creep_m_s, LIVE_AFTER_BINS if stream else AFTER_BINS)
+        bins = (LIVE_AFTER_BINS, ()) if stream else (AFTER_BINS, BASELINE_BINS)
+        self._watch = PatternWatch(layout, creep_m_s, *bins)
         self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)
         self._odds = LiveOdds(len(pads)) if stream else OfflineOdds(len(pads))
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)

@@ -1,8 +1,8 @@
 """The verdict on slips: by the pose, on restless pads by the patterns' evidence, and by facing pads that agree.
 
 A pose that is not `ok` may move by tilt, rolling or growth alone. Its slip begins once the pattern is not against it.
-Where a method has only the border for a reason, the pose decides, but in a recording on a pad that was seen to stir.
-A stream, which knows the pattern's change 0.2 s late, does not wait for it there.
+A stream, which knows the pattern's change 0.2 s late, does not wait for it where a method has only the border for a
+reason: there the pose decides.
 
 A group has a part of its pad's contact. Load that moves over the border of the group looks like motion of that part, so
 where the whole contact rests, and its pose is `ok`, the part does not slip.
@@ -11,7 +11,7 @@ where the whole contact rests, and its pose is `ok`, the part does not slip.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import log, nan
+from math import nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +19,7 @@ import numpy as np
 from taxelflow.messages import AMBIGUOUS, OK, QUALITY, Event
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel
-from taxelflow.slip.evidence import REST_S, SLIDE_S
+from taxelflow.slip.odds import AGAINST
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.odds import Odds
-
-AGAINST = log(SLIDE_S / REST_S)
-"""Log odds of a slip below which its pattern speaks against it: those of an object of which nothing is known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +153,7 @@ class Verdict:
             slips.contact,
             odds.restless,
             self._sure(slips),
-            self._vague(slips, odds.stirred),
+            self._vague(slips),
         )
         last, last_by_odds = self._slipping, self._by_odds
         decide_ = decide_block if is_block(len(slips)) else decide
@@ -191,16 +188,17 @@ class Verdict:
             sure[:, pad] &= ~slips.contact[:, contact]
         return sure
 
-    def _vague(self, slips: Slips, stirred: Bools) -> Bools:
-        """(scans, pads), poses that need their pattern's consent to begin a slip. stirred: see `Odds`."""
+    def _vague(self, slips: Slips) -> Bools:
+        """(scans, pads), poses that need their pattern's consent to begin a slip."""
+        vague: Bools = slips.quality > OK
+        if not self._stream:
+            return vague
         cut = slips.border.any(axis=2)
         weighs = (cut & slips.contact & (slips.quality == OK)).any(axis=1)
         weighs = np.logical_or.accumulate(np.concatenate([[self._weighs_borders], weighs]))
         self._weighs_borders = bool(weighs[-1])
         by_border = cut & (slips.quality == AMBIGUOUS) & ~weighs[1:, np.newaxis]
-        if not self._stream:
-            by_border &= ~stirred
-        vague: Bools = (slips.quality > OK) & (~by_border | (self._whole >= 0))
+        vague &= ~by_border | (self._whole >= 0)
         return vague
 
     def _decided(
