@@ -203,6 +203,7 @@ def test_a_full_disk_is_told_once_and_holds_up_no_other_sink(tmp_path: Path) -> 
         pass
     assert len(published(tmp_path / "a.jsonl")) == 140
     assert reports[0].source.faults.counts["cannot write"] == 1
+    assert [(worker.published, worker.dropped) for worker in reports[0].workers] == [(0, 140), (140, 0)]
 
 
 def test_a_client_that_does_not_read_misses_lines_and_holds_up_nothing(

@@ -173,8 +173,10 @@ class SinkWorker(threading.Thread):
             self.sink.write_raw(item.scans, late=item.late)
             self.published += len(item)
             return
+        before = self.sink.dropped
         self.sink.write(item)
-        self.published += 0 if self.sink.raw else len(item)
+        lost = self.sink.dropped - before if self.sink.lossless else 0  # a server counts each client's
+        self.published += 0 if self.sink.raw else len(item) - lost
         now = time.monotonic()
         for arrived_s in item.arrived_s.tolist():
             if self._settled_s is not None and arrived_s >= self._settled_s:

@@ -31,10 +31,9 @@ class JsonFile(ResultSink):
 
     lossless = True
     texts = True
-    dropped = 0
 
     def __init__(self, path: str) -> None:
-        self._path = path
+        self._path, self.dropped = path, 0
 
     def open(self, head: Head) -> None:
         """See `Sink`."""
@@ -43,7 +42,12 @@ class JsonFile(ResultSink):
 
     def write(self, update: Update) -> None:
         """See `Sink`."""
-        self._file.write(b"".join(json_lines(update, self._pads)))
+        lines, before = json_lines(update, self._pads), self._file.lost
+        self._file.write(b"".join(lines))
+        lost = self._file.lost - before  # the last bytes of them
+        while lost > 0:
+            lost -= len(lines.pop())
+            self.dropped += 1
 
     def hurry(self) -> None:
         """See `Sink`."""
