@@ -183,11 +183,11 @@ results-bench: $(READY)
 	$(TAXELFLOW) bench --recording $(TAXELFLOW_DATA)/sdh-dsa/slip_examples_pen_and_wooden_block.dsa --csv $(RUNS)/bench.csv
 	cp $(RUNS)/bench*.csv docs/results/
 
-# Fresh seeds: 100 trials on objects that can be felt, 20 on a plate; then a hand, slow grippers, and commanded motion.
+# Fresh seeds: 50 trials on objects that can be felt, 10 on a plate, 100 more; a hand, slow grippers, motions.
 results-control: $(READY)
 	@mkdir -p $(RUNS)
 	$(TAXELFLOW) control --controller hold --against threshold centroid constant --objects ball rod box bottle bumpy plate \
-	  --trials 120 --seed 75000 --csv $(RUNS)/control.csv
+	  --trials 60 --seed 75000 --csv $(RUNS)/control.csv
 	$(TAXELFLOW) control --controller hold --trials 100 --seed 80700 --csv $(RUNS)/control-more.csv
 	$(TAXELFLOW) control --controller hold --sweep actuator --objects ball bottle bumpy --trials 3 --seed 75500 \
 	  --csv $(RUNS)/control-actuator.csv
