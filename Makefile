@@ -183,19 +183,19 @@ results-bench: $(READY)
 	$(TAXELFLOW) bench --recording $(TAXELFLOW_DATA)/sdh-dsa/slip_examples_pen_and_wooden_block.dsa --csv $(RUNS)/bench.csv
 	cp $(RUNS)/bench*.csv docs/results/
 
-# Fresh seeds: 100 trials on objects that can be felt, 20 on a plate; then a hand, slow grippers, and commanded motion.
+# Fresh seeds: 50 trials on objects that can be felt, 10 on a plate, 100 more; a hand, slow grippers, motions.
 results-control: $(READY)
 	@mkdir -p $(RUNS)
 	$(TAXELFLOW) control --controller hold --against threshold centroid constant --objects ball rod box bottle bumpy plate \
-	  --trials 120 --seed 75000 --csv $(RUNS)/control.csv
-	$(TAXELFLOW) control --controller hold --trials 100 --seed 78200 --csv $(RUNS)/control-more.csv
-	$(TAXELFLOW) control --controller hold --sweep actuator --objects ball bottle bumpy --trials 6 --seed 75500 \
+	  --trials 60 --seed 75000 --csv $(RUNS)/control.csv
+	$(TAXELFLOW) control --controller hold --trials 100 --seed 80700 --csv $(RUNS)/control-more.csv
+	$(TAXELFLOW) control --controller hold --sweep actuator --objects ball bottle bumpy --trials 3 --seed 75500 \
 	  --csv $(RUNS)/control-actuator.csv
 	$(TAXELFLOW) control --controller hold --hand barrett --against threshold centroid constant --objects jar case can \
 	  --trials 24 --seed 77000 --csv $(RUNS)/control-hand.csv
-	$(TAXELFLOW) control --controller slide --by-mm 5 --trials 16 --seed 79000 --csv $(RUNS)/control-slide-5.csv
-	$(TAXELFLOW) control --controller slide --by-mm 20 --trials 16 --seed 78900 --csv $(RUNS)/control-slide-20.csv
-	$(TAXELFLOW) control --controller pivot --by-deg 45 --trials 16 --seed 79100 --csv $(RUNS)/control-pivot.csv
+	$(TAXELFLOW) control --controller slide --by-mm 5 --trials 16 --seed 80500 --csv $(RUNS)/control-slide-5.csv
+	$(TAXELFLOW) control --controller slide --by-mm 20 --trials 24 --seed 80100 --csv $(RUNS)/control-slide-20.csv
+	$(TAXELFLOW) control --controller pivot --by-deg 45 --trials 16 --seed 80900 --csv $(RUNS)/control-pivot.csv
 	cp $(RUNS)/control*.csv docs/results/
 
 # One search for every controller, about an hour; the defaults are what it found.

@@ -20,7 +20,7 @@ def touch(scan: int, detail_m: float, slip_m_s: float = 0.0) -> Touch:
     return Touch(scan * DT_S, DT_S, pressure, 5.0, still, velocity, facing, noise, detail, middle)
 
 
-@pytest.mark.parametrize(("detail_m", "blind"), [(0.002, False), (0.013, False), (0.024, True), (0.04, True)])
+@pytest.mark.parametrize(("detail_m", "blind"), [(0.002, False), (0.021, False), (0.031, True), (0.046, True)])
 def test_pads_without_detail_are_blind(detail_m: float, blind: bool) -> None:
     session = Blindness().start()
     assert [session.step(touch(scan, detail_m)) for scan in range(5)] == [blind] * 5

@@ -387,6 +387,30 @@ def test_an_object_that_gets_away_is_caught() -> None:
     assert gone < 0.0058
 
 
+def test_an_object_that_is_being_caught_is_not_shut_in_too_early() -> None:
+    """Speeds of a bottle (seed 80208) that got away and was braked within six scans: it stopped at 4.3 mm of 5."""
+    speeds_mm_s = [2.5, 4.0, 6.0, 10.0, 26.0, 53.0, 67.0, 74.0, 70.5, 51.0, 28.0, 14.5, 8.0, *(100 * [4.5])]
+    controller = Slide(0.005)
+    session = controller.start(3.0, MOST_N)
+    for scan in range(50):
+        session.step(touch(scan, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3.0))
+    for scan, speed in enumerate(speeds_mm_s, 50):
+        both = (0.0, -1e-3 * speed * controller.loosening.too_long, 0.0)
+        session.step(touch(scan, both, both, 3.0))
+        if session.shut:
+            break
+    assert session.shut
+    assert session.felt == pytest.approx(0.0049, abs=0.0002)
+
+
+def test_the_less_certain_of_two_turns_counts_less() -> None:
+    """A bump at a border turned one pad's image to and fro by 1.5 rad/s, of which it was not sure (seed 80611)."""
+    turned, own = Turned(), np.tile(np.diag([1e-6, 1e-6, 0.07**2]), (2, 1, 1))
+    own[0, 2, 2] = 0.35**2
+    rate = turned.step(replace(touch(0, (0.0, 0.0, -1.5), (0.0, 0.0, 0.0)), covariance=own))
+    assert abs(rate) < 0.1
+
+
 def test_a_slide_is_that_of_the_middle_where_the_object_turns() -> None:
     """A contact 10 mm beside the middle moves up and down with the turn; the middle sinks steadily."""
     slid, angle = Slid(), 0.0
@@ -457,7 +481,7 @@ def test_a_ridge_is_felt_across_and_not_along_its_load(down: tuple[float, float]
     readings[15:] = ridge
     for scan, reading in enumerate(readings + random.normal(0.0, 100.0, readings.shape)):
         said = pads.step(scan * DT_S, np.maximum(reading, 0.0), NO_JOINTS)
-    assert (said.detail_m < 0.018).all() == felt
+    assert (said.detail_m < Hold().blindness.detail_m).all() == felt
 
 
 def test_a_sensor_without_two_pads_alike_is_refused() -> None:

@@ -20,6 +20,8 @@ _RATIO_S = 0.2
 """Time over which the ratio of a commanded force to a felt one is learned."""
 _APART = 25.0
 """Chi-square beyond which the turns of two pads differ: then only that which is nearer to the turn before counts."""
+_LEAST_RAD2_S2 = 1e-8
+"""Least variance of a turn, so that none is certain."""
 
 
 @dataclass(frozen=True)
@@ -123,9 +125,10 @@ class Turned:
         known = np.isfinite(touch.velocity[:, 2])
         turns, variances = touch.velocity[known, 2], touch.covariance[known, 2, 2]
         if len(turns) and np.ptp(turns) ** 2 > _APART * variances.sum():  # one of them has jumped
-            turns = turns[[np.abs(turns - self._rate_rad_s).argmin()]]
-        if len(turns):
-            self._rate_rad_s = float(turns.mean())
+            nearer = [np.abs(turns - self._rate_rad_s).argmin()]
+            turns, variances = turns[nearer], variances[nearer]
+        if len(turns):  # a pad that has jumped by less knows that it is less certain
+            self._rate_rad_s = float(np.average(turns, weights=1.0 / np.maximum(variances, _LEAST_RAD2_S2)))
         self._angle_rad += self._rate_rad_s * touch.dt_s
         return self._rate_rad_s if self._angle_rad >= 0.0 else -self._rate_rad_s
 
@@ -173,8 +176,11 @@ class LetMove:
         return self._force_n
 
     def _coasting(self) -> float:
-        """How far the object moves on while the gripper closes: at its speed at first, then braked."""
-        speed = abs(self._speed)
+        """How far the object moves on while the gripper closes: at its speed at first, then braked.
+
+        The smoothed speed lags behind that of an object that got away and is being caught: it would stop short.
+        """
+        speed = min(abs(self._speed), abs(self._now))
         return speed * self._p.ahead_s + speed**2 / (2.0 * self._p.free * (self._p.shut - 1.0))
 
     def _regulated(self, dt_s: float) -> float:

@@ -23,8 +23,8 @@ class Skin:
     rows: int = 16
     cols: int = 16
     pitch_m: float = 0.002
-    fine: int = 2
-    """Vertices per taxel and axis. A taxel reads their mean."""
+    fine: int = 4
+    """Vertices per taxel and axis. A taxel reads their mean. They have to be closer than a rib's contact is wide."""
     stiffness_pa_m: float = 1.0e8
     """Stiffness of the elastic foundation: 1 mm of indentation gives 100 kPa."""
     cover_m: float = 0.0015
