@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import functools
 import gc
 import os
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from hypothesis import settings
+from tyro import _docstrings
 
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
@@ -109,6 +111,15 @@ def loaded_as_needed() -> Iterator[None]:
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Pipeline, "warm_up", lambda _pipeline, **_needs: None)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def options_read_once() -> Iterator[None]:
+    """tyro reads the sources of a command's options for their help, 20 ms a command: here once for each class."""
+    make = staticmethod(functools.cache(_docstrings._ClassTokenization.make))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_docstrings._ClassTokenization, "make", make)
         yield
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import taxelflow
+from costly import mostly_long
 from rigged import refused
 from synthetic import DsaMatrix, dome, dsa_words, dsa_xml, grid_sensor, raw_scans, write_dsa
 from taxelflow.acquire.base import Recording
@@ -175,6 +176,7 @@ def test_a_methods_own_option_may_stand_anywhere_after_the_recording(
     assert json.loads((tmp_path / "summary.json").read_text())["parameters"]["method"] == {"gain": 1.04}
 
 
+@pytest.mark.long
 @both_modes
 def test_contacts_have_rows_of_their_own_that_are_read_back_and_drawn(tmp_path: Path, mode: str) -> None:
     wide = grid_sensor(8, 16)
@@ -201,6 +203,7 @@ def test_contacts_have_rows_of_their_own_that_are_read_back_and_drawn(tmp_path: 
         assert (tmp_path / "pictures" / "position-pad0_1.svg").is_file()
 
 
+@pytest.mark.long
 def test_a_result_is_drawn_with_its_recording_from_any_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
@@ -491,7 +494,7 @@ def test_an_option_that_the_method_lacks_ends_with_2_and_names_it(tmp_path: Path
 # What is lost or interrupted
 
 
-@both_modes
+@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
 def test_a_truncated_dsa_is_estimated_as_far_as_it_goes(tmp_path: Path, capsys: Capture, mode: str) -> None:
     values = np.maximum(np.round(np.tile(grasp(100) / 20, (8, 1))), 0)
     path = write_dsa(tmp_path / "a.dsa", values, [DsaMatrix(4, 7)])
@@ -661,6 +664,7 @@ def test_sensors_draws_a_picture(tmp_path: Path, capsys: Capture) -> None:
     assert "xela-4x4@4.7mm.svg" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_sensors_draws_all_built_in_ones(tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
     # grids, a table, a pitch in the name; that each sensor can be drawn is shown in test_sensor_figure
@@ -724,6 +728,7 @@ def program(*arguments: object, **more: Any) -> subprocess.CompletedProcess[str]
     )
 
 
+@pytest.mark.long
 def test_the_program_ends_with_0_when_all_went_well(tmp_path: Path) -> None:
     done = program("estimate", save_npz(tmp_path / "a.npz"), "--out", tmp_path / "out")
     assert (done.returncode, "Traceback" in done.stderr) == (0, False)

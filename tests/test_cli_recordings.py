@@ -99,6 +99,7 @@ def test_columns_mean_nothing_for_a_bag(tmp_path: Path, sensor: Path, capsys: Ca
     assert "must be left out for .bag recordings" in err
 
 
+@pytest.mark.long
 def test_a_truncated_mcap_is_estimated_as_far_as_it_goes(tmp_path: Path, capsys: Capture) -> None:
     noise = np.random.default_rng(1).normal(0, 100, (14000, 28))
     convert(recorded(np.tile(VALUES, (200, 1)) + noise, PALM), tmp_path / "a.mcap")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from rigged import estimated, refused, rigged, strokes_by_both
 from synthetic import assert_same, grid_sensor, recorded
 from taxelflow.cli import main
@@ -44,7 +45,7 @@ def ended(arguments: list[str]) -> object:
 # simulate
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize("name", mostly_long(SCENARIOS, "stroke", "two-contacts", "hold-at-edge"))
 def test_each_scenario_may_be_asked_for_by_its_name(
     tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -206,6 +207,7 @@ def test_help_of_a_scenario_tells_units_and_defaults(capsys: Capture) -> None:
 # plot
 
 
+@pytest.mark.long
 def test_plot_names_the_pictures_it_has_drawn(results: list[Path], tmp_path: Path, capsys: Capture) -> None:
     form = "png"  # every form is drawn in evaluation/test_plot
     arguments = ["plot", *map(str, results), "--out", str(tmp_path), "--format", form]
@@ -217,6 +219,7 @@ def test_plot_names_the_pictures_it_has_drawn(results: list[Path], tmp_path: Pat
     assert sorted(named) == sorted(map(str, tmp_path.iterdir()))
 
 
+@pytest.mark.long
 def test_plot_draws_into_the_first_result_unless_told(results: list[Path], capsys: Capture) -> None:
     before = set(results[1].iterdir())
     assert main(["plot", str(results[1])]) == 0
@@ -274,6 +277,7 @@ def test_bench_prints_its_tables(results: list[Path], monkeypatch: pytest.Monkey
         assert word in said
 
 
+@pytest.mark.long
 def test_bench_times_opencv_or_says_why_not(
     results: list[Path], monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
@@ -288,6 +292,7 @@ def test_bench_times_opencv_or_says_why_not(
         assert words in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_bench_gives_json(
     results: list[Path], monkeypatch: pytest.MonkeyPatch, capsysbinary: pytest.CaptureFixture[bytes]
 ) -> None:

@@ -96,6 +96,7 @@ def test_03_shows_a_new_estimator_in_40_lines() -> None:
     assert len([line for line in body.splitlines() if line.strip()]) <= 40
 
 
+@pytest.mark.long
 def test_04_holds_what_would_slide_and_lets_slip_what_was_asked_for(ran: Callable[..., str]) -> None:
     said = ran("04_slip_control.py")
     loose, held, felt, slid = map(float, re.findall(r"(?:slid|felt|^ +) ?([\d.]+) mm", said, re.MULTILINE))
@@ -122,6 +123,7 @@ def test_05_follows_a_run_by_json_lines(ran: Callable[..., str], monkeypatch: py
     assert len((EXAMPLES / "05_live_client.py").read_text().splitlines()) <= 20
 
 
+@pytest.mark.long
 def test_06_holds_a_bottle_that_is_filled_over_tcp(ran: Callable[..., str]) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxelflow[sim]'")
     said = ran("06_live_grip.py")

@@ -191,6 +191,7 @@ def test_a_number_without_its_unit_is_refused(name: str, text: str) -> None:
     assert missing_unit(Help("here", name, typing.Optional[float], text))  # noqa: UP045
 
 
+@pytest.mark.long
 def test_no_message_uses_words_that_people_did_not_understand() -> None:
     found = []
     for path in sorted(SOURCE.rglob("*.py")):

@@ -98,6 +98,7 @@ def test_missing_readings_repeat_like_any_other() -> None:
     assert len(deduplicated(*logged(values, 2))[1]) == 300
 
 
+@pytest.mark.long
 @both_modes
 def test_noise_and_motion_are_those_of_the_sensor_not_of_its_logger(mode: str) -> None:
     moving = np.array([dome(WIDE, x) for x in np.linspace(-0.05, 0.05, 200)])
@@ -113,6 +114,7 @@ def test_noise_and_motion_are_those_of_the_sensor_not_of_its_logger(mode: str) -
     assert any("repeat the one before bit for bit" in note for note in repeated.summary.notes)
 
 
+@pytest.mark.long
 def test_a_batch_of_repeats_gives_the_scans_of_the_sensor() -> None:
     values = noisy_grasp(clipped=False)
     t_s, repeated = logged(values, 3)

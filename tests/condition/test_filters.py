@@ -111,6 +111,7 @@ def test_a_stream_does_not_depend_on_how_it_is_cut() -> None:
     assert_same(one, other)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("filtered", [{"lowpass_hz": 4.0}, {"median_scans": 5}])
 def test_the_lag_of_slips_tells_when_a_position_was_true(filtered: dict[str, float]) -> None:
     from taxelflow.condition.parameters import Conditioner

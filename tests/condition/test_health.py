@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from synthetic import conditioned, dome, grid_sensor, recorded
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.pipeline.api import estimate, read
@@ -62,7 +63,7 @@ def found_in(values: Floats, mode: str = "batch", **parameters: str) -> tuple[Fi
 
 
 @both_modes
-@pytest.mark.parametrize("clipped", [False, True])
+@pytest.mark.parametrize("clipped", mostly_long([False, True], True))
 @pytest.mark.parametrize(
     ("fault", "name", "value"),
     [
@@ -175,6 +176,7 @@ def test_a_list_masks_what_it_names() -> None:
     assert np.flatnonzero(session.baseline.masked).tolist() == [3, 44]
 
 
+@pytest.mark.long
 def test_a_stream_masks_once_it_knows_and_invents_no_motion_then() -> None:
     values = wandering(800)
     values[:, BAD] = 40e3
@@ -189,6 +191,7 @@ def test_a_stream_masks_once_it_knows_and_invents_no_motion_then() -> None:
     assert np.nanmax(np.abs(moved)) < 0.001
 
 
+@pytest.mark.long
 def test_masks_of_a_stream_do_not_depend_on_how_it_is_cut() -> None:
     values = faulty("stuck")
     one, _ = conditioned(values, PALM, mode="stream", mask="auto")

@@ -141,6 +141,7 @@ def gap_and_whole() -> tuple[Floats, list[Any]]:
     return values, scan_by_scan(stream(values))
 
 
+@pytest.mark.long
 @settings(max_examples=15)
 @given(cuts=st.lists(st.integers(0, 160), max_size=20))
 def test_a_stream_does_not_depend_on_how_it_is_cut(gap_and_whole: tuple[Floats, list[Any]], cuts: list[int]) -> None:
@@ -167,6 +168,7 @@ def test_a_stream_of_single_scans_is_that_of_one_block() -> None:
     assert scan_by_scan(stream(values, range(500))) == scan_by_scan(stream(values))
 
 
+@pytest.mark.long
 @settings(max_examples=15)
 @given(cuts=st.lists(st.integers(0, 100), max_size=10))
 def test_a_batch_does_not_depend_on_how_it_is_cut(cuts: list[int]) -> None:

@@ -95,6 +95,7 @@ def test_a_pad_that_stays_where_it_jumped_to_is_heard() -> None:
     assert speeds[0] < 0.002 < speeds[1]
 
 
+@pytest.mark.long
 def test_noise_that_the_pads_did_not_report_is_learned_from_their_difference() -> None:
     random, both = np.random.default_rng(0), Agreement().start()
     alarms = 0
@@ -161,6 +162,7 @@ def weighed(load_n: Callable[[float], float], seconds: float) -> tuple[list[floa
     return ways, forces
 
 
+@pytest.mark.long
 def test_an_object_does_not_creep_out_of_a_grip_that_relaxes() -> None:
     """Relaxed by 7.5 % a second from a margin of 7 %, it would slip every two seconds."""
     ways, forces = weighed(lambda _: 6.0, 60.0)
@@ -170,6 +172,7 @@ def test_an_object_does_not_creep_out_of_a_grip_that_relaxes() -> None:
     assert max(forces[500:]) < 1.3 * 6.0
 
 
+@pytest.mark.long
 def test_a_load_that_falls_is_followed_later() -> None:
     forces = weighed(lambda t_s: 6.0 if t_s < 10.0 else 3.0, 40.0)[1]
     assert forces[900] > 6.0
@@ -248,6 +251,7 @@ def test_velocities_at_another_point_have_the_covariance_of_what_they_are_made_o
     assert (lacks is None) == (not shared.any())
 
 
+@pytest.mark.long
 def test_a_place_that_is_not_known_exactly_adds_its_lever_to_the_covariance() -> None:
     """The velocity of an image's middle, by Monte Carlo: that middle is 4 mm off, and the object turns by 2 rad/s."""
     random, std_m, turn, place = np.random.default_rng(3), 4e-3, 2.0, np.array([0.005, -0.01])
@@ -266,6 +270,7 @@ def test_a_place_that_is_not_known_exactly_adds_its_lever_to_the_covariance() ->
     )
 
 
+@pytest.mark.long
 def test_a_turn_that_both_pads_share_is_no_slip() -> None:
     """One pad's noisy turn moves both: that they agree says nothing, since they have the same error."""
     random, both, alarms = np.random.default_rng(2), Agreement().start(), 0

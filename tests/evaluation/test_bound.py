@@ -73,6 +73,7 @@ def test_a_round_contact_whose_pressure_has_left_its_middle_still_has_a_place() 
     assert bound.scored.sum() == 40  # all that is not lifted off
 
 
+@pytest.mark.long
 def test_a_round_contact_of_the_elastic_solver_has_no_turn_either() -> None:
     pytest.importorskip("tamaas")
     bound = bounded(rigged("stroke", solver="elastic"))
@@ -151,6 +152,7 @@ def dense(scenario: Scenario, t_s: Floats, contact: Floats) -> tuple[Floats, Flo
     return two[0], two[1]
 
 
+@pytest.mark.long
 def test_the_joint_bounds_are_those_of_one_dense_matrix() -> None:
     scenario = rigged("slide-and-turn", sensing={"rate_hz": 8.0})
     t_s = times(scenario)
@@ -179,6 +181,7 @@ def test_each_contact_has_a_first_scan_of_its_own() -> None:
     assert without.sum() == 2  # two strokes
 
 
+@pytest.mark.long
 def test_the_price_of_an_unknown_pattern_falls_with_the_scans_that_share_it() -> None:
     few, many = (bounded(rigged("slide-and-turn", sensing={"rate_hz": rate})) for rate in (8.0, 60.0))
     prices = [np.nanmedian(bound.unknown / bound.known, axis=0) for bound in (few, many)]

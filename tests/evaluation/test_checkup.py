@@ -177,6 +177,7 @@ def test_contact_is_counted_exactly_where_the_sample_holds_every_scan(scans: int
     assert check_up(recorded(values, small)).pads[0].contact_scans == scans - scans // 3
 
 
+@pytest.mark.long
 def test_contact_in_a_long_recording_is_scaled_up_from_the_sample() -> None:
     small = grid_sensor(4, 7, full_scale=60e3)
     values = np.random.default_rng(0).normal(0, 100, (20_000, 28))
@@ -250,6 +251,7 @@ def test_a_finding_is_in_the_sensors_unit_and_words() -> None:
     assert found.words == "taxel 9 (pad0, row 1, col 2) stuck at 20 kPa in 300 scans"
 
 
+@pytest.mark.long
 def test_a_real_recording_is_well(recordings: Path) -> None:
     checkup = check_up(read(recordings / "sdh-dsa" / "slip_examples_pen_and_wooden_block.dsa"))
     assert checkup.scans == 6893

@@ -41,6 +41,7 @@ def test_a_film_has_every_second_scan_and_its_end_for_a_second(tmp_path: Path) -
     assert (tmp_path / "grip.gif").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_an_arrow_is_seen_in_its_colour_even_inside_the_object() -> None:
     plant = Gripper(Held(shape("box", np.random.default_rng(0)), 0.3, 0.6))
     arrow = Arrow(np.zeros(3), np.array([0.0, 0.0, -0.02]), "#0000ff")
@@ -54,6 +55,7 @@ def test_an_arrow_is_seen_in_its_colour_even_inside_the_object() -> None:
     assert (changed[:, 2] > changed[:, 0]).mean() > 0.6  # blue; its rim is blended with the box
 
 
+@pytest.mark.long
 def test_the_plant_is_drawn_where_its_joints_were() -> None:
     plant = Gripper(Held(shape("ball", np.random.default_rng(0)), 0.3, 0.6))
     before = plant.data.qpos.copy()

@@ -74,6 +74,7 @@ def test_standard_errors_are_those_of_many_seeds(averaged: bool, monkeypatch: py
     assert (np.abs(drawn.mean(axis=0)) < 0.7).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turn", [-3.0, -2.2, -1.0, 1.0, 3.0])
 def test_the_robots_frame_may_be_turned_at_will(turn: float) -> None:
     seen, _ = made()
@@ -92,6 +93,7 @@ def test_a_way_along_one_axis_leaves_the_others_gain_assumed() -> None:
     assert "line" in fit.note
 
 
+@pytest.mark.long
 def test_an_axis_that_the_border_spoils_is_not_observed() -> None:
     fit = fit_gains(*made(edge=[0.0, 0.3]), PITCH, 1.0)
     assert fit.std[0] < 0.01
@@ -100,6 +102,7 @@ def test_an_axis_that_the_border_spoils_is_not_observed() -> None:
     assert "along y" in fit.note
 
 
+@pytest.mark.long
 def test_scans_at_the_edge_count_for_as_little_as_is_said() -> None:
     seen, truth = made()
     cut = np.abs(zigzag(seen.t_s)[:, 0]) > 0.025
@@ -112,6 +115,7 @@ def test_scans_at_the_edge_count_for_as_little_as_is_said() -> None:
     assert abs(trusted.gain[0] - GAIN[0]) > 3 * abs(told.gain[0] - GAIN[0])
 
 
+@pytest.mark.long
 def test_outliers_do_not_carry_the_fit() -> None:
     seen, truth = made()
     seen.place_m[::20] += 0.02
@@ -128,6 +132,7 @@ def test_a_single_stroke_cannot_tell_time_from_place() -> None:
     assert "time offset" in fit.note
 
 
+@pytest.mark.long
 def test_a_search_of_zero_takes_the_clocks_as_one() -> None:
     seen, truth = made()
     fit = fit_gains(seen, Trajectory(truth.t_s - OFFSET_S, truth.place_m), PITCH, 0.0)

@@ -61,11 +61,13 @@ def found() -> PeersReport:
     return Peers(STROKES, 3, methods=PAPER_METHODS).run()
 
 
+@pytest.mark.long
 def test_all_methods_stand_in_one_table(found: PeersReport) -> None:
     assert [row.method for row in found.rows[::4]] == [*PAPER_METHODS, *NAMES] * 2
     assert (found.strokes, found.seed, found.ours, found.silent) == (STROKES, 3, PAPER_METHODS, [])
 
 
+@pytest.mark.long
 def test_our_rows_are_those_of_table_1(found: PeersReport) -> None:
     ours = [row for row in found.rows if row.method in PAPER_METHODS]
     assert ours == Table1(STROKES, 3, methods=PAPER_METHODS).run().ours

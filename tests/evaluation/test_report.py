@@ -48,6 +48,7 @@ def cells(page: str) -> list[str]:
     return re.findall(r"<td>(.*?)</td>", page)
 
 
+@pytest.mark.long
 def test_methods_of_one_recording_stand_side_by_side(page: str) -> None:
     (recording,) = charts(page)
     assert [result["label"] for result in recording["results"]] == [
@@ -122,6 +123,7 @@ def test_nothing_is_loaded_from_elsewhere(page: str) -> None:
     assert len(page) < 5e6
 
 
+@pytest.mark.long
 def test_recordings_follow_each_other(results: list[Path], tmp_path: Path) -> None:
     save(rigged("turn"), tmp_path / "turn.npz")
     other = estimated(tmp_path / "turn.npz", tmp_path / "turn")
@@ -180,6 +182,7 @@ def test_a_recording_without_contact_has_a_report(tmp_path: Path) -> None:
     assert recording["no_scans"] == "No pad was touched."
 
 
+@pytest.mark.long
 def test_real_slips_make_a_report(recordings: Path, tmp_path: Path) -> None:
     file = recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa"
     make_report([estimated(file, tmp_path / "a")], tmp_path / "a.html")

@@ -51,6 +51,7 @@ def score(scenes: dict[str, Scenario]) -> SlipReport:
     return Slip(1, hours=0.01).run()
 
 
+@pytest.mark.long
 def test_there_is_a_row_for_each_object_scenario_and_method(quick: SlipReport) -> None:
     assert [(row.object, row.method, row.mode) for row in quick.slips] == [
         ("airbag", method, mode) for method in FAST for mode in ("stream", "batch")
@@ -121,6 +122,7 @@ def test_a_methods_score_does_not_depend_on_the_others(score: SlipReport, quick:
     assert quick.holds == [row for row in score.holds if row.method in (*FAST, NOISE)]
 
 
+@pytest.mark.long
 def test_the_same_seeds_give_the_same_score_and_others_another(quick: SlipReport) -> None:
     one = ("convolution",)
     again, other = (Slip(1, seed, one, hours=0).run() for seed in (0, 1))
@@ -142,6 +144,7 @@ def test_json_tells_all(quick: SlipReport) -> None:
     assert whole["slips"][0]["object"] == "airbag"
 
 
+@pytest.mark.long
 def test_processes_give_what_one_gives() -> None:
     jobs = [Job(NOISE, seed, (NOISE,), 20.0) for seed in (3, 4)]
     one, two = (list(found_by(jobs, 0.05, processes)) for processes in (1, 2))

@@ -34,6 +34,7 @@ def spoilt(results: list[Path], tmp_path: Path) -> Callable[[str, bytes], Path]:
     return spoil
 
 
+@pytest.mark.long
 def test_numbers_come_back_as_they_were_estimated(results: list[Path]) -> None:
     for directory, method in zip(results, ("lnorm", "convolution"), strict=True):
         summary, tracks = read_result(directory)

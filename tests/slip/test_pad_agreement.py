@@ -93,6 +93,7 @@ def test_what_load_moves_in_both_pads_is_no_slip() -> None:
     assert not agreed(moved, load=load).any()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("factor", [1.0, 3.0])
 def test_false_alarms_come_no_more_often_than_accepted(factor: float) -> None:
     """White noise in the poses, `factor` times as large as reported: 200 s at an accepted alarm per 2.5 s."""
@@ -128,6 +129,7 @@ def test_only_pads_that_face_each_other_in_space_are_compared() -> None:
     assert not facing_pads(hand(None, None))
 
 
+@pytest.mark.long
 def test_poses_that_walk_as_they_say_do_not_agree_on_a_slip() -> None:
     """Two pads on a plate: what of each step's noise stays in the pose adds up in a window."""
     scans, random = 6000, np.random.default_rng(5)

@@ -108,6 +108,7 @@ def test_a_method_without_displacement_tells_the_duration() -> None:
     assert (start.speed_m_s, np.isnan(start.path_m)) == (0.015, True)
 
 
+@pytest.mark.long
 def test_the_demos_slips_have_the_speed_of_the_truth_and_are_counted_once() -> None:
     result = api.estimate(simulate(SCENARIOS["stroke"]), "template")
     own = [event for event in result.events if event.event in ("slip_start", "slip_stop") and event.pad == "palm"]

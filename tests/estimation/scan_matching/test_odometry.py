@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from costly import mostly_long
 from synthetic import assert_same, dome, grid_sensor, pieces, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
@@ -82,6 +83,7 @@ def bound(seed: int, pose: Floats, about: Floats) -> Floats:
     return variance
 
 
+@pytest.mark.long
 def test_two_scans_come_near_the_bound_and_the_covariance_says_so() -> None:
     trials = pairs(40)
     random = np.random.default_rng(2)
@@ -119,7 +121,7 @@ def test_a_face_as_large_as_the_pad_is_misread_and_never_ok(step_pitches: float)
     assert (slips.quality[:, 0] == AMBIGUOUS).all()
 
 
-@pytest.mark.parametrize("shift_pitches", [0.4, 0.7, 1.2, 1.8, 2.5, 4.0])
+@pytest.mark.parametrize("shift_pitches", mostly_long([0.4, 0.7, 1.2, 1.8, 2.5, 4.0], 0.7, 2.5))
 def test_a_jump_between_two_scans_is_right_or_not_ok(shift_pitches: float) -> None:
     """Up to a pitch and a half it is found; beyond, another fit may look better, but none looks good."""
     good, wrong = 0, 0
@@ -364,6 +366,7 @@ def test_taxels_spread_over_a_field_are_refused_with_a_word_of_advice() -> None:
         slips_by("registration", Sensor("wide", "Pa", pads, groups=(group,)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_the_teapots_handle_turns(recordings: Path, mode: str) -> None:
     result = estimate(recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa", "registration", mode=mode)  # type: ignore[arg-type]

@@ -95,6 +95,7 @@ def noisy(scans: int, deformed: Floats | float = 0.0) -> Floats:
     return readings
 
 
+@pytest.mark.long
 def test_nothing_is_carried_where_the_pattern_explains_the_scans() -> None:
     rest, _, chis = carried(noisy(10))
     assert (rest[0] == 0.0).all()

@@ -56,6 +56,7 @@ def test_a_stream_is_read_with_its_stamps_and_results_go_out_as_another(tmp_path
     assert [event["event"] for event in events] == [one["event"] for line in lines for one in line["events"]]
 
 
+@pytest.mark.long
 def test_a_stream_that_is_lost_is_found_again(tmp_path: Path) -> None:
     scans = slid()
     with (

@@ -121,6 +121,7 @@ def test_a_serial_line_is_read_from_a_pseudo_terminal(tmp_path: Path) -> None:
     assert [row["t_s"] for row in published(tmp_path / "a.jsonl")] == scans.t_s[:60].tolist()
 
 
+@pytest.mark.long
 def test_a_client_of_the_json_server_gets_each_scan(tmp_path: Path) -> None:
     port, out = free_port(), free_port()
     with (
@@ -149,6 +150,7 @@ def test_a_time_that_cannot_be_costs_that_scan_only(tmp_path: Path) -> None:
     assert np.array_equal(taxelflow.read(tmp_path / "a.mcap").load().t_s, scans.t_s)
 
 
+@pytest.mark.long
 def test_the_results_in_an_mcap_file_are_those_of_the_lines(tmp_path: Path) -> None:
     port = free_port()
     sinks = [f"mcap:{tmp_path}/a.mcap?draw=0", f"jsonl:{tmp_path}/a.jsonl"]
@@ -188,6 +190,7 @@ def test_a_lost_connection_is_made_again_and_the_gap_is_told(tmp_path: Path, cap
     assert [record.message for record in caplog.records if "connection lost" in record.message]
 
 
+@pytest.mark.long
 def test_a_second_client_is_waited_for_if_asked(tmp_path: Path) -> None:
     port, scans = free_port(), slid()
     limits = Limits(max_scans=SCANS)
@@ -205,6 +208,7 @@ def test_a_full_disk_is_told_once_and_holds_up_no_other_sink(tmp_path: Path) -> 
     assert reports[0].source.faults.counts["cannot write"] == 1
 
 
+@pytest.mark.long
 def test_a_client_that_does_not_read_misses_lines_and_holds_up_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -280,6 +284,7 @@ def test_rows_of_a_run_whose_source_fails_stay_in_part_files(tmp_path: Path) -> 
     assert {path.suffix for path in (tmp_path / "t").iterdir()} == {".part"}
 
 
+@pytest.mark.long
 def test_status_and_totals_of_a_run(tmp_path: Path) -> None:
     with running("rig:stroke?speed=max", f"jsonl:{tmp_path}/a.jsonl") as reports:
         pass

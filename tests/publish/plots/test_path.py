@@ -115,6 +115,7 @@ def touches(count: int) -> Track:
     return track(x, 0.0 * x, pad="pad0", contact=contact, slipping=slipping)
 
 
+@pytest.mark.long
 def test_many_contacts_have_a_panel_each_with_start_and_path_while_slipping() -> None:
     axes = path_figure([touches(50)], LAYOUT).axes
     titles = [axis.get_title(loc="left") for axis in axes if axis.get_title(loc="left")]
@@ -128,6 +129,7 @@ def test_many_contacts_have_a_panel_each_with_start_and_path_while_slipping() ->
     assert tuple(colours[0]) != tuple(colours[-1])
 
 
+@pytest.mark.long
 def test_of_more_contacts_than_panels_those_that_slip_farthest_are_drawn() -> None:
     figure = path_figure([touches(62)], LAYOUT)
     titles = [axis.get_title(loc="left") for axis in figure.axes if axis.get_title(loc="left")]
@@ -136,6 +138,7 @@ def test_of_more_contacts_than_panels_those_that_slip_farthest_are_drawn() -> No
     assert figure.get_supxlabel().startswith("The 60 of 62 contacts that slip farthest")
 
 
+@pytest.mark.long
 def test_contacts_without_positions_have_no_panel(tmp_path: Path) -> None:
     some = touches(10)
     some.numbers["x_m"][:100] = np.nan

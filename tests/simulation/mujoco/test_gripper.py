@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from taxelflow.errors import ExtraMissing, NameUnknown, ParameterInvalid
 from taxelflow.simulation.mujoco.events import EVENTS, G_M_S2, LIFT_S, LIFTED_S, Happening, Load
 from taxelflow.simulation.mujoco.gripper import Gripper, sensor_of
@@ -48,7 +49,7 @@ def test_the_solver_is_pinned() -> None:
     assert option.noslip_tolerance == 0.0
 
 
-@pytest.mark.parametrize("kind", STANDARD_OBJECTS)
+@pytest.mark.parametrize("kind", mostly_long(STANDARD_OBJECTS, "ball", "box"))
 def test_twice_the_least_grip_holds_without_creep(kind: str) -> None:
     path = lifted(gripper(kind), 2 * LEAST_N)
     steady = path[path[:, 0] > 1.3]
@@ -56,6 +57,7 @@ def test_twice_the_least_grip_holds_without_creep(kind: str) -> None:
     assert path[-1, 3] == pytest.approx(2 * LEAST_N, rel=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["ball", "rod", "box"])
 def test_friction_holds_just_under_its_limit_and_slides_just_above(kind: str) -> None:
     holding, sliding = (lifted(gripper(kind), LEAST_N / share) for share in (0.98, 1.02))
@@ -191,6 +193,7 @@ def test_mass_friction_and_offset_are_random_and_become_the_plants() -> None:
     assert model.pair_friction[:, 0] == pytest.approx(held[0].friction)
 
 
+@pytest.mark.long
 def test_random_convex_meshes_differ_and_are_grasped_and_held() -> None:
     pytest.importorskip("mujoco")
     meshes = set()
