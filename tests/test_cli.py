@@ -129,7 +129,7 @@ def test_a_row_per_scan_and_pad_in_time_order(tmp_path: Path) -> None:
     assert t_s == sorted(t_s)
 
 
-def test_times_keep_what_tells_scans_apart(tmp_path: Path) -> None:
+def test_times_keep_scans_distinct(tmp_path: Path) -> None:
     t_s = 1.7e9 + np.arange(60) * 1e-4
     main(["estimate", str(save_npz(tmp_path / "a.npz", t_s=t_s)), "--out", str(tmp_path)])
     written = [float(row["t_s"]) for row in rows_of(tmp_path / "slips.csv")]
@@ -146,7 +146,7 @@ def test_events_are_those_of_the_contract_in_time_order(tmp_path: Path) -> None:
     assert t_s == sorted(t_s)
 
 
-def test_the_summary_says_what_ran_on_what(tmp_path: Path) -> None:
+def test_the_summary_names_recording_method_and_parameters(tmp_path: Path) -> None:
     file = save_npz(tmp_path / "a.npz")
     main(["estimate", str(file), "--out", str(tmp_path), "--method", "lnorm", "--gain", "1.04", "--mode", "stream"])
     summary = json.loads((tmp_path / "summary.json").read_text())
@@ -229,7 +229,7 @@ def test_contacts_of_a_pad_that_the_sensor_lacks(tmp_path: Path, capsys: Capture
 
 
 @both_modes
-def test_no_contact_is_a_result_that_says_so(tmp_path: Path, capsys: Capture, mode: str) -> None:
+def test_a_recording_without_contact_gives_a_result_that_reports_it(tmp_path: Path, capsys: Capture, mode: str) -> None:
     values = np.random.default_rng(0).normal(0, 100, (50, 28))
     file = save_npz(tmp_path / "a.npz", values)
     assert main(["estimate", str(file), "--out", str(tmp_path / "out"), "--mode", mode]) == 0
@@ -573,7 +573,7 @@ def test_a_failed_run_leaves_no_older_result_that_could_be_taken_for_its_own(tmp
 # info and sensors
 
 
-def test_info_tells_of_a_recording(tmp_path: Path, capsys: Capture) -> None:
+def test_info_describes_a_recording(tmp_path: Path, capsys: Capture) -> None:
     assert main(["info", str(save_npz(tmp_path / "a.npz"))]) == 0
     said = capsys.readouterr().out
     for word in ("grid", "pad0", "60", "10.00 Hz", "no gaps", "4x7"):
@@ -685,7 +685,7 @@ def test_sensors_draws_all_built_in_ones(tmp_path: Path, capsys: Capture, monkey
         ("grid:16x16", "'grid:16x16' is not a plain grid; give rows, cols and pitch"),
     ],
 )
-def test_a_sensor_that_lacks_its_pitch_says_how_to_name_it(capsys: Capture, name: str, says: str) -> None:
+def test_a_sensor_without_pitch_reports_how_to_name_it(capsys: Capture, name: str, says: str) -> None:
     assert says in refused(capsys, "sensors", name)
 
 

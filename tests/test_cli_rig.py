@@ -197,7 +197,7 @@ def test_help_lists_the_scenarios_with_what_they_do(capsys: Capture) -> None:
         assert description.split(":")[0].split(",")[0][:25] in said
 
 
-def test_help_of_a_scenario_tells_units_and_defaults(capsys: Capture) -> None:
+def test_help_of_a_scenario_has_units_and_defaults(capsys: Capture) -> None:
     assert ended(["simulate", "fast-stroke", "--help"]) == 0
     said = capsys.readouterr().out
     for word in ("--motion.speed-m-s", "m/s", "0.05", "--sensing.noise-pa", "750", "--contact.shape", "hertz"):
@@ -220,7 +220,7 @@ def test_plot_names_the_pictures_it_has_drawn(results: list[Path], tmp_path: Pat
 
 
 @pytest.mark.long
-def test_plot_draws_into_the_first_result_unless_told(results: list[Path], capsys: Capture) -> None:
+def test_plot_draws_into_the_first_result_by_default(results: list[Path], capsys: Capture) -> None:
     before = set(results[1].iterdir())
     assert main(["plot", str(results[1])]) == 0
     named = capsys.readouterr().out.splitlines()
@@ -278,7 +278,7 @@ def test_bench_prints_its_tables(results: list[Path], monkeypatch: pytest.Monkey
 
 
 @pytest.mark.long
-def test_bench_times_opencv_or_says_why_not(
+def test_bench_times_opencv_or_states_why_not(
     results: list[Path], monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     hurry(monkeypatch)

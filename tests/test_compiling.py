@@ -239,7 +239,7 @@ def test_two_first_runs_at_once_do_no_harm(tmp_path: Path) -> None:
         (1, {"NUMBA_CACHE_DIR": "", "HOME": "{taken}", "XDG_CACHE_HOME": "{taken}/cache"}),
     ],
 )
-def test_without_a_folder_that_can_be_written_each_run_compiles_and_says_so(
+def test_without_a_folder_that_can_be_written_each_run_compiles_and_reports_it(
     tmp_path: Path, runs: int, environment: dict[str, str]
 ) -> None:
     (tmp_path / "taken").write_text("a file, where a folder is needed")

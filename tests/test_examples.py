@@ -47,7 +47,7 @@ def test_every_example_is_tested_here() -> None:
     ]
 
 
-def test_01_tells_contact_speed_accuracy_and_events(ran: Callable[..., str]) -> None:
+def test_01_prints_contact_speed_accuracy_and_events(ran: Callable[..., str]) -> None:
     said = ran("01_read_and_estimate.py")
     told = re.search(r"^palm: (\d+) scans in contact, median speed ([\d.]+) mm/s,$", said, re.MULTILINE)
     assert told
@@ -68,7 +68,7 @@ def test_01_takes_a_recording_and_a_sensor(tmp_path: Path, ran: Callable[..., st
     assert "\nfinger2_proximal: " in ran("01_read_and_estimate.py", "turn.npz", "schunk-sdh2")
 
 
-def test_02_tells_of_slips_back_and_forth_as_they_happen(ran: Callable[..., str]) -> None:
+def test_02_prints_slips_back_and_forth_as_they_happen(ran: Callable[..., str]) -> None:
     lines = ran("02_live_loop.py").splitlines()
     t_s = [float(line.split()[0]) for line in lines]
     assert t_s == sorted(t_s)

@@ -178,7 +178,7 @@ def test_every_command_method_and_score_is_among_them() -> None:
         ("Number of poses that are not vouched for", "vouched"),
     ],
 )
-def test_what_the_first_texts_said_is_refused(text: str | None, says: str) -> None:
+def test_phrases_of_the_first_texts_are_refused(text: str | None, says: str) -> None:
     assert says in fault(text)
 
 

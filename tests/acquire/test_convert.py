@@ -135,7 +135,7 @@ def test_the_command_converts_there_and_back(tmp_path: Path, capsys: pytest.Capt
             np.testing.assert_array_equal(first[name], last[name])
 
 
-def test_the_command_says_what_a_csv_does_not_hold(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_reports_what_a_csv_does_not_hold(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     convert(known(np.zeros((3, 6))), tmp_path / "a.npz")
     code, _, err = command(capsys, "convert", tmp_path / "a.npz", tmp_path / "a.csv")
     assert code == 0

@@ -142,7 +142,7 @@ def test_nothing_is_found_in_real_recordings_until_a_taxel_is_broken(recordings:
 # Masks
 
 
-def test_by_default_a_bad_taxel_is_told_of_and_used() -> None:
+def test_by_default_a_bad_taxel_is_reported_and_used() -> None:
     result = estimate(recorded(faulty("stuck"), PALM))
     assert result.summary.masked_taxels == []
     note = next(note for note in result.summary.notes if "faulty" in note)
@@ -150,7 +150,7 @@ def test_by_default_a_bad_taxel_is_told_of_and_used() -> None:
     assert "--condition.mask auto" in note
 
 
-def test_auto_masks_what_it_finds_and_says_so() -> None:
+def test_auto_masks_what_it_finds_and_reports_it() -> None:
     result = estimate(recorded(faulty("stuck"), PALM), condition=Conditioner(mask="auto"))
     assert result.summary.masked_taxels == [BAD]
     assert any(note.startswith(f"masked: taxel {BAD}") for note in result.summary.notes)

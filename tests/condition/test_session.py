@@ -228,7 +228,7 @@ def test_a_missing_loaded_taxel_stays_loaded_until_it_is_heard_again() -> None:
 
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
-def test_a_taxel_declared_off_reads_zero_and_says_so_by_its_noise(mode: str) -> None:
+def test_a_taxel_declared_off_reads_zero_and_has_no_noise(mode: str) -> None:
     masked = np.arange(28) == 5
     values = dome(PALM) + noisy(50)
     values[:, 5] = 1e6

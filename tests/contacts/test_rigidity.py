@@ -100,7 +100,7 @@ def test_feet_turned_and_slid_are_not_whatever_the_noise() -> None:
 
 
 @pytest.mark.long
-def test_contacts_that_are_told_apart_are_not_watched() -> None:
+def test_separated_contacts_are_not_checked() -> None:
     parted, watch = watched(simulate(rigged("two-contacts", sensing={"rate_hz": 25.0})).with_contacts(2))
     assert parted.shape[1] == 3
     assert not parted.any()

@@ -59,7 +59,7 @@ def test_pads_that_contradict_each_other_are_no_slip(speed: float) -> None:
     assert not any(motion.slipping for motion in motions)
 
 
-def test_pads_that_contradict_each_other_are_a_slip_while_a_detector_says_so() -> None:
+def test_pads_that_contradict_each_other_are_a_slip_while_a_detector_has_one() -> None:
     """Coarse taxels misread a fine texture by as much as its velocity: the pads disagree because the object moves."""
     both = Agreement().start()
     at_rest = [both.step(alike(scan, 0.0, 0.0)) for scan in range(50)]
@@ -114,7 +114,7 @@ def test_unknown_velocities_leave_the_motion_as_it_was() -> None:
 
 
 @pytest.mark.parametrize(("load_m", "slips"), [(0.0, True), (1e-3, False)])
-def test_what_pads_see_alike_as_the_load_changes_is_no_slip(load_m: float, slips: bool) -> None:
+def test_equal_motion_of_pads_as_the_load_changes_is_no_slip(load_m: float, slips: bool) -> None:
     """Both read 8 mm/s while the force grows by 10 % a scan: the image of a flat face spreads towards its edge."""
     both, still = Agreement(load_m=load_m).start(), (0.0, 0.0, 0.0)
     for scan in range(50):
@@ -290,7 +290,7 @@ def test_a_turn_that_one_pad_invents_is_none() -> None:
     assert turned.so_far() == pytest.approx(0.5, rel=0.01)
 
 
-def test_the_fast_scans_of_a_slip_say_what_it_needed() -> None:
+def test_the_fast_scans_of_a_slip_set_its_least_force() -> None:
     """Its last scans, and motion that is none, say the force that is felt then; they are slow."""
     shown = Shown(0.05)
     assert shown.least_n() == 0.0
@@ -403,7 +403,7 @@ def test_a_slide_is_that_of_the_middle_where_the_object_turns() -> None:
     assert slid.so_far() == pytest.approx(200 * DT_S * 0.005, rel=0.03)
 
 
-def test_a_jump_that_one_pad_sees_is_no_way() -> None:
+def test_a_jump_of_one_pad_is_no_path() -> None:
     slid, steady = Slid(), (0.0, -0.015, 0.0)
     for scan in range(100):
         slid.step(touch(scan, (0.0, -0.35, 0.0) if scan == 50 else steady, steady))

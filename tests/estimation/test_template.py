@@ -139,7 +139,7 @@ def test_an_object_that_turns_as_it_slides_is_followed() -> None:
     assert rms[2] < np.radians(0.3)
 
 
-def test_covariances_of_poses_say_how_far_off_they_are() -> None:
+def test_errors_of_poses_fit_their_covariances() -> None:
     recording = three_feet()
     result = followed()
     known, pose, truth = path(recording, result)
@@ -351,7 +351,7 @@ def test_a_contact_of_one_or_two_scans_has_poses(mode: str, scans: int) -> None:
 
 
 @both_modes
-def test_a_pad_that_is_saturated_everywhere_says_nothing_surely(mode: str) -> None:
+def test_a_pad_that_is_saturated_everywhere_has_no_certain_pose(mode: str) -> None:
     scans = scans_of(PAD, np.full((30, PAD.layout.taxels), 100e3), noise=NOISE, ceiling=100e3)
     slips = shaped(slips_by("template", PAD, scans, mode=mode), 30)
     assert (slips.quality != OK).all()
@@ -370,9 +370,7 @@ def test_scans_of_zeros_do_no_harm(mode: str, contact: bool) -> None:
 
 @both_modes
 @pytest.mark.parametrize(("rows", "cols", "masked"), mostly_long([(12, 1, 0), (1, 12, 0), (12, 2, 1)], (12, 1, 0)))
-def test_a_line_of_taxels_follows_along_it_and_tells_nothing_of_what_is_across(
-    mode: str, rows: int, cols: int, masked: int
-) -> None:
+def test_a_line_of_taxels_measures_along_it_and_not_across(mode: str, rows: int, cols: int, masked: int) -> None:
     line = grid_sensor(rows, cols, pitch_m=(PITCH, PITCH))
     along, across = (0, 1) if rows == 1 else (1, 0)
     way_m = np.linspace(-0.008, 0.008, 40)
@@ -393,7 +391,7 @@ def test_a_line_of_taxels_follows_along_it_and_tells_nothing_of_what_is_across(
 
 
 @pytest.mark.long
-def test_a_pad_of_which_a_line_is_left_tells_nothing_of_what_is_across() -> None:
+def test_a_pad_of_which_a_line_is_left_does_not_measure_across() -> None:
     scans = scans_of(PAD, feet_at(way(60)), noise=NOISE)
     left = PAD.layout.col == SIDE // 2
     first, last = cut_scans(scans, 0, 30), cut_scans(scans, 30, 60)

@@ -43,7 +43,7 @@ def test_estimators_are_timed_against_phase_correlation() -> None:
 
 
 @pytest.mark.long
-def test_each_step_sees_every_scan_once_and_in_order() -> None:
+def test_each_step_has_every_scan_once_and_in_order() -> None:
     seen: dict[str, list[int]] = {"a": [], "b": []}
     steps = {name: own.append for name, own in seen.items()}
     taken = timing._in_turn(steps, {}, 2, 3)
@@ -69,7 +69,7 @@ def test_a_pattern_is_learned_at_first() -> None:
     assert "template step, while it learns" in [row.what for row in found.rows]
 
 
-def test_without_opencv_a_line_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_opencv_a_line_reports_it(monkeypatch: pytest.MonkeyPatch) -> None:
     def absent(module: str) -> Any:
         raise ExtraMissing("bench", module)
 

@@ -81,7 +81,7 @@ def test_a_round_contact_of_the_elastic_solver_has_no_turn_either() -> None:
     assert 0.03 < 1e3 * np.median(bound.known[np.abs(bound.pose[:, 0]) < 0.02, 0]) < 0.06  # its edges are sharper
 
 
-def test_scans_that_hardly_tell_a_position_are_not_scored() -> None:
+def test_scans_with_a_large_position_variance_are_not_scored() -> None:
     bound = bounded(rigged("stroke"))
     assert not bound.scored[np.abs(bound.pose[:, 0]) > 0.06].any()
     assert bound.scored[np.abs(bound.pose[:, 0]) < 0.03].all()
@@ -101,7 +101,7 @@ def test_quantisation_alone_bounds_too() -> None:
     np.testing.assert_allclose(coarse.known, same.known, rtol=1e-6)
 
 
-def test_dead_and_saturated_taxels_tell_nothing() -> None:
+def test_dead_and_saturated_taxels_add_no_information() -> None:
     whole = bounded(still()).known[0]
     assert (bounded(still(sensing={"dead": (146, 152)})).known[0] > 1.01 * whole).all()
     assert (bounded(still(sensing={"full_scale_pa": 60e3})).known[0, :2] > 1.01 * whole[:2]).any()

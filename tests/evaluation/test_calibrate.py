@@ -210,7 +210,7 @@ def test_a_method_of_another_package_is_calibrated_like_ours(monkeypatch: pytest
     np.testing.assert_allclose(scaled[..., :2], gain * plain[..., :2], rtol=1e-12)
 
 
-def test_what_cannot_be_calibrated_says_why(stroke: Recording) -> None:
+def test_what_cannot_be_calibrated_is_refused_with_the_reason(stroke: Recording) -> None:
     truth = Trajectory(np.array([0.0, 8.0]), np.zeros((2, 2)))
     with pytest.raises(GainsUnknown, match="--truth"):
         calibrate(stroke)

@@ -24,7 +24,7 @@ pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxe
 
 
 @pytest.mark.parametrize("event", EVENTS)
-def test_a_headline_says_what_happens_with_its_numbers(event: str) -> None:
+def test_a_headline_states_what_happens_with_its_numbers(event: str) -> None:
     trial = Trial.drawn(3, "bumpy", event)
     line = headline(trial)
     assert line.startswith("A bumpy block ")
@@ -42,7 +42,7 @@ def test_a_film_has_every_second_scan_and_its_end_for_a_second(tmp_path: Path) -
 
 
 @pytest.mark.long
-def test_an_arrow_is_seen_in_its_colour_even_inside_the_object() -> None:
+def test_an_arrow_is_visible_in_its_colour_even_inside_the_object() -> None:
     plant = Gripper(Held(shape("box", np.random.default_rng(0)), 0.3, 0.6))
     arrow = Arrow(np.zeros(3), np.array([0.0, 0.0, -0.02]), "#0000ff")
     try:

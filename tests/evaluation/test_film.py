@@ -64,7 +64,7 @@ def test_pressure_and_arrows_appear_while_the_object_slides(film: Film) -> None:
     assert (slip[..., 0] < 120).sum() > (rest[..., 0] < 120).sum() + 500  # dark blue taxels
 
 
-def test_events_are_told_when_they_come(film: Film) -> None:
+def test_events_are_reported_when_they_come(film: Film) -> None:
     before, after = (drawn(film, film.events[0].t_s + gap) for gap in (-0.01, 0.01))
     words = np.s_[: int(0.6 * before.shape[0]), int(0.75 * before.shape[1]) :]
     assert (after[words] < 128).sum() > (before[words] < 128).sum() + 100

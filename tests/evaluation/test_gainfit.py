@@ -103,7 +103,7 @@ def test_an_axis_that_the_border_spoils_is_not_observed() -> None:
 
 
 @pytest.mark.long
-def test_scans_at_the_edge_count_for_as_little_as_is_said() -> None:
+def test_scans_at_the_edge_have_the_weight_that_was_given() -> None:
     seen, truth = made()
     cut = np.abs(zigzag(seen.t_s)[:, 0]) > 0.025
     bias = np.where(cut, -0.006 * np.sign(seen.place_m[:, 0]), 0.0)
@@ -122,7 +122,7 @@ def test_outliers_do_not_carry_the_fit() -> None:
     np.testing.assert_allclose(fit_gains(seen, truth, PITCH, 1.0).gain, GAIN, atol=0.03)
 
 
-def test_a_single_stroke_cannot_tell_time_from_place() -> None:
+def test_a_single_stroke_cannot_separate_time_from_place() -> None:
     def stroke(t_s: Floats) -> Floats:
         return np.stack([0.002 * t_s - 0.03, 0 * t_s], axis=1)
 

@@ -87,7 +87,7 @@ def test_motion_since_the_first_scan_is_that_of_the_centre_as_the_first_scan_had
     np.testing.assert_allclose(turned, 2 * 0.01 * np.sin(0.05), atol=1e-9)
 
 
-def test_a_turn_that_is_never_told_leaves_positions_scored() -> None:
+def test_a_turn_that_is_never_reported_leaves_positions_scored() -> None:
     scenario = rigged("slide-and-turn")
     made = perfect(scenario, (0.002, 0.001, 0.0))
     made[1].pose[..., 2] = np.nan
@@ -99,7 +99,7 @@ def test_a_turn_that_is_never_told_leaves_positions_scored() -> None:
     assert np.isnan(since[:, 2]).all()
 
 
-def test_a_turn_that_is_told_late_counts_from_then() -> None:
+def test_a_turn_that_is_reported_late_counts_from_then() -> None:
     scenario = rigged("slide-and-turn")
     made = perfect(scenario, (0.002, 0.001, 2.0))
     made[1].pose[:20, made[2], 2] = np.nan

@@ -78,7 +78,7 @@ def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four(mo
     assert four.turn_percent < two.turn_percent < 12
 
 
-def test_each_cut_has_as_many_vectors_as_it_says() -> None:
+def test_each_cut_has_the_vectors_that_it_declares() -> None:
     cuts = cuts_of(load_sensor("barretthand-162"))
     assert [int(cut.sensor.layout.independent.sum()) >= 2 for cut in cuts] == [True] * len(cuts)
     assert len({cut.name for cut in cuts}) == len(cuts)

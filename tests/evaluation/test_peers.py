@@ -40,7 +40,7 @@ def image(right: float, down: float) -> Floats:
 @needs_all
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("right", "down"), [(1.0, 0.0), (0.0, 1.0), (-2.0, 1.0)])
-def test_each_peer_sees_a_dome_move_to_the_right_and_down(name: str, right: float, down: float) -> None:
+def test_each_peer_measures_a_dome_that_moves_right_and_down(name: str, right: float, down: float) -> None:
     seen = peers()[name](image(0, 0), image(right, down))
     assert np.hypot(seen[0] - right, seen[1] - down) < 0.35 * np.hypot(right, down)
 

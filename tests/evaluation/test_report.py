@@ -134,7 +134,7 @@ def test_recordings_follow_each_other(results: list[Path], tmp_path: Path) -> No
     assert page.index("<h2>stroke.npz</h2>") < page.index("<h2>turn.npz</h2>")
 
 
-def test_two_results_of_one_method_are_told_apart(results: list[Path], tmp_path: Path) -> None:
+def test_two_results_of_one_method_have_distinct_labels(results: list[Path], tmp_path: Path) -> None:
     second = shutil.copytree(results[1], tmp_path / "again")
     make_report([results[1], second], tmp_path / "a.html")
     found = charts((tmp_path / "a.html").read_text())[0]["results"]
@@ -143,7 +143,7 @@ def test_two_results_of_one_method_are_told_apart(results: list[Path], tmp_path:
     assert len(set(colours)) == 3
 
 
-def test_without_its_recording_a_report_says_so(results: list[Path], tmp_path: Path) -> None:
+def test_without_its_recording_a_report_states_it(results: list[Path], tmp_path: Path) -> None:
     gone = shutil.copytree(results[0], tmp_path / "gone")
     summary = json.loads((gone / "summary.json").read_text())
     summary["input"] = str(tmp_path / "gone.npz")

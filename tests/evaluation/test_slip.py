@@ -108,7 +108,7 @@ def test_in_a_recording_slips_are_dated_to_the_scan(score: SlipReport) -> None:
 
 
 @pytest.mark.long
-def test_what_holds_still_raises_no_alarm_and_the_interval_says_how_sure_that_is(score: SlipReport) -> None:
+def test_what_holds_still_raises_no_alarm_and_the_rate_has_an_interval(score: SlipReport) -> None:
     for row in score.holds:
         if row.scenario in (*HOLDS, NOISE):
             assert (row.alarms, row.per_hour, row.low) == (0, 0.0, 0.0)
@@ -138,7 +138,7 @@ def test_noise_alarms_as_often_as_asked() -> None:
     assert row.hours == pytest.approx(0.5, rel=1e-3)
 
 
-def test_json_tells_all(quick: SlipReport) -> None:
+def test_json_holds_the_whole_report(quick: SlipReport) -> None:
     whole = json.loads(to_json(quick))
     assert set(whole) == {"alarms_per_hour", "seeds", "first_seed", "slips", "holds"}
     assert whole["slips"][0]["object"] == "airbag"

@@ -143,7 +143,7 @@ def test_no_trial_is_used_twice(table: Table1Report, trials: list[Scenario]) -> 
     assert all(row.strokes == STROKES for row in table.ours)
 
 
-def test_trials_differ_in_object_and_line_as_the_docs_say(table: Table1Report, trials: list[Scenario]) -> None:
+def test_trials_differ_in_object_and_line_as_documented(table: Table1Report, trials: list[Scenario]) -> None:
     assert table.ours
     radii = [trial.contact.radius_m for trial in trials]
     lines = [trial.motion.middle_m[1] for trial in trials]
@@ -178,7 +178,7 @@ def test_the_standard_error_falls_with_more_strokes(small: Table1Report, table: 
 
 @pytest.mark.long
 @pytest.mark.parametrize("strokes", [2, 3])
-def test_it_tells_how_many_strokes_it_ran(strokes: int) -> None:
+def test_it_reports_the_number_of_strokes(strokes: int) -> None:
     told = Table1(strokes, 0, methods=PAPER_METHODS).run()
     assert {row.strokes for row in told.ours if row.scans == "all"} == {told.strokes}
 

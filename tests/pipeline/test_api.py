@@ -168,7 +168,7 @@ def test_suffixes_are_known_in_any_case(tmp_path: Path) -> None:
     assert len(api.read(path, grid_sensor(1, 1)).load()) == 1
 
 
-def test_what_cannot_be_read_says_why(tmp_path: Path) -> None:
+def test_what_cannot_be_read_is_refused_with_the_reason(tmp_path: Path) -> None:
     with pytest.raises(RecordingMissing, match="does not exist"):
         api.read(tmp_path / "none.npz")
     with pytest.raises(RecordingMissing, match="is a directory"):
@@ -200,7 +200,7 @@ def test_wrong_arguments_are_foreseen_errors(
         api.estimate(stroke, **arguments)  # type: ignore[arg-type]
 
 
-def test_a_truncated_recording_gives_a_result_that_says_what_is_lost(tmp_path: Path) -> None:
+def test_a_truncated_recording_gives_a_result_that_reports_the_loss(tmp_path: Path) -> None:
     path = tmp_path / "scans.csv"
     path.write_text("t_s,a\n" + "".join(f"{scan},{scan % 3}\n" for scan in range(20)) + "20")
     result = api.estimate(api.read(path, grid_sensor(1, 1)))
@@ -269,6 +269,6 @@ def test_the_teapots_handle_slides_about_19_mm_along_one_pad(recordings: Path, m
 
 
 @pytest.mark.long
-def test_the_many_slips_of_pen_and_block_are_seen(recordings: Path) -> None:
+def test_the_many_slips_of_pen_and_block_are_detected(recordings: Path) -> None:
     result = api.estimate(recordings / "sdh-dsa" / f"{LONG_DSA}.dsa")
     assert sum(pad.slips for pad in result.summary.pads.values()) >= 40

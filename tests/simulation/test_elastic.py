@@ -38,7 +38,7 @@ def still(force: float = 1.0) -> State:
 
 
 @pytest.mark.usefixtures("solver")
-def test_a_sphere_is_pressed_as_hertz_says() -> None:
+def test_a_sphere_is_pressed_by_the_law_of_hertz() -> None:
     pressure, cell_m2 = field(Contact("hertz"))
     assert pressure.sum() * cell_m2 == pytest.approx(2 / 3 * np.pi * 0.015**2, rel=0.01)
     assert pressure.max() == pytest.approx(1.0, rel=0.1)

@@ -86,7 +86,7 @@ def test_a_group_is_no_pad_to_touch() -> None:
         simulate(Scenario(pad="palm_left"))
 
 
-def test_a_rolling_scan_sees_every_taxel_at_its_own_time() -> None:
+def test_a_rolling_scan_reads_every_taxel_at_its_own_time() -> None:
     scenario = Scenario(
         contact=Contact("textured"),
         motion=Motion(turn_rad_s=0.2),

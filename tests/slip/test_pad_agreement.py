@@ -61,7 +61,7 @@ def agreed(
 
 
 @pytest.mark.parametrize("speed_m_s", [0.01, 0.1])
-def test_pads_that_see_the_same_motion_agree_within_two_scans(speed_m_s: float) -> None:
+def test_pads_that_measure_the_same_motion_agree_within_two_scans(speed_m_s: float) -> None:
     moved = at_rest(60)
     moved[40:50] += sliding(speed_m_s, 10)
     found = agreed(moved)
@@ -130,7 +130,7 @@ def test_only_pads_that_face_each_other_in_space_are_compared() -> None:
 
 
 @pytest.mark.long
-def test_poses_that_walk_as_they_say_do_not_agree_on_a_slip() -> None:
+def test_poses_that_walk_within_their_covariance_do_not_agree_on_a_slip() -> None:
     """Two pads on a plate: what of each step's noise stays in the pose adds up in a window."""
     scans, random = 6000, np.random.default_rng(5)
     moved = at_rest(scans, 4) + random.normal(0.0, 2.0 * STD_M, (scans, 2, 2))

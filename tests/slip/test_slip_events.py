@@ -100,7 +100,7 @@ def test_a_method_that_lost_its_pose_sums_displacements() -> None:
     assert start.path_m < 0.1
 
 
-def test_a_method_without_displacement_tells_the_duration() -> None:
+def test_a_method_without_displacement_gives_the_duration() -> None:
     slips = slips_of(slid(VELOCITY))
     slips.pose[:] = slips.displacement[:] = np.nan
     start, stop = completed(slips)[0]

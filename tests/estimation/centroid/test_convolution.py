@@ -190,7 +190,7 @@ def test_a_gain_that_cannot_work_is_refused(gain: float) -> None:
         Convolution(gain=gain)
 
 
-def test_contact_that_reaches_a_border_says_which() -> None:
+def test_contact_that_reaches_a_border_names_it() -> None:
     inside, right, top = np.zeros(28), np.zeros(28), np.zeros(28)
     inside[1 * 7 + 3] = right[1 * 7 + 6] = top[3] = 1e3
     corner = np.zeros(28)

@@ -84,7 +84,7 @@ def bound(seed: int, pose: Floats, about: Floats) -> Floats:
 
 
 @pytest.mark.long
-def test_two_scans_come_near_the_bound_and_the_covariance_says_so() -> None:
+def test_two_scans_come_near_the_bound_with_a_consistent_covariance() -> None:
     trials = pairs(40)
     random = np.random.default_rng(2)
     error, least, nees = [], [], []
@@ -278,7 +278,7 @@ def test_a_round_contact_has_no_theta() -> None:
     np.testing.assert_allclose(slips.displacement[1:, 0, :2], [[0.001, 0]] * 2, atol=1e-4)
 
 
-def test_theta_counts_from_where_it_is_first_seen_and_ends_where_it_is_lost_sight_of() -> None:
+def test_theta_counts_from_where_it_is_first_observed_and_ends_where_it_is_lost() -> None:
     round_ = [dome(PAD, radius_m=0.004)] * 2
     long = textured(1, [[0, 0, 0.1 * k] for k in range(4)])
     random = np.random.default_rng(8)
@@ -332,7 +332,7 @@ def test_one_loaded_taxel_moves_by_no_more_than_is_known() -> None:
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(12, 1), (1, 12)])
-def test_a_line_of_taxels_follows_along_it_and_tells_nothing_of_what_is_across(rows: int, cols: int) -> None:
+def test_a_line_of_taxels_measures_along_it_and_not_across(rows: int, cols: int) -> None:
     line = grid_sensor(rows, cols, pitch_m=(0.004, 0.004))
     along, across = (0, 1) if rows == 1 else (1, 0)
     way_m = np.linspace(-0.008, 0.008, 40)

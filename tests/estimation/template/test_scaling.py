@@ -40,13 +40,13 @@ def test_growth_at_a_border_is_no_motion() -> None:
 
 
 @pytest.mark.long
-def test_growth_of_which_half_is_seen_is_no_motion() -> None:
+def test_growth_of_which_half_is_in_view_is_no_motion() -> None:
     found, _ = seen(motion={"turn_s": 4.0, "middle_m": (0.032, 0.0)}, load={"cycles": 2}, seed=5)
     assert found.std(axis=0).max() < 0.5  # taken for motion, it is 3.0 mm
 
 
 @pytest.mark.long
-def test_growth_of_which_only_a_flank_is_seen_is_no_motion() -> None:
+def test_growth_of_which_only_a_flank_is_in_view_is_no_motion() -> None:
     found, _ = seen(motion={"turn_s": 4.0, "middle_m": (0.034, 0.0)}, load={"cycles": 2}, seed=5)
     assert found.std(axis=0).max() < 0.5  # taken for motion, it is 2.9 mm
 

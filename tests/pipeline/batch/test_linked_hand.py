@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def test_motion_in_space_is_told_from_that_of_the_fingers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_motion_in_space_is_separated_from_that_of_the_fingers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("taxelflow.pipeline.batch.run.connected", alone)
     monkeypatch.setattr("taxelflow.pipeline.batch.run.outcomes", one_by_one)
     rides, stays = (carried(tmp_path, name, stays=name == "stays.npz") for name in ("rides.npz", "stays.npz"))

@@ -83,7 +83,7 @@ def test_a_stream_of_another_shape_is_counted_and_left_out() -> None:
     assert (t_s, values.tolist()) == (0.5, [1.0, 2.0])
 
 
-def test_without_such_a_stream_the_run_says_so() -> None:
+def test_without_such_a_stream_the_run_reports_it() -> None:
     with (
         pytest.raises(TaxelflowError, match="no stream 'taxelflow-nobody'"),
         running("lsl:taxelflow-nobody?wait=0.2"),

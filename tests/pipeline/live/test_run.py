@@ -172,7 +172,7 @@ def test_a_file_of_ours_without_scans_is_refused_as_empty(tmp_path: Path) -> Non
         taxelflow.read(tmp_path / "a.mcap")
 
 
-def test_a_lost_connection_is_made_again_and_the_gap_is_told(tmp_path: Path, caplog: Any) -> None:
+def test_a_lost_connection_is_made_again_and_the_gap_is_reported(tmp_path: Path, caplog: Any) -> None:
     scans = slid()
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
@@ -201,7 +201,7 @@ def test_a_second_client_is_waited_for_if_asked(tmp_path: Path) -> None:
     assert len(published(tmp_path / "a.jsonl")) == SCANS
 
 
-def test_a_full_disk_is_told_once_and_holds_up_no_other_sink(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_once_and_holds_up_no_other_sink(tmp_path: Path) -> None:
     with running("rig:stroke?speed=max", "jsonl:/dev/full", f"jsonl:{tmp_path}/a.jsonl") as reports:
         pass
     assert len(published(tmp_path / "a.jsonl")) == 140

@@ -88,7 +88,7 @@ def test_methods_that_are_compared_differ(
 
 
 @pytest.mark.long
-def test_the_command_says_where_its_page_is_and_ends_with_ctrl_c(stroke: Recording, tmp_path: Path) -> None:
+def test_the_command_prints_its_address_and_ends_with_ctrl_c(stroke: Recording, tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
     convert(stroke, tmp_path / "stroke.npz")
     command = [sys.executable, "-m", "taxelflow.cli", "view", str(tmp_path / "stroke.npz"), "--port", "18733"]

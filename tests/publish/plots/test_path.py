@@ -90,7 +90,7 @@ def test_pads_of_any_shape_are_drawn(tmp_path: Path, rows: int, cols: int) -> No
     save(figure, tmp_path / "a.png")
 
 
-def test_a_way_that_leaves_the_pad_is_seen_as_far_as_half_a_pad_beyond_it() -> None:
+def test_a_path_that_leaves_the_pad_is_drawn_to_half_a_pad_beyond_it() -> None:
     near, far = (path_figure([track(x, 0 * X, pad="pad0")], LAYOUT).axes[0] for x in (3 * X, 30 * X))
     assert near.get_xlim()[0] < -60 < 60 < near.get_xlim()[1]
     assert far.get_xlim() == pytest.approx((-71.0, 71.0))

@@ -89,7 +89,7 @@ def test_taxels_sum_to_the_normal_force(kind: str) -> None:
         assert (pressure > 0).sum() > 10  # a field, not a point
 
 
-def test_pads_see_an_object_that_sinks_move_down_in_both() -> None:
+def test_an_object_that_sinks_moves_down_in_both_pads() -> None:
     plant = gripper("ball")
     lifted(plant, 1.5 * LEAST_N, until_s=LIFT_S)
     rows = np.repeat(np.arange(16), 16)
@@ -226,7 +226,7 @@ def test_the_least_force_follows_the_load(event: str) -> None:
     assert (trial.first_n < before) == (event == "weak")
 
 
-def test_a_rehearsal_says_whether_the_object_was_grasped() -> None:
+def test_a_rehearsal_knows_whether_the_object_was_grasped() -> None:
     pytest.importorskip("mujoco")
     trial = Trial.drawn(1, "ball", "none")
     grasping = Rehearsal(trial)

@@ -109,7 +109,7 @@ def test_a_recording_that_starts_loaded_has_no_idle_scan() -> None:
     assert values.sum(axis=1).min() > 0.8 * values.sum(axis=1).max()
 
 
-def test_rows_that_are_read_later_see_the_object_later() -> None:
+def test_rows_that_are_read_later_sample_the_object_later() -> None:
     course = replace(HELD, travel_m=6e-3, direction_rad=0.0, moving_scans=6)
     pressing = Pressing(object=Object(shape="bar", size_m=0.012), course=course, faults=QUIET, force_n=3.0)
     at_once = simulate_relief(pressing, GRID, "grid")
