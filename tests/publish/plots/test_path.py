@@ -138,7 +138,6 @@ def test_of_more_contacts_than_panels_those_that_slip_farthest_are_drawn() -> No
     assert figure.get_supxlabel().startswith("The 60 of 62 contacts that slip farthest")
 
 
-@pytest.mark.long
 def test_contacts_without_positions_have_no_panel(tmp_path: Path) -> None:
     some = touches(10)
     some.numbers["x_m"][:100] = np.nan
