@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import functools
 import gc
 import os
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from hypothesis import settings
+from tyro import _docstrings
 
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
@@ -26,59 +28,32 @@ gc.disable()  # until tests are collected: none of what is imported is garbage
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 FIRST = (
-    "test_cli",
-    "test_warmup",
     "test_template",
-    "test_compiling",
-    "test_browser",
-    "test_faults",
-    "test_plot",
-    "test_cli_rig",
+    "test_real_hands",
     "test_scaling",
-    "test_lsl",
-    "test_api",
-    "test_paper",
-    "test_stages",
-    "test_rigidity",
-    "test_centre_of_pressure",
-    "test_drift",
+    "test_warmup",
     "test_cluster",
-    "test_tare",
-    "test_health",
-    "test_simulate",
     "test_prediction",
-    "test_process",
-    "test_split",
-    "test_hostile",
-    "test_run",
-    "test_view_film",
-    "test_map_export",
-    "test_hypotheses",
-    "test_control",
-    "test_sinks",
-    "test_devices",
-    "test_convert",
-    "test_examples",
-    "test_session",
-    "test_controllers",
-    "test_calibrate",
-    "test_smooth",
-    "test_path",
-    "test_bench",
-    "test_table1",
-    "test_barrett",
     "test_slip",
-    "test_view",
-    "test_adoptions",
-    "test_gripper",
-    "test_one_core",
-    "test_gaps",
-    "test_damage",
-    "test_convolution",
+    "test_rigidity",
+    "test_plot",
+    "test_centre_of_pressure",
+    "test_split",
+    "test_hard",
+    "test_cli",
+    "test_compiling",
     "test_gainfit",
-    "test_elastic",
+    "test_hand",
+    "test_paper",
+    "test_api",
+    "test_calibrate",
+    "test_session",
+    "test_simulate",
+    "test_controllers",
+    "test_stages",
+    "test_tare",
 )
-"""Files of tests that take 4 s and more, longest first; some wait for processes or a browser while others compute."""
+"""Files of tests that take longest, first: those of `make test-long` take 12 to 83 s, those of `make test` 7 to 14."""
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -109,6 +84,15 @@ def loaded_as_needed() -> Iterator[None]:
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Pipeline, "warm_up", lambda _pipeline, **_needs: None)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def options_read_once() -> Iterator[None]:
+    """tyro reads the sources of a command's options for their help, 20 ms a command: here once for each class."""
+    make = staticmethod(functools.cache(_docstrings._ClassTokenization.make))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_docstrings._ClassTokenization, "make", make)
         yield
 
 

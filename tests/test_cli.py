@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import taxelflow
+from costly import mostly_long
 from rigged import refused
 from synthetic import DsaMatrix, dome, dsa_words, dsa_xml, grid_sensor, raw_scans, write_dsa
 from taxelflow.acquire.base import Recording
@@ -128,7 +129,7 @@ def test_a_row_per_scan_and_pad_in_time_order(tmp_path: Path) -> None:
     assert t_s == sorted(t_s)
 
 
-def test_times_keep_what_tells_scans_apart(tmp_path: Path) -> None:
+def test_times_keep_scans_distinct(tmp_path: Path) -> None:
     t_s = 1.7e9 + np.arange(60) * 1e-4
     main(["estimate", str(save_npz(tmp_path / "a.npz", t_s=t_s)), "--out", str(tmp_path)])
     written = [float(row["t_s"]) for row in rows_of(tmp_path / "slips.csv")]
@@ -145,7 +146,7 @@ def test_events_are_those_of_the_contract_in_time_order(tmp_path: Path) -> None:
     assert t_s == sorted(t_s)
 
 
-def test_the_summary_says_what_ran_on_what(tmp_path: Path) -> None:
+def test_the_summary_names_recording_method_and_parameters(tmp_path: Path) -> None:
     file = save_npz(tmp_path / "a.npz")
     main(["estimate", str(file), "--out", str(tmp_path), "--method", "lnorm", "--gain", "1.04", "--mode", "stream"])
     summary = json.loads((tmp_path / "summary.json").read_text())
@@ -175,6 +176,7 @@ def test_a_methods_own_option_may_stand_anywhere_after_the_recording(
     assert json.loads((tmp_path / "summary.json").read_text())["parameters"]["method"] == {"gain": 1.04}
 
 
+@pytest.mark.long
 @both_modes
 def test_contacts_have_rows_of_their_own_that_are_read_back_and_drawn(tmp_path: Path, mode: str) -> None:
     wide = grid_sensor(8, 16)
@@ -201,6 +203,7 @@ def test_contacts_have_rows_of_their_own_that_are_read_back_and_drawn(tmp_path: 
         assert (tmp_path / "pictures" / "position-pad0_1.svg").is_file()
 
 
+@pytest.mark.long
 def test_a_result_is_drawn_with_its_recording_from_any_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
@@ -226,7 +229,7 @@ def test_contacts_of_a_pad_that_the_sensor_lacks(tmp_path: Path, capsys: Capture
 
 
 @both_modes
-def test_no_contact_is_a_result_that_says_so(tmp_path: Path, capsys: Capture, mode: str) -> None:
+def test_a_recording_without_contact_gives_a_result_that_reports_it(tmp_path: Path, capsys: Capture, mode: str) -> None:
     values = np.random.default_rng(0).normal(0, 100, (50, 28))
     file = save_npz(tmp_path / "a.npz", values)
     assert main(["estimate", str(file), "--out", str(tmp_path / "out"), "--mode", mode]) == 0
@@ -491,7 +494,7 @@ def test_an_option_that_the_method_lacks_ends_with_2_and_names_it(tmp_path: Path
 # What is lost or interrupted
 
 
-@both_modes
+@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
 def test_a_truncated_dsa_is_estimated_as_far_as_it_goes(tmp_path: Path, capsys: Capture, mode: str) -> None:
     values = np.maximum(np.round(np.tile(grasp(100) / 20, (8, 1))), 0)
     path = write_dsa(tmp_path / "a.dsa", values, [DsaMatrix(4, 7)])
@@ -570,7 +573,7 @@ def test_a_failed_run_leaves_no_older_result_that_could_be_taken_for_its_own(tmp
 # info and sensors
 
 
-def test_info_tells_of_a_recording(tmp_path: Path, capsys: Capture) -> None:
+def test_info_describes_a_recording(tmp_path: Path, capsys: Capture) -> None:
     assert main(["info", str(save_npz(tmp_path / "a.npz"))]) == 0
     said = capsys.readouterr().out
     for word in ("grid", "pad0", "60", "10.00 Hz", "no gaps", "4x7"):
@@ -661,6 +664,7 @@ def test_sensors_draws_a_picture(tmp_path: Path, capsys: Capture) -> None:
     assert "xela-4x4@4.7mm.svg" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_sensors_draws_all_built_in_ones(tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("matplotlib")
     # grids, a table, a pitch in the name; that each sensor can be drawn is shown in test_sensor_figure
@@ -681,7 +685,7 @@ def test_sensors_draws_all_built_in_ones(tmp_path: Path, capsys: Capture, monkey
         ("grid:16x16", "'grid:16x16' is not a plain grid; give rows, cols and pitch"),
     ],
 )
-def test_a_sensor_that_lacks_its_pitch_says_how_to_name_it(capsys: Capture, name: str, says: str) -> None:
+def test_a_sensor_without_pitch_reports_how_to_name_it(capsys: Capture, name: str, says: str) -> None:
     assert says in refused(capsys, "sensors", name)
 
 
@@ -724,6 +728,7 @@ def program(*arguments: object, **more: Any) -> subprocess.CompletedProcess[str]
     )
 
 
+@pytest.mark.long
 def test_the_program_ends_with_0_when_all_went_well(tmp_path: Path) -> None:
     done = program("estimate", save_npz(tmp_path / "a.npz"), "--out", tmp_path / "out")
     assert (done.returncode, "Traceback" in done.stderr) == (0, False)

@@ -124,6 +124,7 @@ def test_json_is_all_that_is_printed(capsysbinary: pytest.CaptureFixture[bytes],
     assert said.out == (tmp_path / "out" / "summary.json").read_bytes()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
 def test_a_completion_is_printed_for(shell: str) -> None:
     program = "from taxelflow.cli import main; main()"

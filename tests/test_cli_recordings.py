@@ -44,7 +44,7 @@ def run(capsys: Capture, *arguments: object) -> tuple[int, str, str]:
     return code, out, err
 
 
-def test_a_bag_is_estimated_and_what_is_odd_is_said_on_the_terminal_and_in_the_summary(
+def test_a_bag_is_estimated_with_its_notes_on_the_terminal_and_in_the_summary(
     tmp_path: Path, sensor: Path, capsys: Capture
 ) -> None:
     bag = write_bag(tmp_path / "a.bag", {"/touch": (TOUCH, [[row] for row in VALUES])}, period_s=0.1)
@@ -84,7 +84,7 @@ def test_a_log_is_mapped_on_the_command_line_or_by_a_file(tmp_path: Path, sensor
     assert (code, same) == (0, out)
 
 
-def test_times_in_a_wrong_unit_are_told(tmp_path: Path, sensor: Path, capsys: Capture) -> None:
+def test_times_in_a_wrong_unit_are_reported(tmp_path: Path, sensor: Path, capsys: Capture) -> None:
     convert(recorded(VALUES, PALM, t_s=100.0 * np.arange(70)), tmp_path / "a.csv")
     code, out, err = run(capsys, "info", tmp_path / "a.csv", "--sensor", sensor, "--json")
     assert code == 0
@@ -99,6 +99,7 @@ def test_columns_mean_nothing_for_a_bag(tmp_path: Path, sensor: Path, capsys: Ca
     assert "must be left out for .bag recordings" in err
 
 
+@pytest.mark.long
 def test_a_truncated_mcap_is_estimated_as_far_as_it_goes(tmp_path: Path, capsys: Capture) -> None:
     noise = np.random.default_rng(1).normal(0, 100, (14000, 28))
     convert(recorded(np.tile(VALUES, (200, 1)) + noise, PALM), tmp_path / "a.mcap")
@@ -112,7 +113,9 @@ def test_a_truncated_mcap_is_estimated_as_far_as_it_goes(tmp_path: Path, capsys:
     assert f"{summary['scans']} scans of grid" in out
 
 
-def test_an_unindexed_bag_is_one_line_that_says_what_to_run(tmp_path: Path, sensor: Path, capsys: Capture) -> None:
+def test_an_unindexed_bag_is_one_line_that_names_the_command_to_run(
+    tmp_path: Path, sensor: Path, capsys: Capture
+) -> None:
     bag = write_bag(tmp_path / "a.bag", {"/touch": (TOUCH, [[row] for row in VALUES])})
     bag.write_bytes(bag.read_bytes()[:-100])
     code, out, err = run(capsys, "estimate", bag, "--sensor", sensor, "--out", tmp_path / "out")
@@ -154,7 +157,7 @@ def test_what_cannot_be_a_recording_is_named(
 
 
 @pytest.mark.parametrize("reading", [np.nan, 0.0])
-def test_a_recording_that_says_nothing_is_reported(
+def test_a_recording_of_constant_readings_is_reported(
     tmp_path: Path, sensor: Path, capsys: Capture, reading: float
 ) -> None:
     convert(recorded(np.full((60, 28), reading), PALM), tmp_path / "a.csv")

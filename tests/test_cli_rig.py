@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from rigged import estimated, refused, rigged, strokes_by_both
 from synthetic import assert_same, grid_sensor, recorded
 from taxelflow.cli import main
@@ -44,7 +45,7 @@ def ended(arguments: list[str]) -> object:
 # simulate
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize("name", mostly_long(SCENARIOS, "stroke", "two-contacts", "hold-at-edge"))
 def test_each_scenario_may_be_asked_for_by_its_name(
     tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -196,7 +197,7 @@ def test_help_lists_the_scenarios_with_what_they_do(capsys: Capture) -> None:
         assert description.split(":")[0].split(",")[0][:25] in said
 
 
-def test_help_of_a_scenario_tells_units_and_defaults(capsys: Capture) -> None:
+def test_help_of_a_scenario_has_units_and_defaults(capsys: Capture) -> None:
     assert ended(["simulate", "fast-stroke", "--help"]) == 0
     said = capsys.readouterr().out
     for word in ("--motion.speed-m-s", "m/s", "0.05", "--sensing.noise-pa", "750", "--contact.shape", "hertz"):
@@ -206,6 +207,7 @@ def test_help_of_a_scenario_tells_units_and_defaults(capsys: Capture) -> None:
 # plot
 
 
+@pytest.mark.long
 def test_plot_names_the_pictures_it_has_drawn(results: list[Path], tmp_path: Path, capsys: Capture) -> None:
     form = "png"  # every form is drawn in evaluation/test_plot
     arguments = ["plot", *map(str, results), "--out", str(tmp_path), "--format", form]
@@ -217,7 +219,8 @@ def test_plot_names_the_pictures_it_has_drawn(results: list[Path], tmp_path: Pat
     assert sorted(named) == sorted(map(str, tmp_path.iterdir()))
 
 
-def test_plot_draws_into_the_first_result_unless_told(results: list[Path], capsys: Capture) -> None:
+@pytest.mark.long
+def test_plot_draws_into_the_first_result_by_default(results: list[Path], capsys: Capture) -> None:
     before = set(results[1].iterdir())
     assert main(["plot", str(results[1])]) == 0
     named = capsys.readouterr().out.splitlines()
@@ -274,7 +277,8 @@ def test_bench_prints_its_tables(results: list[Path], monkeypatch: pytest.Monkey
         assert word in said
 
 
-def test_bench_times_opencv_or_says_why_not(
+@pytest.mark.long
+def test_bench_times_opencv_or_states_why_not(
     results: list[Path], monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     hurry(monkeypatch)
@@ -288,6 +292,7 @@ def test_bench_times_opencv_or_says_why_not(
         assert words in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_bench_gives_json(
     results: list[Path], monkeypatch: pytest.MonkeyPatch, capsysbinary: pytest.CaptureFixture[bytes]
 ) -> None:

@@ -205,6 +205,7 @@ def said(folder: Path, *, inside: bool = True, **environment: str) -> list[str]:
     return lines_of(started(folder, inside=inside, **environment))
 
 
+@pytest.mark.long
 def test_the_first_compile_is_announced_once_and_a_cached_load_stays_silent(tmp_path: Path) -> None:
     (line,) = said(tmp_path)
     logger, level, message = line.split("|")
@@ -216,10 +217,12 @@ def test_the_first_compile_is_announced_once_and_a_cached_load_stays_silent(tmp_
     assert said(tmp_path) == []
 
 
+@pytest.mark.long
 def test_outside_of_the_context_nothing_is_announced(tmp_path: Path) -> None:
     assert said(tmp_path, inside=False) == []
 
 
+@pytest.mark.long
 def test_two_first_runs_at_once_do_no_harm(tmp_path: Path) -> None:
     both = [started(tmp_path), started(tmp_path)]
     lines = [line for process in both for line in lines_of(process)]
@@ -228,6 +231,7 @@ def test_two_first_runs_at_once_do_no_harm(tmp_path: Path) -> None:
     assert said(tmp_path) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("runs", "environment"),
     [
@@ -235,7 +239,7 @@ def test_two_first_runs_at_once_do_no_harm(tmp_path: Path) -> None:
         (1, {"NUMBA_CACHE_DIR": "", "HOME": "{taken}", "XDG_CACHE_HOME": "{taken}/cache"}),
     ],
 )
-def test_without_a_folder_that_can_be_written_each_run_compiles_and_says_so(
+def test_without_a_folder_that_can_be_written_each_run_compiles_and_reports_it(
     tmp_path: Path, runs: int, environment: dict[str, str]
 ) -> None:
     (tmp_path / "taken").write_text("a file, where a folder is needed")
@@ -302,14 +306,17 @@ def test_machine_code_is_emitted_for_the_kernel_and_for_none_of_its_routines(fre
     assert fourth(2.0) == 16.0
 
 
+@pytest.mark.long
 def test_an_array_that_a_kernel_or_a_routine_makes_is_freed(tmp_path: Path) -> None:
     assert printed(tmp_path, ARRAYS, NUMBA_NRT_STATS="1") == "4.0\n1001.0\n2 2\n"
 
 
+@pytest.mark.long
 def test_arrays_that_are_iterated_over_are_freed_once(tmp_path: Path) -> None:
     assert printed(tmp_path, ITERATED, NUMBA_NRT_STATS="1") == "41.0\n41.0\n4 4\n"
 
 
+@pytest.mark.long
 def test_arrays_come_and_go_through_a_lean_routine_without_a_leak(tmp_path: Path) -> None:
     assert printed(tmp_path, LEAN, NUMBA_NRT_STATS="1") == "6.0\n6.0\n1 1\n"
 
@@ -342,6 +349,7 @@ def test_nothing_that_is_private_to_numba_is_overridden() -> None:
         assert overridden - of_python <= {"_name"}, one  # of a pass: documented
 
 
+@pytest.mark.long
 def test_another_release_of_numba_compiles_by_its_own_pipeline(tmp_path: Path) -> None:
     """The version is changed before our modules are imported: no release but the pinned one is at hand."""
     assert printed(tmp_path, OTHER) == "6.0\n256.0\nFalse False\n"

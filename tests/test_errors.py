@@ -64,7 +64,7 @@ def test_the_tree_at_the_top_of_the_file_is_the_tree_of_classes() -> None:
 @pytest.mark.parametrize(
     "name", [name for name in CLASSES if name not in ("TaxelflowError", "RecordingError", "CalibrationError")]
 )
-def test_a_message_is_one_line_that_names_what_was_seen_and_what_to_do(name: str) -> None:
+def test_a_message_is_one_line_that_names_the_finding_and_the_remedy(name: str) -> None:
     message = str(CLASSES[name](*FACTS[name]))
     assert "\n" not in message
     assert str(FACTS[name][0]) in message

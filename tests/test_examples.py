@@ -47,7 +47,7 @@ def test_every_example_is_tested_here() -> None:
     ]
 
 
-def test_01_tells_contact_speed_accuracy_and_events(ran: Callable[..., str]) -> None:
+def test_01_prints_contact_speed_accuracy_and_events(ran: Callable[..., str]) -> None:
     said = ran("01_read_and_estimate.py")
     told = re.search(r"^palm: (\d+) scans in contact, median speed ([\d.]+) mm/s,$", said, re.MULTILINE)
     assert told
@@ -68,7 +68,7 @@ def test_01_takes_a_recording_and_a_sensor(tmp_path: Path, ran: Callable[..., st
     assert "\nfinger2_proximal: " in ran("01_read_and_estimate.py", "turn.npz", "schunk-sdh2")
 
 
-def test_02_tells_of_slips_back_and_forth_as_they_happen(ran: Callable[..., str]) -> None:
+def test_02_prints_slips_back_and_forth_as_they_happen(ran: Callable[..., str]) -> None:
     lines = ran("02_live_loop.py").splitlines()
     t_s = [float(line.split()[0]) for line in lines]
     assert t_s == sorted(t_s)
@@ -96,6 +96,7 @@ def test_03_shows_a_new_estimator_in_40_lines() -> None:
     assert len([line for line in body.splitlines() if line.strip()]) <= 40
 
 
+@pytest.mark.long
 def test_04_holds_what_would_slide_and_lets_slip_what_was_asked_for(ran: Callable[..., str]) -> None:
     said = ran("04_slip_control.py")
     loose, held, felt, slid = map(float, re.findall(r"(?:slid|felt|^ +) ?([\d.]+) mm", said, re.MULTILINE))
@@ -122,6 +123,7 @@ def test_05_follows_a_run_by_json_lines(ran: Callable[..., str], monkeypatch: py
     assert len((EXAMPLES / "05_live_client.py").read_text().splitlines()) <= 20
 
 
+@pytest.mark.long
 def test_06_holds_a_bottle_that_is_filled_over_tcp(ran: Callable[..., str]) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxelflow[sim]'")
     said = ran("06_live_grip.py")

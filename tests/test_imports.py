@@ -3,6 +3,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 HEAVY = ("numpy", "numba", "scipy", "matplotlib", "rosbags", "mcap", "pyarrow", "distributed", "viser")
 HELP = ("", "estimate", "batch", "calibrate", "info", "view", "convert", "sensors", "score")
 MODULES = (
@@ -57,6 +59,7 @@ for module in {MODULES!r}:
     assert loaded_after(program) == {module: set() for module in MODULES}
 
 
+@pytest.mark.long
 def test_estimating_needs_neither_scipys_signal_processing_nor_pictures() -> None:
     program = (
         "import numpy as np\nfrom taxelflow import estimate\nfrom taxelflow.acquire.base import Recording\n"

@@ -7,6 +7,9 @@ import subprocess
 import sys
 from typing import TYPE_CHECKING
 
+import pytest
+
+from costly import mostly_long
 from taxelflow.cli import main
 
 if TYPE_CHECKING:
@@ -30,20 +33,27 @@ for command in sys.argv[1:]:
 """
 
 
-def test_looking_at_recordings_and_results_compiles_nothing(tmp_path: Path) -> None:
-    assert main(["simulate", "stroke", "--out", str(tmp_path / "stroke.npz")]) == 0
-    assert main(["estimate", str(tmp_path / "stroke.npz"), "--method", "lnorm", "--out", str(tmp_path / "result")]) == 0
-    commands = [
-        "sensors barretthand-162",
-        "info stroke.npz",
-        "info stroke.npz --json",
-        "convert stroke.npz again.csv",
-        "plot result --out pictures --format svg",
-        "report result --out report.html",
-    ]
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recording and its result."""
+    made = tmp_path_factory.mktemp("start")
+    assert main(["simulate", "stroke", "--out", str(made / "stroke.npz")]) == 0
+    assert main(["estimate", str(made / "stroke.npz"), "--method", "lnorm", "--out", str(made / "result")]) == 0
+    return made
+
+
+@pytest.mark.parametrize(
+    "commands",
+    [
+        ["sensors barretthand-162", "info stroke.npz", "info stroke.npz --json", "convert stroke.npz again.csv"],
+        *mostly_long([["plot result --out pictures --format svg", "report result --out report.html"]]),
+    ],
+    ids=["recordings", "results"],
+)
+def test_looking_at_recordings_and_results_compiles_nothing(folder: Path, tmp_path: Path, commands: list[str]) -> None:
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM, *commands],
-        cwd=tmp_path,
+        cwd=folder,
         env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
         capture_output=True,
         text=True,

@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from costly import mostly_long
 from taxelflow.simulation.warmup import made_up
 
 PROGRAM = """
@@ -50,6 +51,7 @@ def check(scenario, method, contacts=None, joints="", **options):
     print(method, ready() - before, heard.count)
 """
 METHODS = ("convolution", "lnorm", "sum", "principal_axis", "registration", "template")
+ALONE = ['check("slide-and-turn", "convolution")']
 PLAIN = [*(f'check("slide-and-turn", "{method}")' for method in METHODS), 'check("two-contacts", "convolution")']
 FILTERED = [
     'check("two-contacts", "convolution", 2, smooth=Smoothing(1.0),'
@@ -58,7 +60,11 @@ FILTERED = [
 IN_SPACE = ['check("slide-and-turn-over-hand", "convolution", joints="spread")']
 
 
-@pytest.mark.parametrize("checks", [PLAIN, FILTERED, IN_SPACE], ids=["plain", "filtered", "in space"])
+@pytest.mark.parametrize(
+    "checks",
+    mostly_long([ALONE, PLAIN, FILTERED, IN_SPACE], ALONE),
+    ids=["one method", "plain", "filtered", "in space"],
+)
 def test_no_kernel_is_compiled_or_loaded_once_a_stream_has_started(checks: list[str]) -> None:
     """Streams that share a process, and so a warm-up, need the same; each checks that its own start loaded it all."""
     if checks is IN_SPACE:

@@ -178,7 +178,7 @@ def test_every_command_method_and_score_is_among_them() -> None:
         ("Number of poses that are not vouched for", "vouched"),
     ],
 )
-def test_what_the_first_texts_said_is_refused(text: str | None, says: str) -> None:
+def test_phrases_of_the_first_texts_are_refused(text: str | None, says: str) -> None:
     assert says in fault(text)
 
 
@@ -191,6 +191,7 @@ def test_a_number_without_its_unit_is_refused(name: str, text: str) -> None:
     assert missing_unit(Help("here", name, typing.Optional[float], text))  # noqa: UP045
 
 
+@pytest.mark.long
 def test_no_message_uses_words_that_people_did_not_understand() -> None:
     found = []
     for path in sorted(SOURCE.rglob("*.py")):

@@ -109,7 +109,7 @@ def broken_off(scans: int) -> Recording:
     return Recording("memory", "memory", ONE, read)
 
 
-def test_a_truncated_recording_ends_and_says_what_is_lost() -> None:
+def test_a_truncated_recording_ends_and_reports_the_loss() -> None:
     reading = broken_off(4).blocks()
     assert sum(len(block) for block in reading) == 4
     assert reading.loss is not None
@@ -158,7 +158,7 @@ def test_what_is_read_does_not_depend_on_how_the_source_cuts_it(steps: list[floa
     assert outcomes[0] == outcomes[1]
 
 
-def test_a_recording_without_truth_says_so_when_it_is_asked_for() -> None:
+def test_a_recording_without_truth_raises_when_it_is_asked_for() -> None:
     sensor = grid_sensor(1, 2)
     with pytest.raises(RecordingCorrupt, match="holds no truth; use a recording of"):
         _ = recorded(np.zeros((3, 2)), sensor).known_truth

@@ -56,7 +56,7 @@ def test_taxels_are_chosen_by_name_wildcard_expression_or_number_in_any_order(
     assert raw.values.tolist() == wanted
 
 
-def test_columns_in_another_order_than_their_numbers_must_be_said(tmp_path: Path) -> None:
+def test_columns_in_another_order_than_their_numbers_must_be_declared(tmp_path: Path) -> None:
     text = "t_s,p0,p10,p2\n0,1,3,2\n"
     refused(tmp_path, text, "columns are not sorted: 'p10' comes before.*--columns.order number, or file", 3)
     assert read(tmp_path, text, 3, order="number").values.tolist() == [[1, 2, 3]]
@@ -90,7 +90,7 @@ def test_delimiters_headers_and_scans_of_several_rows(
     assert raw.values.tolist() == [[1, 2], [3, 4]]
 
 
-def test_a_log_without_times_has_a_rate_and_that_is_said(tmp_path: Path) -> None:
+def test_a_log_without_times_has_a_rate_and_that_is_noted(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("a,b\n" + "1,2\n" * 1500)
     recording = open_csv(path, plain(2), Columns(rate_hz=50.0))
@@ -114,7 +114,7 @@ def test_a_log_without_times_has_a_rate_and_that_is_said(tmp_path: Path) -> None
         ),
     ],
 )
-def test_what_does_not_fit_is_said_with_what_was_seen(
+def test_what_does_not_fit_is_refused_with_what_was_found(
     tmp_path: Path, text: str, match: str, asked: dict[str, Any]
 ) -> None:
     refused(tmp_path, text, match.replace("*", r"\*"), **asked)
@@ -146,7 +146,7 @@ def test_a_mapping_may_stand_in_a_file_and_what_is_given_beside_it_comes_first(t
         ("skip = -1", "columns.skip must be at least 0 .got -1.|-1"),
     ],
 )
-def test_a_broken_mapping_is_said(tmp_path: Path, text: str, match: str) -> None:
+def test_a_broken_mapping_is_refused(tmp_path: Path, text: str, match: str) -> None:
     (tmp_path / "log.toml").write_text(text)
     with pytest.raises(ParameterInvalid, match=match):
         Columns(file=tmp_path / "log.toml").resolved()

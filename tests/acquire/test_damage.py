@@ -165,7 +165,7 @@ def test_a_chunk_that_declares_more_than_can_be_is_not_unpacked(tmp_path: Path) 
         read(path, SENSOR)
 
 
-def test_a_bag_without_an_index_says_what_to_run(tmp_path: Path) -> None:
+def test_a_bag_without_an_index_names_the_command_to_run(tmp_path: Path) -> None:
     path = bag("ros1")(tmp_path)
     path.write_bytes(path.read_bytes()[:-200])
     with pytest.raises(RecordingCorrupt, match=r"index is missing or damaged .*run `rosbag reindex whole.bag`"):

@@ -121,6 +121,7 @@ def test_joint_states_beside_the_scans_of_a_bag_are_read(tmp_path: Path) -> None
     np.testing.assert_allclose(recording.joints.at(np.array([1e9 + 0.25]), ["a", "b"]), [[0.25, 1.0]], atol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not SDH.is_file(), reason="the recordings are not here: set TAXELFLOW_DATA")
 def test_the_sdh_recordings_with_joint_angles_go_through_it_all() -> None:
     recording = api.read(SDH)

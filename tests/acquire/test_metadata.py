@@ -32,7 +32,7 @@ SENSOR = grid_sensor(2, 3)
     ],
 )
 @pytest.mark.parametrize("suffix", [".parquet", ".mcap"])
-def test_broken_texts_in_a_file_are_said(
+def test_broken_texts_in_a_file_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, name: str, text: str, match: str
 ) -> None:
     module = "taxelflow.acquire.parquet" if suffix == ".parquet" else "taxelflow.acquire.ros.write"

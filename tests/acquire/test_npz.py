@@ -156,7 +156,7 @@ def test_truth_and_masks_make_the_round_trip(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.truth.pose, pose)
 
 
-def test_truth_may_be_in_the_hand_frame_and_tell_of_slip(tmp_path: Path) -> None:
+def test_truth_may_be_in_the_hand_frame_and_hold_slip(tmp_path: Path) -> None:
     truth = {**STILL, "truth_pad": "hand"}
     found = open_npz(save(tmp_path / "a.npz", **truth, truth_slipping=np.array([0, 1, 1, 0], np.uint8)), SENSOR).truth
     assert found is not None
@@ -329,7 +329,9 @@ def test_a_truncated_archive_is_corrupt(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("order", ["C", "F"])
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
-def test_damaged_compressed_data_are_a_foreseen_error_or_a_said_loss(tmp_path: Path, order: str, share: float) -> None:
+def test_damaged_compressed_data_are_a_foreseen_error_or_a_reported_loss(
+    tmp_path: Path, order: str, share: float
+) -> None:
     path = tmp_path / "a.npz"
     scans = np.random.default_rng(0).random((3000, 6))
     np.savez_compressed(path, t=times(3000), pressure=np.asarray(scans, order=order))  # type: ignore[call-overload]

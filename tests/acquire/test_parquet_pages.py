@@ -28,7 +28,7 @@ def written(path: Path, rows: int, **options: Any) -> Path:
 @pytest.mark.parametrize(
     "options", [{}, {"use_dictionary": True}, {"data_page_version": "2.0"}, {"row_group_size": 300}]
 )
-def test_pages_are_as_long_as_pyarrow_says(tmp_path: Path, options: dict[str, Any]) -> None:
+def test_pages_have_the_length_that_pyarrow_gives(tmp_path: Path, options: dict[str, Any]) -> None:
     path = written(tmp_path / "a.parquet", 1000, **options)
     metadata = pq.read_metadata(path)
     with path.open("rb") as file:

@@ -66,6 +66,7 @@ def test_files_hold_it_in_the_numbers_that_the_source_sends(tmp_path: Path, suff
     assert source.values.shape == (8, 18)
 
 
+@pytest.mark.long
 def test_a_log_of_a_live_run_holds_it(tmp_path: Path) -> None:
     api.convert(made(), tmp_path / "a.npz")
     log = tmp_path / "log.mcap"

@@ -20,7 +20,7 @@ both_modes = pytest.mark.parametrize("mode", ["batch", "stream"])
 
 @pytest.mark.parametrize("times", [2, 3, 10])
 @pytest.mark.parametrize("clipped", [True, False])
-def test_repeats_of_a_loaded_sensor_are_dropped_and_its_true_rate_is_told(times: int, clipped: bool) -> None:
+def test_repeats_of_a_loaded_sensor_are_dropped_and_its_true_rate_is_reported(times: int, clipped: bool) -> None:
     values = noisy_grasp(clipped=clipped)
     deduplicator, kept = deduplicated(*logged(values, times))
     idle = 100 if clipped else 0
@@ -83,7 +83,7 @@ def test_what_is_dropped_does_not_depend_on_how_the_stream_is_cut(cuts: list[int
 
 
 @pytest.mark.parametrize("known", [100, 101, 350])
-def test_a_stream_drops_by_what_it_has_seen(known: int) -> None:
+def test_a_stream_drops_by_what_it_has_received(known: int) -> None:
     t_s, values = logged(noisy_grasp(), 3)
     other = values.copy()
     other[known:] = np.random.default_rng(9).normal(0, 1e4, other[known:].shape)
@@ -98,6 +98,7 @@ def test_missing_readings_repeat_like_any_other() -> None:
     assert len(deduplicated(*logged(values, 2))[1]) == 300
 
 
+@pytest.mark.long
 @both_modes
 def test_noise_and_motion_are_those_of_the_sensor_not_of_its_logger(mode: str) -> None:
     moving = np.array([dome(WIDE, x) for x in np.linspace(-0.05, 0.05, 200)])
@@ -113,6 +114,7 @@ def test_noise_and_motion_are_those_of_the_sensor_not_of_its_logger(mode: str) -
     assert any("repeat the one before bit for bit" in note for note in repeated.summary.notes)
 
 
+@pytest.mark.long
 def test_a_batch_of_repeats_gives_the_scans_of_the_sensor() -> None:
     values = noisy_grasp(clipped=False)
     t_s, repeated = logged(values, 3)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from synthetic import assert_same, conditioned, dome, grid_sensor, raw_scans
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.sensors.pads import Group, Patch
@@ -30,7 +31,7 @@ def tared_at_start(values: Floats, mode: str, **more: str) -> Floats:
     return conditioned(values, PALM, mode=mode, tare="start", **more)[0].pressure
 
 
-@both_modes
+@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
 def test_an_idle_pads_drift_is_followed(mode: str) -> None:
     values = noisy(6000) + creeping(6000, 1500.0)
     kept, followed = (tared_at_start(values, mode, drift=how) for how in ("keep", "follow"))
@@ -47,6 +48,7 @@ def test_taxels_may_drift_apart(mode: str) -> None:
     assert np.abs(tared_at_start(values, mode, drift="follow")[-500:].mean(axis=0)).max() < 120
 
 
+@pytest.mark.long
 @both_modes
 def test_an_hours_contact_stays(mode: str) -> None:
     """At 10 Hz, with a pad that drifts under it by as much as a light contact weighs."""
@@ -60,8 +62,8 @@ def test_an_hours_contact_stays(mode: str) -> None:
     np.testing.assert_allclose(followed.pressure[last].mean(axis=0), kept.pressure[last].mean(axis=0), atol=70)
 
 
-@both_modes
-@pytest.mark.parametrize("peak", [300.0, 500.0])
+@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
+@pytest.mark.parametrize("peak", mostly_long([300.0, 500.0], 300.0))
 def test_a_contact_too_light_to_count_is_not_taken_for_a_drift(mode: str, peak: float) -> None:
     values = noisy(8000)
     values[500:] += dome(PALM, peak=peak)

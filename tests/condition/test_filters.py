@@ -53,7 +53,7 @@ def test_the_median_is_of_the_last_scans(scans: int) -> None:
 
 
 @pytest.mark.parametrize(("cutoff_hz", "median"), [(10.0, 1), (0.0, 5), (8.0, 3)])
-def test_noise_gain_and_lag_are_what_they_say(cutoff_hz: float, median: int) -> None:
+def test_noise_gain_and_lag_are_those_stated(cutoff_hz: float, median: int) -> None:
     filters = Filters(4, cutoff_hz, median, 0.01)
     values = np.random.default_rng(7).normal(0, 3.0, (30_000, 4))
     calm = filters.step(values, no_gap(values), np.zeros(4))
@@ -111,8 +111,9 @@ def test_a_stream_does_not_depend_on_how_it_is_cut() -> None:
     assert_same(one, other)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("filtered", [{"lowpass_hz": 4.0}, {"median_scans": 5}])
-def test_the_lag_of_slips_tells_when_a_position_was_true(filtered: dict[str, float]) -> None:
+def test_the_lag_of_slips_dates_a_position(filtered: dict[str, float]) -> None:
     from taxelflow.condition.parameters import Conditioner
 
     x = np.linspace(-0.05, 0.05, 200)

@@ -46,6 +46,7 @@ def test_no_motion_is_invented_across_a_gap(method: str, mode: str) -> None:
     assert any(note.startswith("1 gap of 0.533 s") for note in result.summary.notes)
 
 
+@pytest.mark.long
 @both_modes
 def test_the_template_knows_the_object_again_and_measures_what_a_gap_hid(mode: str) -> None:
     t_s, values = stroke_with_gap(0.5)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from synthetic import conditioned, dome, grid_sensor, recorded
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.pipeline.api import estimate, read
@@ -62,7 +63,7 @@ def found_in(values: Floats, mode: str = "batch", **parameters: str) -> tuple[Fi
 
 
 @both_modes
-@pytest.mark.parametrize("clipped", [False, True])
+@pytest.mark.parametrize("clipped", mostly_long([False, True], True))
 @pytest.mark.parametrize(
     ("fault", "name", "value"),
     [
@@ -141,7 +142,7 @@ def test_nothing_is_found_in_real_recordings_until_a_taxel_is_broken(recordings:
 # Masks
 
 
-def test_by_default_a_bad_taxel_is_told_of_and_used() -> None:
+def test_by_default_a_bad_taxel_is_reported_and_used() -> None:
     result = estimate(recorded(faulty("stuck"), PALM))
     assert result.summary.masked_taxels == []
     note = next(note for note in result.summary.notes if "faulty" in note)
@@ -149,7 +150,7 @@ def test_by_default_a_bad_taxel_is_told_of_and_used() -> None:
     assert "--condition.mask auto" in note
 
 
-def test_auto_masks_what_it_finds_and_says_so() -> None:
+def test_auto_masks_what_it_finds_and_reports_it() -> None:
     result = estimate(recorded(faulty("stuck"), PALM), condition=Conditioner(mask="auto"))
     assert result.summary.masked_taxels == [BAD]
     assert any(note.startswith(f"masked: taxel {BAD}") for note in result.summary.notes)
@@ -175,6 +176,7 @@ def test_a_list_masks_what_it_names() -> None:
     assert np.flatnonzero(session.baseline.masked).tolist() == [3, 44]
 
 
+@pytest.mark.long
 def test_a_stream_masks_once_it_knows_and_invents_no_motion_then() -> None:
     values = wandering(800)
     values[:, BAD] = 40e3
@@ -189,6 +191,7 @@ def test_a_stream_masks_once_it_knows_and_invents_no_motion_then() -> None:
     assert np.nanmax(np.abs(moved)) < 0.001
 
 
+@pytest.mark.long
 def test_masks_of_a_stream_do_not_depend_on_how_it_is_cut() -> None:
     values = faulty("stuck")
     one, _ = conditioned(values, PALM, mode="stream", mask="auto")

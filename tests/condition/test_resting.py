@@ -71,7 +71,7 @@ def test_level_and_likelihood_follow_the_readings(shift: float, factor: float) -
     np.testing.assert_allclose(moved.unloaded, one.unloaded, atol=1e-6)
 
 
-def test_a_taxel_without_readings_says_nothing() -> None:
+def test_a_taxel_without_readings_has_no_weight() -> None:
     rest = find_rest(np.full((5, 2), np.nan), 1.0, 0.0, 10.0)
     assert not rest.unloaded.any()
     np.testing.assert_allclose(rest.likelihood, 0.0)

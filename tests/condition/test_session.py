@@ -141,6 +141,7 @@ def gap_and_whole() -> tuple[Floats, list[Any]]:
     return values, scan_by_scan(stream(values))
 
 
+@pytest.mark.long
 @settings(max_examples=15)
 @given(cuts=st.lists(st.integers(0, 160), max_size=20))
 def test_a_stream_does_not_depend_on_how_it_is_cut(gap_and_whole: tuple[Floats, list[Any]], cuts: list[int]) -> None:
@@ -167,6 +168,7 @@ def test_a_stream_of_single_scans_is_that_of_one_block() -> None:
     assert scan_by_scan(stream(values, range(500))) == scan_by_scan(stream(values))
 
 
+@pytest.mark.long
 @settings(max_examples=15)
 @given(cuts=st.lists(st.integers(0, 100), max_size=10))
 def test_a_batch_does_not_depend_on_how_it_is_cut(cuts: list[int]) -> None:
@@ -226,7 +228,7 @@ def test_a_missing_loaded_taxel_stays_loaded_until_it_is_heard_again() -> None:
 
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
-def test_a_taxel_declared_off_reads_zero_and_says_so_by_its_noise(mode: str) -> None:
+def test_a_taxel_declared_off_reads_zero_and_has_no_noise(mode: str) -> None:
     masked = np.arange(28) == 5
     values = dome(PALM) + noisy(50)
     values[:, 5] = 1e6

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from synthetic import conditioned, dome, grid_sensor
 from taxelflow.condition.tare import estimate_offset, is_unstructured
 from taxelflow.messages import Bools, Floats
@@ -229,7 +230,7 @@ def test_a_negative_offset_is_taken_away_too() -> None:
 
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
-@pytest.mark.parametrize("radius_m", [0.006, 0.012, 0.02, 0.04])
+@pytest.mark.parametrize("radius_m", mostly_long([0.006, 0.012, 0.02, 0.04], 0.012))
 def test_a_contact_from_the_first_to_the_last_scan_stays(mode: str, radius_m: float) -> None:
     values = dome(PADS, radius_m=radius_m) + noise()
     assert untouched(values, 0, mode)
@@ -242,7 +243,7 @@ def test_a_steady_contact_stays_while_another_pad_moves(mode: str) -> None:
 
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
-@pytest.mark.parametrize("radius_m", [0.006, 0.012, 0.02])
+@pytest.mark.parametrize("radius_m", mostly_long([0.006, 0.012, 0.02], 0.012))
 @pytest.mark.parametrize("peak", [1e3, 2e3, 4e3])
 def test_a_light_steady_contact_stays_beside_a_strong_one(mode: str, peak: float, radius_m: float) -> None:
     values = dome(PADS, peak=peak, radius_m=radius_m) + grasps(1) + noise()
@@ -256,7 +257,7 @@ def test_a_light_steady_contact_at_a_corner_stays(mode: str) -> None:
 
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
-@pytest.mark.parametrize("radius_m", [0.006, 0.012, 0.02])
+@pytest.mark.parametrize("radius_m", mostly_long([0.006, 0.012, 0.02], 0.012))
 @pytest.mark.parametrize("least", [1e3, 2e3, 10e3])
 def test_a_contact_whose_load_varies_but_never_lets_go_stays(mode: str, least: float, radius_m: float) -> None:
     assert untouched(grasps(0, least=least, radius_m=radius_m) + noise(), 0, mode)

@@ -49,7 +49,7 @@ def test_whole_numbers_are_those_to_rounding(numbers: list[float], whole: bool) 
     assert are_whole(np.array(numbers)) == whole
 
 
-def test_without_contact_the_note_says_range_noise_and_threshold(tmp_path: Path) -> None:
+def test_without_contact_the_note_gives_range_noise_and_threshold(tmp_path: Path) -> None:
     values = np.random.default_rng(0).normal(0, 2.0, (200, 28))
     (note,) = [one for one in notes_of(save(tmp_path / "a.npz", values)) if one.startswith("no contact")]
     assert "readings range from -" in note

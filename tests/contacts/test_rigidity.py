@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from rigged import rigged
 from synthetic import conditioned, dome, grid_sensor
 from taxelflow.condition.parameters import Conditioner
@@ -38,7 +39,9 @@ def test_objects_that_pass_each_other_are_noted_with_the_option_to_use() -> None
     )
 
 
-@pytest.mark.parametrize("name", ["feet-lift", "turn-over-hand", "slide-and-turn-over-hand", "stick-slip", "tilt"])
+@pytest.mark.parametrize(
+    "name", mostly_long(["feet-lift", "turn-over-hand", "slide-and-turn-over-hand", "stick-slip", "tilt"], "tilt")
+)
 def test_feet_of_a_rigid_object_are_not(name: str) -> None:
     parted, watch = watched(simulate(rigged(name)))
     assert not parted.any()
@@ -48,13 +51,17 @@ def test_feet_of_a_rigid_object_are_not(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "seed", "changes"),
     [
-        ("feet-on-grid", 0, {}),
-        ("feet-on-grid", 1, {"motion": {"middle_m": (0.012, 0.004)}}),  # over the border
-        ("feet-on-grid", 0, {"contact": {"feet": 5, "radius_m": 0.004, "ring_m": 0.014}}),  # more than are followed
         ("feet-on-grid", 2, {"load": {"kind": "cycles", "multiples": (0.4, 2.0), "growth": 0.3}}),
-        ("feet-on-grid", 0, {"load": {"tilt": 0.6}}),
-        ("stick-slip-feet", 0, {"sensing": {"rate_hz": 25.0}}),
-        ("feet-lift", 0, {"sensing": {"noise_pa": 3000.0}}),
+        *mostly_long(
+            [
+                ("feet-on-grid", 1, {"motion": {"middle_m": (0.012, 0.004)}}),  # over the border
+                ("feet-on-grid", 0, {"contact": {"feet": 5, "radius_m": 0.004, "ring_m": 0.014}}),  # too many
+                ("feet-on-grid", 0, {}),
+                ("feet-on-grid", 0, {"load": {"tilt": 0.6}}),
+                ("stick-slip-feet", 0, {"sensing": {"rate_hz": 25.0}}),
+                ("feet-lift", 0, {"sensing": {"noise_pa": 3000.0}}),
+            ]
+        ),
     ],
 )
 def test_feet_that_merge_part_leave_grow_or_lift_are_not(name: str, seed: int, changes: dict[str, Any]) -> None:
@@ -63,7 +70,7 @@ def test_feet_that_merge_part_leave_grow_or_lift_are_not(name: str, seed: int, c
     assert watch.notes == []
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", mostly_long(range(3), 0))
 def test_objects_that_come_together_are_noted(seed: int) -> None:
     parted, watch = watched(simulate(rigged("two-contacts-meet", seed=seed, sensing={"rate_hz": 25.0})))
     assert parted[:, 0].any()
@@ -82,6 +89,7 @@ def test_a_foot_that_lifts_and_another_that_comes_down_are_no_one_that_moved() -
     assert watch.notes == []
 
 
+@pytest.mark.long
 def test_feet_turned_and_slid_are_not_whatever_the_noise() -> None:
     contact = {"shape": "feet", "radius_m": 0.005, "ring_m": 0.014, "feet": 3}
     motion = {"kind": "strokes", "travel_m": 0.02, "speed_m_s": 0.01, "turn_rad_s": 0.4, "middle_m": (0.0, 0.0)}
@@ -91,13 +99,15 @@ def test_feet_turned_and_slid_are_not_whatever_the_noise() -> None:
         assert not parted.any(), noise_pa
 
 
-def test_contacts_that_are_told_apart_are_not_watched() -> None:
+@pytest.mark.long
+def test_separated_contacts_are_not_checked() -> None:
     parted, watch = watched(simulate(rigged("two-contacts", sensing={"rate_hz": 25.0})).with_contacts(2))
     assert parted.shape[1] == 3
     assert not parted.any()
     assert watch.notes == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["lnorm", pytest.param("template", marks=pytest.mark.long)])
 def test_no_pose_is_ok_after_contacts_have_moved_apart_on_a_pad_that_is_taken_for_one(method: str) -> None:
     recording = simulate(rigged("two-contacts", motion={"strokes": 1}, sensing={"rate_hz": 25.0}))
@@ -114,7 +124,10 @@ def test_no_pose_is_ok_after_contacts_have_moved_apart_on_a_pad_that_is_taken_fo
 
 @pytest.mark.parametrize(
     ("name", "noise_pa"),
-    [("two-contacts", 200.0), ("feet-on-grid", 200.0), ("feet-lift", 3000.0), ("stick-slip-feet", 3000.0)],
+    mostly_long(
+        [("two-contacts", 200.0), ("feet-on-grid", 200.0), ("feet-lift", 3000.0), ("stick-slip-feet", 3000.0)],
+        ("feet-on-grid", 200.0),
+    ),
 )
 def test_pads_with_one_contact_again_are_tracked_as_by_the_whole_check(name: str, noise_pa: float) -> None:
     recording = simulate(rigged(name, sensing={"rate_hz": 25.0, "noise_pa": noise_pa}))

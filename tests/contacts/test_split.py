@@ -180,6 +180,7 @@ def by_itself(request: pytest.FixtureRequest) -> tuple[Mode, Result]:
     return request.param, api.estimate(simulate(ONE), "template", mode=request.param)
 
 
+@pytest.mark.long
 def test_the_template_of_a_contact_alone_is_that_of_its_pad(by_itself: tuple[Mode, Result]) -> None:
     mode, plain = by_itself
     slips = api.estimate(simulate(ONE), "template", mode=mode, contacts="grid=2").slips
@@ -212,6 +213,7 @@ def meeting() -> tuple[Floats, Scans]:
     return values, conditioned(values, with_contacts(GRID, 2), mode="stream")[0]
 
 
+@pytest.mark.long
 @settings(max_examples=20)
 @given(cuts=st.lists(st.integers(0, 42), max_size=6))
 def test_numbers_do_not_depend_on_how_a_stream_is_cut(meeting: tuple[Floats, Scans], cuts: list[int]) -> None:

@@ -26,7 +26,7 @@ def test_pads_without_detail_are_blind(detail_m: float, blind: bool) -> None:
     assert [session.step(touch(scan, detail_m)) for scan in range(5)] == [blind] * 5
 
 
-def test_pads_that_say_nothing_leave_it_as_it_was() -> None:
+def test_pads_without_evidence_leave_it_as_it_was() -> None:
     session = Blindness().start()
     assert not session.step(touch(0, np.nan))
     assert session.step(touch(1, 0.03))

@@ -59,7 +59,7 @@ def test_pads_that_contradict_each_other_are_no_slip(speed: float) -> None:
     assert not any(motion.slipping for motion in motions)
 
 
-def test_pads_that_contradict_each_other_are_a_slip_while_a_detector_says_so() -> None:
+def test_pads_that_contradict_each_other_are_a_slip_while_a_detector_has_one() -> None:
     """Coarse taxels misread a fine texture by as much as its velocity: the pads disagree because the object moves."""
     both = Agreement().start()
     at_rest = [both.step(alike(scan, 0.0, 0.0)) for scan in range(50)]
@@ -95,6 +95,7 @@ def test_a_pad_that_stays_where_it_jumped_to_is_heard() -> None:
     assert speeds[0] < 0.002 < speeds[1]
 
 
+@pytest.mark.long
 def test_noise_that_the_pads_did_not_report_is_learned_from_their_difference() -> None:
     random, both = np.random.default_rng(0), Agreement().start()
     alarms = 0
@@ -113,7 +114,7 @@ def test_unknown_velocities_leave_the_motion_as_it_was() -> None:
 
 
 @pytest.mark.parametrize(("load_m", "slips"), [(0.0, True), (1e-3, False)])
-def test_what_pads_see_alike_as_the_load_changes_is_no_slip(load_m: float, slips: bool) -> None:
+def test_equal_motion_of_pads_as_the_load_changes_is_no_slip(load_m: float, slips: bool) -> None:
     """Both read 8 mm/s while the force grows by 10 % a scan: the image of a flat face spreads towards its edge."""
     both, still = Agreement(load_m=load_m).start(), (0.0, 0.0, 0.0)
     for scan in range(50):
@@ -161,6 +162,7 @@ def weighed(load_n: Callable[[float], float], seconds: float) -> tuple[list[floa
     return ways, forces
 
 
+@pytest.mark.long
 def test_an_object_does_not_creep_out_of_a_grip_that_relaxes() -> None:
     """Relaxed by 7.5 % a second from a margin of 7 %, it would slip every two seconds."""
     ways, forces = weighed(lambda _: 6.0, 60.0)
@@ -170,6 +172,7 @@ def test_an_object_does_not_creep_out_of_a_grip_that_relaxes() -> None:
     assert max(forces[500:]) < 1.3 * 6.0
 
 
+@pytest.mark.long
 def test_a_load_that_falls_is_followed_later() -> None:
     forces = weighed(lambda t_s: 6.0 if t_s < 10.0 else 3.0, 40.0)[1]
     assert forces[900] > 6.0
@@ -248,6 +251,7 @@ def test_velocities_at_another_point_have_the_covariance_of_what_they_are_made_o
     assert (lacks is None) == (not shared.any())
 
 
+@pytest.mark.long
 def test_a_place_that_is_not_known_exactly_adds_its_lever_to_the_covariance() -> None:
     """The velocity of an image's middle, by Monte Carlo: that middle is 4 mm off, and the object turns by 2 rad/s."""
     random, std_m, turn, place = np.random.default_rng(3), 4e-3, 2.0, np.array([0.005, -0.01])
@@ -266,6 +270,7 @@ def test_a_place_that_is_not_known_exactly_adds_its_lever_to_the_covariance() ->
     )
 
 
+@pytest.mark.long
 def test_a_turn_that_both_pads_share_is_no_slip() -> None:
     """One pad's noisy turn moves both: that they agree says nothing, since they have the same error."""
     random, both, alarms = np.random.default_rng(2), Agreement().start(), 0
@@ -285,7 +290,7 @@ def test_a_turn_that_one_pad_invents_is_none() -> None:
     assert turned.so_far() == pytest.approx(0.5, rel=0.01)
 
 
-def test_the_fast_scans_of_a_slip_say_what_it_needed() -> None:
+def test_the_fast_scans_of_a_slip_set_its_least_force() -> None:
     """Its last scans, and motion that is none, say the force that is felt then; they are slow."""
     shown = Shown(0.05)
     assert shown.least_n() == 0.0
@@ -422,7 +427,7 @@ def test_a_slide_is_that_of_the_middle_where_the_object_turns() -> None:
     assert slid.so_far() == pytest.approx(200 * DT_S * 0.005, rel=0.03)
 
 
-def test_a_jump_that_one_pad_sees_is_no_way() -> None:
+def test_a_jump_of_one_pad_is_no_path() -> None:
     slid, steady = Slid(), (0.0, -0.015, 0.0)
     for scan in range(100):
         slid.step(touch(scan, (0.0, -0.35, 0.0) if scan == 50 else steady, steady))

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from rigged import rigged
 from synthetic import assert_same, grid_sensor, pieces, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
@@ -110,6 +111,7 @@ def way(scans: int) -> Floats:
 # A batch
 
 
+@pytest.mark.long
 def test_a_stroke_over_the_palm_has_its_speed() -> None:
     assert speeds(*airbag()) == pytest.approx((-25.0, 25.0), rel=0.006)
 
@@ -126,6 +128,7 @@ def test_a_round_object_has_no_angle() -> None:
     assert np.isnan(pose[:, 2]).all()
 
 
+@pytest.mark.long
 def test_an_object_that_turns_as_it_slides_is_followed() -> None:
     recording = three_feet()
     known, pose, truth = path(recording, followed())
@@ -136,7 +139,7 @@ def test_an_object_that_turns_as_it_slides_is_followed() -> None:
     assert rms[2] < np.radians(0.3)
 
 
-def test_covariances_of_poses_say_how_far_off_they_are() -> None:
+def test_errors_of_poses_fit_their_covariances() -> None:
     recording = three_feet()
     result = followed()
     known, pose, truth = path(recording, result)
@@ -149,6 +152,7 @@ def test_covariances_of_poses_say_how_far_off_they_are() -> None:
         assert 0.5 < nees < 2.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dead", [BESIDE_THE_MIDDLE, ON_THE_LINE])
 def test_a_dead_taxel_is_named_and_costs_no_accuracy(dead: int) -> None:
     recording, result = airbag((dead,))
@@ -157,6 +161,7 @@ def test_a_dead_taxel_is_named_and_costs_no_accuracy(dead: int) -> None:
     assert not any("do not answer" in note for note in airbag()[1].summary.notes)
 
 
+@pytest.mark.long
 def test_a_contact_longer_than_the_window_goes_on_without_a_jump() -> None:
     recording = three_feet()
     windows = api.estimate(recording, "template", window_scans=40)
@@ -168,6 +173,7 @@ def test_a_contact_longer_than_the_window_goes_on_without_a_jump() -> None:
     assert np.hypot(*error[:, :2].T).max() < 0.3e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("share", "mode"), [(24 / 162, "batch"), (1.0, "batch"), (1.0, "stream")])
 def test_taxels_read_one_after_the_other_are_put_where_they_were_read(share: float, mode: Mode) -> None:
     recording, result = rolling(share, mode)
@@ -215,6 +221,7 @@ def test_stick_and_slip_do_not_drift() -> None:
     assert np.median(summed) < 0.15e-3  # displacements are not corrected when the pattern is
 
 
+@pytest.mark.long
 def test_the_step_of_a_pose_that_growth_explains_from_then_on_is_no_motion() -> None:
     recording = simulate(rigged("hold-at-edge", motion={"turn_s": 4.0}, load={"cycles": 2}))
     slips = api.estimate(recording, "template", mode="stream").slips
@@ -243,6 +250,7 @@ def test_an_object_that_comes_back_is_recognised() -> None:
     assert (np.abs(off) < 3.0 * std[first[1] : first[1] + 5]).all()
 
 
+@pytest.mark.long
 def test_an_object_that_turns_while_it_slides_is_followed_in_a_stream() -> None:
     """Two taxels wide, it could as well be round until it has turned by some degrees."""
     recording = simulate(rigged("slide-and-turn", motion={"strokes": 1}))
@@ -293,6 +301,7 @@ def test_an_object_that_comes_back_over_the_border_is_found_where_it_is(seed: in
 # Laws
 
 
+@pytest.mark.long
 @both_modes
 def test_results_do_not_depend_on_how_the_stream_is_cut(mode: str) -> None:
     contact = np.ones(34, dtype=np.bool_)
@@ -305,6 +314,7 @@ def test_results_do_not_depend_on_how_the_stream_is_cut(mode: str) -> None:
     assert_same(slips_by("template", PAD, *blocks, mode=mode, **parameters), whole)
 
 
+@pytest.mark.long
 @both_modes
 def test_the_scale_of_pressure_changes_no_pose(mode: str) -> None:
     values = feet_at(way(40)[:16])
@@ -341,7 +351,7 @@ def test_a_contact_of_one_or_two_scans_has_poses(mode: str, scans: int) -> None:
 
 
 @both_modes
-def test_a_pad_that_is_saturated_everywhere_says_nothing_surely(mode: str) -> None:
+def test_a_pad_that_is_saturated_everywhere_has_no_certain_pose(mode: str) -> None:
     scans = scans_of(PAD, np.full((30, PAD.layout.taxels), 100e3), noise=NOISE, ceiling=100e3)
     slips = shaped(slips_by("template", PAD, scans, mode=mode), 30)
     assert (slips.quality != OK).all()
@@ -359,10 +369,8 @@ def test_scans_of_zeros_do_no_harm(mode: str, contact: bool) -> None:
 
 
 @both_modes
-@pytest.mark.parametrize(("rows", "cols", "masked"), [(12, 1, 0), (1, 12, 0), (12, 2, 1)])
-def test_a_line_of_taxels_follows_along_it_and_tells_nothing_of_what_is_across(
-    mode: str, rows: int, cols: int, masked: int
-) -> None:
+@pytest.mark.parametrize(("rows", "cols", "masked"), mostly_long([(12, 1, 0), (1, 12, 0), (12, 2, 1)], (12, 1, 0)))
+def test_a_line_of_taxels_measures_along_it_and_not_across(mode: str, rows: int, cols: int, masked: int) -> None:
     line = grid_sensor(rows, cols, pitch_m=(PITCH, PITCH))
     along, across = (0, 1) if rows == 1 else (1, 0)
     way_m = np.linspace(-0.008, 0.008, 40)
@@ -383,7 +391,7 @@ def test_a_line_of_taxels_follows_along_it_and_tells_nothing_of_what_is_across(
 
 
 @pytest.mark.long
-def test_a_pad_of_which_a_line_is_left_tells_nothing_of_what_is_across() -> None:
+def test_a_pad_of_which_a_line_is_left_does_not_measure_across() -> None:
     scans = scans_of(PAD, feet_at(way(60)), noise=NOISE)
     left = PAD.layout.col == SIDE // 2
     first, last = cut_scans(scans, 0, 30), cut_scans(scans, 30, 60)
@@ -395,6 +403,7 @@ def test_a_pad_of_which_a_line_is_left_tells_nothing_of_what_is_across() -> None
     assert (slips.covariance[30:, 0, 0, 0] > (SIDE * PITCH) ** 2).all()
 
 
+@pytest.mark.long
 def test_one_wrong_reading_does_not_drop_a_young_pattern() -> None:
     poses = way(40)[:16]
     values, sound = feet_at(poses), feet_at(poses)
@@ -407,6 +416,7 @@ def test_one_wrong_reading_does_not_drop_a_young_pattern() -> None:
     assert np.abs(off).max() < 1e-3
 
 
+@pytest.mark.long
 @both_modes
 def test_where_a_table_has_its_origin_shifts_poses_and_no_more(mode: str) -> None:
     far = msgspec.structs.replace(
@@ -419,6 +429,7 @@ def test_where_a_table_has_its_origin_shifts_poses_and_no_more(mode: str) -> Non
     np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-2)
 
 
+@pytest.mark.long
 def test_a_pattern_of_noise_is_dropped_when_the_object_comes() -> None:
     noise = np.random.default_rng(0).normal(0, NOISE, (8, PAD.layout.taxels))
     values = np.concatenate([noise, feet_at(way(40)[:20])])

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from rigged import rigged
 from taxelflow.errors import RecordingMissing
 from taxelflow.evaluation.bench import Bench, _sensors, _simulated, bench, live_step
@@ -74,6 +75,7 @@ def figures(started: list[list[str]]) -> Bench:
     return result
 
 
+@pytest.mark.long
 def test_a_sensor_is_measured_in_each_way(figures: Bench) -> None:
     assert [(row.sensor, row.what) for row in figures.latencies] == [("grid-16x16", what) for what in WAYS]
 
@@ -82,7 +84,7 @@ def test_two_hands_and_two_grids_are_measured() -> None:
     assert [sensor.name for sensor in SENSORS] == ["barretthand-162", "grid-16x16", "schunk-sdh2", "64x64"]
 
 
-@pytest.mark.parametrize("sensor", SENSORS, ids=[sensor.name for sensor in SENSORS])
+@pytest.mark.parametrize("sensor", mostly_long(SENSORS, *SENSORS[:3]), ids=[sensor.name for sensor in SENSORS])
 def test_what_is_timed_as_all_stages_follows_every_pad(sensor: Sensor) -> None:
     values = np.random.default_rng(0).uniform(1.0, 10.0, (16, sensor.layout.taxels))
     step = live_step(sensor, values)
@@ -120,6 +122,7 @@ def test_starts_are_compared_with_that_of_numpy(figures: Bench) -> None:
     assert figures.starts[0].over_import_numpy == 1
 
 
+@pytest.mark.long
 def test_what_is_started_runs(figures: Bench, started: list[list[str]]) -> None:
     assert figures.starts
     commands = {tuple(command) for command in started}
@@ -150,6 +153,7 @@ def test_json_makes_the_round_trip(figures: Bench) -> None:
     }
 
 
+@pytest.mark.long
 def test_a_recording_of_ones_own_is_measured_and_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hurried(monkeypatch)
     monkeypatch.setattr("taxelflow.evaluation.bench._sensors", list)

@@ -42,7 +42,8 @@ def test_estimators_are_timed_against_phase_correlation() -> None:
     assert gc.isenabled()
 
 
-def test_each_step_sees_every_scan_once_and_in_order() -> None:
+@pytest.mark.long
+def test_each_step_has_every_scan_once_and_in_order() -> None:
     seen: dict[str, list[int]] = {"a": [], "b": []}
     steps = {name: own.append for name, own in seen.items()}
     taken = timing._in_turn(steps, {}, 2, 3)
@@ -50,6 +51,7 @@ def test_each_step_sees_every_scan_once_and_in_order() -> None:
     assert [len(times) for times in taken.values()] == [3, 3]
 
 
+@pytest.mark.long
 def test_rounds_in_which_something_was_learned_are_a_row_of_their_own() -> None:
     last = [0]
 
@@ -60,13 +62,14 @@ def test_rounds_in_which_something_was_learned_are_a_row_of_their_own() -> None:
     assert {what: len(times) for what, times in taken.items()} == {"a": 4, "a, while it learns": 4}
 
 
+@pytest.mark.long
 def test_a_pattern_is_learned_at_first() -> None:
     pytest.importorskip("cv2")
     found = bench_peers(("template",))
     assert "template step, while it learns" in [row.what for row in found.rows]
 
 
-def test_without_opencv_a_line_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_opencv_a_line_reports_it(monkeypatch: pytest.MonkeyPatch) -> None:
     def absent(module: str) -> Any:
         raise ExtraMissing("bench", module)
 

@@ -73,6 +73,7 @@ def test_a_round_contact_whose_pressure_has_left_its_middle_still_has_a_place() 
     assert bound.scored.sum() == 40  # all that is not lifted off
 
 
+@pytest.mark.long
 def test_a_round_contact_of_the_elastic_solver_has_no_turn_either() -> None:
     pytest.importorskip("tamaas")
     bound = bounded(rigged("stroke", solver="elastic"))
@@ -80,7 +81,7 @@ def test_a_round_contact_of_the_elastic_solver_has_no_turn_either() -> None:
     assert 0.03 < 1e3 * np.median(bound.known[np.abs(bound.pose[:, 0]) < 0.02, 0]) < 0.06  # its edges are sharper
 
 
-def test_scans_that_hardly_tell_a_position_are_not_scored() -> None:
+def test_scans_with_a_large_position_variance_are_not_scored() -> None:
     bound = bounded(rigged("stroke"))
     assert not bound.scored[np.abs(bound.pose[:, 0]) > 0.06].any()
     assert bound.scored[np.abs(bound.pose[:, 0]) < 0.03].all()
@@ -100,7 +101,7 @@ def test_quantisation_alone_bounds_too() -> None:
     np.testing.assert_allclose(coarse.known, same.known, rtol=1e-6)
 
 
-def test_dead_and_saturated_taxels_tell_nothing() -> None:
+def test_dead_and_saturated_taxels_add_no_information() -> None:
     whole = bounded(still()).known[0]
     assert (bounded(still(sensing={"dead": (146, 152)})).known[0] > 1.01 * whole).all()
     assert (bounded(still(sensing={"full_scale_pa": 60e3})).known[0, :2] > 1.01 * whole[:2]).any()
@@ -151,6 +152,7 @@ def dense(scenario: Scenario, t_s: Floats, contact: Floats) -> tuple[Floats, Flo
     return two[0], two[1]
 
 
+@pytest.mark.long
 def test_the_joint_bounds_are_those_of_one_dense_matrix() -> None:
     scenario = rigged("slide-and-turn", sensing={"rate_hz": 8.0})
     t_s = times(scenario)
@@ -179,6 +181,7 @@ def test_each_contact_has_a_first_scan_of_its_own() -> None:
     assert without.sum() == 2  # two strokes
 
 
+@pytest.mark.long
 def test_the_price_of_an_unknown_pattern_falls_with_the_scans_that_share_it() -> None:
     few, many = (bounded(rigged("slide-and-turn", sensing={"rate_hz": rate})) for rate in (8.0, 60.0))
     prices = [np.nanmedian(bound.unknown / bound.known, axis=0) for bound in (few, many)]

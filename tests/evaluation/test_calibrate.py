@@ -79,6 +79,7 @@ def few_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gainfit, "_SEARCH", replace(gainfit._SEARCH, starts=2))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(6))
 def test_the_interiors_gain_of_the_papers_stroke_comes_out_within_its_standard_error(
     seed: int, monkeypatch: pytest.MonkeyPatch
@@ -94,6 +95,7 @@ def test_the_interiors_gain_of_the_papers_stroke_comes_out_within_its_standard_e
     assert pad.mm_per_index_x == pytest.approx(5 * pad.gain_x)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(4))
 def test_without_the_edges_weight_the_gain_is_that_of_a_line_through_the_same_scans(
     seed: int, monkeypatch: pytest.MonkeyPatch
@@ -120,6 +122,7 @@ def test_on_a_diagonal_zigzag_everything_is_found_with_honest_errors(monkeypatch
     assert (spread < 2.0).all(), spread
 
 
+@pytest.mark.long
 def test_the_largest_taxel_is_calibrated_by_whole_pitches() -> None:
     recording, truth = zigzag(0)
     pad = calibrate(recording, truth, "lnorm").pads[0]
@@ -137,6 +140,7 @@ def test_a_recordings_own_truth_serves_as_well(tmp_path: Path) -> None:
     assert abs(pad.time_offset_s) < 3 * pad.std_time_offset_s
 
 
+@pytest.mark.long
 def test_calibrated_positions_are_the_gains_times_the_plain_ones() -> None:
     recording, truth = zigzag(1)
     found = calibrate(recording, truth)
@@ -194,6 +198,7 @@ def test_only_methods_with_an_index_are_calibratable() -> None:
     assert able == ["lnorm", "convolution"]
 
 
+@pytest.mark.long
 def test_a_method_of_another_package_is_calibrated_like_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(registry.PARTS["estimator"], "mine", f"{__name__}:{Mine.__name__}")
     found = calibrate(*zigzag(0), "mine")
@@ -205,7 +210,7 @@ def test_a_method_of_another_package_is_calibrated_like_ours(monkeypatch: pytest
     np.testing.assert_allclose(scaled[..., :2], gain * plain[..., :2], rtol=1e-12)
 
 
-def test_what_cannot_be_calibrated_says_why(stroke: Recording) -> None:
+def test_what_cannot_be_calibrated_is_refused_with_the_reason(stroke: Recording) -> None:
     truth = Trajectory(np.array([0.0, 8.0]), np.zeros((2, 2)))
     with pytest.raises(GainsUnknown, match="--truth"):
         calibrate(stroke)

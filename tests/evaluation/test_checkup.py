@@ -40,7 +40,7 @@ def test_it_counts_scans_pads_and_taxels() -> None:
     ]
 
 
-def test_it_tells_the_range_and_noise_in_the_sensors_unit() -> None:
+def test_it_reports_range_and_noise_in_the_sensors_unit() -> None:
     sensor = grid_sensor(4, 7, pads=2, unit="kPa")
     values = grasp() / 1e3
     pad = check_up(recorded(values, sensor)).pads[0]
@@ -133,7 +133,7 @@ def test_repeated_stamps_are_counted() -> None:
     assert (checkup.scans, checkup.repeated_scans) == (299, 1)
 
 
-def test_a_loss_is_said() -> None:
+def test_a_loss_is_reported() -> None:
     def broken_off() -> Iterator[RawScans]:
         yield raw_scans(grasp(40))
         raise RecordingTruncated("memory", 40, 300, "cable pulled")  # type: ignore[arg-type]
@@ -177,6 +177,7 @@ def test_contact_is_counted_exactly_where_the_sample_holds_every_scan(scans: int
     assert check_up(recorded(values, small)).pads[0].contact_scans == scans - scans // 3
 
 
+@pytest.mark.long
 def test_contact_in_a_long_recording_is_scaled_up_from_the_sample() -> None:
     small = grid_sensor(4, 7, full_scale=60e3)
     values = np.random.default_rng(0).normal(0, 100, (20_000, 28))
@@ -184,7 +185,7 @@ def test_contact_in_a_long_recording_is_scaled_up_from_the_sample() -> None:
     assert check_up(recorded(values, small)).pads[0].contact_scans == pytest.approx(5000, rel=0.15)
 
 
-def test_repeated_scans_are_counted_and_the_true_rate_told() -> None:
+def test_repeated_scans_are_counted_and_the_true_rate_is_reported() -> None:
     values = np.repeat(grasp(), 3, axis=0)
     checkup = checked(values, np.arange(900) / 90)
     assert checkup.rate_hz == pytest.approx(90)
@@ -223,7 +224,7 @@ def test_the_largest_load_is_a_force() -> None:
     assert check_up(recorded(values, counting)).pads[0].load_n is None
 
 
-def test_the_picture_is_of_the_highest_readings_and_marks_say_what_is_amiss() -> None:
+def test_the_picture_is_of_the_highest_readings_and_marks_name_faults() -> None:
     sensor = grid_sensor(4, 7, missing=((0, 0),), full_scale=60e3)
     values = np.random.default_rng(0).normal(0, 100, (300, 27))
     values[150:] += dome(sensor, radius_m=0.006)
@@ -250,6 +251,7 @@ def test_a_finding_is_in_the_sensors_unit_and_words() -> None:
     assert found.words == "taxel 9 (pad0, row 1, col 2) stuck at 20 kPa in 300 scans"
 
 
+@pytest.mark.long
 def test_a_real_recording_is_well(recordings: Path) -> None:
     checkup = check_up(read(recordings / "sdh-dsa" / "slip_examples_pen_and_wooden_block.dsa"))
     assert checkup.scans == 6893

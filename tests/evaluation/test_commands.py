@@ -174,6 +174,7 @@ def test_what_cannot_be_scored_is_refused_in_one_line(capsys: Capture, arguments
 # What is written
 
 
+@pytest.mark.long
 def test_the_report_is_shown_and_its_tables_are_written(tmp_path: Path, capsys: Capture) -> None:
     path = tmp_path / "table1.csv"
     assert main([*TINY, "--csv", str(path)]) == 0
@@ -188,6 +189,7 @@ def test_the_report_is_shown_and_its_tables_are_written(tmp_path: Path, capsys: 
     assert sorted(found.name for found in tmp_path.iterdir()) == ["table1-paper.csv", "table1.csv"]
 
 
+@pytest.mark.long
 def test_json_has_the_numbers_of_the_csv(tmp_path: Path, capsys: Capture) -> None:
     path = tmp_path / "table1.csv"
     assert main([*TINY, "--json", "--csv", str(path)]) == 0

@@ -31,7 +31,7 @@ def row(scored: ContactsReport, scenario: str, name: str, seen: str) -> ContactR
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["first", "second"])
-def test_told_apart_an_object_is_as_good_as_alone_and_as_one_it_is_not(scored: ContactsReport, name: str) -> None:
+def test_a_separated_contact_is_as_accurate_as_alone_and_a_merged_one_is_not(scored: ContactsReport, name: str) -> None:
     alone, apart, one = (row(scored, "two-contacts", name, seen) for seen in ("alone", "told apart", "as one"))
     assert alone.rms_mm
     assert apart.rms_mm
@@ -42,7 +42,7 @@ def test_told_apart_an_object_is_as_good_as_alone_and_as_one_it_is_not(scored: C
     assert alone.known == 1.0
 
 
-def test_every_scenario_has_its_rows_and_says_whether_it_was_noted(quick: ContactsReport) -> None:
+def test_every_scenario_has_its_rows_and_whether_it_was_noted(quick: ContactsReport) -> None:
     assert quick.noted == {"two-contacts": 1.0, "two-contacts-meet": 1.0, "feet-lift": 0.0}
     assert len(quick.rows) == 2 * 6 + 1
     assert all(len(r.consistency) == 3 for r in quick.rows)

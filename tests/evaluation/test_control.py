@@ -28,6 +28,7 @@ def row(seed: int, slid_mm: float, *, grasped: bool = True, held: bool = True) -
     return TrialRow(seed, "ball", "pour", grasped, held, slid_mm, 1.0 + 0.1 * seed if held else None)
 
 
+@pytest.mark.long
 @in_mujoco
 def test_json_is_the_contract_and_nothing_else(capsys: Capture) -> None:
     words = [
@@ -62,6 +63,7 @@ def test_json_is_the_contract_and_nothing_else(capsys: Capture) -> None:
     assert json.loads(capsys.readouterr().out)["trials"] == printed["trials"][:1]
 
 
+@pytest.mark.long
 @in_mujoco
 def test_hold_catches_what_the_first_force_drops() -> None:
     trial = Trial.drawn(11, "ball", "weak")
@@ -90,6 +92,7 @@ def test_an_object_that_is_not_grasped_is_a_fault_of_the_bench(capsys: Capture) 
     assert printed["held"] is printed["within_5_mm"] is printed["force_p50"] is None
 
 
+@pytest.mark.long
 @in_mujoco
 def test_a_hand_takes_the_grippers_place(capsys: Capture) -> None:
     words = ["control", "--hand", "barrett", "--trials", "1", "--seed", "5", "--events", "none", "--json"]

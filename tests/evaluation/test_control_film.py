@@ -24,7 +24,7 @@ pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxe
 
 
 @pytest.mark.parametrize("event", EVENTS)
-def test_a_headline_says_what_happens_with_its_numbers(event: str) -> None:
+def test_a_headline_states_what_happens_with_its_numbers(event: str) -> None:
     trial = Trial.drawn(3, "bumpy", event)
     line = headline(trial)
     assert line.startswith("A bumpy block ")
@@ -41,7 +41,8 @@ def test_a_film_has_every_second_scan_and_its_end_for_a_second(tmp_path: Path) -
     assert (tmp_path / "grip.gif").stat().st_size > 10_000
 
 
-def test_an_arrow_is_seen_in_its_colour_even_inside_the_object() -> None:
+@pytest.mark.long
+def test_an_arrow_is_visible_in_its_colour_even_inside_the_object() -> None:
     plant = Gripper(Held(shape("box", np.random.default_rng(0)), 0.3, 0.6))
     arrow = Arrow(np.zeros(3), np.array([0.0, 0.0, -0.02]), "#0000ff")
     try:
@@ -54,6 +55,7 @@ def test_an_arrow_is_seen_in_its_colour_even_inside_the_object() -> None:
     assert (changed[:, 2] > changed[:, 0]).mean() > 0.6  # blue; its rim is blended with the box
 
 
+@pytest.mark.long
 def test_the_plant_is_drawn_where_its_joints_were() -> None:
     plant = Gripper(Held(shape("ball", np.random.default_rng(0)), 0.3, 0.6))
     before = plant.data.qpos.copy()

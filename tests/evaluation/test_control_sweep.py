@@ -36,6 +36,7 @@ def test_the_bound_grows_with_latency_and_falls_with_bandwidth_and_force() -> No
     assert np.isinf(doubled_bound_m(trial, Actuator(), 0.9 * least_n))
 
 
+@pytest.mark.long
 def test_a_sweep_has_a_row_for_each_actuator(capsys: Capture) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxelflow[sim]'")
     assert main(["control", "--controller", "threshold", "--sweep", "actuator", "--trials", "1", "--json"]) == 0

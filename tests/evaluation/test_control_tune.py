@@ -68,6 +68,7 @@ def test_all_draws_are_tried_on_some_trials_and_the_cheapest_on_all() -> None:
     assert len(set(seen)) == len(seen) == 8 * 2 + 5 * 6
 
 
+@pytest.mark.long
 def test_a_search_prints_the_cheapest_first(capsys: Capture) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxelflow[sim]'")
     words = ["control", "--controller", "constant", "--trials", "1", "--seed", "7", "--events", "weak", "--json"]
@@ -79,6 +80,7 @@ def test_a_search_prints_the_cheapest_first(capsys: Capture) -> None:
     assert main([*words, "--tune", "-1"]) == 2
 
 
+@pytest.mark.long
 def test_without_graphics_a_film_is_left_out_with_a_message(
     capsys: Capture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -19,7 +19,8 @@ def test_taxels_of_all_layouts_have_the_same_area(layout: Skin) -> None:
     np.testing.assert_allclose(places.mean(axis=1), 0, atol=0.02 * 0.1)
 
 
-def test_smaller_taxels_see_better_and_fits_attain_the_bound() -> None:
+@pytest.mark.long
+def test_smaller_taxels_are_more_accurate_and_fits_attain_the_bound() -> None:
     rows = Design(pitch_mm=(4.0, 10.0), layouts=("square",), trials=6).run().rows
     fine, coarse = rows
     assert fine.bound_mm < 0.5 * coarse.bound_mm

@@ -54,6 +54,7 @@ def test_a_film_holds_the_recording_scan_by_scan(film: Film) -> None:
     np.testing.assert_allclose(film.load[:, palm], film.pressure[:, film.layout.of_pad(palm)].sum(axis=1), rtol=1e-6)
 
 
+@pytest.mark.long
 def test_pressure_and_arrows_appear_while_the_object_slides(film: Film) -> None:
     slide = float(film.t_s[int(np.flatnonzero(film.slipping.any(axis=1))[12])])
     rest, slip = drawn(film, film.zero_s + 1.0), drawn(film, slide)
@@ -63,12 +64,13 @@ def test_pressure_and_arrows_appear_while_the_object_slides(film: Film) -> None:
     assert (slip[..., 0] < 120).sum() > (rest[..., 0] < 120).sum() + 500  # dark blue taxels
 
 
-def test_events_are_told_when_they_come(film: Film) -> None:
+def test_events_are_reported_when_they_come(film: Film) -> None:
     before, after = (drawn(film, film.events[0].t_s + gap) for gap in (-0.01, 0.01))
     words = np.s_[: int(0.6 * before.shape[0]), int(0.75 * before.shape[1]) :]
     assert (after[words] < 128).sum() > (before[words] < 128).sum() + 100
 
 
+@pytest.mark.long
 def test_a_part_is_filmed_at_its_speed(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = result.parent / "part.gif"
     words = ("--fps", "5", "--speed", "0.5", "--from-s", "5", "--to-s", "6")

@@ -74,6 +74,7 @@ def test_standard_errors_are_those_of_many_seeds(averaged: bool, monkeypatch: py
     assert (np.abs(drawn.mean(axis=0)) < 0.7).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turn", [-3.0, -2.2, -1.0, 1.0, 3.0])
 def test_the_robots_frame_may_be_turned_at_will(turn: float) -> None:
     seen, _ = made()
@@ -92,6 +93,7 @@ def test_a_way_along_one_axis_leaves_the_others_gain_assumed() -> None:
     assert "line" in fit.note
 
 
+@pytest.mark.long
 def test_an_axis_that_the_border_spoils_is_not_observed() -> None:
     fit = fit_gains(*made(edge=[0.0, 0.3]), PITCH, 1.0)
     assert fit.std[0] < 0.01
@@ -100,7 +102,8 @@ def test_an_axis_that_the_border_spoils_is_not_observed() -> None:
     assert "along y" in fit.note
 
 
-def test_scans_at_the_edge_count_for_as_little_as_is_said() -> None:
+@pytest.mark.long
+def test_scans_at_the_edge_have_the_weight_that_was_given() -> None:
     seen, truth = made()
     cut = np.abs(zigzag(seen.t_s)[:, 0]) > 0.025
     bias = np.where(cut, -0.006 * np.sign(seen.place_m[:, 0]), 0.0)
@@ -112,13 +115,14 @@ def test_scans_at_the_edge_count_for_as_little_as_is_said() -> None:
     assert abs(trusted.gain[0] - GAIN[0]) > 3 * abs(told.gain[0] - GAIN[0])
 
 
+@pytest.mark.long
 def test_outliers_do_not_carry_the_fit() -> None:
     seen, truth = made()
     seen.place_m[::20] += 0.02
     np.testing.assert_allclose(fit_gains(seen, truth, PITCH, 1.0).gain, GAIN, atol=0.03)
 
 
-def test_a_single_stroke_cannot_tell_time_from_place() -> None:
+def test_a_single_stroke_cannot_separate_time_from_place() -> None:
     def stroke(t_s: Floats) -> Floats:
         return np.stack([0.002 * t_s - 0.03, 0 * t_s], axis=1)
 
@@ -128,6 +132,7 @@ def test_a_single_stroke_cannot_tell_time_from_place() -> None:
     assert "time offset" in fit.note
 
 
+@pytest.mark.long
 def test_a_search_of_zero_takes_the_clocks_as_one() -> None:
     seen, truth = made()
     fit = fit_gains(seen, Trajectory(truth.t_s - OFFSET_S, truth.place_m), PITCH, 0.0)

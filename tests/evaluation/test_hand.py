@@ -27,6 +27,7 @@ def test_convolution_is_far_above_the_bound_and_its_covariance_allows_for_it(
     assert "NEES" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_the_bound_falls_with_the_noise() -> None:
     scenario = SCENARIOS[SCENES[0]]
     t_s = np.array([2.0, 2.5])

@@ -23,6 +23,7 @@ def flow() -> HardReport:
     return Hard(2, 7, ("convolution",)).run()
 
 
+@pytest.mark.long
 def test_every_case_has_a_row_at_each_speed(flow: HardReport) -> None:
     silent = (50, "convolution", "saturated, dropped")  # it follows from whole scan to whole scan
     assert flow.silent == [silent]
@@ -99,6 +100,7 @@ def test_json_makes_the_round_trip(flow: HardReport) -> None:
     assert msgspec.json.decode(to_json(flow), type=HardReport) == flow
 
 
+@pytest.mark.long
 def test_what_cannot_be_scored_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hard, "CASES", CASES[:1])
     with pytest.raises(NameUnknown, match="unknown method 'magic'"):

@@ -87,7 +87,7 @@ def test_motion_since_the_first_scan_is_that_of_the_centre_as_the_first_scan_had
     np.testing.assert_allclose(turned, 2 * 0.01 * np.sin(0.05), atol=1e-9)
 
 
-def test_a_turn_that_is_never_told_leaves_positions_scored() -> None:
+def test_a_turn_that_is_never_reported_leaves_positions_scored() -> None:
     scenario = rigged("slide-and-turn")
     made = perfect(scenario, (0.002, 0.001, 0.0))
     made[1].pose[..., 2] = np.nan
@@ -99,7 +99,7 @@ def test_a_turn_that_is_never_told_leaves_positions_scored() -> None:
     assert np.isnan(since[:, 2]).all()
 
 
-def test_a_turn_that_is_told_late_counts_from_then() -> None:
+def test_a_turn_that_is_reported_late_counts_from_then() -> None:
     scenario = rigged("slide-and-turn")
     made = perfect(scenario, (0.002, 0.001, 2.0))
     made[1].pose[:20, made[2], 2] = np.nan
@@ -194,6 +194,7 @@ def test_an_estimator_at_the_bound_has_ratio_1_and_nees_1(monkeypatch: pytest.Mo
     }
 
 
+@pytest.mark.long
 def test_one_that_errs_three_times_as_much_has_3_and_9(monkeypatch: pytest.MonkeyPatch) -> None:
     found = oracle(monkeypatch, Bold)
     assert [row.over_known for row in found.rows] == [pytest.approx(3, rel=0.15)] * 6
@@ -209,6 +210,7 @@ def stroke() -> LimitsReport:
         return Limits("stroke", 2, seed=5).run()
 
 
+@pytest.mark.long
 def test_every_method_with_a_position_is_scored(stroke: LimitsReport) -> None:
     assert {"lnorm", "convolution", "principal_axis"} <= {row.method for row in stroke.rows}
     assert "sum" in stroke.without
@@ -235,6 +237,7 @@ def test_errors_by_place_grow_towards_the_edge_and_never_pass_below_the_bound_by
     )
 
 
+@pytest.mark.long
 def test_streaming_is_scored_too() -> None:
     found = Limits("turn", 1, mode="stream", methods=("principal_axis",)).run()
     assert {row.axis for row in found.rows} == {"x", "y", "theta"}
@@ -297,6 +300,7 @@ def test_its_tables_name_the_run_and_the_unit_of_each_row(stroke: LimitsReport) 
         assert {row[at : at + 2] for row in table.rows} == {("x", "mm"), ("y", "mm")}
 
 
+@pytest.mark.long
 def test_contacts_of_the_elastic_solver_may_be_scored(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("tamaas")
     Limits("turn", 1, methods=("convolution",), solver="elastic").run().show()

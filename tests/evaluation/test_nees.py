@@ -15,6 +15,7 @@ def drawn(contacts: int, scans: int, scale: float = 1.0, seed: int = 0) -> list[
     return [(scale * own, np.tile(COVARIANCE, (scans, 1, 1))) for own in error]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("over", [1, 20, 100])
 def test_an_honest_covariance_lies_in_its_band_19_times_in_20(over: int) -> None:
     runs = [consistency(drawn(4, 250, seed=seed), over) for seed in range(200)]

@@ -1,9 +1,10 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from rigged import svg_words
 from taxelflow.acquire.base import Truth
@@ -15,9 +16,6 @@ from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.grasp import Grasp
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 
 def made_up_field() -> FieldReport:
     """Errors of two scenarios by number of vectors."""
@@ -27,6 +25,7 @@ def made_up_field() -> FieldReport:
     return FieldReport(1, rows)
 
 
+@pytest.mark.long
 def test_every_figure_of_the_paper_is_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -56,6 +55,20 @@ def test_every_figure_of_the_paper_is_drawn(
         assert sum(word.startswith("true: ") for word in words) == 6
 
 
+def test_each_figure_is_written_under_its_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those are drawn that need no estimate; what is on the others is tested above."""
+    drawn = []
+    for name in ("_bulb", "_rotation", "_spread_field", "_position", "_table1", "_curve", "_limits"):
+        monkeypatch.setattr(paper, name, lambda *_given, name=name: drawn.append(name) or Figure())
+    assert main(["figures", "--out", str(tmp_path), "--strokes", "2", "--seeds", "1"]) == 0
+    printed = {Path(line).name for line in capsys.readouterr().out.split()}
+    assert printed == {path.name for path in tmp_path.iterdir()}
+    assert {"fig2-taxels.svg", "fig5-views.svg", "fig6-frames.svg", "table1.svg"} < printed
+    assert set(drawn) >= {"_bulb", "_rotation", "_position", "_table1", "_curve", "_limits"}
+
+
 def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(field, "SCENES", ("turn-over-hand",))
     monkeypatch.setattr(field, "cuts_of", lambda hand: cuts_of(hand)[:2])
@@ -65,7 +78,7 @@ def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four(mo
     assert four.turn_percent < two.turn_percent < 12
 
 
-def test_each_cut_has_as_many_vectors_as_it_says() -> None:
+def test_each_cut_has_the_vectors_that_it_declares() -> None:
     cuts = cuts_of(load_sensor("barretthand-162"))
     assert [int(cut.sensor.layout.independent.sum()) >= 2 for cut in cuts] == [True] * len(cuts)
     assert len({cut.name for cut in cuts}) == len(cuts)

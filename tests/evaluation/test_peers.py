@@ -40,7 +40,7 @@ def image(right: float, down: float) -> Floats:
 @needs_all
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("right", "down"), [(1.0, 0.0), (0.0, 1.0), (-2.0, 1.0)])
-def test_each_peer_sees_a_dome_move_to_the_right_and_down(name: str, right: float, down: float) -> None:
+def test_each_peer_measures_a_dome_that_moves_right_and_down(name: str, right: float, down: float) -> None:
     seen = peers()[name](image(0, 0), image(right, down))
     assert np.hypot(seen[0] - right, seen[1] - down) < 0.35 * np.hypot(right, down)
 
@@ -61,11 +61,13 @@ def found() -> PeersReport:
     return Peers(STROKES, 3, methods=PAPER_METHODS).run()
 
 
+@pytest.mark.long
 def test_all_methods_stand_in_one_table(found: PeersReport) -> None:
     assert [row.method for row in found.rows[::4]] == [*PAPER_METHODS, *NAMES] * 2
     assert (found.strokes, found.seed, found.ours, found.silent) == (STROKES, 3, PAPER_METHODS, [])
 
 
+@pytest.mark.long
 def test_our_rows_are_those_of_table_1(found: PeersReport) -> None:
     ours = [row for row in found.rows if row.method in PAPER_METHODS]
     assert ours == Table1(STROKES, 3, methods=PAPER_METHODS).run().ours

@@ -82,6 +82,7 @@ def words_of(directories: Sequence[Path]) -> dict[str, list[str]]:
 # Which pictures
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", ["png", "pdf"])
 def test_pictures_of_each_form_are_written_whole(results: list[Path], tmp_path: Path, form: str) -> None:
     out = tmp_path / "deep" / "pictures"
@@ -93,6 +94,7 @@ def test_pictures_of_each_form_are_written_whole(results: list[Path], tmp_path: 
         assert path.stat().st_size > 5000
 
 
+@pytest.mark.long
 def test_one_result_is_drawn_alone_and_replaces_an_older_drawing(results: list[Path], tmp_path: Path) -> None:
     (tmp_path / "position-palm.svg").write_text("older")
     made = plot_results(results[:1], tmp_path, "svg")
@@ -103,6 +105,7 @@ def test_one_result_is_drawn_alone_and_replaces_an_older_drawing(results: list[P
     assert "optical flow (Method II)" not in words
 
 
+@pytest.mark.long
 def test_methods_and_truth_overlay_in_the_position_with_a_line_per_stroke(drawn: Path) -> None:
     words = svg_words(drawn / "position-palm.svg")
     for word in ("Object on palm", "truth", "L norm (Method I)", "optical flow (Method II)", "x in mm", "y in mm"):
@@ -131,6 +134,7 @@ def test_the_views_are_the_papers_three(drawn: Path) -> None:
     assert 4 < float(title.split()[2]) < 16
 
 
+@pytest.mark.long
 def test_several_pads_share_a_path_and_the_busiest_is_viewed(tmp_path: Path) -> None:
     sensor = grid_sensor(4, 7, pads=6)
     values = np.random.default_rng(0).normal(0, 100, (80, sensor.layout.taxels))
@@ -146,6 +150,7 @@ def test_several_pads_share_a_path_and_the_busiest_is_viewed(tmp_path: Path) -> 
     assert any(word.startswith("pad5 at ") for word in pictures["views"])
 
 
+@pytest.mark.long
 def test_truth_is_drawn_on_its_own_pad_alone(tmp_path: Path) -> None:
     sensor = grid_sensor(4, 7, pads=2)
     values = np.random.default_rng(0).normal(0, 100, (80, 56))
@@ -163,6 +168,7 @@ def test_truth_is_drawn_on_its_own_pad_alone(tmp_path: Path) -> None:
     assert not any(word.endswith(" mm/s") for word in other)
 
 
+@pytest.mark.long
 def test_a_real_slide_is_drawn(recordings: Path, tmp_path: Path) -> None:
     file = recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa"
     pictures = words_of([estimated(file, tmp_path / "a")])
@@ -172,6 +178,7 @@ def test_a_real_slide_is_drawn(recordings: Path, tmp_path: Path) -> None:
 # The same again
 
 
+@pytest.mark.long
 def test_another_process_gives_the_same_files(results: list[Path], drawn: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "taxelflow.cli", "plot", *map(str, results), "--out", str(tmp_path)]
     subprocess.run(command, check=True, capture_output=True, env={**os.environ, "PYTHONHASHSEED": "7"})
@@ -234,6 +241,7 @@ def test_without_its_recording_a_result_has_no_views_and_no_truth(results: list[
     assert not any(word.endswith(" mm/s") for word in words)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("now", ["damaged", "of another sensor", "longer", "later"])
 def test_a_recording_that_was_replaced_since_is_not_drawn_as_this_results(
     results: list[Path], tmp_path: Path, now: str
@@ -273,6 +281,7 @@ def test_without_matplotlib_the_extra_is_named(
 # What is odd
 
 
+@pytest.mark.long
 def test_no_picture_replaces_another_of_the_same_drawing(results: list[Path], tmp_path: Path) -> None:
     summary = json.loads((results[0] / "summary.json").read_text())
     scaled = estimated(summary["input"], tmp_path / "scaled", "--method", "lnorm", "--gain", "1.2")
@@ -280,6 +289,7 @@ def test_no_picture_replaces_another_of_the_same_drawing(results: list[Path], tm
     assert len(set(made)) == len(made) == 4
 
 
+@pytest.mark.long
 def test_pads_of_any_name_are_drawn_under_their_name(tmp_path: Path) -> None:
     names = ["left/tip", "läuft ✓ 50 $ (two $)", r"$\nonsense$ <b>&", "../up"]
     sensor = own_sensor(*names)
@@ -303,6 +313,7 @@ def test_a_touch_too_short_for_a_position_has_nothing_to_draw(tmp_path: Path) ->
         plot_results([own_result(tmp_path, values)], tmp_path / "out", "svg")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scans", [2, 3])
 def test_a_touch_too_short_for_a_displacement_is_drawn(tmp_path: Path, scans: int) -> None:
     values = np.random.default_rng(0).normal(0, 50, (60, 28))
@@ -320,6 +331,7 @@ def turned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return estimated(folder / "turn.npz", folder / "result")
 
 
+@pytest.mark.long
 def test_the_field_is_drawn_at_moments_when_most_pads_slip(turned: Path) -> None:
     (result,) = gathered([turned]).results
     _, tracks = read_result(turned)
@@ -336,6 +348,7 @@ def test_the_field_is_drawn_at_moments_when_most_pads_slip(turned: Path) -> None
         np.testing.assert_array_equal(~moment.faint[layout.independent], slipping[k])
 
 
+@pytest.mark.long
 def test_moments_of_a_slip_that_hardly_moves_are_not_drawn(turned: Path, tmp_path: Path) -> None:
     """A slip is flagged before the pads move, and a little after."""
     slow = shutil.copytree(turned, tmp_path / "slow")
@@ -368,6 +381,7 @@ def test_where_no_pad_slips_there_is_no_field(turned: Path, tmp_path: Path) -> N
     assert not result.moments  # and so no picture of it, as of the stroke
 
 
+@pytest.mark.long
 def test_an_object_over_several_pads_is_drawn_as_a_field(turned: Path) -> None:
     words = words_of([turned])["field-convolution"]
     turns = [float(word.split()[-2]) for word in words if word.startswith("estimated: ")]

@@ -36,6 +36,7 @@ def turned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_a_moving_object_is_predicted_better_than_no_motion() -> None:
     (row,) = score_recordings([slide(np.linspace(-0.008, 0.008, 60))]).predictions
     assert row.scans == 58
@@ -54,6 +55,7 @@ def test_a_still_object_is_predicted_to_the_noise() -> None:
     assert row.lost == 0
 
 
+@pytest.mark.long
 def test_a_jump_is_charged_to_the_template() -> None:
     way = np.repeat([-0.012, 0.012], 20)
     still, jumped = (score_recordings([slide(x)]).predictions[0] for x in (np.full(40, -0.012), way))
@@ -73,6 +75,7 @@ def scored(turned: Path) -> PredictionReport:
     return Prediction((turned,)).run()
 
 
+@pytest.mark.long
 def test_turns_stand_beside_the_axis(scored: PredictionReport) -> None:
     (turn,) = scored.turns
     assert turn.recording == "turn.npz"
@@ -108,6 +111,7 @@ def test_the_command_needs_recordings_and_options_that_fit_them(
     assert "no meaning there" in refused(capsys, "score", "prediction", turned, "--topic", "touch")
 
 
+@pytest.mark.long
 def test_a_learned_pattern_is_written_and_drawn(turned: Path, tmp_path: Path) -> None:
     out = tmp_path / "result"
     assert main(["estimate", str(turned), "--out", str(out), "--method", "template"]) == 0

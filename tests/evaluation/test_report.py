@@ -48,6 +48,7 @@ def cells(page: str) -> list[str]:
     return re.findall(r"<td>(.*?)</td>", page)
 
 
+@pytest.mark.long
 def test_methods_of_one_recording_stand_side_by_side(page: str) -> None:
     (recording,) = charts(page)
     assert [result["label"] for result in recording["results"]] == [
@@ -122,6 +123,7 @@ def test_nothing_is_loaded_from_elsewhere(page: str) -> None:
     assert len(page) < 5e6
 
 
+@pytest.mark.long
 def test_recordings_follow_each_other(results: list[Path], tmp_path: Path) -> None:
     save(rigged("turn"), tmp_path / "turn.npz")
     other = estimated(tmp_path / "turn.npz", tmp_path / "turn")
@@ -132,7 +134,7 @@ def test_recordings_follow_each_other(results: list[Path], tmp_path: Path) -> No
     assert page.index("<h2>stroke.npz</h2>") < page.index("<h2>turn.npz</h2>")
 
 
-def test_two_results_of_one_method_are_told_apart(results: list[Path], tmp_path: Path) -> None:
+def test_two_results_of_one_method_have_distinct_labels(results: list[Path], tmp_path: Path) -> None:
     second = shutil.copytree(results[1], tmp_path / "again")
     make_report([results[1], second], tmp_path / "a.html")
     found = charts((tmp_path / "a.html").read_text())[0]["results"]
@@ -141,7 +143,7 @@ def test_two_results_of_one_method_are_told_apart(results: list[Path], tmp_path:
     assert len(set(colours)) == 3
 
 
-def test_without_its_recording_a_report_says_so(results: list[Path], tmp_path: Path) -> None:
+def test_without_its_recording_a_report_states_it(results: list[Path], tmp_path: Path) -> None:
     gone = shutil.copytree(results[0], tmp_path / "gone")
     summary = json.loads((gone / "summary.json").read_text())
     summary["input"] = str(tmp_path / "gone.npz")
@@ -180,6 +182,7 @@ def test_a_recording_without_contact_has_a_report(tmp_path: Path) -> None:
     assert recording["no_scans"] == "No pad was touched."
 
 
+@pytest.mark.long
 def test_real_slips_make_a_report(recordings: Path, tmp_path: Path) -> None:
     file = recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa"
     make_report([estimated(file, tmp_path / "a")], tmp_path / "a.html")

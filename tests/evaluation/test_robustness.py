@@ -175,6 +175,7 @@ def brief(*words: Any, **more: Any) -> Pressing:
     return replace(whole, course=replace(whole.course, moving_scans=60))
 
 
+@pytest.mark.long
 def test_the_command_prints_and_writes_every_case(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -51,6 +51,7 @@ def score(scenes: dict[str, Scenario]) -> SlipReport:
     return Slip(1, hours=0.01).run()
 
 
+@pytest.mark.long
 def test_there_is_a_row_for_each_object_scenario_and_method(quick: SlipReport) -> None:
     assert [(row.object, row.method, row.mode) for row in quick.slips] == [
         ("airbag", method, mode) for method in FAST for mode in ("stream", "batch")
@@ -107,7 +108,7 @@ def test_in_a_recording_slips_are_dated_to_the_scan(score: SlipReport) -> None:
 
 
 @pytest.mark.long
-def test_what_holds_still_raises_no_alarm_and_the_interval_says_how_sure_that_is(score: SlipReport) -> None:
+def test_what_holds_still_raises_no_alarm_and_the_rate_has_an_interval(score: SlipReport) -> None:
     for row in score.holds:
         if row.scenario in (*HOLDS, NOISE):
             assert (row.alarms, row.per_hour, row.low) == (0, 0.0, 0.0)
@@ -121,6 +122,7 @@ def test_a_methods_score_does_not_depend_on_the_others(score: SlipReport, quick:
     assert quick.holds == [row for row in score.holds if row.method in (*FAST, NOISE)]
 
 
+@pytest.mark.long
 def test_the_same_seeds_give_the_same_score_and_others_another(quick: SlipReport) -> None:
     one = ("convolution",)
     again, other = (Slip(1, seed, one, hours=0).run() for seed in (0, 1))
@@ -136,12 +138,13 @@ def test_noise_alarms_as_often_as_asked() -> None:
     assert row.hours == pytest.approx(0.5, rel=1e-3)
 
 
-def test_json_tells_all(quick: SlipReport) -> None:
+def test_json_holds_the_whole_report(quick: SlipReport) -> None:
     whole = json.loads(to_json(quick))
     assert set(whole) == {"alarms_per_hour", "seeds", "first_seed", "slips", "holds"}
     assert whole["slips"][0]["object"] == "airbag"
 
 
+@pytest.mark.long
 def test_processes_give_what_one_gives() -> None:
     jobs = [Job(NOISE, seed, (NOISE,), 20.0) for seed in (3, 4)]
     one, two = (list(found_by(jobs, 0.05, processes)) for processes in (1, 2))

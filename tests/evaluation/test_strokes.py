@@ -76,6 +76,7 @@ def test_errors_of_one_object_count_as_one() -> None:
     assert rms_of([np.zeros(3)] * 2) == (0.0, None)
 
 
+@pytest.mark.long
 def test_without_groups_the_pads_are_estimated_as_with_them() -> None:
     recording = simulate(trial(0, 25))
     bare = ungrouped(recording)

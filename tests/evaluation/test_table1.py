@@ -66,6 +66,7 @@ def row(table: Table1Report, speed: int, method: str, scans: str, *, fitted: boo
     return found[0]
 
 
+@pytest.mark.long
 def test_there_is_a_row_for_each_speed_method_set_of_scans_and_factor(table: Table1Report) -> None:
     for speed in SPEEDS_MM_S:
         for method in PAPER_METHODS:
@@ -142,7 +143,7 @@ def test_no_trial_is_used_twice(table: Table1Report, trials: list[Scenario]) -> 
     assert all(row.strokes == STROKES for row in table.ours)
 
 
-def test_trials_differ_in_object_and_line_as_the_docs_say(table: Table1Report, trials: list[Scenario]) -> None:
+def test_trials_differ_in_object_and_line_as_documented(table: Table1Report, trials: list[Scenario]) -> None:
     assert table.ours
     radii = [trial.contact.radius_m for trial in trials]
     lines = [trial.motion.middle_m[1] for trial in trials]
@@ -164,6 +165,7 @@ def test_errors_fit_together(table: Table1Report) -> None:
         assert ours.bias_percent == pytest.approx(100 * (mean / ours.nominal_mm_s - 1))
 
 
+@pytest.mark.long
 def test_another_seed_gives_another_table(small: Table1Report) -> None:
     other = Table1(4, 1000, methods=PAPER_METHODS).run()
     assert all(one != two for one, two in zip(small.ours, other.ours, strict=True))
@@ -174,12 +176,14 @@ def test_the_standard_error_falls_with_more_strokes(small: Table1Report, table: 
     assert 1.3 < one / two < 3  # about the square root of 4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("strokes", [2, 3])
-def test_it_tells_how_many_strokes_it_ran(strokes: int) -> None:
+def test_it_reports_the_number_of_strokes(strokes: int) -> None:
     told = Table1(strokes, 0, methods=PAPER_METHODS).run()
     assert {row.strokes for row in told.ours if row.scans == "all"} == {told.strokes}
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_table_and_progress_may_be_watched(small: Table1Report) -> None:
     passed: list[int] = []
 
@@ -201,6 +205,7 @@ def test_json_makes_the_round_trip(table: Table1Report) -> None:
     assert None not in whole["ours"][0].values()
 
 
+@pytest.mark.long
 def test_any_method_with_a_position_may_be_scored_beside_them() -> None:
     told = Table1(4, 0, methods=("convolution", "principal_axis")).run()
     assert {row.method for row in told.ours} == {"convolution", "principal_axis"}
@@ -234,6 +239,7 @@ class Held:
         return joined(self.blocks)  # type: ignore[attr-defined]
 
 
+@pytest.mark.long
 def test_a_method_that_holds_its_slips_back_until_the_end_is_scored_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(registry.PARTS["estimator"], "held", f"{__name__}:{Held.__name__}")
     told = Table1(4, 0, methods=("principal_axis", "held")).run()
@@ -305,6 +311,7 @@ def test_its_tables_are_ours_and_the_papers(table: Table1Report) -> None:
     assert ours.rows[0][:3] == (25, "lnorm", "all")
 
 
+@pytest.mark.long
 def test_contacts_of_the_elastic_solver_may_be_scored(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("tamaas")
     Table1(2, methods=("convolution",), solver="elastic").run().show()

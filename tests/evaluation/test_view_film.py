@@ -37,7 +37,7 @@ def test_a_part_that_is_none_is_refused(stroke: Recording, tmp_path: Path) -> No
             film_recording(stroke, ("convolution",), tmp_path / "scene.gif", part)
 
 
-def test_without_a_browser_the_error_says_what_to_install(
+def test_without_a_browser_the_error_names_what_to_install(
     stroke: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     convert(stroke, tmp_path / "stroke.npz")

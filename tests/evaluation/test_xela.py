@@ -65,7 +65,7 @@ def score_one(marked: Marked, method: str = "convolution") -> MarkedRow:
     return judged(marked, result, "test", method)
 
 
-def test_the_marker_says_how_fast_it_moves(tmp_path: Path) -> None:
+def test_the_marker_shows_the_speed(tmp_path: Path) -> None:
     marked = open_marked(write_recording(tmp_path / "a"))
     t_s = (IDLE + np.array([STILL // 2, STILL + MOVING // 2])) / RATE_HZ
     assert marked.speed_m_s(t_s) == pytest.approx([0.0, SPEED_M_S], abs=1e-4)

@@ -54,7 +54,7 @@ def test_one_contact_has_a_translation_and_no_turn() -> None:
     np.testing.assert_allclose(rows["pose_covariance"][1, :2, :2], 2 * STD_M**2 * np.eye(2), rtol=1e-6)
 
 
-def test_places_that_are_not_known_tell_no_turn() -> None:
+def test_unknown_places_give_no_turn() -> None:
     rows = followed(seen(np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.2]])), turns=False)
     assert np.isnan(rows["pose"][1, 2])
 

@@ -152,7 +152,7 @@ def test_all_contacts_lost_means_a_new_beginning() -> None:
     assert motions.pose[20, 0] == pytest.approx(8 * 0.01 * 0.01, rel=0.2)
 
 
-def test_one_pad_knows_translation_and_says_nothing_of_a_turn() -> None:
+def test_one_pad_gives_translation_and_no_turn() -> None:
     sensor = hand(1)
     motions = fused(sensor, slips_of(sensor, spin(10, (0.01, 0.02, 0)), points_of(sensor)))
     np.testing.assert_allclose(motions.velocity[1:, :2], [[0.01, 0.02]] * 9, rtol=1e-9)
@@ -162,7 +162,7 @@ def test_one_pad_knows_translation_and_says_nothing_of_a_turn() -> None:
     np.testing.assert_allclose(motions.pose[-1, :2], 9 * 0.01 * np.array([0.01, 0.02]), rtol=1e-9)
 
 
-def test_a_pad_that_sees_its_own_turn_gives_the_turn_of_the_object() -> None:
+def test_a_pad_that_measures_its_own_turn_gives_the_turn_of_the_object() -> None:
     sensor = hand(1)
     slips = slips_of(sensor, spin(10, (0, 0, 0.5)), points_of(sensor))
     slips.pose[..., 2] = 0.005 * np.arange(10)[:, np.newaxis]

@@ -49,7 +49,7 @@ def test_a_grid_gives_the_same_as_the_table_of_its_taxels(method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("direction", [0.0, 0.5, np.pi / 2, 2.3])
-def test_a_hexagonal_pad_sees_motion_in_every_direction(method: str, direction: float) -> None:
+def test_a_hexagonal_pad_observes_motion_in_every_direction(method: str, direction: float) -> None:
     sensor = table_sensor(hexagonal(5, 0.003))
     seen = slips(method, sensor, sliding(sensor, direction))
     known = np.isfinite(seen.pose[:, 0, 0])

@@ -80,7 +80,7 @@ def test_taxels_in_line_show_the_centroid_to_within_a_cell_over_their_number(cou
     np.testing.assert_allclose(out[:3], [1 / 12 / count**2, 0.0, 1 / 12], atol=1e-12)
 
 
-def test_noise_and_errors_of_readings_scatter_the_centroid_as_its_covariance_says() -> None:
+def test_noise_and_errors_of_readings_scatter_the_centroid_by_its_covariance() -> None:
     random = np.random.default_rng(0)
     places = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(4.0), np.arange(3.0))])
     reading = 100.0 * np.exp(-0.3 * ((places[0] - 1.2) ** 2 + (places[1] - 0.8) ** 2))

@@ -186,6 +186,7 @@ def test_what_is_saved_is_what_the_program_writes(tmp_path: Path) -> None:
             assert (tmp_path / "saved" / name).read_bytes() == (tmp_path / "estimated" / name).read_bytes(), name
 
 
+@pytest.mark.long
 def test_a_result_is_drawn(result: taxelflow.Result, tmp_path: Path) -> None:
     files = result.plot(tmp_path / "pictures", "png")
     assert {file.name for file in files} >= {"position-pad0.png", "path-convolution.png"}

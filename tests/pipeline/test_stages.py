@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from synthetic import METHODS, assert_same, dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
 from taxelflow.condition.parameters import Conditioner
@@ -64,7 +65,7 @@ def test_every_scan_gives_a_row_in_its_order(method: str, mode: str, stroke: Rec
         assert len(output.slips) == len(output.slipping) == len(output.motions)
 
 
-@both_methods
+@pytest.mark.parametrize("method", mostly_long(METHODS, "convolution"))
 @both_modes
 def test_the_size_of_the_sources_blocks_does_not_matter(method: str, mode: str) -> None:
     values = grasp_and_pull(0.02)
@@ -76,7 +77,7 @@ def test_the_size_of_the_sources_blocks_does_not_matter(method: str, mode: str) 
 
 
 @both_modes
-@pytest.mark.parametrize("velocity_m_s", [0.01, -0.025, 0.04])
+@pytest.mark.parametrize("velocity_m_s", mostly_long([0.01, -0.025, 0.04], -0.025))
 def test_a_moving_contact_has_the_velocity_it_has(mode: str, velocity_m_s: float) -> None:
     result = estimate(recorded(grasp_and_pull(velocity_m_s), WIDE), mode=mode)  # type: ignore[arg-type]
     moving = slice(45, 75)
@@ -86,6 +87,7 @@ def test_a_moving_contact_has_the_velocity_it_has(mode: str, velocity_m_s: float
     assert result.slipping[moving].all()
 
 
+@pytest.mark.long
 @both_modes
 def test_a_contact_that_holds_still_under_noise_never_slips(mode: str) -> None:
     random = np.random.default_rng(4)
@@ -233,7 +235,7 @@ def pushed(recording: Recording, method: str, mode: str, size: int) -> Output:
 
 @both_methods
 @both_modes
-@pytest.mark.parametrize("size", [1, 7, 200])
+@pytest.mark.parametrize("size", mostly_long([1, 7, 200], 7))
 def test_scans_that_are_pushed_give_what_reading_gives(method: str, mode: str, size: int, stroke: Recording) -> None:
     read, pushes = joined(list(pipeline(method, mode).start(stroke))), pushed(stroke, method, mode, size)
     for stage in ("slips", "motions", "contacts"):
@@ -339,7 +341,7 @@ class Lately:
         return Late()
 
 
-@both_modes
+@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
 @pytest.mark.parametrize("method", ["convolution", Lately()], ids=["at once", "late"])
 def test_contacts_that_move_apart_leave_no_scan_ok(mode: str, method: Any) -> None:
     random = np.random.default_rng(2)

@@ -46,12 +46,12 @@ def test_what_is_too_wide_to_draw_is_listed(capsys: Capture) -> None:
     assert "3: (500.0, 0.0) mm" in drawn(capsys, table_sensor(places))
 
 
-def test_a_curved_pad_says_how_far_it_is_stretched(capsys: Capture) -> None:
+def test_a_curved_pad_reports_its_stretch(capsys: Capture) -> None:
     assert "laid flat, neighbours within 0.0 %" in drawn(capsys, table_sensor(arched(3, 4, 0.01)[1]))
     assert "laid flat, neighbours within 9.9 %" in drawn(capsys, load_sensor("icub-fingertip-12"))
 
 
-def test_the_wiring_is_told_where_it_is_not_plain(capsys: Capture) -> None:
+def test_the_wiring_is_described_where_it_is_not_plain(capsys: Capture) -> None:
     assert "the source sends" not in drawn(capsys, grid_sensor(2, 2))
     said = drawn(capsys, grid_sensor(2, 2, axes=3, normal="x", offset=9.0, gain=(1.0, 2.0, 1.0, 1.0)))
     assert "the source sends 12 numbers a scan, 3 per taxel, of which x is normal to the skin" in " ".join(said.split())

@@ -44,6 +44,7 @@ def result(method: str, *, contacts: bool = False, moments: bool = False) -> Res
     return ResultPictures(method, LAYOUT, tracks, [contact()] if contacts else [], [moment] if moments else [])
 
 
+@pytest.mark.long
 def test_patterns_of_all_contacts_are_drawn_together(tmp_path: Path) -> None:
     one = contact().pattern
     several = [replace(one, t_first_s=float(k), t_last_s=k + 0.5) for k in range(11)]
@@ -60,6 +61,7 @@ def views() -> Views:
     return Views("palm at 0.50 s", image, "kPa", np.ones((7, 13)), (1.0, 0.0))
 
 
+@pytest.mark.long
 def test_pictures_are_drawn_of_arrays_alone_in_a_fixed_order(tmp_path: Path) -> None:
     results = [result("lnorm"), result("template", contacts=True, moments=True)]
     pads = [PadTracks("palm", [one for each in results for one in each.tracks], (T_S, POSE))]
@@ -72,6 +74,7 @@ def test_pictures_are_drawn_of_arrays_alone_in_a_fixed_order(tmp_path: Path) -> 
     assert sum(word.endswith(" mm/s") for word in words) == 2  # one stroke, by two methods
 
 
+@pytest.mark.long
 def test_without_truth_patterns_and_views_only_positions_and_paths_are_drawn(tmp_path: Path) -> None:
     pads = [PadTracks("palm", result("lnorm").tracks, None)]
     made = draw_results(Pictures(pads, [result("lnorm")], None), tmp_path, "svg")
@@ -79,6 +82,7 @@ def test_without_truth_patterns_and_views_only_positions_and_paths_are_drawn(tmp
     assert "truth" not in svg_words(made[0])
 
 
+@pytest.mark.long
 def test_two_results_of_one_method_have_files_of_their_own(tmp_path: Path) -> None:
     made = draw_results(Pictures([], [result("lnorm"), result("lnorm")], None), tmp_path, "svg")
     assert [path.stem for path in made] == ["path-lnorm", "path-lnorm-2"]

@@ -64,7 +64,7 @@ def test_the_files_have_the_schema_of_the_format(tmp_path: Path) -> None:
     assert data["index"].to_pylist() == list(range(10))
 
 
-def test_episodes_say_where_their_frames_are_and_tasks_are_an_index(tmp_path: Path) -> None:
+def test_episodes_locate_their_frames_and_tasks_are_an_index(tmp_path: Path) -> None:
     write_lerobot([episode(3, "hold"), episode(5, "pour")], tmp_path, 100.0, "gripper")
     rows = parquet.read_table(tmp_path / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
     places = [(row["dataset_from_index"], row["dataset_to_index"], row["length"], row["tasks"]) for row in rows]
@@ -120,6 +120,7 @@ def test_convert_writes_a_recording_with_its_results(tmp_path: Path, capsys: pyt
     assert max(map(max, data["observation.slipping"].to_pylist())) in (0.0, 1.0)
 
 
+@pytest.mark.long
 def test_trials_of_a_controller_are_episodes_of_the_format(tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxelflow[sim]'")
     out = tmp_path / "set"

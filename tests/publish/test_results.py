@@ -34,6 +34,7 @@ def spoilt(results: list[Path], tmp_path: Path) -> Callable[[str, bytes], Path]:
     return spoil
 
 
+@pytest.mark.long
 def test_numbers_come_back_as_they_were_estimated(results: list[Path]) -> None:
     for directory, method in zip(results, ("lnorm", "convolution"), strict=True):
         summary, tracks = read_result(directory)
@@ -98,7 +99,7 @@ def test_what_is_no_directory_is_no_result(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"{}", b"\xff\xfe", b'{"taxelflow": 1}'], ids=repr)
-def test_a_summary_that_is_none_is_said(spoilt: Callable[[str, bytes], Path], content: bytes) -> None:
+def test_an_invalid_summary_is_refused(spoilt: Callable[[str, bytes], Path], content: bytes) -> None:
     with pytest.raises(ResultMissing, match=r"readable summary\.json \(.+\)") as caught:
         read_result(spoilt("summary.json", content))
     assert "\n" not in str(caught.value)
@@ -114,12 +115,12 @@ def test_a_summary_that_is_none_is_said(spoilt: Callable[[str, bytes], Path], co
     ],
     ids=["empty", "garbage", "columns", "binary"],
 )
-def test_rows_that_are_none_are_said(spoilt: Callable[[str, bytes], Path], content: bytes) -> None:
+def test_invalid_rows_are_refused(spoilt: Callable[[str, bytes], Path], content: bytes) -> None:
     with pytest.raises(ResultMissing, match=r"slips\.csv"):
         read_result(spoilt("slips.csv", content))
 
 
-def test_a_number_that_is_none_is_said(results: list[Path], spoilt: Callable[[str, bytes], Path]) -> None:
+def test_an_invalid_number_is_refused(results: list[Path], spoilt: Callable[[str, bytes], Path]) -> None:
     content = (results[0] / "slips.csv").read_bytes()
     with pytest.raises(ResultMissing, match=r"slips\.csv"):
         read_result(spoilt("slips.csv", content.replace(b"palm,1,", b"palm,yes,")))

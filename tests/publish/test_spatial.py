@@ -36,7 +36,7 @@ def test_a_translation_and_a_turn_are_named() -> None:
     assert in_words(blind(turn)) == ["turn about (0.00, 0.00, 1.00) through (20, 30, 0) mm"]
 
 
-def test_a_basis_is_told_apart_into_translations_and_turns() -> None:
+def test_a_basis_is_separated_into_translations_and_turns() -> None:
     mixed = ((0, 0, 1, 0, 0, 1), (0, 0, 1, 0, 0, -1))
     assert in_words(blind(*mixed)) == [
         "translation along (0.00, 0.00, 1.00)",
@@ -140,7 +140,7 @@ def test_parquet_has_types_and_nulls(tmp_path: Path) -> None:
     assert found["wz_rad_s"].isna().tolist() == [True, True, False]
 
 
-def test_ros_messages_say_what_is_not_observable() -> None:
+def test_ros_messages_mark_what_is_not_observable() -> None:
     types = Ros2Types()
     twist = types.twist_in_space(1.0, motions().twist[1], motions().twist_covariance[1])
     assert (twist.twist.twist.linear.z, twist.twist.twist.angular.z) == (8.0, 0.0)

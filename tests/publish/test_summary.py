@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 TWO = grid_sensor(4, 7, pads=2)
 
 
-def test_it_says_what_ran_on_what(stroke: Recording) -> None:
+def test_it_names_recording_and_method(stroke: Recording) -> None:
     summary = estimate(stroke, "lnorm", mode="stream", gain=1.04).summary
     assert summary.taxelflow == taxelflow.__version__
     assert (summary.method, summary.mode, summary.sensor, summary.input) == ("lnorm", "stream", "grid", "memory")
@@ -28,7 +28,7 @@ def test_it_says_what_ran_on_what(stroke: Recording) -> None:
     assert (summary.scans, summary.t_first_s, summary.t_last_s) == (80, 0.0, 7.9)
 
 
-def test_it_adds_up_what_the_rows_say(stroke: Recording) -> None:
+def test_it_adds_up_the_rows(stroke: Recording) -> None:
     result = estimate(stroke)
     pad = result.summary.pads["pad0"]
     assert pad.contact_scans == int(result.slips.contact.sum())
@@ -44,7 +44,7 @@ def test_it_adds_up_what_the_rows_say(stroke: Recording) -> None:
     assert sum(result.summary.events.values()) == len(result.events)
 
 
-def test_a_way_that_the_pad_cannot_see_is_none() -> None:
+def test_a_path_that_the_pad_cannot_observe_is_none() -> None:
     sensor = grid_sensor(6, 1)
     random = np.random.default_rng(0)
     scans = np.array([dome(sensor, y_m=y) for y in np.linspace(-0.01, 0.01, 40)])
@@ -67,14 +67,14 @@ def test_events_that_did_not_happen_are_counted_as_zero(palm: taxelflow.Sensor) 
     assert summary.events == {"contact": 0, "release": 0, "slip_start": 0, "slip_stop": 0, "slip_suspected": 0}
 
 
-def test_no_contact_at_all_is_a_result_that_says_so(palm: taxelflow.Sensor) -> None:
+def test_no_contact_at_all_is_a_result_that_reports_it(palm: taxelflow.Sensor) -> None:
     random = np.random.default_rng(0)
     summary = estimate(recorded(random.normal(0, 100, (200, 28)), palm)).summary
     assert not summary.contact
     assert any("no contact" in note for note in summary.notes)
 
 
-def test_a_pad_that_was_never_seen_idle_is_named() -> None:
+def test_a_pad_that_was_never_idle_is_named() -> None:
     values = np.array([dome(TWO) + dome(TWO, x, pad=1) * (k > 50) for k, x in enumerate(np.linspace(-0.01, 0.01, 200))])
     summary = estimate(recorded(values + np.random.default_rng(0).normal(0, 50, values.shape), TWO)).summary
     assert [note for note in summary.notes if "pad0" in note and "idle" in note]

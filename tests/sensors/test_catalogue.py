@@ -17,7 +17,7 @@ def test_the_papers_hand_has_its_162_taxels() -> None:
     assert (sensor.unit, layout.pads[layout.pad_count - 1]) == ("kPa", "palm")
 
 
-def test_the_papers_palm_is_grouped_as_the_paper_says() -> None:
+def test_the_papers_palm_is_grouped_as_in_the_paper() -> None:
     layout = load_sensor("barretthand-162").layout
     assert layout.pads[layout.pad_count :] == ("palm_left", "palm_centre", "palm_right")
     members = [layout.source[layout.of_pad(pad)] for pad in range(7, 10)]
@@ -25,7 +25,7 @@ def test_the_papers_palm_is_grouped_as_the_paper_says() -> None:
     assert sorted(np.concatenate(members)) == list(range(138, 162))
 
 
-def test_the_papers_palm_is_numbered_as_the_paper_says() -> None:
+def test_the_papers_palm_is_numbered_as_in_the_paper() -> None:
     layout = load_sensor("barretthand-162").layout
     own = layout.of_pad(6)
     assert (own.start, own.stop) == (138, 162)
@@ -35,7 +35,7 @@ def test_the_papers_palm_is_numbered_as_the_paper_says() -> None:
     assert rows[1] == list(range(143, 150))
 
 
-def test_the_assumed_layout_of_the_tips_says_so() -> None:
+def test_the_assumed_layout_of_the_tips_is_marked() -> None:
     sensor = load_sensor("barretthand-162")
     tips = [pad for pad in sensor.pads if pad.name.endswith("_tip")]
     assert len(tips) == 3
@@ -69,7 +69,7 @@ def test_a_folder_is_no_sensor(tmp_path: Path) -> None:
         load_sensor(str(tmp_path))
 
 
-def test_every_built_in_sensor_says_where_it_is_from() -> None:
+def test_every_built_in_sensor_names_its_source() -> None:
     assert all(sensor.note for _, sensor in catalogue())
 
 
@@ -161,7 +161,7 @@ def test_a_plain_grid_is_named_by_rows_cols_and_pitch() -> None:
 @pytest.mark.parametrize(
     "name", ["grid:", "grid:16x16", "grid:16@4mm", "grid:16x16@4", "grid:axb@4mm", "grid:2x2@-4mm"]
 )
-def test_a_grid_that_is_no_grid_says_how(name: str) -> None:
+def test_an_invalid_grid_is_refused_with_the_form(name: str) -> None:
     with pytest.raises(GridNameInvalid, match=r"as in grid:16x16@4mm or grid:4x7@10x10.6mm, and a unit"):
         load_sensor(name)
 

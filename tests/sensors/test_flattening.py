@@ -49,13 +49,13 @@ def test_a_flat_tilted_pad_keeps_its_shape() -> None:
     assert flattened.stretch == 0
 
 
-def test_seen_from_below_x_stays_and_y_turns() -> None:
+def test_viewed_from_below_x_stays_and_y_turns() -> None:
     flat = square(2, 3)
     flattened = flatten(np.column_stack([flat, np.zeros(6)]), np.tile(-UP, (6, 1)))
     np.testing.assert_allclose(flattened.xy, flat * [1, -1], atol=1e-12)
 
 
-def test_a_dome_is_stretched_little_and_says_how_much() -> None:
+def test_a_dome_is_stretched_little_and_reports_how_much() -> None:
     shallow, deep = (flatten(0.01 * normals, normals) for normals in (dome(0.3), dome(1.2)))
     assert shallow.stretch < 0.02
     assert shallow.stretch < deep.stretch < 0.3

@@ -40,6 +40,7 @@ def test_a_note_may_have_lines_and_no_control_characters() -> None:
         parse('note = "a\\u001bb"\n' + GOOD)
 
 
+@pytest.mark.long
 @given(name=st.text(min_size=1))
 def test_a_safe_name_is_one_line_and_no_formula(name: str) -> None:
     safe = safe_name(name)

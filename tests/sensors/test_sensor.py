@@ -81,6 +81,7 @@ ODD = st.recursive(
 )
 
 
+@pytest.mark.long
 @given(
     sensor=st.dictionaries(st.sampled_from(FIELDS), ODD, max_size=3),
     pad=st.dictionaries(st.sampled_from(PAD_FIELDS), ODD, max_size=4),

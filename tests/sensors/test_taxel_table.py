@@ -73,7 +73,7 @@ def test_a_table_that_is_missing_or_no_text_is_named(tmp_path: Path) -> None:
         parse(TABLE)
 
 
-def test_what_a_table_says_the_sensor_file_does_not_say_again(tmp_path: Path) -> None:
+def test_what_a_table_holds_the_sensor_file_does_not_repeat(tmp_path: Path) -> None:
     (tmp_path / "tip.csv").write_text("x_m,y_m,index\n0,0,0\n1,1,1\n")
     (tmp_path / "hand.toml").write_text(TABLE + "index = [1, 0]\n")
     with pytest.raises(

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from taxelflow.cli import main
 from taxelflow.pipeline.api import read
 from taxelflow.simulation.scenario import SCENARIOS
@@ -24,7 +25,7 @@ def test_nested_parameters_are_options(tmp_path: Path) -> None:
         assert '"feet_at_m": [[0.0, 0.0], [0.01, 0.02]]' in str(members["parameters"])
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize("name", mostly_long(SCENARIOS, "press", "stick-slip"))
 def test_every_scenario_has_its_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as done:
         main(["simulate", name, "--help"])

@@ -38,7 +38,7 @@ def still(force: float = 1.0) -> State:
 
 
 @pytest.mark.usefixtures("solver")
-def test_a_sphere_is_pressed_as_hertz_says() -> None:
+def test_a_sphere_is_pressed_by_the_law_of_hertz() -> None:
     pressure, cell_m2 = field(Contact("hertz"))
     assert pressure.sum() * cell_m2 == pytest.approx(2 / 3 * np.pi * 0.015**2, rel=0.01)
     assert pressure.max() == pytest.approx(1.0, rel=0.1)
@@ -78,6 +78,7 @@ def test_the_contact_grows_with_the_cube_root_of_the_force() -> None:
     assert eight.max() == pytest.approx(2 * one.max(), rel=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("solver")
 def test_loads_between_those_solved_are_interpolated_and_none_is_none() -> None:
     pattern = Elastic(Contact("hertz"), Load("ramp", (1.0, 4.0)), 0, PITCH_M)
@@ -103,6 +104,7 @@ def test_a_simulated_stroke_agrees_with_the_formula(capfd: pytest.CaptureFixture
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("solver")
 def test_feet_turned_over_the_hand_are_solved_too() -> None:
     recording = simulate(replace(SCENARIOS["turn-over-hand"], solver="elastic"))

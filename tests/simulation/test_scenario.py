@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from taxelflow.simulation.scenario import DESCRIPTIONS, SCENARIOS
 from taxelflow.simulation.simulate import simulate
 
@@ -13,7 +14,10 @@ def test_every_scenario_is_described() -> None:
     assert list(DESCRIPTIONS) == list(SCENARIOS)
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize(
+    "name",
+    mostly_long(SCENARIOS, *(name for name in SCENARIOS if not name.startswith("two-contacts"))),
+)
 def test_every_scenario_runs_within_full_scale_and_touches(name: str) -> None:
     scenario = SCENARIOS[name]
     motion = replace(scenario.motion, stick_slip_s=1.0)
@@ -30,6 +34,7 @@ def test_every_scenario_runs_within_full_scale_and_touches(name: str) -> None:
     assert truth.slipping.any() == (name not in ("press", "roll", "tilt") and not name.startswith("hold"))
 
 
+@pytest.mark.long
 def test_the_bulb_and_the_object_on_the_hand_touch_what_the_figures_show() -> None:
     for name, pads in (("bulb-pull", 7), ("turn-over-hand", 5), ("slide-and-turn-over-hand", 5)):
         recording = simulate(SCENARIOS[name])

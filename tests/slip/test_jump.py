@@ -44,7 +44,7 @@ def kinds(slips: Slips, monitor: SlipMonitor | None = None) -> list[str]:
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_a_slip_faster_than_the_scans_is_told_when_the_contact_has_settled(known: bool) -> None:
+def test_a_slip_faster_than_the_scans_is_reported_when_the_contact_has_settled(known: bool) -> None:
     slips = torn()
     if not known:  # a method that lost its pattern on the way knows where it is and not how far it went
         slips.quality[GONE + 1] = LOST
@@ -111,7 +111,7 @@ def test_covariances_too_small_are_found_out_before() -> None:
     assert kinds(honest, sharp) == ["contact", "slip_start", "slip_stop"]
 
 
-def test_a_slip_soon_after_a_dip_is_told_once() -> None:
+def test_a_slip_soon_after_a_dip_is_reported_once() -> None:
     slips = torn(way=np.zeros(2))
     ramp = np.clip(np.arange(len(slips)) - BACK - 6, 0, 3)[:, np.newaxis, np.newaxis] * [4e-3, 0.0, 0.0]
     slips.displacement[1:] += np.diff(ramp, axis=0)

@@ -45,7 +45,7 @@ def test_slips_are_dated_to_a_fraction_of_a_scan(speed_m_s: float) -> None:
 
 @given(cuts=st.lists(st.integers(0, 300), max_size=8), seed=st.integers(0, 99), lifted=st.integers(60, 290))
 @settings(max_examples=25)
-def test_what_is_seen_does_not_depend_on_how_slips_are_cut(cuts: list[int], seed: int, lifted: int) -> None:
+def test_the_evidence_does_not_depend_on_how_slips_are_cut(cuts: list[int], seed: int, lifted: int) -> None:
     slips = slips_of(slid((0.5, 0.8), (0.95, 1.2), (2.0, 2.03), scans=300, seed=seed))
     slips.contact[lifted : lifted + 3] = False
     slips.displacement[lifted + 3] = np.nan
@@ -105,7 +105,7 @@ def test_a_pose_that_is_older_than_its_scan_is_dated_by_its_own_time() -> None:
     assert later.onset_s == pytest.approx(start.onset_s - 0.02, abs=0.01)
 
 
-def test_a_slip_without_displacement_is_given_as_it_was_told() -> None:
+def test_a_slip_without_displacement_is_given_as_it_was_reported() -> None:
     slips = slips_of(slid())
     slips.displacement[...] = np.nan
     slips.disturbance[:, 0] = 0.0

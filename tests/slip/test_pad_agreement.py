@@ -61,7 +61,7 @@ def agreed(
 
 
 @pytest.mark.parametrize("speed_m_s", [0.01, 0.1])
-def test_pads_that_see_the_same_motion_agree_within_two_scans(speed_m_s: float) -> None:
+def test_pads_that_measure_the_same_motion_agree_within_two_scans(speed_m_s: float) -> None:
     moved = at_rest(60)
     moved[40:50] += sliding(speed_m_s, 10)
     found = agreed(moved)
@@ -93,6 +93,7 @@ def test_what_load_moves_in_both_pads_is_no_slip() -> None:
     assert not agreed(moved, load=load).any()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("factor", [1.0, 3.0])
 def test_false_alarms_come_no_more_often_than_accepted(factor: float) -> None:
     """White noise in the poses, `factor` times as large as reported: 200 s at an accepted alarm per 2.5 s."""
@@ -128,7 +129,8 @@ def test_only_pads_that_face_each_other_in_space_are_compared() -> None:
     assert not facing_pads(hand(None, None))
 
 
-def test_poses_that_walk_as_they_say_do_not_agree_on_a_slip() -> None:
+@pytest.mark.long
+def test_poses_that_walk_within_their_covariance_do_not_agree_on_a_slip() -> None:
     """Two pads on a plate: what of each step's noise stays in the pose adds up in a window."""
     scans, random = 6000, np.random.default_rng(5)
     moved = at_rest(scans, 4) + random.normal(0.0, 2.0 * STD_M, (scans, 2, 2))

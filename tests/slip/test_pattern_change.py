@@ -142,6 +142,7 @@ def slid() -> tuple[Scans, PatternChanges]:
     return scans, compared(scans)
 
 
+@pytest.mark.long
 @given(st.lists(st.integers(1, 60), max_size=6))
 def test_the_blocks_do_not_matter(sizes: list[int]) -> None:
     scans, whole = slid()

@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 from scipy.stats import poisson
 
 from compiled import compiled
+from costly import mostly_long
 from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import records
@@ -86,7 +87,7 @@ def alarms(pose: Floats, rate_hz: float, monitor: SlipMonitor, std: Floats = STD
     return sum(event.event == "slip_start" for event in events)
 
 
-@pytest.mark.parametrize(("rate_hz", "scale"), [(100.0, 1.0), (100.0, 1.6), (30.0, 1.0), (400.0, 1.0)])
+@pytest.mark.parametrize(("rate_hz", "scale"), [(100.0, 1.6), *mostly_long([(100.0, 1.0), (30.0, 1.0), (400.0, 1.0)])])
 def test_white_noise_alarms_as_often_as_was_asked_for(rate_hz: float, scale: float) -> None:
     hours = 200_000 / rate_hz / 3600
     monitor = SlipMonitor(alarms_per_hour=60 / hours)
@@ -96,7 +97,7 @@ def test_white_noise_alarms_as_often_as_was_asked_for(rate_hz: float, scale: flo
 
 
 @pytest.mark.parametrize("across", [0, 1])
-@pytest.mark.parametrize("scale", [1.0, 1.6])
+@pytest.mark.parametrize("scale", mostly_long([1.0, 1.6], 1.0))
 def test_a_line_of_taxels_alarms_as_often_as_was_asked_for(across: int, scale: float) -> None:
     pose = scale * np.random.default_rng(5).standard_normal((200_000, 3))
     pose[:, across], pose[:, 2] = 0.0, np.nan
@@ -106,6 +107,7 @@ def test_a_line_of_taxels_alarms_as_often_as_was_asked_for(across: int, scale: f
     assert 0.5 * low <= alarms(pose, 100.0, SlipMonitor(alarms_per_hour=108), std) <= 1.2 * high
 
 
+@pytest.mark.long
 def test_noise_smaller_than_its_covariance_does_not_alarm_more_often() -> None:
     pose = np.random.default_rng(5).standard_normal((200_000, 3))
     monitor = SlipMonitor(alarms_per_hour=108)

@@ -37,7 +37,7 @@ def test_what_a_load_changes_is_learned_at_rest() -> None:
     assert learned(slipped=True) == GROWTH
 
 
-def test_a_pad_is_calm_until_it_was_seen_not_to_be() -> None:
+def test_a_pad_is_calm_until_it_is_observed_not_to_be() -> None:
     assert not watched([], [])
     assert not watched([False] * 100, [0.0] * 100)
     assert not watched([False] * 100, [np.nan] * 100)

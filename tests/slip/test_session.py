@@ -20,7 +20,7 @@ from taxelflow.slip.parameters import SlipMonitor
     cuts=st.lists(st.integers(0, 120), max_size=8),
 )
 @settings(max_examples=25)
-def test_what_is_seen_does_not_depend_on_how_slips_are_cut(
+def test_the_evidence_does_not_depend_on_how_slips_are_cut(
     velocity: tuple[float, float, float], seed: int, cuts: list[int]
 ) -> None:
     slips = slips_of(slid(velocity, scans=120, begin=40, end=80) + noise(120, seed))

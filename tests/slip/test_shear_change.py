@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from costly import mostly_long
 from restless import SENSOR, texture
 from sheared import let_go, sheared
 from synthetic import grid_sensor, scans_of
@@ -26,6 +27,7 @@ STARTS = LAYOUT.starts[:-1]
 PATTERN = texture(np.zeros(1))[0]
 NONE = np.zeros((LAYOUT.taxels, 2))
 both = pytest.mark.parametrize("mode", ["batch", "stream"])
+batch_first = pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
 
 
 def spread_of(change: Floats, pressure: Floats = PATTERN) -> float:
@@ -115,7 +117,7 @@ def test_a_block_of_no_scans_changes_nothing() -> None:
     np.testing.assert_array_equal(found, watched(scans, len(scans))[0])
 
 
-@both
+@batch_first
 def test_without_shear_or_with_one_that_never_changes_nothing_is_different(mode: Mode) -> None:
     recording = sheared(np.zeros(100), np.zeros(100))
     raw = recording.load()
@@ -134,6 +136,7 @@ def highest(slides: Floats, mode: Mode) -> float:
     return float(np.nanmax(result.evidence[during]))
 
 
+@pytest.mark.long
 @both
 def test_skin_that_lets_go_is_a_witness_where_the_pattern_does_not_change(mode: Mode) -> None:
     slides = np.zeros(200)
@@ -143,7 +146,7 @@ def test_skin_that_lets_go_is_a_witness_where_the_pattern_does_not_change(mode: 
     assert highest(slides, mode) > 0
 
 
-@both
+@batch_first
 def test_an_object_that_sticks_while_it_is_pulled_does_not_slip(mode: Mode) -> None:
     result = api.estimate(sheared(np.zeros(300), np.zeros(300)), mode=mode)
     settled = result.slips.t_s > 5.0

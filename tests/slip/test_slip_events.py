@@ -100,7 +100,7 @@ def test_a_method_that_lost_its_pose_sums_displacements() -> None:
     assert start.path_m < 0.1
 
 
-def test_a_method_without_displacement_tells_the_duration() -> None:
+def test_a_method_without_displacement_gives_the_duration() -> None:
     slips = slips_of(slid(VELOCITY))
     slips.pose[:] = slips.displacement[:] = np.nan
     start, stop = completed(slips)[0]
@@ -108,6 +108,7 @@ def test_a_method_without_displacement_tells_the_duration() -> None:
     assert (start.speed_m_s, np.isnan(start.path_m)) == (0.015, True)
 
 
+@pytest.mark.long
 def test_the_demos_slips_have_the_speed_of_the_truth_and_are_counted_once() -> None:
     result = api.estimate(simulate(SCENARIOS["stroke"]), "template")
     own = [event for event in result.events if event.event in ("slip_start", "slip_stop") and event.pad == "palm"]

@@ -26,6 +26,7 @@ def constant(scans: int, *velocity: float) -> Floats:
     return np.tile(velocity, (scans, 1))
 
 
+@pytest.mark.long
 @given(st.floats(0.005, 0.2), st.floats(-3.0, 3.0), st.floats(-1.0, 1.0), st.integers(8, 60), st.integers(0, 10**6))
 def test_a_constant_velocity_is_found_within_its_standard_deviations(
     speed: float, direction: float, rate: float, scans: int, seed: int

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from restless import held, slide, smooth
 from taxelflow.estimation.completion import start_slips
 from taxelflow.messages import cut, joined
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from taxelflow.pipeline.result import Result
 
 both = pytest.mark.parametrize("mode", ["batch", "stream"])
+batch_first = pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
 
 
 def moving(result: Result, x_m: Floats, rate_hz: float = 10.0) -> Bools:
@@ -34,7 +36,7 @@ def moving(result: Result, x_m: Floats, rate_hz: float = 10.0) -> Bools:
     return flags[len(flags) - len(result.slips) :] if len(flags) != len(result.slips) else flags
 
 
-@both
+@batch_first
 def test_an_object_that_only_tilts_does_not_slip(mode: Mode) -> None:
     result = api.estimate(held(np.zeros(300)), mode=mode)
     settled = result.slips.t_s > 4.0  # a second until the skin is known
@@ -42,7 +44,7 @@ def test_an_object_that_only_tilts_does_not_slip(mode: Mode) -> None:
     assert result.slips.contact[settled].mean() > 0.8
 
 
-@both
+@batch_first
 def test_what_only_the_pose_takes_for_a_slip_is_suspected(mode: Mode) -> None:
     result = api.estimate(held(np.zeros(300), tilted=0.25), mode=mode)
     kinds = [event.event for event in result.events if event.t_s > 4.0]
@@ -70,7 +72,7 @@ def test_a_slide_on_a_restless_skin_is_found(mode: Mode) -> None:
     assert stop.direction_rad == pytest.approx(0.0, abs=0.3)
 
 
-@both
+@batch_first
 def test_where_nothing_stirs_the_pose_decides(mode: Mode) -> None:
     recording = held(slide(100.0), tilted=0.0, rate_hz=100.0)
     result = api.estimate(recording, mode=mode)
@@ -154,6 +156,7 @@ def test_a_result_has_evidence_of_every_scan_in_contact_but_the_first() -> None:
     assert np.isnan(result.evidence[: contact[0] - 3, 0]).all()
 
 
+@pytest.mark.long
 @both
 def test_parts_of_a_palm_do_not_slip_as_an_object_tilts(mode: Mode) -> None:
     """Their poses are ambiguous and move by half a taxel; load and tilt explain the pattern."""

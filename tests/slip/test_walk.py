@@ -36,7 +36,7 @@ def walking(share: float, scans: int, seed: int = 0, velocity_m_s: float = 0.0, 
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 1.4])
-def test_a_pose_that_walks_as_it_says_is_no_slip(share: float) -> None:
+def test_a_pose_that_walks_within_its_covariance_is_no_slip(share: float) -> None:
     """A minute at rest; without the walk in the rest filter it is more than twenty slips at a share of 1.4."""
     assert kinds(watched(walking(share, 6000))[1]) == ["contact"]
 

@@ -48,6 +48,8 @@ class _Level:
     """Probability, relative to that of a light load, of a reading below the level that noise does not explain."""
     even: float = 1.0
     """Readings of either kind that are added to the share: a taxel may be loaded in all scans that were seen."""
+    together: int = 6_000
+    """Readings, times noises, that are computed in one go: few calls of NumPy, whose arrays stay in the CPU's cache."""
 
 
 _LEVEL = _Level()
@@ -104,13 +106,21 @@ def find_rest(readings: Floats, noise: Floats | float, cut: float, reach: float)
     readings: (scans, taxels), NaN where missing. noise: (taxels,) or one for all. cut: readings that would be lower are
     clipped. reach: the largest load there may be.
     """
-    return _find_rest(_Readings.of(readings, cut), noise, reach)
+    sigma = np.broadcast_to(np.asarray(noise, dtype=np.float64), (1, readings.shape[1]))
+    rest = _find_rest(_Readings.of(readings, cut), sigma, reach)
+    return Resting(rest.level[0], rest.unloaded[0], rest.likelihood[0])
 
 
 def rest_likelihood(readings: Floats, noises: Floats, cut: float, reach: float) -> Floats:
     """(taxels, noises): `Resting.likelihood` for each of the noises (noises,) common to all taxels; see `find_rest`."""
     prepared = _Readings.of(readings, cut)
-    return np.stack([_find_rest(prepared, noise, reach).likelihood for noise in noises], axis=1)
+    likelihood = np.empty((readings.shape[1], len(noises)))
+    together = max(1, _LEVEL.together // max(1, readings.size))
+    for start in range(0, len(noises), together):
+        some = noises[start : start + together]
+        sigma = np.broadcast_to(some[:, np.newaxis], (len(some), readings.shape[1]))
+        likelihood[:, start : start + together] = _find_rest(prepared, sigma, reach).likelihood.T
+    return likelihood
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,25 +147,40 @@ class _Readings:
         return cls(y, known, known & (y <= cut), count, np.where(count > 0, level, cut), cut)
 
 
-def _find_rest(readings: _Readings, noise: Floats | float, reach: float) -> Resting:
+def _find_rest(readings: _Readings, sigma: Floats, reach: float) -> Resting:
+    """Fields of `Resting` with a first axis, the noises: sigma is (noises, taxels)."""
     y, known, clipped, count, cut = readings.y, readings.known, readings.clipped, readings.count, readings.cut
-    sigma = np.broadcast_to(np.asarray(noise, dtype=np.float64), y.shape[1:])
-    level, share = readings.level, np.full(y.shape[1], 0.5)
+    level, share = np.broadcast_to(readings.level, sigma.shape), np.full(sigma.shape, 0.5)
     unit = np.log(sigma * (2 * np.pi) ** 0.5)
     stray = np.log(_LEVEL.stray) - np.log(sigma * np.log1p(reach / sigma))
+    light = stray - np.log(_LEVEL.stray)
     for _ in range(_LEVEL.iterations):
         edge = (cut - level) / sigma
         below = log_ndtr(edge)
-        z = (y - level) / sigma
-        log_rest = np.where(clipped, below, -0.5 * z * z - unit)
-        log_load = np.where((z < 0) | clipped, stray, stray - np.log(_LEVEL.stray) - np.log1p(np.maximum(z, 0.0)))
-        odds = np.exp(np.clip(log_rest - log_load, -50.0, 50.0)) * (share / (1 - share))
+        z = (y - _each(level)) / _each(sigma)
+        log_rest = -0.5 * z
+        log_rest *= z
+        log_rest -= _each(unit)
+        log_rest = np.where(clipped, _each(below), log_rest)
+        log_load = np.log1p(np.maximum(z, 0.0))
+        np.subtract(_each(light), log_load, out=log_load)
+        log_load = np.where((z < 0) | clipped, _each(stray), log_load)
+        odds = np.subtract(log_rest, log_load, out=log_rest)
+        np.exp(np.clip(odds, -50.0, 50.0, out=odds), out=odds)
+        odds *= _each(share / (1 - share))
         loaded = np.log1p(-share)
         unloaded = np.where(known, odds / (1 + odds), 0.0)
         mills = np.exp(-0.5 * edge**2 - 0.5 * np.log(2 * np.pi) - below)
-        total = unloaded.sum(axis=0)
-        mean = (unloaded * np.where(clipped, level - sigma * mills, y)).sum(axis=0) / np.maximum(total, 1e-9)
+        total = unloaded.sum(axis=1)
+        weighed = np.where(clipped, _each(level - sigma * mills), y)
+        weighed *= unloaded
+        mean = weighed.sum(axis=1) / np.maximum(total, 1e-9)
         level = np.maximum(np.where(total > 0, mean, level), cut + _LEVEL.lowest_level * sigma)
         share = (total + _LEVEL.even) / (count + 2 * _LEVEL.even)
-    likelihood = np.where(known, log_load + np.log1p(odds), 0.0).sum(axis=0) + count * loaded
+    likelihood = np.where(known, log_load + np.log1p(odds), 0.0).sum(axis=1) + count * loaded
     return Resting(level, unloaded, likelihood + np.log(sigma) * np.minimum(total, 1.0))
+
+
+def _each(of_taxels: Floats) -> Floats:
+    """(noises, taxels) as (noises, 1, taxels): the same for each scan."""
+    return of_taxels[:, np.newaxis]

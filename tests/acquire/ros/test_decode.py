@@ -25,7 +25,7 @@ def test_a_message_described_in_idl_is_read(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read(path, PLAIN).load().values, ROWS)
 
 
-def test_a_message_whose_text_lacks_the_field_is_said(tmp_path: Path) -> None:
+def test_a_message_whose_text_lacks_the_field_is_refused(tmp_path: Path) -> None:
     schema = ("std_msgs/msg/Float64MultiArray", "ros2msg", "float64[] numbers\n")
     contents = [b"\x00\x01\x00\x00\x00\x00\x00\x00"]
     path = write_mcap_file(tmp_path / "a.mcap", schema, "cdr", contents)

@@ -33,7 +33,7 @@ def test_ros_1_messages_in_mcap_are_read(tmp_path: Path, compression: Compressio
     np.testing.assert_array_equal(recording.load().values, ROWS)
 
 
-def test_an_encoding_that_is_not_known_is_said(tmp_path: Path) -> None:
+def test_an_unknown_encoding_is_named(tmp_path: Path) -> None:
     schema = ("std_msgs/msg/Float64MultiArray", "jsonschema", "{}")
     path = write_mcap_file(tmp_path / "a.mcap", schema, "json", [b"{}"])
     with pytest.raises(TopicUnclear, match="no topic has messages of a known type"):

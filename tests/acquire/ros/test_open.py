@@ -57,9 +57,7 @@ def test_pressures_of_the_sdh_are_pascals(tmp_path: Path) -> None:
         (np.arange(1, SCANS + 1), "advance 100 times as fast"),
     ],
 )
-def test_stamps_that_are_not_sane_give_way_to_times_of_receipt_and_that_is_said(
-    tmp_path: Path, stamps_s: Any, said: str
-) -> None:
+def test_invalid_stamps_give_way_to_times_of_receipt_with_a_note(tmp_path: Path, stamps_s: Any, said: str) -> None:
     path = write_bag(tmp_path / "a.bag", {"/dsa": (SDH, scans_of(*SDH_CELLS))}, stamps_s=stamps_s)
     recording = read(path)
     assert said in recording.notes[0]
@@ -81,7 +79,7 @@ def test_a_topic_means_nothing_for_other_formats(tmp_path: Path) -> None:
         read(path, grid_sensor(2, 3), topic="/a")
 
 
-def test_a_sensor_is_asked_for_where_the_message_does_not_tell(tmp_path: Path) -> None:
+def test_a_sensor_is_required_where_the_message_has_none(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a.bag", {"/t": ("tactile_msgs/msg/TactileState", scans_of(12))})
     with pytest.raises(SensorNeeded, match="--sensor"):
         read(path)
@@ -108,7 +106,7 @@ def test_a_message_of_another_size_ends_the_recording_after_those_before_it(tmp_
         next(reading)
 
 
-def test_an_empty_topic_is_said(tmp_path: Path) -> None:
+def test_an_empty_topic_is_refused(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a.bag", {"/dsa": (SDH, []), "/log": ("std_msgs/msg/String", [["x"]])})
     with pytest.raises(TopicUnclear, match="no topic has messages of a known type"):
         read(path)

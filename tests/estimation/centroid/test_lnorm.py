@@ -113,7 +113,7 @@ def test_a_tie_across_a_diagonal_is_correlated() -> None:
     assert falling.covariance[0, 0, 0, 1] < 0 < rising.covariance[0, 0, 0, 1]
 
 
-def test_how_far_a_tie_jumps_is_what_its_deviation_says() -> None:
+def test_jumps_of_a_tie_fit_their_standard_deviation() -> None:
     random = np.random.default_rng(3)
     values = peak(1, 3, 1e5) + peak(1, 4, 1e5) + random.normal(0, 100, (6000, 28))
     slips = one_pad(*values, noise=100.0)

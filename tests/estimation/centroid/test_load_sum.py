@@ -26,7 +26,7 @@ def held(loads: Floats, *, noise: float = 200.0, seed: int = 0) -> Floats:
 
 
 @pytest.mark.parametrize("method", [*METHODS, "sum", "principal_axis"])
-def test_every_method_tells_the_load(method: str) -> None:
+def test_every_method_gives_the_load(method: str) -> None:
     values = np.random.default_rng(0).normal(1, 1, (9, 56))
     slips = slips_by(method, TWO, scans_of(TWO, values, contact=np.arange(9) > 3))
     np.testing.assert_allclose(slips.load, [[row[:28].sum(), row[28:].sum()] for row in values], rtol=1e-12)

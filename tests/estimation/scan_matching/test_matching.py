@@ -72,7 +72,7 @@ def test_a_turn_that_may_not_be_is_0() -> None:
     assert found(textured(0.4, -0.3, 0.08), Guess(0.4, -0.3, 1.0), turns=False)[2] == 0.0
 
 
-def test_saturated_readings_say_at_least() -> None:
+def test_saturated_readings_are_lower_bounds() -> None:
     ceiling = np.full(SIDE**2, 350.0)
     state = found(np.minimum(textured(0.4, -0.3), ceiling), Guess(0.4, -0.3, 1.0), ceiling=ceiling)
     np.testing.assert_allclose(state[:2], [0.4, -0.3], atol=0.02)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from costly import mostly_long
 from synthetic import assert_same, dome, grid_sensor, pieces, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
@@ -82,7 +83,8 @@ def bound(seed: int, pose: Floats, about: Floats) -> Floats:
     return variance
 
 
-def test_two_scans_come_near_the_bound_and_the_covariance_says_so() -> None:
+@pytest.mark.long
+def test_two_scans_come_near_the_bound_with_a_consistent_covariance() -> None:
     trials = pairs(40)
     random = np.random.default_rng(2)
     error, least, nees = [], [], []
@@ -119,7 +121,7 @@ def test_a_face_as_large_as_the_pad_is_misread_and_never_ok(step_pitches: float)
     assert (slips.quality[:, 0] == AMBIGUOUS).all()
 
 
-@pytest.mark.parametrize("shift_pitches", [0.4, 0.7, 1.2, 1.8, 2.5, 4.0])
+@pytest.mark.parametrize("shift_pitches", mostly_long([0.4, 0.7, 1.2, 1.8, 2.5, 4.0], 0.7, 2.5))
 def test_a_jump_between_two_scans_is_right_or_not_ok(shift_pitches: float) -> None:
     """Up to a pitch and a half it is found; beyond, another fit may look better, but none looks good."""
     good, wrong = 0, 0
@@ -276,7 +278,7 @@ def test_a_round_contact_has_no_theta() -> None:
     np.testing.assert_allclose(slips.displacement[1:, 0, :2], [[0.001, 0]] * 2, atol=1e-4)
 
 
-def test_theta_counts_from_where_it_is_first_seen_and_ends_where_it_is_lost_sight_of() -> None:
+def test_theta_counts_from_where_it_is_first_observed_and_ends_where_it_is_lost() -> None:
     round_ = [dome(PAD, radius_m=0.004)] * 2
     long = textured(1, [[0, 0, 0.1 * k] for k in range(4)])
     random = np.random.default_rng(8)
@@ -330,7 +332,7 @@ def test_one_loaded_taxel_moves_by_no_more_than_is_known() -> None:
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(12, 1), (1, 12)])
-def test_a_line_of_taxels_follows_along_it_and_tells_nothing_of_what_is_across(rows: int, cols: int) -> None:
+def test_a_line_of_taxels_measures_along_it_and_not_across(rows: int, cols: int) -> None:
     line = grid_sensor(rows, cols, pitch_m=(0.004, 0.004))
     along, across = (0, 1) if rows == 1 else (1, 0)
     way_m = np.linspace(-0.008, 0.008, 40)
@@ -364,6 +366,7 @@ def test_taxels_spread_over_a_field_are_refused_with_a_word_of_advice() -> None:
         slips_by("registration", Sensor("wide", "Pa", pads, groups=(group,)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_the_teapots_handle_turns(recordings: Path, mode: str) -> None:
     result = estimate(recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa", "registration", mode=mode)  # type: ignore[arg-type]

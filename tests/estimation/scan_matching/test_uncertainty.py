@@ -79,6 +79,7 @@ def test_the_covariance_is_that_of_the_readings_noise_and_of_its_excess() -> Non
     np.testing.assert_allclose(kept, 2.0 * g)
 
 
+@pytest.mark.long
 def test_earlier_gains_are_the_derivative_by_the_earlier_readings() -> None:
     x, y = (axis.ravel().astype(np.float64) for axis in np.meshgrid(np.arange(8), np.arange(8)))
     places = np.stack([x, y])

@@ -80,7 +80,7 @@ def nees(error: Floats, covariance: Floats) -> float:
 
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
-def test_poses_and_displacements_err_as_their_covariance_says(mode: str) -> None:
+def test_errors_of_poses_and_displacements_fit_their_covariance(mode: str) -> None:
     found, moves = [], []
     for seed in range(12):
         t_s, truth, noisy = track(seed)
@@ -180,7 +180,7 @@ def test_an_acceleration_that_cannot_be_is_refused(acceleration: float) -> None:
         Smoothing(acceleration)
 
 
-def test_a_smoothed_result_says_so(stroke: Recording) -> None:
+def test_a_smoothed_result_is_marked(stroke: Recording) -> None:
     bare = estimate(stroke, "convolution")
     result = estimate(stroke, "convolution", smooth=Smoothing(0.1))
     assert NOTE in result.summary.notes

@@ -10,7 +10,7 @@ from taxelflow.numerics.banded import multiply, smoothness
 from taxelflow.numerics.bspline import STATE, states_of
 
 
-def test_the_readings_determine_as_many_coefficients_as_a_trace_says() -> None:
+def test_coefficients_that_readings_determine_are_counted_by_the_trace() -> None:
     random = np.random.default_rng(0)
     axis = np.arange(8.0)
     places = np.stack([grid.ravel() for grid in np.meshgrid(axis, axis)])

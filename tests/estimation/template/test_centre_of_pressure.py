@@ -126,6 +126,7 @@ def test_an_object_that_turns_unseen_is_reported_at_its_centre_of_pressure(
     assert found.error_mm < 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_a_wrong_map_is_not_ok_where_the_load_contradicts_it(mode: api.Mode) -> None:
     found = row("cloth", "xela", 2, unseen_error=0.05, mode=mode)
@@ -134,6 +135,7 @@ def test_a_wrong_map_is_not_ok_where_the_load_contradicts_it(mode: api.Mode) -> 
     assert found.wrong <= 0.05 * found.ok
 
 
+@pytest.mark.long
 def test_a_stream_finds_the_turn_of_an_object_whose_contact_reaches_the_border() -> None:
     """On a pad of 4 x 4 taxels, every contact does. With the angle held, the error is 0.35 mm."""
     found = row("cloth", "xela", 2, unseen_error=0.05, mode="stream")
@@ -143,6 +145,7 @@ def test_a_stream_finds_the_turn_of_an_object_whose_contact_reaches_the_border()
     assert found.error_deg < 3.0
 
 
+@pytest.mark.long
 def test_gains_that_a_young_map_learned_do_not_move_the_load() -> None:
     """The centre of pressure of the readings as they are; divided by the gains of this stream it is off by 1.1 mm."""
     found = row("fine-handle", "palm", 0, unseen_error=0.05, mode="stream")

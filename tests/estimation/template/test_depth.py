@@ -103,6 +103,7 @@ def way_error(sensor: Sensor) -> float:
     return float(np.std(apart - arm @ np.linalg.lstsq(arm, apart)[0]))
 
 
+@pytest.mark.long
 def test_a_relief_that_sinks_in_as_it_slides_goes_as_far_as_it_goes() -> None:
     """Its force is constant: a gain alone stretches the way. A sensor whose faults are not known has the gain alone."""
     sensor = load_sensor("barretthand-162")

@@ -34,7 +34,7 @@ def levelled(scan: Scanned) -> tuple[tuple[Floats, Floats], Floats, Floats]:
     return pattern.knots, steep, pattern.coefficients
 
 
-def test_taxels_look_where_they_are_seen_from_the_object() -> None:
+def test_taxels_observe_their_place_in_the_objects_frame() -> None:
     scan, state = scanned(), at_rest()
     scan.variance[0, 5] = 0.0
     state[0] = State(1.0, -2.0, np.pi / 2, 1.0, np.log(2.0))

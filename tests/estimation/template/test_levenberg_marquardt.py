@@ -62,7 +62,7 @@ def test_a_pose_on_a_known_pattern_is_recovered(x: float, y: float, theta: float
     assert chi < 0.1 * count
 
 
-def test_the_error_is_what_the_information_says() -> None:
+def test_the_error_fits_the_information() -> None:
     squared, chi = [], []
     for seed in range(200):
         state, information, misfit, count = fit(scan(CLEAR, seed))

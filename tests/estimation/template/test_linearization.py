@@ -67,7 +67,7 @@ def test_the_normal_equations_are_those_of_a_plain_sum(seed: int, taxels: int, *
 
 
 @given(taxels=st.integers(0, 20))
-def test_a_scan_is_filled_up_with_taxels_that_say_nothing(taxels: int) -> None:
+def test_a_scan_is_filled_up_with_taxels_without_weight(taxels: int) -> None:
     ones = np.ones(taxels)
     scan = laid_out(np.ones((2, taxels)), np.zeros((3, 0)), ones, ones, ones, 1.0)
     assert all(len(row) == len(scan.x) >= taxels for row in scan)

@@ -82,6 +82,7 @@ def test_a_pattern_is_finer_than_the_taxels_and_unknown_where_none_looked(turned
     assert np.nanmin(pattern.std) > 0
 
 
+@pytest.mark.long
 def test_the_std_of_a_pattern_is_that_of_its_error() -> None:
     still = np.tile([0.001, 0.0005, 0.0], (40, 1))
     result = api.estimate(moved(way(turn=0.0)), "template")
@@ -98,6 +99,7 @@ def test_the_std_of_a_pattern_is_that_of_its_error() -> None:
     assert np.nanmedian(unmoved.std) > np.nanmedian(pattern.std)
 
 
+@pytest.mark.long
 def test_windows_of_a_contact_have_patterns_in_the_frame_of_its_poses() -> None:
     truth = way(60)
     result = api.estimate(moved(truth), "template", window_scans=34)
@@ -110,6 +112,7 @@ def test_windows_of_a_contact_have_patterns_in_the_frame_of_its_poses() -> None:
     np.testing.assert_array_equal(result.slips.pose, cut.slips.pose)
 
 
+@pytest.mark.long
 def test_a_stream_keeps_the_pattern_of_each_contact() -> None:
     truth = np.repeat(way(30, turn=0.0), 2, axis=0)
     result = api.estimate(moved(truth), "template", mode="stream")

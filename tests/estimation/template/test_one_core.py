@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from costly import mostly_long
 from taxelflow.estimation.template import warmup
 from taxelflow.numerics import banded, blas
 from taxelflow.pipeline.api import estimate, estimator
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 
-@pytest.mark.parametrize("mode", ["batch", "stream"])
+@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
 def test_no_factorisation_is_shared_among_cores(mode: Mode, stroke: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
     """A factorisation of 1 ms takes 300 ms where four threads wait for each other."""
     seen: set[int] = set()

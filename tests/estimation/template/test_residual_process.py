@@ -95,6 +95,7 @@ def noisy(scans: int, deformed: Floats | float = 0.0) -> Floats:
     return readings
 
 
+@pytest.mark.long
 def test_nothing_is_carried_where_the_pattern_explains_the_scans() -> None:
     rest, _, chis = carried(noisy(10))
     assert (rest[0] == 0.0).all()
@@ -133,7 +134,7 @@ def test_a_reading_of_nothing_leaves_nothing_where_the_pattern_is_below_zero() -
     assert (rest[0][clipped] == 0.0).all()
 
 
-def test_a_saturated_reading_says_nothing_of_a_pattern_above_it() -> None:
+def test_a_saturated_reading_has_no_residual_to_a_pattern_above_it() -> None:
     ceiling = np.full(TAXELS, 60.0)
     readings = np.minimum(noisy(5), ceiling)
     rest, _, chis = carried(readings, ceiling=ceiling)
@@ -141,7 +142,7 @@ def test_a_saturated_reading_says_nothing_of_a_pattern_above_it() -> None:
     assert (rest[0][readings[-1] >= 60.0] == 0.0).all()
 
 
-def test_of_a_taxel_that_says_nothing_what_was_known_dies_away() -> None:
+def test_the_residual_of_a_masked_taxel_dies_away() -> None:
     masked, tracks = VARIANCE.copy(), track()
     masked[7] = 0.0
     rest, brought, reading = np.ones((3, TAXELS)), np.empty((3, TAXELS)), noisy(1)[0]

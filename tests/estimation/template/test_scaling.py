@@ -39,17 +39,19 @@ def test_growth_at_a_border_is_no_motion() -> None:
     assert np.ptp(found, axis=0).max() < 0.5  # taken for motion, it is 3.4 mm
 
 
-def test_growth_of_which_half_is_seen_is_no_motion() -> None:
+@pytest.mark.long
+def test_growth_of_which_half_is_in_view_is_no_motion() -> None:
     found, _ = seen(motion={"turn_s": 4.0, "middle_m": (0.032, 0.0)}, load={"cycles": 2}, seed=5)
     assert found.std(axis=0).max() < 0.5  # taken for motion, it is 3.0 mm
 
 
 @pytest.mark.long
-def test_growth_of_which_only_a_flank_is_seen_is_no_motion() -> None:
+def test_growth_of_which_only_a_flank_is_in_view_is_no_motion() -> None:
     found, _ = seen(motion={"turn_s": 4.0, "middle_m": (0.034, 0.0)}, load={"cycles": 2}, seed=5)
     assert found.std(axis=0).max() < 0.5  # taken for motion, it is 2.9 mm
 
 
+@pytest.mark.long
 def test_an_object_that_slides_along_the_border_as_it_is_pressed_has_moved() -> None:
     slide = {"travel_m": 0.006, "speed_m_s": 0.002, "direction_rad": np.pi / 2, "rest_s": 1.0}
     found, true = seen(motion=slide, load={"cycles": 2})
@@ -68,12 +70,14 @@ def test_what_slides_in_a_stream_as_it_is_pressed_has_moved() -> None:
     assert np.sqrt(np.mean((found - true)[:, 1] ** 2)) < 0.2
 
 
+@pytest.mark.long
 def test_a_load_that_changes_for_a_short_time_does_not_move_what_stays() -> None:
     recording = simulate(rigged("hold-pressed", motion={"turn_s": 4.0}, load={"cycles": 2}, sensing={"rate_hz": 25.0}))
     pose = 1e3 * api.estimate(recording, "template").slips.pose[:, 0, :2]
     assert np.nanstd(pose, axis=0).max() < 0.1  # with gains held at 1, it is 0.2 mm
 
 
+@pytest.mark.long
 def test_a_group_that_has_a_part_of_a_growing_contact_doubts_its_pose() -> None:
     recording = simulate(rigged("press", seed=2))
     recording = replace(recording, sensor=msgspec.structs.replace(recording.sensor, unseen_error=0.05))

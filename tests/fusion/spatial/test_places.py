@@ -62,13 +62,13 @@ def test_angles_that_fit_no_scan_are_refused(tmp_path: Path, capsys: Capture, te
     assert says in said
 
 
-def test_a_recording_without_angles_says_how_to_give_them(tmp_path: Path, capsys: Capture) -> None:
+def test_a_recording_without_angles_names_the_option_to_give_them(tmp_path: Path, capsys: Capture) -> None:
     code, said, placed = _estimated(tmp_path, capsys)
     assert (code, placed) == (0, 0)
     assert "the pads are on links, and there are no joint angles; give --joints (JOINT=ANGLE pairs, or a csv)" in said
 
 
-def test_nothing_is_said_where_all_angles_are_known(tmp_path: Path, capsys: Capture) -> None:
+def test_there_is_no_note_where_all_angles_are_known(tmp_path: Path, capsys: Capture) -> None:
     code, said, placed = _estimated(tmp_path, capsys, joints=True)
     assert (code, placed > 0, "space" in said) == (0, True, False)
 

@@ -303,7 +303,7 @@ def test_a_gap_that_the_method_does_not_measure_across_makes_no_jump() -> None:
     assert np.abs(found.twist[30:] - found.twist[29]).max() < 0.02
 
 
-def test_after_a_gap_of_all_pads_the_pose_goes_on_and_its_covariance_says_so() -> None:
+def test_after_a_gap_of_all_pads_the_pose_goes_on_with_a_larger_covariance() -> None:
     sensor = hand(around(6))
     slips = slips_of(sensor, moved(40, np.zeros(6)))
     slips.pose[20:] += [0.02, 0.0, 0.0]

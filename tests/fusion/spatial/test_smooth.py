@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from taxelflow.acquire.base import Recording
 from taxelflow.messages import Floats, RawScans, SpatialMotions
 from taxelflow.numerics.geometry import quaternion_of
@@ -81,7 +82,7 @@ def is_blind(found: SpatialMotions, motion: Floats) -> bool:
     return bool(np.abs(rest).max() < 0.05)
 
 
-@pytest.mark.parametrize("method", ["convolution", "template"])
+@pytest.mark.parametrize("method", mostly_long(["convolution", "template"], "convolution"))
 def test_a_smooth_sphere_has_no_observable_turn(method: str) -> None:
     found = moved_by(held(hand((*SIDES, (0, 0, 1))), sphere), method)
     late = slice(2 * IDLE, None)
@@ -95,7 +96,7 @@ def test_a_smooth_sphere_has_no_observable_turn(method: str) -> None:
     assert sum(words.startswith("turn about") for words in in_words(found.blind[-1])) == 3
 
 
-@pytest.mark.parametrize("method", ["convolution", "template"])
+@pytest.mark.parametrize("method", mostly_long(["convolution", "template"], "convolution"))
 def test_a_smooth_cylinder_may_spin_and_slide_along_its_axis(method: str) -> None:
     found = moved_by(held(hand(SIDES), cylinder), method)
     late = slice(2 * IDLE, None)
@@ -105,7 +106,7 @@ def test_a_smooth_cylinder_may_spin_and_slide_along_its_axis(method: str) -> Non
     assert is_blind(found, np.eye(6)[5])
 
 
-@pytest.mark.parametrize("method", ["convolution", "template"])
+@pytest.mark.parametrize("method", mostly_long(["convolution", "template"], "convolution"))
 def test_a_textured_object_at_rest_is_known_to_rest(method: str) -> None:
     found = moved_by(held(hand(SIDES), cloth), method)
     assert (found.rank[2 * IDLE :] == 6).all()

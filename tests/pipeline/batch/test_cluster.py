@@ -102,6 +102,7 @@ def readers(recording: Path) -> list[int]:
     return [int(process) for process, name in lines if name == recording.stem]
 
 
+@pytest.mark.long
 def test_nothing_is_lost_done_twice_or_called_failed_when_processes_are_killed(
     processes: Processes, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

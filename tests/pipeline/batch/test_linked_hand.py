@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from batched import alone, one_by_one, statuses
 from linked import SPEED_M_S, carried
@@ -14,10 +15,8 @@ from taxelflow.cli import main
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import pytest
 
-
-def test_motion_in_space_is_told_from_that_of_the_fingers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_motion_in_space_is_separated_from_that_of_the_fingers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("taxelflow.pipeline.batch.run.connected", alone)
     monkeypatch.setattr("taxelflow.pipeline.batch.run.outcomes", one_by_one)
     rides, stays = (carried(tmp_path, name, stays=name == "stays.npz") for name in ("rides.npz", "stays.npz"))

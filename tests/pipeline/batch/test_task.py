@@ -119,7 +119,7 @@ def test_what_is_wrong_with_a_worker_is_a_fault(slide: Path, tmp_path: Path) -> 
     )
 
 
-def test_a_truncated_recording_is_done_and_says_what_it_lacks(slide: Path, tmp_path: Path) -> None:
+def test_a_truncated_recording_is_done_and_reports_the_loss(slide: Path, tmp_path: Path) -> None:
     path = tmp_path / "torn.csv"
     whole = taxelflow.read(slide)
     taxelflow.convert(whole, path)

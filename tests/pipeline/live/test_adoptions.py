@@ -92,6 +92,7 @@ def _maps_of(live: Live) -> list[Adoption]:
     return [adoption for adoption in live.adopted() if adoption.what == "pad0"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("method", "lag"), [("template", 7), ("convolution", 31)])
 def test_a_replay_gives_what_the_loop_gave(
     method: str, lag: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -112,6 +113,7 @@ def test_a_replay_gives_what_the_loop_gave(
     assert _lines(tmp_path, "c") != one  # when it was used is what makes the difference
 
 
+@pytest.mark.long
 def test_a_replay_leaves_out_scans_that_the_loop_had_no_time_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

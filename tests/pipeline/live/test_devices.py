@@ -88,7 +88,7 @@ def test_what_a_device_sends_arrives_exactly(kind: str) -> None:
         ("barrett-can", "half-frame", "puck silent"),
     ],
 )
-def test_a_fault_of_a_device_is_told(kind: str, fault: str, told: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_fault_of_a_device_is_reported(kind: str, fault: str, told: str, caplog: pytest.LogCaptureFixture) -> None:
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     playback, _, arrived, source = sent_and_received(kind, (Fault(fault, 0.2, 0.1),))
     assert source.faults.counts[told] >= 1

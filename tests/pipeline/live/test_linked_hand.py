@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def test_json_lines_of_a_linked_hand_tell_the_motion_in_space(tmp_path: Path) -> None:
+def test_json_lines_of_a_linked_hand_hold_the_motion_in_space(tmp_path: Path) -> None:
     path = carried(tmp_path, "stays.npz", stays=True)
     lines = tmp_path / "a.jsonl"
     assert main(["run", f"replay:{path}?speed=max", "--to", f"jsonl:{lines}", "--quiet"]) == 0

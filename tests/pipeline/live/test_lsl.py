@@ -56,6 +56,7 @@ def test_a_stream_is_read_with_its_stamps_and_results_go_out_as_another(tmp_path
     assert [event["event"] for event in events] == [one["event"] for line in lines for one in line["events"]]
 
 
+@pytest.mark.long
 def test_a_stream_that_is_lost_is_found_again(tmp_path: Path) -> None:
     scans = slid()
     with (
@@ -82,7 +83,7 @@ def test_a_stream_of_another_shape_is_counted_and_left_out() -> None:
     assert (t_s, values.tolist()) == (0.5, [1.0, 2.0])
 
 
-def test_without_such_a_stream_the_run_says_so() -> None:
+def test_without_such_a_stream_the_run_reports_it() -> None:
     with (
         pytest.raises(TaxelflowError, match="no stream 'taxelflow-nobody'"),
         running("lsl:taxelflow-nobody?wait=0.2"),

@@ -31,6 +31,7 @@ def sensor(tmp_path: Path) -> str:
     return str(tmp_path / "hand.toml")
 
 
+@pytest.mark.long
 def test_lines_on_standard_input_become_json_lines_and_nothing_else_on_standard_output(sensor: str) -> None:
     done = subprocess.run(
         [*COMMAND, "run", "stdin:", "--sensor", sensor, "--to", "jsonl:-", "--quiet"],
@@ -51,6 +52,7 @@ def scans_in(path: Path) -> int:
         return 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
 def test_what_arrived_is_in_the_file_when_the_process_ends(
     tmp_path: Path, sensor: str, ending: signal.Signals, capsys: pytest.CaptureFixture[str]

@@ -59,6 +59,7 @@ def test_messages_have_the_bytes_that_rosbags_gives_them() -> None:
     assert (again.twist.twist.linear.x, again.header.frame_id) == (0.1, "hand")  # type: ignore[attr-defined]
 
 
+@pytest.mark.long
 def test_another_process_receives_scans_by_dds_and_passes_them_on(tmp_path: Path) -> None:
     (tmp_path / "hand.toml").write_text(
         'name = "hand"\nunit = "Pa"\n[[pads]]\nname = "pad0"\nrows = 4\ncols = 7\npitch_m = [0.01, 0.01]\n'
@@ -79,6 +80,7 @@ def test_another_process_receives_scans_by_dds_and_passes_them_on(tmp_path: Path
     assert np.allclose(received.values, [sent[t] for t in received.t_s.round(6).tolist()], rtol=1e-6)
 
 
+@pytest.mark.long
 def test_a_topic_is_read_through_rosbridge(tmp_path: Path) -> None:
     scans = slid()
     url = f"rosbridge://127.0.0.1:{free_port()}/touch"
@@ -93,6 +95,7 @@ def test_a_topic_is_read_through_rosbridge(tmp_path: Path) -> None:
     assert np.allclose([row["t_s"] for row in published(tmp_path / "a.jsonl")], scans.t_s + 100.0)
 
 
+@pytest.mark.long
 def test_results_are_published_to_ros_2(tmp_path: Path) -> None:
     from taxelflow.acquire.devices.dds import best_effort, cyclonedds
 

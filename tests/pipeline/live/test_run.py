@@ -121,6 +121,7 @@ def test_a_serial_line_is_read_from_a_pseudo_terminal(tmp_path: Path) -> None:
     assert [row["t_s"] for row in published(tmp_path / "a.jsonl")] == scans.t_s[:60].tolist()
 
 
+@pytest.mark.long
 def test_a_client_of_the_json_server_gets_each_scan(tmp_path: Path) -> None:
     port, out = free_port(), free_port()
     with (
@@ -149,6 +150,7 @@ def test_a_time_that_cannot_be_costs_that_scan_only(tmp_path: Path) -> None:
     assert np.array_equal(taxelflow.read(tmp_path / "a.mcap").load().t_s, scans.t_s)
 
 
+@pytest.mark.long
 def test_the_results_in_an_mcap_file_are_those_of_the_lines(tmp_path: Path) -> None:
     port = free_port()
     sinks = [f"mcap:{tmp_path}/a.mcap?draw=0", f"jsonl:{tmp_path}/a.jsonl"]
@@ -170,7 +172,7 @@ def test_a_file_of_ours_without_scans_is_refused_as_empty(tmp_path: Path) -> Non
         taxelflow.read(tmp_path / "a.mcap")
 
 
-def test_a_lost_connection_is_made_again_and_the_gap_is_told(tmp_path: Path, caplog: Any) -> None:
+def test_a_lost_connection_is_made_again_and_the_gap_is_reported(tmp_path: Path, caplog: Any) -> None:
     scans = slid()
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
@@ -188,6 +190,7 @@ def test_a_lost_connection_is_made_again_and_the_gap_is_told(tmp_path: Path, cap
     assert [record.message for record in caplog.records if "connection lost" in record.message]
 
 
+@pytest.mark.long
 def test_a_second_client_is_waited_for_if_asked(tmp_path: Path) -> None:
     port, scans = free_port(), slid()
     limits = Limits(max_scans=SCANS)
@@ -198,7 +201,7 @@ def test_a_second_client_is_waited_for_if_asked(tmp_path: Path) -> None:
     assert len(published(tmp_path / "a.jsonl")) == SCANS
 
 
-def test_a_full_disk_is_told_once_and_holds_up_no_other_sink(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_once_and_holds_up_no_other_sink(tmp_path: Path) -> None:
     with running("rig:stroke?speed=max", "jsonl:/dev/full", f"jsonl:{tmp_path}/a.jsonl") as reports:
         pass
     assert len(published(tmp_path / "a.jsonl")) == 140
@@ -206,6 +209,7 @@ def test_a_full_disk_is_told_once_and_holds_up_no_other_sink(tmp_path: Path) -> 
     assert [(worker.published, worker.dropped) for worker in reports[0].workers] == [(0, 140), (140, 0)]
 
 
+@pytest.mark.long
 def test_a_client_that_does_not_read_misses_lines_and_holds_up_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -281,6 +285,7 @@ def test_rows_of_a_run_whose_source_fails_stay_in_part_files(tmp_path: Path) -> 
     assert {path.suffix for path in (tmp_path / "t").iterdir()} == {".part"}
 
 
+@pytest.mark.long
 def test_status_and_totals_of_a_run(tmp_path: Path) -> None:
     with running("rig:stroke?speed=max", f"jsonl:{tmp_path}/a.jsonl") as reports:
         pass

@@ -162,7 +162,7 @@ def test_what_waits_for_a_sink_is_written_at_once() -> None:
     assert worker.published == 10
 
 
-def test_a_named_pipe_that_nobody_reads_is_told_at_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_named_pipe_without_a_reader_is_reported_at_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "_GRACE_S", 0.4)
     os.mkfifo(tmp_path / "pipe")
     with running("rig:stroke?speed=max", f"jsonl:{tmp_path}/pipe", f"jsonl:{tmp_path}/a.jsonl") as reports:

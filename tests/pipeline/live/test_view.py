@@ -27,6 +27,7 @@ from taxelflow.publish.view.server import PageServer
 from taxelflow.slip.parameters import SlipMonitor
 
 
+@pytest.mark.long
 def test_a_live_source_fills_the_page_on_this_computer_only(stroke: Recording) -> None:
     pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
     live = Live(stroke, "convolution")
@@ -86,7 +87,8 @@ def test_methods_that_are_compared_differ(
     assert "be a recording" in refused(capsys, "view", f"replay:{tmp_path / 'stroke.npz'}", "--film", "a.mp4")
 
 
-def test_the_command_says_where_its_page_is_and_ends_with_ctrl_c(stroke: Recording, tmp_path: Path) -> None:
+@pytest.mark.long
+def test_the_command_prints_its_address_and_ends_with_ctrl_c(stroke: Recording, tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
     convert(stroke, tmp_path / "stroke.npz")
     command = [sys.executable, "-m", "taxelflow.cli", "view", str(tmp_path / "stroke.npz"), "--port", "18733"]

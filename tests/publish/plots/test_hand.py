@@ -3,6 +3,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
 from rigged import svg_words
 from taxelflow.publish.plots.hand import Moment, at_contacts, field_figure
@@ -37,6 +38,7 @@ def two_pads() -> Sensor:
     return Sensor(name="grid", unit="Pa", pads=tuple(pads))
 
 
+@pytest.mark.long
 def test_each_method_has_a_row_under_its_name(tmp_path: Path) -> None:
     layout = two_pads().layout
     unknown = np.full(2, np.nan)

@@ -90,7 +90,7 @@ def test_pads_of_any_shape_are_drawn(tmp_path: Path, rows: int, cols: int) -> No
     save(figure, tmp_path / "a.png")
 
 
-def test_a_way_that_leaves_the_pad_is_seen_as_far_as_half_a_pad_beyond_it() -> None:
+def test_a_path_that_leaves_the_pad_is_drawn_to_half_a_pad_beyond_it() -> None:
     near, far = (path_figure([track(x, 0 * X, pad="pad0")], LAYOUT).axes[0] for x in (3 * X, 30 * X))
     assert near.get_xlim()[0] < -60 < 60 < near.get_xlim()[1]
     assert far.get_xlim() == pytest.approx((-71.0, 71.0))
@@ -115,6 +115,7 @@ def touches(count: int) -> Track:
     return track(x, 0.0 * x, pad="pad0", contact=contact, slipping=slipping)
 
 
+@pytest.mark.long
 def test_many_contacts_have_a_panel_each_with_start_and_path_while_slipping() -> None:
     axes = path_figure([touches(50)], LAYOUT).axes
     titles = [axis.get_title(loc="left") for axis in axes if axis.get_title(loc="left")]
@@ -128,6 +129,7 @@ def test_many_contacts_have_a_panel_each_with_start_and_path_while_slipping() ->
     assert tuple(colours[0]) != tuple(colours[-1])
 
 
+@pytest.mark.long
 def test_of_more_contacts_than_panels_those_that_slip_farthest_are_drawn() -> None:
     figure = path_figure([touches(62)], LAYOUT)
     titles = [axis.get_title(loc="left") for axis in figure.axes if axis.get_title(loc="left")]

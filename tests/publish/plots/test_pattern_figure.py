@@ -44,6 +44,7 @@ def test_a_pattern_stands_beside_a_scan_its_way_and_its_turn(contact: Contact, t
     assert {"template", "principal axis", "truth", "quality not ok"} <= set(seen)
 
 
+@pytest.mark.long
 def test_what_is_not_known_is_not_drawn(contact: Contact, tmp_path: Path) -> None:
     pose = contact.pose.copy()
     pose[:, 2] = np.nan
@@ -57,12 +58,14 @@ def test_what_is_not_known_is_not_drawn(contact: Contact, tmp_path: Path) -> Non
     assert not {"principal axis", "truth", "quality not ok"} & set(words(unknown, tmp_path))
 
 
+@pytest.mark.long
 def test_counts_stay_counts_and_small_pressures_pascals(contact: Contact, tmp_path: Path) -> None:
     weak = replace(contact.pattern, pressure=1e-2 * contact.pattern.pressure)
     assert "pressure in Pa" in words(replace(contact, pattern=weak), tmp_path)
     assert "pressure in count" in words(replace(contact, unit="count"), tmp_path)
 
 
+@pytest.mark.long
 def test_the_same_contact_gives_the_same_file(contact: Contact, tmp_path: Path) -> None:
     words(contact, tmp_path)
     first = (tmp_path / "pattern.svg").read_bytes()

@@ -7,6 +7,7 @@ import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import same_color
 
+from costly import mostly_long
 from rigged import track
 from taxelflow.messages import Event
 from taxelflow.publish.plots.position import position_figure
@@ -126,7 +127,7 @@ def test_unknown_positions_leave_gaps() -> None:
     np.testing.assert_array_equal(np.isnan(seen[:, 1]), np.isnan(unknown))
 
 
-@pytest.mark.parametrize("scans", [1, 2, 40])
+@pytest.mark.parametrize("scans", mostly_long([1, 2, 40], 1))
 def test_a_track_without_any_position_is_drawn_empty(tmp_path: Path, scans: int) -> None:
     nothing = np.full(scans, np.nan)
     figure = position_figure([track(nothing, nothing)], strokes=[(0.0, 1.0)])
@@ -193,6 +194,7 @@ def test_load_is_a_share_of_its_largest() -> None:
     np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=np.float64), np.linspace(0, 100, 40))
 
 
+@pytest.mark.long
 def test_events_stand_at_their_onset_in_the_lane_of_their_method() -> None:
     events = [Event(12.0, "palm", "slip_start", onset_s=11.5), Event(13.0, "palm", "slip_suspected")]
     figure = position_figure([track(THERE, STILL, t_s=T + 10)] * 2, events=[[], events])

@@ -60,7 +60,7 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) 
         pass
 
 
-def test_methods_are_told_apart_by_label_colour_and_mark() -> None:
+def test_methods_differ_in_label_colour_and_mark() -> None:
     looks = [look(method) for method in (*LOOK, "another")]
     for part in ("label", "color", "marker"):
         assert len({style[part] for style in looks}) == len(looks)

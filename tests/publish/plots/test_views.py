@@ -40,7 +40,7 @@ def words(figure: Figure) -> list[str]:
     return [text.get_text() for text in figure.texts]
 
 
-def test_the_headings_say_what_is_seen() -> None:
+def test_the_headings_name_what_is_drawn() -> None:
     figure = views()
     assert figure.get_suptitle() == "palm at 1.00 s"
     for heading in ("pressure in kPa, maximum in magenta", "convolution C[T]", "slip, 5.00 mm a scan"):

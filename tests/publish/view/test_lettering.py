@@ -41,7 +41,7 @@ def test_the_legend_is_drawn_in_the_colours_of_the_theme() -> None:
     assert not np.array_equal(drawn(DARK, scales), drawn(DARK, scales._replace(moves=False)))
 
 
-def test_a_point_that_is_drawn_nearer_is_seen_in_the_same_place() -> None:
+def test_a_point_that_is_drawn_nearer_appears_in_the_same_place() -> None:
     rng = np.random.default_rng(3)
     points = rng.normal(0, 0.1, (50, 3))
     camera = Camera(np.array([0.6, -0.8, 0.9]), np.zeros(3))

@@ -57,14 +57,14 @@ def test_the_path_is_that_of_the_point_that_is_now_in_the_middle() -> None:
     assert not len(path_of(turned(2), MIDDLE, 11)[0])
 
 
-def test_a_path_is_not_told_where_a_motion_of_the_point_cannot_be_seen() -> None:
+def test_a_path_is_left_out_where_a_motion_of_the_point_is_not_observable() -> None:
     motions = turned(5)
     motions.pose_blind[:, 0] = [0.0, 0.0, 0.0, 0.0, 0.0, 20.0]  # a turn about z through the origin
     assert path_of(motions, np.array([0.0, 0.0, 0.1]), 5)[1].all()
     assert not path_of(motions, np.array([0.03, 0.0, 0.1]), 5)[1].any()
 
 
-def test_marks_lie_along_what_cannot_be_seen() -> None:
+def test_marks_lie_along_unobservable_directions() -> None:
     blind = np.zeros((6, 6))
     blind[0, 1] = 1.0
     (shift,) = marks_of(blind, MIDDLE, 1.0)
@@ -102,7 +102,7 @@ def test_twist_axis_path_and_blind_directions_are_drawn_at_the_middle_of_the_con
         server.stop()
 
 
-def test_the_panel_says_in_words_what_cannot_be_seen() -> None:
+def test_the_panel_names_unobservable_directions() -> None:
     layout = load_sensor("schunk-sdh2").layout
     motions = turned(1)
     motions.blind[0, 0, 2] = 1.0

@@ -113,6 +113,7 @@ def test_the_truth_of_each_pad_is_a_pose_and_its_velocity() -> None:
     assert np.abs(turn - np.eye(3)).max() < 0.02
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["can", "case"])
 def test_friction_holds_just_above_the_least_force_and_slides_just_below(kind: str) -> None:
     (_, holding, _), (_, sliding, _) = (lifted(kind, share * LEAST_N, 1.4) for share in (1.02, 0.98))
@@ -120,6 +121,7 @@ def test_friction_holds_just_above_the_least_force_and_slides_just_below(kind: s
     assert sliding[-1].slid_m[1] - sliding[80].slid_m[1] < -5e-3
 
 
+@pytest.mark.long
 def test_hold_catches_a_jar_in_the_hand_that_a_constant_force_would_drop() -> None:
     trial = Trial.drawn(60003, "jar", "weak")
     course = Course(trial, Hold(), "convolution", hand="barrett", end_s=1.9)
@@ -131,6 +133,7 @@ def test_hold_catches_a_jar_in_the_hand_that_a_constant_force_would_drop() -> No
     assert seen[-1].touch.velocity.shape == (7, 3)
 
 
+@pytest.mark.long
 def test_hold_stops_a_jar_that_the_slip_stage_once_did_not_notice() -> None:
     """It slid 20 mm at 220 mm/s while no pad said slip: the fingers had hit it as they closed."""
     course = Course(Trial.drawn(60003, "jar", "weak"), Hold(), hand="barrett", end_s=1.6)
@@ -140,6 +143,7 @@ def test_hold_stops_a_jar_that_the_slip_stage_once_did_not_notice() -> None:
     assert seen[-1].moment.truth.speed_m_s < 1e-3
 
 
+@pytest.mark.long
 def test_a_can_is_held_by_pads_that_know_that_they_cannot_feel_it_slide() -> None:
     course = Course(Trial.drawn(20600, "can", "none"), Hold(), hand="barrett", end_s=1.4)
     seen = list(course)
@@ -147,6 +151,7 @@ def test_a_can_is_held_by_pads_that_know_that_they_cannot_feel_it_slide() -> Non
     assert seen[-1].slid_m < 0.001
 
 
+@pytest.mark.long
 def test_the_hand_is_filmed_with_the_pads_that_hold(tmp_path: Path) -> None:
     course = Course(Trial.drawn(1, "jar", "none"), Constant(), hand="barrett", end_s=0.84)
     try:

@@ -14,6 +14,7 @@ pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxe
 from taxelflow.simulation.mujoco.environment import ID, GripHold  # noqa: E402
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("imports", "prefix"),
     [("gymnasium, taxelflow", ""), ("gymnasium", "taxelflow.simulation.mujoco.environment:")],
@@ -24,6 +25,7 @@ def test_a_new_interpreter_makes_it_by_its_name(imports: str, prefix: str) -> No
     assert done.stdout.strip() == ID, done.stderr
 
 
+@pytest.mark.long
 def test_it_passes_gymnasiums_check() -> None:
     from gymnasium.utils.env_checker import check_env
 

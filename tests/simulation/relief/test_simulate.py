@@ -8,6 +8,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from taxelflow.errors import NameUnknown
 from taxelflow.messages import Floats
 from taxelflow.pipeline import api
@@ -101,13 +102,14 @@ def test_the_load_changes_as_asked_for_and_wanders_only_while_the_object_moves()
     assert [ramp[0], ramp[-1]] == pytest.approx([0.5, 2.0], abs=0.02)
 
 
+@pytest.mark.long
 def test_a_recording_that_starts_loaded_has_no_idle_scan() -> None:
     place = PLACES["grid"]
     values = simulate_relief(case("nut", "grid", "loaded"), sensor_at(place), place.pad).load().values
     assert values.sum(axis=1).min() > 0.8 * values.sum(axis=1).max()
 
 
-def test_rows_that_are_read_later_see_the_object_later() -> None:
+def test_rows_that_are_read_later_sample_the_object_later() -> None:
     course = replace(HELD, travel_m=6e-3, direction_rad=0.0, moving_scans=6)
     pressing = Pressing(object=Object(shape="bar", size_m=0.012), course=course, faults=QUIET, force_n=3.0)
     at_once = simulate_relief(pressing, GRID, "grid")
@@ -119,7 +121,7 @@ def test_rows_that_are_read_later_see_the_object_later() -> None:
     assert np.abs(top[:, 7] - bottom[:, 7]).max() > 1.0
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("place", mostly_long(PLACES, "palm"))
 def test_every_layout_reads_a_moving_object_that_the_pipeline_finds(place: str) -> None:
     at = PLACES[place]
     pressing = case("nut", place, "all")
@@ -136,12 +138,16 @@ def test_every_layout_reads_a_moving_object_that_the_pipeline_finds(place: str) 
     assert contact[30:].mean() > 0.95
 
 
-@pytest.mark.parametrize("effect", [name for name in EFFECTS if name != "none"])
+@pytest.mark.parametrize(
+    "effect",
+    mostly_long(list(EFFECTS)[1:], "cover", "gains", "hysteresis", "noise", "dead", "load"),
+)
 def test_every_effect_changes_the_readings(effect: str) -> None:
     plain, changed = read_with("none"), read_with(effect)
     assert plain.shape != changed.shape or not np.array_equal(plain, changed)
 
 
+@pytest.mark.long
 def test_the_same_seed_makes_the_same_recording_and_another_one_another() -> None:
     place = PLACES["hex"]
     pressings = (case("ring", "hex", "all", seed=seed) for seed in (3, 3, 4))
@@ -167,6 +173,7 @@ def test_unknown_names_are_refused() -> None:
         simulate_relief(Pressing(), GRID, "palm")
 
 
+@pytest.mark.long
 def test_a_recording_of_150_scans_takes_about_a_second() -> None:
     place = PLACES["grid"]
     begun = process_time()
