@@ -116,6 +116,7 @@ def test_a_stroke_over_the_palm_has_its_speed() -> None:
     assert speeds(*airbag()) == pytest.approx((-25.0, 25.0), rel=0.006)
 
 
+@pytest.mark.long
 def test_a_column_of_taxels_shows_no_turn() -> None:
     _, result = airbag()
     own = result.pads.index("palm_centre")
@@ -190,6 +191,7 @@ def test_taxels_read_one_after_the_other_are_put_where_they_were_read(share: flo
     assert max(np.std(off[back]), np.std(off[~back])) < most
 
 
+@pytest.mark.long
 def test_with_a_rolling_scan_positions_within_a_stroke_are_steady() -> None:
     recording, result = rolling(24 / 162, "batch")
     slips, pad, truth = result.slips, recording.layout.pads.index("palm"), recording.known_truth

@@ -41,6 +41,7 @@ def test_a_constant_velocity_is_found_within_its_standard_deviations(
     assert abs(np.angle(np.exp(1j * (found.direction_rad - direction)))) < 6 * STD_M / found.path_m
 
 
+@pytest.mark.long
 def test_the_standard_deviations_are_those_of_many_slips() -> None:
     found = []
     for seed in range(200):

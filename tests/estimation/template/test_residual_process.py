@@ -102,6 +102,7 @@ def test_nothing_is_carried_where_the_pattern_explains_the_scans() -> None:
     assert np.mean(chis) < 1.5
 
 
+@pytest.mark.long
 def test_a_contact_that_is_deformed_is_expected_to_stay_so() -> None:
     dent = np.where(np.hypot(*(PLACES - 1.0)) < 1.5, -20.0, 0.0)
     readings = noisy(20, dent)

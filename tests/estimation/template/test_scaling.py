@@ -58,6 +58,7 @@ def test_an_object_that_slides_along_the_border_as_it_is_pressed_has_moved() -> 
     assert np.sqrt(np.mean((found - true)[:, 1] ** 2)) < 0.7  # the rigid model has no size; 3.4 mm is growth
 
 
+@pytest.mark.long
 def test_a_stream_learns_from_the_first_loads_how_a_contact_grows() -> None:
     found, _ = seen("stream", after_s=3.0, motion={"turn_s": 6.0}, load={"cycles": 3}, seed=7)
     assert found.std(axis=0).max() < 0.15  # taken for motion, it is 0.9 mm
