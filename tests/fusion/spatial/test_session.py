@@ -356,3 +356,19 @@ def test_a_hand_without_places_in_space_has_no_session() -> None:
         sensor, pads=tuple(msgspec.structs.replace(pad, pose=None) for pad in sensor.pads)
     )
     assert SpatialField().start(nowhere, None) is None
+
+
+def test_contacts_that_come_to_a_blind_pose_are_not_held_to_it() -> None:
+    """As fingers close: three contacts, whose first places are far beyond their covariance, and then all six."""
+    sensor, random = hand(around(6)), np.random.default_rng(6)
+    X = moved(60, np.zeros(6))
+    X[30:] = moved(30, np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.4]))
+    slips = slips_of(sensor, X)
+    slips.pose[:] += random.normal(size=slips.pose.shape) * [1e-5, 1e-5, 1e-3]
+    slips.contact[0, 3:] = False
+    slips.pose[0, 3:] = np.nan
+    slips.pose[0, :3] += random.normal(size=(3, 3)) * [1e-3, 1e-3, 0.03]
+    found = fused(sensor, slips)
+    T = np.array([se3_of(pose[:3], pose[3:]) for pose in found.pose[2:]])
+    apart = se3_log(se3_inverse(X[2:]) @ T)
+    assert np.abs(apart - apart[0])[:, :3].max() < 1e-4

@@ -26,7 +26,7 @@ from taxelflow.fusion.spatial.twist import (
 from taxelflow.fusion.spatial.window import Seen, put_under, turned
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
-from taxelflow.numerics.se3 import cholesky, compose, copy_matrix, exponential, invert, multiply
+from taxelflow.numerics.se3 import carried, cholesky, compose, copy_matrix, exponential, invert, multiply, planar_rows
 from taxelflow.runtime.compiling import routine
 
 _ITERATIONS = 4
@@ -216,6 +216,7 @@ def set_anchors(seen: Seen, scan: int, covariance: Floats, use: Floats, anchors:
     covariance: (6, 6), of the body's pose, from the left, at the hand's origin. use: see `Contacts`; who is blamed
     keeps its anchor.
     """
+    together = come_to_blind(seen, scan, covariance, anchors)
     inverse, turn, turned_frame = np.empty((4, 4)), np.zeros((4, 4)), np.empty((4, 4))
     invert(body.pose, inverse)
     root, own = np.zeros((6, 6)), np.empty((3, 3))
@@ -230,7 +231,7 @@ def set_anchors(seen: Seen, scan: int, covariance: Floats, use: Floats, anchors:
         own[1, 1] += seen.doubt[scan, pad]
         was = anchor.covariance
         sharper = own[0, 0] + own[1, 1] < _SHARPER * (was[0, 0] + was[1, 1]) and use[pad] > 0.0
-        if sharper or not anchor.anchored:
+        if sharper or (together and use[pad] >= 0.0) or not anchor.anchored:
             if body.started and not rooted:
                 factor_in_body(covariance, inverse, root)
                 rooted = True
@@ -246,6 +247,23 @@ def set_anchors(seen: Seen, scan: int, covariance: Floats, use: Floats, anchors:
             copy_matrix(root, anchor.root)
             anchor.anchored = True
     body.started = True
+
+
+@routine
+def come_to_blind(seen: Seen, scan: int, covariance: Floats, anchors: Records) -> bool:
+    """Whether contacts come to a pose that is known far worse there than their place. All contacts are then anchored
+    again, together: the pose's error is common to them, and does not contradict any. Anchored one by one, as fingers
+    close, those that came first would hold the new ones to motions that nothing has seen.
+    """
+    rows, own, origin = np.zeros((3, 6)), np.empty((3, 3)), np.zeros(3)
+    for pad in range(len(anchors)):
+        if seen.known[scan, pad] and not anchors[pad].anchored:
+            planar_rows(seen.frames[scan, pad], origin, rows)
+            place_covariance(seen, scan, pad, own)
+            of_pose = carried(rows[0], covariance, rows[0]) + carried(rows[1], covariance, rows[1])
+            if own[0, 0] + own[1, 1] < _SHARPER * of_pose:
+                return True
+    return False
 
 
 @routine
