@@ -49,7 +49,7 @@ class _Level:
     even: float = 1.0
     """Readings of either kind that are added to the share: a taxel may be loaded in all scans that were seen."""
     together: int = 6_000
-    """Readings, times noises, that are computed in one go: few calls of NumPy, whose arrays stay in the CPU's cache."""
+    """Readings, times noises, that are computed at once: few calls of NumPy, whose arrays stay in the CPU's cache."""
 
 
 _LEVEL = _Level()

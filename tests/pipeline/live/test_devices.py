@@ -1,4 +1,4 @@
-"""Devices with protocols of their own: what an emulated one sends arrives, faults are told, parsers take any bytes."""
+"""Devices with protocols of their own: what an emulated one sends arrives, faults are reported, parsers take all."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_what_a_device_sends_arrives_exactly(kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "fault", "told"),
+    ("kind", "fault", "named"),
     [
         ("xela", "half-frame", "bad message"),
         ("xela", "taxel-count", "bad message"),
@@ -88,11 +88,11 @@ def test_what_a_device_sends_arrives_exactly(kind: str) -> None:
         ("barrett-can", "half-frame", "puck silent"),
     ],
 )
-def test_a_fault_of_a_device_is_reported(kind: str, fault: str, told: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_fault_of_a_device_is_reported(kind: str, fault: str, named: str, caplog: pytest.LogCaptureFixture) -> None:
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     playback, _, arrived, source = sent_and_received(kind, (Fault(fault, 0.2, 0.1),))
-    assert source.faults.counts[told] >= 1
-    assert sum(record.message.startswith(told) for record in caplog.records) == 1
+    assert source.faults.counts[named] >= 1
+    assert sum(record.message.startswith(named) for record in caplog.records) == 1
     assert playback.whole - 3 <= len(arrived) <= playback.whole + 1
 
 

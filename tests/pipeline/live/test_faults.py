@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 COUNTS = msgspec.structs.replace(
     PALM, frame=Frame("AA55", type="float32", time="uint32_us", checksum="crc16-modbus"), name="framed"
 )
-# fault, kind that is told over lines and over frames; None: only a gap or nothing is to be seen
+# fault, kind that is reported over lines and over frames; None: only a gap or nothing is to be seen
 TABLE = [
     (Fault("cable", 0.3, 0.05), "connection lost", "connection lost"),
     (Fault("half-frame", 0.3, 0.0), "bad line", "wrong checksum"),
@@ -69,8 +69,8 @@ def test_a_fault_is_reported_and_all_else_arrives(
         assert reports[0].intake.timeline.gaps == (fault.name == "gone")
     else:
         assert counts[kind] >= 1
-        told = [record.message for record in caplog.records if record.message.startswith(kind)]
-        assert len(told) == 1
+        reported = [record.message for record in caplog.records if record.message.startswith(kind)]
+        assert len(reported) == 1
     spared = {"half-frame": 2, "taxel-count": 2, "cable": 30}.get(fault.name, 0)  # what half a frame, or a reset, takes
     assert playback.whole - spared <= len(rows) <= playback.whole
     times = np.array([row["t_s"] for row in rows])
