@@ -78,6 +78,12 @@ def test_a_stream_does_not_wait_for_the_pattern_of_a_contact_that_the_border_cut
     assert not of_palm([AMBIGUOUS] * SCANS, [-9.0] * SCANS, stream=True)[0].any()
 
 
+@pytest.mark.parametrize(("ago_s", "slips"), [(0.3, False), (0.1, True)])
+def test_there_the_pattern_decides_what_began_long_ago(ago_s: float, slips: bool) -> None:
+    slipping, _ = of_palm([AMBIGUOUS] * SCANS, [-9.0] * SCANS, stream=True, border=True, ago_s=ago_s)
+    assert slipping.any() == slips
+
+
 def test_it_waits_for_it_with_a_method_that_weighs_what_a_border_hides() -> None:
     slipping, _ = of_palm([OK, *[AMBIGUOUS] * (SCANS - 1)], [-9.0] * SCANS, stream=True, border=True)
     assert not slipping.any()
@@ -101,13 +107,17 @@ def of_palm(
     *,
     stream: bool = False,
     border: bool = False,
+    ago_s: float = 0.0,
 ) -> tuple[np.ndarray, list[Event]]:
-    """Verdict on the palm, whose pose slips in scans 2 to 4: (scans,), and events. quality, log_odds: per scan."""
+    """Verdict on the palm, whose pose slips in scans 2 to 4: (scans,), and events. quality, log_odds: per scan.
+
+    ago_s: time from the onset to the scan in which the pose's detector finds the slip.
+    """
     layout = HAND.layout
     pads = len(layout.pads)
     slipping = np.zeros((SCANS, pads), dtype=bool)
     slipping[2:5, 0] = True
-    events = [Event(0.02, "palm", "slip_start", 0.02), Event(0.05, "palm", "slip_stop", 0.05)]
+    events = [Event(0.02, "palm", "slip_start", 0.02 - ago_s), Event(0.05, "palm", "slip_stop", 0.05)]
     slips = touching(pads, OK)
     slips.quality[:, 0], slips.border[:, 0, 0] = quality, border
     each = np.tile(np.array(log_odds)[:, np.newaxis], (1, pads))

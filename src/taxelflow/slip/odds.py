@@ -20,7 +20,7 @@ from taxelflow.slip.evidence import (
     looked_back,
     updated,
 )
-from taxelflow.slip.pattern_change import BASELINE_BINS, BEFORE_BINS
+from taxelflow.slip.pattern_change import BASELINE_BINS, BEFORE_BINS, BIN_S
 from taxelflow.slip.restless import RestlessPads
 from taxelflow.slip.shear_rest import ShearRest
 
@@ -32,6 +32,8 @@ AGAINST = log(SLIDE_S / REST_S)
 """Log odds of a slip below which its pattern speaks against it: those of an object of which nothing is known."""
 LIVE_AFTER_BINS, AFTER_BINS = 1, 2
 """Bins after the judged one, of a stream and of a recording: a stream judges 0.1 s late."""
+LIVE_DELAY_S = (LIVE_AFTER_BINS + 1) * BIN_S
+"""Time within which a stream's pattern shows a slip."""
 _SOON_BINS = BEFORE_BINS + 1 + AFTER_BINS
 """Bins within which the pattern of a slip that begins has changed."""
 _LONGER_REST = REST_CHANGE * np.array([((between + 2) / 3) ** REST_EXPONENT for between in BASELINE_BINS])

@@ -2,7 +2,7 @@
 
 A pose that is not `ok` may move by tilt, rolling or growth alone. Its slip begins once the pattern is not against it.
 A stream, which knows the pattern's change 0.2 s late, does not wait for it where a method has only the border for a
-reason: there the pose decides.
+reason: there the pose decides, unless the slip began so long before it was detected that its pattern has shown it.
 
 A group has a part of its pad's contact. Load that moves over the border of the group looks like motion of that part, so
 where the whole contact rests, and its pose is `ok`, the part does not slip.
@@ -19,7 +19,7 @@ import numpy as np
 from taxelflow.messages import AMBIGUOUS, OK, QUALITY, Event
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel
-from taxelflow.slip.odds import AGAINST
+from taxelflow.slip.odds import AGAINST, LIVE_DELAY_S
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -137,6 +137,7 @@ class Verdict:
         self._by_odds = np.zeros((1, count), dtype=np.bool_)
         self._weighs_borders = False
         """The method's own covariance holds what a border hides: it has found a pose of a cut contact to be `ok`."""
+        self._began_early = np.zeros((1, count), dtype=np.bool_)
         self._suspected: dict[int, Event] = {}
         """Begins of slips by the pose that go on and are only suspected, by pad."""
 
@@ -153,7 +154,7 @@ class Verdict:
             slips.contact,
             odds.restless,
             self._sure(slips),
-            self._vague(slips),
+            self._vague(slips, events),
         )
         last, last_by_odds = self._slipping, self._by_odds
         decide_ = decide_block if is_block(len(slips)) else decide
@@ -188,7 +189,7 @@ class Verdict:
             sure[:, pad] &= ~slips.contact[:, contact]
         return sure
 
-    def _vague(self, slips: Slips) -> Bools:
+    def _vague(self, slips: Slips, events: list[Event]) -> Bools:
         """(scans, pads), poses that need their pattern's consent to begin a slip."""
         vague: Bools = slips.quality > OK
         if not self._stream:
@@ -198,8 +199,22 @@ class Verdict:
         weighs = np.logical_or.accumulate(np.concatenate([[self._weighs_borders], weighs]))
         self._weighs_borders = bool(weighs[-1])
         by_border = cut & (slips.quality == AMBIGUOUS) & ~weighs[1:, np.newaxis]
-        vague &= ~by_border | (self._whole >= 0)
+        vague &= ~by_border | (self._whole >= 0) | self._visible(slips, events)
         return vague
+
+    def _visible(self, slips: Slips, events: list[Event]) -> Bools:
+        """(scans or 1, pads), whether the last slip by the pose began early enough for its pattern to show it."""
+        if not events:
+            return self._began_early
+        visible = np.empty((len(slips), len(self._pads)), dtype=np.bool_)
+        start = 0
+        for event in events:
+            scan = int(np.searchsorted(slips.t_s, event.t_s))
+            visible[start:scan], start = self._began_early, scan
+            if event.event == "slip_start":
+                self._began_early[0, self._numbers[event.pad]] = event.t_s - event.onset_s > LIVE_DELAY_S
+        visible[start:] = self._began_early
+        return visible
 
     def _decided(
         self, posed: list[Event], t_s: float, pad: int, ends: tuple[bool, bool], *, steady: bool
