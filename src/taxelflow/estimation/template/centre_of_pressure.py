@@ -16,7 +16,9 @@ both; nobody knows how alike. For any correlation,
     (1 + g) (1 - W) C (1 - W)^T  +  (1 + 1 / g) W D W^T
 
 is no less than the covariance (Hanebeck, Briechle and Horn, 2001), and g is where its trace is least. Where the two
-contradict each other, it is multiplied by chi-square per degree of freedom (Birge, 1932).
+contradict each other, it is multiplied by chi-square per degree of freedom (Birge, 1932). Only a map that does not show
+the angle is wrong by itself then: a turn that it holds misleads it by more than its residuals show, and c not at all.
+There C is multiplied by what makes that chi-square 1, and W and the covariance follow from it.
 
 A sensor that declares no unseen error has none of this: there the map is right to within what its residuals show.
 """
@@ -46,18 +48,41 @@ _LEAST = 1e-18
 
 
 @lean_kernel
-def combine(cov: Floats, doubt: tuple[float, float, float], apart: tuple[float, float], weight: Floats) -> None:
+def _wider(cov: tuple[float, float, float], doubt: tuple[float, float, float], apart: tuple[float, float]) -> float:
+    """The factor s, 1 or more, by which C must be larger for sC + D to explain that c and p are so far apart.
+
+    The adjugate of a matrix of two dimensions is linear in it, so chi-square per degree of freedom is 1 where a
+    polynomial of second degree in s is 0. cov, doubt: C and D, each as xx, xy, yy.
+    """
+    (a, b, c), (d, e, f), (x, y) = cov, doubt, apart
+    square = a * c - b * b
+    linear = a * f + c * d - 2.0 * b * e - 0.5 * (c * x * x - 2.0 * b * x * y + a * y * y)
+    constant = d * f - e * e - 0.5 * (f * x * x - 2.0 * e * x * y + d * y * y)
+    if square + linear + constant >= 0.0:
+        return 1.0
+    root = np.sqrt(max(linear * linear - 4.0 * square * constant, 0.0))
+    wider = (root - linear) / (2.0 * square) if linear < 0.0 else -2.0 * constant / (root + linear)
+    return float(wider)
+
+
+@lean_kernel
+def combine(
+    cov: Floats, doubt: tuple[float, float, float], apart: tuple[float, float], shows_turn: bool, weight: Floats
+) -> None:
     """Fill weight (2, 2), W, and make cov (3, 3) of a pose on its map that of both witnesses.
 
-    doubt: D as xx, xy, yy. apart: c - p. The turn's variance stays; all in the same unit.
+    doubt: D as xx, xy, yy. apart: c - p. shows_turn: whether the map shows the angle. The turn's variance stays; all
+    in the same unit.
     """
-    xx, xy, yy = inverse2(cov[0, 0] + doubt[0] + _LEAST, cov[0, 1] + doubt[1], cov[1, 1] + doubt[2] + _LEAST)
-    for a in range(2):
-        weight[a, 0] = cov[a, 0] * xx + cov[a, 1] * xy
-        weight[a, 1] = cov[a, 0] * xy + cov[a, 1] * yy
+    map_xx, map_xy, map_yy = cov[0, 0] + _LEAST, cov[0, 1], cov[1, 1] + _LEAST
+    wider = 1.0 if shows_turn else _wider((map_xx, map_xy, map_yy), doubt, apart)
+    map_xx, map_xy, map_yy = wider * map_xx, wider * map_xy, wider * map_yy
+    xx, xy, yy = inverse2(map_xx + doubt[0], map_xy + doubt[1], map_yy + doubt[2])
     chi = 0.5 * (apart[0] * apart[0] * xx + 2.0 * apart[0] * apart[1] * xy + apart[1] * apart[1] * yy)
+    weight[0, 0], weight[0, 1] = map_xx * xx + map_xy * xy, map_xx * xy + map_xy * yy
+    weight[1, 0], weight[1, 1] = map_xy * xx + map_yy * xy, map_xy * xy + map_yy * yy
     p, q, r, s = 1.0 - weight[0, 0], -weight[0, 1], -weight[1, 0], 1.0 - weight[1, 1]
-    own = transformed(p, q, r, s, (cov[0, 0], cov[0, 1], cov[1, 1]))
+    own = transformed(p, q, r, s, (map_xx, map_xy, map_yy))
     other = transformed(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], doubt)
     ratio = np.sqrt((own[0] + own[2] + _LEAST) / (other[0] + other[2] + _LEAST))
     scale = max(chi, 1.0)
@@ -114,10 +139,16 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float) -> Po
     border = (BORDER_ERROR * found[:, 2] * moved) ** 2
     pose, covariance = poses.pose.copy(), poses.covariance.copy()
     shared = np.zeros_like(covariance) + poses.shared
-    weight = np.zeros((2, 2))
+    weight, shown = np.zeros((2, 2)), np.isfinite(poses.pose[:, 2])
     for k in np.flatnonzero(known).tolist():
         own = covariance[k] / pitch_m**2
-        combine(own, (doubt[k, 0] + border[k], doubt[k, 1], doubt[k, 2] + border[k]), tuple(apart[k]), weight)
+        combine(
+            own,
+            (doubt[k, 0] + border[k], doubt[k, 1], doubt[k, 2] + border[k]),
+            tuple(apart[k]),
+            bool(shown[k]),
+            weight,
+        )
         pose[k, :2] += pitch_m * (weight @ apart[k])
         covariance[k, :2] = pitch_m**2 * own[:2]
         covariance[k, 2, :2] = pitch_m**2 * own[2, :2]

@@ -129,7 +129,7 @@ def weigh_pose(scale: float, m: Track, centre: Floats, pose: Floats, cov: Floats
     moved = np.hypot(centre[0] - scale * m.start[0], centre[1] - scale * m.start[1])
     own, unit, cut = m.centroid_covariance, scale * scale, (BORDER_ERROR * m.border * moved) ** 2
     xx, xy, yy = unit * (own[0] + own[3]), unit * (own[1] + own[4]), unit * (own[2] + own[5])
-    combine(cov, (xx + cut, xy, yy + cut), (centre[0] - pose[0], centre[1] - pose[1]), weight)
+    combine(cov, (xx + cut, xy, yy + cut), (centre[0] - pose[0], centre[1] - pose[1]), m.seen, weight)
 
 
 @lean_kernel
