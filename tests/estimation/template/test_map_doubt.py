@@ -7,11 +7,12 @@ import pytest
 
 from taxelflow.estimation.template import map_doubt
 from taxelflow.estimation.template.bundle_adjustment import information_of
-from taxelflow.estimation.template.hypotheses import covering
+from taxelflow.estimation.template.hypotheses import coarse, covering
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.estimation.template.map_doubt import of_map
 from taxelflow.estimation.template.normal_equations import Normal, assemble
 from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.pose_output import poses_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import add_diagonal, dense, smoothness
 from taxelflow.numerics.bspline import KNOTS, STATE
@@ -84,3 +85,18 @@ def test_of_very_many_scans_and_knots_the_map_is_held_known(monkeypatch: pytest.
     monkeypatch.setattr(map_doubt, "_MOST", 100)
     pattern, scanned, states, stiffness = sliding(6)
     assert not of_map(pattern, scanned, states, ERROR, stiffness).any()
+
+
+def test_poses_have_it_and_steps_between_them_do_not() -> None:
+    _, scanned, states, stiffness = sliding(12)
+    solved = coarse(scanned, states, turns=True)
+    information = information_of(solved.pattern, scanned, solved.states, ERROR, stiffness)
+    poses = poses_of(solved, scanned, information, 2.0)
+    error = np.tile(np.diag([0.01, 0.02, 0.03, 0.1, 0.1]) ** 2, (12, 1, 1))
+    wide = poses.with_map(error, solved, scanned, 2.0)
+    arm = solved.middle(scanned)
+    place, far = 2.0**2 * (0.01**2 + 0.02**2), 2.0**2 * (arm @ arm) * 0.03**2
+    added = np.diagonal(wide.covariance - poses.covariance, axis1=1, axis2=2)
+    assert added[:, :2].sum(axis=1) == pytest.approx(place + far, rel=1e-6)
+    assert added[:, 2] == pytest.approx(0.03**2, rel=1e-6)
+    assert wide.steps(scanned.t_s)[1][1:] == pytest.approx(poses.steps(scanned.t_s)[1][1:], rel=1e-6, abs=1e-9)
