@@ -39,3 +39,9 @@ def test_the_bound_falls_with_the_noise() -> None:
 def test_without_recordings_there_is_no_score() -> None:
     with pytest.raises(ParameterInvalid, match="seeds"):
         Hand(seeds=0)
+
+
+@pytest.mark.parametrize("exponent", [0.7, 1.6])
+def test_the_skin_of_a_grasp_has_a_law_that_the_rig_can_solve(exponent: float) -> None:
+    with pytest.raises(ParameterInvalid, match="exponent"):
+        Hand(exponent=exponent)

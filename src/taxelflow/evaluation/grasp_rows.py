@@ -68,12 +68,12 @@ class _Found(NamedTuple):
     right: Floats
 
 
-def grasp_rows(methods: tuple[str, ...], seeds: list[int]) -> list[GraspRow]:
-    """Simulate, estimate and compare. Raises ExtraMissing without MuJoCo, NameUnknown."""
+def grasp_rows(methods: tuple[str, ...], seeds: list[int], exponent: float = 1.0) -> list[GraspRow]:
+    """Simulate, estimate and compare. exponent: see `Grasp`. Raises ExtraMissing without MuJoCo, NameUnknown."""
     found: dict[tuple[str, str], list[_Found]] = {(v, m): [] for m in methods for v in VARIANTS}
     bounds = []
     for seed in seeds:
-        grasp = Grasp(seed=seed)
+        grasp = Grasp(seed=seed, exponent=exponent)
         grasped = simulate_grasp(grasp)
         shaken = simulate_grasp(replace(grasp, joint_error_rad=JOINT_ERROR_RAD))
         chosen = np.linspace(grasped.strokes[0].stop, grasped.strokes[-1].stop - 1, _BOUND_SCANS).astype(int).tolist()

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
+from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import at_least, table_of, unwatched
 from taxelflow.evaluation.bound import modelled
 from taxelflow.evaluation.cells import caption, number, short
@@ -24,6 +25,7 @@ from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.motion import move
+from taxelflow.simulation.relief.parameters import LEAST_EXPONENT, MOST_EXPONENT
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 
@@ -75,11 +77,15 @@ class Hand:
     """Estimators to score."""
     grasps: int = 0
     """Recordings of a grasp in space (extra `sim`): elastic contacts, 25 mm/s and 30 deg/s together, moving fingers."""
+    exponent: float = 1.0
+    """Exponent of the skin's law of pressure over depth in these, 0.8 to 1.5. At 1 it is the law of `template`."""
 
     def __post_init__(self) -> None:
         at_least("seeds", self.seeds, 1)
         at_least("seed", self.seed, 0)
         at_least("grasps", self.grasps, 0)
+        if not LEAST_EXPONENT <= self.exponent <= MOST_EXPONENT:
+            raise ParameterInvalid("exponent", self.exponent, f"be between {LEAST_EXPONENT:g} and {MOST_EXPONENT:g}")
 
     def run(self, watched: Watch = unwatched) -> HandReport:
         """Simulate, estimate, compare. Raises NameUnknown."""
@@ -99,7 +105,8 @@ class Hand:
     def _in_space(self, watched: Watch) -> list[GraspRow]:
         if not self.grasps:
             return []
-        return grasp_rows(self.methods, list(watched(range(self.seed, self.seed + self.grasps), "grasps")))
+        seeds = range(self.seed, self.seed + self.grasps)
+        return grasp_rows(self.methods, list(watched(seeds, "grasps")), self.exponent)
 
 
 class HandReport(msgspec.Struct, frozen=True):

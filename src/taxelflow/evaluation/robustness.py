@@ -1,6 +1,6 @@
 """Score robustness: estimators on reliefs pressed on an elastic skin, with each fault of a real sensor and with all.
 
-The contact model shares nothing with any estimator. Every case is one recording with a known path.
+The contact model shares no code with any estimator. Every case is one recording with a known path.
 """
 
 from __future__ import annotations

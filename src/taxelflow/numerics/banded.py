@@ -47,6 +47,20 @@ def _add_knot(qy: int, qx: int, wq: float, weight: Floats, coupled: Floats) -> N
             coupled[ay - qy, ax - qx + WIDTH - 1] += wq * weight[ay * WIDTH + ax]
 
 
+def dense(stencil: Floats, nx: int) -> Floats:
+    """(knots, knots), the symmetric matrix that a stencil stands for."""
+    knots = len(stencil)
+    whole = np.zeros((knots, knots))
+    for dy in range(WIDTH):
+        for column in range(2 * WIDTH - 1):
+            apart = dy * nx + column - (WIDTH - 1)
+            if 0 <= apart < knots:
+                row = np.arange(knots - apart)
+                whole[row, row + apart] += stencil[: knots - apart, dy, column]
+    whole += np.tril(whole.T, -1)
+    return whole
+
+
 @long_kernel
 def multiply(stencil: Floats, nx: int, vector: Floats, out: Floats) -> None:
     """Fill out (knots,) with the symmetric matrix times vector."""

@@ -87,6 +87,12 @@ def basis_slopes(u: float) -> tuple[float, float, float, float]:
 
 
 @inlined
+def basis_bends(u: float) -> tuple[float, float, float, float]:
+    """Second derivatives of `basis`."""
+    return 1.0 - u, 3.0 * u - 2.0, 1.0 - 3.0 * u, u
+
+
+@inlined
 def value_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
     """The spline with coefficients c (ny, nx), and its slopes, at a place counted in knots; its value is NaN off the
     lattice.

@@ -1,8 +1,9 @@
 """A spread grasp: a textured rigid object slides and turns between moving fingers, its contacts elastic.
 
 Each pad presses on a random relief of its own, which is fixed to the object, through an elastic foundation that carries
-the load and its moments (`relief`); the contact model shares nothing with any estimator. The geometry is exact: pose of
-the object and of the pads in space give the relief's pose along the pad. Loads stay constant, as if the object gave way
+the load and its moments (`relief`). It shares no code with any estimator; with an exponent of 1 its law of pressure is
+that of the depth in `template`, with others it is not. The geometry is exact: pose of the object and of the pads in
+space give the relief's pose along the pad. Loads stay constant, as if the object gave way
 along the normals.
 """
 
@@ -65,6 +66,8 @@ class Grasp:
     """Standard deviation of the noise of a reading, Pa."""
     peak_pa: float = 60e3
     """Largest pressure of a pad, Pa."""
+    exponent: float = 1.0
+    """Exponent of the skin's law of pressure over depth, 0.8 to 1.5; see `Skin`."""
 
     def __post_init__(self) -> None:
         for name in ("rate_hz", "stroke_s", "rest_s", "peak_pa"):
@@ -188,7 +191,7 @@ def _motion(grasp: Grasp, t_s: Floats) -> tuple[Floats, Floats, list[slice]]:
 def _pressing(grasp: Grasp, pad: int) -> Pressing:
     return Pressing(
         object=Object(shape="cloth", size_m=0.08, seed=1000 * grasp.seed + pad, tilts=False),
-        skin=Skin(),
+        skin=Skin(exponent=grasp.exponent),
         peak_pa=grasp.peak_pa,
         rate_hz=grasp.rate_hz,
         seed=grasp.seed,

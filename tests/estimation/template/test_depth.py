@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from taxelflow.estimation.template.depth import pressed, spread_of, take_depth, with_depth
+from taxelflow.estimation.template.depth import as_heights, as_pressure, take_depth, touch, with_depth
 from taxelflow.estimation.template.hypotheses import covering
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.normal_equations import Normal, assemble
@@ -21,24 +21,39 @@ from taxelflow.simulation.relief.simulate import simulate_relief
 LEVEL = 60e3
 
 
+@pytest.mark.parametrize("height", [-5e4, -1e4, 0.0, 7e3, 3e4, 2e5])
+@pytest.mark.parametrize("slopes", [(4e4, 1e4), (-2e4, 6e4), (0.0, -3e4), (0.0, 0.0)])
+def test_a_taxel_reads_the_mean_of_what_touches(height: float, slopes: tuple[float, float]) -> None:
+    side = (np.arange(400) + 0.5) / 400 - 0.5
+    over = height + slopes[0] * side + slopes[1] * side[:, np.newaxis]
+    read = touch(height, *slopes, LEVEL)
+    assert read.mean == pytest.approx(np.maximum(over, 0.0).mean(), abs=2e-3 * LEVEL)
+    assert read.share == pytest.approx((over > 0).mean(), abs=0.01 if height else 0.51)
+
+
 def test_a_depth_adds_one_pressure_where_the_object_touches_and_none_where_it_does_not() -> None:
-    assert pressed(0.5 * LEVEL, LEVEL)[0] == pytest.approx(LEVEL, rel=1e-3)
-    assert pressed(0.0, LEVEL) == pressed(-1e3, LEVEL) == (0.0, 0.0)
-    assert pressed(0.5 * LEVEL, 0.0) == (0.0, 0.0)
+    sunk = [touch(height + 1e3, 1e4, 5e3, LEVEL).mean - touch(height, 1e4, 5e3, LEVEL).mean for height in (4e4, -4e4)]
+    assert sunk == pytest.approx([1e3, 0.0])
 
 
-@pytest.mark.parametrize("q", [1e2, 3e3, 2e4])
-def test_its_slope_is_that_of_what_it_adds(q: float) -> None:
-    rise = (pressed(q + 1.0, LEVEL)[0] - pressed(q - 1.0, LEVEL)[0]) / 2.0
-    assert pressed(q, LEVEL)[1] == pytest.approx(rise, rel=1e-5)
+@pytest.mark.parametrize("height", [-1e4, 2e3, 1.5e4])
+@pytest.mark.parametrize("slopes", [(2e4, 1e4), (-1e4, 3e4), (3e4, -2e4)])
+def test_what_a_taxel_reads_comes_with_its_derivatives(height: float, slopes: tuple[float, float]) -> None:
+    at = np.array([height, *slopes])
+    rise = [(touch(*(at + one), LEVEL).mean - touch(*(at - one), LEVEL).mean) / 2.0 for one in np.eye(3)]
+    assert touch(*at, LEVEL)[1:] == pytest.approx(rise, rel=1e-4, abs=1e-6)
 
 
-@pytest.mark.parametrize("spread", [0.0, 0.05])
-def test_the_spread_of_the_depths_is_what_their_noise_does_not_explain(spread: float) -> None:
-    random = np.random.default_rng(1)
-    std = random.uniform(0.01, 0.02, 2000)
-    depth = spread * random.normal(size=2000) + std * random.normal(size=2000)
-    assert spread_of(depth, std**2) == pytest.approx(max(spread, 0.002), abs=0.004)
+def test_heights_read_like_the_pressure_that_they_come_from() -> None:
+    scanned, states, _ = linearised()
+    states[:, 4] = 0.0
+    pattern = covering(scanned, states)
+    fill(pattern, scanned.with_error(0.01), states)
+    heights = as_heights(pattern)
+    assert heights.coefficients.min() < -0.1 * LEVEL
+    inside = (slice(8, -8), slice(8, -8))
+    back = as_pressure(heights).coefficients[inside]
+    assert back == pytest.approx(np.maximum(pattern.coefficients[inside], 0.0), abs=0.08 * LEVEL)
 
 
 def test_states_give_their_depth_back() -> None:
@@ -69,6 +84,7 @@ def test_the_slopes_of_the_equations_are_those_of_the_model() -> None:
     at[:, 4] = 0.0
     pattern = covering(scanned, at)
     fill(pattern, scanned.with_error(0.01), at)
+    pattern = as_heights(pattern)
     readings, free = scanned.with_error(0.01), np.ones(5)
     own = Normal.empty(1, len(scanned.places[0]), pattern.coefficients.size)
 

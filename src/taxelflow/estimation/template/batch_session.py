@@ -12,7 +12,8 @@ from taxelflow.estimation.template.bundle_adjustment import information_of
 from taxelflow.estimation.template.centre_of_pressure import witnessed
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.deforming import CHANGES, MEMORY, Moment, follow_changing
-from taxelflow.estimation.template.depth import with_depth
+from taxelflow.estimation.template.depth import DEPTH_STD, as_pressure, with_depth
+from taxelflow.estimation.template.map_doubt import of_map
 from taxelflow.estimation.template.map_export import Maps
 from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import Poses, aligned, poses_of
@@ -56,15 +57,20 @@ class _Done:
     t_s: Floats
 
 
-def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> Floats:
-    """(scans, 5, 5), of the states of a solved contact, which the sensor's errors and a tilt of the load blur."""
+def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> tuple[Floats, Floats]:
+    """(scans, 5, 5), of the states of a solved contact, which the sensor's errors and a tilt of the load blur; and what
+    the map's own error adds to their covariance: nothing where unseen errors of the sensor outweigh it.
+    """
     stiffness = scanned.stiffness(
-        turns=solved.turns, gain_std=solved.gain_std, size=solved.depth_std**-2 if solved.sinks else np.inf
+        turns=solved.turns, gain_std=solved.gain_std, size=DEPTH_STD**-2 if solved.sinks else np.inf
     )
     error, level = max(solved.error, unseen_error), scanned.amplitude if solved.sinks else 0.0
     whole = with_depth(solved.states, solved.depth)
     information = information_of(solved.pattern, scanned, whole, error, stiffness, level)
-    return without_tilt(information, solved.pattern, scanned, solved.states, error, unseen_error, level)
+    if unseen_error:
+        blurred = without_tilt(information, solved.pattern, scanned, solved.states, error, unseen_error)
+        return blurred, np.zeros_like(information)
+    return information, of_map(solved.pattern, scanned, whole, error, stiffness, level)
 
 
 class BatchSession:
@@ -137,16 +143,19 @@ class BatchSession:
             whole = scanned.variance.copy()
             # Where a sensor's faults may be anything, they look like a depth: it is then no better a model.
             solved = solve_contact(scanned, sinks=not layout.unseen_error)
-            information = _information(solved, scanned, layout.unseen_error)
-            moment = Moment(solved.pattern, scanned, solved.states, np.arange(len(scanned)), solved.turns)
+            information, of_the_map = _information(solved, scanned, layout.unseen_error)
+            shown = as_pressure(solved.pattern) if solved.sinks else solved.pattern
+            moment = Moment(shown, scanned, solved.states, np.arange(len(scanned)), solved.turns)
             poses, rival = poses_of(solved, scanned, information, pitch_m), solved.rival
             growth = solved.growth
             if not layout.unseen_error:  # no fault of the sensor misled the likelihood: it has decided
                 rival = rival[:0]
             if solved.error > CHANGES and len(scanned) > MEMORY:
                 poses, moment = follow_changing(scanned, pitch_m, turns=solved.turns)
-                rival, growth = rival[:0], growth[:0]
+                rival, growth, of_the_map = rival[:0], growth[:0], np.zeros_like(of_the_map)
             poses = bridged(formed(poses, scanned.load().sum(axis=1)), scanned.t_s)
+            if of_the_map.any():
+                poses = poses.with_map(of_the_map, solved, scanned, pitch_m)
             poses = poses.doubted(rival, pitch_m).doubted(growth, pitch_m)
             poses = poses.open_across(scanned, pitch_m)
             if layout.unseen_error:

@@ -150,7 +150,7 @@ def refine(
     """Improve the pattern and the states (scans, 5), in place; the pattern's smoothing is learned on the way.
 
     error: see `Scanned.with_error`. stiffness: (5,) 1 / variance of each state around 0, of a place around the
-    pad's middle, of the gain around 1; infinite where a state is not to move. level: see `depth.pressed`.
+    pad's middle, of the gain around 1; infinite where a state is not to move. level: see `assemble`.
     The object's frame, which nothing determines, is that in which the mean of the poses stays.
     """
     fixed = np.isinf(stiffness)

@@ -1,57 +1,139 @@
-"""Contacts that are pressed in more or less: depth adds pressure wherever they touch, and not in proportion to it.
+"""Contacts that are pressed in more or less: a relief that sinks into an elastic skin.
 
 Under a constant force an object sinks in as lower parts of its relief come under the pad, and rises as higher ones do.
-On an elastic skin all of the contact then reads more by the same pressure, and a taxel that is touched in part by a
-share of it:
+On an elastic skin pressure follows the depth of each point and is never below 0, so a taxel reads
 
-    y = g q(u) + d (1 - exp(-q(u) / p)),
+    y = g m,    m: mean of max(h + d, 0) over the taxel,
 
-with a depth d of each scan, a pressure, and p up to which a taxel counts as touched in part. A gain alone would make
-the pattern answer for d, which moves with the object: the map is then stretched, and motion with it, by some per cent.
+with the relief's height h over the skin and the depth d of each scan, both as pressures. A gain alone would make the
+pattern answer for d, which moves with the object: the map is then stretched, and motion with it, by some per cent.
 
-The depth takes the place of the size in the states of a fit; outside of it, states have their size.
+The pattern of such a contact is the height h, averaged over a taxel; it is negative where there is a gap. Over a taxel
+it is a plane, whose slopes give the share of the taxel that touches. The depth takes the place of the size in the
+states of a fit, as a share of the contact's largest reading; outside of it, states have their size.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.ndimage import correlate1d, spline_filter
 
-from taxelflow.numerics.bspline import states_of
-from taxelflow.runtime.compiling import inlined
+from taxelflow.numerics.bspline import KNOTS, basis, basis_bends, basis_slopes, states_of
+from taxelflow.runtime.compiling import inlined, routine
 
 if TYPE_CHECKING:
+    from taxelflow.estimation.template.map import Pattern
     from taxelflow.messages import Floats
 
 DEPTH_STD = 0.1
 """Standard deviation of the depth before anything is known, as a share of the contact's largest reading."""
-_LEAST_STD, _WELL_KNOWN = 0.002, 0.6
-"""Least standard deviation that is learned, as a share of it, and quantile of the depths' variances up to which they
-teach it."""
-_IN_PART = 0.06
-"""Pressure p, as a share of the contact's largest reading."""
+_HALF = 0.5
+"""Half the side of a taxel, in pitches."""
+_LEVEL = 0.004
+"""Rise over half a taxel, as a share of the largest reading, below which the height is level along an axis."""
+_ROUND = 0.06
+"""Pressure, as a share of the largest reading, up to which a taxel counts as touched in part by a pattern of pressure
+that is to become one of heights: where a fit begins."""
+_LEAST = 1e-3
+"""Pressure, as a share of the largest reading, that stands for none."""
+_AT_KNOT, _SLOPE_AT_KNOT = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])
+"""A cubic B-spline's value and slope at a knot, from the coefficients around it."""
+
+
+class Touch(NamedTuple):
+    """mean: pressure over the taxel. share: of it that touches, the derivative by the height. along_x, along_y:
+    derivatives by the slopes along the pad's axes.
+    """
+
+    mean: float
+    share: float
+    along_x: float
+    along_y: float
 
 
 @inlined
-def pressed(q: float, level: float) -> tuple[float, float]:
-    """What a depth of 1 adds to a reading whose pattern has pressure q, and its slope by q. level: the contact's
-    largest reading, in which the depth is counted; with 0 there is no depth.
+def touch(height: float, slope_x: float, slope_y: float, level: float) -> Touch:
+    """What a taxel reads of a plane with this height at its middle and these slopes per pitch.
+
+    The mean of max(h, 0) over a square: differences of its third integral, max(h, 0)^3 / 6. level: the contact's
+    largest reading.
     """
-    if level == 0.0 or q <= 0.0:
-        return 0.0, 0.0
-    left = np.exp(-q / (_IN_PART * level))
-    return level * (1.0 - left), left / _IN_PART
+    least = _LEVEL * level
+    flat_x, flat_y = _HALF * abs(slope_x) < least, _HALF * abs(slope_y) < least
+    x, y = max(_HALF * abs(slope_x), least), max(_HALF * abs(slope_y), least)
+    if height >= x + y:
+        return Touch(height, 1.0, 0.0, 0.0)
+    if height <= -x - y:
+        return Touch(0.0, 0.0, 0.0, 0.0)
+    a, b = height + x + y, max(height + x - y, 0.0)
+    c, d = max(height - x + y, 0.0), max(height - x - y, 0.0)
+    unit = 1.0 / (24.0 * x * y)
+    mean = unit * (a * a * a - b * b * b - c * c * c + d * d * d)
+    share = 3.0 * unit * (a * a - b * b - c * c + d * d)
+    by_x = 0.0 if flat_x else 3.0 * unit * (a * a - b * b + c * c - d * d) - mean / x
+    by_y = 0.0 if flat_y else 3.0 * unit * (a * a + b * b - c * c - d * d) - mean / y
+    return Touch(mean, share, _HALF * by_x * np.sign(slope_x), _HALF * by_y * np.sign(slope_y))
 
 
-def spread_of(depth: Floats, variance: Floats) -> float:
-    """Standard deviation of the depths (scans,) beyond what their variances (scans,) explain; of those known best.
+@routine
+def add_tilt(
+    c: Floats,
+    lattice: Floats,
+    place: tuple[float, float],
+    turn: float,
+    tilt: tuple[float, float],
+    weight: Floats,
+    slope: Floats,
+) -> None:
+    """Add what a reading depends on by the slopes of the height: on coefficients, weight (16,), and x, y and theta.
 
-    Where depths are noise, the next fit holds them near 0, and poses are those of a fit without any.
+    place: of the taxel from the object, along the pad. turn: of the object. tilt: derivatives of the reading by the
+    slopes along the pad. slope: (5,), by the state.
     """
-    well = variance <= np.quantile(variance, _WELL_KNOWN)
-    spread = float(np.mean(depth[well] ** 2) - np.mean(variance[well]))
-    return float(np.sqrt(max(spread, _LEAST_STD**2)))
+    h, left, low = lattice
+    cos, sin = np.cos(turn), np.sin(turn)
+    u, w = cos * place[0] + sin * place[1], cos * place[1] - sin * place[0]
+    column, row = (u - left) / h, (w - low) / h
+    k, j = int(column), int(row)
+    along, across = basis(column - k), basis(row - j)
+    rise, climb = basis_slopes(column - k), basis_slopes(row - j)
+    bend, curl = basis_bends(column - k), basis_bends(row - j)
+    tilt_u, tilt_w = (cos * tilt[0] + sin * tilt[1]) / h, (cos * tilt[1] - sin * tilt[0]) / h
+    by_u = by_w = first_u = first_w = 0.0
+    for i in range(KNOTS):
+        own, a, b = c[j - 1 + i // 4, k - 1 + i % 4], i % 4, i // 4
+        slope_u, slope_w = across[b] * rise[a], climb[b] * along[a]
+        weight[i] += tilt_u * slope_u + tilt_w * slope_w
+        mixed = climb[b] * rise[a]
+        by_u += own * (tilt_u * across[b] * bend[a] + tilt_w * mixed) / h
+        by_w += own * (tilt_u * mixed + tilt_w * curl[b] * along[a]) / h
+        first_u += own * slope_u
+        first_w += own * slope_w
+    slope[0] += sin * by_w - cos * by_u
+    slope[1] -= sin * by_u + cos * by_w
+    slope[2] += by_u * w - by_w * u + tilt_w * first_u - tilt_u * first_w
+
+
+def as_heights(pattern: Pattern) -> Pattern:
+    """A pattern of heights to begin with, from one of pressure."""
+    part = _ROUND * pattern.amplitude
+    q = np.maximum(pattern.coefficients, _LEAST * pattern.amplitude)
+    return replace(pattern, coefficients=q + part * np.log(-np.expm1(-q / part)))
+
+
+def as_pressure(pattern: Pattern) -> Pattern:
+    """What taxels read of a pattern of heights, without a depth, as a pattern of pressure."""
+    c, h = pattern.coefficients, pattern.lattice[0]
+    over = [correlate1d(c, _AT_KNOT, axis=axis, mode="nearest") for axis in (0, 1)]
+    height = correlate1d(over[0], _AT_KNOT, axis=1, mode="nearest")
+    slope_x = correlate1d(over[0], _SLOPE_AT_KNOT, axis=1, mode="nearest") / h
+    slope_y = correlate1d(over[1], _SLOPE_AT_KNOT, axis=0, mode="nearest") / h
+    read = [touch(*one, pattern.amplitude).mean for one in zip(height.flat, slope_x.flat, slope_y.flat, strict=True)]
+    values = np.reshape(read, c.shape)
+    return replace(pattern, coefficients=spline_filter(values, order=3, mode="mirror"))
 
 
 def with_depth(states: Floats, depth: Floats) -> Floats:

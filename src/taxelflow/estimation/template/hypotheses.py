@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
-from taxelflow.estimation.template.depth import spread_of, take_depth, with_depth
+from taxelflow.estimation.template.depth import DEPTH_STD, as_heights, take_depth, with_depth
 from taxelflow.estimation.template.initialization import Tracker
 from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
@@ -71,13 +71,15 @@ def solve(scanned: Scanned, *, sinks: bool = False) -> Solved:
 
 
 def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
-    """The likeliest of all fits, those with a depth among them that explain far more: each depth costs as much as a
-    parameter that all readings determine, for in a short stroke it may stand for noise.
+    """The likeliest of all fits, those with a depth among them if one of these explains far more: each depth costs as
+    much as a parameter that all readings determine, for in a short stroke it may stand for noise. Whether the object
+    turns is another question: a fit that sinks and turns need not pay for both at that price.
 
     A depth explains some of what a turn does: an object that turns without it does with it, if its pattern shows that.
     """
-    limit = cost(rigid, scanned, dear=True)
-    deep = [one for one in _sinking(scanned, solved) if cost(one, scanned, dear=True) < limit]
+    deep = _sinking(scanned, solved)
+    if not deep or min(cost(one, scanned, dear=True) for one in deep) >= cost(rigid, scanned, dear=True):
+        return rigid
     best = likeliest([*solved, *deep], scanned)
     if best.turns or not (best.sinks and rigid.turns):
         return best
@@ -89,7 +91,7 @@ def _sinking(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
     """Fits with a depth of each scan, which begin from those without."""
     rigid = [one for one in solved if not one.grows] if len(scanned) >= YOUNG else []
     none = np.zeros(len(scanned))
-    return [refined(scanned, replace(one.copy(), depth=none)) for one in rigid]
+    return [refined(scanned, replace(one.copy(), pattern=as_heights(one.pattern), depth=none)) for one in rigid]
 
 
 def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
@@ -185,7 +187,7 @@ def _by_its_error(scanned: Scanned, solved: Solved) -> Solved:
 
 def _fit(scanned: Scanned, start: Solved, *, rounds: int, error: float) -> Fit:
     """`refine` under the hypothesis of a start, which it improves in place."""
-    size = SIZE_STD**-2 if start.grows else start.depth_std**-2 if start.sinks else np.inf
+    size = SIZE_STD**-2 if start.grows else DEPTH_STD**-2 if start.sinks else np.inf
     stiffness = scanned.stiffness(turns=start.turns, gain_std=start.gain_std, size=size)
     largest, whole = scanned.amplitude if start.sinks else 0.0, with_depth(start.states, start.depth)
     fit = refine(start.pattern, scanned, whole, rounds=rounds, error=error, stiffness=stiffness, level=largest)
@@ -197,10 +199,8 @@ def _refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...], *, most_e
     """`refined` with the error bounded."""
     own = replace(start, depth=start.depth.copy())
     for most in rounds:
-        learned, error = level(own.pattern, own.states, own.fit), min(learned_error(own.fit, scanned), most_error)
+        learned, error = level(own), min(learned_error(own.fit, scanned), most_error)
         own.gain_std = learned if len(scanned) >= YOUNG else own.gain_std
-        if own.depth.any():
-            own.depth_std = spread_of(own.depth, variances_of(own.fit.information + 1e-9 * np.eye(STATE)).size)
         scanned.bend(own.states)
         own.fit = _fit(scanned, own, rounds=most, error=error)
         if own.grows:
@@ -257,17 +257,18 @@ def start_scan(scanned: Scanned) -> int:
     return int(np.argmin(np.where(load >= _LOADED_SHARE * load.max(), away, np.inf)))
 
 
-def level(pattern: Pattern, states: Floats, fit: Fit) -> float:
-    """Make the mean gain of states (scans, 5) 1, in place, the pattern taking the rest; the gains' standard deviation.
+def level(solved: Solved) -> float:
+    """Make the mean gain 1, in place, pattern and depth taking the rest; the gains' standard deviation.
 
     Both from the scans that determine theirs best.
     """
-    variance, gains = variances_of(fit.information + 1e-9 * np.eye(STATE)).gain, states_of(states).gain
+    variance, gains = variances_of(solved.fit.information + 1e-9 * np.eye(STATE)).gain, states_of(solved.states).gain
     well = variance <= np.quantile(variance, _WELL_KNOWN)
     mean = max(float(np.median(gains[well])), _LEAST_GAIN)
     low, high = np.quantile(gains[well], _SPREAD)
     spread = float(high - low) / 3.29  # of a normal distribution; a load that changes for a short time counts, too
     gains /= mean
-    pattern.coefficients = pattern.coefficients * mean
-    pattern.smoothing /= mean**2
+    solved.depth *= mean
+    solved.pattern.coefficients = solved.pattern.coefficients * mean
+    solved.pattern.smoothing /= mean**2
     return float(np.sqrt(max(spread**2 - float(np.median(variance[well])), _LEAST_GAIN_STD**2)))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.depth import DEPTH_STD
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.numerics.bspline import states_of
 from taxelflow.numerics.robust import OUTLIER
@@ -62,7 +63,7 @@ def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
     chi = residual[within] ** 2 / variance[within] + np.log(variance[within])
     chi = np.minimum(chi, OUTLIER + np.log(usual))
     gains = float(np.sum((states_of(solved.states).gain - 1.0) ** 2)) / solved.gain_std**2
-    depths = float(np.sum(solved.depth**2)) / solved.depth_std**2
+    depths = float(np.sum(solved.depth**2)) / DEPTH_STD**2
     count, scans = float(np.count_nonzero(within)), len(scanned)
     states = scans * fit.freed
     own = count if dear else count / scans

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.estimation.template.depth import pressed
+from taxelflow.estimation.template.depth import Touch, add_tilt, touch
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.observations import Readings
 from taxelflow.messages import Floats
@@ -63,8 +63,8 @@ class Normal(NamedTuple):
 
 @long_kernel
 def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats, level: float, out: Normal) -> None:
-    """Linearise at states (scans, 5). free: (5,), 1 of those that may move, 0 of others. level: see `pressed`; where it
-    is not 0, the size of a state is a depth.
+    """Linearise at states (scans, 5). free: (5,), 1 of those that may move, 0 of others. level: the contact's largest
+    reading if the surface is one of heights and the size of a state a depth, else 0; see `depth`.
     """
     c, places, nx = surface.c, readings.places, surface.c.shape[1]
     value, at = np.empty((places.shape[1], 5)), np.empty(STATE)
@@ -82,8 +82,9 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
             out.w[k, i] = out.residual[k, i] = out.model[k, i] = 0.0
             if first[i] < 0 or variance == 0.0 or np.isnan(value[i, 0]):
                 continue
-            added, steeper = pressed(value[i, 0], level)
-            expected = gain * value[i, 0] + depth * added
+            q, by_x, by_y, by_theta, by_size = value[i]
+            read = touch(q + depth * level, -by_x, -by_y, level) if level > 0.0 else Touch(q, 1.0, 0.0, 0.0)
+            expected = gain * read.mean
             difference = reading - expected
             out.model[k, i], out.residual[k, i] = expected, difference
             if reading == 0.0 and expected <= 0.0:  # the sensor clips there
@@ -96,16 +97,29 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
             out.counts[k] += 1
             factor *= huber_weight(z, _HUBER)
             out.w[k, i] = factor
-            q, by_x, by_y, by_theta, by_size = value[i]
-            rise = gain + depth * steeper
-            by_size = added if level > 0.0 else gain * by_size
-            put(State(rise * by_x, rise * by_y, rise * by_theta, q, by_size), slope[i])
-            for a in range(STATE):
-                slope[i, a] *= free[a]
+            rise = gain * read.share
+            by_size = level if level > 0.0 else by_size
+            put(State(rise * by_x, rise * by_y, rise * by_theta, read.mean, rise * by_size), slope[i])
             for a in range(KNOTS):
                 weight[i, a] *= rise
+            if 0.0 < read.share < 1.0:
+                place, turn = place_of(places, readings.bends[k], states[k], i)
+                tilt = gain * read.along_x, gain * read.along_y
+                add_tilt(c, surface.lattice, place, turn, tilt, weight[i], slope[i])
+            for a in range(STATE):
+                slope[i, a] *= free[a]
             add_square(first[i], weight[i], factor, difference, nx, out.stencil, out.right)
             _add_state(slope[i], factor, difference, out.blocks[k], out.gradient[k])
+
+
+@lean_kernel
+def place_of(places: Floats, bend: Floats, state: Floats, taxel: int) -> tuple[tuple[float, float], float]:
+    """Where a taxel is from the object, along the pad, and the object's turn, when it is read; see `evaluate`."""
+    x, y, turn, _, _ = state_of(state)
+    dx, dy = places[0, taxel] - x, places[1, taxel] - y
+    if bend.shape[1]:
+        return (dx - bend[0, taxel], dy - bend[1, taxel]), turn + bend[2, taxel]
+    return (dx, dy), turn
 
 
 @lean_kernel

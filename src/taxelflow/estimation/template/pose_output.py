@@ -65,6 +65,15 @@ class Poses:
             return self
         shared = np.zeros_like(self.covariance)
         shared[:, :2, :2] = pitch_m**2 * rival[:, :, np.newaxis] * rival[:, np.newaxis, :]
+        return self._sharing(shared, pitch_m)
+
+    def with_map(self, error: Floats, solved: Solved, scanned: Scanned, pitch_m: float) -> Poses:
+        """With the map's part (scans, 5, 5) of the states' covariance, see `map_doubt`, in that of the poses."""
+        lever = _lever(solved.states, solved.middle(scanned), pitch_m, turns=solved.turns)
+        return self._sharing(lever @ error[:, :3, :3] @ lever.transpose(0, 2, 1), pitch_m)
+
+    def _sharing(self, shared: Floats, pitch_m: float) -> Poses:
+        """With an error of which consecutive scans share the covariance (scans, 3, 3)."""
         covariance = self.covariance + shared
         worse = np.where(self.quality == OK, judge(covariance, np.zeros(len(self)), pitch_m), OK)
         return Poses(self.pose, covariance, np.maximum(self.quality, worse).astype(np.uint8), self.shared + shared)
@@ -89,22 +98,28 @@ def to_pad(
 ) -> tuple[Floats, Floats]:
     """Poses (scans, 3) and covariances (scans, 3, 3) of the body's point `centre` (2,), SI, from states (scans, 5)."""
     own = np.linalg.inv(information + 1e-12 * np.eye(STATE))[:, :3, :3]
-    arm = arm_of(centre, states)
+    arm, lever = arm_of(centre, states), _lever(states, centre, pitch_m, turns=turns)
     pose = np.empty((len(states), 3))
     pose[:, :2] = pitch_m * (states[:, :2] + arm)
     theta = states_of(states).theta
     pose[:, 2] = np.unwrap(theta) - theta[0]
-    lever = np.zeros((len(states), 3, 3))
-    lever[:, 0, 0] = lever[:, 1, 1] = pitch_m
-    lever[:, 2, 2] = 1.0
-    if turns:
-        lever[:, 0, 2] = -pitch_m * arm[:, 1]
-        lever[:, 1, 2] = pitch_m * arm[:, 0]
     covariance = lever @ own @ lever.transpose(0, 2, 1)
     if not turns:
         pose[:, 2] = np.nan
         covariance[:, 2, :] = covariance[:, :, 2] = np.nan
     return pose, covariance
+
+
+def _lever(states: Floats, centre: Floats, pitch_m: float, *, turns: bool) -> Floats:
+    """(scans, 3, 3), pose of the body's point `centre` (2,), SI, by the first three parts of states (scans, 5)."""
+    lever = np.zeros((len(states), 3, 3))
+    lever[:, 0, 0] = lever[:, 1, 1] = pitch_m
+    lever[:, 2, 2] = 1.0
+    if turns:
+        arm = arm_of(centre, states)
+        lever[:, 0, 2] = -pitch_m * arm[:, 1]
+        lever[:, 1, 2] = pitch_m * arm[:, 0]
+    return lever
 
 
 def arm_of(centre: Floats, states: Floats) -> Floats:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.depth import DEPTH_STD
 from taxelflow.numerics.bspline import in_object
 
 if TYPE_CHECKING:
@@ -29,8 +28,8 @@ class Solved:
     empty where there was one start. rival: (scans, 2), in pitches, how far from here a hypothesis that explains the
     scans nearly as well puts the object, one that turns where this does not, or the reverse; growth: the same of one
     that grows or does not; each is empty if there is none. dead: taxels that do not answer. gains: (taxels,), by
-    which the readings were divided; empty if they were not. depth: (scans,), see `depth`; empty if there is none;
-    depth_std: its standard deviation.
+    which the readings were divided; empty if they were not. depth: (scans,), see `depth`, and the pattern is one
+    of heights; empty if there is none.
     """
 
     pattern: Pattern
@@ -46,7 +45,6 @@ class Solved:
     dead: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     gains: Floats = field(default_factory=lambda: np.zeros(0))
     depth: Floats = field(default_factory=lambda: np.zeros(0))
-    depth_std: float = DEPTH_STD
 
     @property
     def kind(self) -> tuple[bool, bool]:

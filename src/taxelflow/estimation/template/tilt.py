@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.depth import pressed
 from taxelflow.numerics.bspline import STATE, evaluate, state_of
 
 if TYPE_CHECKING:
@@ -37,12 +36,10 @@ def without_tilt(
     states: Floats,
     error: float,
     tilt_std: float,
-    level: float = 0.0,
 ) -> Floats:
     """Information (scans, 5, 5) of the states with the tilt of each scan eliminated.
 
-    error: see `Scanned.with_error`. tilt_std: standard deviation of a and b; with 0 nothing changes. level: see
-    `depth.pressed`; where it is not 0, information is of a depth in place of the size.
+    error: see `Scanned.with_error`. tilt_std: standard deviation of a and b; with 0 nothing changes.
     """
     if tilt_std <= 0.0:
         return information
@@ -56,8 +53,7 @@ def without_tilt(
         if np.count_nonzero(seen) < _FEWEST:
             continue
         gain = state_of(state).gain
-        last = gain * values[seen, 4] if not level else np.array([pressed(one, level)[0] for one in q[seen].tolist()])
-        jacobian = np.column_stack([gain * values[seen, 1:4], q[seen], last])
+        jacobian = np.column_stack([gain * values[seen, 1:4], q[seen], gain * values[seen, 4]])
         modes = (gain * q[seen])[:, np.newaxis] * _levers(scanned.places[:, seen], q[seen])
         weighted = modes / readings.variance[k, seen, np.newaxis]
         shared = jacobian.T @ weighted

@@ -15,6 +15,7 @@ Shape = Literal[
 ]  # fmt: skip
 LoadKind = Literal["constant", "ramp", "cycles"]
 _MOST_SCANS = 100_000
+LEAST_EXPONENT, MOST_EXPONENT = 0.8, 1.5
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Skin:
     def __post_init__(self) -> None:
         _positive("skin.stiffness_pa_m", self.stiffness_pa_m)
         _positive("skin.reference_m", self.reference_m)
-        _within("skin.exponent", self.exponent, 0.8, 1.5)
+        _within("skin.exponent", self.exponent, LEAST_EXPONENT, MOST_EXPONENT)
         for sigma_m in self.cover_m:
             _not_negative("skin.cover_m", sigma_m)
         _within("skin.active_share", self.active_share, 0.01, 1.0)

@@ -1,0 +1,102 @@
+"""What the map's own error adds to the poses of a contact."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxelflow.estimation.template import map_doubt
+from taxelflow.estimation.template.bundle_adjustment import information_of
+from taxelflow.estimation.template.hypotheses import coarse, covering
+from taxelflow.estimation.template.map import Pattern, fill
+from taxelflow.estimation.template.map_doubt import of_map
+from taxelflow.estimation.template.normal_equations import Normal, assemble
+from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.pose_output import poses_of
+from taxelflow.messages import Floats
+from taxelflow.numerics.banded import add_diagonal, dense, smoothness
+from taxelflow.numerics.bspline import KNOTS, STATE
+
+ERROR = 0.01
+
+
+def sliding(scans: int) -> tuple[Pattern, Scanned, Floats, Floats]:
+    """A pattern of two bumps, scans of it on its way over a small pad, their states, and the states' stiffness."""
+    axis = np.arange(4) - 1.5
+    places = np.stack([part.ravel() for part in np.meshgrid(axis, axis)])
+    states = np.zeros((scans, STATE))
+    states[:, 0], states[:, 2], states[:, 3] = np.linspace(-0.6, 0.6, scans), np.linspace(-0.1, 0.1, scans), 1.0
+    x = places[0] - states[:, :1]
+    readings = 1e3 * (np.exp(-((x - 0.7) ** 2) - places[1] ** 2) + 0.7 * np.exp(-((x + 0.9) ** 2)))
+    count = places.shape[1]
+    scanned = Scanned.of(
+        np.arange(float(scans)), places, readings, np.full((scans, count), 9.0), np.full(count, np.inf), np.zeros(count)
+    )
+    pattern = covering(scanned, states)
+    fill(pattern, scanned.with_error(ERROR), states)
+    return pattern, scanned, states, scanned.stiffness(turns=True, gain_std=0.1)
+
+
+def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, stiffness: Floats) -> Floats:
+    """(scans, 5, 5), of the states, by inversion of the whole problem, the mean of the poses held."""
+    scans, knots = len(states), pattern.coefficients.size
+    fixed = np.isinf(stiffness)
+    normal = Normal.empty(scans, scanned.places.shape[1], knots)
+    assemble(pattern.surface, scanned.with_error(ERROR), states, np.where(fixed, 0.0, 1.0), 0.0, normal)
+    stencil = normal.stencil + pattern.smoothing * smoothness(pattern.shape)
+    add_diagonal(stencil, pattern.prior)
+    whole = np.zeros((scans * STATE + knots, scans * STATE + knots))
+    whole[scans * STATE :, scans * STATE :] = dense(stencil, pattern.shape[1])
+    for k, i in zip(*np.nonzero(normal.w), strict=True):
+        knot = scans * STATE + normal.first[k, i] + np.arange(KNOTS) // 4 * pattern.shape[1] + np.arange(KNOTS) % 4
+        own = slice(k * STATE, (k + 1) * STATE)
+        mixed = normal.w[k, i] * np.outer(normal.slope[k, i], normal.weight[k, i])
+        whole[own, knot] += mixed
+        whole[knot, own] += mixed.T
+    for k in range(scans):
+        own = slice(k * STATE, (k + 1) * STATE)
+        whole[own, own] = normal.blocks[k] + np.diag(np.where(fixed, 1.0, stiffness) + 1e-9)
+    of_states = np.linalg.inv(whole)[: scans * STATE, : scans * STATE]
+    mean = np.zeros((scans * STATE, 3))
+    for part in range(3):
+        mean[part::STATE, part] = 1.0
+    along = of_states @ mean
+    of_states -= along @ np.linalg.solve(mean.T @ along, along.T)
+    return np.stack([of_states[k : k + STATE, k : k + STATE] for k in range(0, scans * STATE, STATE)])
+
+
+def test_it_is_what_the_whole_problem_has_beyond_a_known_map() -> None:
+    pattern, scanned, states, stiffness = sliding(12)
+    held = np.linalg.inv(information_of(pattern, scanned, states, ERROR, stiffness))
+    added = of_map(pattern, scanned, states, ERROR, stiffness)
+    whole = whole_covariance(pattern, scanned, states, stiffness)[:, :4, :4]
+    assert (held + added)[:, :4, :4] == pytest.approx(whole, rel=1e-4, abs=1e-9)
+    assert (np.diagonal(added, axis1=1, axis2=2)[:, :2].mean(axis=0) > 0).all()
+
+
+def test_a_turn_that_is_held_has_none() -> None:
+    pattern, scanned, states, _ = sliding(6)
+    added = of_map(pattern, scanned, states, ERROR, scanned.stiffness(turns=False, gain_std=0.1))
+    assert (added[:, 2] == 0).all()
+    assert (added[:, 0, 0] != 0).all()
+
+
+def test_of_very_many_scans_and_knots_the_map_is_held_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(map_doubt, "_MOST", 100)
+    pattern, scanned, states, stiffness = sliding(6)
+    assert not of_map(pattern, scanned, states, ERROR, stiffness).any()
+
+
+def test_poses_have_it_and_steps_between_them_do_not() -> None:
+    _, scanned, states, stiffness = sliding(12)
+    solved = coarse(scanned, states, turns=True)
+    information = information_of(solved.pattern, scanned, solved.states, ERROR, stiffness)
+    poses = poses_of(solved, scanned, information, 2.0)
+    error = np.tile(np.diag([0.01, 0.02, 0.03, 0.1, 0.1]) ** 2, (12, 1, 1))
+    wide = poses.with_map(error, solved, scanned, 2.0)
+    arm = solved.middle(scanned)
+    place, far = 2.0**2 * (0.01**2 + 0.02**2), 2.0**2 * (arm @ arm) * 0.03**2
+    added = np.diagonal(wide.covariance - poses.covariance, axis1=1, axis2=2)
+    assert added[:, :2].sum(axis=1) == pytest.approx(place + far, rel=1e-6)
+    assert added[:, 2] == pytest.approx(0.03**2, rel=1e-6)
+    assert wide.steps(scanned.t_s)[1][1:] == pytest.approx(poses.steps(scanned.t_s)[1][1:], rel=1e-6, abs=1e-9)
