@@ -239,7 +239,7 @@ def _join_lines_of_help() -> None:
             field.description = field.description and " ".join(field.description.split())
         return found
 
-    docstring_parser.parse_from_object = joined  # type: ignore[assignment]
+    docstring_parser.parse_from_object = joined
 
 
 def main(args: list[str] | None = None) -> int:
