@@ -3,8 +3,9 @@ from __future__ import annotations
 import functools
 import gc
 import os
+from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from tyro import _docstrings
 
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
+from taxelflow.condition import baseline
 from taxelflow.pipeline.stages import Pipeline
 from taxelflow.runtime.settled import Settled
 from taxelflow.sensors.sensor import Sensor
@@ -73,6 +75,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """Leave modules and tests out of garbage collections, each of which would look at all of their objects again."""
     gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
     gc.enable()
 
 
@@ -84,6 +87,25 @@ def loaded_as_needed() -> Iterator[None]:
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Pipeline, "warm_up", lambda _pipeline, **_needs: None)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def noise_estimated_once() -> Iterator[None]:
+    """The noise of the same windows of readings is estimated once, a third of the start of a run on a recording: tests
+    condition a recording by every mode, method and way to cut it.
+    """
+    estimate, known = baseline.estimate_noise, {}
+
+    def found(*given: Any, **named: Any) -> Any:
+        arrays = [np.asarray(one) for one in (*given, *named.values())]
+        key = *named, *((one.shape, one.dtype.str, sha256(one.tobytes()).digest()) for one in arrays)
+        if key not in known:
+            known[key] = estimate(*given, **named)
+        return known[key].copy()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(baseline, "estimate_noise", found)
         yield
 
 

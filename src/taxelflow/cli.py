@@ -232,13 +232,14 @@ def _join_lines_of_help() -> None:
     """Let help texts flow: tyro keeps a line break of a field's docstring before a line that is indented."""
     parse = docstring_parser.parse_from_object
 
+    @cache
     def joined(kind: object, style: DocstringStyle = DocstringStyle.AUTO) -> docstring_parser.Docstring:
         found = parse(kind, style)
         for field in found.params:
             field.description = field.description and " ".join(field.description.split())
         return found
 
-    docstring_parser.parse_from_object = joined  # type: ignore[assignment]
+    docstring_parser.parse_from_object = joined
 
 
 def main(args: list[str] | None = None) -> int:

@@ -69,6 +69,25 @@ def test_noise_half_hidden_by_clipping_is_learned_under_load() -> None:
     np.testing.assert_allclose(estimate_noise(windows, LIVE), 5, rtol=0.3)
 
 
+def test_a_level_that_wanders_is_no_noise() -> None:
+    """Of the variance of what an idle taxel reads a third is independent from scan to scan."""
+    scans, random = np.arange(10 * WINDOW_SCANS), np.random.default_rng(2)
+    wander = 10.0 * np.sin(2 * np.pi * (scans[:, np.newaxis] / 60 + random.random(20)))
+    idle = np.round(1000.0 + wander + random.normal(0, 5.0, wander.shape))
+    found = estimate_noise(idle.reshape(10, WINDOW_SCANS, 20), LIVE)
+    assert np.median(found) == pytest.approx(5.0, rel=0.15)
+
+
+def test_noise_may_last_a_scan_or_two() -> None:
+    """More than half of the variance is independent: it is noise, of which second differences alone show half."""
+    random = np.random.default_rng(0)
+    drawn = random.normal(0, 5.0, (10 * WINDOW_SCANS, 20))
+    for scan in range(1, len(drawn)):
+        drawn[scan] = 0.42 * drawn[scan - 1] + np.sqrt(1 - 0.42**2) * drawn[scan]
+    idle = np.round(1000.0 + drawn).reshape(10, WINDOW_SCANS, 20)
+    assert np.median(estimate_noise(idle, LIVE)) == pytest.approx(5.0, rel=0.2)
+
+
 @pytest.mark.parametrize("step", [1.0, 13.0, 0.25])
 def test_readings_coarser_than_the_noise_have_the_quantisation_as_floor(step: float) -> None:
     ramp = np.arange(50 * WINDOW_SCANS).reshape(50, WINDOW_SCANS, 1) * step * 0.3

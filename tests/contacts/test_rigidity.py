@@ -89,6 +89,19 @@ def test_a_foot_that_lifts_and_another_that_comes_down_are_no_one_that_moved() -
     assert watch.notes == []
 
 
+@pytest.mark.parametrize(("grown", "is_noted"), [(1.15, True), (1.4, False), (0.7, False)])
+def test_a_contact_that_grows_or_shrinks_as_it_goes_has_no_distance(grown: float, is_noted: bool) -> None:
+    sensor = grid_sensor(10, 20, pitch_m=(0.004, 0.004))
+    share = np.concatenate([np.zeros(12), np.linspace(0.0, 1.0, 10), np.ones(8)])
+    other = [dome(sensor, 0.008 + 0.008 * s, radius_m=0.003 * grown**s) for s in share]
+    rows = [np.zeros(200)] * 12 + [dome(sensor, -0.018, radius_m=0.003) + one for one in other]
+    values = np.array(rows) + np.random.default_rng(0).normal(0, 100.0, (42, 200))
+    scans, _ = conditioned(values, sensor, mode="stream")
+    watch = RigidityMonitor(sensor.layout, Conditioner.contact_on, Conditioner.contact_off)
+    assert watch.step(scans).any() == is_noted
+    assert len(watch.notes) == is_noted
+
+
 @pytest.mark.long
 def test_feet_turned_and_slid_are_not_whatever_the_noise() -> None:
     contact = {"shape": "feet", "radius_m": 0.005, "ring_m": 0.014, "feet": 3}

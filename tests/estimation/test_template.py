@@ -125,7 +125,8 @@ def test_a_column_of_taxels_shows_no_turn() -> None:
 
 
 def test_a_round_object_has_no_angle() -> None:
-    _, pose, _ = path(*airbag())
+    recording = simulate(rigged("stroke", motion={"strokes": 1}))
+    _, pose, _ = path(recording, api.estimate(recording, "template"))
     assert np.isnan(pose[:, 2]).all()
 
 

@@ -17,9 +17,9 @@ def scored() -> ContactsReport:
 
 @pytest.fixture(scope="module")
 def quick() -> ContactsReport:
-    """The same at 15 scans a second."""
+    """The same at 12 scans a second."""
     with pytest.MonkeyPatch.context() as patch:
-        slow = {name: rigged(name, sensing={"rate_hz": 15.0}) for name in (*TWO, LIFT)}
+        slow = {name: rigged(name, sensing={"rate_hz": 12.0}) for name in (*TWO, LIFT)}
         patch.setattr(contacts, "SCENARIOS", slow)
         return Contacts(1, 3, ("principal_axis",)).run()
 

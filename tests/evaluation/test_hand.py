@@ -1,22 +1,32 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from rigged import rigged
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation import hand
 from taxelflow.evaluation.field import SCENES
 from taxelflow.evaluation.hand import Hand, hand_bound
 from taxelflow.simulation.scenario import SCENARIOS
 
+if TYPE_CHECKING:
+    from taxelflow.simulation.scenario import Scenario
 
-@pytest.mark.parametrize("scenes", [SCENES[:1], pytest.param(SCENES, marks=pytest.mark.long)])
+
+SHORT = {SCENES[0]: rigged(SCENES[0], motion={"strokes": 1}, sensing={"rate_hz": 10.0})}
+
+
+@pytest.mark.parametrize("scenarios", [SHORT, pytest.param(SCENARIOS, marks=pytest.mark.long)], ids=["short", "all"])
 def test_convolution_is_far_above_the_bound_and_its_covariance_allows_for_it(
-    scenes: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    scenarios: dict[str, Scenario], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    scenes = tuple(name for name in SCENES if name in scenarios)
     monkeypatch.setattr(hand, "SCENES", scenes)
+    monkeypatch.setattr(hand, "SCENARIOS", scenarios)
     report = Hand(seeds=1, methods=("convolution",)).run()
     assert [row.scenario for row in report.rows] == list(scenes)
     for row in report.rows:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 NAMES = ("phaseCorrelate", "phaseCorrelate, Hann", "DIS flow x8", "skimage correlation", "OpenPIV")
 LIBRARIES = ("cv2", "skimage", "openpiv")
-STROKES = 8
+STROKES = 4
 
 
 needs_all = pytest.mark.skipif(not all(map(find_spec, LIBRARIES)), reason="the extra bench is not installed")

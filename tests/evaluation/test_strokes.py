@@ -6,7 +6,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rigged import rigged
-from taxelflow.evaluation.strokes import bounds, cut, passes, rms_of, slope, strokes_by, trial, ungrouped
+from taxelflow.evaluation.strokes import (
+    SPEEDS_MM_S,
+    Seen,
+    Stroke,
+    bounds,
+    cut,
+    passes,
+    rms_of,
+    rows_of,
+    slope,
+    strokes_by,
+    trial,
+    ungrouped,
+)
 from taxelflow.pipeline.api import conditioned
 from taxelflow.simulation.simulate import simulate
 
@@ -36,6 +49,26 @@ def test_fewer_than_three_positions_or_pieces_of_one_have_no_slope() -> None:
     assert np.isnan(slope(t_s, x, none))
     assert np.isnan(slope(t_s, x, np.array([1, 1, 0, 0, 0], dtype=np.bool_)))
     assert np.isnan(slope(t_s, x, ~none, piece=np.arange(5)))
+
+
+def test_the_standard_errors_of_a_row_are_how_its_rmse_and_factor_scatter() -> None:
+    random = np.random.default_rng(0)
+    found = []
+    for _ in range(200):
+        seen: Seen = {}
+        for what, speed in (("fit", 25), *((speed, speed) for speed in SPEEDS_MM_S)):
+            drawn = random.normal(0.95 * speed, 0.04 * speed, 40)
+            seen[what, "flow"] = [
+                Stroke(number % 2 == 0, *2 * [-one if number % 2 == 0 else one])
+                for number, one in enumerate(drawn.tolist())
+            ]
+        found.append(rows_of(seen, ("flow",)))
+    for rows in zip(*found, strict=True):
+        claimed = np.sqrt(np.mean([row.standard_error_percent**2 for row in rows]))
+        assert claimed == pytest.approx(np.std([row.rmse_percent for row in rows]), rel=0.2)
+        if rows[0].factor != 1.0:
+            claimed = np.sqrt(np.mean([row.factor_standard_error**2 for row in rows]))
+            assert claimed == pytest.approx(np.std([row.factor for row in rows]), rel=0.2)
 
 
 def test_every_stroke_is_cut_in_its_order() -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from synthetic import METHODS
 from taxelflow.pipeline.api import estimate
 from taxelflow.pipeline.stages import Pipeline
@@ -54,7 +55,7 @@ def test_there_is_a_row_per_scan_and_pad_in_time_order(stroke: Recording, tmp_pa
     assert {row["pad"] for row in rows} == {"pad0"}
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", mostly_long(METHODS, "convolution"))
 def test_numbers_are_those_of_the_messages_and_the_unknown_is_empty(
     stroke: Recording, tmp_path: Path, method: str
 ) -> None:

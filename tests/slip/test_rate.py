@@ -96,7 +96,7 @@ def test_white_noise_alarms_as_often_as_was_asked_for(rate_hz: float, scale: flo
     assert 0.5 * low <= found <= 1.2 * high
 
 
-@pytest.mark.parametrize("across", [0, 1])
+@pytest.mark.parametrize("across", mostly_long([0, 1], 1))
 @pytest.mark.parametrize("scale", mostly_long([1.0, 1.6], 1.0))
 def test_a_line_of_taxels_alarms_as_often_as_was_asked_for(across: int, scale: float) -> None:
     pose = scale * np.random.default_rng(5).standard_normal((200_000, 3))
@@ -116,7 +116,7 @@ def test_noise_smaller_than_its_covariance_does_not_alarm_more_often() -> None:
     assert found[0] <= 1.2 * poisson.ppf(0.999, 60)
 
 
-@pytest.mark.parametrize("correlation", [0.3, 0.6])
+@pytest.mark.parametrize("correlation", mostly_long([0.3, 0.6], 0.6))
 def test_noise_that_hangs_together_does_not_alarm_more_often(correlation: float) -> None:
     white = np.random.default_rng(6).standard_normal((200_000, 3))
     drawn_out = lfilter([np.sqrt(1 - correlation**2)], [1, -correlation], white, axis=0)

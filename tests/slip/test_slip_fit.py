@@ -19,7 +19,7 @@ def fitted(
     pose = np.cumsum(velocity, axis=0) / RATE_HZ
     std = np.array([std_m, std_m, STD_RAD if turns else np.nan])
     pose = pose + np.random.default_rng(seed).normal(0.0, 1.0, pose.shape) * std
-    return t, pose, np.broadcast_to(np.diag(std**2), (len(t), 3, 3))
+    return t, pose, np.tile(np.diag(std**2), (len(t), 1, 1))
 
 
 def constant(scans: int, *velocity: float) -> Floats:
@@ -100,9 +100,23 @@ def test_residuals_above_the_noise_widen_the_standard_deviations() -> None:
     assert bold.std_speed_m_s > 0.5 * fair.std_speed_m_s
 
 
+def test_residuals_that_are_alike_from_scan_to_scan_count_as_few() -> None:
+    """The variance grows by (1 + r) / (1 - r), r being the autocorrelation: here 0.86, and 0.997 counted as 0.95."""
+    t, _, covariance = fitted(constant(120, 0.0, 0.0, 0.0))
+    line, phase = t[:, np.newaxis] * [0.02, 0.01, 0.3], 2 * np.pi * np.arange(120)
+    std = 0.3 * np.array([STD_M, STD_M, STD_RAD])
+    alternating, short, long = (
+        fit_slip(t, line + std * wave[:, np.newaxis], covariance, t[0], t[-1])
+        for wave in (np.cos(phase / 2), np.sin(phase / 12), np.sin(phase / 119))
+    )
+    for name in ("std_turn_rad", "std_speed_m_s"):
+        inflation = [(getattr(one, name) / getattr(alternating, name)) ** 2 for one in (short, long)]
+        assert inflation == pytest.approx([1.86 / 0.14, 1.95 / 0.05], rel=0.1), name
+
+
 def test_displacements_are_summed() -> None:
     steps = np.array([[0.01, 0.0, np.nan], [np.nan, np.nan, np.nan], [0.01, 0.0, np.nan]])
-    found = integrate_slip(steps, np.broadcast_to(np.eye(3) * 1e-6, (3, 3, 3)), 1.0, 1.5)
+    found = integrate_slip(steps, np.tile(np.eye(3) * 1e-6, (3, 1, 1)), 1.0, 1.5)
     assert (found.path_m, found.speed_m_s, found.direction_rad) == pytest.approx((0.02, 0.04, 0.0))
     assert found.std_path_m == pytest.approx(np.sqrt(2) * 1e-3)
     assert np.isnan(found.turn_rad)

@@ -6,16 +6,16 @@ kernel runs; in a live step of 150 us that was a fifth. Here the types are those
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, cast
+from collections.abc import Callable
+from typing import Any, Generic, ParamSpec, TypeVar, cast
 
 import numba
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
+_known: dict[Any, tuple[tuple[Any, ...], Callable[..., Any]]] = {}
+"""Types and code by kernel and kinds of its arguments: numba takes a millisecond to find the types of records."""
 
 
 class Settled(Generic[Arguments, Result]):
@@ -49,8 +49,13 @@ class Settled(Generic[Arguments, Result]):
         if compiled is None:
             self._run = self._kernel
             return
-        self._types, self._kinds = _types_of(arguments), _kinds_of(arguments)
-        self._run = cast("Callable[Arguments, Result]", compiled[self._types].entry_point)
+        self._kinds = _kinds_of(arguments)
+        key = self._kernel, self._kinds
+        if key not in _known:
+            types = _types_of(arguments)
+            _known[key] = types, compiled[types].entry_point
+        self._types, run = _known[key]
+        self._run = cast("Callable[Arguments, Result]", run)
 
     def _check(self, arguments: tuple[object, ...]) -> None:
         """Compare what numba's types follow from: to find the types themselves takes 0.5 ms for an array of records."""

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from costly import mostly_long
 from synthetic import assert_same, dome, grid_sensor, pieces, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.centroid.principal_axis import PrincipalAxis
@@ -156,7 +157,7 @@ def test_one_loaded_taxel_has_a_place_and_no_axis() -> None:
     assert (slips.covariance[:, 0, [0, 1], [0, 1]] > 0).all()
 
 
-@pytest.mark.parametrize("mode", ["batch", "stream"])
+@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
 def test_the_teapots_handle_turns_by_110_to_120_degrees(recordings: Path, mode: str) -> None:
     result = estimate(recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa", "principal_axis", mode=mode)  # type: ignore[arg-type]
     pad = result.pads.index("finger2_distal")

@@ -64,6 +64,23 @@ def test_what_does_not_answer_under_a_sliding_object_is_found(dead: tuple[int, .
     assert silent_taxels(slid("disc", across(low, scans), dead=dead)).tolist() == list(dead)
 
 
+@pytest.mark.parametrize(
+    ("middle", "dead", "found"),
+    [
+        ((4.0, 2.0), 22, [22]),
+        ((4.0, 0.3), 4, [4]),
+        ((0.5, 0.5), 0, []),
+        ((COLUMNS - 1.5, ROWS - 1.5), 44, []),
+    ],
+    ids=["inside", "edge", "corner", "other corner"],
+)
+def test_under_an_object_at_rest_a_silent_corner_is_not_dead(
+    middle: tuple[float, float], dead: int, found: list[int]
+) -> None:
+    """All neighbours of the silent taxel are loaded; at a corner the object may end."""
+    assert silent_taxels(slid("disc", np.tile(middle, (10, 1)), dead=(dead,))).tolist() == found
+
+
 @example("disc", 0.0, (1.0, 1.0), (1.0, 2.0))  # passes a corner that it does not touch
 @given(
     st.sampled_from(["disc", "ring", "wide ring", "rails"]),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 
+from costly import mostly_long
 from rigged import track
 from synthetic import grid_sensor
 from taxelflow.publish.plots.path import path_figure
@@ -80,7 +81,7 @@ def test_unknown_positions_are_left_out(tmp_path: Path) -> None:
     save(figure, tmp_path / "a.png")
 
 
-@pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 16), (16, 1), (40, 40)])
+@pytest.mark.parametrize(("rows", "cols"), mostly_long([(1, 1), (1, 16), (16, 1), (40, 40)], (1, 1), (16, 1)))
 def test_pads_of_any_shape_are_drawn(tmp_path: Path, rows: int, cols: int) -> None:
     layout = grid_sensor(rows, cols).layout
     figure = path_figure([track(X / 100, X / 100, pad="pad0")], layout)

@@ -102,7 +102,7 @@ def test_a_scan_without_pressure_is_drawn_without_a_warning(tmp_path: Path) -> N
     save(figure, tmp_path / "a.png")
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (1, 8), (14, 6)])
+@pytest.mark.parametrize("shape", [(1, 1), pytest.param((1, 8), marks=pytest.mark.long), (14, 6)])
 def test_pads_of_any_shape_are_drawn(tmp_path: Path, shape: tuple[int, int]) -> None:
     figure = views(np.random.default_rng(0).uniform(0, 5, shape))
     save(figure, tmp_path / "a.svg")

@@ -49,7 +49,7 @@ def test_the_solver_is_pinned() -> None:
     assert option.noslip_tolerance == 0.0
 
 
-@pytest.mark.parametrize("kind", mostly_long(STANDARD_OBJECTS, "ball", "box"))
+@pytest.mark.parametrize("kind", mostly_long(STANDARD_OBJECTS, "box"))
 def test_twice_the_least_grip_holds_without_creep(kind: str) -> None:
     path = lifted(gripper(kind), 2 * LEAST_N)
     steady = path[path[:, 0] > 1.3]
@@ -78,7 +78,7 @@ def test_kinetic_friction_may_be_below_static() -> None:
     assert after.speed_m_s > before.speed_m_s  # the old load is back, and it slides on, faster
 
 
-@pytest.mark.parametrize("kind", OBJECTS)
+@pytest.mark.parametrize("kind", mostly_long(OBJECTS, "ball", "box", "convex"))
 def test_taxels_sum_to_the_normal_force(kind: str) -> None:
     plant = gripper(kind)
     lifted(plant, 2 * LEAST_N, until_s=LIFT_S)
@@ -107,7 +107,7 @@ def test_an_object_that_sinks_moves_down_in_both_pads() -> None:
     assert left[1] > 0 > right[1]  # the pads face each other
 
 
-@pytest.mark.parametrize("kind", ["ball", "rod", "bottle"])
+@pytest.mark.parametrize("kind", mostly_long(["ball", "rod", "bottle"], "ball"))
 def test_pads_press_as_hard_on_an_object_that_slides_fast(kind: str) -> None:
     plant = gripper(kind)
     lifted(plant, 1.5 * LEAST_N, until_s=LIFT_S)

@@ -45,14 +45,14 @@ def scan(shape: Shape, x_m: float, y_m: float, theta: float, **changes: Any) -> 
     return values
 
 
-@pytest.mark.parametrize("shape", ["nut", "key", "tripod"])
+@pytest.mark.parametrize("shape", mostly_long(["nut", "key", "tripod"], "key"))
 def test_a_shift_by_a_pitch_shifts_the_scan_by_a_taxel(shape: Shape) -> None:
     here, there = scan(shape, -1e-3, 1e-3, 0.3), scan(shape, 1e-3, 1e-3, 0.3)
     assert there[:, 1:] == pytest.approx(here[:, :-1], abs=1e-3 * here.max())
     assert scan(shape, -1e-3, 3e-3, 0.3)[:-1] == pytest.approx(here[1:], abs=1e-3 * here.max())
 
 
-@pytest.mark.parametrize("shape", ["bolt", "letters"])
+@pytest.mark.parametrize("shape", mostly_long(["bolt", "letters"], "bolt"))
 def test_a_quarter_turn_of_the_object_turns_the_scan(shape: Shape) -> None:
     here = scan(shape, 2e-3, 1e-3, 0.2)
     assert scan(shape, -1e-3, 2e-3, 0.2 + np.pi / 2) == pytest.approx(np.rot90(here), abs=2e-3 * here.max())

@@ -18,7 +18,7 @@ from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import eigenvalues2, factor_small, solve_factored
-from taxelflow.runtime.compiling import kernel, lean_kernel
+from taxelflow.runtime.compiling import lean_kernel, routine
 
 _FAR_OFF = 10.0
 """Chi-square over the usual above which a scan does not fit at all."""
@@ -35,7 +35,7 @@ _LOUDER = 0.5
 """A change of the gain's logarithm by this much counts as a pitch."""
 
 
-@kernel
+@routine
 def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, rows: Rows) -> None:
     """Fill one pad's part of row k, and m.flag. scale: of a pitch, m. floor: see `Hand`."""
     matrix, unit, noise = np.empty((STATE, STATE)), np.empty(STATE), np.empty((3, 3))

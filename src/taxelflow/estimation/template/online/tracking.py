@@ -19,7 +19,7 @@ from taxelflow.numerics.centroid import centroid_covariance
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import mirror
-from taxelflow.runtime.compiling import kernel, lean_kernel
+from taxelflow.runtime.compiling import lean_kernel, routine
 
 _PREDICTED, _AS_BEFORE, _WITH_CENTROID, _LOOSE, _TURNS, _GROWS, _ATTEMPTS = range(7)
 """Ways to register a scan: from where it should be, where it was, where its centroid has gone; with a gain that may
@@ -60,7 +60,7 @@ class Search(NamedTuple):
     may_grow: bool
 
 
-@kernel
+@routine
 def follow(scan: Scan, hand: Hand, maps: Patterns, tracks: Records) -> bool:
     """Register one scan on the patterns of all pads in contact; whether all of them fit."""
     fits = True
@@ -78,7 +78,7 @@ def follow(scan: Scan, hand: Hand, maps: Patterns, tracks: Records) -> bool:
     return fits
 
 
-@kernel
+@routine
 def _follow_pad(
     t: float, scan: PadScan, delay: Floats, surface: Surface, floor: float, m: Track, rest: Floats, room: Floats
 ) -> None:
@@ -167,7 +167,7 @@ def _growth(before: float, load: float) -> float:
     return float(_GROWTH * pressed + _LEAST_GROWTH)
 
 
-@kernel
+@routine
 def _bend(m: Track, delay: Floats) -> Floats:
     """(3, taxels), how far the object goes, at its last speed, until each taxel is read; (3, 0) if all are at once."""
     bend = np.empty((3, len(delay)))
@@ -184,7 +184,7 @@ def _surely_moved(m: Track, span: float) -> float:
     return float(np.sqrt(max(moved * moved - 4.0 / m.step[0, 0] - 4.0 / m.step[1, 1], 0.0)))
 
 
-@kernel
+@routine
 def _search(surface: Surface, taxels: LaidOut, search: Search, m: Track) -> float:
     """Register a scan in one way after the other until it fits; m.state and m.information become the best.
 
