@@ -198,6 +198,9 @@ def _lagging(live: Live, beside: Stalled, patched: pytest.MonkeyPatch, lag: int)
     """What is learned comes up to so many scans late, the same on every machine."""
     push, pushed = live.push, itertools.count(1)
 
+    def push_each(scans: RawScans) -> Output:
+        return joined([push_then_learn(cut(scans, scan, scan + 1)) for scan in range(len(scans))])
+
     def push_then_learn(scans: RawScans) -> Output:
         number = next(pushed)
         beside.stalls = number < len(slid())
@@ -205,7 +208,7 @@ def _lagging(live: Live, beside: Stalled, patched: pytest.MonkeyPatch, lag: int)
             beside.go_on()
         return push(scans)
 
-    patched.setattr(live, "push", push_then_learn)
+    patched.setattr(live, "push", push_each)
 
 
 def _recorded() -> Recording:
