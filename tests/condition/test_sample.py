@@ -89,6 +89,14 @@ def test_wanted_counts_down_to_the_next_full_window() -> None:
     assert (sample.remaining, sample.windows_seen) == (WINDOW_SCANS, 1)
 
 
+@given(scans=st.integers(0, 9 * WINDOW_SCANS))
+def test_scans_until_the_windows_have_doubled(scans: int) -> None:
+    sample = Sample(1)
+    sample.add(*stamped(numbered(scans)))
+    expected = next(count for count in (1, 2, 4, 8, 16) if count > sample.windows_seen)
+    assert sample.until_doubled == expected * WINDOW_SCANS - scans
+
+
 @pytest.mark.parametrize("scans", [1, 2, 11])
 def test_fewer_scans_than_a_window_still_make_one(scans: int) -> None:
     windows = sampled(scans).windows

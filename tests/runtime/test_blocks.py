@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from taxelflow.fusion.reference import place_block, place_points
 from taxelflow.messages import Slips, Texture, cut
 from taxelflow.numerics.geometry import rotation
 from taxelflow.numerics.records import records, unknown
+from taxelflow.runtime.blocks import is_block
 from taxelflow.sensors.border import border_of, mark_border, mark_border_block
 from taxelflow.simulation.warmup import made_up
 from taxelflow.slip.detector import has_flips
@@ -164,3 +166,10 @@ def test_rows_of_slips_are_held(seed: int) -> None:
             function((slips.t_s, slips.lag_s), seen, marks, np.array([0, 2]), (begin, end), progress, room)
         found.append((progress, room))
     assert all(equal(one, other) for one, other in zip(*found, strict=True))
+
+
+def test_numpy_works_on_few_scans_only_while_the_kernel_is_not_compiled() -> None:
+    ready, fresh = SimpleNamespace(overloads={"types": "code"}), SimpleNamespace(overloads={})
+    scans = (0, 1, 2, 16, 10_000)
+    assert [is_block(count, fresh) for count in scans] == [True, False, True, True, True]  # type: ignore[arg-type]
+    assert [is_block(count, ready) for count in scans] == [True, False, False, False, True]  # type: ignore[arg-type]

@@ -57,6 +57,11 @@ class Sample:
         """Scans until the next window is full."""
         return WINDOW_SCANS - len(self._open)
 
+    @property
+    def until_doubled(self) -> int:
+        """Scans until there will have been 1, 2, 4, 8, ... windows."""
+        return ((1 << self.windows_seen.bit_length()) - self.windows_seen - 1) * WINDOW_SCANS + self.remaining
+
     def add(self, t_s: Floats, values: Floats) -> None:
         """Take (scans, taxels) in time order."""
         if len(values) == 1 and 0 < len(self._open) < WINDOW_SCANS - 1:

@@ -102,7 +102,7 @@ class ConditionSession:
             return
         rest: NewScans | None = new
         while rest:
-            count = min(len(rest), self.sample.remaining)
+            count = min(len(rest), self.sample.until_doubled)
             due_s = self._relearning.due_s
             if due_s < np.inf:
                 count = min(count, int(np.searchsorted(rest.t_s, due_s)))
@@ -110,7 +110,7 @@ class ConditionSession:
                     self._relearning.adopt(float(rest.t_s[0]))
                     continue
             piece, rest = rest.split(count)
-            full = self.sample.remaining == count
+            full = self.sample.until_doubled == count
             self.sample.add(piece.t_s, piece.values)
             if self.baseline is None:
                 self._held.append(piece)
@@ -118,8 +118,8 @@ class ConditionSession:
                     yield from self.finish()
                 continue
             yield from self._condition(piece)
-            if full and self.sample.windows_seen.bit_count() == 1 and self._relearning.free:
-                now_s = float(piece.t_s[-1])  # after 2, 4, 8, ... windows: bounded work
+            if full and self._relearning.free:  # after 2, 4, 8, ... windows: bounded work
+                now_s = float(piece.t_s[-1])
                 self._relearning.adopt(now_s)
                 self._relearning.begin(self.sample, self.baseline, now_s)
                 if self._drift:  # it changes the offsets meanwhile

@@ -131,13 +131,16 @@ class LiveBench:
     """Duration of the paced run, s; 600 for loops that run all day."""
     late_seeds: int = 1
     """Number of seeds for the table of what late learning costs; 0 leaves it out."""
+    late_seed: int = 0
+    """First seed of that table."""
 
     def __post_init__(self) -> None:
         for name, value in (("rate-hz", self.rate_hz), ("seconds", self.seconds), ("paced-s", self.paced_s)):
             if not value > 0:
                 raise ParameterInvalid(name, value, "be above 0")
-        if self.late_seeds < 0:
-            raise ParameterInvalid("late-seeds", self.late_seeds, "be 0 or more")
+        for name, seed in (("late-seeds", self.late_seeds), ("late-seed", self.late_seed)):
+            if seed < 0:
+                raise ParameterInvalid(name, seed, "be 0 or more")
 
     def run(self, watched: Watch = unwatched) -> LiveReport:
         """Measure."""
@@ -152,7 +155,7 @@ class LiveBench:
             histogram += [
                 HistogramRow(method, 1e3 * least, 1e3 * most, count) for least, most, count in latencies.decades()
             ]
-        late = list(late_rows(self.late_seeds)) if self.late_seeds else []
+        late = list(late_rows(range(self.late_seed, self.late_seed + self.late_seeds))) if self.late_seeds else []
         return LiveReport(steps, hands, paced, histogram, late)
 
 

@@ -40,12 +40,12 @@ class LateRow(msgspec.Struct, frozen=True):
     """Share of the scans in contact whose pose is `ok`."""
 
 
-def late_rows(seeds: int, delays_s: Sequence[float] = DELAYS_S) -> Iterator[LateRow]:
-    """A row for each scenario and delay, over this number of seeds."""
+def late_rows(seeds: Sequence[int], delays_s: Sequence[float] = DELAYS_S) -> Iterator[LateRow]:
+    """A row for each scenario and delay, over these seeds."""
     for name in _SCENARIOS:
         first = None
         for delay_s in delays_s:
-            found = [_squares(replace(SCENARIOS[name], seed=seed), delay_s) for seed in range(seeds)]
+            found = [_squares(replace(SCENARIOS[name], seed=seed), delay_s) for seed in seeds]
             squares = np.concatenate(found)
             known = squares[np.isfinite(squares)]
             rms_m = float(np.sqrt(np.mean(known))) if len(known) else np.nan

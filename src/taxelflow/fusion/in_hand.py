@@ -58,7 +58,7 @@ class Carrier:
         """What slips are in the hand, with covariances (scans, pads, 2, 2) of place and motion. point: (scans, pads,
         2).
         """
-        if is_block(len(slips)):
+        if is_block(len(slips), fill_carried):
             return carry_block(slips, point, texture, self._home)
         shape, home = slips.contact.shape, self._home
         room = np.empty((4, *shape, 2))

@@ -33,7 +33,7 @@ class Reference:
         turns = slips.contact if texture is None else texture.turns
         point = np.empty(centroid.shape)
         marks = (turns, slips.contact)
-        place = place_block if is_block(len(slips)) else place_points
+        place = place_block if is_block(len(slips), place_points) else place_points
         place(slips.pose, texture is not None, marks, np.ascontiguousarray(centroid), self._offset, point)
         return point
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from math import inf
+from threading import Event
 from typing import Any, NamedTuple, Protocol
 
 
@@ -27,7 +28,8 @@ class Adoption(NamedTuple):
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
     """Something that is being learned. begun_s: time of the scan that it was begun with. planned_s: when a stream that
-    can be repeated uses it. put: uses it.
+    can be repeated uses it. put: uses it. ready: set when there is a result: a live loop asks in each scan, and a
+    future would be locked for its answer.
     """
 
     what: str
@@ -36,6 +38,7 @@ class Job:
     planned_s: float
     result: Future[Any]
     put: Callable[[Any], None]
+    ready: Event
 
 
 class Adopting(Protocol):
@@ -51,6 +54,10 @@ class Adopting(Protocol):
         """It has been put to use."""
         ...
 
+    def supersede(self, job: Job) -> None:
+        """More can be learned now."""
+        ...
+
 
 class AtFixedTimes:
     """As planned, by the scans' clock."""
@@ -64,6 +71,9 @@ class AtFixedTimes:
     def note(self, adoption: Adoption) -> None:
         """The times are known."""
 
+    def supersede(self, job: Job) -> None:
+        """A stream that waits is never behind."""
+
 
 class WhenReady:
     """Never waits. adopted: what has been put to use, in order, until `taken`."""
@@ -75,11 +85,15 @@ class WhenReady:
 
     def due_s(self, job: Job) -> float:
         """See `Adopting`."""
-        return -inf if job.result.done() else inf
+        return -inf if job.ready.is_set() else inf
 
     def note(self, adoption: Adoption) -> None:
         """Keep it."""
         self.adopted.append(adoption)
+
+    def supersede(self, job: Job) -> None:
+        """What has not been begun is not worth it any more."""
+        job.result.cancel()
 
     def taken(self) -> list[Adoption]:
         """What has been adopted since the last call."""
@@ -102,6 +116,9 @@ class AsRecorded:
     def note(self, adoption: Adoption) -> None:
         """It is known."""
 
+    def supersede(self, job: Job) -> None:
+        """It may have been used."""
+
     def taken(self) -> list[Adoption]:
         """None."""
         return []
@@ -122,29 +139,46 @@ class Late:
     def note(self, adoption: Adoption) -> None:
         """Nobody asks."""
 
+    def supersede(self, job: Job) -> None:
+        """Each comes in its time."""
+
 
 class Lane:
-    """At most one thing that is being learned. what: see `Adoption`."""
+    """What is being learned: one thing, or requests of the same, each with more to learn from. what: see `Adoption`."""
 
     def __init__(self, what: str, adopting: Adopting) -> None:
         self.what, self.adopting = what, adopting
         self._begun = 0
-        self._job: Job | None = None
+        self._jobs: list[Job] = []
 
     @property
     def busy(self) -> bool:
         """Whether something is being learned, or waits to be used."""
-        return self._job is not None
+        return bool(self._jobs)
 
     @property
     def due_s(self) -> float:
         """Time of the scan from which on to use it; infinite if there is nothing."""
-        return inf if self._job is None else self.adopting.due_s(self._job)
+        return min(map(self.adopting.due_s, self._jobs)) if self._jobs else inf
+
+    @property
+    def planned_s(self) -> float:
+        """When a stream that can be repeated uses the newest request; infinite if there is none."""
+        return self._jobs[-1].planned_s if self._jobs else inf
 
     def begin(self, result: Future[Any], begun_s: float, planned_s: float, put: Callable[[Any], None]) -> None:
         """Something is being learned, instead of what was before."""
         self.drop()
-        self._job = Job(self.what, self._begun, begun_s, planned_s, result, put)
+        self.renew(result, begun_s, planned_s, put)
+
+    def renew(self, result: Future[Any], begun_s: float, planned_s: float, put: Callable[[Any], None]) -> None:
+        """The same is asked for with more to learn from; earlier requests are used if they are ready first."""
+        for job in self._jobs:
+            self.adopting.supersede(job)
+        ready = Event()
+        result.add_done_callback(lambda _: ready.set())
+        self._jobs = [job for job in self._jobs if not job.result.cancelled()]
+        self._jobs.append(Job(self.what, self._begun, begun_s, planned_s, result, put, ready))
         self._begun += 1
 
     def adopt(self, now_s: float) -> None:
@@ -154,14 +188,19 @@ class Lane:
             job.put(job.result.result())
 
     def taken(self, now_s: float) -> Job | None:
-        """What is being learned, to be put to use by the caller."""
-        job, self._job = self._job, None
-        if job is not None:
-            self.adopting.note(Adoption(job.what, job.number, now_s))
+        """The newest request that is due, else the newest of all, to be put to use by the caller; drops older ones."""
+        if not self._jobs:
+            return None
+        due = [place for place, job in enumerate(self._jobs) if self.adopting.due_s(job) <= now_s]
+        place = due[-1] if due else len(self._jobs) - 1
+        job, older, self._jobs = self._jobs[place], self._jobs[:place], self._jobs[place + 1 :]
+        for one in older:
+            one.result.cancel()
+        self.adopting.note(Adoption(job.what, job.number, now_s))
         return job
 
     def drop(self) -> None:
         """It is not wanted any more."""
-        if self._job is not None:
-            self._job.result.cancel()
-        self._job = None
+        for job in self._jobs:
+            job.result.cancel()
+        self._jobs = []

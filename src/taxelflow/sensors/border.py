@@ -31,7 +31,7 @@ class Boundary:
         """Border flags (scans, pads, 2), which the contact reaches along x and y, and loads (scans, pads), Pa."""
         border = np.zeros((*scans.contact.shape, 2), dtype=np.bool_)
         load = np.empty(scans.contact.shape)
-        mark = mark_border_block if is_block(len(scans)) else mark_border
+        mark = mark_border_block if is_block(len(scans), mark_border) else mark_border
         mark(scans.pressure, scans.noise, scans.contact, *self._edge, border)
         pad_load(scans.pressure, self._starts, load)
         return border, load

@@ -83,7 +83,7 @@ class Measurement:
 def observations(slips: Slips) -> Records:
     """(scans, pads) records of `Observation`."""
     found = np.empty(slips.contact.shape, dtype=_OBSERVATION)
-    if is_block(len(slips)):
+    if is_block(len(slips), _observe):
         found["t_s"] = slips.t_s[:, np.newaxis]
         found["pose_covariance"] = slips.covariance
         for name in _FIELDS:

@@ -50,7 +50,7 @@ class SlipSession:
         slipping = np.empty(slips.contact.shape, dtype=np.bool_)
         changes = np.empty(slips.contact.shape, dtype=_CHANGE)
         follow(observations(slips), self._parameters, self._states, slipping, changes)
-        changing = has_flips_in_block if is_block(len(slips)) else has_flips
+        changing = has_flips_in_block if is_block(len(slips), has_flips) else has_flips
         if not changing(self._contact, slips.contact) and not changing(self._slipping, slipping):
             return Detected(slipping, [], changes["statistic"])
         contact = np.concatenate([self._contact, slips.contact])

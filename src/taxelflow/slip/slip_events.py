@@ -99,7 +99,7 @@ class SlipEvents:
             self._keep(slips, slipping, chosen.tolist(), start, min(stop, len(slips)))
             times = (slips.t_s, slips.lag_s)
             marks = (slipping, slips.quality)
-            hold = hold_block if is_block(len(slips)) else self._hold_scans
+            hold = hold_block if is_block(len(slips), hold_scans) else self._hold_scans
             hold(times, seen, marks, chosen, (start, min(stop, len(slips))), self._progress, self._room)
 
     def _keep(self, slips: Slips, slipping: Bools, pads: list[int], start: int, stop: int) -> None:

@@ -132,6 +132,7 @@ class Verdict:
         self._pads = layout.pads
         self._numbers = {name: number for number, name in enumerate(layout.pads)}
         self._whole = pads_of_groups(layout)
+        self._in_part: Bools = self._whole >= 0
         self._separate = [(contact, pad) for contact, pad in enumerate(layout.contact_of.tolist()) if pad >= 0]
         self._slipping = np.zeros((1, count), dtype=np.bool_)
         self._by_odds = np.zeros((1, count), dtype=np.bool_)
@@ -157,7 +158,7 @@ class Verdict:
             self._vague(slips, events),
         )
         last, last_by_odds = self._slipping, self._by_odds
-        decide_ = decide_block if is_block(len(slips)) else decide
+        decide_ = decide_block if is_block(len(slips), decide) else decide
         changes = decide_(flags, self._whole, (odds.log_odds, odds.soon), last, last_by_odds, final, by_odds)
         self._slipping, self._by_odds = final[-1:], by_odds[-1:]
         if not events and not changes:
@@ -192,14 +193,15 @@ class Verdict:
     def _vague(self, slips: Slips, events: list[Event]) -> Bools:
         """(scans, pads), poses that need their pattern's consent to begin a slip."""
         vague: Bools = slips.quality > OK
-        if not self._stream:
+        if not self._stream or self._weighs_borders:
             return vague
-        cut = slips.border.any(axis=2)
-        weighs = (cut & slips.contact & (slips.quality == OK)).any(axis=1)
-        weighs = np.logical_or.accumulate(np.concatenate([[self._weighs_borders], weighs]))
-        self._weighs_borders = bool(weighs[-1])
-        by_border = cut & (slips.quality == AMBIGUOUS) & ~weighs[1:, np.newaxis]
-        vague &= ~by_border | (self._whole >= 0) | self._visible(slips, events)
+        cut = slips.border[..., 0] | slips.border[..., 1]
+        by_border = cut & (slips.quality == AMBIGUOUS)
+        weighs = cut & slips.contact & (slips.quality == OK)
+        if weighs.any():
+            self._weighs_borders = True
+            by_border &= ~np.logical_or.accumulate(weighs.any(axis=1))[:, np.newaxis]
+        vague &= ~by_border | self._in_part | self._visible(slips, events)
         return vague
 
     def _visible(self, slips: Slips, events: list[Event]) -> Bools:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import os
 import threading
 from concurrent.futures import Future
@@ -14,16 +15,18 @@ import pytest
 from streaming import PALM, opened, published, slid
 from taxelflow.acquire.base import Recording
 from taxelflow.condition import relearning
+from taxelflow.condition.sample import WINDOW_SCANS
 from taxelflow.errors import AddressInvalid
 from taxelflow.estimation.template.online import session
-from taxelflow.messages import joined
+from taxelflow.messages import cut, joined
 from taxelflow.pipeline.live import intake
 from taxelflow.pipeline.live.adoptions import asked_adoptions, asked_missed
 from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.face import Live
-from taxelflow.pipeline.live.loop import Limits, run_live
+from taxelflow.pipeline.live.loop import Limits, run_live, update_of
 from taxelflow.pipeline.live.replay import Replay
 from taxelflow.pipeline.stages import Output
+from taxelflow.publish.sinks.lines import json_lines
 from taxelflow.runtime.addresses import parse_address
 from taxelflow.runtime.adoption import Adoption, AsRecorded, Lane, Late, WhenReady
 from taxelflow.runtime.worker import Worker
@@ -79,7 +82,8 @@ def test_a_loop_goes_on_while_nothing_is_learned(monkeypatch: pytest.MonkeyPatch
     beside.stalls = True
     steps(live, 0, 40)
     mapped = [adoption for adoption in _maps_of(live) if adoption.number > 0]
-    assert (mapped, len(beside.waiting)) == ([], 1)
+    asked = [result for result, *_ in beside.waiting if not result.cancelled()]  # others were asked for again
+    assert (mapped, len(asked)) == ([], 1)
     steps(live, 40, 50)
     beside.go_on()
     out = steps(live, 50, 60)
@@ -134,6 +138,26 @@ def test_a_replay_leaves_out_scans_that_the_loop_had_no_time_for(
     assert asked_missed(parse_address(f"replay:{tmp_path / 'a.mcap'}")) == frozenset()
 
 
+def test_scans_that_have_waited_are_estimated_in_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    live, device, sizes = Live(PALM, adoptions=[]), _Impatient(_recorded(), speed=0.0), []
+    push = live.push
+
+    def push_when_all_has_come(scans: RawScans) -> Output:
+        device.has_ended.wait(20)
+        sizes.append(len(scans))
+        return push(scans)
+
+    monkeypatch.setattr(live, "push", push_when_all_has_come)
+    report = run_live(device, opened_sinks((f"jsonl:{tmp_path / 'a.jsonl'}",)), live, Limits())
+    assert sum(sizes) == len(slid())
+    assert max(sizes) == intake._MOST_TAKEN
+    alone = Live(PALM, adoptions=[])
+    steps = [alone.push(cut(slid(), scan, scan + 1)) for scan in range(len(slid()))]
+    update = update_of(joined([*steps, alone.finish()]))
+    assert _lines(tmp_path, "a") == [json.loads(line) | {"age_ms": 0} for line in json_lines(update, live.pads)]
+    assert len(slid()) - WINDOW_SCANS <= len(report.estimated) <= len(slid())
+
+
 class _Impatient(Replay):
     """A device that does not wait for its reader."""
 
@@ -174,6 +198,9 @@ def _lagging(live: Live, beside: Stalled, patched: pytest.MonkeyPatch, lag: int)
     """What is learned comes up to so many scans late, the same on every machine."""
     push, pushed = live.push, itertools.count(1)
 
+    def push_each(scans: RawScans) -> Output:
+        return joined([push_then_learn(cut(scans, scan, scan + 1)) for scan in range(len(scans))])
+
     def push_then_learn(scans: RawScans) -> Output:
         number = next(pushed)
         beside.stalls = number < len(slid())
@@ -181,7 +208,7 @@ def _lagging(live: Live, beside: Stalled, patched: pytest.MonkeyPatch, lag: int)
             beside.go_on()
         return push(scans)
 
-    patched.setattr(live, "push", push_then_learn)
+    patched.setattr(live, "push", push_each)
 
 
 def _recorded() -> Recording:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from taxelflow.acquire.devices.barrett import BarrettParser, frames_of
 from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.dsa import DsaParser
 from taxelflow.acquire.devices.frames import FrameParser
-from taxelflow.acquire.devices.line import LineParser
+from taxelflow.acquire.devices.line import LineParser, _plain, line_of
 from taxelflow.acquire.devices.xela import XelaParser
 from taxelflow.pipeline.live.emulators.base import Fault, Playback
 from taxelflow.runtime import registry
@@ -160,3 +161,43 @@ def test_a_line_may_be_written_in_several_ways(line: str) -> None:
     [(t_s, values)] = LineParser(2, faults, timed=True).feed(line.encode() + b"\n")
     assert (t_s, values.tolist()) == (0.1, [1.0, 2.0])
     assert not faults.counts
+
+
+NUMBERS = [
+    "1",
+    "-0",
+    "-0.5",
+    "1e-05",
+    "1e400",
+    "+1",
+    ".5",
+    "5.",
+    "00",
+    " 3 ",
+    "nan",
+    "",
+    "null",
+    "[1]",
+    "1_0",
+    "4.9e-324",
+]
+
+
+@given(fields=st.lists(st.sampled_from(NUMBERS) | st.floats().map(repr), min_size=3, max_size=3))
+def test_plain_lines_read_by_the_quick_way_have_the_same_bits(fields: list[str]) -> None:
+    line = ",".join(["0.1", *fields]).encode()
+    quick, plain = _plain(line), [float(field) if _is_number(field) else None for field in fields]
+    if quick is not None:
+        assert np.array(quick[1:]).tobytes() == np.array(plain, dtype=np.float64).tobytes()
+
+
+def _is_number(field: str) -> bool:
+    try:
+        return math.isfinite(float(field)) and "_" not in field
+    except ValueError:
+        return False
+
+
+def test_lines_as_devices_print_them_are_read_by_the_quick_way() -> None:
+    assert _plain(b"12.5,1,-2.25,3e-3,512") == [12.5, 1.0, -2.25, 3e-3, 512.0]
+    assert _plain(line_of(0.1, np.array([1.5, 0.1]))) == [0.1, 1.5, 0.1]

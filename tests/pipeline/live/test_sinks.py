@@ -183,6 +183,17 @@ def test_latencies_are_within_a_bin() -> None:
     assert PALM.frame is None
 
 
+@pytest.mark.parametrize("count", [0, 3, 500])
+def test_latencies_of_several_scans_are_those_of_each(count: int) -> None:
+    seconds = np.random.default_rng(0).lognormal(-6.0, 4.0, count)
+    at_once, each = Latencies(), Latencies()
+    at_once.add_all(seconds)
+    for one in seconds.tolist():
+        each.add(one)
+    assert at_once.decades() == each.decades()
+    assert at_once.longest_s == each.longest_s
+
+
 def test_parquet_files_hold_the_rows_of_the_lines(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     port = free_port()

@@ -68,7 +68,7 @@ class CentroidSession:
         pose, displacement = np.empty((2, *rows.shape, 3))
         covariance, displacement_covariance = np.empty((2, *rows.shape, 3, 3))
         span_s, lag_s, disturbance = scalars = np.empty((3, *rows.shape))
-        (unpack_block if is_block(len(rows)) else unpack)(
+        (unpack_block if is_block(len(rows), unpack) else unpack)(
             rows, pose, covariance, displacement, displacement_covariance, scalars
         )
         return Estimates(

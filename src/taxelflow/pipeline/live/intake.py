@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _MOST_WAITING = 4096
 """Scans that wait for the estimate; a source that can wait does so, of another one the oldest are dropped."""
 _MOST_TAKEN = 16
-"""Scans that are estimated before sinks are woken for their results: threads that wake hold up the estimate."""
+"""Scans that are estimated in one step, before sinks are woken for their results: threads that wake hold it up."""
 _WAIT_S = 0.1
 
 
@@ -38,6 +38,13 @@ class Placed:
     def raw(self) -> RawScans:
         """As a block of one scan."""
         return RawScans(np.array([self.t_s]), self.values[np.newaxis])
+
+
+def block_of(scans: Sequence[Placed]) -> RawScans:
+    """One or more scans as one block."""
+    if len(scans) == 1:
+        return scans[0].raw
+    return RawScans(np.array([scan.t_s for scan in scans]), np.array([scan.values for scan in scans]))
 
 
 class Intake(threading.Thread):

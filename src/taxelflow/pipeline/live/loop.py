@@ -15,7 +15,7 @@ import numpy as np
 
 from taxelflow.acquire.metadata import texts_of
 from taxelflow.messages import joined
-from taxelflow.pipeline.live.intake import Intake
+from taxelflow.pipeline.live.intake import Intake, block_of
 from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.workers import SinkWorker
 from taxelflow.pipeline.result import summarise
@@ -118,9 +118,8 @@ def _follow(
     """Estimate from what comes, until nothing more does."""
     watched_s = 0.0
     while (scans := report.intake.take()) is not None:
-        for scan in scans:
-            if estimate is not None:
-                estimate.step(scan)
+        if scans and estimate is not None:
+            estimate.step(scans)
         for worker in report.workers:
             worker.wake()
         now = time.monotonic()
@@ -163,15 +162,15 @@ class _Estimate:
         self._uncounted: list[Output] = []
         self._arrivals: deque[tuple[float, float]] = deque()
 
-    def step(self, scan: Placed) -> None:
-        """One scan."""
-        self._arrivals.append((scan.t_s, scan.arrived_s))
-        output = self._live.push(scan.raw)
+    def step(self, scans: Sequence[Placed]) -> None:
+        """Scans that have waited, in one step: it costs hardly more than one of them alone."""
+        self._arrivals.extend((scan.t_s, scan.arrived_s) for scan in scans)
+        output = self._live.push(block_of(scans))
         if not len(output):
             return
-        self._publish(output)
-        if len(output) == 1:  # otherwise scans were held back until noise was known
-            self._report.estimated.add(time.monotonic() - scan.arrived_s)
+        arrived_s, now = self._publish(output), time.monotonic()
+        mine = arrived_s >= scans[0].arrived_s  # others were held back until noise was known
+        self._report.estimated.add_all(now - arrived_s[mine])
 
     def finish(self) -> Ending:
         """Publish what was held back; what the run amounts to."""
@@ -183,7 +182,8 @@ class _Estimate:
         summary = summarise(self._method, self._live.pipeline, run, self._totals) if self._totals.scans else None
         return Ending(summary, run.patterns)
 
-    def _publish(self, output: Output) -> None:
+    def _publish(self, output: Output) -> Floats:
+        """Pass results on; (scans,), when their scans arrived."""
         update = update_of(output, self._arrived(output.slips.t_s), self._live.adopted(), self._report.intake.missed())
         if any(getattr(worker.sink, "texts", False) for worker in self._report.workers):
             update.texts.extend(scan_texts(update, self._report.pads))
@@ -196,6 +196,7 @@ class _Estimate:
         self._uncounted.append(output)
         if len(self._uncounted) >= _COUNTED:
             self._count()
+        return update.arrived_s
 
     def _arrived(self, t_s: Floats) -> Floats:
         """When these scans arrived; those between them were dropped as repetitions."""

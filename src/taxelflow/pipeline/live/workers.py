@@ -177,7 +177,6 @@ class SinkWorker(threading.Thread):
         self.sink.write(item)
         lost = self.sink.dropped - before if self.sink.lossless else 0  # a server counts each client's
         self.published += 0 if self.sink.raw else len(item) - lost
-        now = time.monotonic()
-        for arrived_s in item.arrived_s.tolist():
-            if self._settled_s is not None and arrived_s >= self._settled_s:
-                self.latencies.add(now - arrived_s)
+        now, arrived_s = time.monotonic(), item.arrived_s
+        if self._settled_s is not None:
+            self.latencies.add_all(now - arrived_s[arrived_s >= self._settled_s])

@@ -219,6 +219,8 @@ class LocalMaps:
         """Put in what is due; of a live loop a little at a time. last: the scan before."""
         self._last = last
         due = [own for own in self.learners if own.lane.due_s <= now_s]
+        if not due:
+            return
         most = len(due) if self._waits else most_at_once(len(self.learners), now_s - last.t)
         for own in due[:most]:
             own.lane.adopt(now_s)
@@ -266,10 +268,8 @@ class LocalMaps:
 
     def go_on(self, pad: int) -> None:
         """Begin to learn from the scans that wait."""
-        own, tracks = self.learners[pad], self.tracks
-        if not own.lane.busy:
-            put = partial(self._improve, pad)
-            own.go_on(float(tracks["last_t"][pad]), put, may_turn=bool(tracks["turned"][pad]))
+        tracks, put = self.tracks, partial(self._improve, pad)
+        self.learners[pad].go_on(float(tracks["last_t"][pad]), put, may_turn=bool(tracks["turned"][pad]))
 
     def settle(self, pad: int, now_s: float) -> None:
         """End what is still being learned when a contact, or its pattern, ends."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,6 +25,8 @@ _LIBRARY = 4
 """Patterns of former contacts that a pad remembers."""
 _YOUNG, _YOUNG_LATENCY = 12, 0.2
 """A pattern of few keyframes is learned faster, and adopted after this share of the usual time."""
+_MORE = 1.5
+"""Factor of keyframes after which what is overdue is asked for again, with all of them."""
 
 
 class Novel(NamedTuple):
@@ -60,7 +63,8 @@ class Learner:
         self.lane = Lane(pad, adopting)
         self.beginning = False
         self._workers, self._latency_s = workers, latency_s
-        self._waiting: list[Novel] = []
+        self._waiting: list[Novel] = []  # not learned from by the pattern in use
+        self._asked = 0  # of these, how many the newest request has
         self._newest: Floats | None = None
 
     def learn_from(self, scan: Novel) -> None:
@@ -68,27 +72,46 @@ class Learner:
         self._waiting.append(scan)
 
     def go_on(self, now_s: float, put: Callable[[Learned], None], *, may_turn: bool) -> None:
-        """Begin to learn from what waits, if nothing is being learned. put: adopts it."""
-        known = self.learned
-        if known is None or self.lane.busy or not self._waiting:
+        """Begin to learn from what waits, if nothing is being learned; ask again for what is overdue. put: adopts it.
+
+        While it is overdue more scans come. A map that is learned from them as well is later, and far better.
+        """
+        known, waiting = self.learned, len(self._waiting)
+        if known is None or not waiting:
             return
-        fresh, self._waiting, self._newest = self._waiting, [], self._waiting[-1].state.copy()
-        known = replace(known, fresh=len(fresh), looked=0 if may_turn and not known.turns else known.looked)
-        share = _YOUNG_LATENCY if len(known.keyframes) + len(fresh) < _YOUNG else 1.0
+        if self.lane.busy and (now_s <= self.lane.planned_s or known.grows or known.changing or self.beginning):
+            return
+        if self.lane.busy and len(known.keyframes) + waiting < _MORE * (len(known.keyframes) + self._asked):
+            return
+        fresh, newest, self._asked = self._waiting.copy(), self._waiting[-1].state.copy(), waiting
+        known = replace(known, fresh=waiting, looked=0 if may_turn and not known.turns else known.looked)
+        share = _YOUNG_LATENCY if len(known.keyframes) + waiting < _YOUNG else 1.0
         begun_s = max(fresh[-1].t_s, now_s)
         work = self._workers.mapper.submit(learn_from, known, fresh)
-        self.lane.begin(work, begun_s, begun_s + share * self._latency_s, put)
+        self.lane.renew(work, begun_s, begun_s + share * self._latency_s, partial(self._adopt, put, fresh, newest))
+
+    def _adopt(self, put: Callable[[Learned], None], fresh: list[Novel], newest: Floats, new: Learned) -> None:
+        """Adopt what was learned from these scans. Later requests were for the pattern before: of another kind."""
+        before, self._newest = self.learned, newest
+        learned = {id(scan) for scan in fresh}
+        self._waiting = [scan for scan in self._waiting if id(scan) not in learned]
+        self._asked = max(self._asked - len(fresh), 0)
+        if before is None or new.turns or new.grows or new.changing or before.turns:
+            self.lane.drop()
+        if not self.lane.busy:
+            self._asked = 0
+        put(new)
 
     def begin(
         self, now_s: float, put: Callable[[Begun], None], function: Callable[..., Begun], *arguments: object
     ) -> None:
         """Begin to learn a new pattern, instead of what was being learned. put: adopts it."""
-        self._waiting, self.beginning = [], True
+        self._waiting, self._asked, self.beginning = [], 0, True
         self.lane.begin(self._workers.starter.submit(function, *arguments), now_s, now_s, put)
 
     def settle(self, now_s: float) -> float:
         """End what is being learned when a contact, or its pattern, ends; by how much its theta differs."""
-        self._waiting, self.beginning = [], False
+        self._waiting, self._asked, self.beginning = [], 0, False
         if not self.lane.adopting.waits:
             self.lane.drop()
             return 0.0
@@ -101,7 +124,7 @@ class Learner:
 
     def forget_waiting(self) -> None:
         """Leave out the scans on their way to become keyframes."""
-        self._waiting = []
+        self._waiting, self._asked = [], 0
 
     def end(self, arm: Floats) -> None:
         """The contact has ended; its pattern may come again. arm: (2,), see `Learned`."""

@@ -1,0 +1,102 @@
+"""What is being learned and comes late is asked for again, with more scans."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taxelflow.estimation.template.online.local_map import Learned
+from taxelflow.estimation.template.online.mapping_thread import Learner, Novel, Workers
+from taxelflow.runtime.adoption import Adoption, AsRecorded, Lane, Late, WhenReady
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from taxelflow.runtime.adoption import Adopting
+
+
+class Mapper:
+    """Keeps what is asked for; nothing is ever begun."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[int, Future[Any]]] = []
+
+    def submit(self, _function: Callable[..., Any], /, *arguments: Any) -> Future[Any]:
+        self.asked.append((len(arguments[1]), Future()))
+        return self.asked[-1][1]
+
+
+def learned(keyframes: int, **known: Any) -> Learned:
+    return Learned(None, [0] * keyframes, 1.0, np.ones(1), **known)  # type: ignore[arg-type]
+
+
+def moving(adopting: Adopting, scans: int, **known: Any) -> tuple[Learner, Mapper, list[Learned]]:
+    """A learner whose contact moves for this many scans at 100 Hz, each of them new."""
+    mapper, used = Mapper(), list[Learned]()
+    learner = Learner("pad", Workers(mapper, mapper), 0.1, adopting)
+    learner.learned = learned(1, **known)
+    for scan in range(scans):
+        t_s = 0.01 * scan
+        learner.learn_from(Novel(t_s, *(np.zeros(1),) * 3, np.zeros(5)))
+        learner.go_on(t_s, used.append, may_turn=False)
+    return learner, mapper, used
+
+
+def test_what_is_overdue_is_asked_for_again_when_half_as_many_keyframes_have_come() -> None:
+    _, mapper, _ = moving(Late(1.0), 40)
+    assert [count for count, _ in mapper.asked] == [1, 4, 7, 11, 22, 34]  # of 12 keyframes on it may take 0.1 s
+    _, unhurried, _ = moving(Late(1.0), 3)
+    assert len(unhurried.asked) == 1
+
+
+def test_a_pattern_that_changes_or_grows_is_not_asked_for_again() -> None:
+    assert len(moving(Late(1.0), 40, changing=True)[1].asked) == 1
+    assert len(moving(Late(1.0), 40, grows=True)[1].asked) == 1
+
+
+def test_a_live_loop_asks_no_more_for_what_has_not_been_begun() -> None:
+    _, mapper, _ = moving(WhenReady(), 40)
+    assert [result.cancelled() for _, result in mapper.asked] == [True] * 5 + [False]
+
+
+def test_scans_that_were_learned_wait_no_longer_and_later_requests_go_on() -> None:
+    learner, mapper, used = moving(Late(0.1), 13)  # asked for with 1, 4, 7 and 11 scans
+    mapper.asked[1][1].set_result(learned(5))
+    learner.lane.adopt(0.135)
+    assert (len(used), learner.lane.busy, len(learner._waiting)) == (1, True, 9)
+    assert mapper.asked[0][1].cancelled()
+    assert not mapper.asked[2][1].cancelled()
+
+
+def test_requests_for_a_pattern_that_did_not_turn_are_dropped_once_it_does() -> None:
+    learner, mapper, _ = moving(Late(0.1), 13)
+    mapper.asked[1][1].set_result(learned(5, turns=True))
+    learner.lane.adopt(0.135)
+    assert not learner.lane.busy
+    assert mapper.asked[2][1].cancelled()
+
+
+def test_the_newest_request_that_is_due_is_used() -> None:
+    lane, used, requests = Lane("pad", ready := WhenReady()), [], [Future[int]() for _ in range(3)]
+    for number, request in enumerate(requests):
+        request.set_running_or_notify_cancel()
+        lane.renew(request, float(number), number + 0.1, used.append)
+    for request in requests[:2]:
+        request.set_result(7)
+    assert (lane.due_s, lane.planned_s) == (-np.inf, 2.1)
+    lane.adopt(3.0)
+    assert (len(used), lane.busy, lane.due_s) == (1, True, np.inf)
+    assert ready.taken() == [Adoption("pad", 1, 3.0)]
+
+
+def test_a_replay_uses_the_request_that_the_loop_used() -> None:
+    lane, used = Lane("pad", AsRecorded([Adoption("pad", 1, 3.0)])), []
+    for number in range(3):
+        request = Future[int]()
+        lane.renew(request, float(number), number + 0.1, used.append)
+        request.set_result(number)
+    assert lane.due_s == 3.0
+    lane.adopt(3.0)
+    assert (used, lane.busy) == ([1], True)
