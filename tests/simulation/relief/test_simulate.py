@@ -69,6 +69,36 @@ def test_the_sensor_carries_the_force() -> None:
     assert 1e3 * full.sum() * 4e-6 == pytest.approx(4.0, rel=1e-3)
 
 
+def test_the_nominal_force_is_the_one_that_presses_the_peak_on_a_taxel() -> None:
+    peak_pa = 90e3
+    bare = Pressing(object=Object(shape="dome", size_m=0.012), course=HELD, faults=QUIET, peak_pa=peak_pa)
+    values = simulate_relief(bare, GRID, "grid").load().values
+    assert values.max() == pytest.approx(1e-3 * peak_pa, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("unit", "bits", "full_scale"),
+    [("kPa", 12, 140.0), ("count", 8, 255.0), ("count", 0, 4095.0)],
+)
+def test_readings_end_at_the_full_scale_and_counts_of_a_converter_are_whole(
+    unit: str, bits: int, full_scale: float
+) -> None:
+    faults = replace(QUIET, bits=bits, full_scale_pa=140e3)
+    hard = Pressing(object=Object(shape="dome", size_m=0.012), course=HELD, faults=faults, force_n=100.0)
+    values = simulate_relief(hard, load_sensor(f"grid:12x12@2mm,{unit}"), "grid").load().values
+    assert values.max() == pytest.approx(full_scale)
+    assert (values == np.round(values)).all() == (unit == "count" and bits > 0)
+
+
+def test_an_object_that_turns_on_the_spot_slips() -> None:
+    course = replace(HELD, turn_rad=0.3, rest_scans=3, moving_scans=4)
+    truth = simulate_relief(Pressing(course=course, faults=QUIET, force_n=4.0), GRID, "grid").known_truth
+    assert truth.slipping is not None
+    turned = truth.pose[:, 2] - truth.pose[0, 2]
+    assert turned[-1] == pytest.approx(0.3)
+    assert truth.slipping.tolist() == ((turned > 0) & (turned < 0.299)).tolist()
+
+
 def test_friction_shifts_the_pressure_ahead_of_a_sliding_object_and_not_of_one_at_rest() -> None:
     course = Course(
         travel_m=2e-3, direction_rad=np.pi / 2, idle_scans=0, pressing_scans=0, rest_scans=3, moving_scans=6
@@ -119,6 +149,8 @@ def test_rows_that_are_read_later_sample_the_object_later() -> None:
     top, bottom = (recording.load().values.reshape(-1, 12, 12) for recording in (at_once, rolling))
     assert np.array_equal(top[:, :2], bottom[:, :2])
     assert np.abs(top[:, 7] - bottom[:, 7]).max() > 1.0
+    now, later = (values[1:5, 7] @ np.arange(12) / values[1:5, 7].sum(axis=1) for values in (top, bottom))
+    assert (later > now).all()  # it moves to the right
 
 
 @pytest.mark.parametrize("place", mostly_long(PLACES, "palm"))
