@@ -121,6 +121,11 @@ def test_a_joint_under_a_pad_is_thinner_and_one_that_has_none_near_is_not() -> N
     assert widths == pytest.approx([0.45 * JOINT_M, JOINT_M], rel=0.05)
 
 
+def test_no_joint_comes_through_its_pad() -> None:
+    corners = solid(([0.0, 0.0, 0.03 - 0.1 * JOINT_M], ALONG_X), skin=flat(0.03))
+    assert corners[:, 2].max() == pytest.approx(0.03 - 0.3 * PITCH_M, abs=1e-9)
+
+
 def test_a_palm_is_mounted_on_a_disc_across_the_way_to_its_fingers() -> None:
     fingers_m = [([0.1, y, z], ALONG_X) for y, z in ((0.04, 0.0), (-0.04, 0.0), (0.0, 0.04), (0.0, -0.04))]
     corners = solid((np.zeros(3), NO_AXIS), *fingers_m)
