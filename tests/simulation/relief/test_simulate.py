@@ -13,6 +13,7 @@ from taxelflow.errors import NameUnknown
 from taxelflow.messages import Floats
 from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.simulation.relief import simulate
 from taxelflow.simulation.relief.cases import EFFECTS, PLACES, Moved, case, sensor_at
 from taxelflow.simulation.relief.course import follow
 from taxelflow.simulation.relief.parameters import Course, Object, Pressing, SensorFaults, Shape, Skin
@@ -88,6 +89,13 @@ def test_readings_end_at_the_full_scale_and_counts_of_a_converter_are_whole(
     values = simulate_relief(hard, load_sensor(f"grid:12x12@2mm,{unit}"), "grid").load().values
     assert values.max() == pytest.approx(full_scale)
     assert (values == np.round(values)).all() == (unit == "count" and bits > 0)
+
+
+def test_points_left_out_at_first_are_computed_where_an_object_sinks_in_deep(monkeypatch: pytest.MonkeyPatch) -> None:
+    soft = Skin(stiffness_pa_m=3e6)
+    here = scan("dome", 1e-3, -1e-3, 0.0, skin=soft)
+    monkeypatch.setattr(simulate, "_GAP", 1e9)
+    np.testing.assert_allclose(here, scan("dome", 1e-3, -1e-3, 0.0, skin=soft), atol=1e-6)
 
 
 def test_an_object_that_turns_on_the_spot_slips() -> None:
