@@ -5,6 +5,7 @@ from functools import cache
 from time import process_time
 from typing import Any, get_args
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -78,15 +79,16 @@ def test_the_nominal_force_is_the_one_that_presses_the_peak_on_a_taxel() -> None
 
 
 @pytest.mark.parametrize(
-    ("unit", "bits", "full_scale"),
-    [("kPa", 12, 140.0), ("count", 8, 255.0), ("count", 0, 4095.0)],
+    ("unit", "declared", "bits", "full_scale"),
+    [("kPa", None, 12, 140.0), ("count", 1000.0, 8, 1000.0), ("count", None, 8, 255.0), ("count", None, 0, 4095.0)],
 )
 def test_readings_end_at_the_full_scale_and_counts_of_a_converter_are_whole(
-    unit: str, bits: int, full_scale: float
+    unit: str, declared: float | None, bits: int, full_scale: float
 ) -> None:
+    sensor = msgspec.structs.replace(load_sensor(f"grid:12x12@2mm,{unit}"), full_scale=declared)
     faults = replace(QUIET, bits=bits, full_scale_pa=140e3)
     hard = Pressing(object=Object(shape="dome", size_m=0.012), course=HELD, faults=faults, force_n=100.0)
-    values = simulate_relief(hard, load_sensor(f"grid:12x12@2mm,{unit}"), "grid").load().values
+    values = simulate_relief(hard, sensor, "grid").load().values
     assert values.max() == pytest.approx(full_scale)
     assert (values == np.round(values)).all() == (unit == "count" and bits > 0)
 
