@@ -316,13 +316,14 @@ def test_filters_of_the_conditioner_add_to_every_lag(stroke: Recording) -> None:
 class Late:
     """A plug-in estimator whose estimates come scan by scan, each ten scans late."""
 
-    def __init__(self) -> None:
+    def __init__(self, quality: int) -> None:
+        self.quality = quality
         self.held = [Estimates.unknown(no_scans(WIDE.layout.entries, 1))]
 
     def step(self, scans: Scans) -> Estimates:
         estimates = Estimates.unknown(scans)
         estimates.pose[scans.contact] = 0.0
-        estimates.quality[scans.contact] = OK
+        estimates.quality[scans.contact] = self.quality
         self.held = [joined([*self.held, estimates])]
         return self.given(max(len(self.held[0]) - 10, 0))
 
@@ -337,12 +338,14 @@ class Late:
 
 @dataclass(frozen=True)
 class Lately:
+    quality: int = OK
+
     def start(self, layout: Layout, mode: str) -> Late:
-        return Late()
+        return Late(self.quality)
 
 
 @pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
-@pytest.mark.parametrize("method", ["convolution", Lately()], ids=["at once", "late"])
+@pytest.mark.parametrize("method", ["convolution", Lately(), Lately(LOST)], ids=["at once", "late", "lost"])
 def test_contacts_that_move_apart_leave_no_scan_ok(mode: str, method: Any) -> None:
     random = np.random.default_rng(2)
     apart_m = np.concatenate([np.full(30, 0.04), np.linspace(0.04, 0.1, 40), np.full(30, 0.1)])
@@ -352,8 +355,9 @@ def test_contacts_that_move_apart_leave_no_scan_ok(mode: str, method: Any) -> No
     result = estimate(recorded(values, WIDE), method, mode=mode)  # type: ignore[arg-type]
     assert len(result.slips) == 120
     assert any("moved apart" in note for note in result.summary.notes)
-    assert (result.slips.quality[25:45, 0] == OK).all()
-    assert (result.slips.quality[-20:, 0] == UNRESOLVED).all()
+    ok, unresolved = (LOST, LOST) if method == Lately(LOST) else (OK, UNRESOLVED)
+    assert (result.slips.quality[25:45, 0] == ok).all()
+    assert (result.slips.quality[-20:, 0] == unresolved).all()
 
 
 @both_modes

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from synthetic import grid_sensor
 from taxelflow.errors import AddressInvalid, SinkUnusable
 from taxelflow.messages import LearnedPattern, SpatialMotions
 from taxelflow.pipeline.api import estimate
@@ -43,9 +44,9 @@ def update_of(result: Result, spatial: SpatialMotions | None = None) -> Update:
     )
 
 
-def opened(folder: Path, result: Result) -> TablesSink:
-    sink = TablesSink(folder)
-    sink.open(Head(result.sensor, result.pads, {}, lambda _kind, _text: None))
+def opened(folder: Path) -> TablesSink:
+    sensor, sink = grid_sensor(4, 7), TablesSink(folder)
+    sink.open(Head(sensor, sensor.layout.pads, {}, lambda _kind, _text: None))
     return sink
 
 
@@ -54,7 +55,8 @@ def texts(folder: Path) -> dict[str, str]:
 
 
 def test_a_run_leaves_the_tables_of_its_results_and_its_summary(result: Result, tmp_path: Path) -> None:
-    sink = opened(tmp_path / "live", result)
+    sink = opened(tmp_path / "live")
+    assert sink.lossless  # of a table no row may be missing
     sink.write(update_of(result))
     sink.close(Ending(result.summary, []))
     with Tables(tmp_path / "batch", result.pads) as expected:
@@ -67,7 +69,7 @@ def test_a_run_leaves_the_tables_of_its_results_and_its_summary(result: Result, 
 
 
 def test_a_run_that_fails_keeps_its_rows_in_part_files(result: Result, tmp_path: Path) -> None:
-    sink = opened(tmp_path, result)
+    sink = opened(tmp_path)
     sink.write(update_of(result))
     sink.close(Ending(None, [], failed=True))
     assert {path.suffix for path in tmp_path.iterdir()} == {".part"}
@@ -82,7 +84,7 @@ def test_maps_and_motion_in_space_have_files_of_their_own(result: Result, tmp_pa
     spatial = SpatialMotions(
         result.slips.t_s, vector, matrix, pose, matrix, whole, whole, matrix, matrix, vector, blamed, flags, whole
     )
-    sink = opened(tmp_path, result)
+    sink = opened(tmp_path)
     sink.write(update_of(result, spatial))
     line = np.zeros(2)
     learned = LearnedPattern("pad0", 0.0, 1.0, 9, line, line, np.ones((2, 2)), np.ones((2, 2)), False, whole[:0])
@@ -92,23 +94,23 @@ def test_maps_and_motion_in_space_have_files_of_their_own(result: Result, tmp_pa
     assert not (tmp_path / "summary.json").exists()
 
 
-def test_a_run_that_ends_waits_for_no_file(result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_that_ends_waits_for_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given_up: list[PatientFile] = []
 
     def note(file: PatientFile) -> None:
         given_up.append(file)
 
     monkeypatch.setattr(PatientFile, "give_up", note)
-    sink = opened(tmp_path, result)
+    sink = opened(tmp_path)
     sink.hurry()
     sink.close(Ending(None, []))
     assert len(given_up) == len(texts(tmp_path)) == 4
 
 
-def test_a_directory_is_asked_for_and_nothing_else(result: Result, tmp_path: Path) -> None:
+def test_a_directory_is_asked_for_and_nothing_else(tmp_path: Path) -> None:
     for text in ("tables:", f"tables:{tmp_path}?rows=3"):
         with pytest.raises(AddressInvalid):
             write(parse_address(text))
     (tmp_path / "file").write_text("")
     with pytest.raises(SinkUnusable):
-        opened(tmp_path / "file", result)
+        opened(tmp_path / "file")

@@ -73,8 +73,8 @@ def test_the_sensor_carries_the_force() -> None:
 
 def test_the_nominal_force_is_the_one_that_presses_the_peak_on_a_taxel() -> None:
     peak_pa = 90e3
-    bare = Pressing(object=Object(shape="dome", size_m=0.012), course=HELD, faults=QUIET, peak_pa=peak_pa)
-    values = simulate_relief(bare, GRID, "grid").load().values
+    bare = Pressing(object=Object(shape="dome", size_m=0.008), course=HELD, faults=QUIET, peak_pa=peak_pa)
+    values = simulate_relief(bare, load_sensor("grid:5x5@2mm,kPa"), "grid").load().values
     assert values.max() == pytest.approx(1e-3 * peak_pa, rel=1e-4)
 
 
@@ -85,9 +85,9 @@ def test_the_nominal_force_is_the_one_that_presses_the_peak_on_a_taxel() -> None
 def test_readings_end_at_the_full_scale_and_counts_of_a_converter_are_whole(
     unit: str, declared: float | None, bits: int, full_scale: float
 ) -> None:
-    sensor = msgspec.structs.replace(load_sensor(f"grid:12x12@2mm,{unit}"), full_scale=declared)
+    sensor = msgspec.structs.replace(load_sensor(f"grid:6x6@2mm,{unit}"), full_scale=declared)
     faults = replace(QUIET, bits=bits, full_scale_pa=140e3)
-    hard = Pressing(object=Object(shape="dome", size_m=0.012), course=HELD, faults=faults, force_n=100.0)
+    hard = Pressing(object=Object(shape="dome", size_m=0.008), course=HELD, faults=faults, force_n=12.0)
     values = simulate_relief(hard, sensor, "grid").load().values
     assert values.max() == pytest.approx(full_scale)
     assert (values == np.round(values)).all() == (unit == "count" and bits > 0)
