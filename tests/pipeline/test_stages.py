@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from taxelflow.messages import (
     OK,
     UNRESOLVED,
     Estimates,
+    Event,
     Floats,
     RawScans,
     Scans,
@@ -30,6 +31,7 @@ from taxelflow.pipeline.api import estimate
 from taxelflow.pipeline.stages import Output, Pipeline
 from taxelflow.runtime import registry
 from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
+from taxelflow.slip.stage import SlipStage
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -242,6 +244,24 @@ def test_scans_that_are_pushed_give_what_reading_gives(method: str, mode: str, s
         assert_same(getattr(read, stage), getattr(pushes, stage))
     np.testing.assert_array_equal(read.slipping, pushes.slipping)
     assert read.events == pushes.events
+
+
+def test_a_batch_has_learned_tare_and_noise_before_its_first_scan_and_a_stream_has_not(stroke: Recording) -> None:
+    batch, stream = (pipeline(mode=mode).start(stroke).learned for mode in ("batch", "stream"))
+    assert stream is None
+    assert batch is not None
+    assert batch.tared.all()
+
+
+def test_events_that_are_complete_at_the_end_only_come_without_scans(
+    stroke: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late = Event(7.0, "pad0", "slip_stop")
+    finish = SlipStage.finish
+    monkeypatch.setattr(SlipStage, "finish", lambda held: replace(finish(held), events=[late]))
+    output = list(pipeline(mode="stream").start(stroke))[-1]
+    assert output.events == [late]
+    assert len(output) == 0
 
 
 def test_a_push_before_anything_is_learned_gives_no_rows(stroke: Recording) -> None:
