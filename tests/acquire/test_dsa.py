@@ -389,6 +389,16 @@ def test_all_matrices_together_take_at_most_4_mebibytes(tmp_path: Path) -> None:
         open_dsa(packed(tmp_path / "b.dsa", many), None)
 
 
+def test_a_hand_has_at_most_1024_matrices(tmp_path: Path) -> None:
+    for matrices in (1024, 1025):
+        path = packed(tmp_path / "a.dsa", dsa_xml([DsaMatrix(1, 1)] * matrices, [], promised=0))
+        if matrices == 1024:
+            assert len(open_dsa(path, None).sensor.pads) == 1024
+        else:
+            with pytest.raises(RecordingCorrupt, match="its 1025 first matrices hold"):
+                open_dsa(path, None)
+
+
 def test_an_element_counts_as_256_bytes_of_what_a_file_unpacks_to(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
