@@ -8,8 +8,9 @@ import pytest
 
 from costly import mostly_long
 from synthetic import DsaMatrix, dsa_words, dsa_xml, grid_sensor, write_dsa
+from taxelflow.acquire import limits
 from taxelflow.acquire.dsa import _elements, open_dsa
-from taxelflow.errors import RecordingCorrupt, RecordingError, TaxelCountWrong, TimesNotIncreasing
+from taxelflow.errors import RecordingCorrupt, RecordingError, RecordingTooLarge, TaxelCountWrong, TimesNotIncreasing
 from taxelflow.pipeline.api import estimate, read
 
 if TYPE_CHECKING:
@@ -325,6 +326,89 @@ def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:
         "frame",
         "angle",
     }  # all others are dropped
+
+
+def with_angles(text: str, *rows: str) -> str:
+    """A recording with joint angles after its scans."""
+    angles = "".join(
+        f"<angle><time_stamp>{1000 + 40 * number}</time_stamp><angle_data>{row}</angle_data></angle>"
+        for number, row in enumerate(rows)
+    )
+    return text.replace("</root>", f"<joint_angles>{angles}</joint_angles></root>")
+
+
+def test_angles_of_the_hands_seven_joints_come_in_degrees(tmp_path: Path) -> None:
+    text = dsa_xml(SMALL, [(0, dsa_words([1] * 12))], promised=1)
+    whole = with_angles(text, "0, 10, 20, 30, 40, 50, 60", "90, 10, 20, 30, 40, 50, 180")
+    for content in (whole, whole[:-8]):  # the end of the XML is lost
+        joints = open_dsa(packed(tmp_path / "a.dsa", content), None).joints
+        assert joints is not None
+        np.testing.assert_allclose(joints.t_s, [1.0, 1.04])
+        found = joints.at(np.array([1.0, 1.04]), ["sdh_knuckle_joint", "sdh_finger_22_joint", "sdh_finger_13_joint"])
+        np.testing.assert_allclose(found, np.radians([[0.0, 10.0, 60.0], [90.0, 10.0, 180.0]]))
+    for rows in (["1, 2, 3"], ["1, 2, 3, 4, 5, 6, 7, 8"], ["1, 2, 3, 4, 5, 6, 7", "1, 2"]):
+        assert open_dsa(packed(tmp_path / "b.dsa", with_angles(text, *rows)), None).joints is None
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(1024, 1), (1, 1024)])
+def test_a_matrix_may_have_1024_rows_or_columns(tmp_path: Path, rows: int, cols: int) -> None:
+    recording = open_dsa(write_dsa(tmp_path / "a.dsa", np.ones((1, 1024)), [DsaMatrix(rows, cols)]), None)
+    assert [(pad.rows, pad.cols) for pad in recording.sensor.pads] == [(rows, cols)]
+
+
+@pytest.mark.parametrize(("depth", "allowed"), [(32, True), (33, False)])
+def test_xml_is_nested_at_most_32_deep(tmp_path: Path, depth: int, allowed: bool) -> None:
+    deep = "<a>" * (depth - 1) + "</a>" * (depth - 1)
+    path = packed(tmp_path / "a.dsa", dsa_xml(SMALL, [], promised=0).replace("</root>", deep + "</root>"))
+    if allowed:
+        assert open_dsa(path, None).scans == 0
+    else:
+        with pytest.raises(RecordingCorrupt, match="nested more than 32 deep"):
+            open_dsa(path, None)
+
+
+def of_frame(tmp_path: Path, added: str) -> Path:
+    """A recording of one scan with something added to its element."""
+    text = dsa_xml(SMALL, [(0, dsa_words([1] * 12))], promised=1)
+    return packed(tmp_path / "a.dsa", text.replace("</frame>", added + "</frame>"))
+
+
+@pytest.mark.parametrize(("added", "times"), [(" ", 1 << 20), ("<a/>", 10_000)])
+def test_a_scan_takes_at_most_4_mebibytes_in_memory(tmp_path: Path, added: str, times: int) -> None:
+    """An element takes a hundred bytes, empty or not."""
+    assert len(list(_elements(of_frame(tmp_path, added * (3 * times))))) == 4
+    with pytest.raises(ValueError, match="takes more than 4194304 bytes"):
+        list(_elements(of_frame(tmp_path, added * (5 * times))))
+
+
+def test_all_matrices_together_take_at_most_4_mebibytes(tmp_path: Path) -> None:
+    text = dsa_xml(SMALL, [], promised=0)
+    few, many = (text.replace("</matrix>", " " * spaces + "</matrix>") for spaces in (3 << 19, 5 << 19))
+    assert open_dsa(packed(tmp_path / "a.dsa", few), None).scans == 0
+    with pytest.raises(RecordingCorrupt, match="its 2 first matrices hold 52"):
+        open_dsa(packed(tmp_path / "b.dsa", many), None)
+
+
+def test_a_hand_has_at_most_1024_matrices(tmp_path: Path) -> None:
+    for matrices in (1024, 1025):
+        path = packed(tmp_path / "a.dsa", dsa_xml([DsaMatrix(1, 1)] * matrices, [], promised=0))
+        if matrices == 1024:
+            assert len(open_dsa(path, None).sensor.pads) == 1024
+        else:
+            with pytest.raises(RecordingCorrupt, match="its 1025 first matrices hold"):
+                open_dsa(path, None)
+
+
+def test_an_element_counts_as_256_bytes_of_what_a_file_unpacks_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(limits, "FREE_BYTES", 1_000_000)
+    monkeypatch.setattr(limits, "MOST_RATIO", 0)
+    text, after = dsa_xml(SMALL, [], promised=0), " " * 70_000  # elements are counted with the next piece
+    few, many = (text.replace("</root>", "<a/>" * elements + after + "</root>") for elements in (2_500, 5_000))
+    assert len(list(_elements(packed(tmp_path / "a.dsa", few)))) == 3
+    with pytest.raises(RecordingTooLarge):
+        list(_elements(packed(tmp_path / "b.dsa", many)))
 
 
 @pytest.mark.parametrize("full_scale", ["0", "-1", "nan", "inf"])

@@ -15,6 +15,8 @@ from taxelflow.pipeline.api import estimate, read
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from taxelflow.messages import Floats
+
 both_modes = pytest.mark.parametrize("mode", ["batch", "stream"])
 
 
@@ -62,6 +64,53 @@ def test_a_smooth_motion_betrays_its_logger_by_the_beat() -> None:
     deduplicator, kept = deduplicated(*logged(moving, 3))
     assert deduplicator.counts.repeated == 200
     assert len(kept) == 100
+
+
+def without_repeats(readings: Floats, *, passes: int = 2) -> int:
+    """How many of these scans (scans, taxels) are kept, after a first one that is all 0, the lowest."""
+    values = np.concatenate([np.zeros_like(readings[:1]), readings])
+    return len(deduplicated(np.arange(len(values)) / 30, values, passes=passes)[1]) - 1
+
+
+@pytest.mark.parametrize(("taxels", "least"), [(2, 100), (3, 5), (4, 4)])
+def test_the_fewer_taxels_are_loaded_the_more_scans_of_noise_they_need_and_two_never_suffice(
+    taxels: int, least: int
+) -> None:
+    """Noise that reverses with each scan, the first of which follow the idle one."""
+    for reversals in (least - 1, least):
+        noise = np.resize([[1.0], [2.0]], (reversals + 2, 1)) * np.ones(taxels)
+        recognised = without_repeats(np.append(noise, noise[-1:], axis=0), passes=1) == len(noise)
+        assert recognised == (reversals >= least and taxels > 2)
+
+
+@pytest.mark.parametrize(("rising", "recognised"), [(5, False), (3, True)])
+def test_loads_that_rise_and_fall_for_five_scans_each_are_too_smooth_to_be_evidence(
+    rising: int, recognised: bool
+) -> None:
+    wave = 1.0 + rising - np.abs(np.arange(100) % (2 * rising) - rising)
+    readings = wave[:, np.newaxis] * np.ones(28)
+    assert (without_repeats(np.append(readings, readings[-1:], axis=0)) == 100) == recognised
+
+
+@pytest.mark.parametrize(
+    ("taxels", "times", "dropped"), [(2, 2, False), (3, 2, True), (28, 2, True), (28, 1.25, False)]
+)
+def test_a_beat_needs_three_loaded_taxels_and_a_logger_that_is_half_as_fast_again(
+    taxels: int, times: float, dropped: bool
+) -> None:
+    ramp = np.ones((100, 28))
+    ramp[:, :taxels] += np.arange(100)[:, np.newaxis]
+    ramp[:, taxels:] = 0.0
+    logger = (np.arange(times * 100) / times).astype(int)
+    assert (without_repeats(ramp[logger]) == 100) == dropped
+
+
+@pytest.mark.parametrize(("in_turn", "dropped"), [(6, True), (12, False)])
+def test_a_beat_is_never_more_than_two_scans_early_or_late(in_turn: int, dropped: bool) -> None:
+    """Scans come twice for a while, then three times each: 1.5 or 3 scans early or late."""
+    runs = np.resize(np.repeat([2, 3], in_turn), 60)
+    values = np.repeat(1.0 + np.arange(60), runs)[:, np.newaxis] * np.ones(28)
+    assert (without_repeats(values) == 60) == dropped
 
 
 def test_repeats_can_be_kept() -> None:

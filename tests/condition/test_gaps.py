@@ -88,6 +88,12 @@ def test_three_lost_scans_are_a_gap_and_one_is_not() -> None:
         assert deduplicated(t_s, values)[0].counts.gaps == gaps
 
 
+@pytest.mark.parametrize(("steps", "gaps"), [(2, 0), (3, 1)])
+def test_a_step_is_usual_once_three_have_been_like_it(steps: int, gaps: int) -> None:
+    t_s = np.append(np.arange(steps + 1), steps + 30) / 30
+    assert deduplicated(t_s, noisy_grasp(len(t_s), clipped=False), passes=1)[0].counts.gaps == gaps
+
+
 def test_a_sensor_that_hangs_while_its_logger_goes_on_leaves_a_gap() -> None:
     values = np.repeat(noisy_grasp(clipped=False), 3, axis=0)
     hung = np.concatenate([values[:600], np.repeat(values[599:600], 90, axis=0), values[600:]])

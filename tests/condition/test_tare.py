@@ -5,7 +5,8 @@ import pytest
 
 from costly import mostly_long
 from synthetic import conditioned, dome, grid_sensor
-from taxelflow.condition.tare import estimate_offset, is_unstructured
+from taxelflow.condition.resting import near_taxels
+from taxelflow.condition.tare import Offsets, estimate_offset, find_offsets, is_unstructured
 from taxelflow.messages import Bools, Floats
 
 # The rules one by one, each just inside and just outside its threshold
@@ -157,6 +158,57 @@ def test_a_masked_taxel_has_no_offset_and_is_not_judged() -> None:
     offset = estimate_offset(windows, np.where(masked, 0.0, 1.0), masked, PAIRS, 1e6)
     np.testing.assert_allclose(offset, np.where(masked, 0.0, 100.0 + CHECKERBOARD))  # type: ignore[arg-type]
     assert accepted(np.where(masked, 1e4, CHECKERBOARD), masked=masked)
+
+
+def offsets_of(readings: Floats, cut: float = -1e9, reference: float = 1e4) -> Offsets | None:
+    """By all rules together. readings: (scans, taxels), twelve scans a window, whose noise is 1."""
+    windows = readings.reshape(-1, 12, 36)
+    return find_offsets(windows, np.ones(36), ALL, near_taxels(SQUARE), PAIRS, reference=reference, cut=cut)
+
+
+@pytest.mark.parametrize(("rows", "columns", "found"), [(3, 4, True), (2, 5, False)])
+def test_a_third_of_a_pad_that_is_never_loaded_gives_its_offsets(rows: int, columns: int, found: bool) -> None:
+    """A load on all but some rows of some columns grows from scan to scan and never ends."""
+    unloaded = (SQUARE.row < rows) & (SQUARE.col < columns)
+    bias = 100.0 + 20.0 * CHECKERBOARD
+    load = np.linspace(2000.0, 4000.0, 60)[:, np.newaxis] * ~unloaded
+    offsets = offsets_of(bias + load + np.random.default_rng(0).normal(0, 1, load.shape))
+    assert (offsets is not None) == found
+    if offsets is not None:
+        np.testing.assert_array_equal(offsets.known, unloaded)
+        np.testing.assert_allclose(offsets.offset[unloaded], bias[unloaded], atol=1.0)
+        np.testing.assert_allclose(offsets.offset[~unloaded], 100.0, atol=21.0)  # the median of 80 and 120
+
+
+@pytest.mark.parametrize(("spreads", "load", "own"), [(1.8, 2000.0, True), (2.2, 2000.0, False), (1.8, 0.0, False)])
+def test_a_taxel_beside_a_load_whenever_it_is_idle_has_its_own_offset_if_that_is_likely(
+    spreads: float, load: float, own: bool
+) -> None:
+    """An object rocks between the first two columns. A taxel of the second that is never loaded may carry its skirt."""
+    spread = 20.0 * 1.4826
+    bias = 100.0 + np.where(SQUARE.col == 1, spreads * spread, 20.0 * CHECKERBOARD)
+    scan = np.arange(60)[:, np.newaxis]
+    first = np.where(scan < 30 if load else scan > 0, 1.0, 0.0)
+    rocking = 2000.0 * first * (SQUARE.col == 0) + load * (1.0 - first) * (SQUARE.col == 1)
+    offsets = offsets_of(bias + rocking + np.random.default_rng(0).normal(0, 1, rocking.shape))
+    assert offsets is not None
+    second = SQUARE.col == 1
+    assert not offsets.known[second].any()
+    np.testing.assert_allclose(offsets.offset[second], 100.0 + own * spreads * spread, atol=2.0)
+    np.testing.assert_allclose(offsets.std[second], (0.5 if own else 1.0) * spread, rtol=0.05)
+
+
+@pytest.mark.parametrize(("level", "share", "is_mean"), [(2.1, 0.018, True), (1.95, 0.026, False)])
+def test_readings_of_which_more_than_2_percent_are_clipped_have_another_offset_than_their_mean(
+    level: float, share: float, is_mean: bool
+) -> None:
+    readings = np.maximum(level + np.random.default_rng(1).normal(0, 1, (640 * 12, 36)), 0.0)
+    assert (readings == 0.0).mean() == pytest.approx(share, abs=5e-4)
+    offsets = offsets_of(readings, cut=0.0, reference=100.0)
+    assert offsets is not None
+    assert np.allclose(offsets.offset, readings.mean(axis=0), rtol=1e-9) == is_mean
+    scans = 1.0 / offsets.std**2  # that were used: the likelihood needs the time of 64 windows at most
+    assert 12 * 45 < scans.mean() < 12 * 64 if not is_mean else (scans == pytest.approx(12.0))
 
 
 # Whole recordings

@@ -98,6 +98,13 @@ def test_three_pads_are_enough_for_the_curl() -> None:
     assert row["rotor"] == pytest.approx(0.9 + 0.4)
 
 
+def test_a_pad_that_knows_one_direction_only_has_no_weight_in_the_curl() -> None:
+    field = np.array([[0.3, -0.4], [0.9, -0.2]])
+    moved, variance = SPAN_S * (PLACES @ field.T), np.full((4, 2), 1e-10)
+    moved[3, 1], variance[3, 1] = 1.0, 1.0
+    assert fused(moved, variance=variance)["rotor"] == pytest.approx(0.9 + 0.4, rel=1e-3)
+
+
 def test_pads_in_one_line_have_the_rotor_of_the_rigid_fit() -> None:
     line = np.array([[-0.05, 0.01], [0.0, 0.01], [0.05, 0.01]])
     row = fused(rigid(0.0, 0.0, 0.5, line), places=line)
@@ -151,6 +158,22 @@ def test_a_pads_own_turn_counts_by_its_variance() -> None:
     information = 1.0 / plain["velocity_covariance"][2, 2] - 0.0
     known = 1.0 / (1e-8 / SPAN_S**2)
     assert both["velocity"][2] == pytest.approx((0.5 * information + 0.6 * known) / (information + known), rel=1e-6)
+
+
+def test_one_pad_alone_has_the_turn_that_it_measures_itself() -> None:
+    moved, turn = rigid(0.01, 0.02, 0.5)[:1], (0.5 * SPAN_S, 1e-6)
+    row = fused(moved, places=PLACES[:1], turn=turn)
+    np.testing.assert_allclose(row["velocity"], [0.01, 0.02, 0.5])
+    assert row["velocity_covariance"][2, 2] == pytest.approx(1e-6 / SPAN_S**2)
+    without = fused(moved, places=PLACES[:1], turn=(0.5 * SPAN_S, 0.0))  # a turn without a variance is unknown
+    np.testing.assert_allclose(without["velocity"], [*moved[0] / SPAN_S, np.nan])
+
+
+def test_a_displacement_without_noise_is_known_to_a_nanometre() -> None:
+    row = fused(np.array([[1e-4, 2e-4]]), places=PLACES[:1], variance=0.0)
+    np.testing.assert_allclose(row["velocity"][:2], [0.005, 0.01])
+    std = np.sqrt(np.diagonal(row["velocity_covariance"])[:2])
+    np.testing.assert_allclose(std, 1e-9 / SPAN_S)
 
 
 def test_one_pad_alone_has_no_turn_even_if_its_covariance_is_singular() -> None:

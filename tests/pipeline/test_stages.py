@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from taxelflow.messages import (
     OK,
     UNRESOLVED,
     Estimates,
+    Event,
     Floats,
     RawScans,
     Scans,
@@ -30,6 +31,7 @@ from taxelflow.pipeline.api import estimate
 from taxelflow.pipeline.stages import Output, Pipeline
 from taxelflow.runtime import registry
 from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
+from taxelflow.slip.stage import SlipStage
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -244,6 +246,24 @@ def test_scans_that_are_pushed_give_what_reading_gives(method: str, mode: str, s
     assert read.events == pushes.events
 
 
+def test_a_batch_has_learned_tare_and_noise_before_its_first_scan_and_a_stream_has_not(stroke: Recording) -> None:
+    batch, stream = (pipeline(mode=mode).start(stroke).learned for mode in ("batch", "stream"))
+    assert stream is None
+    assert batch is not None
+    assert batch.tared.all()
+
+
+def test_events_that_are_complete_at_the_end_only_come_without_scans(
+    stroke: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late = Event(7.0, "pad0", "slip_stop")
+    finish = SlipStage.finish
+    monkeypatch.setattr(SlipStage, "finish", lambda held: replace(finish(held), events=[late]))
+    output = list(pipeline(mode="stream").start(stroke))[-1]
+    assert output.events == [late]
+    assert len(output) == 0
+
+
 def test_a_push_before_anything_is_learned_gives_no_rows(stroke: Recording) -> None:
     run = pipeline(mode="stream").start(stroke)
     raw = stroke.load()
@@ -316,13 +336,14 @@ def test_filters_of_the_conditioner_add_to_every_lag(stroke: Recording) -> None:
 class Late:
     """A plug-in estimator whose estimates come scan by scan, each ten scans late."""
 
-    def __init__(self) -> None:
+    def __init__(self, quality: int) -> None:
+        self.quality = quality
         self.held = [Estimates.unknown(no_scans(WIDE.layout.entries, 1))]
 
     def step(self, scans: Scans) -> Estimates:
         estimates = Estimates.unknown(scans)
         estimates.pose[scans.contact] = 0.0
-        estimates.quality[scans.contact] = OK
+        estimates.quality[scans.contact] = self.quality
         self.held = [joined([*self.held, estimates])]
         return self.given(max(len(self.held[0]) - 10, 0))
 
@@ -337,12 +358,14 @@ class Late:
 
 @dataclass(frozen=True)
 class Lately:
+    quality: int = OK
+
     def start(self, layout: Layout, mode: str) -> Late:
-        return Late()
+        return Late(self.quality)
 
 
 @pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
-@pytest.mark.parametrize("method", ["convolution", Lately()], ids=["at once", "late"])
+@pytest.mark.parametrize("method", ["convolution", Lately(), Lately(LOST)], ids=["at once", "late", "lost"])
 def test_contacts_that_move_apart_leave_no_scan_ok(mode: str, method: Any) -> None:
     random = np.random.default_rng(2)
     apart_m = np.concatenate([np.full(30, 0.04), np.linspace(0.04, 0.1, 40), np.full(30, 0.1)])
@@ -352,8 +375,9 @@ def test_contacts_that_move_apart_leave_no_scan_ok(mode: str, method: Any) -> No
     result = estimate(recorded(values, WIDE), method, mode=mode)  # type: ignore[arg-type]
     assert len(result.slips) == 120
     assert any("moved apart" in note for note in result.summary.notes)
-    assert (result.slips.quality[25:45, 0] == OK).all()
-    assert (result.slips.quality[-20:, 0] == UNRESOLVED).all()
+    ok, unresolved = (LOST, LOST) if method == Lately(LOST) else (OK, UNRESOLVED)
+    assert (result.slips.quality[25:45, 0] == ok).all()
+    assert (result.slips.quality[-20:, 0] == unresolved).all()
 
 
 @both_modes

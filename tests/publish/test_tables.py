@@ -1,22 +1,25 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from costly import mostly_long
-from synthetic import METHODS
+from synthetic import METHODS, grid_sensor, scans_of
+from taxelflow.messages import Estimates, Footprint, Motions, Slips
 from taxelflow.pipeline.api import estimate
 from taxelflow.pipeline.stages import Pipeline
-from taxelflow.publish.tables import CONTACTS, SLIPS, Tables
+from taxelflow.publish.tables import CONTACTS, OBJECT, SLIPS, Tables, _slip_rows, motion_columns, slip_columns
 from taxelflow.runtime import registry
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from taxelflow.acquire.base import Recording
+    from taxelflow.messages import Bools, Floats
 
 CONTRACT = (
     "t_s,pad,contact,dx_m,dy_m,dtheta_rad,x_m,y_m,theta_rad,vx_m_s,vy_m_s,omega_rad_s,"
@@ -76,6 +79,9 @@ def test_numbers_are_those_of_the_messages_and_the_unknown_is_empty(
         "std_x_m": std[:, 0],
         "std_y_m": std[:, 1],
         "std_theta_rad": std[:, 2],
+        "cov_xy": slips.covariance[:, 0, 0, 1],
+        "cov_xtheta": slips.covariance[:, 0, 0, 2],
+        "cov_ytheta": slips.covariance[:, 0, 1, 2],
         "lag_s": slips.lag_s[:, 0],
         "load_pa": slips.load[:, 0],
         "evidence": result.evidence[:, 0],
@@ -92,6 +98,42 @@ def test_numbers_are_those_of_the_messages_and_the_unknown_is_empty(
         assert [row[name] for row in rows] == [str(int(flag)) for flag in flags], name
 
 
+def drawn_slips(pads: int = 2) -> tuple[Slips, Bools, Floats]:
+    """Slips of three scans in which no two numbers are equal, whether they slip, and evidence."""
+    random = np.random.default_rng(0)
+    root = random.normal(0, 1, (3, pads, 3, 3))
+    border = np.stack([random.random((3, pads)) < 0.5, np.ones((3, pads), np.bool_)], axis=-1)
+    footprint = Footprint(np.arange(3.0), np.ones((3, pads), np.bool_), border, random.random((3, pads)))
+    slips = replace(
+        Slips.of(footprint, Estimates.unknown(scans_of(grid_sensor(2, 2, pads=pads), np.ones((3, 4 * pads))))),
+        pose=random.random((3, pads, 3)),
+        displacement=random.random((3, pads, 3)),
+        covariance=root @ np.swapaxes(root, 2, 3),
+        lag_s=random.random((3, pads)),
+    )
+    return slips, random.random((3, pads)) < 0.5, random.random((3, pads))
+
+
+def test_columns_of_arrays_are_those_of_the_file(tmp_path: Path) -> None:
+    slips, slipping, evidence = drawn_slips()
+    columns = slip_columns(slips, slipping, evidence, ("left", "right"))
+    rows = [dict(zip(SLIPS, row, strict=True)) for row in _slip_rows(slips, slipping, evidence, ("left", "right"))]
+    assert [*columns] == [*SLIPS]
+    for name, column in columns.items():
+        read = [row[name] for row in rows]
+        if column.dtype.kind == "U":
+            assert read == column.tolist()
+        else:
+            np.testing.assert_allclose(
+                [float(one or "nan") for one in read], column.astype(float), rtol=1e-8, err_msg=name
+            )
+    np.testing.assert_allclose(columns["cov_ytheta"].reshape(3, 2), slips.covariance[:, :, 1, 2])
+    np.testing.assert_allclose(columns["cov_xtheta"].reshape(3, 2), slips.covariance[:, :, 0, 2])
+    np.testing.assert_allclose(columns["std_y_m"].reshape(3, 2) ** 2, slips.covariance[:, :, 1, 1])
+    assert columns["border_y"].all()
+    assert not columns["border_x"].all()
+
+
 def test_the_objects_motion_has_a_row_per_scan(stroke: Recording, tmp_path: Path) -> None:
     motions = estimate(stroke).motions
     rows = rows_of(written(stroke, tmp_path) / "object.csv")
@@ -99,6 +141,38 @@ def test_the_objects_motion_has_a_row_per_scan(stroke: Recording, tmp_path: Path
     for name, values in (("vx_m_s", motions.velocity[:, 0]), ("x_m", motions.pose[:, 0]), ("pads", motions.pads)):
         read = [float(row[name]) if row[name] else np.nan for row in rows]
         np.testing.assert_allclose(read, values, rtol=1e-8, err_msg=name)
+
+
+def test_columns_of_the_objects_motion_are_those_of_the_message() -> None:
+    random = np.random.default_rng(0)
+    root, other = random.normal(0, 1, (2, 4, 3, 3))
+    covariance, pose_covariance = root @ np.swapaxes(root, 1, 2), other @ np.swapaxes(other, 1, 2)
+    motions = Motions(
+        t_s=np.arange(4.0), velocity=random.random((4, 3)), velocity_covariance=covariance, rotor=random.random(4),
+        rotor_std=random.random(4), centre=random.random((4, 2)), centre_std=random.random((4, 2)),
+        pose=random.random((4, 3)), pose_covariance=pose_covariance, pads=np.arange(4),
+    )  # fmt: skip
+    found = dict(zip(OBJECT, np.array([*motion_columns(motions)]).T, strict=True))
+    velocity_std, pose_std = (np.sqrt(np.diagonal(one, axis1=1, axis2=2)) for one in (covariance, pose_covariance))
+    parts = {
+        ("t_s",): motions.t_s, ("pads",): motions.pads, ("rotor_1_s",): motions.rotor,
+        ("vx_m_s", "vy_m_s", "omega_rad_s"): motions.velocity, ("cx_m", "cy_m"): motions.centre,
+        ("x_m", "y_m", "theta_rad"): motions.pose, ("std_rotor_1_s",): motions.rotor_std,
+        ("std_cx_m", "std_cy_m"): motions.centre_std, ("std_x_m", "std_y_m", "std_theta_rad"): pose_std,
+        ("std_vx_m_s", "std_vy_m_s", "std_omega_rad_s"): velocity_std,
+    }  # fmt: skip
+    assert {name for names in parts for name in names} == {*OBJECT}
+    for names, values in parts.items():
+        for name, column in zip(names, values.reshape(4, -1).T, strict=True):
+            np.testing.assert_array_equal(found[name], column, err_msg=name)
+
+
+def test_what_an_earlier_run_has_left_is_removed(tmp_path: Path) -> None:
+    for name in ("slips.csv", "object3d.csv", "summary.json", "patterns.npz"):
+        (tmp_path / name).write_text("old")
+    with Tables(tmp_path, ("pad0",)):
+        assert all(path.suffix == ".part" for path in tmp_path.iterdir())
+    assert "old" not in [path.read_text() for path in tmp_path.iterdir()]
 
 
 def test_events_have_time_pad_and_kind(stroke: Recording, tmp_path: Path) -> None:

@@ -107,6 +107,14 @@ def test_a_line_of_taxels_alarms_as_often_as_was_asked_for(across: int, scale: f
     assert 0.5 * low <= alarms(pose, 100.0, SlipMonitor(alarms_per_hour=108), std) <= 1.2 * high
 
 
+@pytest.mark.parametrize("unknown", [(1, 2), (2,), ()], ids=str)
+def test_alarms_are_at_least_half_as_frequent_as_asked_for_with_any_coordinates(unknown: tuple[int, ...]) -> None:
+    pose, std = 1.6 * np.random.default_rng(5).standard_normal((40_000, 3)), STD.copy()
+    for axis in unknown:
+        pose[:, axis], std[axis] = (np.nan, np.nan) if axis == 2 else (0.0, 0.05)
+    assert 30 <= alarms(pose, 100.0, SlipMonitor(alarms_per_hour=540), std) <= poisson.ppf(0.99, 60)
+
+
 @pytest.mark.long
 def test_noise_smaller_than_its_covariance_does_not_alarm_more_often() -> None:
     pose = np.random.default_rng(5).standard_normal((200_000, 3))

@@ -33,8 +33,8 @@ def bar(angle: float, x_m: float = 0.0, y_m: float = 0.0, *, long: float = 2.6, 
     return pressure
 
 
-def seen(values: Any, **more: Any) -> Slips:
-    return slips_by("principal_axis", PAD, scans_of(PAD, values, **{"noise": 1.0, **more}))
+def seen(values: Any, *, bounds: dict[str, float] | None = None, **more: Any) -> Slips:
+    return slips_by("principal_axis", PAD, scans_of(PAD, values, **{"noise": 1.0, **more}), **(bounds or {}))
 
 
 @given(
@@ -148,13 +148,55 @@ def test_blocks_of_any_size_and_the_future_give_the_same_bits(seed: int, cuts: l
     assert_same(slips_by("principal_axis", TWO, *pieces(scans, cuts)), slips_by("principal_axis", TWO, scans))
 
 
-def test_one_loaded_taxel_has_a_place_and_no_axis() -> None:
+@pytest.mark.parametrize(("noise", "known"), [(0.95, True), (1.05, False)])
+def test_an_axis_is_known_up_to_the_largest_standard_deviation(noise: float, known: bool) -> None:
+    """It is proportional to the noise. Half of the variance of a turn is that of each axis."""
+    free = {"sigmas": 0.0, "least_anisotropy": 0.0}
+    turn_std = np.sqrt(seen([bar(0.3)] * 2, noise=10.0, bounds=free).displacement_covariance[1, 0, 2, 2])
+    most = noise * 10.0 * 0.1 / (turn_std / np.sqrt(2))
+    slips = seen([bar(0.3)] * 2, noise=most, bounds=free)
+    assert (np.isfinite(slips.pose[..., 2]) == known).all()
+
+
+@pytest.mark.parametrize(("ratio", "known"), [(0.95, False), (1.05, True)])
+def test_an_axis_is_known_from_the_least_anisotropy_on(ratio: float, known: bool) -> None:
+    """The second moments of a Gaussian are its squared standard deviations."""
+    oblong = bar(0.3, long=2.0 * np.sqrt(1.0 + 0.05 * ratio), wide=2.0 * np.sqrt(1.0 - 0.05 * ratio))
+    slips = seen([oblong] * 2)
+    assert (np.isfinite(slips.pose[..., 2]) == known).all()
+
+
+@pytest.mark.parametrize(("sigmas", "known"), [(5.5, True), (4.5, False)])
+def test_an_axis_is_known_where_the_anisotropy_exceeds_its_noise_five_times(sigmas: float, known: bool) -> None:
+    """The anisotropy's standard deviation is drawn from scans with other noise than that which bounds it."""
+    random, noise = np.random.default_rng(0), 20.0
+    x, y = PAD.layout.x_m, PAD.layout.y_m
+    scans = bar(0.0) + random.normal(0, noise, (2000, TAXELS))
+    load = scans.sum(axis=1)
+    dx, dy = x - (scans @ x / load)[:, np.newaxis], y - (scans @ y / load)[:, np.newaxis]
+    u, v = (scans * (dx**2 - dy**2)).sum(axis=1) / load, (scans * 2 * dx * dy).sum(axis=1) / load
+    drawn = np.hypot(u, v)
+    at = noise * drawn.mean() / drawn.std() / sigmas
+    slips = seen([bar(0.0)] * 2, noise=at, bounds={"most_std_rad": 1e3, "least_anisotropy": 0.0})
+    assert (np.isfinite(slips.pose[..., 2]) == known).all()
+
+
+def test_one_loaded_taxel_has_a_place_within_half_a_pitch_and_no_axis() -> None:
+    """What a reading of noise does half a pitch aside, as taxels that read 0 have none."""
     values = np.zeros((3, TAXELS))
     values[:, TAXELS // 2] = 1e4
     slips = seen(values)
     np.testing.assert_allclose(slips.pose[..., :2], 0, atol=1e-15)
     assert np.isnan(slips.pose[..., 2]).all()
-    assert (slips.covariance[:, 0, [0, 1], [0, 1]] > 0).all()
+    std = np.sqrt(slips.covariance[:, 0, [0, 1], [0, 1]])
+    np.testing.assert_allclose(std, 0.5 * PITCH * 1.0 / 1e4)
+
+
+def test_the_axis_of_two_loaded_taxels_turns_with_half_a_pitch_beside_one_of_them() -> None:
+    values = np.zeros((2, TAXELS))
+    values[:, [TAXELS // 2 - 2, TAXELS // 2 + 2]] = 5e3
+    turn_variance = seen(values).displacement_covariance[1, 0, 2, 2]
+    assert turn_variance == pytest.approx(2 * (0.5 * PITCH * 1.0 / 1e4) ** 2 / (2 * PITCH) ** 2)
 
 
 @pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.estimation.scan_matching.interpolant import VALUE_NOISE, Interpolant, interpolate
+from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE, Interpolant, interpolate
 from taxelflow.estimation.scan_matching.matching import (
     DOF,
     Fit,
@@ -65,7 +65,10 @@ def test_the_motion_and_the_gain_between_two_scans_are_found() -> None:
 
 
 def test_a_motion_of_pitches_is_found_from_that_of_the_centroid() -> None:
-    np.testing.assert_allclose(found(textured(2.5, 1.5), Guess(2.5, 1.5, 1.0))[:2], [2.5, 1.5], atol=0.03)
+    for shift in ((2.5, 1.5), (4.0, -3.0)):
+        np.testing.assert_allclose(found(textured(*shift), Guess(*shift, 1.0))[:2], shift, atol=0.03)
+    alone = found(textured(4.0, -3.0), Guess(0.0, 0.0, 1.0))[:2]
+    assert np.hypot(*(alone - [4.0, -3.0])) > 1.0  # from no motion alone it is not
 
 
 def test_a_turn_that_may_not_be_is_0() -> None:
@@ -81,7 +84,7 @@ def test_saturated_readings_are_lower_bounds() -> None:
 def test_taxels_within_a_pitch_and_a_half_of_the_loaded_ones_take_part() -> None:
     last, now = np.zeros(SIDE**2), np.zeros(SIDE**2)
     variance = np.ones(SIDE**2)
-    last[3 * SIDE + 4], now[5 * SIDE + 6], now[11 * SIDE + 11] = 10.0, 10.0, 3.9
+    last[3 * SIDE + 4], now[5 * SIDE + 6], now[11 * SIDE + 11] = 4.1, 4.1, 3.9
     variance[4 * SIDE + 5] = 0.0
     chosen = surroundings(last, now, variance, variance, PLACES)
     inside = (X >= 3) & (X <= 7) & (Y >= 2) & (Y <= 6)
@@ -100,6 +103,46 @@ def test_the_normal_equations_are_those_of_the_jacobian_and_both_scans_noise() -
     assert misfit < chi < 0.5 * freedom
     np.testing.assert_array_equal(fit.noise_normal, fit.noise_normal.T)
     assert (np.diagonal(fit.noise_normal) < np.diagonal(fit.normal)).all()
+
+
+def test_noise_of_the_surface_grows_with_the_gain_and_its_slopes_turn_with_the_lever() -> None:
+    gain = 1.6
+    surface, points = problem(gain * textured())
+    fit = fit_of(points, np.array([0.0, 0.0, 0.0, gain, 0.0]))
+    linearize(surface, points, fit)
+    used = fit.weight > 0
+    w, dx, dy = fit.weight[used], *points.places[:, used]
+    np.testing.assert_allclose(w, 1.0 / (NOISE**2 * (1.0 + gain**2 * VALUE_NOISE)))
+    ones, none = np.ones_like(dx), np.zeros_like(dx)
+    slopes = np.array([[ones, none], [none, ones], [-dy, dx]])  # what the slopes along x and y move
+    share = w * VALUE_NOISE * NOISE**2
+    expected = np.zeros((DOF, DOF))
+    expected[:3, :3] = np.einsum("aik,bik,k->ab", slopes, slopes, share * gain**2 * SLOPE_NOISE / VALUE_NOISE)
+    expected[3, 3] = share.sum()
+    np.testing.assert_allclose(fit.noise_normal, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_a_reading_five_percent_off_the_surface_is_an_error_of_one_standard_deviation() -> None:
+    later, peak = textured(), 5 * SIDE + 5
+    later[peak] *= 1.05
+    state = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
+    misfits = [linearize(*one, fit_of(one[1], state))[1] for one in (problem(later), problem(textured()))]
+    assert misfits[0] - misfits[1] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("reading", "ceiling", "gain", "used"), [
+    (0.0, np.inf, -0.1, False), (1.0, np.inf, -0.1, True), (0.0, np.inf, 0.1, True),
+    (350.0, 350.0, 1.0, False), (349.0, 350.0, 1.0, True), (350.0, 350.0, 0.5, True),
+])  # fmt: skip
+def test_readings_at_their_limits_count_where_the_model_lies_within(
+    reading: float, ceiling: float, gain: float, used: bool
+) -> None:
+    later, peak = textured(), 5 * SIDE + 5
+    later[peak] = reading
+    surface, points = problem(later, ceiling=np.full(SIDE**2, ceiling))
+    fit = fit_of(points, np.array([0.0, 0.0, 0.0, gain, 0.0]))
+    linearize(surface, points, fit)
+    assert (fit.weight[int(np.flatnonzero(points.taxel == peak)[0])] > 0) == used
 
 
 def test_an_outlier_is_held_down_and_counts_as_25() -> None:

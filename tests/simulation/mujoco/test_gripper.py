@@ -9,6 +9,7 @@ import pytest
 
 from costly import mostly_long
 from taxelflow.errors import ExtraMissing, NameUnknown, ParameterInvalid
+from taxelflow.numerics.geometry import se3_of
 from taxelflow.simulation.mujoco.events import EVENTS, G_M_S2, LIFT_S, LIFTED_S, Happening, Load
 from taxelflow.simulation.mujoco.gripper import Gripper, sensor_of
 from taxelflow.simulation.mujoco.objects import OBJECTS, STANDARD_OBJECTS, shape
@@ -105,6 +106,9 @@ def test_an_object_that_sinks_moves_down_in_both_pads() -> None:
     assert left[0] > 0.2  # row 0 is on top
     assert right[0] > 0.2
     assert left[1] > 0 > right[1]  # the pads face each other
+    assert plant.down @ [0.0, -left[0]] > 0  # y is up
+    assert plant.joints == pytest.approx(np.full(2, plant.joints.mean()), abs=1e-3)
+    assert plant.joints.min() > 0.005
 
 
 @pytest.mark.parametrize("kind", mostly_long(["ball", "rod", "bottle"], "ball"))
@@ -235,6 +239,33 @@ def test_a_rehearsal_knows_whether_the_object_was_grasped() -> None:
     weak = Rehearsal(trial, actuator=Actuator(max_n=0.1 * trial.first_n))
     assert list(weak.start())
     assert not weak.grasped
+
+
+@pytest.mark.parametrize(("left", "right", "grasped"), [(5.1, 5.1, True), (5.1, 4.9, False), (4.9, 20.0, False)])
+def test_half_of_the_force_on_each_pad_is_a_grasp(left: float, right: float, grasped: bool) -> None:
+    plant = gripper("ball")
+    _, truth = plant.scan(0.0, NO_EVENT.load(0.0))
+    assert plant.grasps(replace(truth, normal_n=np.array([left, right])), 10.0) == grasped
+
+
+def test_the_seed_draws_the_noise_of_the_taxels() -> None:
+    pytest.importorskip("mujoco")
+    held = Held(shape("ball", np.random.default_rng(3)), MASS_KG, FRICTION)
+    one, same, other = (Gripper(held, seed=seed).scan(-5.0, NO_EVENT.load(0.0))[0] for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one, same)
+    assert (one != other).any()
+
+
+def test_the_pads_of_the_sensor_face_each_other_with_their_y_axes_up() -> None:
+    sensor = sensor_of(Skin())
+    left, right = (se3_of(np.array(pad.pose[:3]), np.array(pad.pose[3:])) for pad in sensor.pads)
+    for pad, other, along in ((left, right, 1.0), (right, left, -1.0)):
+        way = other[:3, 3] - pad[:3, 3]
+        np.testing.assert_allclose(pad[:3, 2], way / np.linalg.norm(way), atol=1e-12)
+        np.testing.assert_allclose(pad[:3, 1], [0.0, 0.0, 1.0], atol=1e-12)
+        np.testing.assert_allclose(pad[:3, 0], [0.0, along, 0.0], atol=1e-12)
+    assert left[0, 3] < right[0, 3]
+    assert (sensor.full_scale, sensor.unseen_error) == (Skin().full_scale_pa, 0.0)
 
 
 def test_the_sensor_has_two_pads_of_the_skin() -> None:

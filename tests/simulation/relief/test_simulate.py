@@ -5,6 +5,7 @@ from functools import cache
 from time import process_time
 from typing import Any, get_args
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from taxelflow.errors import NameUnknown
 from taxelflow.messages import Floats
 from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.simulation.relief import simulate
 from taxelflow.simulation.relief.cases import EFFECTS, PLACES, Moved, case, sensor_at
 from taxelflow.simulation.relief.course import follow
 from taxelflow.simulation.relief.parameters import Course, Object, Pressing, SensorFaults, Shape, Skin
@@ -69,6 +71,44 @@ def test_the_sensor_carries_the_force() -> None:
     assert 1e3 * full.sum() * 4e-6 == pytest.approx(4.0, rel=1e-3)
 
 
+def test_the_nominal_force_is_the_one_that_presses_the_peak_on_a_taxel() -> None:
+    peak_pa = 90e3
+    bare = Pressing(object=Object(shape="dome", size_m=0.008), course=HELD, faults=QUIET, peak_pa=peak_pa)
+    values = simulate_relief(bare, load_sensor("grid:5x5@2mm,kPa"), "grid").load().values
+    assert values.max() == pytest.approx(1e-3 * peak_pa, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("unit", "declared", "bits", "full_scale"),
+    [("kPa", None, 12, 140.0), ("count", 1000.0, 8, 1000.0), ("count", None, 8, 255.0), ("count", None, 0, 4095.0)],
+)
+def test_readings_end_at_the_full_scale_and_counts_of_a_converter_are_whole(
+    unit: str, declared: float | None, bits: int, full_scale: float
+) -> None:
+    sensor = msgspec.structs.replace(load_sensor(f"grid:6x6@2mm,{unit}"), full_scale=declared)
+    faults = replace(QUIET, bits=bits, full_scale_pa=140e3)
+    hard = Pressing(object=Object(shape="dome", size_m=0.008), course=HELD, faults=faults, force_n=12.0)
+    values = simulate_relief(hard, sensor, "grid").load().values
+    assert values.max() == pytest.approx(full_scale)
+    assert (values == np.round(values)).all() == (unit == "count" and bits > 0)
+
+
+def test_points_left_out_at_first_are_computed_where_an_object_sinks_in_deep(monkeypatch: pytest.MonkeyPatch) -> None:
+    soft = Skin(stiffness_pa_m=3e6)
+    here = scan("dome", 1e-3, -1e-3, 0.0, skin=soft)
+    monkeypatch.setattr(simulate, "_GAP", 1e9)
+    np.testing.assert_allclose(here, scan("dome", 1e-3, -1e-3, 0.0, skin=soft), atol=1e-6)
+
+
+def test_an_object_that_turns_on_the_spot_slips() -> None:
+    course = replace(HELD, turn_rad=0.3, rest_scans=3, moving_scans=4)
+    truth = simulate_relief(Pressing(course=course, faults=QUIET, force_n=4.0), GRID, "grid").known_truth
+    assert truth.slipping is not None
+    turned = truth.pose[:, 2] - truth.pose[0, 2]
+    assert turned[-1] == pytest.approx(0.3)
+    assert truth.slipping.tolist() == ((turned > 0) & (turned < 0.299)).tolist()
+
+
 def test_friction_shifts_the_pressure_ahead_of_a_sliding_object_and_not_of_one_at_rest() -> None:
     course = Course(
         travel_m=2e-3, direction_rad=np.pi / 2, idle_scans=0, pressing_scans=0, rest_scans=3, moving_scans=6
@@ -119,6 +159,8 @@ def test_rows_that_are_read_later_sample_the_object_later() -> None:
     top, bottom = (recording.load().values.reshape(-1, 12, 12) for recording in (at_once, rolling))
     assert np.array_equal(top[:, :2], bottom[:, :2])
     assert np.abs(top[:, 7] - bottom[:, 7]).max() > 1.0
+    now, later = (values[1:5, 7] @ np.arange(12) / values[1:5, 7].sum(axis=1) for values in (top, bottom))
+    assert (later > now).all()  # it moves to the right
 
 
 @pytest.mark.parametrize("place", mostly_long(PLACES, "palm"))
