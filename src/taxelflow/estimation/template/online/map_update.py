@@ -28,7 +28,7 @@ from taxelflow.estimation.template.online.local_map import FIRST_SLACK, Learned
 from taxelflow.estimation.template.online.reframing import in_frame_of
 from taxelflow.estimation.template.pose_output import unturned
 from taxelflow.estimation.template.scaling import may_have_grown
-from taxelflow.estimation.template.taxel_gains import with_gains
+from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.bspline import STATE, states_of
@@ -118,8 +118,6 @@ def _learn(known: Learned) -> Learned:
     if count <= 2 or not moved:
         return _filled(known, keyframes)
     best, looked = _best(known)
-    if looked != known.looked and count >= _SEEN_ENOUGH:
-        best = with_gains(replace(keyframes.scanned), best, refined)
     gains = best.gains if len(best.gains) else known.gains
     scanned, pattern = replace(known, gains=gains).scanned, best.pattern
     before = (keyframes.angled if best.turns and not known.turns else keyframes.states).copy()
@@ -188,38 +186,22 @@ def _grown_now(known: Learned) -> bool:
 
 
 def _best(known: Learned) -> tuple[Solved, int]:
-    """The likeliest hypothesis on the keyframes, and how many had been taken when they were last compared."""
+    """The likeliest hypothesis on the keyframes, and how many had been taken when they were last compared.
+
+    They are compared as in a batch, on the readings as they are: gains that were learned with a wrong motion hide it.
+    """
     keyframes = known.keyframes
-    scanned, count = known.scanned, len(keyframes)
-    present = _again(known, scanned, keyframes.states.copy())
+    count = len(keyframes)
+    present = _again(known, known.scanned, keyframes.states.copy())
     misfits = known.taken >= max(_SEEN_ENOUGH, known.looked + _LAST) and bool(_strange(present).any())
     due = known.taken >= _MORE * known.looked or misfits
     if count < _DECIDE or not due:
         return present, known.looked
-    present, rigid = _further(scanned, present), _rigid(known, scanned)
-    if known.grows:  # as in a batch, only while the object hardly moves
-        stays = may_have_grown(scanned, likeliest(rigid, scanned).states)
-        return likeliest([present, *rigid] if stays else rigid, scanned), known.taken
-    most = cost(present, scanned) - (STATE * count if count > _SETTLED else 0)
-    tried = [present, *(one for one in rigid if one.kind != present.kind or cost(one, scanned) < most)]
-    if count >= YOUNG:
-        still = replace(scanned, delay_s=np.zeros_like(scanned.delay_s), bends=np.zeros_like(scanned.bends))
-        tried += [_further(still, one) for one in grown(still, keyframes.states, turns=known.turns)]
-    return likeliest(tried, scanned), known.taken
-
-
-def _rigid(known: Learned, scanned: Scanned) -> list[Solved]:
-    """Hypotheses of an object that does not grow on the keyframes, turning and not, but for the present one."""
-    keyframes, turns = known.keyframes, known.turns
-    tried = [_further(scanned, coarse(scanned, _retraced(scanned, turns=turns), turns=turns))]
-    if turns:
-        fixed = unturned(known.pattern.centre(), keyframes.states)
-        tried.append(_further(scanned, coarse(scanned, fixed, turns=False)))
-    elif not scanned.across.any():
-        starts = (keyframes.angled.copy(), _retraced(scanned, turns=True))
-        fits = [coarse(scanned, states, turns=True) for states in starts]
-        tried.append(_further(scanned, min(fits, key=lambda one: one.error)))
-    return tried
+    scanned = keyframes.scanned
+    best = solve_contact(replace(scanned, variance=scanned.variance.copy()))
+    gains = best.gains.copy() if len(best.gains) else np.ones(scanned.readings.shape[1])
+    gains[best.dead] = np.inf
+    return replace(best, gains=gains), known.taken
 
 
 def _again(known: Learned, scanned: Scanned, states: Floats) -> Solved:
