@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.extrapolation import level_off
 from taxelflow.estimation.template.hypotheses import (
     FIRST_GAIN_STD,
@@ -14,21 +15,15 @@ from taxelflow.estimation.template.hypotheses import (
     YOUNG,
     coarse,
     covering,
-    grown,
-    likeliest,
     refined,
     start_scan,
 )
 from taxelflow.estimation.template.initialization import Tracker
-from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import FIRST_SLACK, Learned
 from taxelflow.estimation.template.online.reframing import in_frame_of
-from taxelflow.estimation.template.pose_output import unturned
-from taxelflow.estimation.template.scaling import may_have_grown
-from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.bspline import STATE, states_of
@@ -44,9 +39,6 @@ _NEAR, _FAR = 0.25, 1.0
 unexplained seems to move them."""
 _DECIDE, _MORE = 4, 1.5
 """Keyframes from which hypotheses are compared, and factor of keyframes taken after which they are compared again."""
-_SETTLED = 20
-"""From this many keyframes on another start must be clearly likelier: it may end in the same place, and only turn the
-frame a little."""
 _YOUNG_ERROR = 0.005
 """Of a pattern of `YOUNG` keyframes an error below this is not believed, nor that of more below its share."""
 _REPORTED = 0.1
@@ -62,7 +54,7 @@ _MOST_USUAL = 2.0
 """Chi-square per reading up to which scans are explained."""
 _STRANGE = 2.0
 """How many times what still fits a keyframe may be from the others."""
-_ROUNDS, _YOUNG_ROUNDS = (3,), 6
+_ROUNDS, _YOUNG_ROUNDS = (3, 3), 6
 """Rounds of refining the present hypothesis, and one of few keyframes; others, and the first time, as in a batch."""
 
 
@@ -214,11 +206,6 @@ def _again(known: Learned, scanned: Scanned, states: Floats) -> Solved:
     return refined(
         scanned, replace(start, grows=known.grows, gain_std=known.gain_std), _ROUNDS if known.looked else ROUNDS
     )
-
-
-def _further(scanned: Scanned, start: Solved) -> Solved:
-    """A coarse fit refined, where there are scans enough."""
-    return start if len(scanned) < YOUNG else refined(scanned, start)
 
 
 def _retraced(scanned: Scanned, *, turns: bool) -> Floats:
