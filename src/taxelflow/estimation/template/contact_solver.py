@@ -12,6 +12,8 @@ from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.taxel_gains import with_gains
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.solution import Solved
 
@@ -22,11 +24,11 @@ _UNANSWERING_ERROR, _DENIED_ERROR = 0.9, 0.67
 bad fit calls dead is not."""
 
 
-def solve_contact(scanned: Scanned, *, sinks: bool = False) -> Solved:
+def solve_contact(scanned: Scanned, *, sinks: bool = False, suspects: Sequence[int] = ()) -> Solved:
     """Pattern and poses of all scans of a contact; in `scanned` readings of dead taxels are masked, and the others
-    divided by their gains. sinks: see `solve`.
+    divided by their gains. sinks: see `solve`. suspects: taxels that may be dead, for fewer scans called them so.
     """
-    solved, dead = _without_silent(scanned, sinks=sinks)
+    solved, dead = _without_silent(scanned, suspects, sinks=sinks)
     while len(dead) < _MOST_DEAD:
         better = _without(scanned, solved, unanswering(scanned, solved.fit), _UNANSWERING_ERROR, sinks=sinks)
         better = better or _without(scanned, solved, denied(scanned, solved), _DENIED_ERROR, sinks=sinks)
@@ -54,9 +56,9 @@ def _without(
     return None
 
 
-def _without_silent(scanned: Scanned, *, sinks: bool) -> tuple[Solved, list[int]]:
+def _without_silent(scanned: Scanned, suspects: Sequence[int], *, sinks: bool) -> tuple[Solved, list[int]]:
     """A contact solved without taxels that stay silent, and which: those masked whose silence the pattern denies."""
-    dead = silent_taxels(scanned)
+    dead = np.union1d(silent_taxels(scanned), np.array(suspects, np.int64))
     variance = scanned.variance[:, dead]
     scanned.variance[:, dead] = 0.0
     solved = solve(scanned, sinks=sinks)

@@ -190,7 +190,8 @@ def _best(known: Learned) -> tuple[Solved, int]:
     if count < _DECIDE or not due:
         return present, known.looked
     scanned = keyframes.scanned
-    best = solve_contact(replace(scanned, variance=scanned.variance.copy()))
+    dead = np.flatnonzero(np.isinf(known.gains)).tolist()
+    best = solve_contact(replace(scanned, variance=scanned.variance.copy()), suspects=dead)
     gains = best.gains.copy() if len(best.gains) else np.ones(scanned.readings.shape[1])
     gains[best.dead] = np.inf
     return replace(best, gains=gains), known.taken
