@@ -19,6 +19,7 @@ from taxelflow.estimation.template.hypotheses import (
     start_scan,
 )
 from taxelflow.estimation.template.initialization import Tracker
+from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
@@ -182,19 +183,30 @@ def _best(known: Learned) -> tuple[Solved, int]:
 
     They are compared as in a batch, on the readings as they are: gains that were learned with a wrong motion hide it.
     """
-    keyframes = known.keyframes
-    count = len(keyframes)
-    present = _again(known, known.scanned, keyframes.states.copy())
-    misfits = known.taken >= max(_SEEN_ENOUGH, known.looked + _LAST) and bool(_strange(present).any())
-    due = known.taken >= _MORE * known.looked or misfits
-    if count < _DECIDE or not due:
-        return present, known.looked
-    scanned = keyframes.scanned
-    dead = np.flatnonzero(np.isinf(known.gains)).tolist()
-    best = solve_contact(replace(scanned, variance=scanned.variance.copy()), suspects=dead)
-    gains = best.gains.copy() if len(best.gains) else np.ones(scanned.readings.shape[1])
+    keyframes, taken = known.keyframes, known.taken
+    if len(keyframes) < _DECIDE or taken < _MORE * known.looked:
+        present = _again(known, known.scanned, keyframes.states.copy())
+        if taken < max(_SEEN_ENOUGH, known.looked + _LAST) or not _strange(present).any():
+            return present, known.looked
+    scanned = replace(keyframes.scanned, variance=keyframes.scanned.variance.copy())
+    best = solve_contact(scanned, suspects=np.flatnonzero(np.isinf(known.gains)).tolist())
+    return _with_former_gains(known, scanned, best), taken
+
+
+def _with_former_gains(known: Learned, scanned: Scanned, best: Solved) -> Solved:
+    """A solved contact with a gain of each taxel, which is infinite if it is dead: those known from a contact before
+    where these scans determine none, but are likelier with them.
+    """
+    gains = np.ones(scanned.readings.shape[1])
     gains[best.dead] = np.inf
-    return replace(best, gains=gains), known.taken
+    if len(best.gains):
+        return replace(best, gains=gains * best.gains)
+    former = gains * np.where(np.isinf(known.gains), 1.0, known.gains)
+    if (former == gains).all():
+        return replace(best, gains=gains)
+    divided = scanned.divided(former)
+    other = refined(divided, best.copy())
+    return replace(other, gains=former) if cost(other, divided) < cost(best, scanned) else replace(best, gains=gains)
 
 
 def _again(known: Learned, scanned: Scanned, states: Floats) -> Solved:
