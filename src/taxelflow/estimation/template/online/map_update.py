@@ -115,7 +115,7 @@ def _learn(known: Learned) -> Learned:
     scanned, pattern = replace(known, gains=gains).scanned, best.pattern
     before = (keyframes.angled if best.turns and not known.turns else keyframes.states).copy()
     before[:, :2] += known.origin
-    turned = float(np.mean(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
+    turned = float(np.median(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
     states, origin, off = in_frame_of(before, best, scanned, turned)
     slack = np.array(FIRST_SLACK) if best.grows and not known.grows else _slack(known, off)
     reports_turn = best.turns and (known.reports_turn or bool(slack[1] < _REPORTED * FIRST_SLACK[1]))
@@ -189,7 +189,8 @@ def _best(known: Learned) -> tuple[Solved, int]:
         if taken < max(_SEEN_ENOUGH, known.looked + _LAST) or not _strange(present).any():
             return present, known.looked
     scanned = replace(keyframes.scanned, variance=keyframes.scanned.variance.copy())
-    best = solve_contact(scanned, suspects=np.flatnonzero(np.isinf(known.gains)).tolist())
+    dead = np.flatnonzero(np.isinf(known.gains)).tolist()
+    best = solve_contact(scanned, suspects=dead, known=None if known.grows else keyframes.states)
     return _with_former_gains(known, scanned, best), taken
 
 
