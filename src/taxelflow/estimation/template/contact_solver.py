@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +13,11 @@ from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.taxel_gains import with_gains
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.solution import Solved
+    from taxelflow.messages import Floats
 
 _MOST_DEAD = 8
 """Taxels masked at most."""
@@ -22,14 +26,17 @@ _UNANSWERING_ERROR, _DENIED_ERROR = 0.9, 0.67
 bad fit calls dead is not."""
 
 
-def solve_contact(scanned: Scanned, *, sinks: bool = False) -> Solved:
+def solve_contact(
+    scanned: Scanned, *, sinks: bool = False, suspects: Sequence[int] = (), known: Floats | None = None
+) -> Solved:
     """Pattern and poses of all scans of a contact; in `scanned` readings of dead taxels are masked, and the others
-    divided by their gains. sinks: see `solve`.
+    divided by their gains. sinks, known: see `solve`. suspects: taxels that fewer scans called dead.
     """
-    solved, dead = _without_silent(scanned, sinks=sinks)
+    solving = partial(solve, scanned, sinks=sinks, known=known)
+    solved, dead = _without_silent(scanned, suspects, solving)
     while len(dead) < _MOST_DEAD:
-        better = _without(scanned, solved, unanswering(scanned, solved.fit), _UNANSWERING_ERROR, sinks=sinks)
-        better = better or _without(scanned, solved, denied(scanned, solved), _DENIED_ERROR, sinks=sinks)
+        better = _without(scanned, solved, unanswering(scanned, solved.fit), _UNANSWERING_ERROR, solving)
+        better = better or _without(scanned, solved, denied(scanned, solved), _DENIED_ERROR, solving)
         if better is None:
             break
         solved = better[0]
@@ -40,28 +47,30 @@ def solve_contact(scanned: Scanned, *, sinks: bool = False) -> Solved:
 
 
 def _without(
-    scanned: Scanned, solved: Solved, taxel: int | None, share: float, *, sinks: bool
+    scanned: Scanned, solved: Solved, taxel: int | None, share: float, solving: Callable[[], Solved]
 ) -> tuple[Solved, int] | None:
     """A contact solved without a taxel, which is masked, if that leaves at most this share of the error."""
     if taxel is None:
         return None
     kept = scanned.variance[:, taxel].copy()
     scanned.variance[:, taxel] = 0.0
-    without = solve(scanned, sinks=sinks)
+    without = solving()
     if without.error <= min(share * solved.error, COARSE):
         return without, taxel
     scanned.variance[:, taxel] = kept
     return None
 
 
-def _without_silent(scanned: Scanned, *, sinks: bool) -> tuple[Solved, list[int]]:
+def _without_silent(
+    scanned: Scanned, suspects: Sequence[int], solving: Callable[[], Solved]
+) -> tuple[Solved, list[int]]:
     """A contact solved without taxels that stay silent, and which: those masked whose silence the pattern denies."""
-    dead = silent_taxels(scanned)
+    dead = np.union1d(silent_taxels(scanned), np.array(suspects, np.int64))
     variance = scanned.variance[:, dead]
     scanned.variance[:, dead] = 0.0
-    solved = solve(scanned, sinks=sinks)
+    solved = solving()
     gaps = explained(scanned, variance, solved.pattern, solved.states, dead.tolist())
     if gaps.any():
         scanned.variance[:, dead[gaps]] = variance[:, gaps]
-        solved = solve(scanned, sinks=sinks)
+        solved = solving()
     return solved, dead[~gaps].tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import add
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,17 +47,25 @@ _RIVAL = 1.5
 """A hypothesis that leaves up to this many times the error is a rival: faults of the sensor may have decided."""
 _FAR_WORSE = 20.0
 """A start whose coarse fit costs so much more a scan is not refined: that is some twice what a free angle costs."""
+_LIKELIER = 1.0
+"""What another start than the known one must lower the cost by, a scan: coarse fits have not quite converged."""
 
 
-def solve(scanned: Scanned, *, sinks: bool = False) -> Solved:
+def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None) -> Solved:
     """The likeliest of the hypotheses: the object keeps its angle, turns, or stays while its contact grows.
 
-    sinks: whether it may be pressed in more or less, see `depth`.
+    sinks: whether it may be pressed in more or less, see `depth`. known: (scans, 5), states of a rigid object that were
+    the likeliest of fewer scans. Another start must be clearly likelier: where the object looks the same after half a
+    turn, some scans may end there.
     """
     turns = [False] if scanned.across.any() else [False, True]
     tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
     tried += [one for turn in turns for one in grown(scanned, tried[0].states, turns=turn)]
     costs = [cost(one, scanned) for one in tried]
+    for again in [] if known is None else _from_known(scanned, known, turns):
+        dearer = [_LIKELIER * len(scanned) if one.kind == again.kind else 0.0 for one in tried]
+        costs = [*map(add, costs, dearer), cost(again, scanned)]
+        tried.append(again)
     limit = min(costs) + _FAR_WORSE * len(scanned)
     solved = []
     for kind in dict.fromkeys(one.kind for one in tried):
@@ -128,6 +137,14 @@ def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
     tracker.run()
     starts = (tracker.states, centred(scanned, tracker.states))
     return [coarse(scanned, states, turns=turns) for states in starts]
+
+
+def _from_known(scanned: Scanned, known: Floats, turns: list[bool]) -> list[Solved]:
+    """Coarse fits from states (scans, 5) known before: those of an object that turns are no start for one that does
+    not.
+    """
+    turned = bool(np.ptp(states_of(known).theta) > 0.0)
+    return [coarse(scanned, known.copy(), turns=turn) for turn in turns if turn or not turned]
 
 
 def centred(scanned: Scanned, states: Floats) -> Floats:

@@ -75,6 +75,15 @@ def across(places: Floats, live: Bools) -> Bools:
     return in_line
 
 
+def divided(readings: Floats, variance: Floats, ceiling: Floats, gains: Floats) -> tuple[Floats, Floats, Floats]:
+    """Readings, their variance and their ceiling (..., taxels), divided by the taxels' gains (taxels,).
+
+    A dead taxel has an infinite gain: its variance becomes 0, so that it is not used.
+    """
+    top = np.divide(ceiling, gains, out=np.zeros_like(ceiling), where=np.isfinite(gains))
+    return readings / gains, variance / gains**2, top
+
+
 class Readings(NamedTuple):
     """Scans as kernels read them. See `Scanned`; variance: (scans, taxels) with the model's error in it."""
 
@@ -168,8 +177,8 @@ class Scanned:
         return Scanned(self.t_s[which], self.places, *parts, self.ceiling, self.delay_s, self.bends[which])
 
     def divided(self, gains: Floats) -> Scanned:
-        """The scans with the readings of each taxel divided by its gain (taxels,)."""
-        read = (self.readings / gains, self.variance / gains**2, self.ceiling / gains)
+        """The scans with the readings of each taxel divided by its gain (taxels,), see `divided`."""
+        read = divided(self.readings, self.variance, self.ceiling, gains)
         return Scanned(self.t_s, self.places, *read, self.delay_s, self.bends)
 
     def with_error(self, share: float) -> Readings:

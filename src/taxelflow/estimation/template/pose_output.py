@@ -131,14 +131,6 @@ def arm_of(centre: Floats, states: Floats) -> Floats:
     return arm
 
 
-def unturned(centre: Floats, states: Floats) -> Floats:
-    """States (scans, 5) of an object that does not turn, with the body's point `centre` (2,) where it was."""
-    fixed = states.copy()
-    fixed[:, :2] += arm_of(centre, states)
-    states_of(fixed).theta[:] = 0.0
-    return fixed
-
-
 def judge(covariance: Floats, misfit: Floats, pitch_m: float) -> Bytes:
     """Quality (scans,). misfit: (scans,), chi-square per degree of freedom."""
     xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]

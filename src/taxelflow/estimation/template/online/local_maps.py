@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.map_export import as_map
-from taxelflow.estimation.template.observations import across, delays_of
+from taxelflow.estimation.template.observations import across, delays_of, divided
 from taxelflow.estimation.template.online.ended import Ended
 from taxelflow.estimation.template.online.mapping_thread import Learner, Novel, Workers
 from taxelflow.estimation.template.online.relocalization import DOUBT
@@ -89,10 +89,8 @@ class LocalMaps:
         """A scan with its readings divided by the taxels' gains."""
         if self._equal:
             return scan
-        gains = self.gains
-        return scan._replace(
-            reading=scan.reading / gains, variance=scan.variance / gains**2, ceiling=scan.ceiling / gains
-        )
+        reading, variance, ceiling = divided(scan.reading, scan.variance, scan.ceiling, self.gains)
+        return scan._replace(reading=reading, variance=variance, ceiling=ceiling)
 
     def track(self, pad: int) -> Track:
         """What a pad remembers; writing to it writes to `tracks`."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.extrapolation import level_off
 from taxelflow.estimation.template.hypotheses import (
     FIRST_GAIN_STD,
@@ -14,8 +15,6 @@ from taxelflow.estimation.template.hypotheses import (
     YOUNG,
     coarse,
     covering,
-    grown,
-    likeliest,
     refined,
     start_scan,
 )
@@ -26,9 +25,6 @@ from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import FIRST_SLACK, Learned
 from taxelflow.estimation.template.online.reframing import in_frame_of
-from taxelflow.estimation.template.pose_output import unturned
-from taxelflow.estimation.template.scaling import may_have_grown
-from taxelflow.estimation.template.taxel_gains import with_gains
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.bspline import STATE, states_of
@@ -44,9 +40,6 @@ _NEAR, _FAR = 0.25, 1.0
 unexplained seems to move them."""
 _DECIDE, _MORE = 4, 1.5
 """Keyframes from which hypotheses are compared, and factor of keyframes taken after which they are compared again."""
-_SETTLED = 20
-"""From this many keyframes on another start must be clearly likelier: it may end in the same place, and only turn the
-frame a little."""
 _YOUNG_ERROR = 0.005
 """Of a pattern of `YOUNG` keyframes an error below this is not believed, nor that of more below its share."""
 _REPORTED = 0.1
@@ -62,7 +55,7 @@ _MOST_USUAL = 2.0
 """Chi-square per reading up to which scans are explained."""
 _STRANGE = 2.0
 """How many times what still fits a keyframe may be from the others."""
-_ROUNDS, _YOUNG_ROUNDS = (3,), 6
+_ROUNDS, _YOUNG_ROUNDS = (3, 3), 6
 """Rounds of refining the present hypothesis, and one of few keyframes; others, and the first time, as in a batch."""
 
 
@@ -118,13 +111,11 @@ def _learn(known: Learned) -> Learned:
     if count <= 2 or not moved:
         return _filled(known, keyframes)
     best, looked = _best(known)
-    if looked != known.looked and count >= _SEEN_ENOUGH:
-        best = with_gains(replace(keyframes.scanned), best, refined)
     gains = best.gains if len(best.gains) else known.gains
     scanned, pattern = replace(known, gains=gains).scanned, best.pattern
     before = (keyframes.angled if best.turns and not known.turns else keyframes.states).copy()
     before[:, :2] += known.origin
-    turned = float(np.mean(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
+    turned = float(np.median(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
     states, origin, off = in_frame_of(before, best, scanned, turned)
     slack = np.array(FIRST_SLACK) if best.grows and not known.grows else _slack(known, off)
     reports_turn = best.turns and (known.reports_turn or bool(slack[1] < _REPORTED * FIRST_SLACK[1]))
@@ -188,38 +179,35 @@ def _grown_now(known: Learned) -> bool:
 
 
 def _best(known: Learned) -> tuple[Solved, int]:
-    """The likeliest hypothesis on the keyframes, and how many had been taken when they were last compared."""
-    keyframes = known.keyframes
-    scanned, count = known.scanned, len(keyframes)
-    present = _again(known, scanned, keyframes.states.copy())
-    misfits = known.taken >= max(_SEEN_ENOUGH, known.looked + _LAST) and bool(_strange(present).any())
-    due = known.taken >= _MORE * known.looked or misfits
-    if count < _DECIDE or not due:
-        return present, known.looked
-    present, rigid = _further(scanned, present), _rigid(known, scanned)
-    if known.grows:  # as in a batch, only while the object hardly moves
-        stays = may_have_grown(scanned, likeliest(rigid, scanned).states)
-        return likeliest([present, *rigid] if stays else rigid, scanned), known.taken
-    most = cost(present, scanned) - (STATE * count if count > _SETTLED else 0)
-    tried = [present, *(one for one in rigid if one.kind != present.kind or cost(one, scanned) < most)]
-    if count >= YOUNG:
-        still = replace(scanned, delay_s=np.zeros_like(scanned.delay_s), bends=np.zeros_like(scanned.bends))
-        tried += [_further(still, one) for one in grown(still, keyframes.states, turns=known.turns)]
-    return likeliest(tried, scanned), known.taken
+    """The likeliest hypothesis on the keyframes, and how many had been taken when they were last compared.
+
+    They are compared as in a batch, on the readings as they are: gains that were learned with a wrong motion hide it.
+    """
+    keyframes, taken = known.keyframes, known.taken
+    if len(keyframes) < _DECIDE or taken < _MORE * known.looked:
+        present = _again(known, known.scanned, keyframes.states.copy())
+        if taken < max(_SEEN_ENOUGH, known.looked + _LAST) or not _strange(present).any():
+            return present, known.looked
+    scanned = replace(keyframes.scanned, variance=keyframes.scanned.variance.copy())
+    dead = np.flatnonzero(np.isinf(known.gains)).tolist()
+    best = solve_contact(scanned, suspects=dead, known=None if known.grows else keyframes.states)
+    return _with_former_gains(known, scanned, best), taken
 
 
-def _rigid(known: Learned, scanned: Scanned) -> list[Solved]:
-    """Hypotheses of an object that does not grow on the keyframes, turning and not, but for the present one."""
-    keyframes, turns = known.keyframes, known.turns
-    tried = [_further(scanned, coarse(scanned, _retraced(scanned, turns=turns), turns=turns))]
-    if turns:
-        fixed = unturned(known.pattern.centre(), keyframes.states)
-        tried.append(_further(scanned, coarse(scanned, fixed, turns=False)))
-    elif not scanned.across.any():
-        starts = (keyframes.angled.copy(), _retraced(scanned, turns=True))
-        fits = [coarse(scanned, states, turns=True) for states in starts]
-        tried.append(_further(scanned, min(fits, key=lambda one: one.error)))
-    return tried
+def _with_former_gains(known: Learned, scanned: Scanned, best: Solved) -> Solved:
+    """A solved contact with a gain of each taxel, which is infinite if it is dead: those known from a contact before
+    where these scans determine none, but are likelier with them.
+    """
+    gains = np.ones(scanned.readings.shape[1])
+    gains[best.dead] = np.inf
+    if len(best.gains):
+        return replace(best, gains=gains * best.gains)
+    former = gains * np.where(np.isinf(known.gains), 1.0, known.gains)
+    if (former == gains).all():
+        return replace(best, gains=gains)
+    divided = scanned.divided(former)
+    other = refined(divided, best.copy())
+    return replace(other, gains=former) if cost(other, divided) < cost(best, scanned) else replace(best, gains=gains)
 
 
 def _again(known: Learned, scanned: Scanned, states: Floats) -> Solved:
@@ -232,11 +220,6 @@ def _again(known: Learned, scanned: Scanned, states: Floats) -> Solved:
     return refined(
         scanned, replace(start, grows=known.grows, gain_std=known.gain_std), _ROUNDS if known.looked else ROUNDS
     )
-
-
-def _further(scanned: Scanned, start: Solved) -> Solved:
-    """A coarse fit refined, where there are scans enough."""
-    return start if len(scanned) < YOUNG else refined(scanned, start)
 
 
 def _retraced(scanned: Scanned, *, turns: bool) -> Floats:

@@ -21,7 +21,7 @@ def in_frame_of(before: Floats, best: Solved, scanned: Scanned, turned: float) -
     """States (n, 5) of a solved contact in the frame of those before (n, 5), the origin (2,) of a frame that grows, and
     how far the states are from those before (n, 5), x and y at the centre of pressure.
 
-    turned: by how much theta differs on average.
+    turned: by how much theta differs, the median.
     """
     away = np.array([0.0, 0.0, turned, 0.0, 0.0])
     if best.grows:

@@ -115,7 +115,8 @@ class StreamSession:
         """(entries,), what the taxels should read, by all that is known: in the last scan, or at t_s if the motion goes
         on as it was; NaN on pads without a pattern.
         """
-        return self._maps.gains * expected(self._maps.stored, self._maps.hand, self._maps.tracks, t_s)
+        read = expected(self._maps.stored, self._maps.hand, self._maps.tracks, t_s)
+        return np.where(np.isfinite(self._maps.gains), self._maps.gains, 0.0) * read
 
     def _scan(self, k: int, scan: Scan, rows: Rows) -> None:
         """Estimate one scan into row k."""
