@@ -36,8 +36,7 @@ _LEAST_M2 = 1e-18
 class Anchor:
     """Where on the object a contact lies. frame: (4, 4), of the contact in the object's frame, turned by its theta.
     covariance: (3, 3), of that. weight: sum of w, 1/m^2. root: (6, 6), a factor of the covariance, in the object's
-    frame and over the usual misfit, of the error that it has in common with anchors of the same since_s, the time when
-    it was set.
+    frame, of the error that it has in common with anchors of the same since_s, the time when it was set.
     """
 
     anchored: bool
@@ -89,34 +88,30 @@ def set_anchors(
     seen: Seen,
     scan: int,
     covariance: Floats,
-    usual: float,
     limits: Limits,
     contacts: Contacts,
     solution: Solution,
     anchors: Records,
     body: Body,
 ) -> None:
-    """Anchor the contacts that are new. covariance: (6, 6), of the body's pose, from the left, at the hand's origin,
-    widened by the usual misfit; it is used up. A contact that is blamed keeps its anchor.
+    """Anchor the contacts that are new. covariance: (6, 6), of the body's pose, from the left, at the hand's origin.
+    A contact that is blamed keeps its anchor.
     """
+    if not some_are_new(seen, scan, anchors):
+        return
     together = come_to_blind(seen, scan, covariance, anchors)
     alone = together or not any_anchored(seen.known[scan], anchors)
     inverse, turn, turned_frame = np.empty((4, 4)), np.zeros((4, 4)), np.empty((4, 4))
     invert(body.pose, inverse)
-    root = np.zeros((6, 6))
-    rooted = False
+    root, blamed = np.zeros((6, 6)), contacts.use < 0.0
+    common = covariance.copy()
+    if alone:
+        add_of_first(seen, scan, limits, contacts, solution, common)
+    factor_in_body(common, inverse, root)
     for pad in range(len(anchors)):
         anchor: Anchor = anchors[pad]
-        if not seen.known[scan, pad]:
-            anchor.anchored = anchor.anchored and seen.held[scan, pad]
+        if not seen.known[scan, pad] or (anchor.anchored and (blamed[pad] or not together)):
             continue
-        if anchor.anchored and not (together and contacts.use[pad] >= 0.0):
-            continue
-        if not rooted:
-            if alone:
-                add_of_first(seen, scan, limits, contacts, solution, covariance)
-            factor_in_body(covariance, usual, inverse, root)
-            rooted = True
         theta = seen.theta[scan, pad]
         anchor.turns = np.isfinite(theta)
         angle = theta if anchor.turns else 0.0
@@ -131,6 +126,17 @@ def set_anchors(
         copy_matrix(root, anchor.root)
         anchor.since_s, anchor.anchored = seen.t_s[scan], True
     body.started = True
+
+
+@routine
+def some_are_new(seen: Seen, scan: int, anchors: Records) -> bool:
+    """Whether any contact whose pose is known has no anchor; those that are gone lose theirs."""
+    new = False
+    for pad in range(len(anchors)):
+        anchor: Anchor = anchors[pad]
+        anchor.anchored = anchor.anchored and (seen.known[scan, pad] or seen.held[scan, pad])
+        new = new or (seen.known[scan, pad] and not anchor.anchored)
+    return new
 
 
 @routine
@@ -246,10 +252,8 @@ def keep_observed(solution: Solution, limit: float) -> None:
 
 
 @routine
-def factor_in_body(covariance: Floats, usual: float, inverse: Floats, root: Floats) -> None:
-    """Fill root (6, 6), a factor of a covariance (6, 6), over the usual misfit, taken to the object's frame by the
-    inverse of its pose.
-    """
+def factor_in_body(covariance: Floats, inverse: Floats, root: Floats) -> None:
+    """Fill root (6, 6), a factor of a covariance (6, 6) taken to the object's frame by the inverse of its pose."""
     A = np.zeros((6, 6))
     for i in range(3):
         n, m = (i + 1) % 3, (i + 2) % 3
@@ -260,7 +264,5 @@ def factor_in_body(covariance: Floats, usual: float, inverse: Floats, root: Floa
     multiply(A, covariance, half)
     multiply(half, A.T, own)
     for i in range(6):
-        for j in range(6):
-            own[i, j] /= usual
         own[i, i] += _LEAST_M2
     cholesky(own, root, 6)

@@ -258,7 +258,7 @@ def pose_step(
             if not another(attempt, verdict, deepest, usual, under, seen.under[scan]):
                 break
         centre = centre_of(seen.frames[scan], seen.known[scan])
-        inherit(contacts, solution, usual, centre, limits, memory.anchors, body)
+        inherit(contacts, solution, centre, limits, memory.anchors, body)
         unscale(solution, verdict, centre, limits.length_m, limits.pose_m, pose)
         widen(past, usual, verdict, pose)
         if not verdict.contradicted:
@@ -269,10 +269,7 @@ def pose_step(
     else:
         pose.rank = 6.0
     find_heights(seen, scan, memory)
-    covariance = np.empty((6, 6))
-    copy_matrix(pose.covariance, covariance)
-    usual = usual_misfit(memory.misfits[1])
-    set_anchors(seen, scan, covariance, usual, limits, contacts, solution, memory.anchors, body)
+    set_anchors(seen, scan, pose.covariance, limits, contacts, solution, memory.anchors, body)
     copy_matrix(body.pose, out.body[row])
 
 

@@ -117,17 +117,9 @@ def move_about(centre: Floats, step: Floats, pose: Floats) -> None:
 
 @routine
 def inherit(
-    contacts: Contacts,
-    solution: Solution,
-    usual: float,
-    centre: Floats,
-    limits: Limits,
-    anchors: Records,
-    body: Body,
+    contacts: Contacts, solution: Solution, centre: Floats, limits: Limits, anchors: Records, body: Body
 ) -> None:
-    """Add to the solution's covariance the errors that anchors have in common since they were set. usual: see
-    `usual_misfit`.
-    """
+    """Add to the solution's covariance the errors that anchors have in common since they were set."""
     first, alike = -1, True
     for pad in range(len(anchors)):
         if contacts.use[pad] > 0.0:
@@ -151,7 +143,7 @@ def inherit(
         share_errors(contacts, solution, A, limits, anchors, error)
     for i in range(6):
         for j in range(6):
-            solution.covariance[i, j] += usual * product_of(error[i], error[j])
+            solution.covariance[i, j] += product_of(error[i], error[j])
 
 
 @routine
