@@ -33,6 +33,7 @@ NAMES = [
     "xela",
     "live",
     "view",
+    "batch",
 ]
 PLUGIN = '''
 from dataclasses import dataclass

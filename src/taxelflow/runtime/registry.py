@@ -115,6 +115,7 @@ PARTS: dict[str, dict[str, str]] = {
         "xela": "taxelflow.evaluation.xela:Xela",
         "live": "taxelflow.evaluation.live_bench:LiveBench",
         "view": "taxelflow.evaluation.view_bench:ViewBench",
+        "batch": "taxelflow.evaluation.batch_workers:BatchWorkers",
     },
 }
 

@@ -37,6 +37,13 @@ class _Patience:
 
 _PATIENCE = _Patience()
 
+_QUIET = {
+    "distributed.admin.tick.interval": "500ms",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.worker.profile.enabled": False,
+}
+"""Settings of Dask on this machine: by default client and workers look at themselves up to 50 times a second, which
+costs each some 5 % of a core; nobody looks at what they see."""
 _LOGS = ("distributed", "distributed.client", "tornado.application", "asyncio")
 """Loggers of faults, each of which becomes one line of ours."""
 _AGAIN = "what is finished is kept: run the same command again"
@@ -49,6 +56,7 @@ def connected(scheduler: str | None, workers: int | None, *, most: int) -> Itera
     Raises ExtraMissing, ClusterFault.
     """
     try:
+        import dask
         from dask.system import CPU_COUNT
         from distributed import Client, LocalCluster
     except ImportError as error:
@@ -57,6 +65,7 @@ def connected(scheduler: str | None, workers: int | None, *, most: int) -> Itera
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     if scheduler is None:
         with (
+            dask.config.set(_QUIET),
             LocalCluster(  # type: ignore[no-untyped-call]
                 n_workers=min(workers or CPU_COUNT, most),
                 threads_per_worker=1,
