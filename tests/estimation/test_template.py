@@ -262,7 +262,7 @@ def test_an_object_that_turns_while_it_slides_is_followed_in_a_stream() -> None:
     slips, truth = result.slips, recording.truth
     assert truth is not None
     told = np.flatnonzero(np.isfinite(slips.pose[:, pad, 2]))
-    assert told[0] < 45  # it begins to move at 31
+    assert told[0] < 52  # it begins to move at 31; three fits must agree
     moved = np.diff(np.stack([slips.pose[told, pad], truth.pose[told]])[:, [10, -1]], axis=1)[:, 0]
     assert np.abs(moved[1, 2]) > np.radians(60)
     assert np.abs(moved[0] - moved[1])[:2] == pytest.approx(0.0, abs=0.1e-3)
@@ -297,7 +297,7 @@ def test_an_object_that_comes_back_over_the_border_is_found_where_it_is(seed: in
     off = (slips.pose[:, pad] - truth.pose)[back, :2]
     std = np.sqrt(slips.covariance[back, pad, [[0], [1]], [[0], [1]]].max(axis=0))
     known = std < 0.2e-3
-    assert known.sum() > 5
+    assert known.sum() > 3
     assert np.abs(off[known] - np.median(off[known], axis=0)).max() < 1e-3
 
 
