@@ -3,9 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.fusion.anchors import Anchor, Body
 from taxelflow.fusion.in_hand import Carried
-from taxelflow.fusion.pose import follow_pose
+from taxelflow.fusion.pose import Anchor, Body, follow_pose
 from taxelflow.fusion.twist import Equations, Row
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.geometry import transform

@@ -2,39 +2,58 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
-from taxelflow.fusion.anchors import (
-    LEAST_VARIANCE_M2,
-    Anchor,
-    Body,
-    add_common,
-    add_turned,
-    follow_contacts,
-    forget,
-    residual_of,
-    set_anchor,
-    usual_misfit,
-    weight_of,
-)
 from taxelflow.fusion.in_hand import Carried
 from taxelflow.fusion.twist import Equations, Row, add_point, clear, solve_rigid, solve_translation, turn_is_observable
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.records import Records
-from taxelflow.numerics.se2 import rotate
+from taxelflow.numerics.records import Records, Vector
+from taxelflow.numerics.se2 import rotate, rotate_back
 from taxelflow.numerics.se3 import count_true
 from taxelflow.numerics.small_linalg import inverse2
-from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.compiling import inlined, kernel, routine
 
 _ITERATIONS = 8
 _PLAIN = 3
 """Steps without weights: until then a residual may be the motion since the last scan."""
 _SMALLEST_STEP = 1e-12
 """In m and rad: rounding."""
+_LEAST_VARIANCE_M2 = 1e-18
+"""Added to the variance of a place, which may be 0: a nanometre, squared."""
+_FAR = 11.34
+"""Chi-square of three components, 99 % point, beyond which a contact counts less (Huber's weights)."""
 _STUDENT = 4.0
 """Degrees of freedom of the Student t distribution whose weights keep a contact that is wrong out of the misfit."""
 _MEMORY = 0.98
 """What is left of misfit and freedom after a scan: they reach back over about 50 scans."""
+_LEAST_FREEDOM = 20.0
+"""Degrees of freedom from which the misfit is significant: its relative standard deviation is then below 0.32."""
+_OWN_TURN_WEIGHT = 0.5
+"""Of a pad's own theta: the variance of the one at which it was anchored counts, too, and is about the same."""
+
+
+class Anchor:
+    """Where on the object a pad's contact lies; theta: the pad's own, less the object's, when it was anchored."""
+
+    anchored: bool
+    x: float
+    y: float
+    theta: float
+    covariance: Annotated[Floats, 2, 2]
+
+
+class Body:
+    """Pose of the object since first contact, and its covariance; all 0 until something touches.
+
+    misfit, freedom: chi-square of the contacts' residuals and its degrees of freedom, over the last scans.
+    """
+
+    pose: Vector
+    covariance: Annotated[Floats, 3, 3]
+    misfit: float
+    freedom: float
 
 
 @kernel
@@ -77,19 +96,27 @@ def follow_pose(
             observable = turns and turn_is_observable(equations.normal)
             if step_pose(observable, body, equations) < _SMALLEST_STEP and robust:
                 break
-        seen = place[scan], place_cov[scan], own_turn[scan], placed[scan]
         judge_misfit(place[scan], place_cov[scan], own_turn[scan], placed[scan], observable, anchors, body)
-        find_covariance(seen, observable, anchors, body, equations)
-        follow_contacts(seen, observable, anchors, body)
-        first = add_common(seen, turns, anchors, body, equations)
         for pad in range(place.shape[1]):
             anchor: Anchor = anchors[pad]
             if placed[scan, pad] and not anchor.anchored:
-                set_anchor(place[scan, pad], place_cov[scan, pad], own_turn[scan, pad], first, anchor, body)
+                set_anchor(place[scan, pad], place_cov[scan, pad], own_turn[scan, pad, 0], anchor, body)
             anchor.anchored = anchor.anchored or placed[scan, pad]
         row: Row = rows[scan]
         at_start = body.pose[2] == 0.0 and body.covariance[2, 2] == 0.0
         write_pose(body, observable or at_start, row.pose, row.pose_covariance)
+
+
+@routine
+def forget(anchors: Records, body: Body) -> None:
+    """The next contact begins at pose 0."""
+    body.misfit = body.freedom = 0.0
+    for pad in range(len(anchors)):
+        anchors[pad].anchored = False
+    for a in range(3):
+        body.pose[a] = 0.0
+        for b in range(3):
+            body.covariance[a, b] = 0.0
 
 
 @routine
@@ -143,41 +170,43 @@ def add_contact(
     x, y = rotate(np.cos(body.pose[2]), np.sin(body.pose[2]), anchor.x, anchor.y)
     add_point(equations, (trust * xx, trust * xy, trust * yy), x, y, dx, dy)
     if own_turn[1] > 0.0 and np.isfinite(anchor.theta):
-        own_weight = trust / (own_turn[1] + anchor.turn_variance)
+        own_weight = trust * _OWN_TURN_WEIGHT / own_turn[1]
         equations.normal[2, 2] += own_weight
         equations.right[2] += own_weight * off
 
 
 @routine
-def find_covariance(
-    seen: tuple[Floats, Floats, Floats, Bools], observable: bool, anchors: Records, body: Body, equations: Equations
-) -> None:
-    """Fill the body's covariance: by errors of now, and of anchors whose error is not in the common one. seen: see
-    `add_contacts`.
+def residual_of(
+    place: Floats, place_cov: Floats, own_turn: Floats, anchor: Anchor, body: Body
+) -> tuple[float, int, tuple[float, float, float], tuple[float, float, float]]:
+    """Chi-square of an anchored contact, the number of its components, the weight (xx, xy, yy) of its place, and its
+    residual along x, y and of the turn.
     """
-    place, place_cov, own_turn, placed = seen
-    clear(equations)
-    count = 0
-    for pad in range(len(place)):
-        anchor: Anchor = anchors[pad]
-        if not (placed[pad] and anchor.anchored):
-            continue
-        count += 1
-        chi2, _, _, _ = residual_of(place[pad], place_cov[pad], own_turn[pad], anchor, body)
-        trust, late = weight_of(chi2, usual_misfit(body)), 0.0 if anchor.first else 1.0
-        xx, xy, yy = inverse2(
-            place_cov[pad, 0, 0] + late * anchor.covariance[0, 0] + LEAST_VARIANCE_M2,
-            place_cov[pad, 0, 1] + late * anchor.covariance[0, 1],
-            place_cov[pad, 1, 1] + late * anchor.covariance[1, 1] + LEAST_VARIANCE_M2,
-        )
-        x, y = rotate(np.cos(body.pose[2]), np.sin(body.pose[2]), anchor.x, anchor.y)
-        add_point(equations, (trust * xx, trust * xy, trust * yy), x, y, 0.0, 0.0)
-        if own_turn[pad, 1] > 0.0 and np.isfinite(anchor.theta):
-            equations.normal[2, 2] += trust / (own_turn[pad, 1] + late * anchor.turn_variance)
-    if count and observable:
-        solve_rigid(equations, equations.solution, body.covariance)
-    elif count:
-        solve_translation(equations, equations.solution, body.covariance)
+    cov = anchor.covariance
+    xx, xy, yy = inverse2(
+        place_cov[0, 0] + cov[0, 0] + _LEAST_VARIANCE_M2,
+        place_cov[0, 1] + cov[0, 1],
+        place_cov[1, 1] + cov[1, 1] + _LEAST_VARIANCE_M2,
+    )
+    x, y = rotate(np.cos(body.pose[2]), np.sin(body.pose[2]), anchor.x, anchor.y)
+    dx, dy = place[0] - x - body.pose[0], place[1] - y - body.pose[1]
+    off = own_turn[0] - anchor.theta - body.pose[2]
+    chi2, measured = dx * (xx * dx + xy * dy) + dy * (xy * dx + yy * dy), 2
+    if own_turn[1] > 0.0 and np.isfinite(anchor.theta):
+        chi2, measured = chi2 + _OWN_TURN_WEIGHT * off * off / own_turn[1], 3
+    return chi2, measured, (xx, xy, yy), (dx, dy, off)
+
+
+@inlined
+def weight_of(chi2: float, usual: float) -> float:
+    """Weight of a contact with this chi-square, where chi-square is usually too large by this factor (Huber)."""
+    return np.sqrt(_FAR * usual / chi2) if chi2 > _FAR * usual else 1.0
+
+
+@inlined
+def usual_misfit(body: Body) -> float:
+    """Reduced chi-square of the last scans, at least 1."""
+    return max(1.0, body.misfit / body.freedom) if body.freedom > _LEAST_FREEDOM else 1.0
 
 
 @routine
@@ -200,18 +229,22 @@ def judge_misfit(
 
 
 @routine
+def set_anchor(place: Floats, place_cov: Floats, theta: float, anchor: Anchor, body: Body) -> None:
+    """Note where on the object a new contact lies, given where the object is now."""
+    cos, sin = np.cos(body.pose[2]), np.sin(body.pose[2])
+    anchor.x, anchor.y = rotate_back(cos, sin, place[0] - body.pose[0], place[1] - body.pose[1])
+    anchor.theta = theta - body.pose[2]
+    for a in range(2):
+        for b in range(2):
+            anchor.covariance[a, b] = place_cov[a, b]
+
+
+@routine
 def write_pose(body: Body, with_turn: bool, pose: Floats, covariance: Floats) -> None:
     """Fill pose (3,) and covariance (3, 3); what belongs to the turn stays NaN without it."""
     axes = 3 if with_turn else 2
     factor = usual_misfit(body)
-    own = np.zeros((3, 3))
-    for a in range(3):
-        for b in range(3):
-            own[a, b] = body.common[a, b]
-    common = np.zeros((3, 3))
-    add_turned(own, body.pose[2], common)
-    at_start = body.covariance[0, 0] == 0.0
     for a in range(axes):
         pose[a] = body.pose[a]
         for b in range(axes):
-            covariance[a, b] = 0.0 if at_start else factor * (body.covariance[a, b] + common[a, b])
+            covariance[a, b] = factor * body.covariance[a, b]

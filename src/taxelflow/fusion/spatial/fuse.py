@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.fusion.spatial.anchors import Anchor, Body, follow, set_anchors, start_body
-from taxelflow.fusion.spatial.pose import fit_pose, inherit
+from taxelflow.fusion.spatial.pose import Anchor, Body, fit_pose, inherit, set_anchors, start_body
 from taxelflow.fusion.spatial.robust import Verdict, most_chi2
 from taxelflow.fusion.spatial.solve import Contacts, Solution, room
 from taxelflow.fusion.spatial.twist import (
@@ -261,15 +260,13 @@ def pose_step(
         inherit(contacts, solution, centre, limits, memory.anchors, body)
         unscale(solution, verdict, centre, limits.length_m, limits.pose_m, pose)
         widen(past, usual, verdict, pose)
-        if not verdict.contradicted:
-            follow(seen, scan, contacts, solution, memory.anchors, body)
         for pad in range(len(contacts.use)):
             out.blamed[row, pad] = out.blamed[row, pad] or contacts.use[pad] < 0.0
         out.contradicted[row] = out.contradicted[row] or verdict.contradicted
     else:
         pose.rank = 6.0
     find_heights(seen, scan, memory)
-    set_anchors(seen, scan, pose.covariance, limits, contacts, solution, memory.anchors, body)
+    set_anchors(seen, scan, pose.covariance, contacts.use, memory.anchors, body)
     copy_matrix(body.pose, out.body[row])
 
 

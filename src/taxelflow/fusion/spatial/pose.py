@@ -1,15 +1,18 @@
 """The object's pose in space since first contact: a robust fit of all contacts to where they lie on the object.
 
-A contact is anchored on the object in its first scan (`anchors`). Later scans measure where that point is, along the
-pad and about its normal. Anchors that were set in one scan have an error of the pose in common: such errors are
-propagated through the fit and do not average out. While nothing touches, everything is forgotten.
+A contact is anchored on the object in its first scan. Later scans measure where that point is, along the pad and about
+its normal. A contact that comes later inherits the error that the pose has by then: these errors are common to all
+contacts of that time, so they are propagated through the fit and do not average out. While nothing touches, everything
+is forgotten.
 """
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
-from taxelflow.fusion.spatial.anchors import Anchor, Body, place_covariance
+from taxelflow.fusion.reference import UNOBSERVABLE_M
 from taxelflow.fusion.spatial.robust import Verdict, solve_robustly
 from taxelflow.fusion.spatial.solve import Contacts, Solution, add_product
 from taxelflow.fusion.spatial.twist import (
@@ -23,13 +26,47 @@ from taxelflow.fusion.spatial.twist import (
 from taxelflow.fusion.spatial.window import Seen, put_under, turned
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
-from taxelflow.numerics.se3 import compose, copy_matrix, exponential, multiply, product_of
+from taxelflow.numerics.se3 import carried, cholesky, compose, copy_matrix, exponential, invert, multiply, planar_rows
 from taxelflow.runtime.compiling import routine
 
 _ITERATIONS = 4
 """Steps of Gauss-Newton."""
 _SMALLEST_STEP = 1e-7
 """In m and rad: the next would be a thousandth of it, or less."""
+_SHARPER = 0.1
+"""Variance of a contact's place, over that of its anchor, below which it is anchored again: while a contact is pressed
+on, its first scans are often not resolved, and what is anchored there would blur all that follow."""
+
+
+class Anchor:
+    """Where on the object a contact lies. frame: (4, 4), of the contact in the object's frame, turned by its theta.
+    covariance: (3, 3), of the pose when it was anchored. root: (6, 6), a factor of the covariance of the object's pose
+    at that time, in the object's frame; 0 in the first scan.
+    """
+
+    anchored: bool
+    turns: bool
+    frame: Annotated[Floats, 4, 4]
+    covariance: Annotated[Floats, 3, 3]
+    root: Annotated[Floats, 6, 6]
+
+
+class Body:
+    """The object's pose (4, 4) in the hand; started: whether something touches."""
+
+    started: bool
+    pose: Annotated[Floats, 4, 4]
+
+
+@routine
+def start_body(body: Body, anchors: Records) -> None:
+    """The object where it is now is the origin of its motion."""
+    body.started = False
+    for i in range(4):
+        for j in range(4):
+            body.pose[i, j] = 1.0 if i == j else 0.0
+    for pad in range(len(anchors)):
+        anchors[pad].anchored = False
 
 
 @routine
@@ -103,6 +140,15 @@ def linearise(
 
 
 @routine
+def place_covariance(seen: Seen, scan: int, pad: int, covariance: Floats) -> None:
+    """Fill covariance (3, 3) of a contact's pose, with what its pattern does not show."""
+    copy_matrix(seen.covariance[scan, pad], covariance)
+    for a in range(2):
+        for b in range(2):
+            covariance[a, b] += UNOBSERVABLE_M**2 * seen.unobservable[scan, pad, a, b]
+
+
+@routine
 def move_about(centre: Floats, step: Floats, pose: Floats) -> None:
     """Move a pose (4, 4) by a small motion (6,) whose translation is that of the point at the centre."""
     motion, moved = np.empty((4, 4)), np.empty((4, 4))
@@ -119,14 +165,13 @@ def move_about(centre: Floats, step: Floats, pose: Floats) -> None:
 def inherit(
     contacts: Contacts, solution: Solution, centre: Floats, limits: Limits, anchors: Records, body: Body
 ) -> None:
-    """Add to the solution's covariance the errors that anchors have in common since they were set."""
-    first, alike = -1, True
+    """Add to the solution's covariance what the anchors inherited: errors of the pose when they were set, in common."""
+    old = False
     for pad in range(len(anchors)):
-        if contacts.use[pad] > 0.0:
-            first = pad if first < 0 else first
-            alike = alike and anchors[pad].since_s == anchors[first].since_s
-    if first < 0:
+        old = old or (contacts.use[pad] > 0.0 and anchors[pad].root[0, 0] > 0.0)
+    if not old:
         return
+    total = np.zeros((6, 6))
     A = np.zeros((6, 6))
     for i in range(3):  # from the object's frame to the hand's axes at the centre, scaled
         n, m = (i + 1) % 3, (i + 2) % 3
@@ -136,28 +181,17 @@ def inherit(
             A[i, 3 + j] = (body.pose[n, 3] - centre[n]) * body.pose[m, j] - (body.pose[m, 3] - centre[m]) * body.pose[
                 n, j
             ]
-    error = np.zeros((6, 6))
-    if alike and not np.isfinite(solution.values[0]):  # the object moves as they do
-        multiply(A, anchors[first].root, error)
-    else:
-        share_errors(contacts, solution, A, limits, anchors, error)
-    for i in range(6):
-        for j in range(6):
-            solution.covariance[i, j] += product_of(error[i], error[j])
-
-
-@routine
-def share_errors(
-    contacts: Contacts, solution: Solution, A: Floats, limits: Limits, anchors: Records, error: Floats
-) -> None:
-    """Fill error (6, 6) with what the fit makes of the roots of all anchors, which A (6, 6) takes to its axes."""
-    own, projected, weighted = np.zeros((6, 6)), np.zeros((3, 6)), np.zeros((6, 6))
+    error, projected, weighted = np.zeros((6, 6)), np.zeros((3, 6)), np.zeros((6, 6))
     for pad in range(len(anchors)):
-        if contacts.use[pad] > 0.0:
-            multiply(A, anchors[pad].root, own)
-            multiply(contacts.rows[pad], own, projected)
+        if contacts.use[pad] > 0.0 and anchors[pad].root[0, 0] > 0.0:
+            multiply(A, anchors[pad].root, error)
+            multiply(contacts.rows[pad], error, projected)
             add_product(contacts.rows[pad], contacts.W[pad], projected, weighted)
     solve_observed(solution, weighted, limits.pose_m, error)
+    multiply(error, error.T, total)
+    for i in range(6):
+        for j in range(6):
+            solution.covariance[i, j] += total[i, j]
 
 
 @routine
@@ -173,3 +207,77 @@ def solve_observed(solution: Solution, weighted: Floats, limit: float, error: Fl
         for j in range(6):
             along[d, j] = along[d, j] / solution.values[d] if seen else 0.0
     multiply(solution.vectors, along, error)
+
+
+@routine
+def set_anchors(seen: Seen, scan: int, covariance: Floats, use: Floats, anchors: Records, body: Body) -> None:
+    """Anchor the contacts that are new, and those that are far better known than when they were anchored.
+
+    covariance: (6, 6), of the body's pose, from the left, at the hand's origin. use: see `Contacts`; who is blamed
+    keeps its anchor.
+    """
+    together = come_to_blind(seen, scan, covariance, anchors)
+    inverse, turn, turned_frame = np.empty((4, 4)), np.zeros((4, 4)), np.empty((4, 4))
+    invert(body.pose, inverse)
+    root, own = np.zeros((6, 6)), np.empty((3, 3))
+    rooted = False
+    for pad in range(len(anchors)):
+        anchor: Anchor = anchors[pad]
+        if not seen.known[scan, pad]:
+            anchor.anchored = anchor.anchored and seen.held[scan, pad]
+            continue
+        place_covariance(seen, scan, pad, own)
+        own[0, 0] += seen.doubt[scan, pad]
+        own[1, 1] += seen.doubt[scan, pad]
+        was = anchor.covariance
+        sharper = own[0, 0] + own[1, 1] < _SHARPER * (was[0, 0] + was[1, 1]) and use[pad] > 0.0
+        if sharper or (together and use[pad] >= 0.0) or not anchor.anchored:
+            if body.started and not rooted:
+                factor_in_body(covariance, inverse, root)
+                rooted = True
+            theta = seen.theta[scan, pad]
+            anchor.turns = np.isfinite(theta)
+            angle = theta if anchor.turns else 0.0
+            turn[0, 0] = turn[1, 1] = np.cos(angle)
+            turn[1, 0], turn[0, 1] = np.sin(angle), -np.sin(angle)
+            turn[2, 2] = turn[3, 3] = 1.0
+            compose(seen.frames[scan, pad], turn, turned_frame)
+            compose(inverse, turned_frame, anchor.frame)
+            copy_matrix(own, anchor.covariance)
+            copy_matrix(root, anchor.root)
+            anchor.anchored = True
+    body.started = True
+
+
+@routine
+def come_to_blind(seen: Seen, scan: int, covariance: Floats, anchors: Records) -> bool:
+    """Whether contacts come to a pose that is known far worse there than their place. All contacts are then anchored
+    again, together: the pose's error is common to them, and does not contradict any. Anchored one by one, as fingers
+    close, those that came first would hold the new ones to motions that nothing has seen.
+    """
+    rows, own, origin = np.zeros((3, 6)), np.empty((3, 3)), np.zeros(3)
+    for pad in range(len(anchors)):
+        if seen.known[scan, pad] and not anchors[pad].anchored:
+            planar_rows(seen.frames[scan, pad], origin, rows)
+            place_covariance(seen, scan, pad, own)
+            of_pose = carried(rows[0], covariance, rows[0]) + carried(rows[1], covariance, rows[1])
+            if own[0, 0] + own[1, 1] < _SHARPER * of_pose:
+                return True
+    return False
+
+
+@routine
+def factor_in_body(covariance: Floats, inverse: Floats, root: Floats) -> None:
+    """Fill root (6, 6), a factor of a covariance (6, 6) taken to the object's frame by the inverse of its pose."""
+    A = np.zeros((6, 6))
+    for i in range(3):
+        n, m = (i + 1) % 3, (i + 2) % 3
+        for j in range(3):
+            A[i, j] = A[3 + i, 3 + j] = inverse[i, j]
+            A[i, 3 + j] = inverse[n, 3] * inverse[m, j] - inverse[m, 3] * inverse[n, j]
+    half, own = np.empty((6, 6)), np.empty((6, 6))
+    multiply(A, covariance, half)
+    multiply(half, A.T, own)
+    for i in range(6):
+        own[i, i] += 1e-18
+    cholesky(own, root, 6)

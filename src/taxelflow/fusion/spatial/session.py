@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.fusion.reference import UNOBSERVABLE_M_S, Reference
-from taxelflow.fusion.spatial.anchors import Anchor, Body
 from taxelflow.fusion.spatial.fuse import Memory, Moving, Written, begin, fuse_scans
 from taxelflow.fusion.spatial.places import Places
+from taxelflow.fusion.spatial.pose import Anchor, Body
 from taxelflow.fusion.spatial.roundness import centres
 from taxelflow.fusion.spatial.twist import Limits, Misfit, Sixfold
 from taxelflow.fusion.spatial.window import Seen, Velocities

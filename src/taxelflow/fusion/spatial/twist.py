@@ -140,21 +140,15 @@ def fill_information(covariance: Floats, known: bool, W: Floats) -> None:
 
 
 @routine
-def fill_shift(centre: Floats, length_m: float, A: Floats) -> None:
-    """Fill A (6, 6), which comes in as 0: adjoint of the shift from the centre to the origin, times the scale."""
+def unscale(solution: Solution, verdict: Verdict, centre: Floats, length_m: float, limit: float, out: Sixfold) -> None:
+    """Fill value, covariance, blind directions and rank: from the centre, scaled, to the hand's origin, in rad."""
+    A = np.zeros((6, 6))  # adjoint of the shift from the centre to the origin, times the scale
     for i in range(3):
         n, m = (i + 1) % 3, (i + 2) % 3
         A[i, i] = 1.0
         A[3 + i, 3 + i] = 1.0 / length_m
         A[i, 3 + m] = centre[n] / length_m  # v at the origin: v + centre x omega
         A[i, 3 + n] = -centre[m] / length_m
-
-
-@routine
-def unscale(solution: Solution, verdict: Verdict, centre: Floats, length_m: float, limit: float, out: Sixfold) -> None:
-    """Fill value, covariance, blind directions and rank: from the centre, scaled, to the hand's origin, in rad."""
-    A = np.zeros((6, 6))
-    fill_shift(centre, length_m, A)
     carried, blind = np.empty((6, 6)), 0
     multiply(A, solution.covariance, carried)
     multiply(carried, A.T, out.covariance)
