@@ -261,9 +261,9 @@ def test_an_object_that_turns_while_it_slides_is_followed_in_a_stream() -> None:
     pad = recording.layout.pads.index("finger2_proximal")
     slips, truth = result.slips, recording.truth
     assert truth is not None
-    told = np.flatnonzero(np.isfinite(slips.pose[:, pad, 2]))
-    assert told[0] < 52  # it begins to move at 31; three fits must agree
-    moved = np.diff(np.stack([slips.pose[told, pad], truth.pose[told]])[:, [10, -1]], axis=1)[:, 0]
+    reported = np.flatnonzero(np.isfinite(slips.pose[:, pad, 2]))
+    assert reported[0] < 52  # it moves from 31 on; a turn is reported once three fits agree
+    moved = np.diff(np.stack([slips.pose[reported, pad], truth.pose[reported]])[:, [10, -1]], axis=1)[:, 0]
     assert np.abs(moved[1, 2]) > np.radians(60)
     assert np.abs(moved[0] - moved[1])[:2] == pytest.approx(0.0, abs=0.1e-3)
     assert moved[0, 2] == pytest.approx(moved[1, 2], abs=np.radians(1.5))

@@ -42,8 +42,8 @@ _QUIET = {
     "distributed.admin.system-monitor.interval": "10s",
     "distributed.worker.profile.enabled": False,
 }
-"""Settings of Dask on this machine: by default client and workers look at themselves up to 50 times a second, which
-costs each some 5 % of a core; nobody looks at what they see."""
+"""Settings of Dask on this machine: by default client and workers monitor themselves up to 50 times a second, which
+costs each some 5 % of a core, and nothing uses it."""
 _LOGS = ("distributed", "distributed.client", "tornado.application", "asyncio")
 """Loggers of faults, each of which becomes one line of ours."""
 _AGAIN = "what is finished is kept: run the same command again"
