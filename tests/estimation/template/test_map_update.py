@@ -1,0 +1,56 @@
+"""A stream's map, learned from its keyframes as a batch solves a contact."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimation.template.test_taxel_gains import PEAK, error, sliding
+from taxelflow.estimation.template.hypotheses import covering
+from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.online.keyframes import Keyframes
+from taxelflow.estimation.template.online.local_map import Learned
+from taxelflow.estimation.template.online.map_update import learn
+
+
+def keyframes_of(scanned: Scanned, at: np.ndarray, gains: np.ndarray) -> Learned:
+    """What a stream knows of these scans, each at a place (2,) of `at`, when its hypotheses are to be compared."""
+    states = np.zeros((len(scanned), 5))
+    states[:, :2], states[:, 3] = at, 1.0
+    keyframes = Keyframes(scanned, states, states.copy())
+    return Learned(covering(scanned, states), keyframes, 2.0, gains, unseen_error=0.05, taken=len(scanned))
+
+
+def test_a_wrong_motion_is_given_up_though_gains_explain_it() -> None:
+    """Gains with which an object that slides seems to move by half as much."""
+    scanned, at, _ = sliding(0.1)
+    mean = scanned.readings.mean(axis=0)
+    wrong = np.clip(1.0 + 0.5 * (mean / mean.max() - 0.5), 0.5, 2.0)
+    found = learn(keyframes_of(scanned, 0.5 * at, wrong))
+    assert error(found.keyframes.states, at) < 0.05
+
+
+def test_a_dead_taxel_is_masked_and_the_others_are_not() -> None:
+    scanned, at, _ = sliding(0.0)
+    dead = int(np.argmin(np.hypot(*scanned.places)))  # the object slides over it
+    scanned.readings[:, dead] = 0.0
+    found = learn(keyframes_of(scanned, at, np.ones(scanned.readings.shape[1])))
+    assert np.flatnonzero(np.isinf(found.gains)).tolist() == [dead]
+    assert error(found.keyframes.states, at) < 0.05
+
+
+def test_a_taxel_that_answers_again_is_dead_no_longer() -> None:
+    scanned, at, _ = sliding(0.0)
+    gains = np.ones(scanned.readings.shape[1])
+    gains[int(np.argmin(np.hypot(*scanned.places)))] = np.inf
+    assert np.isfinite(learn(keyframes_of(scanned, at, gains)).gains).all()
+
+
+def test_an_infinite_gain_masks_readings() -> None:
+    scanned, _, _ = sliding(0.0)
+    gains = np.full(scanned.readings.shape[1], 2.0)
+    gains[3] = np.inf
+    divided = replace(scanned, ceiling=np.full(gains.shape, PEAK)).divided(gains)
+    assert (divided.variance[:, 3] == 0.0).all()
+    np.testing.assert_array_equal(divided.readings[:, 4], 0.5 * scanned.readings[:, 4])
+    assert divided.ceiling[4] == pytest.approx(0.5 * PEAK)
