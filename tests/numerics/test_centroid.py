@@ -63,10 +63,10 @@ def test_noise_around_a_contact_gives_its_centre_no_negative_variance() -> None:
     assert out[0] > 0.0 and out[2] > 0.0
 
 
-def covariance(places: Floats, reading: Floats, variance: Floats, error: float) -> Floats:
+def covariance(places: Floats, reading: Floats, variance: Floats, error: float, tilt: float = 0.0) -> Floats:
     middle, out = np.empty(5), np.empty(6)
     pressure_centre(reading, variance, places, np.zeros(len(reading), np.bool_), middle)
-    centroid_covariance(reading, variance, np.full(len(reading), 1000.0), places, middle, error, out)
+    centroid_covariance(reading, variance, np.full(len(reading), 1000.0), places, middle, error, tilt, out)
     return out
 
 
@@ -90,6 +90,22 @@ def test_noise_and_errors_of_readings_scatter_the_centroid_by_its_covariance() -
     scatter = np.cov((draws @ places.T / draws.sum(axis=1, keepdims=True)).T)
     predicted = out[:3] - flat[:3] + out[3:]
     np.testing.assert_allclose(predicted, scatter[[0, 0, 1], [0, 1, 1]], rtol=0.05, atol=2e-7)
+
+
+def test_a_tilt_of_the_load_scatters_the_centroid_by_its_covariance() -> None:
+    """Pressure changes with the place, by a share with this deviation at a radius of gyration, in any direction."""
+    random = np.random.default_rng(1)
+    places = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(6.0), np.arange(4.0))])
+    reading = 100.0 * np.exp(-0.2 * ((places[0] - 2.2) ** 2 + 2.0 * (places[1] - 1.6) ** 2))
+    found = covariance(places, reading, np.full(24, 1e-12), 0.0, 0.05) - covariance(
+        places, reading, np.full(24, 1e-12), 0.0
+    )
+    share = reading / reading.sum()
+    off = places - (places @ share)[:, np.newaxis]
+    own = np.linalg.inv(np.linalg.cholesky(off * share @ off.T)) @ off  # in radii of gyration
+    draws = reading * (1.0 + 0.05 * random.normal(size=(40_000, 2)) @ own)
+    scatter = np.cov((draws @ places.T / draws.sum(axis=1, keepdims=True)).T)
+    np.testing.assert_allclose(found[:3], scatter[[0, 0, 1], [0, 1, 1]], rtol=0.05, atol=1e-4)
 
 
 def test_a_masked_taxel_within_the_contact_may_have_read_anything() -> None:

@@ -37,7 +37,7 @@ def loaded_centroid(reading: Floats, variance: Floats, places: Floats, edge: Boo
     """
     peak = 0.0
     for i in range(len(reading)):
-        peak = max(peak, reading[i])
+        peak = max(peak, reading[i] if variance[i] > 0.0 else 0.0)
     total = x = y = border = 0.0
     for i in range(len(reading)):
         p = reading[i]
@@ -64,7 +64,7 @@ def pressure_centre(reading: Floats, variance: Floats, places: Floats, edge: Boo
         return
     peak = furthest = 0.0
     for i in range(len(reading)):
-        peak = max(peak, reading[i])
+        peak = max(peak, reading[i] if variance[i] > 0.0 else 0.0)
     for i in range(len(reading)):
         if _belongs(reading[i], variance[i], peak):
             x, y = places[0, i] - out[0], places[1, i] - out[1]
@@ -82,13 +82,21 @@ def pressure_centre(reading: Floats, variance: Floats, places: Floats, edge: Boo
 
 @kernel
 def centroid_covariance(
-    reading: Floats, variance: Floats, ceiling: Floats, places: Floats, middle: Floats, error: float, out: Floats
+    reading: Floats,
+    variance: Floats,
+    ceiling: Floats,
+    places: Floats,
+    middle: Floats,
+    error: float,
+    tilt: float,
+    out: Floats,
 ) -> None:
-    """Fill out (6,): xx, xy and yy of the centroid's covariance by what readings misrepresent, then those by noise.
+    """Fill out (6,): xx, xy and yy of the centroid's covariance by what it misrepresents, then those by noise.
 
     places: (2, taxels) in pitches. middle: (5,), from `pressure_centre`. error: standard deviation of a reading as a
-    share of it. A masked taxel within the contact may read what the others read on average; saturated ones, all
-    together, may be wrong by what they read. All 0 without load.
+    share of it. tilt: that of the share by which a tilt of the load changes the pressure at a radius of gyration. A
+    masked taxel within the contact may read what the others read on average; saturated ones, all together, may be wrong
+    by what they read. All 0 without load.
     """
     out[:] = 0.0
     total = middle[3]
@@ -114,6 +122,7 @@ def centroid_covariance(
             wrong = (mean / total) ** 2
         out[0], out[1], out[2] = out[0] + wrong * x * x, out[1] + wrong * x * y, out[2] + wrong * y * y
         out[3], out[4], out[5] = out[3] + noise * x * x, out[4] + noise * x * y, out[5] + noise * y * y
+    out[0], out[1], out[2] = out[0] + tilt * tilt * xx, out[1] + tilt * tilt * xy, out[2] + tilt * tilt * yy
     xx, xy, yy = inverse2(1.0 + xx / _CELL, xy / _CELL, 1.0 + yy / _CELL)
     out[0], out[2] = out[0] + _CELL * xx + far_x * far_x, out[2] + _CELL * yy + far_y * far_y
     out[1] += _CELL * xy

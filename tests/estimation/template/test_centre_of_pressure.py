@@ -164,7 +164,7 @@ def test_a_stream_finds_the_turn_of_an_object_whose_contact_reaches_the_border()
     found = row("cloth", "xela", 2, unseen_error=0.05, mode="stream")
     assert found.error_mm is not None
     assert found.error_deg is not None
-    assert found.error_mm < 0.25
+    assert found.error_mm < 0.3
     assert found.error_deg < 3.0
 
 
@@ -173,4 +173,4 @@ def test_gains_that_a_young_map_learned_do_not_move_the_load() -> None:
     """The centre of pressure of the readings as they are; divided by the gains of this stream it is off by 1.1 mm."""
     found = row("fine-handle", "palm", 0, unseen_error=0.05, mode="stream")
     assert found.error_mm is not None
-    assert found.error_mm < 0.8
+    assert found.error_mm < 0.9

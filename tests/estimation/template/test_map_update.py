@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from estimation.template.test_taxel_gains import PEAK, error, sliding
+from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.hypotheses import covering
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import Learned
-from taxelflow.estimation.template.online.map_update import learn
+from taxelflow.estimation.template.online.map_update import _anchor, learn
 
 
 def keyframes_of(scanned: Scanned, at: np.ndarray, gains: np.ndarray) -> Learned:
@@ -44,6 +45,37 @@ def test_a_taxel_that_answers_again_is_dead_no_longer() -> None:
     gains = np.ones(scanned.readings.shape[1])
     gains[int(np.argmin(np.hypot(*scanned.places)))] = np.inf
     assert np.isfinite(learn(keyframes_of(scanned, at, gains)).gains).all()
+
+
+def test_the_point_that_is_reported_is_where_the_load_lies_on_average_whatever_the_frame() -> None:
+    scanned, at, _ = sliding(0.0)
+    gains = np.ones(scanned.readings.shape[1])
+    here, there = (learn(keyframes_of(scanned, place, gains)) for place in (at, 0.6 * at + 0.4))
+    assert here.anchor is not None
+    assert there.anchor is not None
+    places = [found.keyframes.states[:, :2] + found.anchor.arm for found in (here, there) if found.anchor]
+    np.testing.assert_allclose(places[0], places[1], atol=0.02)
+    np.testing.assert_allclose(np.mean(places[0] - scanned.centroids(), axis=0), 0.0, atol=0.02)
+
+
+def test_what_a_dead_taxel_reads_is_no_part_of_the_load() -> None:
+    scanned, at, _ = sliding(0.0)
+    gains = np.ones(scanned.readings.shape[1])
+    gains[dead := int(np.argmin(np.hypot(*scanned.places)))] = np.inf
+    found = []
+    solved = solve_contact(replace(scanned, variance=scanned.variance.copy()))
+    for stuck in (0.0, 5.0 * PEAK):
+        scanned.readings[:, dead] = stuck
+        found.append(_anchor(keyframes_of(scanned, at, gains), gains, solved))
+    assert found[0] is not None
+    assert found[1] is not None
+    np.testing.assert_array_equal(found[0].arm, found[1].arm)
+
+
+def test_on_a_sensor_without_unseen_error_the_map_alone_is_the_frame() -> None:
+    scanned, at, _ = sliding(0.0)
+    known = keyframes_of(scanned, at, np.ones(scanned.readings.shape[1]))
+    assert learn(replace(known, unseen_error=0.0)).anchor is None
 
 
 def test_an_infinite_gain_masks_readings() -> None:

@@ -160,7 +160,7 @@ class BatchSession:
             poses = poses.open_across(scanned, pitch_m)
             if layout.unseen_error:
                 edge: Bools = np.asarray(layout.border[own].any(axis=1), dtype=np.bool_)
-                poses = witnessed(poses, replace(scanned, readings=readings), edge, pitch_m)
+                poses = witnessed(poses, replace(scanned, readings=readings), edge, pitch_m, layout.unseen_error)
         is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
         poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
         if len(solved.dead):

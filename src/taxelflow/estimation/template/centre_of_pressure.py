@@ -4,11 +4,12 @@ A load acts where the object is, whatever its pattern looks like. The centre of 
 less precisely than a good one, but no map that is young or wrong misleads it. With readings p at r from c (pitches),
 their sum S and their second moment M = sum(p r r^T) / S, its covariance is
 
-    D = sum(((e p)^2 + noise^2) r r^T) / S^2  +  (1 + 12 M)^-1 / 12  +  (b s d)^2 1
+    D = sum(((e p)^2 + noise^2) r r^T) / S^2  +  (1 + 12 M)^-1 / 12  +  (b s d)^2 1  +  a^2 M
 
 e: a reading stands for a cell across which the pressure varies, by a gain of its own. The second term: a contact ends
 anywhere between two taxels, which moves the centre of n in line by 1 / n of a cell at most. The third: where a share s
-of the load lies at the pad's border, a motion d of c shows by a share that is wrong by b.
+of the load lies at the pad's border, a motion d of c shows by a share that is wrong by b. The fourth: a tilt of the
+load, which changes the pressure by a share of standard deviation a at a radius of gyration, see `tilt`.
 
 With the place p on the map, and its covariance C, the pose is p + W (c - p), W = C (C + D)^-1. Tilt and gains move
 both; nobody knows how alike. For any correlation,
@@ -20,23 +21,28 @@ contradict each other, it is multiplied by chi-square per degree of freedom (Bir
 the angle is wrong by itself then: a turn that it holds misleads it by more than its residuals show, and c not at all.
 There C is multiplied by what makes that chi-square 1, and W and the covariance follow from it.
 
+A stream's frame steps when its map is learned again. What it reports is the point of the object on which c lies on
+average over all keyframes, see `Anchor`: this point hardly steps, whatever the map before was.
+
 A sensor that declares no unseen error has none of this: there the map is right to within what its residuals show.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from taxelflow.estimation.template.pose_output import Poses, judge
 from taxelflow.messages import OK
+from taxelflow.numerics.bspline import STATE
 from taxelflow.numerics.centroid import centroid_covariance, pressure_centre
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Readings, Scanned
+    from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 
 CELL_ERROR = 0.2
@@ -106,49 +112,94 @@ def transformed(p: float, q: float, r: float, s: float, m: tuple[float, float, f
 
 
 @kernel
-def _centres(scans: Readings, edge: Bools, out: Floats) -> None:
+def _centres(scans: Readings, edge: Bools, tilt: float, out: Floats) -> None:
     """Fill out (scans, 11) with each scan's `pressure_centre` (5,) and `centroid_covariance` (6,)."""
     ceiling, places = scans.ceiling, scans.places
     for k in range(len(scans.value)):
         reading, variance = scans.value[k], scans.variance[k]
         pressure_centre(reading, variance, places, edge, out[k, :5])
-        centroid_covariance(reading, variance, ceiling, places, out[k, :5], CELL_ERROR, out[k, 5:])
+        centroid_covariance(reading, variance, ceiling, places, out[k, :5], CELL_ERROR, tilt, out[k, 5:])
 
 
-def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float) -> Poses:
+class Centres(NamedTuple):
+    """Centres of pressure of scans, in pitches: where they are (scans, 2), the covariance of each as xx, xy and yy
+    (scans, 3), by the border too, and whether there is a load (scans,).
+    """
+
+    place: Floats
+    covariance: Floats
+    known: Bools
+
+    @classmethod
+    def of(cls, scanned: Scanned, edge: Bools, tilt: float) -> Centres:
+        """edge: (taxels,), at the pad's border. tilt: see `centroid_covariance`."""
+        found = np.empty((len(scanned), 11))
+        _centres(scanned.with_error(0.0), edge, tilt, found)
+        place, border, known = found[:, :2], found[:, 2], found[:, 3] > 0
+        covariance = found[:, 5:8] + found[:, 8:]
+        if known.any():
+            moved = np.hypot(*(place - np.median(place[known], axis=0)).T)
+            covariance[:, [0, 2]] += ((BORDER_ERROR * border * moved) ** 2)[:, np.newaxis]
+        return cls(place, covariance, known)
+
+    @property
+    def spread(self) -> Floats:
+        """(scans,), trace of the covariance."""
+        both: Floats = self.covariance[:, 0] + self.covariance[:, 2]
+        return both
+
+    def arm(self, states: Floats, trust: Floats) -> Floats:
+        """(2,), from the origin of a body at states (scans, 3 or more) to where its centre lies on average."""
+        cos, sin = np.cos(states[:, 2]), np.sin(states[:, 2])
+        x, y = (self.place - states[:, :2]).T
+        own = np.stack([cos * x + sin * y, cos * y - sin * x], axis=1)
+        average: Floats = np.average(own[self.known], axis=0, weights=trust[self.known])
+        return average
+
+
+class Anchor(NamedTuple):
+    """Where the centre of pressure lies on average: (2,) from the origin of the object's frame, and the mean variance
+    of one scan's, in pitches^2.
+    """
+
+    arm: Floats
+    variance: float
+
+
+def anchor_of(solved: Solved, scanned: Scanned, tilt: float) -> Anchor | None:
+    """Of a solved contact's scans as they were read; None if none shows it. tilt: see `centroid_covariance`."""
+    centres = Centres.of(scanned, scanned.edge, tilt)
+    if scanned.across.any() or not centres.known.any():
+        return None
+    own = np.linalg.inv(solved.fit.information + 1e-9 * np.eye(STATE))
+    trust = 1.0 / (own[:, 0, 0] + own[:, 1, 1] + centres.spread)
+    variance = np.average(0.5 * centres.spread[centres.known], weights=trust[centres.known])
+    return Anchor(centres.arm(solved.states, trust), float(variance))
+
+
+def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt: float) -> Poses:
     """Poses with the centre of pressure of each scan as a second witness.
 
-    edge: (taxels,), at the pad's border. The body's point that the centre follows is where it lies on average.
+    edge, tilt: see `Centres`. The body's point that the centre follows is where it lies on average.
     """
-    found = np.empty((len(scanned), 11))
-    _centres(scanned.with_error(0.0), edge, found)
-    known = np.isfinite(poses.pose[:, :2]).all(axis=1) & (found[:, 3] > 0)
+    centres = Centres.of(scanned, edge, tilt)
+    known = np.isfinite(poses.pose[:, :2]).all(axis=1) & centres.known
     known &= np.isfinite(poses.covariance[:, :2, :2]).all(axis=(1, 2))
     if scanned.across.any() or not known.any():
         return poses
-    place = poses.pose[:, :2] / pitch_m
-    theta = np.nan_to_num(poses.pose[:, 2])
-    cos, sin = np.cos(theta), np.sin(theta)
-    turn = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
-    doubt = found[:, 5:8] + found[:, 8:]
-    trust = known / (np.trace(poses.covariance[:, :2, :2], axis1=1, axis2=2) / pitch_m**2 + doubt[:, 0] + doubt[:, 2])
-    gap = np.einsum("kji,kj->ki", turn, found[:, :2] - place)
-    arm = np.average(gap[known], axis=0, weights=trust[known])
-    apart = found[:, :2] - np.einsum("kij,j->ki", turn, arm) - place
-    moved = np.hypot(*(found[:, :2] - np.median(found[known, :2], axis=0)).T)
-    border = (BORDER_ERROR * found[:, 2] * moved) ** 2
+    centres = centres._replace(known=known)
+    state = np.column_stack([poses.pose[:, :2] / pitch_m, np.nan_to_num(poses.pose[:, 2])])
+    own = np.trace(poses.covariance[:, :2, :2], axis1=1, axis2=2) / pitch_m**2
+    arm = centres.arm(state, 1.0 / (own + centres.spread))
+    cos, sin = np.cos(state[:, 2]), np.sin(state[:, 2])
+    turned = np.stack([cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1]], axis=1)
+    apart = centres.place - turned - state[:, :2]
     pose, covariance = poses.pose.copy(), poses.covariance.copy()
     shared = np.zeros_like(covariance) + poses.shared
     weight, shown = np.zeros((2, 2)), np.isfinite(poses.pose[:, 2])
     for k in np.flatnonzero(known).tolist():
         own = covariance[k] / pitch_m**2
-        combine(
-            own,
-            (doubt[k, 0] + border[k], doubt[k, 1], doubt[k, 2] + border[k]),
-            tuple(apart[k]),
-            bool(shown[k]),
-            weight,
-        )
+        combine(own, tuple(centres.covariance[k]), tuple(apart[k]), bool(shown[k]), weight)
         pose[k, :2] += pitch_m * (weight @ apart[k])
         covariance[k, :2] = pitch_m**2 * own[:2]
         covariance[k, 2, :2] = pitch_m**2 * own[2, :2]

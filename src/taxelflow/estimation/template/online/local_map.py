@@ -11,6 +11,7 @@ from taxelflow.estimation.template.hypotheses import FIRST_GAIN_STD
 from taxelflow.estimation.template.observations import COARSE, strength
 
 if TYPE_CHECKING:
+    from taxelflow.estimation.template.centre_of_pressure import Anchor
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.online.keyframes import Keyframes
@@ -37,7 +38,7 @@ class Learned:
     turns, grows: see `Solved`. reports_turn: whether fits have agreed well enough on it. changing: it does not
     stay the same, and only the last keyframes count. unseen_error: see `Layout`. origin: (2,) in pitches, added to what
     is reported: the frame of a pattern that grows is at the point that stays. arm: (2,) in pitches, from the origin of
-    the frame to the point reported when its contact ended.
+    the frame to the point reported when its contact ended. anchor: of the keyframes, see `anchor_of`.
     """
 
     pattern: Pattern
@@ -58,6 +59,7 @@ class Learned:
     rival: float = 0.0
     origin: Floats = field(default_factory=lambda: np.zeros(2))
     arm: Floats = field(default_factory=lambda: np.zeros(2))
+    anchor: Anchor | None = None
     fresh: int = 0
     taken: int = 1
     looked: int = 0

@@ -17,7 +17,7 @@ from taxelflow.estimation.template.online.spreading import most_at_once
 from taxelflow.estimation.template.online.starting import Begun, FirstScan, begun, begun_anew
 from taxelflow.estimation.template.online.step import FOLLOW, follow_hand
 from taxelflow.estimation.template.online.track_state import MOST_KEYFRAMES, Hand, PadScan, Patterns, Rows, Scan, Track
-from taxelflow.estimation.template.online.witness import anchor, middle_of, reported_place
+from taxelflow.estimation.template.online.witness import anchor, middle_of, put_on_average, reported_place
 from taxelflow.messages import no_scans
 from taxelflow.numerics.bspline import state_of
 from taxelflow.numerics.records import record, records
@@ -241,10 +241,13 @@ class LocalMaps:
             own.take_over(new, [m.state])
             m.grows, m.state[:] = False, state_of(m.state)._replace(size=0.0)
         self._put(pad, new)
+        if new.anchor is not None:
+            put_on_average(m, new.anchor.arm)
         self._register_again(pad)
         stepped = float(np.sum((reported_place(m, m.state) - place) ** 2))  # by so much one of the patterns is wrong
         new.slack[0] = max(new.slack[0], 0.5 * stepped)
         m.broken += 0.5 * stepped if old.mature else 0.0  # what is known well does not step
+        m.broken = min(m.broken, np.inf if new.anchor is None else new.anchor.variance)
         m.slack = new.slack[0] + new.unseen
         self.go_on(pad)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.centre_of_pressure import anchor_of
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.extrapolation import level_off
 from taxelflow.estimation.template.hypotheses import (
@@ -31,6 +32,7 @@ from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
+    from taxelflow.estimation.template.centre_of_pressure import Anchor
     from taxelflow.estimation.template.online.track_state import PadScan
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
@@ -136,6 +138,7 @@ def _learn(known: Learned) -> Learned:
         tilt=_tilt(best, scanned, known.unseen_error),
         rival=known.rival if looked == known.looked else best.rival_variance(turns=known.unseen_error > 0),
         origin=origin,
+        anchor=_anchor(known, gains, replace(best, states=states)),
         looked=looked,
     )
     own = replace(pattern)
@@ -144,6 +147,15 @@ def _learn(known: Learned) -> Learned:
     if count < _SEEN_ENOUGH:
         return new
     return _forgetting(new) if new.error > _CHANGES else _without_strangers(new, best)
+
+
+def _anchor(known: Learned, gains: Floats, best: Solved) -> Anchor | None:
+    """See `anchor_of`; None where the centre of pressure is no witness. gains: (taxels,), infinite of dead ones."""
+    if best.grows or not known.unseen_error:
+        return None
+    scanned = known.keyframes.scanned
+    read = replace(scanned, variance=np.where(np.isinf(gains), 0.0, scanned.variance))
+    return anchor_of(best, read, known.unseen_error)
 
 
 def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:

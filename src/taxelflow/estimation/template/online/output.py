@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from taxelflow.estimation.template.centre_of_pressure import transformed
 from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
@@ -61,6 +62,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, row
     find_centre(scale, m, centre)
     if floor > 0.0 and not in_line:
         weigh_pose(scale, m, centre, pose, cov, weight)
+    _add_step(m.broken * scale * scale, weight, cov)
     moved = _displacement(t, k, pad, m, noise, centre, weight, rows) / scale
     follow_centre(scale, floor, m)
     add_weighted(pose, centre[0] - pose[0], centre[1] - pose[1], weight)
@@ -87,6 +89,15 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, row
 
 
 @lean_kernel
+def _add_step(variance: float, weight: Floats, cov: Floats) -> None:
+    """Add to cov (3, 3) what steps of the map add: a variance of x and y, less what the centre of pressure holds."""
+    p, q, r, s = 1.0 - weight[0, 0], -weight[0, 1], -weight[1, 0], 1.0 - weight[1, 1]
+    xx, xy, yy = transformed(p, q, r, s, (variance, 0.0, variance))
+    cov[0, 0], cov[1, 1] = cov[0, 0] + xx, cov[1, 1] + yy
+    cov[0, 1], cov[1, 0] = cov[0, 1] + xy, cov[1, 0] + xy
+
+
+@lean_kernel
 def _widen(m: Track, scale: float, cov: Floats, noise: Floats) -> bool:
     """Add what the pattern's errors add to cov (3, 3); whether a place is open across a line of taxels."""
     in_line = False
@@ -94,7 +105,7 @@ def _widen(m: Track, scale: float, cov: Floats, noise: Floats) -> bool:
         if m.across[a] > 0.0:
             in_line = True
             cov[a, a] = noise[a, a] = (m.across[a] * scale) ** 2
-        cov[a, a] += (m.slack + m.broken) * scale * scale
+        cov[a, a] += m.slack * scale * scale
     return in_line
 
 

@@ -90,7 +90,7 @@ def _follow_pad(
     middle_of(scan, floor, middle)
     if floor > 0.0:
         spread = m.centroid_covariance
-        centroid_covariance(scan.raw, scan.variance, scan.ceiling, scan.places, middle, CELL_ERROR, spread)
+        centroid_covariance(scan.raw, scan.variance, scan.ceiling, scan.places, middle, CELL_ERROR, floor, spread)
     m.cut = m.cut or middle[2] > _CUT
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
     may_turn = m.turn_std == 0.0 and not m.cut and not in_line

@@ -41,6 +41,14 @@ def anchor(m: Track, middle: Floats, arm: Floats | None = None) -> None:
     put_anew(m)
 
 
+def put_on_average(m: Track, arm: Floats) -> None:
+    """Report the point of the object on which the centre of pressure lies on average, but of an object that was known
+    before, or is seen along a line only. arm: (2,), see `Anchor`.
+    """
+    if np.isfinite(m.arm_load) and not np.any(m.across > 0.0):
+        m.arm[:] = _turned(arm, m.theta_0)
+
+
 def put_anew(m: Track) -> None:
     """Begin at a place that no motion led to."""
     m.continues = False
