@@ -86,7 +86,7 @@ class Turn(msgspec.Struct, frozen=True):
 class Prediction:
     """Predict the next scan of recordings without truth.
 
-    A template learned up to a scan predicts the one after it. Its's turn is compared with the principal axis, too.
+    A template learned up to a scan predicts the one after it. Its turn is compared with the principal axis, too.
     """
 
     recordings: Positional[tuple[Path, ...]] = ()
