@@ -1,12 +1,26 @@
 """What a stream reports when its map is learned again: the point of the object, and what a step adds to covariances."""
 
+from __future__ import annotations
+
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 import pytest
 
+from estimation.template.test_map_update import keyframes_of
+from estimation.template.test_taxel_gains import sliding
+from synthetic import grid_sensor
+from taxelflow.estimation.template.online.local_maps import LocalMaps
+from taxelflow.estimation.template.online.map_update import learn
+from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.output import _add_step
-from taxelflow.estimation.template.online.track_state import Track
+from taxelflow.estimation.template.online.track_state import Scan, Track
 from taxelflow.estimation.template.online.witness import put_on_average, reported_place
 from taxelflow.numerics.records import record, records
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 
 def track() -> Track:
@@ -43,3 +57,30 @@ def test_a_step_of_the_map_counts_as_far_as_the_map_does(share: float, left: flo
     cov = np.diag([1.0, 2.0, 3.0])
     _add_step(0.1, share * np.eye(2), cov)
     np.testing.assert_allclose(cov, np.diag([1.0 + 0.1 * left, 2.0 + 0.1 * left, 3.0]))
+
+
+class AtOnce:
+    """A mapper that learns when it is asked."""
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        done.set_result(function(*arguments))
+        return done
+
+
+def test_a_map_in_another_frame_moves_no_point_and_no_doubt_is_larger_than_of_one_load() -> None:
+    scanned, at, _ = sliding(0.0)
+    gains = np.ones(scanned.readings.shape[1])
+    last = scanned.readings[-1]
+    scan = Scan(0.78, last, scanned.variance[-1], np.full(len(last), np.inf), last, np.ones(1, np.bool_))
+    maps = LocalMaps(grid_sensor(12, 12).layout, Workers(AtOnce(), AtOnce()), 0.1)
+    maps.begin(0, scan)
+    maps._last = scan
+    maps._improve(0, learn(keyframes_of(scanned, at, gains)))
+    m = maps.track(0)
+    before, m.broken = reported_place(m, m.state), 1.0
+    new = learn(keyframes_of(scanned, at + 0.3, gains))
+    maps._improve(0, new)
+    np.testing.assert_allclose(reported_place(m, m.state), before, atol=0.02)
+    assert new.anchor is not None
+    assert m.broken == new.anchor.variance
