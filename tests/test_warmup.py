@@ -10,6 +10,7 @@ from taxelflow.simulation.warmup import made_up
 
 PROGRAM = """
 from dataclasses import replace
+from msgspec import structs
 from numba.core import event
 from taxelflow.acquire.joints import asked_joints
 from rigged import rigged
@@ -33,8 +34,9 @@ heard = Compiles()
 def ready():
     return sum(len(kernel.signatures) for kernel in compiling.KERNELS)
 
-def check(scenario, method, contacts=None, joints="", **options):
+def check(scenario, method, contacts=None, joints="", unseen_error=0.0, **options):
     recording = simulate(rigged(scenario, motion={"strokes": 1}))
+    recording = replace(recording, sensor=structs.replace(recording.sensor, unseen_error=unseen_error))
     if joints:
         recording = replace(recording, joints=asked_joints(joints, recording.sensor))
     raw = recording.load()
@@ -53,7 +55,12 @@ def check(scenario, method, contacts=None, joints="", **options):
 """
 METHODS = ("convolution", "lnorm", "sum", "principal_axis", "registration", "template")
 ALONE = ['check("slide-and-turn", "convolution")']
-PLAIN = [*(f'check("slide-and-turn", "{method}")' for method in METHODS), 'check("two-contacts", "convolution")']
+FAULTY = 'check("slide-and-turn", "template", unseen_error=0.05)'  # as on a real sensor
+PLAIN = [
+    *(f'check("slide-and-turn", "{method}")' for method in METHODS),
+    'check("two-contacts", "convolution")',
+    FAULTY,
+]
 FILTERED = [
     'check("two-contacts", "convolution", 2, smooth=Smoothing(1.0),'
     ' condition=Conditioner(median_scans=3, lowpass_hz=2.0, drift="follow"))'

@@ -11,12 +11,14 @@ import pytest
 from estimation.template.test_map_update import keyframes_of
 from estimation.template.test_taxel_gains import sliding
 from synthetic import grid_sensor
+from taxelflow.estimation.template.online import map_update
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.map_update import learn
 from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.output import _add_step
 from taxelflow.estimation.template.online.track_state import Scan, Track
 from taxelflow.estimation.template.online.witness import put_on_average, reported_place
+from taxelflow.estimation.template.warmup import compile_stream
 from taxelflow.numerics.records import record, records
 
 if TYPE_CHECKING:
@@ -59,6 +61,15 @@ def test_a_step_of_the_map_counts_as_far_as_the_map_does(share: float, left: flo
     np.testing.assert_allclose(cov, np.diag([1.0 + 0.1 * left, 2.0 + 0.1 * left, 3.0]))
 
 
+def test_a_mapper_in_a_process_of_its_own_finds_the_point_before_the_first_scan(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = []
+    monkeypatch.setattr(map_update, "anchor_of", lambda *given: found.append(given))
+    compile_stream.__wrapped__()
+    assert found
+
+
 class AtOnce:
     """A mapper that learns when it is asked."""
 
@@ -68,7 +79,7 @@ class AtOnce:
         return done
 
 
-def test_a_map_in_another_frame_moves_no_point_and_no_doubt_is_larger_than_of_one_load() -> None:
+def test_a_map_in_another_frame_moves_no_point_and_its_steps_count_up_to_one_load() -> None:
     scanned, at, _ = sliding(0.0)
     gains = np.ones(scanned.readings.shape[1])
     last = scanned.readings[-1]

@@ -27,7 +27,8 @@ def compile_stream() -> None:
     scanned = made_up()
     reading, edge = scanned.readings[0], np.zeros(36, np.bool_)
     part = PadScan(reading, scanned.variance[0], scanned.ceiling, reading, scanned.places, edge)
-    learned = first_pattern(0.0, part, scanned.delay_s, np.ones(len(part.reading)), 0.0)
+    gains = np.ones(len(part.reading))
+    learned = first_pattern(0.0, part, scanned.delay_s, gains, unseen_error=0.05)  # the load is a witness, too
     for k in range(1, len(scanned)):
         state = np.array([0.4 * k - 1.0, 0.0, 0.0, 1.0, 0.0])
         scan = scanned.t_s[k], scanned.readings[k], scanned.variance[k], np.zeros((3, 0)), state
