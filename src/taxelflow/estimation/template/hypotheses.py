@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
-_FIRST_ROUNDS, ROUNDS = 4, (6, 10)
+_FIRST_ROUNDS, _ROUNDS = 4, (3, 3)
+"""Rounds of a coarse fit, and of each fit of a refinement. More follow the errors of real skins, not the object."""
 _LOADED_SHARE = 0.5
 """A scan to begin with has this share of the largest load."""
 _WELL_KNOWN, _SPREAD = 0.6, (0.05, 0.95)
@@ -182,17 +183,17 @@ def covering(scanned: Scanned, states: Floats) -> Pattern:
     return Pattern.covering(np.concatenate(reached), scanned.amplitude)
 
 
-def refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...] = ROUNDS) -> Solved:
+def refined(scanned: Scanned, start: Solved) -> Solved:
     """Refine further from a coarse fit, learning the gains' spread and the error in between.
 
     A fit that leaves more than the coarse error may be held up by the smoothing that goes with it: of an object smaller
     than a taxel, the pattern is sharper. It is tried, too, as if it left little.
     """
     own = start.copy()
-    best = _refined(scanned, start, rounds, most_error=np.inf)
+    best = _refined(scanned, start, most_error=np.inf)
     if best.error <= COARSE:
         return best
-    sharp = _refined(scanned, own, rounds, most_error=_SHARP)
+    sharp = _refined(scanned, own, most_error=_SHARP)
     return min(best, _by_its_error(scanned, sharp), key=lambda one: cost(one, scanned))
 
 
@@ -212,10 +213,10 @@ def _fit(scanned: Scanned, start: Solved, *, rounds: int, error: float) -> Fit:
     return fit
 
 
-def _refined(scanned: Scanned, start: Solved, rounds: tuple[int, ...], *, most_error: float) -> Solved:
+def _refined(scanned: Scanned, start: Solved, *, most_error: float) -> Solved:
     """`refined` with the error bounded."""
     own = replace(start, depth=start.depth.copy())
-    for most in rounds:
+    for most in _ROUNDS:
         learned, error = level(own), min(learned_error(own.fit, scanned), most_error)
         own.gain_std = learned if len(scanned) >= YOUNG else own.gain_std
         scanned.bend(own.states)

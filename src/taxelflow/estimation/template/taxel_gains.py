@@ -34,7 +34,7 @@ class _Learning:
     loaded: float = 0.03
     """Share of the contact's largest reading from which a model's reading shows its taxel's gain."""
     fewest: int = 2
-    passes: int = 3
+    passes: int = 2
 
 
 _LEARNING = _Learning()

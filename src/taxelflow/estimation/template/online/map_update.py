@@ -12,7 +12,6 @@ from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.extrapolation import level_off
 from taxelflow.estimation.template.hypotheses import (
     FIRST_GAIN_STD,
-    ROUNDS,
     YOUNG,
     coarse,
     covering,
@@ -57,8 +56,8 @@ _MOST_USUAL = 2.0
 """Chi-square per reading up to which scans are explained."""
 _STRANGE = 2.0
 """How many times what still fits a keyframe may be from the others."""
-_ROUNDS, _YOUNG_ROUNDS = (3, 3), 6
-"""Rounds of refining the present hypothesis, and one of few keyframes; others, and the first time, as in a batch."""
+_YOUNG_ROUNDS = 6
+"""Rounds of refining the present hypothesis of few keyframes."""
 
 
 def first_pattern(
@@ -229,9 +228,7 @@ def _again(known: Learned, scanned: Scanned, states: Floats) -> Solved:
         fits = [coarse(scanned, one, turns=known.turns, rounds=_YOUNG_ROUNDS) for one in starts]
         return min(fits, key=lambda one: one.error)
     start = coarse(scanned, states, turns=known.turns, rounds=0)
-    return refined(
-        scanned, replace(start, grows=known.grows, gain_std=known.gain_std), _ROUNDS if known.looked else ROUNDS
-    )
+    return refined(scanned, replace(start, grows=known.grows, gain_std=known.gain_std))
 
 
 def _retraced(scanned: Scanned, *, turns: bool) -> Floats:
