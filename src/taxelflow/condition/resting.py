@@ -46,6 +46,8 @@ class _Level:
     clipped."""
     stray: float = 1e-3
     """Probability, relative to that of a light load, of a reading below the level that noise does not explain."""
+    least_log_odds: float = -50.0
+    """Logarithm of the odds that a reading is unloaded, at least: below, it is loaded, to rounding."""
     even: float = 1.0
     """Readings of either kind that are added to the share: a taxel may be loaded in all scans that were seen."""
     together: int = 6_000
@@ -148,35 +150,43 @@ class _Readings:
 
 
 def _find_rest(readings: _Readings, sigma: Floats, reach: float) -> Resting:
-    """Fields of `Resting` with a first axis, the noises: sigma is (noises, taxels)."""
+    """Fields of `Resting` with a first axis, the noises: sigma is (noises, taxels).
+
+    The odds of a reading that it is unloaded take one exponential; logarithms are for the likelihood only.
+    """
     y, known, clipped, count, cut = readings.y, readings.known, readings.clipped, readings.count, readings.cut
     level, share = np.broadcast_to(readings.level, sigma.shape), np.full(sigma.shape, 0.5)
-    unit = np.log(sigma * (2 * np.pi) ** 0.5)
-    stray = np.log(_LEVEL.stray) - np.log(sigma * np.log1p(reach / sigma))
-    light = stray - np.log(_LEVEL.stray)
+    light = -np.log(sigma * np.log1p(reach / sigma))  # density of a light load, beside which is 1 / (1 + z)
+    stray = light + np.log(_LEVEL.stray)
+    scale = _each(-0.5 * np.log(2 * np.pi) - np.log(sigma) - light)
+    is_clipped = bool(clipped.any())
     for _ in range(_LEVEL.iterations):
         edge = (cut - level) / sigma
         below = log_ndtr(edge)
         z = (y - _each(level)) / _each(sigma)
-        log_rest = -0.5 * z
-        log_rest *= z
-        log_rest -= _each(unit)
-        log_rest = np.where(clipped, _each(below), log_rest)
-        log_load = np.log1p(np.maximum(z, 0.0))
-        np.subtract(_each(light), log_load, out=log_load)
-        log_load = np.where((z < 0) | clipped, _each(stray), log_load)
-        odds = np.subtract(log_rest, log_load, out=log_rest)
-        np.exp(np.clip(odds, -50.0, 50.0, out=odds), out=odds)
+        odds = z * z
+        odds *= -0.5
+        odds += scale
+        np.exp(np.maximum(odds, _LEVEL.least_log_odds, out=odds), out=odds)
+        odds *= np.where(z < 0, 1.0 / _LEVEL.stray, 1.0 + z)
+        if is_clipped:
+            of_clipped = np.exp(np.maximum(below - stray, _LEVEL.least_log_odds))
+            odds = np.where(clipped, _each(of_clipped), odds)
         odds *= _each(share / (1 - share))
         loaded = np.log1p(-share)
-        unloaded = np.where(known, odds / (1 + odds), 0.0)
-        mills = np.exp(-0.5 * edge**2 - 0.5 * np.log(2 * np.pi) - below)
+        unloaded = odds / (1 + odds)
+        unloaded *= known
         total = unloaded.sum(axis=1)
-        weighed = np.where(clipped, _each(level - sigma * mills), y)
-        weighed *= unloaded
+        if is_clipped:
+            mills = np.exp(-0.5 * edge**2 - 0.5 * np.log(2 * np.pi) - below)
+            weighed = np.where(clipped, _each(level - sigma * mills), y)
+            weighed *= unloaded
+        else:
+            weighed = unloaded * y
         mean = weighed.sum(axis=1) / np.maximum(total, 1e-9)
         level = np.maximum(np.where(total > 0, mean, level), cut + _LEVEL.lowest_level * sigma)
         share = (total + _LEVEL.even) / (count + 2 * _LEVEL.even)
+    log_load = np.where((z < 0) | clipped, _each(stray), _each(light) - np.log1p(np.maximum(z, 0.0)))
     likelihood = np.where(known, log_load + np.log1p(odds), 0.0).sum(axis=1) + count * loaded
     return Resting(level, unloaded, likelihood + np.log(sigma) * np.minimum(total, 1.0))
 
