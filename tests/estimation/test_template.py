@@ -141,6 +141,7 @@ def test_an_object_that_turns_as_it_slides_is_followed() -> None:
     assert rms[2] < np.radians(0.3)
 
 
+@pytest.mark.long
 def test_errors_of_poses_fit_their_covariances() -> None:
     recording = three_feet()
     result = followed()

@@ -31,6 +31,7 @@ def test_a_headline_states_what_happens_with_its_numbers(event: str) -> None:
     assert f"{1e3 * trial.held.mass_kg:.0f} g" in line
 
 
+@pytest.mark.long
 def test_a_film_has_every_second_scan_and_its_end_for_a_second(tmp_path: Path) -> None:
     course = Course(Trial.drawn(1, "ball", "none"), Constant(), end_s=0.86)
     try:

@@ -69,6 +69,7 @@ def test_each_figure_is_written_under_its_name(
     assert set(drawn) >= {"_bulb", "_rotation", "_position", "_table1", "_curve", "_limits"}
 
 
+@pytest.mark.long
 def test_the_field_score_finds_the_turn_with_two_vectors_and_better_with_four(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(field, "SCENES", ("turn-over-hand",))
     monkeypatch.setattr(field, "cuts_of", lambda hand: cuts_of(hand)[:2])

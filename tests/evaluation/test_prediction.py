@@ -45,6 +45,7 @@ def test_a_moving_object_is_predicted_better_than_no_motion() -> None:
     assert row.forecast_percent < row.no_motion_percent
 
 
+@pytest.mark.long
 def test_a_still_object_is_predicted_to_the_noise() -> None:
     (row,) = score_recordings([slide(np.zeros(60))]).predictions
     assert row.no_motion_percent == pytest.approx(np.sqrt(2) * row.noise_percent, rel=0.1)
