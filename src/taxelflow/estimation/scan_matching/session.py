@@ -75,8 +75,8 @@ class RegistrationSession:
         self._pads, self._noise = [], noise
         for number, name in enumerate(layout.pads):
             own = layout.of_pad(number)
-            places, pitch_m = self._places[:, own], self._pitch_m[number]
-            taxels = Taxels(np.ascontiguousarray(places), noise[own], np.array([pitch_m, pitch_m, 1.0]))
+            places, pitch_m = np.ascontiguousarray(self._places[:, own]), self._pitch_m[number]
+            taxels = Taxels(places, noise[own], np.array([pitch_m, pitch_m, 1.0]))
             with on_one_core():
                 spline = Interpolant.of(name, places, noise[own] ** 2)
             if known:

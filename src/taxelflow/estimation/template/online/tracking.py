@@ -24,7 +24,7 @@ from taxelflow.runtime.compiling import lean_kernel, routine
 _PREDICTED, _AS_BEFORE, _WITH_CENTROID, _LOOSE, _TURNS, _GROWS, _ATTEMPTS = range(7)
 """Ways to register a scan: from where it should be, where it was, where its centroid has gone; with a gain that may
 jump; and for an object that may have begun to turn, or to grow with the load."""
-_ITERATIONS = 12
+_ITERATIONS = np.int64(12)  # numba compiles `register` again for each constant of Python
 _POOR = 2.0
 """A scan that fits worse than usual by this factor is tried from other starts."""
 _REST = 2.0
@@ -70,9 +70,9 @@ def follow(scan: Scan, hand: Hand, maps: Patterns, tracks: Records) -> bool:
         if not scan.contact[pad] or not m.active:
             continue
         own = slice(hand.starts[pad], hand.starts[pad + 1])
-        reading, places = scan.reading[own], hand.places[:, own]
+        reading, places = scan.reading[own], np.ascontiguousarray(hand.places[:, own])
         part = PadScan(reading, scan.variance[own], scan.ceiling[own], scan.raw[own], places, hand.edge[own])
-        surface = Surface(maps.patterns[pad], maps.doubts[pad], m.lattice)
+        surface = Surface(maps.patterns[pad], maps.doubts[pad], m.lattice[:])  # an array, as elsewhere
         _follow_pad(scan.t, part, hand.delay[own], surface, hand.floor, m, maps.rests[:, own], room)
         fits = fits and m.chi <= gate(m.usual, m.count) and m.probation == 0.0
     return fits
@@ -89,7 +89,7 @@ def _follow_pad(
     span = t - m.last_t
     middle_of(scan, floor, middle)
     if floor > 0.0:
-        spread = m.centroid_covariance
+        spread = m.centroid_covariance[:]
         centroid_covariance(scan.raw, scan.variance, scan.ceiling, scan.places, middle, CELL_ERROR, floor, spread)
     m.cut = m.cut or middle[2] > _CUT
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
