@@ -70,7 +70,9 @@ def follow(scan: Scan, hand: Hand, maps: Patterns, tracks: Records) -> bool:
         if not scan.contact[pad] or not m.active:
             continue
         own = slice(hand.starts[pad], hand.starts[pad + 1])
-        reading, places = scan.reading[own], np.ascontiguousarray(hand.places[:, own])
+        reading, places = scan.reading[own], np.empty((2, own.stop - own.start))
+        for i in range(len(reading)):  # a view is another type, and all that takes it would be compiled again
+            places[0, i], places[1, i] = hand.places[0, own.start + i], hand.places[1, own.start + i]
         part = PadScan(reading, scan.variance[own], scan.ceiling[own], scan.raw[own], places, hand.edge[own])
         surface = Surface(maps.patterns[pad], maps.doubts[pad], m.lattice[:])  # an array, as elsewhere
         _follow_pad(scan.t, part, hand.delay[own], surface, hand.floor, m, maps.rests[:, own], room)
