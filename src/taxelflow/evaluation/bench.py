@@ -191,10 +191,13 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     conditioned = _fed(lambda raw: list(condition.step(raw)), values)
     scans = [conditioned(k)[0] for k in range(16)]
     slips = [estimate.step(scan) for scan in scans]
+    period_s = (scans[-1].t_s - scans[0].t_s) * 16 / 15
 
     def watch(k: int) -> object:
-        monitor.see(scans[k % 16])
-        return monitor.step(slips[k % 16])
+        scan, own = scans[k % 16], slips[k % 16]
+        scan.t_s[:] = own.t_s[:] = scan.t_s + period_s  # evidence is of times that go on
+        monitor.see(scan)
+        return monitor.step(own)
 
     return {
         "stage condition": conditioned,
