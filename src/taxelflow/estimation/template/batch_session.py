@@ -64,7 +64,7 @@ def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> tuple
     stiffness = scanned.stiffness(
         turns=solved.turns, gain_std=solved.gain_std, size=DEPTH_STD**-2 if solved.sinks else np.inf
     )
-    error, level = max(solved.error, unseen_error), scanned.amplitude if solved.sinks else 0.0
+    error, level = max(solved.error, unseen_error), scanned.amplitude if solved.heights else 0.0
     whole = with_depth(solved.states, solved.depth)
     information = information_of(solved.pattern, scanned, whole, error, stiffness, level)
     if unseen_error:
@@ -144,7 +144,7 @@ class BatchSession:
             # Where a sensor's faults may be anything, they look like a depth: it is then no better a model.
             solved = solve_contact(scanned, sinks=not layout.unseen_error)
             information, of_the_map = _information(solved, scanned, layout.unseen_error)
-            shown = as_pressure(solved.pattern) if solved.sinks else solved.pattern
+            shown = as_pressure(solved.pattern) if solved.heights else solved.pattern
             moment = Moment(shown, scanned, solved.states, np.arange(len(scanned)), solved.turns)
             poses, rival = poses_of(solved, scanned, information, pitch_m), solved.rival
             growth = solved.growth

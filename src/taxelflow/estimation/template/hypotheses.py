@@ -81,27 +81,30 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
 
 
 def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
-    """The likeliest of all fits, those with a depth among them if one of these explains far more: each depth costs as
-    much as a parameter that all readings determine, for in a short stroke it may stand for noise. Whether the object
-    turns is another question: a fit that sinks and turns need not pay for both at that price.
+    """The likeliest of all fits, those of heights among them if one of these explains far more, and those with a depth
+    if that does: each depth costs as much as a parameter that all readings determine, for in a short stroke it may
+    stand for noise. Whether the object turns is another question: a fit that turns need not pay for that at that price.
 
-    A depth explains some of what a turn does: an object that turns without it does with it, if its pattern shows that.
+    Heights explain some of what a turn does: an object that turns without them does with them, if its pattern shows it.
     """
-    deep = _sinking(scanned, solved)
-    if not deep or min(cost(one, scanned, dear=True) for one in deep) >= cost(rigid, scanned, dear=True):
+    level = [refined(scanned, one) for one in _as_heights(scanned, solved)]
+    none = np.zeros(len(scanned))
+    deep = [refined(scanned, replace(one.copy(), depth=none.copy())) for one in level]
+    prices = [min((cost(one, scanned, dear=True) for one in fits), default=np.inf) for fits in ([rigid], level, deep)]
+    if min(prices) >= prices[0]:
         return rigid
-    best = likeliest([*solved, *deep], scanned)
-    if best.turns or not (best.sinks and rigid.turns):
+    own = deep if prices[2] < prices[1] else level
+    best = likeliest([*solved, *level, *(own if own is deep else [])], scanned)
+    if best.turns or not (best.heights and rigid.turns):
         return best
-    turning = [one for one in deep if one.turns and turns_surely(one, scanned)]
+    turning = [one for one in own if one.turns and turns_surely(one, scanned)]
     return replace(turning[0], growth=best.growth) if turning else best
 
 
-def _sinking(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
-    """Fits with a depth of each scan, which begin from those without."""
+def _as_heights(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
+    """Fits to begin with of a pattern of heights, from those of pressure."""
     rigid = [one for one in solved if not one.grows] if len(scanned) >= YOUNG else []
-    none = np.zeros(len(scanned))
-    return [refined(scanned, replace(one.copy(), pattern=as_heights(one.pattern), depth=none)) for one in rigid]
+    return [replace(one.copy(), pattern=as_heights(one.pattern), heights=True) for one in rigid]
 
 
 def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
@@ -111,7 +114,7 @@ def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
     """
     best = _chosen(solved, scanned)
     near = [one for one in solved if one.error <= _RIVAL * best.error]
-    others = [one for one in near if one.turns != best.turns and (one.grows, one.sinks) == (best.grows, best.sinks)]
+    others = [one for one in near if one.turns != best.turns and one.form == best.form]
     if others:
         best = replace(best, rival=_apart(best, min(others, key=lambda one: one.error)))
     grown = [one for one in near if one.grows != best.grows]
@@ -124,7 +127,7 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
     ranked = sorted(solved, key=lambda one: cost(one, scanned))
     best = ranked[0]
     held = [one for one in ranked if not one.turns]
-    free = [one for one in ranked if one.turns and (one.grows, one.sinks) == (best.grows, best.sinks)]
+    free = [one for one in ranked if one.turns and one.form == best.form]
     if best.turns and held and not (explains_far_more(best, held[0], scanned) or turns_surely(best, scanned)):
         return held[0]
     if best.turns or not free:
@@ -207,7 +210,7 @@ def _fit(scanned: Scanned, start: Solved, *, rounds: int, error: float) -> Fit:
     """`refine` under the hypothesis of a start, which it improves in place."""
     size = SIZE_STD**-2 if start.grows else DEPTH_STD**-2 if start.sinks else np.inf
     stiffness = scanned.stiffness(turns=start.turns, gain_std=start.gain_std, size=size)
-    largest, whole = scanned.amplitude if start.sinks else 0.0, with_depth(start.states, start.depth)
+    largest, whole = scanned.amplitude if start.heights else 0.0, with_depth(start.states, start.depth)
     fit = refine(start.pattern, scanned, whole, rounds=rounds, error=error, stiffness=stiffness, level=largest)
     take_depth(whole, start.states, start.depth)
     return fit

@@ -28,8 +28,8 @@ class Solved:
     empty where there was one start. rival: (scans, 2), in pitches, how far from here a hypothesis that explains the
     scans nearly as well puts the object, one that turns where this does not, or the reverse; growth: the same of one
     that grows or does not; each is empty if there is none. dead: taxels that do not answer. gains: (taxels,), by
-    which the readings were divided; empty if they were not. depth: (scans,), see `depth`, and the pattern is one
-    of heights; empty if there is none.
+    which the readings were divided; empty if they were not. heights: whether the pattern is one of heights, see
+    `depth`; depth: (scans,), of such a pattern; empty if it stays the same.
     """
 
     pattern: Pattern
@@ -44,12 +44,18 @@ class Solved:
     growth: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     dead: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     gains: Floats = field(default_factory=lambda: np.zeros(0))
+    heights: bool = False
     depth: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def kind(self) -> tuple[bool, bool]:
         """The hypothesis."""
         return self.turns, self.grows
+
+    @property
+    def form(self) -> tuple[bool, bool, bool]:
+        """What the pattern is of, and what changes beside the pose."""
+        return self.grows, self.heights, self.sinks
 
     @property
     def sinks(self) -> bool:
