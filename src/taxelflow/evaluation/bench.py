@@ -186,18 +186,15 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     conditioner, monitor = Conditioner(), SlipMonitor().watch(sensor.layout, stream=True)
     condition = conditioner.start(sensor, np.zeros(sensor.layout.taxels, dtype=np.bool_), None)
     segment = ContactFeatures().start(sensor, conditioner.contact_on, conditioner.contact_off, stream=True)
-    estimate = start_slips(api.estimator("convolution"), sensor.layout, "stream")
-    fuse = RigidField().start(sensor.layout)
+    estimate, fuse = start_slips(api.estimator("convolution"), sensor.layout, "stream"), RigidField().start(sensor.layout)
     conditioned = _fed(lambda raw: list(condition.step(raw)), values)
     scans = [conditioned(k)[0] for k in range(16)]
     slips = [estimate.step(scan) for scan in scans]
-    period_s = (scans[-1].t_s - scans[0].t_s) * 16 / 15
 
     def watch(k: int) -> object:
         scan, own = scans[k % 16], slips[k % 16]
-        scan.t_s[:] = own.t_s[:] = scan.t_s + period_s  # evidence is of times that go on
-        monitor.see(scan)
-        return monitor.step(own)
+        scan.t_s[:] = own.t_s[:] = scan.t_s + 0.01 * 16  # evidence is of times that go on
+        return monitor.see(scan), monitor.step(own)
 
     return {
         "stage condition": conditioned,
