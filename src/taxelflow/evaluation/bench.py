@@ -186,7 +186,8 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     conditioner, monitor = Conditioner(), SlipMonitor().watch(sensor.layout, stream=True)
     condition = conditioner.start(sensor, np.zeros(sensor.layout.taxels, dtype=np.bool_), None)
     segment = ContactFeatures().start(sensor, conditioner.contact_on, conditioner.contact_off, stream=True)
-    estimate, fuse = start_slips(api.estimator("convolution"), sensor.layout, "stream"), RigidField().start(sensor.layout)
+    estimate = start_slips(api.estimator("convolution"), sensor.layout, "stream")
+    fuse = RigidField().start(sensor.layout)
     conditioned = _fed(lambda raw: list(condition.step(raw)), values)
     scans = [conditioned(k)[0] for k in range(16)]
     slips = [estimate.step(scan) for scan in scans]
@@ -226,8 +227,7 @@ def _in_turn(steps: dict[str, Callable[[int], object]]) -> dict[str, Floats]:
     for step in steps.values():
         step(0)
     start = perf_counter()
-    slowest = next(iter(steps.values()))
-    slowest(1)
+    next(iter(steps.values()))(1)  # the slowest
     rounds = int(np.clip(_LITERAL_BUDGET_S / (perf_counter() - start), 20, _ROUNDS))
     taken: dict[str, list[float]] = {what: [] for what in steps}
     gc.disable()
