@@ -195,7 +195,8 @@ def _stages(sensor: Sensor, values: Floats) -> dict[str, Callable[[int], object]
     def watch(k: int) -> object:
         scan, own = scans[k % 16], slips[k % 16]
         scan.t_s[:] = own.t_s[:] = scan.t_s + 0.01 * 16  # evidence is of times that go on
-        return monitor.see(scan), monitor.step(own)
+        monitor.see(scan)
+        return monitor.step(own)
 
     return {
         "stage condition": conditioned,
@@ -215,8 +216,7 @@ def live_step(sensor: Sensor, values: Floats) -> Callable[[int], Output]:
 
 def _fed(step: Callable[[RawScans], Result], values: Floats) -> Callable[[int], Result]:
     """A step that takes a row of values as its next scan; it has seen unloaded scans until it gave results."""
-    seconds = (0.01 * k for k in count())
-    random = np.random.default_rng(0)
+    seconds, random = (0.01 * k for k in count()), np.random.default_rng(0)
     while not len(step(RawScans(np.array([next(seconds)]), random.normal(0.0, _NOISE, (1, values.shape[1]))))):
         pass
     return lambda k: step(RawScans(np.array([next(seconds)]), values[k % 16 : k % 16 + 1]))
