@@ -144,7 +144,7 @@ def test_an_object_that_turns_unseen_is_reported_at_its_centre_of_pressure(
 ) -> None:
     """Of a point a pitch away, such a turn would make a motion: 2.1 and 2.9 mm."""
     found = row(shape, place, seed, unseen_error=0.05, mode=mode)
-    assert found.error_deg is None
+    assert found.nees_turn is None or found.nees_turn < 2.0  # its turn is empty, or its covariance holds
     assert found.error_mm is not None
     assert found.error_mm < 1.0
 
