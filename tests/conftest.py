@@ -15,10 +15,9 @@ from tyro import _docstrings
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
 from taxelflow.condition import baseline
-from taxelflow.pipeline.stages import Pipeline
 from taxelflow.runtime.settled import Settled
 from taxelflow.sensors.sensor import Sensor
-from warm import warm_up
+from warm import loading_as_needed, warm_up
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -81,12 +80,11 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def loaded_as_needed() -> Iterator[None]:
-    """No stream leads a made-up recording through its stages first, which changes no result and takes each worker 15 s.
+    """A stream's warm-up would take each worker 15 s.
 
     It is tested where it matters, in processes of their own (`test_warmup`); commands that tests start do it, too.
     """
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Pipeline, "warm_up", lambda _pipeline, **_needs: None)
+    with loading_as_needed():
         yield
 
 

@@ -5,14 +5,18 @@ from __future__ import annotations
 import compileall
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
 import taxelflow
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from taxelflow.acquire.base import Recording
     from taxelflow.estimation.base import Mode
 
@@ -31,6 +35,16 @@ def warm_up() -> None:
         process.wait()
 
 
+@contextmanager
+def loading_as_needed() -> Iterator[None]:
+    """No stream leads a made-up recording through its stages first, which changes no result."""
+    from taxelflow.pipeline.stages import Pipeline
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Pipeline, "warm_up", lambda _pipeline, **_needs: None)
+        yield
+
+
 def short_recording() -> Recording:
     from rigged import rigged
     from taxelflow.simulation.simulate import simulate
@@ -40,17 +54,13 @@ def short_recording() -> Recording:
 
 def stages() -> None:
     """All stages of the pipeline, with the methods that are compiled soon."""
-    import pytest
-
     from taxelflow import Conditioner, estimate, estimator
     from taxelflow.estimation.completion import start_slips
     from taxelflow.estimation.smoothing.parameters import Smoothing
-    from taxelflow.pipeline.stages import Pipeline
 
     recording = short_recording()
     everything = Conditioner(median_scans=3, lowpass_hz=10.0, drift="follow", mask="auto")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Pipeline, "warm_up", lambda _pipeline, **_needs: None)  # the recording does the same
+    with loading_as_needed():  # the recording does the same
         for mode in MODES:
             estimate(recording, mode=mode)
             estimate(recording, mode=mode, condition=everything, smooth=Smoothing(1.0), contacts=2)

@@ -5,7 +5,8 @@ On an elastic skin pressure follows the depth of each point and is never below 0
 
     y = g m,    m: mean of max(h + d, 0) over the taxel,
 
-with the relief's height h over the skin and the depth d of each scan, both as pressures. A gain alone would make the
+with the relief's height h over the skin and the depth d of each scan, both as pressures. It may be 0 in all scans: a
+contact that ends sharply touches taxels in part, whether it sinks or not. A gain alone would make the
 pattern answer for d, which moves with the object: the map is then stretched, and motion with it, by some per cent.
 
 The pattern of such a contact is the height h, averaged over a taxel; it is negative where there is a gap. Over a taxel

@@ -55,9 +55,9 @@ _LIKELIER = 1.0
 def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None) -> Solved:
     """The likeliest of the hypotheses: the object keeps its angle, turns, or stays while its contact grows.
 
-    sinks: whether it may be pressed in more or less, see `depth`. known: (scans, 5), states of a rigid object that were
-    the likeliest of fewer scans. Another start must be clearly likelier: where the object looks the same after half a
-    turn, some scans may end there.
+    sinks: whether heights are tried, which may sink in, see `depth`. known: (scans, 5), states of a rigid object that
+    were the likeliest of fewer scans. Another start must be clearly likelier: where the object looks the same after
+    half a turn, some scans may end there.
     """
     turns = [False] if scanned.across.any() else [False, True]
     tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
@@ -93,11 +93,11 @@ def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
     prices = [min((cost(one, scanned, dear=True) for one in fits), default=np.inf) for fits in ([rigid], level, deep)]
     if min(prices) >= prices[0]:
         return rigid
-    own = deep if prices[2] < prices[1] else level
-    best = likeliest([*solved, *level, *(own if own is deep else [])], scanned)
+    fits = [*level, *deep] if prices[2] < prices[1] else level
+    best = likeliest([*solved, *fits], scanned)
     if best.turns or not (best.heights and rigid.turns):
         return best
-    turning = [one for one in own if one.turns and turns_surely(one, scanned)]
+    turning = [one for one in fits if one.turns and one.form == best.form and turns_surely(one, scanned)]
     return replace(turning[0], growth=best.growth) if turning else best
 
 
