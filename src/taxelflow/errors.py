@@ -251,6 +251,13 @@ class ParameterInvalid(TaxelflowError):
         return str(self)
 
 
+class TipsOver(ParameterInvalid):
+    """A simulated object does not stand: its load point is beside what carries it."""
+
+    def __init__(self) -> None:
+        super().__init__("object", "tips over", "have its load point over the part of the skin that carries it")
+
+
 class ResultMissing(TaxelflowError):
     """A directory lacks a file that `taxelflow estimate` writes."""
 

@@ -12,7 +12,7 @@ import pytest
 from rigged import refused
 from synthetic import unknown_slips
 from taxelflow.cli import main
-from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.errors import NameUnknown, ParameterInvalid, TipsOver
 from taxelflow.evaluation import robustness
 from taxelflow.evaluation.robustness import PAIRS, SHAPES, Robustness
 from taxelflow.evaluation.robustness_rows import ALL_ROWS, CaseRow, row_of, summaries, with_ratios
@@ -20,11 +20,14 @@ from taxelflow.messages import LOST, NO_POSE, OK, Slips, no_scans
 from taxelflow.numerics.geometry import transform
 from taxelflow.simulation.relief.cases import EFFECTS, PLACES, case
 from taxelflow.simulation.relief.course import follow
+from taxelflow.simulation.relief.simulate import simulate_relief
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from taxelflow.acquire.base import Recording
     from taxelflow.messages import Floats
+    from taxelflow.sensors.sensor import Sensor
     from taxelflow.simulation.relief.parameters import Pressing
 
 NAMES = ("all", "nut", "grid", 0, "template")
@@ -197,6 +200,23 @@ def test_the_command_prints_and_writes_every_case(
     report = json.loads(capsys.readouterr().out)
     assert report["mode"] == "stream"
     assert report["rows"][0]["scans"] < int(written[0]["scans"])
+
+
+def test_a_case_whose_object_tips_over_is_left_out_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pressed(pressing: Pressing, sensor: Sensor, pad: str) -> Recording:
+        if pressing.object.shape == "bar":
+            raise TipsOver
+        return simulate_relief(pressing, sensor, pad)
+
+    monkeypatch.setattr(robustness, "case", brief)
+    monkeypatch.setattr(robustness, "simulate_relief", pressed)
+    words = ["--shapes", "bar", "dome", "--layouts", "xela", "--methods", "lnorm", "sum", "--seed", "3"]
+    assert main(["score", "robustness", *words, "--csv", str(tmp_path / "rows.csv")]) == 0
+    assert "left out, because the object tips over: all, bar on xela, seed 3" in capsys.readouterr().out
+    with (tmp_path / "rows.csv").open(newline="") as file:
+        assert {row["shape"] for row in csv.DictReader(file)} == {"dome"}
 
 
 def test_the_command_refuses_an_unknown_effect(capsys: pytest.CaptureFixture[str]) -> None:

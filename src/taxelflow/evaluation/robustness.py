@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, get_args
 import msgspec
 from rich.console import Console
 
-from taxelflow.errors import NameUnknown
+from taxelflow.errors import NameUnknown, TipsOver
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import at_least, table_of, unwatched
 from taxelflow.evaluation.cells import caption, number, short
@@ -90,17 +90,22 @@ class Robustness:
         """Simulate, estimate, compare. Raises NameUnknown."""
         kinds = {method: api.estimator(method) for method in self.methods}
         rows: list[CaseRow] = []
+        tipped: list[str] = []
         runs = list(product(self.cases(), range(self.seed, self.seed + self.seeds)))
         for (effect, shape, layout), seed in watched(runs, "cases"):
             place = PLACES[layout]
             pressing = case(shape, layout, effect, self.moved, seed)
-            recording = simulate_relief(pressing, sensor_at(place), place.pad)
+            try:
+                recording = simulate_relief(pressing, sensor_at(place), place.pad)
+            except TipsOver:
+                tipped.append(f"{effect}, {shape} on {layout}, seed {seed}")
+                continue
             for method, kind in kinds.items():
                 result = api.estimate(recording, kind, mode=self.mode)
                 slips, pad = result.slips, result.pads.index(place.pad)
                 rows.append(row_of((effect, shape, layout, seed, method), pressing, slips, pad, self.mode))
         rows = with_ratios(rows)
-        return RobustnessReport(self.mode, self.moved, self.seeds, self.seed, rows, summaries(rows))
+        return RobustnessReport(self.mode, self.moved, self.seeds, self.seed, rows, summaries(rows), tipped)
 
 
 def _check(what: str, asked: Collection[str], known: Collection[str]) -> None:
@@ -119,6 +124,8 @@ class RobustnessReport(msgspec.Struct, frozen=True):
     seed: int
     rows: list[CaseRow]
     summaries: list[RobustnessSummary]
+    tipped: list[str]
+    """Cases without rows, because the object tips over."""
 
     def tables(self) -> list[Table]:
         """A row for each case and method, then the summary of each effect and method."""
@@ -152,6 +159,8 @@ class RobustnessReport(msgspec.Struct, frozen=True):
             "worse: cases more than 1.1 times the error of the best simple method. better: share of\n"
             "cases with less than a third of it. NEES: median over the cases. ok, wrong: of all scans.",
         )
+        if self.tipped:
+            caption(console, f"left out, because the object tips over: {'; '.join(self.tipped)}")
 
     def _errors(self) -> Shown:
         methods = list(dict.fromkeys(row.method for row in self.rows))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taxelflow.errors import ParameterInvalid
+from taxelflow.errors import TipsOver
 from taxelflow.messages import Floats
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.relief.balance import Sites, depths, pressure_at, settle
@@ -66,7 +66,7 @@ def test_a_scan_is_settled_as_if_it_were_alone() -> None:
 
 def test_an_object_beside_the_skin_tips_over() -> None:
     sites = sites_of(Object(shape="nut"), np.array([[0.03, 0.0, 0.0]]))
-    with pytest.raises(ParameterInvalid, match="load point over the part of the skin"):
+    with pytest.raises(TipsOver, match="load point over the part of the skin"):
         settle(Skin(), sites, np.array([[5.0, 0.0, 0.0]]), np.array([[2e-3, 0.0, 0.0]]), True)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.errors import ParameterInvalid
+from taxelflow.errors import TipsOver
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -88,7 +88,7 @@ def settle(skin: Skin, sites: Sites, load: Floats, start: Floats, tilts: bool) -
     """Depth and tilts (scans, 3), m and rad, that carry a load.
 
     load: (scans, 3), a force in N and its moments along u and v about the load point in N m: force times lever.
-    start: (scans, 3), from which to search. Raises ParameterInvalid if the object tips over.
+    start: (scans, 3), from which to search. Raises TipsOver.
     """
     free = 3 if tilts else 1
     near = np.abs(sites.u_m[sites.height_m > sites.height_m.min()])
@@ -110,7 +110,7 @@ def settle(skin: Skin, sites: Sites, load: Floats, start: Floats, tilts: bool) -
         if not len(left):
             break
     if len(left) or np.abs(state[:, 1:]).max(initial=0.0) > _NEWTON.steepest:
-        raise ParameterInvalid("object", "tips over", "have its load point over the part of the skin that carries it")
+        raise TipsOver
     return state
 
 
