@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import inspect
+import pickle
 import re
 from pathlib import Path
 
@@ -30,6 +31,7 @@ FACTS: dict[str, tuple[object, ...]] = {
     "GridNameInvalid": ("grid:4",),
     "NameUnknown": ("sensor", "hnad", ["hand"]),
     "ParameterInvalid": ("gain", 0, "be above 0"),
+    "TipsOver": (),
     "ResultMissing": (Path("out"), "slips.csv"),
     "SourceMissing": (Path("out"), "a.npz"),
     "CalibrationInvalid": (Path("cal.toml"), "it is empty"),
@@ -61,12 +63,21 @@ def test_the_tree_at_the_top_of_the_file_is_the_tree_of_classes() -> None:
     assert drawn == {name: kind.__base__.__name__ for name, kind in CLASSES.items() if kind.__base__}
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in CLASSES if name not in ("TaxelflowError", "RecordingError", "CalibrationError")]
-)
+LEAVES = [name for name in CLASSES if name not in ("TaxelflowError", "RecordingError", "CalibrationError")]
+
+
+@pytest.mark.parametrize("name", LEAVES)
+def test_an_error_goes_from_one_process_to_another(name: str) -> None:
+    error = CLASSES[name](*FACTS[name])
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert (str(again), vars(again)) == (str(error), vars(error))
+
+
+@pytest.mark.parametrize("name", LEAVES)
 def test_a_message_is_one_line_that_names_the_finding_and_the_remedy(name: str) -> None:
     message = str(CLASSES[name](*FACTS[name]))
     assert "\n" not in message
-    assert str(FACTS[name][0]) in message
+    assert all(str(fact) in message for fact in FACTS[name][:1])
     assert re.search(r"[;:]| must ", message)
     assert not message.endswith(".")

@@ -19,6 +19,7 @@ TaxelflowError
 ├── NameUnknown               no sensor, estimator, ... of that name
 ├── OptionsUnknown            words that a command has no option for
 ├── ParameterInvalid          a parameter is out of range
+│   └── TipsOver              a simulated object does not stand
 ├── ResultMissing             a directory is not a result, or lacks a file
 ├── SourceMissing             the recording of a result is gone
 ├── CalibrationError          gains cannot be estimated or used
@@ -43,7 +44,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
 
@@ -65,6 +66,16 @@ class TaxelflowError(Exception):
         if len(message) > _LONGEST:
             message = f"{message[: _LONGEST // 2]} [...] {message[-_LONGEST // 2 :]}"
         super().__init__(printable(message))
+
+    def __reduce__(self) -> tuple[Callable[..., TaxelflowError], tuple[object, ...]]:
+        """As another process needs it: without what its kind takes to make one."""
+        return _again, (type(self), self.args, self.__dict__)
+
+
+def _again(kind: type[TaxelflowError], args: tuple[object, ...], fields: dict[str, object]) -> TaxelflowError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(fields)
+    return error
 
 
 @contextmanager
