@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 @pytest.mark.long
 def test_the_slip_of_a_real_hand_is_found(recordings: Path) -> None:
-    result = api.estimate(recordings / "sdh-bags" / "slip_up.bag", method="template")
+    # Starts of the template disagree about this leap on some processors: no pose of it is `ok` then.
+    result = api.estimate(recordings / "sdh-bags" / "slip_up.bag", method="convolution")
     begin_s = result.slips.t_s[0]
     start, stop, *more = (event for event in result.events if event.event in {"slip_start", "slip_stop"})
     # From scan 105 to 107 the patch leaps from the taxels round 55 to taxel 39 of the pad, 17 mm away.

@@ -130,6 +130,16 @@ def test_a_dead_taxel_at_the_rim_of_a_contact_is_found(shape: Shape, place: str,
     assert any(f"do not answer to the pattern: taxels {dead} of {at.pad}" in note for note in notes)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(("shape", "place"), [("dome", "xela"), ("bolt", "xela")])
+def test_a_dead_taxel_is_found_where_its_pattern_explains_it_too(shape: Shape, place: str) -> None:
+    """With and without it, such a fit leaves the same error; without it, the scans are likelier."""
+    at = PLACES[place]
+    recording = simulate_relief(case(shape, place, "all", seed=61), sensor_at(at), at.pad)
+    notes = api.estimate(recording, "template").summary.notes
+    assert any(f"do not answer to the pattern: taxels 10 of {at.pad}" in note for note in notes)
+
+
 @given(st.sampled_from(["feet", "rails", "corner", "slot", "wide ring"]), st.floats(0.0, 2 * np.pi))
 def test_two_silent_neighbours_under_an_object_at_rest_may_be_its_gap(kind: str, angle: float) -> None:
     still = np.tile([[COLUMNS / 2 - 0.5, ROWS / 2 - 0.5]], (20, 1))

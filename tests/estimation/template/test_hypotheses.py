@@ -7,8 +7,12 @@ import pytest
 
 from costly import mostly_long
 from rigged import rigged
+from taxelflow.estimation.template.hypotheses import solve
+from taxelflow.estimation.template.observations import Scanned
 from taxelflow.evaluation.strokes import strokes_by, trial, ungrouped
+from taxelflow.messages import OK
 from taxelflow.pipeline import api
+from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 
 
@@ -43,3 +47,24 @@ def test_an_object_smaller_than_a_taxel_neither_turns_nor_loses_its_speed() -> N
     ).all()  # its gains vary then, and it turns
     speeds = [stroke.all for stroke in strokes_by("template", recording, api.conditioned(recording))]
     assert speeds == pytest.approx([-50.0, 50.0], rel=0.01)  # with a loose start alone 2.4 mm/s are lost
+
+
+def test_a_round_object_that_the_border_cuts_does_not_turn() -> None:
+    recording = simulate(SCENARIOS["stroke"])
+    slips = api.estimate(recording, "template").slips
+    sides = [recording.layout.pads.index(name) for name in ("palm_left", "palm_right")]
+    assert np.isnan(slips.pose[:, sides, 2]).all()
+    cut = slips.quality[:, sides][slips.contact[:, sides]]
+    assert np.mean(cut == OK) > 0.5  # a third of the scans when some contacts turned
+
+
+@pytest.mark.parametrize(("unseen_error", "shown"), [(0.0, True), (0.05, False)])
+def test_a_turn_that_faults_of_the_sensor_may_explain_is_not_shown(unseen_error: float, shown: bool) -> None:
+    """A dome that slides over taxels with gains that differ by a tenth: they stay, and the dome seems to turn."""
+    places = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(7.0), np.arange(5.0))])
+    apart = np.hypot(places[0] - np.linspace(1.5, 4.5, 40)[:, np.newaxis], places[1] - 2.0)
+    gains = 1.0 + 0.1 * np.random.default_rng(0).standard_normal(35)
+    readings = gains * np.maximum(1.0 - (apart / 2.2) ** 2, 0.0)
+    each = np.full(readings.shape, 1e-6), np.full(35, np.inf), np.zeros(35)
+    found = solve(Scanned.of(0.02 * np.arange(40), places, readings, *each, unseen_error))
+    assert (found.turns, found.shown) == (True, shown)

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.hypotheses import distance
 from taxelflow.estimation.template.pose_output import Poses
+from taxelflow.estimation.template.rivals import distance
 from taxelflow.messages import AMBIGUOUS, OK
 
 PITCH_M = 0.002

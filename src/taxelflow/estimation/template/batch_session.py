@@ -138,11 +138,14 @@ class BatchSession:
         variance = np.repeat((scans.noise[own] ** 2)[np.newaxis], len(scans), axis=0)
         variance[~scans.complete[:, pad, np.newaxis] & (readings == 0)] = 0.0  # missing, not unloaded
         places = np.stack([layout.x_m[own], layout.y_m[own]]) / pitch_m
-        scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], self._delay[own])
+        has_turned = contact.before is not None and bool(np.isfinite(contact.before.pose[:, 2]).all())
+        unseen = 0.0 if has_turned else layout.unseen_error  # what a window before has shown needs no proof
+        scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], self._delay[own], unseen)
         with on_one_core():  # the matrices are too small to share among cores
             whole = scanned.variance.copy()
             # Where a sensor's faults may be anything, they look like a depth: it is then no better a model.
             solved = solve_contact(scanned, sinks=not layout.unseen_error)
+            solved.turns &= solved.shown
             information, of_the_map = _information(solved, scanned, layout.unseen_error)
             shown = as_pressure(solved.pattern) if solved.heights else solved.pattern
             moment = Moment(shown, scanned, solved.states, np.arange(len(scanned)), solved.turns)

@@ -9,6 +9,7 @@ import numpy as np
 
 from taxelflow.estimation.template.dead_taxels import denied, explained, silent_taxels, unanswering
 from taxelflow.estimation.template.hypotheses import refined, solve
+from taxelflow.estimation.template.likelihood import as_alive, as_dead, cost
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.taxel_gains import with_gains
 
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
 
 _MOST_DEAD = 8
 """Taxels masked at most."""
-_UNANSWERING_ERROR, _DENIED_ERROR = 0.9, 0.67
-"""Error of a fit without a taxel that does not answer, or whose silence is denied, over that with it, at most: what a
-bad fit calls dead is not."""
 
 
 def solve_contact(
@@ -35,8 +33,8 @@ def solve_contact(
     solving = partial(solve, scanned, sinks=sinks, known=known)
     solved, dead = _without_silent(scanned, suspects, solving)
     while len(dead) < _MOST_DEAD:
-        better = _without(scanned, solved, unanswering(scanned, solved.fit), _UNANSWERING_ERROR, solving)
-        better = better or _without(scanned, solved, denied(scanned, solved), _DENIED_ERROR, solving)
+        better = _without(scanned, solved, unanswering(scanned, solved.fit), solving)
+        better = better or _without(scanned, solved, denied(scanned, solved), solving)
         if better is None:
             break
         solved = better[0]
@@ -47,15 +45,16 @@ def solve_contact(
 
 
 def _without(
-    scanned: Scanned, solved: Solved, taxel: int | None, share: float, solving: Callable[[], Solved]
+    scanned: Scanned, solved: Solved, taxel: int | None, solving: Callable[[], Solved]
 ) -> tuple[Solved, int] | None:
-    """A contact solved without a taxel, which is masked, if that leaves at most this share of the error."""
+    """A contact solved without a taxel, which is masked, if all readings are likelier so: its own are noise then."""
     if taxel is None:
         return None
     kept = scanned.variance[:, taxel].copy()
+    alive = cost(solved, scanned) + as_alive(scanned, taxel, solved)
     scanned.variance[:, taxel] = 0.0
     without = solving()
-    if without.error <= min(share * solved.error, COARSE):
+    if without.error <= COARSE and cost(without, scanned) + as_dead(scanned, taxel, kept, without.error) < alive:
         return without, taxel
     scanned.variance[:, taxel] = kept
     return None

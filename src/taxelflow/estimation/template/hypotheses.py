@@ -15,11 +15,13 @@ from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.pose_output import arm_of
+from taxelflow.estimation.template.rivals import agreement, apart_by_growth, apart_by_turn
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
 from taxelflow.estimation.template.solution import Solved
 from taxelflow.estimation.template.turning import (
     explains_far_more,
     keeps_its_angle,
+    outweighs_faults,
     turns_steadily,
     turns_surely,
     variances_of,
@@ -28,7 +30,7 @@ from taxelflow.numerics.bspline import STATE, in_object, states_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
-    from taxelflow.messages import Bools, Floats
+    from taxelflow.messages import Floats
 
 FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
 _FIRST_ROUNDS, _ROUNDS = 4, (3, 3)
@@ -42,10 +44,10 @@ YOUNG = 8
 """With fewer scans, the spread of the gains is not learned."""
 _SHARP = 0.005
 """Error with which a sharper pattern is tried."""
-_SAME = 0.1
-"""Largest distance, in pitches, at which two starts agree on a scan."""
 _RIVAL = 1.5
 """A hypothesis that leaves up to this many times the error is a rival: faults of the sensor may have decided."""
+_MAY_BE_STRAIGHT = 2.0 * COARSE
+"""Of a coarse fit that keeps its angle, the error above which an object surely turns."""
 _FAR_WORSE = 20.0
 """A start whose coarse fit costs so much more a scan is not refined: that is some twice what a free angle costs."""
 _LIKELIER = 1.0
@@ -74,7 +76,7 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
         if own[0][0] <= limit:
             best = refined(scanned, tried[own[0][1]])
             if len(own) > 1 and own[1][0] <= limit:
-                best.agrees = _agree(best, tried[own[1][1]])
+                best.agrees = agreement(best, tried[own[1][1]])
             solved.append(best)
     rigid = likeliest(solved, scanned)
     return _sunk(scanned, solved, rigid) if sinks else rigid
@@ -85,26 +87,33 @@ def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
     if that does: each depth costs as much as a parameter that all readings determine, for in a short stroke it may
     stand for noise. Whether the object turns is another question: a fit that turns need not pay for that at that price.
 
-    Heights explain some of what a turn does: an object that turns without them does with them, if its pattern shows it.
+    A turn without heights may stand for them at a border: they are fitted, too, where it has led to, without a turn.
     """
-    level = [refined(scanned, one) for one in _as_heights(scanned, solved)]
-    none = np.zeros(len(scanned))
-    deep = [refined(scanned, replace(one.copy(), depth=none.copy())) for one in level]
+    straight = [_straight(scanned, one) for one in solved if one.turns]
+    straight = [one for one in straight if one.error <= _MAY_BE_STRAIGHT]
+    level = [refined(scanned, one) for one in _as_heights(scanned, [*solved, *straight])]
+    deep = [refined(scanned, replace(one.copy(), depth=np.zeros(len(scanned)))) for one in level]
+    if straight:
+        level += [refined(scanned, replace(one.copy(), depth=np.zeros(0))) for one in deep if not one.turns]
     prices = [min((cost(one, scanned, dear=True) for one in fits), default=np.inf) for fits in ([rigid], level, deep)]
-    if min(prices) >= prices[0]:
+    if min(prices) >= prices[0] - _LIKELIER * len(scanned):
         return rigid
     fits = [*level, *deep] if prices[2] < prices[1] else level
-    best = likeliest([*solved, *fits], scanned)
-    if best.turns or not (best.heights and rigid.turns):
-        return best
-    turning = [one for one in fits if one.turns and one.form == best.form and turns_surely(one, scanned)]
-    return replace(turning[0], growth=best.growth) if turning else best
+    return likeliest([*solved, *fits], scanned)
 
 
 def _as_heights(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
     """Fits to begin with of a pattern of heights, from those of pressure."""
     rigid = [one for one in solved if not one.grows] if len(scanned) >= YOUNG else []
     return [replace(one.copy(), pattern=as_heights(one.pattern), heights=True) for one in rigid]
+
+
+def _straight(scanned: Scanned, turned: Solved) -> Solved:
+    """The coarse fit of an object that keeps its angle, from where one that turns was."""
+    states = turned.states.copy()
+    states[:, :2] += arm_of(turned.middle(scanned), states)
+    states_of(states).theta[:] = 0.0
+    return coarse(scanned, states, turns=False)
 
 
 def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
@@ -116,10 +125,10 @@ def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
     near = [one for one in solved if one.error <= _RIVAL * best.error]
     others = [one for one in near if one.turns != best.turns and one.form == best.form]
     if others:
-        best = replace(best, rival=_apart(best, min(others, key=lambda one: one.error)))
+        best = replace(best, rival=apart_by_turn(best, min(others, key=lambda one: one.error)))
     grown = [one for one in near if one.grows != best.grows]
     if grown:
-        best = replace(best, growth=_by_growth(best, min(grown, key=lambda one: one.error), scanned))
+        best = replace(best, growth=apart_by_growth(best, min(grown, key=lambda one: one.error), scanned))
     return best
 
 
@@ -128,8 +137,10 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
     best = ranked[0]
     held = [one for one in ranked if not one.turns]
     free = [one for one in ranked if one.turns and one.form == best.form]
-    if best.turns and held and not (explains_far_more(best, held[0], scanned) or turns_surely(best, scanned)):
-        return held[0]
+    if best.turns and held:
+        if not (explains_far_more(best, held[0], scanned) or turns_surely(best, scanned)):
+            return held[0]
+        return replace(best, shown=keeps_its_angle(best, scanned) or outweighs_faults(best, held[0], scanned))
     if best.turns or not free:
         return best
     return free[0] if keeps_its_angle(free[0], scanned) or turns_steadily(free[0], best, scanned) else best
@@ -228,47 +239,6 @@ def _refined(scanned: Scanned, start: Solved, *, most_error: float) -> Solved:
             centre(own.pattern, scanned, own.states)
     own.error = learned_error(own.fit, scanned)
     return own
-
-
-def _agree(best: Solved, other: Solved) -> Bools:
-    """(scans,), whether a start that was refined coarsely puts the object where the best fit does."""
-    centre = best.pattern.centre()
-    places = best.states[:, :2] + arm_of(centre, best.states)
-    others = other.states[:, :2] + arm_of(other.pattern.centre(), other.states)
-    apart = others - places
-    apart -= np.median(apart, axis=0)
-    agrees: Bools = np.hypot(*apart.T) < _SAME
-    return agrees
-
-
-def _apart(best: Solved, rival: Solved) -> Floats:
-    """(scans, 2), see `distance`, with the turn of the one that turns."""
-    return distance(best.states, rival.states, states_of((best if best.turns else rival).states).theta)
-
-
-def _by_growth(best: Solved, rival: Solved, scanned: Scanned) -> Floats:
-    """(scans, 2), in pitches, how far apart the points are that two hypotheses report, one of which grows."""
-    apart = _reported(rival, scanned) - _reported(best, scanned)
-    return apart - np.median(apart, axis=0)
-
-
-def _reported(solved: Solved, scanned: Scanned) -> Floats:
-    """(scans, 2), places of the point that is reported."""
-    places: Floats = solved.states[:, :2] + arm_of(solved.middle(scanned), solved.states)
-    return places
-
-
-def distance(states: Floats, others: Floats, theta: Floats) -> Floats:
-    """(scans, 2), in pitches, how far apart two courses (scans, 5) of a body are that turns by theta (scans,).
-
-    Each may follow a point of its own of the body: those that differ least.
-    """
-    cos, sin = np.cos(theta), np.sin(theta)
-    still, none = np.ones_like(cos), np.zeros_like(cos)
-    points = np.stack([cos, -sin, still, none, sin, cos, none, still], axis=1).reshape(-1, 4)
-    apart = (others - states)[:, :2].ravel()
-    left: Floats = (apart - points @ np.linalg.lstsq(points, apart, rcond=None)[0]).reshape(-1, 2)
-    return left
 
 
 def start_scan(scanned: Scanned) -> int:

@@ -8,7 +8,6 @@ import numpy as np
 
 from taxelflow.estimation.template.depth import DEPTH_STD
 from taxelflow.estimation.template.observations import COARSE
-from taxelflow.numerics.bspline import states_of
 from taxelflow.numerics.robust import OUTLIER
 
 if TYPE_CHECKING:
@@ -53,23 +52,46 @@ def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
     lattice there is no load.
     """
     fit, within = solved.fit, touched(scanned)
-    model = np.maximum(fit.model, 0.0)
-    variance = scanned.variance + (solved.error * scanned.amplitude) ** 2
-    residual = scanned.readings - model
-    residual[(scanned.readings >= scanned.ceiling) & (residual < 0)] = 0.0
-    usual = (
-        scanned.variance[within] + (COARSE * scanned.amplitude) ** 2
-    )  # what is not explained costs all fits the same
-    chi = residual[within] ** 2 / variance[within] + np.log(variance[within])
-    chi = np.minimum(chi, OUTLIER + np.log(usual))
-    gains = float(np.sum((states_of(solved.states).gain - 1.0) ** 2)) / solved.gain_std**2
+    chi = _by(solved, scanned, within)
     depths = float(np.sum(solved.depth**2)) / DEPTH_STD**2
     count, scans = float(np.count_nonzero(within)), len(scanned)
     states = scans * fit.freed
     own = count if dear else count / scans
     coefficients = max(fit.free - states, 1.0)
     free = coefficients * np.log(max(count / coefficients, FEWEST)) + states * np.log(max(own, FEWEST))
-    return float(chi.sum() + gains + depths + solved.pattern.smoothing * fit.bending + free)
+    return float(chi.sum() + depths + solved.pattern.smoothing * fit.bending + free)
+
+
+def as_dead(scanned: Scanned, taxel: int, noise: Floats, error: float) -> float:
+    """-2 log likelihood of what a dead taxel has read, with the error that a fit leaves of others. noise: (scans,),
+    variance of its readings. Each of them costs as much as a parameter of its scan: that is what it takes from the fit.
+    """
+    used = noise > 0
+    chi = _chi(scanned.readings[used, taxel], noise[used], error, scanned)
+    own = np.count_nonzero(touched(scanned)) / len(scanned)
+    return float(chi.sum()) + float(used.sum() * np.log(max(own, FEWEST)))
+
+
+def as_alive(scanned: Scanned, taxel: int, solved: Solved) -> float:
+    """-2 log likelihood of what a taxel has read by a fit; 0 where `cost` has it already."""
+    used = np.zeros(scanned.readings.shape, np.bool_)
+    used[:, taxel] = (scanned.variance[:, taxel] > 0) & ~touched(scanned)[:, taxel]
+    return float(_by(solved, scanned, used).sum())
+
+
+def _by(solved: Solved, scanned: Scanned, used: Bools) -> Floats:
+    """(n,), -2 log likelihood of the n readings that are used, a mask (scans, taxels), by a fit."""
+    residual = scanned.readings[used] - np.maximum(solved.fit.model[used], 0.0)
+    clipped = (scanned.readings >= scanned.ceiling)[used]
+    residual[clipped & (residual < 0)] = 0.0
+    return _chi(residual, scanned.variance[used], solved.error, scanned)
+
+
+def _chi(residual: Floats, noise: Floats, error: float, scanned: Scanned) -> Floats:
+    """(n,), -2 log likelihood of residuals; what is not explained costs all fits the same. noise: variance."""
+    variance = noise + (error * scanned.amplitude) ** 2
+    most = OUTLIER + np.log(noise + (COARSE * scanned.amplitude) ** 2)
+    return np.minimum(residual**2 / variance + np.log(variance), most)
 
 
 def touched(scanned: Scanned) -> Bools:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -104,7 +104,7 @@ class Scanned:
 
     t_s: (scans,). places: (2, taxels) in pitches. readings, variance: (scans, taxels), the latter 0 where a reading
     is not used. ceiling: (taxels,). delay_s: (taxels,), see `delays_of`. bends: (scans, 3, taxels or 0),
-    see `spline.evaluate`.
+    see `spline.evaluate`. unseen_error: see `Layout`.
     """
 
     t_s: Floats
@@ -114,14 +114,22 @@ class Scanned:
     ceiling: Floats
     delay_s: Floats
     bends: Floats
+    unseen_error: float = 0.0
 
     @classmethod
     def of(
-        cls, t_s: Floats, places: Floats, readings: Floats, variance: Floats, ceiling: Floats, delay_s: Floats
+        cls,
+        t_s: Floats,
+        places: Floats,
+        readings: Floats,
+        variance: Floats,
+        ceiling: Floats,
+        delay_s: Floats,
+        unseen_error: float = 0.0,
     ) -> Scanned:
         """Scans whose poses are not known yet."""
         width = len(delay_s) if delay_s.any() else 0
-        return cls(t_s, places, readings, variance, ceiling, delay_s, np.zeros((len(t_s), 3, width)))
+        return cls(t_s, places, readings, variance, ceiling, delay_s, np.zeros((len(t_s), 3, width)), unseen_error)
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -173,13 +181,13 @@ class Scanned:
 
     def taken(self, which: NDArray[np.int64] | slice) -> Scanned:
         """Some of the scans."""
-        parts = (self.readings[which], self.variance[which])
-        return Scanned(self.t_s[which], self.places, *parts, self.ceiling, self.delay_s, self.bends[which])
+        t_s, readings, variance = self.t_s[which], self.readings[which], self.variance[which]
+        return replace(self, t_s=t_s, readings=readings, variance=variance, bends=self.bends[which])
 
     def divided(self, gains: Floats) -> Scanned:
         """The scans with the readings of each taxel divided by its gain (taxels,), see `divided`."""
-        read = divided(self.readings, self.variance, self.ceiling, gains)
-        return Scanned(self.t_s, self.places, *read, self.delay_s, self.bends)
+        readings, variance, ceiling = divided(self.readings, self.variance, self.ceiling, gains)
+        return replace(self, readings=readings, variance=variance, ceiling=ceiling)
 
     def with_error(self, share: float) -> Readings:
         """The scans as kernels read them. share: of the contact's largest reading, the standard deviation of what the

@@ -39,6 +39,7 @@ class Solved:
     gain_std: float
     turns: bool
     grows: bool = False
+    shown: bool = True
     agrees: Bools = field(default_factory=lambda: np.ones(0, np.bool_))
     rival: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     growth: Floats = field(default_factory=lambda: np.zeros((0, 2)))

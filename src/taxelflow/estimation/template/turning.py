@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +35,16 @@ def explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
     return _sight(free, scanned) > 1.0 and cost(free, scanned, dear=True) < cost(held, scanned, dear=True)
 
 
+def outweighs_faults(free: Solved, held: Solved, scanned: Scanned) -> bool:
+    """Whether a turn explains more than it costs, if all readings may have the error that the sensor declares unseen.
+
+    Faults of the sensor stay where they are from scan to scan: a turn that explains them seems sure.
+    """
+    least = scanned.unseen_error
+    prices = [cost(replace(one, error=max(one.error, least)), scanned) for one in (free, held)]
+    return prices[0] < prices[1]
+
+
 def turns_surely(free: Solved, scanned: Scanned) -> bool:
     """Whether an object that was let turn shows its angle, and turns no more jerkily than noise makes it seem."""
     variance = variances_of(free.fit.information).theta
@@ -46,9 +57,9 @@ def turns_surely(free: Solved, scanned: Scanned) -> bool:
 def turns_steadily(free: Solved, held: Solved, scanned: Scanned) -> bool:
     """Whether angles that follow from those before explain more than none: they cost as few as they are.
 
-    Only of contacts that sink in, whose texture shows an angle: without a turn they lean on their depth.
+    Only of heights, whose texture shows an angle: they explain some of what a turn does.
     """
-    if not (free.sinks and turns_surely(free, scanned)):
+    if not (free.heights and turns_surely(free, scanned)):
         return False
     readings, scans = float(np.count_nonzero(touched(scanned))), len(scanned)
     saved = scans * float(np.log(max(readings / scans, FEWEST))) - scans  # each of them explains some noise, too

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.track_state import MOST_KEYFRAMES
 from taxelflow.numerics.bspline import pose_part, states_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
 _GROWN = 0.05
@@ -62,9 +62,7 @@ class Keyframes:
             crowded = np.sort(apart, axis=1)[:, :3].sum(axis=1)
             crowded[0] = crowded[-1] = np.inf
             keep = np.delete(keep, int(np.argmin(crowded)))
-        scanned = Scanned(
-            times[keep], old.places, readings[keep], variances[keep], old.ceiling, old.delay_s, bends[keep]
-        )
+        scanned = replace(old, t_s=times[keep], readings=readings[keep], variance=variances[keep], bends=bends[keep])
         return Keyframes(scanned, states[keep], angled[keep])
 
 

@@ -35,7 +35,7 @@ class Learned:
     hypothesis, may explain. fresh: how many of the last keyframes were registered on the pattern before. taken: scans
     that have ever been keyframes. looked: how many had been when the hypotheses were last compared. turned: by how much
     its theta differs from that of the pattern before. error: see `Scanned.with_error`. gain_std: from scan to scan.
-    turns, grows: see `Solved`. reports_turn: whether fits have agreed well enough on it. changing: it does not
+    turns, grows, shown: see `Solved`. reports_turn: whether fits have agreed well enough on it. changing: it does not
     stay the same, and only the last keyframes count. unseen_error: see `Layout`. origin: (2,) in pitches, added to what
     is reported: the frame of a pattern that grows is at the point that stays. arm: (2,) in pitches, from the origin of
     the frame to the point reported when its contact ended. anchor: of the keyframes, see `anchor_of`.
@@ -50,6 +50,7 @@ class Learned:
     gain_std: float = FIRST_GAIN_STD
     turns: bool = False
     grows: bool = False
+    shown: bool = True
     reports_turn: bool = False
     changing: bool = False
     turned: float = 0.0

@@ -67,7 +67,7 @@ def first_pattern(
 
     gains: (taxels,).
     """
-    one = (scan.reading[np.newaxis], scan.variance[np.newaxis], scan.ceiling, delay_s)
+    one = (scan.reading[np.newaxis], scan.variance[np.newaxis], scan.ceiling, delay_s, unseen_error)
     scanned = Scanned.of(np.array([t_s]), scan.places, *one)
     state = np.array([[*(scanned.centroids()[0] if at is None else at), 0.0, 1.0, 0.0]])
     learned = learn(
@@ -119,7 +119,8 @@ def _learn(known: Learned) -> Learned:
     turned = float(np.median(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
     states, origin, off = in_frame_of(before, best, scanned, turned)
     slack = np.array(FIRST_SLACK) if best.grows and not known.grows else _slack(known, off)
-    reports_turn = best.turns and (known.reports_turn or bool(slack[1] < _REPORTED * FIRST_SLACK[1]))
+    shown = known.shown if looked == known.looked else best.shown
+    reports_turn = best.turns and shown and (known.reports_turn or bool(slack[1] < _REPORTED * FIRST_SLACK[1]))
     new = replace(
         known,
         pattern=pattern,
@@ -131,6 +132,7 @@ def _learn(known: Learned) -> Learned:
         gain_std=best.gain_std if count >= YOUNG else FIRST_GAIN_STD,
         turns=best.turns,
         grows=best.grows,
+        shown=shown,
         reports_turn=reports_turn,
         turned=turned,
         slack=slack,
