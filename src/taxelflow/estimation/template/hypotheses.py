@@ -14,8 +14,7 @@ from taxelflow.estimation.template.initialization import Tracker
 from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.estimation.template.observations import COARSE
-from taxelflow.estimation.template.pose_output import arm_of
-from taxelflow.estimation.template.rivals import agreement, apart_by_growth, apart_by_turn
+from taxelflow.estimation.template.rivals import agreement, apart_by_growth, apart_by_turn, reported
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
 from taxelflow.estimation.template.solution import Solved
 from taxelflow.estimation.template.turning import (
@@ -51,7 +50,8 @@ _MAY_BE_STRAIGHT = 2.0 * COARSE
 _FAR_WORSE = 20.0
 """A start whose coarse fit costs so much more a scan is not refined: that is some twice what a free angle costs."""
 _LIKELIER = 1.0
-"""What another start than the known one must lower the cost by, a scan: coarse fits have not quite converged."""
+"""What another start than the known one, or heights from more starts, must lower the cost by, a scan: fits have not
+quite converged."""
 
 
 def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None) -> Solved:
@@ -93,10 +93,12 @@ def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
     straight = [one for one in straight if one.error <= _MAY_BE_STRAIGHT]
     level = [refined(scanned, one) for one in _as_heights(scanned, [*solved, *straight])]
     deep = [refined(scanned, replace(one.copy(), depth=np.zeros(len(scanned)))) for one in level]
-    if straight:
+    clearly = 0.0
+    if straight:  # of more fits, one may be cheaper by chance
+        clearly = _LIKELIER * len(scanned)
         level += [refined(scanned, replace(one.copy(), depth=np.zeros(0))) for one in deep if not one.turns]
     prices = [min((cost(one, scanned, dear=True) for one in fits), default=np.inf) for fits in ([rigid], level, deep)]
-    if min(prices) >= prices[0] - _LIKELIER * len(scanned):
+    if min(prices) >= prices[0] - clearly:
         return rigid
     fits = [*level, *deep] if prices[2] < prices[1] else level
     return likeliest([*solved, *fits], scanned)
@@ -111,7 +113,7 @@ def _as_heights(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
 def _straight(scanned: Scanned, turned: Solved) -> Solved:
     """The coarse fit of an object that keeps its angle, from where one that turns was."""
     states = turned.states.copy()
-    states[:, :2] += arm_of(turned.middle(scanned), states)
+    states[:, :2] = reported(turned, scanned)
     states_of(states).theta[:] = 0.0
     return coarse(scanned, states, turns=False)
 

@@ -36,11 +36,11 @@ def apart_by_turn(best: Solved, rival: Solved) -> Floats:
 
 def apart_by_growth(best: Solved, rival: Solved, scanned: Scanned) -> Floats:
     """(scans, 2), in pitches, how far apart the points are that two hypotheses report, one of which grows."""
-    apart = _reported(rival, scanned) - _reported(best, scanned)
+    apart = reported(rival, scanned) - reported(best, scanned)
     return apart - np.median(apart, axis=0)
 
 
-def _reported(solved: Solved, scanned: Scanned) -> Floats:
+def reported(solved: Solved, scanned: Scanned) -> Floats:
     """(scans, 2), places of the point that is reported."""
     places: Floats = solved.states[:, :2] + arm_of(solved.middle(scanned), solved.states)
     return places

@@ -23,13 +23,14 @@ class Solved:
     """A contact as the joint fit sees it.
 
     states: (scans, 5), see `bspline`. error: share of the contact's largest reading, see `Scanned.with_error`.
-    gain_std: of the gains around 1. turns, grows: whether the object turns, and its contact grows with the load around
-    the origin of the pattern's frame. agrees: (scans,), whether independent starts put the object at the same place;
-    empty where there was one start. rival: (scans, 2), in pitches, how far from here a hypothesis that explains the
-    scans nearly as well puts the object, one that turns where this does not, or the reverse; growth: the same of one
-    that grows or does not; each is empty if there is none. dead: taxels that do not answer. gains: (taxels,), by
-    which the readings were divided; empty if they were not. heights: whether the pattern is one of heights, see
-    `depth`; depth: (scans,), of such a pattern; empty if it stays the same.
+    gain_std: of the gains around 1. turns, grows: whether the object turns, and its contact grows with the load
+    around the origin of the pattern's frame. shown: whether its turn is more than faults of the sensor explain.
+    agrees: (scans,), whether independent starts put the object at the same place; empty where there was one start.
+    rival: (scans, 2), in pitches, how far from here a hypothesis that explains the scans nearly as well puts the
+    object, one that turns where this does not, or the reverse; growth: the same of one that grows or does not; each
+    is empty if there is none. dead: taxels that do not answer. gains: (taxels,), by which the readings were
+    divided; empty if they were not. heights: whether the pattern is one of heights, see `depth`; depth: (scans,),
+    of such a pattern; empty if it stays the same.
     """
 
     pattern: Pattern
