@@ -74,6 +74,13 @@ def test_axes_orientation_and_centroid_are_those_of_an_even_ellipse(
     assert contacts.eccentricity[0, 0] == pytest.approx(np.sqrt(1 - (width / 0.028) ** 2), abs=0.03)
 
 
+@given(peak=st.floats(1e3, 1e4), column=st.integers(0, 23), first=st.integers(0, 20))
+def test_a_column_of_taxels_points_up_whatever_rounding_does(peak: float, column: int, first: int) -> None:
+    values = np.zeros((24, 24))
+    values[first : first + 4, column] = peak * np.array([1.0, 2.0, 1.7, 0.6])
+    assert described(values.ravel()).orientation[0, 0] == pytest.approx(np.pi / 2)
+
+
 @pytest.mark.parametrize("threshold", [0.0, 4.0])
 def test_a_round_contact_has_no_orientation(threshold: float) -> None:
     layout = GRID.layout

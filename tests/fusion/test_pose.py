@@ -15,12 +15,17 @@ STD_M = 1e-5
 
 
 def followed(
-    places: Floats, *, touching: Bools | None = None, own_turn: Floats | None = None, turns: bool = True
+    places: Floats,
+    *,
+    touching: Bools | None = None,
+    own_turn: Floats | None = None,
+    turns: bool = True,
+    std_m: float = STD_M,
 ) -> Records:
-    """Rows of scans in which contacts lie at places (scans, pads, 2)."""
+    """Rows of scans in which contacts lie at places (scans, pads, 2), known to a standard deviation."""
     scans, pads = places.shape[:2]
     rows, flags = unknown(Row, scans), np.ones((scans, pads), np.bool_) if touching is None else touching
-    covariance = np.tile(STD_M**2 * np.eye(2), (scans, pads, 1, 1))
+    covariance = np.tile(std_m**2 * np.eye(2), (scans, pads, 1, 1))
     nothing = np.full((scans, pads, 2), np.nan)
     own = nothing if own_turn is None else own_turn
     here = Carried(places, nothing, nothing, own, flags, flags, flags)
@@ -57,6 +62,23 @@ def test_one_contact_has_a_translation_and_no_turn() -> None:
 def test_unknown_places_give_no_turn() -> None:
     rows = followed(seen(np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.2]])), turns=False)
     assert np.isnan(rows["pose"][1, 2])
+
+
+@pytest.mark.parametrize(("std_m", "known"), [(0.03, True), (0.05, False)])
+def test_a_turn_less_certain_than_half_a_radian_stays_empty(std_m: float, known: bool) -> None:
+    rows = followed(seen(np.zeros((2, 3))), std_m=std_m)
+    assert np.isfinite(rows["pose"][1, 2]) == known
+    assert np.isfinite(rows["pose"][1, :2]).all()
+    turn_std = np.sqrt(2) * std_m / np.sqrt(np.sum((POINTS - POINTS.mean(axis=0)) ** 2))
+    assert (turn_std < 0.5) == known
+
+
+def test_places_that_determine_no_turn_give_none_that_adds_up() -> None:
+    places = seen(np.zeros((300, 3))) + 0.05 * np.random.default_rng(0).standard_normal((300, 3, 2))
+    rows = followed(places, std_m=0.05)
+    assert np.isnan(rows["pose"][1:, 2]).all()
+    sigmas = rows["pose"][1:, :2] / np.sqrt(rows["pose_covariance"][1:, [0, 1], [0, 1]])
+    assert np.abs(sigmas).max() < 4.5
 
 
 def test_a_pads_own_theta_counts_half() -> None:

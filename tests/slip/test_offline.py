@@ -115,6 +115,17 @@ def test_a_slip_without_displacement_is_given_as_it_was_reported() -> None:
     assert events[1] == Event(1.0, "pad", "slip_start", 1.0)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_slips_in_whole_pitches_are_dated_alike_whatever_rounding_does(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    slips = slips_of(np.round(slid((1.0, 2.0), speed_m_s=0.02, seed=seed) / 0.002) * 0.002)
+    rounding = 1.0 + 2e-16 * random.standard_normal(slips.displacement_covariance.shape)
+    rounded = replace(slips, displacement_covariance=slips.displacement_covariance * rounding)
+    first, second = ([event.onset_s for event in seen(each)[1]] for each in (slips, rounded))
+    np.testing.assert_array_equal(first, second)
+    assert len(first) > 4
+
+
 def test_nothing_in_nothing_out() -> None:
     session = SlipMonitor().look_back(("a", "b"))
     flags, events, _ = session.finish()

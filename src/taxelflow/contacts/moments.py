@@ -133,7 +133,7 @@ def _extract(
     features.eccentricity = np.sqrt(1.0 - small / large)
     if apart <= _MIN_ASPHERICITY * large:
         return
-    u, v, variance = xx - yy, 2.0 * xy, 0.0
+    u, v, variance = xx - yy, 2.0 * xy if abs(xy) > _MIN_ASPHERICITY * large else 0.0, 0.0
     for k in range(len(p)):
         if p[k] > threshold * noise[k]:
             dx, dy = x[k] - x0 - cx, y[k] - y0 - cy

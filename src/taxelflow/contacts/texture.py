@@ -33,6 +33,8 @@ _TEXTURED = 0.05
 """Share of the gradient's energy that texture has at least; the four laws leave less than 0.03 of each other's."""
 _OBSERVABLE = 5.0
 """Energy of the gradient over that of noise from which a direction is observable: a fifth of a pitch from one scan."""
+_ROUNDING = 1e-9
+"""Relative: what is left of sums that cancel."""
 _NEAR = 1.5
 """Distance of neighbours, in pitches: the eight around a taxel of a grid, the six of a hexagon."""
 
@@ -238,6 +240,8 @@ def turn_energy(
     qa, qb = pa - aa * mx - ab * my, pb - ab * mx - bb * my
     cx, cy = mx + xx * qa + cross * qb, my + cross * qa + yy * qb
     turn = pp - 2.0 * (cx * pa + cy * pb) + cx * cx * aa + 2.0 * cx * cy * ab + cy * cy * bb
+    if turn <= _ROUNDING * rr_g:  # as of a single taxel
+        return 0.0, 0.0
     return turn, rr_g - 2.0 * (cx * rx_g + cy * ry_g) + (cx * cx + cy * cy) * whole
 
 

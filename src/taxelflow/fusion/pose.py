@@ -7,7 +7,16 @@ from typing import Annotated
 import numpy as np
 
 from taxelflow.fusion.in_hand import Carried
-from taxelflow.fusion.twist import Equations, Row, add_point, clear, solve_rigid, solve_translation, turn_is_observable
+from taxelflow.fusion.twist import (
+    Equations,
+    Row,
+    add_point,
+    clear,
+    information_on_turn,
+    solve_rigid,
+    solve_translation,
+    turn_is_observable,
+)
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.se2 import rotate, rotate_back
@@ -32,6 +41,9 @@ _LEAST_FREEDOM = 20.0
 """Degrees of freedom from which the misfit is significant: its relative standard deviation is then below 0.32."""
 _OWN_TURN_WEIGHT = 0.5
 """Of a pad's own theta: the variance of the one at which it was anchored counts, too, and is about the same."""
+
+_MOST_TURN_VARIANCE = 0.5**2
+"""rad^2. A turn that is less certain stays empty: places are not linear in it any more, and steps do not converge."""
 
 
 class Anchor:
@@ -93,7 +105,7 @@ def follow_pose(
             ):
                 observable = False
                 break
-            observable = turns and turn_is_observable(equations.normal)
+            observable = turns and turn_is_certain(equations.normal, body)
             if step_pose(observable, body, equations) < _SMALLEST_STEP and robust:
                 break
         judge_misfit(place[scan], place_cov[scan], own_turn[scan], placed[scan], observable, anchors, body)
@@ -136,6 +148,13 @@ def add_contacts(
             count += 1
             add_contact(place[pad], place_cov[pad], own_turn[pad], robust, anchor, body, equations)
     return count
+
+
+@routine
+def turn_is_certain(normal: Floats, body: Body) -> bool:
+    """Whether the turn is observable, and its standard deviation is small enough to be linear."""
+    most = _MOST_TURN_VARIANCE * information_on_turn(normal)
+    return turn_is_observable(normal) and usual_misfit(body) < most
 
 
 @routine

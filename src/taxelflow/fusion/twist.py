@@ -147,10 +147,15 @@ def add_turn(equations: Equations, turn: Floats, span_s: float) -> bool:
 @routine
 def turn_is_observable(normal: Floats) -> bool:
     """Whether the turn is determined: information on it that no translation explains, at some distance or itself."""
+    return bool(information_on_turn(normal) > _LEAST_DISTANCE_M**2 * 0.5 * (normal[0, 0] + normal[1, 1]))
+
+
+@routine
+def information_on_turn(normal: Floats) -> float:
+    """What no translation explains: 1 over the variance of the turn."""
     xx, xy, yy = inverse2(normal[0, 0], normal[0, 1], normal[1, 1])
     a, b = normal[0, 2], normal[1, 2]
-    left = normal[2, 2] - (a * a * xx + 2.0 * a * b * xy + b * b * yy)
-    return bool(left > _LEAST_DISTANCE_M**2 * 0.5 * (normal[0, 0] + normal[1, 1]))
+    return float(normal[2, 2] - (a * a * xx + 2.0 * a * b * xy + b * b * yy))
 
 
 @routine

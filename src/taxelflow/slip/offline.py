@@ -26,6 +26,8 @@ _SIDE_SCANS, _MIN_SIDE_SCANS = 20, 2
 """Most and fewest scans on each side of a change that the fit uses."""
 _SEARCH_SCANS, _STEPS_PER_SCAN = 8.0, 10
 """The change is searched within this many scans of the detector's estimate, on a grid of this many points per scan."""
+_EQUAL = 1e-9
+"""Relative difference of two fits below which they are equal; a path in whole pitches has many that are."""
 _RETURN_SIGMAS = 4.0
 """A short slip counts if its end is this many standard deviations away from its start."""
 _MIN_VARIANCE = 1e-12
@@ -202,7 +204,9 @@ def _fit_change_point(t: Floats, path: Floats, weight: Floats, near_s: float, si
     cross = ramp @ (weight * path) - mean * (weight * path).sum(axis=0)
     square = ramp**2 @ weight - mean**2 * total
     explained = (cross**2 / np.where(square > 0, square, np.inf)).sum(axis=1)
-    return float(grid[np.argmax(explained)]) if len(grid) and explained.max() > 0 else near_s
+    if not len(grid) or not explained.max() > 0:
+        return near_s
+    return float(grid[np.argmax(explained >= (1 - _EQUAL) * explained.max())])
 
 
 def _at_scan(event: Event, t_s: float) -> Event:
