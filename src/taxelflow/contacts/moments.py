@@ -130,9 +130,10 @@ def _extract(
     half, apart = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
     large, small = half + apart + extent / s, max(half - apart, 0.0) + extent / s
     features.axes[0], features.axes[1] = 4.0 * np.sqrt(large), 4.0 * np.sqrt(small)
-    features.eccentricity = np.sqrt(1.0 - small / large)
     if apart <= _MIN_ASPHERICITY * large:
+        features.eccentricity = 0.0
         return
+    features.eccentricity = np.sqrt(1.0 - small / large)
     u, v, variance = xx - yy, 2.0 * xy if abs(xy) > _MIN_ASPHERICITY * large else 0.0, 0.0
     for k in range(len(p)):
         if p[k] > threshold * noise[k]:

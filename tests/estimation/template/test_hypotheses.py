@@ -7,8 +7,9 @@ import pytest
 
 from costly import mostly_long
 from rigged import rigged
-from taxelflow.estimation.template.hypotheses import solve
+from taxelflow.estimation.template.hypotheses import coarse, likeliest, refined, solve
 from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.turning import keeps_its_angle
 from taxelflow.evaluation.strokes import strokes_by, trial, ungrouped
 from taxelflow.messages import OK
 from taxelflow.pipeline import api
@@ -68,3 +69,21 @@ def test_a_turn_that_faults_of_the_sensor_may_explain_is_not_shown(unseen_error:
     each = np.full(readings.shape, 1e-6), np.full(35, np.inf), np.zeros(35)
     found = solve(Scanned.of(0.02 * np.arange(40), places, readings, *each, unseen_error))
     assert (found.turns, found.shown) == (True, shown)
+
+
+def test_an_angle_is_not_known_from_a_fit_that_explains_less_than_one_without() -> None:
+    """Bumps that slide and keep their angle."""
+    axis = np.arange(10.0) - 4.5
+    places = np.stack([part.ravel() for part in np.meshgrid(axis, -axis)])
+    states = np.zeros((40, 5))
+    states[:, 0], states[:, 1], states[:, 3] = np.linspace(-1.5, 1.5, 40), np.linspace(-0.4, 0.4, 40), 1.0
+    at = states[:, :2, np.newaxis] + np.array([[0.0, 1.6, -1.1], [0.0, 0.9, 1.4]])
+    away = np.hypot(places[0] - at[:, 0, :, np.newaxis], places[1] - at[:, 1, :, np.newaxis])
+    readings = np.exp(-0.5 * away**2).sum(axis=1)
+    each = np.full(readings.shape, 1e-5), np.full(100, np.inf), np.zeros(100)
+    scanned = Scanned.of(0.02 * np.arange(40), places, readings, *each)
+    held, free = (refined(scanned, coarse(scanned, states.copy(), turns=turns)) for turns in (False, True))
+    assert likeliest([held, free], scanned).turns
+    stuck = replace(free, fit=replace(free.fit, model=1.02 * free.fit.model))
+    assert keeps_its_angle(stuck, scanned)
+    assert not likeliest([held, stuck], scanned).turns

@@ -11,6 +11,7 @@ from taxelflow.estimation.template.dead_taxels import denied, explained, silent_
 from taxelflow.estimation.template.hypotheses import refined, solve
 from taxelflow.estimation.template.likelihood import as_alive, as_dead, cost
 from taxelflow.estimation.template.observations import COARSE
+from taxelflow.estimation.template.rivals import agreement
 from taxelflow.estimation.template.taxel_gains import with_gains
 
 if TYPE_CHECKING:
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 _MOST_DEAD = 8
 """Taxels masked at most."""
+_MOVED = 0.2
+"""Largest distance, in pitches, by which the taxels' gains move an object that is known: more, and they have led to
+another minimum."""
 
 
 def solve_contact(
@@ -39,9 +43,12 @@ def solve_contact(
             break
         solved = better[0]
         dead.append(better[1])
-    solved = with_gains(scanned, solved, refined)
-    solved.dead = np.array(dead, np.int64)
-    return solved
+    gained = with_gains(scanned, solved, refined)
+    if gained is not solved:
+        still = agreement(gained, solved, most=_MOVED)
+        gained.agrees = gained.agrees & still if len(gained.agrees) else still
+    gained.dead = np.array(dead, np.int64)
+    return gained
 
 
 def _without(

@@ -19,6 +19,7 @@ from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
 from taxelflow.estimation.template.solution import Solved
 from taxelflow.estimation.template.turning import (
     explains_far_more,
+    explains_no_less,
     keeps_its_angle,
     outweighs_faults,
     turns_steadily,
@@ -145,7 +146,8 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
         return replace(best, shown=keeps_its_angle(best, scanned) or outweighs_faults(best, held[0], scanned))
     if best.turns or not free:
         return best
-    return free[0] if keeps_its_angle(free[0], scanned) or turns_steadily(free[0], best, scanned) else best
+    known = keeps_its_angle(free[0], scanned) and explains_no_less(free[0], best, scanned)
+    return free[0] if known or turns_steadily(free[0], best, scanned) else best
 
 
 def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:

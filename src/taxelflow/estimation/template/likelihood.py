@@ -51,15 +51,19 @@ def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
     All fits of a contact are judged by the same readings: those of the taxels that are loaded at any time. Off a
     lattice there is no load.
     """
-    fit, within = solved.fit, touched(scanned)
-    chi = _by(solved, scanned, within)
-    depths = float(np.sum(solved.depth**2)) / DEPTH_STD**2
-    count, scans = float(np.count_nonzero(within)), len(scanned)
-    states = scans * fit.freed
+    count, scans = float(np.count_nonzero(touched(scanned))), len(scanned)
+    states = scans * solved.fit.freed
     own = count if dear else count / scans
-    coefficients = max(fit.free - states, 1.0)
+    coefficients = max(solved.fit.free - states, 1.0)
     free = coefficients * np.log(max(count / coefficients, FEWEST)) + states * np.log(max(own, FEWEST))
-    return float(chi.sum() + depths + solved.pattern.smoothing * fit.bending + free)
+    return unexplained(solved, scanned) + float(free)
+
+
+def unexplained(solved: Solved, scanned: Scanned) -> float:
+    """-2 log posterior of a fit, its parameters without a price."""
+    chi = _by(solved, scanned, touched(scanned))
+    depths = float(np.sum(solved.depth**2)) / DEPTH_STD**2
+    return float(chi.sum() + depths + solved.pattern.smoothing * solved.fit.bending)
 
 
 def as_dead(scanned: Scanned, taxel: int, noise: Floats, error: float) -> float:

@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 _SAME = 0.1
-"""Largest distance, in pitches, at which two starts agree on a scan."""
+"""Largest distance, in pitches, at which two starts agree on a scan: one of them is refined coarsely."""
 
 
-def agreement(best: Solved, other: Solved) -> Bools:
-    """(scans,), whether a start that was refined coarsely puts the object where the best fit does."""
+def agreement(best: Solved, other: Solved, *, most: float = _SAME) -> Bools:
+    """(scans,), whether another fit puts the object where the best does, up to so much, in pitches."""
     centre = best.pattern.centre()
     places = best.states[:, :2] + arm_of(centre, best.states)
     others = other.states[:, :2] + arm_of(other.pattern.centre(), other.states)
     apart = others - places
     apart -= np.median(apart, axis=0)
-    agrees: Bools = np.hypot(*apart.T) < _SAME
+    agrees: Bools = np.hypot(*apart.T) < most
     return agrees
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.likelihood import FEWEST, cost, touched
+from taxelflow.estimation.template.likelihood import FEWEST, cost, touched, unexplained
 from taxelflow.estimation.template.observability import sights
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.numerics.bspline import States, states_of
@@ -24,6 +24,8 @@ _JERKY = 2.0
 alone gives 0.45."""
 _STEADY = 12.0
 """Scans over which an angle that turns steadily is one parameter."""
+_UNCONVERGED = 1.0
+"""By which a fit may explain a scan less, because it has not quite converged."""
 _SEEN = 4.0
 """An angle is observable if the pattern shows it better by this factor than its own noise seems to."""
 
@@ -33,6 +35,13 @@ def explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
     the pattern shows more of it than noise.
     """
     return _sight(free, scanned) > 1.0 and cost(free, scanned, dear=True) < cost(held, scanned, dear=True)
+
+
+def explains_no_less(free: Solved, held: Solved, scanned: Scanned) -> bool:
+    """Whether a fit that lets the object turn is as good as one that does not, which it contains: if not, it has ended
+    in a minimum of its own.
+    """
+    return unexplained(free, scanned) <= unexplained(held, scanned) + _UNCONVERGED * len(scanned)
 
 
 def outweighs_faults(free: Solved, held: Solved, scanned: Scanned) -> bool:
