@@ -74,11 +74,21 @@ def test_axes_orientation_and_centroid_are_those_of_an_even_ellipse(
     assert contacts.eccentricity[0, 0] == pytest.approx(np.sqrt(1 - (width / 0.028) ** 2), abs=0.03)
 
 
-@given(peak=st.floats(1e3, 1e4), column=st.integers(0, 23), first=st.integers(0, 20))
-def test_a_column_of_taxels_points_up_whatever_rounding_does(peak: float, column: int, first: int) -> None:
+@given(peak=st.floats(1e3, 1e4), column=st.integers(0, 22), first=st.integers(0, 20))
+def test_two_columns_of_taxels_point_up_whatever_rounding_does(peak: float, column: int, first: int) -> None:
     values = np.zeros((24, 24))
-    values[first : first + 4, column] = peak * np.array([1.0, 2.0, 1.7, 0.6])
+    values[first : first + 4, column : column + 2] = peak * np.array([[1.0], [2.0], [1.7], [0.6]])
     assert described(values.ravel()).orientation[0, 0] == pytest.approx(np.pi / 2)
+
+
+@given(peak=st.floats(1e3, 1e4), count=st.integers(2, 9))
+def test_taxels_in_a_line_do_not_show_how_the_object_is_turned(peak: float, count: int) -> None:
+    values = np.zeros((24, 24))
+    values[5, 3 : 3 + count] = peak
+    contacts = described(values.ravel())
+    assert np.isnan(contacts.orientation[0, 0])
+    assert np.isnan(contacts.orientation_std[0, 0])
+    assert contacts.eccentricity[0, 0] > 0.8
 
 
 @pytest.mark.parametrize("threshold", [0.0, 4.0])

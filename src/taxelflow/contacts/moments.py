@@ -134,6 +134,8 @@ def _extract(
         features.eccentricity = 0.0
         return
     features.eccentricity = np.sqrt(1.0 - small / large)
+    if half - apart <= _MIN_ASPHERICITY * large:  # taxels in a line show its orientation, not that of the object
+        return
     u, v, variance = xx - yy, 2.0 * xy if abs(xy) > _MIN_ASPHERICITY * large else 0.0, 0.0
     for k in range(len(p)):
         if p[k] > threshold * noise[k]:

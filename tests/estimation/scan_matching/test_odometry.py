@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from costly import mostly_long
 from synthetic import assert_same, dome, grid_sensor, pieces, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
+from taxelflow.estimation.scan_matching.uncertainty import is_anywhere
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 from taxelflow.numerics.geometry import rotation
 from taxelflow.pipeline.api import estimate
@@ -329,6 +330,12 @@ def test_one_loaded_taxel_moves_by_no_more_than_is_known() -> None:
     slips = seen(values)
     np.testing.assert_allclose(slips.displacement[1:, 0, :2], 0, atol=1e-9)
     assert np.isfinite(slips.covariance[:, 0, :2, :2]).all()
+
+
+@pytest.mark.parametrize(("std", "anywhere"), [(SIDE - 1.1, False), (SIDE - 0.9, True)])
+def test_steps_whose_errors_add_up_to_the_pads_length_leave_the_object_anywhere(std: float, anywhere: bool) -> None:
+    places = np.stack([PAD.layout.x_m, PAD.layout.y_m]) / PITCH
+    assert is_anywhere(np.diag([std**2, 0.01, 0.01]), places) == anywhere
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(12, 1), (1, 12)])

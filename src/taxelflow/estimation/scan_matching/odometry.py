@@ -35,6 +35,7 @@ from taxelflow.estimation.scan_matching.uncertainty import (
     covariance,
     earlier_gains,
     gains,
+    is_anywhere,
     turn_observability,
     turn_variance,
 )
@@ -204,7 +205,9 @@ def advance(
     matrix, step_matrix = out.covariance[k], out.displacement_covariance[k]
     forget_unobservable(spline.unobservable, begins, taxels.units, own, matrix, step_matrix)
     is_blurred = eigenvalues2(own[0, 0], own[1, 1], own[0, 1])[1] > _BLURRED**2
-    out.quality[k] = AMBIGUOUS if is_blurred else NO_POSE  # where it does not judge, the pipeline does
+    out.quality[k] = (
+        AMBIGUOUS if is_blurred or is_anywhere(track.covariance, taxels.places) else NO_POSE
+    )  # where it does not judge, the pipeline does
     if misfit > freedom * gate(1.0, freedom):
         out.quality[k] = UNRESOLVED
     keep_gains(g, points.taxel, last.gains)

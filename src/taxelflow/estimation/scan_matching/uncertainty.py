@@ -14,7 +14,7 @@ from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import solve_band
 from taxelflow.numerics.bspline import gather, spread, state_of
-from taxelflow.numerics.small_linalg import solve_small
+from taxelflow.numerics.small_linalg import eigenvalues2, solve_small
 from taxelflow.runtime.compiling import inlined, routine
 
 _REGULARIZATION = 1e-6
@@ -120,3 +120,13 @@ def covariance(g: Floats, points: Points, excess: float) -> Floats:
             for b in range(3):
                 part[a, b] += g[a, j] * g[b, j] * variance
     return part
+
+
+@routine
+def is_anywhere(covariance: Floats, places: Floats) -> bool:
+    """Whether the steps have added up to a standard deviation longer than the pad. places: (2, taxels)."""
+    square = 0.0
+    for i in range(places.shape[1]):
+        for a in range(2):
+            square = max(square, (places[a, i] - places[a, 0]) ** 2)
+    return bool(eigenvalues2(covariance[0, 0], covariance[1, 1], covariance[0, 1])[1] > square)
