@@ -154,3 +154,9 @@ def test_a_taxel_that_answers_elsewhere_is_not_dead() -> None:
     hole = ring.readings[:, 22] < 5 * NOISE
     assert (hole & (ring.readings[:, [13, 21, 23, 31]] > 0.5).all(axis=1)).any()
     assert silent_taxels(ring).tolist() == []
+
+
+def test_a_taxel_that_clearly_reads_under_load_is_weak_and_not_dead() -> None:
+    disc = slid("disc", across(2.0))
+    disc.readings[:, 22] *= 0.35
+    assert solve_contact(disc).dead.tolist() == []

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.map_export import as_map
-from taxelflow.estimation.template.observations import across, delays_of, divided
+from taxelflow.estimation.template.observations import across, delays_of
 from taxelflow.estimation.template.online.ended import Ended
+from taxelflow.estimation.template.online.hand_gains import HandGains
 from taxelflow.estimation.template.online.mapping_thread import Learner, Novel, Workers
 from taxelflow.estimation.template.online.relocalization import DOUBT
 from taxelflow.estimation.template.online.rows import room_for, rows_of
@@ -40,8 +41,8 @@ _PROBATION = 3
 class LocalMaps:
     """Tracks and patterns of all pads, what is being learned, and the maps of contacts that ended.
 
-    hand, tracks, stored: as kernels read them. learners: (pads,). ended: maps of ended contacts. gains: (entries,), by
-    which readings are divided.
+    hand, tracks, stored: as kernels read them. learners: (pads,). ended: maps of ended contacts. gains: by which
+    readings are divided.
     """
 
     def __init__(self, layout: Layout, workers: Workers, latency_s: float, adopting: Adopting | None = None) -> None:
@@ -61,8 +62,7 @@ class LocalMaps:
         self.ended = Ended(workers.mapper, at_once=adopting.waits)
         self._waits = adopting.waits
         self._last = Scan(0.0, *(np.zeros(layout.entries),) * 4, np.zeros(pads, np.bool_))
-        self.gains = np.ones(layout.entries)
-        self._equal = True  # all gains are 1
+        self.gains = HandGains(layout)
         self._across = np.zeros((pads, 2), dtype=np.bool_)  # of the taxels that are not masked
         self._follow_hand = Settled(follow_hand)
         self._nothing = rows_of(room_for(no_scans(layout.entries, pads, 1)))
@@ -83,14 +83,7 @@ class LocalMaps:
 
     def run(self, job: int, scan: Scan, rows: Rows, k: int = 0) -> int:
         """Follow a scan on the patterns of the pads in contact, fill row k, or both."""
-        return self._follow_hand(job, k, self._divided(scan), self.hand, self.stored, self.tracks, rows)
-
-    def _divided(self, scan: Scan) -> Scan:
-        """A scan with its readings divided by the taxels' gains."""
-        if self._equal:
-            return scan
-        reading, variance, ceiling = divided(scan.reading, scan.variance, scan.ceiling, self.gains)
-        return scan._replace(reading=reading, variance=variance, ceiling=ceiling)
+        return self._follow_hand(job, k, self.gains.divided(scan), self.hand, self.stored, self.tracks, rows)
 
     def track(self, pad: int) -> Track:
         """What a pad remembers; writing to it writes to `tracks`."""
@@ -98,7 +91,7 @@ class LocalMaps:
 
     def part(self, pad: int, scan: Scan) -> PadScan:
         """A pad's part of a scan, divided by the taxels' gains."""
-        return self._as_read(pad, self._divided(scan))
+        return self._as_read(pad, self.gains.divided(scan))
 
     def _as_read(self, pad: int, scan: Scan) -> PadScan:
         """A pad's part of a scan."""
@@ -174,7 +167,7 @@ class LocalMaps:
         self._register_again(pad)
 
     def _first(self, pad: int, scan: Scan) -> FirstScan:
-        part, gains = self.part(pad, scan), self.gains[self._layout.of_pad(pad)].copy()
+        part, gains = self.part(pad, scan), self.gains.value[self._layout.of_pad(pad)].copy()
         as_read, middle = self._as_read(pad, scan), self._middle(pad, scan)[:2]
         return FirstScan(scan.t, part, as_read, gains, self.hand.floor, self._late(pad), middle)
 
@@ -201,8 +194,7 @@ class LocalMaps:
         m.origin[:] = learned.origin
         m.error, m.usual, m.radius = learned.error, learned.usual, learned.radius
         m.amplitude = learned.scanned.amplitude
-        self.gains[self._layout.of_pad(pad)] = learned.gains
-        self._equal = bool((self.gains == 1.0).all())
+        self.gains.put(pad, learned.gains)
         m.turn_std = _TURN_STD if learned.turns else 0.0
         m.gain_std = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
         m.changing, m.seen, m.grows = learned.changing, learned.reports_turn, learned.grows or m.grows

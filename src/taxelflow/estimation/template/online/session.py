@@ -116,7 +116,8 @@ class StreamSession:
         on as it was; NaN on pads without a pattern.
         """
         read = expected(self._maps.stored, self._maps.hand, self._maps.tracks, t_s)
-        return np.where(np.isfinite(self._maps.gains), self._maps.gains, 0.0) * read
+        gains = self._maps.gains.value
+        return np.where(np.isfinite(gains), gains, 0.0) * read
 
     def _scan(self, k: int, scan: Scan, rows: Rows) -> None:
         """Estimate one scan into row k."""
