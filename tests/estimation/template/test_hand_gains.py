@@ -39,7 +39,7 @@ def test_without_gains_a_scan_stays_what_it_is() -> None:
     assert HandGains(PAD.layout).divided(given) is given
 
 
-@pytest.mark.parametrize("dead", [0.0, 0.2 * LOUDEST])
+@pytest.mark.parametrize("dead", [0.0, 0.09 * LOUDEST])
 def test_a_dead_taxel_is_masked_and_the_others_are_divided(dead: float) -> None:
     found = with_a_dead_taxel().divided(loaded(dead))
     assert found.variance[DEAD] == 0.0
@@ -49,7 +49,7 @@ def test_a_dead_taxel_is_masked_and_the_others_are_divided(dead: float) -> None:
 
 def test_a_taxel_called_dead_is_alive_once_it_reads_under_load() -> None:
     own = with_a_dead_taxel()
-    assert own.divided(loaded(0.3 * LOUDEST)).variance[DEAD] == NOISE**2
+    assert own.divided(loaded(0.11 * LOUDEST)).variance[DEAD] == NOISE**2
     assert own.divided(loaded(0.0)).variance[DEAD] == NOISE**2
 
 

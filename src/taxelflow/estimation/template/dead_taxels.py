@@ -51,9 +51,7 @@ class _Fault:
     """A taxel is dead below the first, its reading over the model; the model's power is above the second, in
     variances."""
     read: float = 0.5
-    """... and has never read this share of the model's largest reading of it ..."""
-    clearly: float = 0.25
-    """... nor this share of the contact's: what has clearly read under load is not dead."""
+    """... and has never read this share of the model's largest reading of it, nor more than a silent one."""
 
 
 _FAULT = _Fault()
@@ -67,7 +65,7 @@ def unanswering(scanned: Scanned, fit: Fit) -> int | None:
     answer = (model * scanned.readings).sum(axis=0)
     noise = (model**2 * scanned.variance).sum(axis=0)
     most = scanned.readings.max(axis=0, initial=0.0)
-    silent = (most < _FAULT.read * model.max(axis=0, initial=0.0)) & (most < _FAULT.clearly * scanned.amplitude)
+    silent = (most < _FAULT.read * model.max(axis=0, initial=0.0)) & (most < _SILENCE.silent * scanned.amplitude)
     sure = silent & (power**2 > _FAULT.loaded_enough * noise)
     share = np.where(sure, answer / np.maximum(power, 1e-300), np.inf)
     worst = int(np.argmin(share))
@@ -76,7 +74,7 @@ def unanswering(scanned: Scanned, fit: Fit) -> int | None:
 
 def answers(reading: Floats, variance: Floats, dead: NDArray[np.int64]) -> NDArray[np.int64]:
     """Which of the taxels called dead clearly read under load in a scan (taxels,) of their pad."""
-    least = np.maximum(_FAULT.clearly * reading.max(), _SILENCE.strong * np.sqrt(variance[dead]))
+    least = np.maximum(_SILENCE.silent * reading.max(), _SILENCE.strong * np.sqrt(variance[dead]))
     alive: NDArray[np.int64] = dead[(reading[dead] > least) & (variance[dead] > 0)]
     return alive
 
