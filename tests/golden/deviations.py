@@ -1,8 +1,8 @@
 """Comparison on another machine, in stated standard deviations, of methods that iterate and of the object's motion.
 
-A method that iterates stops where a step is small, or after so many; rounding decides which scans become keyframes, and
-which of two fits that explain alike is chosen. The motion over the hand may solve equations that are nearly singular.
-What they promise is that the truth is near, by their covariance.
+A method that iterates stops at a small step or a limit of rounds. Rounding decides which scans become keyframes, and
+which of two fits with the same likelihood is chosen. The equations of the motion over the hand may be nearly singular.
+Poses, displacements and velocities are compared; events and patterns follow from them, and are not.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ UNDECIDED = frozenset(
         "sdh-dsa/tennisball.dsa/template/stream",
     }
 )
-"""Runs of which rounding decides more: fits that explain alike lead to other poses, most of them not ok."""
+"""Runs of which rounding decides more: fits with the same likelihood have other poses."""
 STATED = {
     "slips.pose": "slips.covariance",
     "slips.displacement": "slips.displacement_covariance",

@@ -14,6 +14,7 @@ import numpy as np
 
 from taxelflow.messages import Bools, Contacts, Floats, Scans, no_scans
 from taxelflow.numerics.records import Records, unknown
+from taxelflow.numerics.rounding import LINEAR_RAD, ROUNDING
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.runtime.settled import Settled
 
@@ -21,11 +22,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.sensors.sensor import Sensor
-
-_MIN_ASPHERICITY = 1e-9
-"""Relative difference of the eigenvalues below which a contact is round: rounding errors are of this size."""
-_MAX_ORIENTATION_STD_RAD = 0.5
-"""An orientation less certain than this is not reported: it is linear in the noise no more."""
 
 
 class Features:
@@ -130,17 +126,19 @@ def _extract(
     half, apart = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
     large, small = half + apart + extent / s, max(half - apart, 0.0) + extent / s
     features.axes[0], features.axes[1] = 4.0 * np.sqrt(large), 4.0 * np.sqrt(small)
-    if apart <= _MIN_ASPHERICITY * large:
+    rounding = ROUNDING * large
+    if apart <= rounding:
         features.eccentricity = 0.0
         return
     features.eccentricity = np.sqrt(1.0 - small / large)
-    if half - apart <= _MIN_ASPHERICITY * large:  # taxels in a line show its orientation, not that of the object
+    if half - apart <= rounding:  # taxels in a line show its orientation, not that of the object
         return
-    u, v, variance = xx - yy, 2.0 * xy if abs(xy) > _MIN_ASPHERICITY * large else 0.0, 0.0
+    xy = xy if abs(xy) > rounding else 0.0
+    u, v, variance = xx - yy, 2.0 * xy, 0.0
     for k in range(len(p)):
         if p[k] > threshold * noise[k]:
             dx, dy = x[k] - x0 - cx, y[k] - y0 - cy
             slope = 0.5 * (u * (2.0 * dx * dy - v) - v * (dx * dx - dy * dy - u)) / (s * (u * u + v * v))
             variance += (noise[k] * slope) ** 2
-    if variance <= _MAX_ORIENTATION_STD_RAD**2:
+    if variance <= LINEAR_RAD**2:
         features.orientation, features.orientation_std = 0.5 * np.arctan2(v, u), np.sqrt(variance)

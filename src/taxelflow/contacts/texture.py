@@ -16,6 +16,7 @@ import numpy as np
 from taxelflow.contacts.smooth_laws import LOADED, TERMS, Scratch, fit_smooth, room_for
 from taxelflow.messages import Bools, Floats, Scans, Texture
 from taxelflow.numerics.records import Records, records
+from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.runtime.settled import Settled
@@ -33,8 +34,6 @@ _TEXTURED = 0.05
 """Share of the gradient's energy that texture has at least; the four laws leave less than 0.03 of each other's."""
 _OBSERVABLE = 5.0
 """Energy of the gradient over that of noise from which a direction is observable: a fifth of a pitch from one scan."""
-_ROUNDING = 1e-9
-"""Relative: what is left of sums that cancel."""
 _NEAR = 1.5
 """Distance of neighbours, in pitches: the eight around a taxel of a grid, the six of a hexagon."""
 
@@ -240,7 +239,7 @@ def turn_energy(
     qa, qb = pa - aa * mx - ab * my, pb - ab * mx - bb * my
     cx, cy = mx + xx * qa + cross * qb, my + cross * qa + yy * qb
     turn = pp - 2.0 * (cx * pa + cy * pb) + cx * cx * aa + 2.0 * cx * cy * ab + cy * cy * bb
-    if turn <= _ROUNDING * rr_g:  # as of a single taxel
+    if turn <= ROUNDING * rr_g:  # as of a single taxel
         return 0.0, 0.0
     return turn, rr_g - 2.0 * (cx * rx_g + cy * ry_g) + (cx * cx + cy * cy) * whole
 

@@ -19,6 +19,7 @@ from taxelflow.fusion.twist import (
 )
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, Vector
+from taxelflow.numerics.rounding import LINEAR_RAD
 from taxelflow.numerics.se2 import rotate, rotate_back
 from taxelflow.numerics.se3 import count_true
 from taxelflow.numerics.small_linalg import inverse2
@@ -41,9 +42,6 @@ _LEAST_FREEDOM = 20.0
 """Degrees of freedom from which the misfit is significant: its relative standard deviation is then below 0.32."""
 _OWN_TURN_WEIGHT = 0.5
 """Of a pad's own theta: the variance of the one at which it was anchored counts, too, and is about the same."""
-
-_MOST_TURN_VARIANCE = 0.5**2
-"""rad^2. A turn that is less certain stays empty: places are not linear in it any more, and steps do not converge."""
 
 
 class Anchor:
@@ -152,9 +150,8 @@ def add_contacts(
 
 @routine
 def turn_is_certain(normal: Floats, body: Body) -> bool:
-    """Whether the turn is observable, and its standard deviation is small enough to be linear."""
-    most = _MOST_TURN_VARIANCE * information_on_turn(normal)
-    return turn_is_observable(normal) and usual_misfit(body) < most
+    """Whether the turn is observable, and certain enough to be linear: else steps do not converge."""
+    return turn_is_observable(normal) and usual_misfit(body) < LINEAR_RAD**2 * information_on_turn(normal)
 
 
 @routine

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import Event, Floats, Slips
+from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.slip.session import Detected, SlipSession
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ _SIDE_SCANS, _MIN_SIDE_SCANS = 20, 2
 """Most and fewest scans on each side of a change that the fit uses."""
 _SEARCH_SCANS, _STEPS_PER_SCAN = 8.0, 10
 """The change is searched within this many scans of the detector's estimate, on a grid of this many points per scan."""
-_EQUAL = 1e-9
-"""Relative difference of two fits below which they are equal; a path in whole pitches has many that are."""
 _RETURN_SIGMAS = 4.0
 """A short slip counts if its end is this many standard deviations away from its start."""
 _MIN_VARIANCE = 1e-12
@@ -206,7 +205,8 @@ def _fit_change_point(t: Floats, path: Floats, weight: Floats, near_s: float, si
     explained = (cross**2 / np.where(square > 0, square, np.inf)).sum(axis=1)
     if not len(grid) or not explained.max() > 0:
         return near_s
-    return float(grid[np.argmax(explained >= (1 - _EQUAL) * explained.max())])
+    alike = explained >= (1 - ROUNDING) * explained.max()  # a path in whole pitches has many
+    return float(grid[np.argmax(alike)])
 
 
 def _at_scan(event: Event, t_s: float) -> Event:

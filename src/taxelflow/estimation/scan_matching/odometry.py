@@ -36,6 +36,7 @@ from taxelflow.estimation.scan_matching.uncertainty import (
     earlier_gains,
     gains,
     is_anywhere,
+    is_blurred,
     turn_observability,
     turn_variance,
 )
@@ -44,7 +45,6 @@ from taxelflow.numerics.bspline import STATE, State, put
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
-from taxelflow.numerics.small_linalg import eigenvalues2
 from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
@@ -57,8 +57,6 @@ _OBSERVABLE, _STILL_OBSERVABLE = 4.0, 2.0
 the second."""
 _SURE_RAD = 0.1
 """... and if its standard deviation is below this. What noise does not explain of a scan counts as more noise."""
-_BLURRED = 0.25
-"""Standard deviation of a position, in pitches, above which its direction is not observed."""
 
 
 class Block(NamedTuple):
@@ -204,10 +202,8 @@ def advance(
     write_pose(track, shows_turn, taxels.units, out.pose[k], out.covariance[k])
     matrix, step_matrix = out.covariance[k], out.displacement_covariance[k]
     forget_unobservable(spline.unobservable, begins, taxels.units, own, matrix, step_matrix)
-    is_blurred = eigenvalues2(own[0, 0], own[1, 1], own[0, 1])[1] > _BLURRED**2
-    out.quality[k] = (
-        AMBIGUOUS if is_blurred or is_anywhere(track.covariance, taxels.places) else NO_POSE
-    )  # where it does not judge, the pipeline does
+    is_vague = is_blurred(own) or is_anywhere(track.covariance, taxels.places)
+    out.quality[k] = AMBIGUOUS if is_vague else NO_POSE  # where it does not judge, the pipeline does
     if misfit > freedom * gate(1.0, freedom):
         out.quality[k] = UNRESOLVED
     keep_gains(g, points.taxel, last.gains)

@@ -17,6 +17,8 @@ from taxelflow.numerics.bspline import gather, spread, state_of
 from taxelflow.numerics.small_linalg import eigenvalues2, solve_small
 from taxelflow.runtime.compiling import inlined, routine
 
+_BLURRED = 0.25
+"""Standard deviation of a position, in pitches, above which its direction is not observed."""
 _REGULARIZATION = 1e-6
 """Added to the diagonal of H, so that it has an inverse where nothing determines a state."""
 _LEAST_SHARE = 0.5
@@ -120,6 +122,12 @@ def covariance(g: Floats, points: Points, excess: float) -> Floats:
             for b in range(3):
                 part[a, b] += g[a, j] * g[b, j] * variance
     return part
+
+
+@routine
+def is_blurred(covariance: Floats) -> bool:
+    """Whether a scan alone does not determine a place along some direction."""
+    return bool(eigenvalues2(covariance[0, 0], covariance[1, 1], covariance[0, 1])[1] > _BLURRED**2)
 
 
 @routine
