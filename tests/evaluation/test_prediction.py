@@ -140,7 +140,5 @@ def test_real_contacts_are_explained_better_than_by_the_scan_before(recordings: 
     grasp = score_recordings([api.read(recordings / "sdh-dsa" / "reactive_grasping.dsa")])
     for scored in (teapot, grasp):
         assert scored.predictions
-        for row in scored.predictions:
-            # the handle's pattern deforms as it turns, which one rigid pattern does not explain
-            rigid = scored is grasp
-            assert row.registered_percent < (1.0 if rigid else 6.0) * min(row.no_motion_percent, row.centroid_percent)
+        assert all(row.registered_percent < row.no_motion_percent for row in scored.predictions)
+    assert all(row.registered_percent < row.centroid_percent for row in grasp.predictions)

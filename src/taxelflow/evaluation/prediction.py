@@ -1,10 +1,10 @@
 """Score prediction: recordings without truth, how well the next scan is predicted, and the template's turn beside the
 principal axis.
 
-Everything is causal. Forecasts use scans up to k: `forecast` moves the learned map on at its last velocity, `no motion`
-repeats scan k. Registrations use the pose of scan k + 1, too: `registered` fits pose and gain of the map, which was
-learned up to scan k; `centroid` moves scan k by the step of the centroid. Where the template gives up its map at scan
-k + 1, its registration counts as bad as its forecast.
+Everything is causal. Forecasts use scans up to k: `no motion` repeats scan k, `forecast` changes it as the learned map
+changes if the motion goes on. Registrations use the pose of scan k + 1, too: `registered` fits pose and gain of the
+map, which was learned up to scan k; `centroid` moves scan k by the step of the centroid. Where the template gives up
+its map at scan k + 1, its registration counts as bad as its forecast.
 """
 
 from __future__ import annotations
@@ -130,8 +130,8 @@ class PredictionReport(msgspec.Struct, frozen=True):
             console.print("no contact is long enough to predict a scan of it")
         caption(
             console,
-            "Errors of the next scan, RMS, in % of its readings. forecast: the template,\n"
-            "causal, moved on at its last velocity. no motion: the last scan again.\n"
+            "Errors of the next scan, RMS, in % of its readings. forecast: the last scan,\n"
+            "changed as the template is if the motion goes on. no motion: the last scan.\n"
             "registered: the template at the pose of that scan. centroid: the last scan,\n"
             "moved as far as the centroid did. noise: the sensor's own. Turns: the longest\n"
             "contact that shows one, while it has a quarter of its load or more; the template\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -100,3 +101,19 @@ def test_a_replay_uses_the_request_that_the_loop_used() -> None:
     assert lane.due_s == 3.0
     lane.adopt(3.0)
     assert (used, lane.busy) == ([1], True)
+
+
+def test_scans_that_wait_move_with_the_newest_keyframe_of_a_new_pattern() -> None:
+    learner, _, _ = moving(Late(0.1), 13)
+    for scan in learner._waiting:
+        scan.state[:] = 1.0, 2.0, 0.0, 2.0, 0.0
+    learner._newest = np.array([1.0, 2.0, 0.0, 2.0, 0.0])
+    keyframes = SimpleNamespace(states=np.array([[3.0, 1.0, 0.5, 1.0, 0.0]]))
+    state = np.array([1.5, 2.0, 0.0, 3.0, 0.0])
+    still, turns = (Learned(None, keyframes, 1.0, np.ones(1), turns=turns) for turns in (False, True))  # type: ignore[arg-type]
+    np.testing.assert_allclose(learner.shifted(still, state.copy()), [2.0, -1.0, 0.0])
+    np.testing.assert_allclose(learner.shifted(turns, state), [2.0, -1.0, 0.5])
+    np.testing.assert_allclose(state, [1.5, 2.0, 0.0, 1.5, 0.0])  # the last scan has to be registered there
+    learner.shift_waiting(np.array([2.0, -1.0, 0.5, 9.0, 9.0]))
+    for scan in learner._waiting:
+        np.testing.assert_allclose(scan.state, [3.0, 1.0, 0.5, 2.0, 0.0])

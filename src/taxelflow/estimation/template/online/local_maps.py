@@ -232,10 +232,15 @@ class LocalMaps:
             own.forget_waiting()  # they were registered in another frame
             own.take_over(new, [m.state])
             m.grows, m.state[:] = False, state_of(m.state)._replace(size=0.0)
+        else:
+            m.shifted[:] = own.shifted(new, m.state)
         self._put(pad, new)
         if new.anchor is not None:
             put_on_average(m, new.anchor.arm)
+        at = m.state.copy()
         self._register_again(pad)
+        if not (new.grows or old.grows):
+            own.shift_waiting(m.state - at)
         stepped = float(np.sum((reported_place(m, m.state) - place) ** 2))  # by so much one of the patterns is wrong
         new.slack[0] = max(new.slack[0], 0.5 * stepped)
         m.broken += 0.5 * stepped if old.mature else 0.0  # what is known well does not step
@@ -258,6 +263,7 @@ class LocalMaps:
         m.speed[:] = 0.0
         self.run(FOLLOW, scan._replace(contact=alone), self._nothing)
         m.speed[:], m.span, m.last_t = kept
+        m.shifted[:] = 0.0
 
     def go_on(self, pad: int) -> None:
         """Begin to learn from the scans that wait."""

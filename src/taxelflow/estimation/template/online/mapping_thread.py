@@ -146,6 +146,20 @@ class Learner:
         for state in (*states, *(scan.state for scan in self._waiting)):
             state[:] = (state + step) * times
 
+    def shifted(self, new: Learned, state: Floats) -> Floats:
+        """(3,), by how much the newest keyframe has moved on a new pattern; the gain of a state (5,) changes as its."""
+        if self._newest is None:
+            return np.zeros(3)
+        last = new.keyframes.states[-1]
+        now, before = state_of(last), state_of(self._newest)
+        state[:] = state_of(state)._replace(gain=state_of(state).gain * now.gain / before.gain)
+        return np.array([now.x - before.x, now.y - before.y, now.theta - before.theta if new.turns else 0.0])
+
+    def shift_waiting(self, step: Floats) -> None:
+        """Move the scans that wait as the last scan was moved, (5,), when it was registered on a new pattern."""
+        for scan in self._waiting:
+            scan.state[:3] += step[:3]
+
 
 def learn_from(known: Learned, fresh: list[Novel]) -> Learned:
     """A pattern that has also learned from these scans, of which many may have come while it was learned before."""

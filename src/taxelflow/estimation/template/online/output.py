@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.estimation.template.centre_of_pressure import transformed
+from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits
 from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
@@ -17,7 +18,6 @@ from taxelflow.estimation.template.online.witness import (
 )
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
 from taxelflow.numerics.bspline import STATE, state_of
-from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import eigenvalues2, factor_small, solve_factored
 from taxelflow.runtime.compiling import lean_kernel, routine
 
@@ -26,6 +26,8 @@ _FAR_OFF = 10.0
 _PATIENCE, _MOST_POOR = 5, 20
 """After this many scans in a row that do not fit, they are learned from, and the pattern is given up: the latter only
 where they do not fit at all, for a pattern that changes is learned again."""
+_MISTAKEN = 2
+"""A pattern that does not explain this many scans in a row is given up."""
 _LEAP = 1.5
 """A scan that moves this many radii and pitches at once is not believed."""
 _YOUNG = 12
@@ -69,14 +71,14 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, row
     blurred = in_line or eigenvalues2(cov[0, 0], cov[1, 1], cov[0, 1])[1] > (BLURRED * scale) ** 2
     unsure = m.probation > 0.0
     rows.quality[k, pad] = AMBIGUOUS if blurred or unsure or m.changing else OK
-    if m.chi <= gate(m.usual, m.count):
+    if fits(m):
         m.poor = 0.0
         clear = largest < (BLURRED * scale) ** 2 or m.keyframes < _YOUNG
         if clear and (m.changing or not _shown(m)):
             m.flag = NOVEL
     else:
         rows.quality[k, pad] = UNRESOLVED
-        m.poor = m.poor + 2.0 if m.chi / m.usual > _FAR_OFF else max(m.poor, min(m.poor + 1.0, _PATIENCE))
+        _add_poor(m)
         if m.poor >= _PATIENCE or m.keyframes < _YOUNG:
             m.flag = NOVEL
     if unsure:
@@ -86,6 +88,17 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, row
     if moved > _LEAP * (1.0 + m.radius) or m.poor >= _MOST_POOR:
         m.flag = GONE
         rows.quality[k, pad] = LOST
+
+
+@lean_kernel
+def _add_poor(m: Track) -> None:
+    """Count a scan that does not fit, by how little it does."""
+    if m.unexplained > MOST_UNEXPLAINED:
+        m.poor += _MOST_POOR / _MISTAKEN
+    elif m.chi / m.usual > _FAR_OFF:
+        m.poor += 2.0
+    else:
+        m.poor = max(m.poor, min(m.poor + 1.0, _PATIENCE))
 
 
 @lean_kernel

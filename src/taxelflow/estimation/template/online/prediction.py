@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.online.residual_process import fades
 from taxelflow.estimation.template.online.track_state import Track
-from taxelflow.numerics.bspline import evaluate, pose_part, state_of
+from taxelflow.numerics.bspline import evaluate, state_of
 from taxelflow.numerics.records import record
 
 if TYPE_CHECKING:
@@ -16,36 +15,48 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.numerics.records import Records
 
-_NOISES = 4.0
-"""A step is more than its noise if its square is more than this many variances."""
 
-
-def expected(maps: Patterns, hand: Hand, tracks: Records, t_s: float | None) -> Floats:
-    """(entries,) readings by the patterns at the states, moved on to t_s if given.
+def expected(maps: Patterns, hand: Hand, tracks: Records) -> Floats:
+    """(entries,) readings of the last scan by the patterns at its states, with what was carried over to it.
 
     Off its lattice a pattern has no pressure; a pad without one is NaN.
     """
     readings = np.full(hand.places.shape[1], np.nan)
     for pad in np.flatnonzero(tracks["active"]):
-        m: Track = record(Track, tracks, int(pad))
-        own = slice(int(hand.starts[pad]), int(hand.starts[pad + 1]))
-        state, span = m.state.copy(), 0.0
-        if t_s is not None:
-            span = t_s - m.last_t
-            state += np.append(span * _surely(m), [0.0, 0.0])
-        values = np.empty((own.stop - own.start, 5))
-        where = np.ascontiguousarray(hand.places[:, own])
-        evaluate(maps.patterns[pad], m.lattice.copy(), where, state, np.zeros((3, 0)), values)
-        rest = maps.rests[3, own]
-        if t_s is not None and m.carries:
-            rest = fades(span, span * np.hypot(m.speed[0], m.speed[1])) * maps.rests[0, own]
-        readings[own] = np.maximum(state_of(state).gain * np.maximum(np.nan_to_num(values[:, 0]), 0.0) + rest, 0.0)
+        own, m = _part(hand, int(pad)), record(Track, tracks, int(pad))
+        readings[own] = np.maximum(_pressure(maps, hand, int(pad), m, m.state) + maps.rests[3, own], 0.0)
     return readings
 
 
-def _surely(m: Track) -> Floats:
-    """(3,), speeds of the last step as far as it was more than its noise."""
-    noise = 2.0 / np.maximum(pose_part(np.diagonal(m.step)), 1e-9)
-    squared = np.maximum((m.speed * m.span) ** 2, 1e-12)
-    surely: Floats = m.speed * np.maximum(1.0 - _NOISES * noise / squared, 0.0)
-    return surely
+def change(maps: Patterns, hand: Hand, tracks: Records, t_s: float) -> Floats:
+    """(entries,) by how much readings change until t_s if each object goes on, as much of its step as usually does.
+
+    A pad without a pattern is NaN.
+    """
+    readings = np.full(hand.places.shape[1], np.nan)
+    for pad in np.flatnonzero(tracks["active"]):
+        m = record(Track, tracks, int(pad))
+        then = m.state.copy()
+        then[:3] += (t_s - m.last_t) * _persistent(m) * m.speed
+        now, then = (_pressure(maps, hand, int(pad), m, state) for state in (m.state, then))
+        readings[_part(hand, int(pad))] = then - now
+    return readings
+
+
+def _part(hand: Hand, pad: int) -> slice:
+    return slice(int(hand.starts[pad]), int(hand.starts[pad + 1]))
+
+
+def _pressure(maps: Patterns, hand: Hand, pad: int, m: Track, state: Floats) -> Floats:
+    """(taxels,), by the pattern at a state (5,)."""
+    own = _part(hand, pad)
+    values = np.empty((own.stop - own.start, 5))
+    where = np.ascontiguousarray(hand.places[:, own])
+    evaluate(maps.patterns[pad], m.lattice.copy(), where, state.copy(), np.zeros((3, 0)), values)
+    pressure: Floats = state_of(state).gain * np.maximum(np.nan_to_num(values[:, 0]), 0.0)
+    return pressure
+
+
+def _persistent(m: Track) -> float:
+    """Share of a step that the next one has been on average, from 0 to 1: noise reverses, motion goes on."""
+    return float(np.clip(m.persistence[0] / m.persistence[1], 0.0, 1.0)) if m.persistence[1] > 0.0 else 0.0

@@ -11,6 +11,7 @@ import numpy as np
 from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
 from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.map import Surface
+from taxelflow.estimation.template.online.explained import unexplained
 from taxelflow.estimation.template.online.track_state import HUBER
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import gate
@@ -38,13 +39,15 @@ class _Search:
     iterations: int = 20
     reaches: tuple[float, float, float, float, float] = (0.0, 0.5, 1.0, 1.5, 2.0)
     """Radii outwards of the scan's centroid at which the object is looked for."""
+    unexplained: float = 0.1
+    """Share of a scan's readings, squared, that a recognised pattern leaves at most; doubt of it is no evidence."""
     same: float = 0.5
     """States closer than this, in pitches, are the same."""
 
 
 _SEARCH = _Search()
 
-_register = Settled(register)
+_register, _unexplained = Settled(register), Settled(unexplained)
 
 
 def recognised(
@@ -63,7 +66,7 @@ def recognised(
     pattern = known.pattern
     coefficients, doubt = np.ascontiguousarray(pattern.coefficients), np.ascontiguousarray(DOUBT * pattern.doubt)
     surface = Surface(coefficients, doubt, pattern.lattice)
-    error = known.error * known.scanned.amplitude
+    error = known.error * min(known.scanned.amplitude, float(scan.reading.max()))  # it may touch but lightly
     taxels = laid_out(scan.places, np.zeros((3, 0)), scan.reading, scan.variance, scan.ceiling, error)
     outward = middle / max(float(np.hypot(*middle)), 1e-9)
     steps = np.arange(12) if theta is None else np.arange(-1, 2)
@@ -82,7 +85,8 @@ def recognised(
             state[:2][across] = known.keyframes.states[-1, :2][across]
             prior = Prior(state.copy(), stiffness)
             cost, chi, count = _register(surface, taxels, prior, HUBER, _SEARCH.iterations, state, information)
-            if cost < best and count and chi / count < gate(known.usual, count):
+            fits = count and chi / count < gate(known.usual, count)
+            if cost < best and fits and _unexplained(surface, taxels, error, state) <= _SEARCH.unexplained:
                 best, found = cost, (state.copy(), information.copy(), chi / count, count)
         if found is not None:
             break

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.mapping_thread import Workers
-from taxelflow.estimation.template.online.prediction import expected
+from taxelflow.estimation.template.online.prediction import change, expected
 from taxelflow.estimation.template.online.relocalization import close, recognised, surely_elsewhere
 from taxelflow.estimation.template.online.rows import room_for, rows_of
 from taxelflow.estimation.template.online.spreading import Turns, most_at_once
@@ -31,7 +32,6 @@ from taxelflow.estimation.template.online.witness import arm_on_map, put_anew, r
 from taxelflow.estimation.template.warmup import compile_batch, compile_stream
 from taxelflow.messages import Bools, Estimates, Scans, no_scans
 from taxelflow.numerics.bspline import state_of
-from taxelflow.numerics.robust import gate
 from taxelflow.runtime.worker import worker
 
 if TYPE_CHECKING:
@@ -112,12 +112,14 @@ class StreamSession:
         return any(own.lane.busy for own in self._maps.learners)
 
     def expected(self, t_s: float | None = None) -> Floats:
-        """(entries,), what the taxels should read, by all that is known: in the last scan, or at t_s if the motion goes
-        on as it was; NaN on pads without a pattern.
+        """(entries,), what the taxels should read, by all that is known; NaN on pads without a pattern.
+
+        In the last scan, or at t_s: as in the last scan, changed as the pattern changes if the motion goes on.
         """
-        read = expected(self._maps.stored, self._maps.hand, self._maps.tracks, t_s)
-        gains = self._maps.gains.value
-        return np.where(np.isfinite(gains), gains, 0.0) * read
+        known, gains = self._maps, np.where(np.isfinite(self._maps.gains.value), self._maps.gains.value, 0.0)
+        if t_s is None:
+            return gains * expected(known.stored, known.hand, known.tracks)
+        return np.maximum(self._last.reading + gains * change(known.stored, known.hand, known.tracks, t_s), 0.0)
 
     def _scan(self, k: int, scan: Scan, rows: Rows) -> None:
         """Estimate one scan into row k."""
@@ -139,13 +141,10 @@ class StreamSession:
 
     def _find_again(self, scan: Scan) -> None:
         """Look for the object all over the pad where a scan does not fit where it was looked for."""
-        asking, tracks = [], self._maps.tracks
-        touched = np.flatnonzero(scan.contact).tolist()
-        seen = zip(*(tracks[name].tolist() for name in ("chi", "usual", "count", "probation")), strict=True)
-        for pad, (chi, usual, count, probation) in enumerate(seen):
-            known = self._maps.learners[pad].learned
-            fits = chi <= gate(usual, count)
-            if known is None or not scan.contact[pad] or (fits and not (known.mature and probation > 0.0)):
+        asking, touched = [], np.flatnonzero(scan.contact).tolist()
+        for pad in touched:
+            m, known = self._maps.track(pad), self._maps.learners[pad].learned
+            if known is None or (fits(m) and not (known.mature and m.probation > 0.0)):
                 continue
             if known.mature:
                 asking.append(pad)
@@ -163,19 +162,20 @@ class StreamSession:
         m, known = self._maps.track(pad), self._maps.learners[pad].learned
         if known is None:
             return
-        fits, near = _fits(m), m.probation == 0.0
-        if fits and np.diagonal(m.information)[:2].min() > BLURRED**-2:
+        fit, near = fits(m), m.probation == 0.0
+        if fit and np.diagonal(m.information)[:2].min() > BLURRED**-2:
             m.probation = max(m.probation - 1.0, 0.0)
         part = self._maps.part(pad, scan)
         found = recognised(known, m.centroid, part, float(state_of(m.state).theta) if near else None)
-        if found is None and not near and not fits and m.poor >= _MISTAKEN:
+        if found is None and not near and not fit and m.poor >= _MISTAKEN:
             m.broken += _doubt_of_place(m)
             self._maps.learn_anew(pad, scan)
         if found is None or (near and not close(found[0], m.state)):
             return
-        if not fits or surely_elsewhere(found, m):
+        if not fit or surely_elsewhere(found, m):
             m.state[:], m.information[:], m.chi, m.count = found
             m.doubted[:], m.step[:] = found[1], found[1]
+            m.unexplained = min(m.unexplained, MOST_UNEXPLAINED)  # or it had not been found
             m.carries = False
             put_anew(m)
 
@@ -226,11 +226,6 @@ class StreamSession:
         compile_stream()
         none = rows_of(room_for(no_scans(self._layout.entries, len(self._layout.pads), 1)))
         self._maps.run(BOTH, self._last, none)
-
-
-def _fits(m: Track) -> bool:
-    """Whether the scan fits the pattern where the object was looked for."""
-    return bool(m.chi <= gate(m.usual, m.count))
 
 
 def _doubt_of_place(m: Track) -> float:

@@ -55,8 +55,12 @@ class Track:
     """Chi-square per reading of the last scan."""
     count: float
     """Readings in it."""
+    unexplained: float
+    """Share of the last scan's readings, squared, that the pattern leaves."""
     speed: Vector
     """From the scan before to the last one, per s."""
+    persistence: Annotated[Floats, 2]
+    """Sums over the last second: products of a step and the one before it, and squares of the latter, in pitches."""
     span: float
     """Time between them, s."""
     last_t: float
@@ -101,6 +105,8 @@ class Track:
     """Whether a scan was explained by a turn although theta was fixed."""
     place: Vector
     """Where the object has been lately."""
+    shifted: Vector
+    """By how much a new pattern has moved its newest keyframe: from there, too, the last scan is registered again."""
     carries: bool
     """Whether a rest is carried from scan to scan, see `residual_process`."""
     changing: bool

@@ -10,6 +10,8 @@ from taxelflow.estimation.template.centre_of_pressure import CELL_ERROR
 from taxelflow.estimation.template.levenberg_marquardt import HELD, MAY_BE_HELD, Prior, register
 from taxelflow.estimation.template.linearization import LaidOut, laid_out, linearise
 from taxelflow.estimation.template.map import Surface
+from taxelflow.estimation.template.online.explained import fits, unexplained
+from taxelflow.estimation.template.online.motion import remember, stays
 from taxelflow.estimation.template.online.residual_process import bring, keep
 from taxelflow.estimation.template.online.track_state import HUBER, Hand, PadScan, Patterns, Scan, Track
 from taxelflow.estimation.template.online.witness import middle_of
@@ -29,8 +31,6 @@ _POOR = 2.0
 """A scan that fits worse than usual by this factor is tried from other starts."""
 _REST = 2.0
 """And what it leaves is carried over to the next."""
-_MOVES, _SETTLES_S = 0.15, 0.2
-"""An object that is closer, in pitches, than this to where it was in this many seconds is still."""
 _FREE = 1e-6
 """Stiffness of a place."""
 _LOOSE_GAIN_STD = 0.5
@@ -63,7 +63,7 @@ class Search(NamedTuple):
 @routine
 def follow(scan: Scan, hand: Hand, maps: Patterns, tracks: Records) -> bool:
     """Register one scan on the patterns of all pads in contact; whether all of them fit."""
-    fits = True
+    all_fit = True
     room = np.empty((STATE + 5, STATE))
     for pad in range(len(hand.starts) - 1):
         m: Track = tracks[pad]
@@ -76,8 +76,8 @@ def follow(scan: Scan, hand: Hand, maps: Patterns, tracks: Records) -> bool:
         part = PadScan(reading, scan.variance[own], scan.ceiling[own], scan.raw[own], places, hand.edge[own])
         surface = Surface(maps.patterns[pad], maps.doubts[pad], m.lattice[:])  # an array, as elsewhere
         _follow_pad(scan.t, part, hand.delay[own], surface, hand.floor, m, maps.rests[:, own], room)
-        fits = fits and m.chi <= gate(m.usual, m.count) and m.probation == 0.0
-    return fits
+        all_fit = all_fit and fits(m) and m.probation == 0.0
+    return all_fit
 
 
 @routine
@@ -97,7 +97,7 @@ def _follow_pad(
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
     may_turn = m.turn_std == 0.0 and not m.cut and not in_line
     may_grow = not m.grows and m.away <= _STAYS and m.keyframes >= _SAME
-    poor = m.chi > gate(m.usual, m.count)
+    poor = not fits(m)
     grown_std = _growth(m.load, middle[3])
     bend = _bend(m, delay)
     level = _level(scan, m)
@@ -118,15 +118,16 @@ def _follow_pad(
         for b in range(STATE):
             m.step[a, b] = m.information[a, b]
     m.chi = chi
-    still = _stays(m, span)
+    rests = stays(m, span) or m.changing
     for i in range(len(scan.reading)):
         rest[3, i] = scan.reading[i] - brought[0, i] if m.carries else 0.0
-    if m.carries or still or chi > _REST * usual:
+    if m.carries or rests or chi > _REST * usual:
         _stiffen(m, m.turn_std, grown_std if m.grows else 0.0, state_of(stiffness).gain, stiffness)
-        m.chi = keep(surface, taxels, error, chi / usual, still, brought, rest, stiffness, m)
-        m.carries = still or m.chi > _REST * m.usual
+        m.chi = keep(surface, taxels, error, chi / usual, rests, brought, rest, stiffness, m)
+        m.carries = rests or m.chi > _REST * m.usual
+    m.unexplained = unexplained(surface, taxels, error, m.state[:])
     _doubt(surface, taxels, level, floor, stiffness, m, room)
-    _remember(t, span, last, middle, m)
+    remember(t, span, last, middle, m)
 
 
 @lean_kernel
@@ -245,8 +246,8 @@ def _start(attempt: int, last: State, search: Search, m: Track) -> State:
         return state_of(m.state)
     dx = dy = turn = 0.0
     if attempt == _PREDICTED:
-        dx, dy = m.speed[0] * search.span, m.speed[1] * search.span
-        turn = m.speed[2] * search.span if m.turn_std > 0.0 else 0.0
+        dx, dy = m.speed[0] * search.span + m.shifted[0], m.speed[1] * search.span + m.shifted[1]
+        turn = m.speed[2] * search.span + m.shifted[2] if m.turn_std > 0.0 else 0.0
     elif attempt == _WITH_CENTROID:
         dx, dy = search.middle[0] - m.centroid[0], search.middle[1] - m.centroid[1]
     return State(last.x + dx, last.y + dy, last.theta + turn, last.gain, last.size)
@@ -271,27 +272,3 @@ def _learn_freedom(attempt: int, m: Track) -> None:
         m.turned = True
     if attempt == _GROWS:  # the pose steps, for what was taken for motion was growth
         m.grows, m.continues = True, False
-
-
-@lean_kernel
-def _stays(m: Track, span: float) -> bool:
-    """Whether the object is where it has been lately, of which this scan becomes a part."""
-    now = state_of(m.state)
-    away = np.hypot(now.x - m.place[0], now.y - m.place[1])
-    away += m.radius * abs(now.theta - m.place[2])
-    still = m.continues and away < _MOVES + 3.0 * np.sqrt(1.0 / m.step[0, 0] + 1.0 / m.step[1, 1])
-    follows = 1.0 - np.exp(-span / _SETTLES_S) if m.continues else 1.0
-    for a in range(3):
-        m.place[a] += follows * (m.state[a] - m.place[a])
-    return bool(still)
-
-
-@lean_kernel
-def _remember(t: float, span: float, last: Floats, middle: Floats, m: Track) -> None:
-    """Keep what the next scan is predicted from."""
-    if span > 0.0:
-        for a in range(3):
-            m.speed[a] = (m.state[a] - last[a]) / span
-        m.span = span
-    m.last_t = t
-    m.centroid[0], m.centroid[1], m.border, m.load = middle[0], middle[1], middle[2], middle[3]

@@ -1,0 +1,45 @@
+"""How the object of a pad has moved from scan to scan."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxelflow.estimation.template.online.track_state import Track
+from taxelflow.messages import Floats
+from taxelflow.numerics.bspline import state_of
+from taxelflow.runtime.compiling import lean_kernel
+
+_MOVES, _SETTLES_S = 0.15, 0.2
+"""An object that is closer, in pitches, than this to where it was in this many seconds is still."""
+_PERSISTS_S = 1.0
+"""Time over which is learned how much of a step goes on in the next."""
+
+
+@lean_kernel
+def stays(m: Track, span: float) -> bool:
+    """Whether the object is where it has been lately, of which this scan becomes a part."""
+    now = state_of(m.state)
+    away = np.hypot(now.x - m.place[0], now.y - m.place[1])
+    away += m.radius * abs(now.theta - m.place[2])
+    still = m.continues and away < _MOVES + 3.0 * np.sqrt(1.0 / m.step[0, 0] + 1.0 / m.step[1, 1])
+    follows = 1.0 - np.exp(-span / _SETTLES_S) if m.continues else 1.0
+    for a in range(3):
+        m.place[a] += follows * (m.state[a] - m.place[a])
+    return bool(still)
+
+
+@lean_kernel
+def remember(t: float, span: float, last: Floats, middle: Floats, m: Track) -> None:
+    """Keep what the next scan is predicted from."""
+    if span > 0.0:
+        faded, product, square = np.exp(-span / _PERSISTS_S), 0.0, 0.0
+        for a in range(3):
+            speed, arm = (m.state[a] - last[a]) / span, m.radius if a == 2 else 1.0
+            product += arm * arm * speed * m.speed[a]
+            square += arm * arm * m.speed[a] * m.speed[a]
+            m.speed[a] = speed
+        m.persistence[0] = faded * m.persistence[0] + product
+        m.persistence[1] = faded * m.persistence[1] + square
+        m.span = span
+    m.last_t = t
+    m.centroid[0], m.centroid[1], m.border, m.load = middle[0], middle[1], middle[2], middle[3]

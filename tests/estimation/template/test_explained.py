@@ -1,0 +1,112 @@
+"""Whether a pattern explains a scan: by what is left of the readings, not by chi-square alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from estimation.template.test_residual_process import (
+    ERROR,
+    LATTICE,
+    NEVER,
+    PLACES,
+    STATE_0,
+    TAXELS,
+    VARIANCE,
+    WHOLE,
+    pattern,
+    track,
+    values,
+)
+from rigged import rigged
+from synthetic import dome, grid_sensor, recorded
+from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.map import Surface
+from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits, unexplained
+from taxelflow.estimation.template.online.map_update import first_pattern
+from taxelflow.estimation.template.online.relocalization import recognised
+from taxelflow.estimation.template.online.track_state import PadScan, Track
+from taxelflow.messages import LOST
+from taxelflow.numerics.records import record
+from taxelflow.pipeline import api
+from taxelflow.simulation.simulate import simulate
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+
+SURFACE = Surface(pattern(), np.zeros((25, 25)), LATTICE)
+BESIDE = STATE_0 + np.array([40.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def left(reading: Floats, state: Floats = STATE_0, variance: Floats = VARIANCE, ceiling: Floats = NEVER) -> float:
+    return unexplained(SURFACE, laid_out(PLACES, WHOLE, reading, variance, ceiling, ERROR), ERROR, state)
+
+
+def test_nothing_is_left_where_the_object_is_and_all_beside_it() -> None:
+    noisy = values() + np.random.default_rng(0).normal(0.0, 0.5, TAXELS)
+    assert left(values()) == 0.0
+    assert left(noisy) < 1e-3
+    assert left(values(), BESIDE) == pytest.approx(1.0, abs=0.01)
+
+
+def test_what_noise_leaves_of_a_faint_scan_is_explained() -> None:
+    faint = STATE_0 * np.array([1.0, 1.0, 1.0, 0.01, 1.0])
+    reading = 0.01 * values() + np.random.default_rng(0).normal(0.0, 0.5, TAXELS)
+    assert left(reading, faint) < MOST_UNEXPLAINED
+    assert left(reading, faint, VARIANCE / 100.0) > MOST_UNEXPLAINED
+
+
+def test_masked_and_saturated_taxels_leave_nothing() -> None:
+    peak = int(np.argmax(values()))
+    wrong, masked, ceiling = values(), VARIANCE.copy(), NEVER.copy()
+    wrong[peak] = 10.0 * wrong[peak]
+    assert left(wrong) > MOST_UNEXPLAINED
+    masked[peak] = 0.0
+    assert left(wrong, variance=masked) == 0.0
+    cut = values()
+    cut[peak] = ceiling[peak] = 0.1 * cut[peak]
+    assert left(cut, ceiling=ceiling) == 0.0
+    assert left(np.zeros(TAXELS)) == 0.0
+
+
+def test_a_small_chi_square_is_not_enough() -> None:
+    m = record(Track, track(), 0)
+    m.chi, m.count, m.unexplained = 0.1, 49.0, 0.9
+    assert not fits(m)
+    m.unexplained = 0.1
+    assert fits(m)
+
+
+def test_a_known_pattern_is_not_recognised_where_it_explains_nothing() -> None:
+    """A wide pad: the pattern may lie on silent taxels, all of which it explains."""
+    places = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(-9.0, 10.0), np.arange(-9.0, 10.0))])
+    variance, never, still = np.ones(places.shape[1]), np.full(places.shape[1], np.inf), np.zeros(places.shape[1])
+
+    def scan_of(reading: Floats) -> PadScan:
+        return PadScan(reading, variance, never, reading, places, np.zeros(places.shape[1], np.bool_))
+
+    bump = scan_of(100.0 * np.exp(-0.5 * (places[0] ** 2 + places[1] ** 2)))
+    known = first_pattern(0.0, bump, still, np.ones(places.shape[1]), 0.05)
+    far = scan_of(np.where((places[0] == 9.0) & (np.abs(places[1]) < 1.5), 30.0, 0.0))
+    assert recognised(known, np.zeros(2), bump) is not None
+    assert recognised(known, np.zeros(2), far) is None
+
+
+def test_a_pattern_that_explains_nothing_is_given_up_after_two_scans() -> None:
+    """Another object comes, all points, at the other end of the pad."""
+    sensor = grid_sensor(8, 16, pitch_m=(0.005, 0.005))
+    slides = [dome(sensor, x, radius_m=0.006) for x in np.linspace(-0.03, -0.02, 20)]
+    points = np.where((sensor.layout.x_m > 0.0) & ((sensor.layout.row + sensor.layout.col) % 3 == 0), 3e4, 0.0)
+    readings = np.concatenate([np.zeros((20, 128)), slides, np.tile(points, (12, 1))])
+    noise = np.random.default_rng(0).normal(0.0, 200.0, readings.shape)
+    quality = api.estimate(recorded(readings + noise, sensor), "template", mode="stream").slips.quality[40:, 0]
+    assert LOST in quality[:2]
+    assert LOST not in quality[2:]
+
+
+@pytest.mark.long
+def test_a_rigid_object_is_never_lost() -> None:
+    slips = api.estimate(simulate(rigged("slide-and-turn")), "template", mode="stream").slips
+    assert not (slips.quality == LOST).any()
