@@ -8,9 +8,9 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
+from unittest import mock
 
 import numpy as np
-import pytest
 
 import taxelflow
 
@@ -40,8 +40,7 @@ def loading_as_needed() -> Iterator[None]:
     """No stream leads a made-up recording through its stages first, which changes no result."""
     from taxelflow.pipeline.stages import Pipeline
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Pipeline, "warm_up", lambda _pipeline, **_needs: None)
+    with mock.patch.object(Pipeline, "warm_up", lambda _pipeline, **_needs: None):
         yield
 
 
@@ -98,4 +97,5 @@ PARTS = {"stages": stages, "estimators": estimators, "space": space}
 
 
 if __name__ == "__main__":
-    PARTS[sys.argv[1]]()
+    part = PARTS[sys.argv[1]] if len(sys.argv) > 1 else warm_up
+    part()
