@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import LaidOut, look_up
+from taxelflow.estimation.template.linearization import LaidOut, pressure_at
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of
 from taxelflow.numerics.robust import gate
-from taxelflow.runtime.compiling import kernel, lean_kernel
+from taxelflow.runtime.compiling import lean_kernel
 
 MOST_UNEXPLAINED = 0.5
 """Share of the readings, squared, up to which a pattern explains a scan: it explains more than it leaves."""
@@ -22,24 +22,31 @@ _SURELY = 3.0
 """Standard deviations of noise that are no evidence against a pattern."""
 
 
-@kernel
+@lean_kernel
 def unexplained(surface: Surface, taxels: LaidOut, error: float, state: Floats) -> float:
     """Share of the readings, squared, that a pattern leaves at a state (5,), beyond noise.
 
     taxels: from `linearization.laid_out`, with the error in.
     """
-    values = np.empty((2, len(taxels.reading)))
-    look_up(surface, taxels, state, values)
-    gain, left, whole = state_of(state).gain, 0.0, 0.0
-    for i in range(len(taxels.reading)):
-        if taxels.variance[i] == 0.0:
-            continue
-        reading, noise = taxels.reading[i], taxels.variance[i] - error * error
-        off = reading - (0.0 if np.isnan(values[0, i]) else gain * values[0, i])
-        whole += reading * reading
-        if off > 0.0 or reading < taxels.ceiling[i]:
-            left += max(off * off - _SURELY * _SURELY * noise, 0.0)
-    return left / whole if whole > 0.0 else 0.0
+    h, left, low = surface.lattice
+    left, low = left / h, low / h
+    x, y, theta, gain, size = state_of(state)
+    scale = np.exp(-size) / h
+    cos_0, sin_0 = scale * np.cos(theta), scale * np.sin(theta)
+    remains = whole = 0.0
+    for i in range(len(taxels.x)):  # without a branch, as vector registers need it
+        cos = cos_0 * taxels.cos[i] - sin_0 * taxels.sin[i]
+        sin = sin_0 * taxels.cos[i] + cos_0 * taxels.sin[i]
+        dx, dy = taxels.x[i] - x, taxels.y[i] - y
+        q, _, _ = pressure_at(surface.c, cos * dx + sin * dy - left, cos * dy - sin * dx - low)
+        reading, variance = taxels.reading[i], taxels.variance[i]
+        off = reading - (0.0 if np.isnan(q) else gain * q)
+        live = variance != 0.0
+        counts = live and (off > 0.0 or reading < taxels.ceiling[i])
+        beyond = off * off - _SURELY * _SURELY * (variance - error * error)
+        remains += beyond if counts and beyond > 0.0 else 0.0
+        whole += reading * reading if live else 0.0
+    return float(remains / whole) if whole > 0.0 else 0.0
 
 
 @lean_kernel
