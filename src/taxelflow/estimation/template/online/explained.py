@@ -18,6 +18,8 @@ from taxelflow.runtime.compiling import lean_kernel
 
 MOST_UNEXPLAINED = 0.5
 """Share of the readings, squared, up to which a pattern explains a scan: it explains more than it leaves."""
+MISTAKEN = 2
+"""After this many scans in a row that do not fit its pattern, it is another object."""
 _SURELY = 3.0
 """Standard deviations of noise that are no evidence against a pattern."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.estimation.template.centre_of_pressure import transformed
-from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits
+from taxelflow.estimation.template.online.explained import MISTAKEN, MOST_UNEXPLAINED, fits
 from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
@@ -26,8 +26,6 @@ _FAR_OFF = 10.0
 _PATIENCE, _MOST_POOR = 5, 20
 """After this many scans in a row that do not fit, they are learned from, and the pattern is given up: the latter only
 where they do not fit at all, for a pattern that changes is learned again."""
-_MISTAKEN = 2
-"""A pattern that does not explain this many scans in a row is given up."""
 _LEAP = 1.5
 """A scan that moves this many radii and pitches at once is not believed."""
 _YOUNG = 12
@@ -94,7 +92,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, row
 def _add_poor(m: Track) -> None:
     """Count a scan that does not fit, by how little it does."""
     if m.unexplained > MOST_UNEXPLAINED:
-        m.poor += _MOST_POOR / _MISTAKEN
+        m.poor += _MOST_POOR / MISTAKEN
     elif m.chi / m.usual > _FAR_OFF:
         m.poor += 2.0
     else:

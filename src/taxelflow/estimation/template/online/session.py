@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits
+from taxelflow.estimation.template.online.explained import MISTAKEN, MOST_UNEXPLAINED, fits
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.prediction import change, expected
@@ -40,9 +40,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats, LearnedPattern
     from taxelflow.runtime.adoption import Adopting
     from taxelflow.sensors.layout import Layout
-
-_MISTAKEN = 2
-"""After this many scans that do not fit, it was another object."""
 
 
 class StreamSession:
@@ -167,7 +164,7 @@ class StreamSession:
             m.probation = max(m.probation - 1.0, 0.0)
         part = self._maps.part(pad, scan)
         found = recognised(known, m.centroid, part, float(state_of(m.state).theta) if near else None)
-        if found is None and not near and not fit and m.poor >= _MISTAKEN:
+        if found is None and not near and not fit and m.poor >= MISTAKEN:
             m.broken += _doubt_of_place(m)
             self._maps.learn_anew(pad, scan)
         if found is None or (near and not close(found[0], m.state)):
