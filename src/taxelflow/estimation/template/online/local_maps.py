@@ -10,6 +10,7 @@ import numpy as np
 from taxelflow.estimation.template.map_export import as_map
 from taxelflow.estimation.template.observations import across, delays_of
 from taxelflow.estimation.template.online.ended import Ended
+from taxelflow.estimation.template.online.gauge import hold
 from taxelflow.estimation.template.online.hand_gains import HandGains
 from taxelflow.estimation.template.online.mapping_thread import Learner, Novel, Workers
 from taxelflow.estimation.template.online.relocalization import DOUBT
@@ -121,6 +122,7 @@ class LocalMaps:
     def begin(self, pad: int, scan: Scan) -> None:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
         self.tracks[pad] = np.zeros((), self.tracks.dtype)
+        self.learners[pad].reported.clear()
         own, first = self.learners[pad], self._first(pad, scan)
         if self._waits:
             self._start(pad, begun(first, own.library), scan)
@@ -159,6 +161,7 @@ class LocalMaps:
         m.state[:] = new.state
         m.state[:2] += middle - new.middle
         if not known_place:
+            self.learners[pad].reported.clear()
             anchor(m, middle)
 
     def _renew_late(self, pad: int, new: Begun, *, known_place: bool) -> None:
@@ -180,8 +183,7 @@ class LocalMaps:
     def _put(self, pad: int, learned: Learned) -> None:
         """Make what was learned the pattern that scans are registered on."""
         pattern, m = learned.pattern, self.track(pad)
-        rows, cols = pattern.shape
-        room = self.stored.patterns.shape[1:]
+        (rows, cols), room = pattern.shape, self.stored.patterns.shape[1:]
         if rows > room[0] or cols > room[1]:
             more = ((0, 0), (0, max(rows - room[0], 0) + 8), (0, max(cols - room[1], 0) + 8))
             patterns, doubts = (np.pad(old, more, constant_values=np.nan) for old in self.stored[:2])
@@ -201,8 +203,7 @@ class LocalMaps:
         m.slack, m.slack_t = learned.slack[0] + learned.unseen, learned.slack[1]
         self._open_across(pad, learned)
         states = learned.keyframes.states
-        m.keyframes = len(states)
-        m.keyframe[: len(states)] = states
+        m.keyframes, m.keyframe[: len(states)] = len(states), states
         self.learners[pad].learned, self.learners[pad].beginning = learned, False
 
     def adopt(self, last: Scan, now_s: float) -> None:
@@ -237,6 +238,7 @@ class LocalMaps:
         self._put(pad, new)
         if new.anchor is not None:
             put_on_average(m, new.anchor.arm)
+        hold(m, new, own.reported, float(self._pitch_m[pad]))
         at = m.state.copy()
         self._register_again(pad)
         if not (new.grows or old.grows):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from taxelflow.estimation.template.online.gauge import Reported
 from taxelflow.estimation.template.online.map_update import learn
 from taxelflow.numerics.bspline import State, state_of
 from taxelflow.runtime.adoption import Lane
@@ -53,7 +54,8 @@ class Workers(NamedTuple):
 class Learner:
     """A pad's pattern, those that it had before, and scans on their way to become keyframes.
 
-    learned: the pattern that scans are registered on. library: former ones. lane: what is being learned. beginning:
+    learned: the pattern that scans are registered on. library: former ones. reported: where its keyframes
+    were. lane: what is being learned. beginning:
     whether that is a new pattern.
     """
 
@@ -61,6 +63,7 @@ class Learner:
         self.learned: Learned | None = None
         self.library: list[Learned] = []
         self.lane = Lane(pad, adopting)
+        self.reported = Reported()
         self.beginning = False
         self._workers, self._latency_s = workers, latency_s
         self._waiting: list[Novel] = []  # not learned from by the pattern in use
@@ -127,7 +130,7 @@ class Learner:
         self._waiting, self._asked = [], 0
 
     def end(self, arm: Floats) -> None:
-        """The contact has ended; its pattern may come again. arm: (2,), see `Learned`."""
+        """The contact has ended; its pattern may come again. arm: (2, 2), see `arm_on_map`."""
         if self.learned is not None and self.learned.mature:
             self.library = [*self.library, replace(self.learned, arm=arm)][-_LIBRARY:]
         self.learned = None

@@ -74,6 +74,8 @@ class Track:
     """See `numerics.centroid`."""
     arm: Annotated[Floats, 2]
     """From the place of the state to the point of the object that is reported, when it was at angle 0."""
+    gauge: Annotated[Floats, 2]
+    """Added to the arm in what is reported, see `gauge`."""
     arm_load: float
     """Sum of the loads of the scans whose centre of pressure that point is."""
     start: Annotated[Floats, 2]

@@ -30,13 +30,13 @@ def middle_of(scan: PadScan, floor: float, out: Floats) -> None:
 def anchor(m: Track, middle: Floats, arm: Floats | None = None) -> None:
     """Report the point of an object by which it was known before, or else the centre of pressure (2,) of its contact.
 
-    arm: (2,), see `arm_on_map`.
+    arm: (2, 2), see `arm_on_map`.
     """
     if arm is None:
         angle = float(state_of(m.state).theta) - m.theta_0
-        m.arm[:], m.arm_load = _turned(middle - m.state[:2] - m.origin, -angle), m.load
+        m.arm[:], m.gauge[:], m.arm_load = turned_by(middle - m.state[:2] - m.origin, -angle), 0.0, m.load
     else:
-        m.arm[:], m.arm_load = _turned(arm, m.theta_0), np.inf
+        m.arm[:], m.gauge[:], m.arm_load = turned_by(arm[0], m.theta_0), turned_by(arm[1], m.theta_0), np.inf
     m.centroid[:] = middle
     put_anew(m)
 
@@ -46,7 +46,7 @@ def put_on_average(m: Track, arm: Floats) -> None:
     before, or is seen along a line only. arm: (2,), see `Anchor`.
     """
     if np.isfinite(m.arm_load) and not np.any(m.across > 0.0):
-        m.arm[:] = _turned(arm, m.theta_0)
+        m.arm[:] = turned_by(arm, m.theta_0)
 
 
 def put_anew(m: Track) -> None:
@@ -56,18 +56,22 @@ def put_anew(m: Track) -> None:
 
 
 def arm_on_map(m: Track) -> Floats:
-    """(2,), in pitches, from the origin of the map to the point of the object that is reported."""
-    return _turned(m.arm, -m.theta_0)
+    """(2, 2), in pitches, from the origin of the map to where its centre of pressure lies, and from there to the point
+    of the object that is reported.
+    """
+    return np.stack([turned_by(m.arm, -m.theta_0), turned_by(m.gauge, -m.theta_0)])
 
 
 def reported_place(m: Track, state: Floats) -> Floats:
     """(2,), in pitches, of the point of the object that is reported, on the map alone. state: (5,) of the object."""
-    turned = _turned(m.arm, float(state_of(state).theta) - m.theta_0)
-    place: Floats = state[:2] + m.origin + np.where(m.across > 0.0, m.arm, turned)
+    arm = m.arm + m.gauge
+    turned = turned_by(arm, float(state_of(state).theta) - m.theta_0)
+    place: Floats = state[:2] + m.origin + np.where(m.across > 0.0, arm, turned)
     return place
 
 
-def _turned(arm: Floats, angle: float) -> Floats:
+def turned_by(arm: Floats, angle: float) -> Floats:
+    """(2,), an arm (2,) turned by an angle."""
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array([cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1]])
 
@@ -80,8 +84,9 @@ def reported_arm(scale: float, m: Track) -> tuple[float, float]:
     """
     angle = m.state[2] - m.theta_0
     cos, sin = np.cos(angle), np.sin(angle)
-    x = m.arm[0] if m.across[0] > 0.0 else cos * m.arm[0] - sin * m.arm[1]
-    y = m.arm[1] if m.across[1] > 0.0 else sin * m.arm[0] + cos * m.arm[1]
+    along, up = m.arm[0] + m.gauge[0], m.arm[1] + m.gauge[1]
+    x = along if m.across[0] > 0.0 else cos * along - sin * up
+    y = up if m.across[1] > 0.0 else sin * along + cos * up
     return scale * x, scale * y
 
 
@@ -123,8 +128,11 @@ def follow_centre(scale: float, floor: float, m: Track) -> None:
 
 @lean_kernel
 def find_centre(scale: float, m: Track, centre: Floats) -> None:
-    """Fill centre (5,), see `Track.before_centre`. scale: of a pitch, m."""
-    centre[0], centre[1] = scale * m.centroid[0], scale * m.centroid[1]
+    """Fill centre (5,), see `Track.before_centre`, moved as the reported point is. scale: of a pitch, m."""
+    angle = m.state[2] - m.theta_0
+    cos, sin = np.cos(angle), np.sin(angle)
+    centre[0] = scale * (m.centroid[0] + cos * m.gauge[0] - sin * m.gauge[1])
+    centre[1] = scale * (m.centroid[1] + sin * m.gauge[0] + cos * m.gauge[1])
     for a in range(3):
         centre[2 + a] = scale * scale * m.centroid_covariance[3 + a]
 

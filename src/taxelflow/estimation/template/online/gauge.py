@@ -1,0 +1,98 @@
+"""Where the frame of a map is put that has been adjusted: what was reported stays where it was on average.
+
+Readings do not determine which point of an object is reported, the gauge of its map. Keyframes move when they are
+adjusted, and no choice of that point puts all of them where they were reported. This one does on average over the time
+that each keyframe stands for. What is reported next has the error of the map now, not the sum of those of all before.
+
+A turn that a map does not have misleads it. The frame of such a map stays on the centre of pressure, see `witness`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from taxelflow.estimation.template.online.witness import reported_place, turned_by
+from taxelflow.numerics.bspline import state_of, states_of
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.template.online.keyframes import Keyframes
+    from taxelflow.estimation.template.online.local_map import Learned
+    from taxelflow.estimation.template.online.track_state import Track
+    from taxelflow.messages import Floats
+
+
+class _Place(NamedTuple):
+    """Where a scan was reported, (2,) in pitches, and the time that it stands for."""
+
+    t_s: float
+    place: Floats
+    span_s: float
+
+
+class Reported:
+    """Where the keyframes of one contact were reported."""
+
+    def __init__(self) -> None:
+        self._places: list[_Place] = []
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def add(self, t_s: float, place: Floats) -> None:
+        """A scan at a place (2,), in pitches, later than those before; it stands for the time until the next."""
+        if self._places:
+            last = self._places[-1]
+            self._places[-1] = last._replace(span_s=last.span_s + t_s - last.t_s)
+        self._places.append(_Place(t_s, place, 0.0))
+
+    def clear(self) -> None:
+        """Begin again: a contact, or a place that no motion led to."""
+        self._places.clear()
+
+    def thin(self, t_s: Floats) -> None:
+        """Keep those that are among the keyframes at t_s (n,), and later ones.
+
+        Others leave the time that they stand for to the nearest.
+        """
+        known = set(t_s.tolist())
+        kept = [own for own in self._places if own.t_s in known or own.t_s > t_s[-1]]
+        if not kept:
+            return
+        times, spans = np.array([own.t_s for own in kept]), np.array([own.span_s for own in kept])
+        for own in self._places:
+            if own.t_s not in known and own.t_s <= t_s[-1]:
+                spans[np.argmin(np.abs(times - own.t_s))] += own.span_s
+        self._places = [own._replace(span_s=float(span)) for own, span in zip(kept, spans, strict=True)]
+
+    def off(self, m: Track, keyframes: Keyframes) -> Floats | None:
+        """(2,), mean of how far keyframes were reported from where the map has them, at angle 0; None if none was."""
+        number = {t: k for k, t in enumerate(keyframes.scanned.t_s.tolist())}
+        found = [own for own in self._places if own.t_s in number]
+        spans = np.array([own.span_s for own in found])
+        if not found:
+            return None
+        spans[-1] += m.last_t - found[-1].t_s if found[-1] is self._places[-1] else 0.0
+        states = keyframes.states[[number[own.t_s] for own in found]]
+        angles = states_of(states).theta - m.theta_0
+        gaps = [
+            turned_by(own.place - reported_place(m, state), -angle)
+            for own, state, angle in zip(found, states, angles.tolist(), strict=True)
+        ]
+        mean: Floats = np.average(gaps, axis=0, weights=spans if spans.sum() > 0.0 else None)
+        return mean
+
+
+def hold(m: Track, learned: Learned, reported: Reported, pitch_m: float) -> None:
+    """Put the reported point of an object that turns where its keyframes were reported on average.
+
+    An object that was known before, or that is seen along a line only, keeps its point, as one that grows does.
+    """
+    reported.thin(learned.keyframes.scanned.t_s)
+    if not learned.turns or learned.grows or np.isinf(m.arm_load) or np.any(m.across > 0.0):
+        return
+    off = reported.off(m, learned.keyframes)
+    if off is not None:
+        m.gauge[:] += off
+        m.before_centre[:2] += pitch_m * turned_by(off, float(state_of(m.state).theta) - m.theta_0)

@@ -1,0 +1,139 @@
+"""The gauge of a stream's map: what was reported stays where it was on average when the map is adjusted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from estimation.template.test_map_update import keyframes_of
+from estimation.template.test_taxel_gains import sliding
+from taxelflow.estimation.template.online.gauge import Reported, hold
+from taxelflow.estimation.template.online.keyframes import Keyframes
+from taxelflow.estimation.template.online.local_map import Learned
+from taxelflow.estimation.template.online.track_state import Track
+from taxelflow.estimation.template.online.witness import anchor, arm_on_map, find_centre, reported_place, turned_by
+from taxelflow.numerics.records import record, records
+
+PITCH_M = 3e-3
+seeds = st.integers(0, 2**32 - 1)
+
+
+def track() -> Track:
+    m = record(Track, records(Track, 1), 0)
+    m.state[:] = [1.0, 2.0, 0.5, 1.0, 0.0]
+    m.theta_0, m.arm_load, m.arm[:], m.centroid[:] = 0.2, 1.0, [0.3, -0.1], [1.2, 2.1]
+    return m
+
+
+def turning(seed: int) -> tuple[Learned, Reported, np.ndarray]:
+    """A map of an object that turns, and where each of its keyframes was reported (n, 2)."""
+    random = np.random.default_rng(seed)
+    scanned, at, _ = sliding(0.0)
+    learned = keyframes_of(scanned, at, np.ones(scanned.readings.shape[1]))
+    states = learned.keyframes.states
+    states[:, 2] = random.uniform(-2.0, 2.0, len(states))
+    places, reported = states[:, :2] + random.normal(0.0, 0.5, (len(states), 2)), Reported()
+    for t_s, place in zip(scanned.t_s.tolist(), places, strict=True):
+        reported.add(t_s, place)
+    return replace(learned, turns=True), reported, places
+
+
+def left(m: Track, keyframes: Keyframes, places: np.ndarray) -> np.ndarray:
+    """(n, 2), how far keyframes were reported from where they are now, in the object's frame."""
+    return np.array(
+        [
+            turned_by(place - reported_place(m, state), m.theta_0 - state[2])
+            for place, state in zip(places, keyframes.states, strict=True)
+        ]
+    )
+
+
+@given(seeds)
+def test_keyframes_are_reported_where_they_were_on_average_over_their_time(seed: int) -> None:
+    learned, reported, places = turning(seed)
+    m = track()
+    t_s = learned.keyframes.scanned.t_s
+    m.last_t = t_s[-1] + 0.7
+    hold(m, learned, reported, PITCH_M)
+    spans = np.diff(np.append(t_s, m.last_t))
+    np.testing.assert_allclose(spans @ left(m, learned.keyframes, places), 0.0, atol=1e-9)
+
+
+@given(seeds)
+def test_a_map_that_has_not_changed_moves_nothing(seed: int) -> None:
+    learned, reported, _ = turning(seed)
+    m = track()
+    hold(m, learned, reported, PITCH_M)
+    before = m.gauge.copy()
+    hold(m, learned, reported, PITCH_M)
+    np.testing.assert_allclose(m.gauge, before, atol=1e-12)
+
+
+@given(seeds)
+def test_the_change_of_the_reported_point_is_no_motion_of_the_centre_of_pressure(seed: int) -> None:
+    learned, reported, _ = turning(seed)
+    m = track()
+    before, after = np.zeros(5), np.zeros(5)
+    find_centre(PITCH_M, m, before)
+    m.before_centre[:] = before
+    hold(m, learned, reported, PITCH_M)
+    find_centre(PITCH_M, m, after)
+    assert np.hypot(*m.gauge) > 0.0
+    np.testing.assert_allclose(m.before_centre, after, atol=1e-12)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+def test_an_object_that_comes_again_is_reported_by_the_same_point(theta: float, theta_0: float) -> None:
+    m = track()
+    m.gauge[:] = 0.2, -0.4
+    known, middle = arm_on_map(m), np.array([3.0, 4.0])
+    on_map = turned_by(m.arm + m.gauge, -m.theta_0)  # the point in the map's frame
+    m.gauge[:] = 7.0
+    m.state[2], m.theta_0 = theta, theta_0
+    anchor(m, middle, known)
+    np.testing.assert_allclose(reported_place(m, m.state) - m.state[:2], turned_by(on_map, theta), atol=1e-9)
+
+
+@pytest.mark.parametrize("case", ["does not turn", "grows", "known before", "in line"])
+def test_the_point_stays_on_the_centre_of_pressure(case: str) -> None:
+    learned, reported, _ = turning(0)
+    m = track()
+    learned.turns, learned.grows = case != "does not turn", case == "grows"
+    m.arm_load = np.inf if case == "known before" else 1.0
+    m.across[0] = 3.0 if case == "in line" else 0.0
+    hold(m, learned, reported, PITCH_M)
+    np.testing.assert_array_equal(m.gauge, 0.0)
+
+
+def test_an_object_that_was_never_reported_stays_on_the_centre_of_pressure() -> None:
+    learned, _, _ = turning(0)
+    m = track()
+    hold(m, learned, Reported(), PITCH_M)
+    np.testing.assert_array_equal(m.gauge, 0.0)
+
+
+@given(seeds, st.integers(1, 12))
+def test_keyframes_that_are_left_out_leave_their_time_to_the_nearest(seed: int, count: int) -> None:
+    random = np.random.default_rng(seed)
+    times, reported = np.cumsum(random.uniform(0.01, 1.0, 12)), Reported()
+    for t_s in times.tolist():
+        reported.add(t_s, np.zeros(2))
+    kept = np.sort(random.choice(times, count, replace=False))
+    reported.thin(kept)
+    rows = reported._places
+    assert [own.t_s for own in rows] == [t for t in times.tolist() if t in kept or t > kept[-1]]
+    np.testing.assert_allclose(sum(own.span_s for own in rows), times[-1] - times[0])
+
+
+def test_places_of_a_contact_before_are_left_out() -> None:
+    learned, reported, _ = turning(0)
+    m = track()
+    reported.clear()
+    reported.add(float(learned.keyframes.scanned.t_s[-1]), reported_place(m, learned.keyframes.states[-1]) + 1.0)
+    hold(m, learned, reported, PITCH_M)
+    assert len(reported) == 1
+    np.testing.assert_allclose(np.hypot(*m.gauge), np.sqrt(2.0))
