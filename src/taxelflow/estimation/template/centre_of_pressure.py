@@ -21,8 +21,9 @@ contradict each other, it is multiplied by chi-square per degree of freedom (Bir
 the angle is wrong by itself then: a turn that it holds misleads it by more than its residuals show, and c not at all.
 There C is multiplied by what makes that chi-square 1, and W and the covariance follow from it.
 
-A stream's frame steps when its map is learned again. What it reports is the point of the object on which c lies on
-average over all keyframes, see `Anchor`: this point hardly steps, whatever the map before was.
+A stream's frame steps when its map is adjusted. W and c are of the point of the object on which c lies on average over
+all keyframes, see `Anchor`: this point hardly steps, whatever the map before was. Where a map turns, what is reported
+is shifted from there, so that it stays where it was on average, see `online.gauge`.
 
 A sensor that declares no unseen error has none of this: there the map is right to within what its residuals show.
 """

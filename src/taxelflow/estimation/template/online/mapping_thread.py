@@ -54,8 +54,8 @@ class Workers(NamedTuple):
 class Learner:
     """A pad's pattern, those that it had before, and scans on their way to become keyframes.
 
-    learned: the pattern that scans are registered on. library: former ones. reported: where its keyframes
-    were. lane: what is being learned. beginning:
+    learned: the pattern that scans are registered on. library: former ones. reported: where its keyframes were
+    reported. lane: what is being learned. beginning:
     whether that is a new pattern.
     """
 
