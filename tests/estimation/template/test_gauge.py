@@ -29,17 +29,18 @@ def track() -> Track:
     return m
 
 
-def turning(seed: int) -> tuple[Learned, Reported, np.ndarray]:
-    """A map of an object that turns, and where each of its keyframes was reported (n, 2)."""
+def turning(seed: int) -> tuple[Learned, Reported, np.ndarray, np.ndarray]:
+    """A map of an object that turns, and where each of its keyframes was reported (n, 2), with its variance (n,)."""
     random = np.random.default_rng(seed)
     scanned, at, _ = sliding(0.0)
     learned = keyframes_of(scanned, at, np.ones(scanned.readings.shape[1]))
     states = learned.keyframes.states
     states[:, 2] = random.uniform(-2.0, 2.0, len(states))
     places, reported = states[:, :2] + random.normal(0.0, 0.5, (len(states), 2)), Reported()
-    for t_s, place in zip(scanned.t_s.tolist(), places, strict=True):
-        reported.add(t_s, place)
-    return replace(learned, turns=True), reported, places
+    variances = random.uniform(0.01, 1.0, len(states))
+    for t_s, place, variance in zip(scanned.t_s.tolist(), places, variances.tolist(), strict=True):
+        reported.add(t_s, place, variance)
+    return replace(learned, turns=True), reported, places, variances
 
 
 def left(m: Track, keyframes: Keyframes, places: np.ndarray) -> np.ndarray:
@@ -53,19 +54,19 @@ def left(m: Track, keyframes: Keyframes, places: np.ndarray) -> np.ndarray:
 
 
 @given(seeds)
-def test_keyframes_are_reported_where_they_were_on_average_over_their_time(seed: int) -> None:
-    learned, reported, places = turning(seed)
+def test_keyframes_stay_where_they_were_on_average_by_their_time_and_precision(seed: int) -> None:
+    learned, reported, places, variances = turning(seed)
     m = track()
     t_s = learned.keyframes.scanned.t_s
     m.last_t = t_s[-1] + 0.7
     hold(m, learned, reported, PITCH_M)
     spans = np.diff(np.append(t_s, m.last_t))
-    np.testing.assert_allclose(spans @ left(m, learned.keyframes, places), 0.0, atol=1e-9)
+    np.testing.assert_allclose((spans / variances) @ left(m, learned.keyframes, places), 0.0, atol=1e-9)
 
 
 @given(seeds)
 def test_a_map_that_has_not_changed_moves_nothing(seed: int) -> None:
-    learned, reported, _ = turning(seed)
+    learned, reported, _, _ = turning(seed)
     m = track()
     hold(m, learned, reported, PITCH_M)
     before = m.gauge.copy()
@@ -75,7 +76,7 @@ def test_a_map_that_has_not_changed_moves_nothing(seed: int) -> None:
 
 @given(seeds)
 def test_the_change_of_the_reported_point_is_no_motion_of_the_centre_of_pressure(seed: int) -> None:
-    learned, reported, _ = turning(seed)
+    learned, reported, _, _ = turning(seed)
     m = track()
     before, after = np.zeros(5), np.zeros(5)
     find_centre(PITCH_M, m, before)
@@ -100,7 +101,7 @@ def test_an_object_that_comes_again_is_reported_by_the_same_point(theta: float, 
 
 @pytest.mark.parametrize("case", ["does not turn", "grows", "known before", "in line"])
 def test_the_point_stays_on_the_centre_of_pressure(case: str) -> None:
-    learned, reported, _ = turning(0)
+    learned, reported, _, _ = turning(0)
     m = track()
     learned.turns, learned.grows = case != "does not turn", case == "grows"
     m.arm_load = np.inf if case == "known before" else 1.0
@@ -110,7 +111,7 @@ def test_the_point_stays_on_the_centre_of_pressure(case: str) -> None:
 
 
 def test_an_object_that_was_never_reported_stays_on_the_centre_of_pressure() -> None:
-    learned, _, _ = turning(0)
+    learned, _, _, _ = turning(0)
     m = track()
     hold(m, learned, Reported(), PITCH_M)
     np.testing.assert_array_equal(m.gauge, 0.0)
@@ -121,7 +122,7 @@ def test_keyframes_that_are_left_out_leave_their_time_to_the_nearest(seed: int, 
     random = np.random.default_rng(seed)
     times, reported = np.cumsum(random.uniform(0.01, 1.0, 12)), Reported()
     for t_s in times.tolist():
-        reported.add(t_s, np.zeros(2))
+        reported.add(t_s, np.zeros(2), 1.0)
     kept = np.sort(random.choice(times, count, replace=False))
     reported.thin(kept)
     rows = reported._places
@@ -130,10 +131,10 @@ def test_keyframes_that_are_left_out_leave_their_time_to_the_nearest(seed: int, 
 
 
 def test_places_of_a_contact_before_are_left_out() -> None:
-    learned, reported, _ = turning(0)
+    learned, reported, _, _ = turning(0)
     m = track()
     reported.clear()
-    reported.add(float(learned.keyframes.scanned.t_s[-1]), reported_place(m, learned.keyframes.states[-1]) + 1.0)
+    reported.add(float(learned.keyframes.scanned.t_s[-1]), reported_place(m, learned.keyframes.states[-1]) + 1.0, 0.1)
     hold(m, learned, reported, PITCH_M)
     assert len(reported) == 1
     np.testing.assert_allclose(np.hypot(*m.gauge), np.sqrt(2.0))

@@ -1,8 +1,9 @@
 """Where the frame of a map is put that has been adjusted: what was reported stays where it was on average.
 
 Readings do not determine which point of an object is reported, the gauge of its map. Keyframes move when they are
-adjusted, and no choice of that point puts all of them where they were reported. This one does on average over the time
-that each keyframe stands for. What is reported next has the error of the map now, not the sum of those of all before.
+adjusted, and no choice of that point puts all of them where they were reported. This one does on average, weighted by
+the time that each keyframe stands for over the variance that was reported with it. What is reported next has the error
+of the map now, not the sum of those of all before.
 
 A turn that a map does not have misleads it. The frame of such a map stays on the centre of pressure, see `witness`.
 """
@@ -23,11 +24,16 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 
+_LEAST = 1e-12
+"""Of a variance, pitches^2: without noise it is 0."""
+
+
 class _Place(NamedTuple):
-    """Where a scan was reported, (2,) in pitches, and the time that it stands for."""
+    """Where a scan was reported, (2,) in pitches, with the variance of x and y together, and how long it stands for."""
 
     t_s: float
     place: Floats
+    variance: float
     span_s: float
 
 
@@ -40,12 +46,15 @@ class Reported:
     def __len__(self) -> int:
         return len(self._places)
 
-    def add(self, t_s: float, place: Floats) -> None:
-        """A scan at a place (2,), in pitches, later than those before; it stands for the time until the next."""
+    def add(self, t_s: float, place: Floats, variance: float) -> None:
+        """A scan at a place (2,), in pitches, with the variance of x and y together, later than those before.
+
+        It stands for the time until the next.
+        """
         if self._places:
             last = self._places[-1]
             self._places[-1] = last._replace(span_s=last.span_s + t_s - last.t_s)
-        self._places.append(_Place(t_s, place, 0.0))
+        self._places.append(_Place(t_s, place, max(variance, _LEAST), 0.0))
 
     def clear(self) -> None:
         """Begin again: a contact, or a place that no motion led to."""
@@ -74,13 +83,14 @@ class Reported:
         if not found:
             return None
         spans[-1] += m.last_t - found[-1].t_s if found[-1] is self._places[-1] else 0.0
+        weights = spans / np.array([own.variance for own in found])
         states = keyframes.states[[number[own.t_s] for own in found]]
         angles = states_of(states).theta - m.theta_0
         gaps = [
             turned_by(own.place - reported_place(m, state), -angle)
             for own, state, angle in zip(found, states, angles.tolist(), strict=True)
         ]
-        mean: Floats = np.average(gaps, axis=0, weights=spans if spans.sum() > 0.0 else None)
+        mean: Floats = np.average(gaps, axis=0, weights=weights if weights.sum() > 0.0 else None)
         return mean
 
 

@@ -134,7 +134,7 @@ class StreamSession:
             self._maps.ended.go_on(busy=self.learning)
         if came == ASKS:
             for pad in np.flatnonzero(self._maps.tracks["flag"]).tolist():
-                self._answer(pad, scan, rows.pose[k, pad, :2])
+                self._answer(pad, scan, rows.pose[k, pad, :2], rows.covariance[k, pad])
 
     def _find_again(self, scan: Scan) -> None:
         """Look for the object all over the pad where a scan does not fit where it was looked for."""
@@ -196,8 +196,8 @@ class StreamSession:
                 self._maps.learners[pad].end(arm_on_map(m))
                 m.active = False
 
-    def _answer(self, pad: int, scan: Scan, place_m: Floats) -> None:
-        """Do what a scan calls for. place_m: (2,), where it was reported."""
+    def _answer(self, pad: int, scan: Scan, place_m: Floats, covariance: Floats) -> None:
+        """Do what a scan calls for. place_m: (2,), where it was reported; covariance: (3, 3), of that."""
         own, tracks = self._maps.learners[pad], self._maps.tracks
         known = own.learned
         if known is None or own.beginning:
@@ -215,7 +215,8 @@ class StreamSession:
             if self._maps.part(pad, scan).reading.max() > FAINT * faintest:  # what was learned from is too faint
                 self._maps.learn_anew(pad, scan)
                 return
-        own.reported.add(scan.t, place_m / self._maps.hand.pitch_m[pad])
+        pitch_m = float(self._maps.hand.pitch_m[pad])
+        own.reported.add(scan.t, place_m / pitch_m, float(covariance[0, 0] + covariance[1, 1]) / pitch_m**2)
         self._maps.learn_from(pad, scan)
 
     def _compile(self) -> None:
