@@ -1,9 +1,9 @@
 """Where the frame of a map is put that has been adjusted: what was reported stays where it was on average.
 
 Readings do not determine which point of an object is reported, the gauge of its map. Keyframes move when they are
-adjusted, and no choice of that point puts all of them where they were reported. This one does on average, weighted by
-the time that each keyframe stands for over the variance that was reported with it. What is reported next has the error
-of the map now, not the sum of those of all before.
+adjusted, and no choice of that point puts all of them where they were reported. This one does on average over the time
+that each keyframe stands for; those reported with a large variance count less. What is reported next has the error of
+the map now, not the sum of those of all before.
 
 A turn that a map does not have misleads it. The frame of such a map stays on the centre of pressure, see `witness`.
 """
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from taxelflow.estimation.template.online.track_state import BLURRED
 from taxelflow.estimation.template.online.witness import reported_place, turned_by
 from taxelflow.numerics.bspline import state_of, states_of
 
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 
-_LEAST = 1e-12
-"""Of a variance, pitches^2: without noise it is 0."""
+_BLURRED = 2.0 * BLURRED**2
+"""Variance of x and y together from which on a place is known badly, pitches^2: those known better count alike."""
 
 
 class _Place(NamedTuple):
@@ -54,7 +55,7 @@ class Reported:
         if self._places:
             last = self._places[-1]
             self._places[-1] = last._replace(span_s=last.span_s + t_s - last.t_s)
-        self._places.append(_Place(t_s, place, max(variance, _LEAST), 0.0))
+        self._places.append(_Place(t_s, place, variance, 0.0))
 
     def clear(self) -> None:
         """Begin again: a contact, or a place that no motion led to."""
@@ -83,7 +84,7 @@ class Reported:
         if not found:
             return None
         spans[-1] += m.last_t - found[-1].t_s if found[-1] is self._places[-1] else 0.0
-        weights = spans / np.array([own.variance for own in found])
+        weights = spans / (_BLURRED + np.array([own.variance for own in found]))
         states = keyframes.states[[number[own.t_s] for own in found]]
         angles = states_of(states).theta - m.theta_0
         gaps = [
