@@ -14,7 +14,7 @@ from estimation.template.test_taxel_gains import sliding
 from taxelflow.estimation.template.online.gauge import Reported, hold
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import Learned
-from taxelflow.estimation.template.online.track_state import Track
+from taxelflow.estimation.template.online.track_state import BLURRED, Track
 from taxelflow.estimation.template.online.witness import anchor, arm_on_map, find_centre, reported_place, turned_by
 from taxelflow.numerics.records import record, records
 
@@ -61,7 +61,9 @@ def test_keyframes_stay_where_they_were_on_average_by_their_time_and_precision(s
     m.last_t = t_s[-1] + 0.7
     hold(m, learned, reported, PITCH_M)
     spans = np.diff(np.append(t_s, m.last_t))
-    np.testing.assert_allclose((spans / (0.125 + variances)) @ left(m, learned.keyframes, places), 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        (spans / (2.0 * BLURRED**2 + variances)) @ left(m, learned.keyframes, places), 0.0, atol=1e-9
+    )
 
 
 @given(seeds)
@@ -136,5 +138,5 @@ def test_places_of_a_contact_before_are_left_out() -> None:
     reported.clear()
     reported.add(float(learned.keyframes.scanned.t_s[-1]), reported_place(m, learned.keyframes.states[-1]) + 1.0, 0.1)
     hold(m, learned, reported, PITCH_M)
-    assert len(reported) == 1
+    assert len(reported._places) == 1
     np.testing.assert_allclose(np.hypot(*m.gauge), np.sqrt(2.0))

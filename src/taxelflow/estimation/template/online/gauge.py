@@ -44,9 +44,6 @@ class Reported:
     def __init__(self) -> None:
         self._places: list[_Place] = []
 
-    def __len__(self) -> int:
-        return len(self._places)
-
     def add(self, t_s: float, place: Floats, variance: float) -> None:
         """A scan at a place (2,), in pitches, with the variance of x and y together, later than those before.
 
