@@ -7,6 +7,7 @@ import pytest
 
 from costly import mostly_long
 from rigged import rigged
+from taxelflow.estimation.template import hypotheses
 from taxelflow.estimation.template.hypotheses import coarse, likeliest, refined, solve
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.turning import keeps_its_angle
@@ -59,16 +60,30 @@ def test_a_round_object_that_the_border_cuts_does_not_turn() -> None:
     assert np.mean(cut == OK) > 0.5  # a third of the scans when some contacts turned
 
 
-@pytest.mark.parametrize(("unseen_error", "shown"), [(0.0, True), (0.05, False)])
-def test_a_turn_that_faults_of_the_sensor_may_explain_is_not_shown(unseen_error: float, shown: bool) -> None:
+def dome_on_uneven_taxels(unseen_error: float) -> Scanned:
     """A dome that slides over taxels with gains that differ by a tenth: they stay, and the dome seems to turn."""
     places = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(7.0), np.arange(5.0))])
     apart = np.hypot(places[0] - np.linspace(1.5, 4.5, 40)[:, np.newaxis], places[1] - 2.0)
     gains = 1.0 + 0.1 * np.random.default_rng(0).standard_normal(35)
     readings = gains * np.maximum(1.0 - (apart / 2.2) ** 2, 0.0)
     each = np.full(readings.shape, 1e-6), np.full(35, np.inf), np.zeros(35)
-    found = solve(Scanned.of(0.02 * np.arange(40), places, readings, *each, unseen_error))
+    return Scanned.of(0.02 * np.arange(40), places, readings, *each, unseen_error)
+
+
+@pytest.mark.parametrize(("unseen_error", "shown"), [(0.0, True), (0.05, False)])
+def test_a_turn_that_faults_of_the_sensor_may_explain_is_not_shown(unseen_error: float, shown: bool) -> None:
+    found = solve(dome_on_uneven_taxels(unseen_error))
     assert (found.turns, found.shown) == (True, shown)
+
+
+@pytest.mark.parametrize(("unseen_error", "denied"), [(0.0, False), (0.05, True)])
+def test_faults_of_the_sensor_deny_a_turn_though_a_fit_without_costs_far_more(
+    unseen_error: float, denied: bool
+) -> None:
+    scanned = dome_on_uneven_taxels(unseen_error)
+    turning, straight = (hypotheses._coarse_fits(scanned, turns=turns)[0] for turns in (True, False))
+    held = hypotheses._held_by_faults(scanned, [refined(scanned, turning)], [straight])
+    assert [one.turns for one in held] == [False] * denied
 
 
 def test_an_angle_is_not_known_from_a_fit_that_explains_less_than_one_without() -> None:

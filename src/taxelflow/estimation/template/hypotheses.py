@@ -71,16 +71,30 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
         costs = [*map(add, costs, dearer), cost(again, scanned)]
         tried.append(again)
     limit = min(costs) + _FAR_WORSE * len(scanned)
-    solved = []
+    solved, others = [], []
     for kind in dict.fromkeys(one.kind for one in tried):
         own = sorted((price, k) for k, price in enumerate(costs) if tried[k].kind == kind)
-        if own[0][0] <= limit:
+        if own[0][0] > limit:
+            others.append(tried[own[0][1]])
+        else:
             best = refined(scanned, tried[own[0][1]])
             if len(own) > 1 and own[1][0] <= limit:
                 best.agrees = agreement(best, tried[own[1][1]])
             solved.append(best)
-    rigid = likeliest(solved, scanned)
+    rigid = likeliest([*solved, *_held_by_faults(scanned, solved, others)], scanned)
     return _sunk(scanned, solved, rigid) if sinks else rigid
+
+
+def _held_by_faults(scanned: Scanned, solved: list[Solved], others: list[Solved]) -> list[Solved]:
+    """Of coarse fits that are far worse, the one of an object that keeps its angle, refined, if faults of the sensor
+    explain a turn that no other fit denies.
+    """
+    straight = [one for one in others if one.kind == (False, False) and one.error <= _MAY_BE_STRAIGHT]
+    best = likeliest(solved, scanned)
+    if not (scanned.unseen_error and straight and all(one.turns for one in solved)):
+        return []
+    held = refined(scanned, straight[0])
+    return [] if keeps_its_angle(best, scanned) or outweighs_faults(best, held, scanned) else [held]
 
 
 def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
