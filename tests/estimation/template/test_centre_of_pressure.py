@@ -12,11 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxelflow.acquire.base import Recording
-from taxelflow.estimation.template.centre_of_pressure import combine
+from taxelflow.estimation.template.centre_of_pressure import combine, surely
 from taxelflow.estimation.template.online.witness import carry
 from taxelflow.evaluation.robustness_rows import CaseRow, row_of
-from taxelflow.messages import Floats
+from taxelflow.messages import OK, Floats
 from taxelflow.pipeline import api
+from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.relief.cases import PLACES, case, sensor_at
 from taxelflow.simulation.relief.parameters import Pressing
 from taxelflow.simulation.relief.simulate import simulate_relief
@@ -175,3 +176,36 @@ def test_gains_that_a_young_map_learned_do_not_move_the_load() -> None:
     """The centre of pressure of the readings as they are, of ribs finer than the pitch: any one stream may be off."""
     found = [row("fine-handle", "palm", seed, unseen_error=0.05, mode="stream").error_mm for seed in range(3)]
     assert np.median(np.array(found, np.float64)) < 0.9
+
+
+@given(seeds)
+def test_a_shift_by_the_border_counts_as_far_as_the_doubt_does_not_explain_it(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    doubt = spread(random)
+    parts = float(doubt[0, 0]), float(doubt[0, 1]), float(doubt[1, 1])
+    sigma = np.linalg.cholesky(doubt) @ np.array([np.cos(seed), np.sin(seed)])  # one standard deviation, in a direction
+    shares = [surely((float(far * sigma[0]), float(far * sigma[1])), parts) for far in (2.99, 3.01, 30.0)]
+    assert shares == pytest.approx([0.0, 1.0 - 9.0 / 3.01**2, 0.99], rel=1e-4)
+
+
+def leaving_disc(seed: int) -> tuple[Recording, Floats]:
+    """A round punch of 9 mm that slides by 14 mm over the border of 8 x 8 taxels, a third of it; where it is, m."""
+    random, sensor = np.random.default_rng(seed), load_sensor("grid:8x8@4mm,kPa")
+    t_s = np.arange(200) / 50.0
+    x = np.interp(t_s, [0.0, 1.2, 2.6, 3.2], [0.0, 0.0, 14e-3, 14e-3])
+    apart = np.hypot(sensor.layout.x_m - x[:, np.newaxis], sensor.layout.y_m - 1e-3) / 9e-3
+    pressure = 40.0 * (1.0 + 0.5 * apart**4) / (1.0 + np.exp((apart - 1.0) / 0.09))
+    pressure *= np.clip((t_s - 0.5) / 0.2, 0.0, 1.0)[:, np.newaxis] * (1.0 + 0.05 * random.standard_normal(64))
+    return Recording.of_arrays(t_s, pressure + 0.25 * random.standard_normal(pressure.shape), sensor), x
+
+
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+def test_an_object_that_leaves_the_pad_is_where_its_map_has_it(mode: api.Mode) -> None:
+    recording, x = leaving_disc(2)
+    slips = api.estimate(recording, "template", mode=mode).slips
+    off, std = slips.pose[:, 0, 0] - x, np.sqrt(slips.covariance[:, 0, 0, 0])
+    known = (slips.quality[:, 0] == OK) & (slips.t_s > 0.8)
+    off -= np.median(off[known & (slips.t_s < 1.2)])
+    assert abs(off[-1]) < 0.6e-3  # the centre of pressure is 4 mm behind then, and led the pose by 2.4 to 2.9 mm
+    assert np.mean((np.abs(off) > 3.0 * std + 1e-4)[known]) < 0.02
+    assert known.sum() > 100

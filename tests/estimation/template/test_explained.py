@@ -41,7 +41,25 @@ BESIDE = STATE_0 + np.array([40.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def left(reading: Floats, state: Floats = STATE_0, variance: Floats = VARIANCE, ceiling: Floats = NEVER) -> float:
-    return unexplained(SURFACE, laid_out(PLACES, WHOLE, reading, variance, ceiling, ERROR), ERROR, state)
+    return compared(reading, state, variance, ceiling)[0]
+
+
+def compared(
+    reading: Floats, state: Floats, variance: Floats = VARIANCE, ceiling: Floats = NEVER
+) -> tuple[float, Floats]:
+    """What is left, and where the pattern has its centre (2,)."""
+    centre = np.zeros(2)
+    taxels = laid_out(PLACES, WHOLE, reading, variance, ceiling, ERROR)
+    return unexplained(SURFACE, taxels, ERROR, state, centre), centre
+
+
+def test_a_pattern_has_its_centre_where_what_taxels_read_of_it_has() -> None:
+    shown = values()
+    np.testing.assert_allclose(compared(shown, STATE_0)[1], PLACES @ shown / shown.sum(), atol=1e-9)
+    few = np.where(PLACES[0] > STATE_0[0], 0.0, VARIANCE)  # one half masked, as beyond a border
+    part = np.where(few > 0.0, shown, 0.0)
+    np.testing.assert_allclose(compared(shown, STATE_0, few)[1], PLACES @ part / part.sum(), atol=1e-9)
+    np.testing.assert_allclose(compared(shown, BESIDE)[1], BESIDE[:2])  # nothing of it is on the pad
 
 
 def test_nothing_is_left_where_the_object_is_and_all_beside_it() -> None:

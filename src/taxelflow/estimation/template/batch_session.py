@@ -153,7 +153,8 @@ class BatchSession:
             growth = solved.growth
             if not layout.unseen_error:  # no fault of the sensor misled the likelihood: it has decided
                 rival = rival[:0]
-            if solved.error > CHANGES and len(scanned) > MEMORY:
+            of_one_map = solved.error <= CHANGES or len(scanned) <= MEMORY
+            if not of_one_map:
                 poses, moment = follow_changing(scanned, pitch_m, turns=solved.turns)
                 rival, growth, of_the_map = rival[:0], growth[:0], np.zeros_like(of_the_map)
             poses = bridged(formed(poses, scanned.load().sum(axis=1)), scanned.t_s)
@@ -163,7 +164,8 @@ class BatchSession:
             poses = poses.open_across(scanned, pitch_m)
             if layout.unseen_error:
                 edge: Bools = np.asarray(layout.border[own].any(axis=1), dtype=np.bool_)
-                poses = witnessed(poses, replace(scanned, readings=readings), edge, pitch_m, layout.unseen_error)
+                as_read = replace(scanned, readings=readings)
+                poses = witnessed(poses, as_read, edge, pitch_m, layout.unseen_error, solved if of_one_map else None)
         is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
         poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
         if len(solved.dead):

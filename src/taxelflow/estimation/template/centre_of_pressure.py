@@ -25,18 +25,25 @@ A stream's frame steps when its map is adjusted. W and c are of the point of the
 all keyframes, see `Anchor`: this point hardly steps, whatever the map before was. Where a map turns, what is reported
 is shifted from there, so that it stays where it was on average, see `online.gauge`.
 
+**A border** cuts a pattern: c moves by less than the object, or leaps where a part leaves the pad. The map shows it: the
+readings that it predicts have their centre where c would be, and where no border cuts them, that is a point of the
+object. The difference s, as far as it is more than C + D explain at three standard deviations, is subtracted from c, and s s^T
+is added to D: so much of c is known by the map alone. Below that, the map has no part in c, or one that is wrong would
+confirm itself.
+
 A sensor that declares no unseen error has none of this: there the map is right to within what its residuals show.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from taxelflow.estimation.template.pose_output import Poses, judge
 from taxelflow.messages import OK
-from taxelflow.numerics.bspline import STATE
+from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.centroid import centroid_covariance, pressure_centre
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
@@ -52,6 +59,10 @@ BORDER_ERROR = 0.2
 """Of the share of a motion that a contact shows which lies at the pad's border all around."""
 _LEAST = 1e-18
 """Of variances, m^2."""
+_EXPLAINED = 9.0
+"""Chi-square up to which a shift by the border is within what c and p are wrong by anyway."""
+_ROUNDS = 3
+"""In which scans that the border cuts are held down, to find where a map has its centre."""
 
 
 @lean_kernel
@@ -99,6 +110,17 @@ def combine(
     x, y = cov[0, 2], cov[1, 2]
     cov[0, 2] = cov[2, 0] = p * x + q * y
     cov[1, 2] = cov[2, 1] = r * x + s * y
+
+
+@lean_kernel
+def surely(shift: tuple[float, float], doubt: tuple[float, float, float]) -> float:
+    """The share of a shift of c by the border that errors of c and p, C + D as xx, xy, yy, do not explain at three
+    standard deviations.
+    """
+    (x, y), (xx, xy, yy) = shift, doubt
+    square = xx * yy - xy * xy
+    chi = yy * x * x - 2.0 * xy * x * y + xx * y * y
+    return float(1.0 - _EXPLAINED * square / chi) if chi > _EXPLAINED * square else 0.0
 
 
 @inlined
@@ -157,14 +179,43 @@ class Centres(NamedTuple):
         average: Floats = np.average(own[self.known], axis=0, weights=trust[self.known])
         return average
 
+    def uncut(self, solved: Solved, scanned: Scanned) -> tuple[Centres, Floats]:
+        """As they were if the pad had no border, as far as the map of a solved contact shows that; and (2,), in the
+        object's frame, where the map has the centre then.
+
+        What a border moves a centre by is in its covariance, too: so much of it follows from the map.
+        """
+        found = np.empty((len(scanned), 11))
+        _centres(replace(scanned, readings=solved.fit.model).with_error(0.0), scanned.edge, 0.0, found)
+        states = solved.states
+        angle = states_of(states).theta
+        cos, sin = np.cos(angle), np.sin(angle)
+        x, y = (found[:, :2] - states[:, :2]).T
+        inside = np.stack([cos * x + sin * y, cos * y - sin * x], axis=1)
+        own = np.linalg.inv(solved.fit.information + 1e-9 * np.eye(STATE))
+        known, spread = self.known & (found[:, 3] > 0), own[:, 0, 0] + own[:, 1, 1] + self.spread
+        off, middle = np.zeros_like(inside), np.zeros(2)
+        for _ in range(_ROUNDS if known.any() else 0):
+            weights = known / (spread + np.sum(off**2, axis=1))
+            middle = np.average(inside, axis=0, weights=weights)
+            off = np.where(known[:, np.newaxis], inside - middle, 0.0)
+        x, y = cos * off[:, 0] - sin * off[:, 1], sin * off[:, 0] + cos * off[:, 1]
+        shift = np.stack([x, y], axis=1)
+        doubts = self.covariance + own[:, [0, 0, 1], [0, 1, 1]]
+        shift *= [[surely((dx, dy), tuple(doubt))] for (dx, dy), doubt in zip(shift.tolist(), doubts, strict=True)]
+        x, y = shift.T
+        doubted = self.covariance + np.stack([x * x, x * y, y * y], axis=1)
+        return Centres(self.place - shift, doubted, self.known), middle
+
 
 class Anchor(NamedTuple):
     """Where the centre of pressure lies on average: (2,) from the origin of the object's frame, and the mean variance
-    of one scan's, in pitches^2.
+    of one scan's, in pitches^2. inside: (2,), where the map shows it.
     """
 
     arm: Floats
     variance: float
+    inside: Floats
 
 
 def anchor_of(solved: Solved, scanned: Scanned, tilt: float) -> Anchor | None:
@@ -172,18 +223,24 @@ def anchor_of(solved: Solved, scanned: Scanned, tilt: float) -> Anchor | None:
     centres = Centres.of(scanned, scanned.edge, tilt)
     if scanned.across.any() or not centres.known.any():
         return None
+    centres, inside = centres.uncut(solved, scanned)
     own = np.linalg.inv(solved.fit.information + 1e-9 * np.eye(STATE))
     trust = 1.0 / (own[:, 0, 0] + own[:, 1, 1] + centres.spread)
     variance = np.average(0.5 * centres.spread[centres.known], weights=trust[centres.known])
-    return Anchor(centres.arm(solved.states, trust), float(variance))
+    return Anchor(centres.arm(solved.states, trust), float(variance), inside)
 
 
-def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt: float) -> Poses:
+def witnessed(
+    poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt: float, solved: Solved | None = None
+) -> Poses:
     """Poses with the centre of pressure of each scan as a second witness.
 
-    edge, tilt: see `Centres`. The body's point that the centre follows is where it lies on average.
+    edge, tilt: see `Centres`. solved: of which the poses are. The body's point that the centre follows is where it lies
+    on average.
     """
     centres = Centres.of(scanned, edge, tilt)
+    if solved is not None:
+        centres, _ = centres.uncut(solved, scanned)
     known = np.isfinite(poses.pose[:, :2]).all(axis=1) & centres.known
     known &= np.isfinite(poses.covariance[:, :2, :2]).all(axis=(1, 2))
     if scanned.across.any() or not known.any():

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections import deque
+from functools import partial
 from typing import TYPE_CHECKING
 
-from taxelflow.estimation.template.map_export import Maps
+import numpy as np
+
+from taxelflow.estimation.template.map_export import Maps, as_map
+from taxelflow.estimation.template.online.witness import reported_place
+from taxelflow.numerics.bspline import state_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from concurrent.futures import Future
 
+    from taxelflow.estimation.template.online.local_map import Learned
+    from taxelflow.estimation.template.online.track_state import Track
     from taxelflow.messages import LearnedPattern
     from taxelflow.runtime.worker import Runs
 
@@ -18,6 +25,24 @@ if TYPE_CHECKING:
 
 _MOST_WAITING = 32
 """From this number on they are made even while something is being learned."""
+
+
+def map_of(pad: str, known: Learned, m: Track, pitch_m: float) -> Work:
+    """What makes the map of a contact on a pad that has ended."""
+    states = known.keyframes.states
+    theta = state_of(states[-1]).theta - (m.theta_0 if known.turns else 0.0)
+    return partial(
+        as_map,
+        pad,
+        known.pattern,
+        known.scanned,
+        states,
+        np.append(pitch_m * reported_place(m, states[-1]), theta),
+        error=known.error,
+        pitch_m=pitch_m,
+        turns=known.turns,
+        dead=np.zeros(0, np.int64),
+    )
 
 
 class Ended:

@@ -25,29 +25,37 @@ _SURELY = 3.0
 
 
 @lean_kernel
-def unexplained(surface: Surface, taxels: LaidOut, error: float, state: Floats) -> float:
+def unexplained(surface: Surface, taxels: LaidOut, error: float, state: Floats, centre: Floats) -> float:
     """Share of the readings, squared, that a pattern leaves at a state (5,), beyond noise.
 
-    taxels: from `linearization.laid_out`, with the error in.
+    taxels: from `linearization.laid_out`, with the error in. centre: (2,), filled with the centre of the pressure that
+    the pattern shows on them; the state's place if it shows none.
     """
     h, left, low = surface.lattice
     left, low = left / h, low / h
     x, y, theta, gain, size = state_of(state)
     scale = np.exp(-size) / h
     cos_0, sin_0 = scale * np.cos(theta), scale * np.sin(theta)
-    remains = whole = 0.0
+    remains = whole = total = sx = sy = 0.0
     for i in range(len(taxels.x)):  # without a branch, as vector registers need it
         cos = cos_0 * taxels.cos[i] - sin_0 * taxels.sin[i]
         sin = sin_0 * taxels.cos[i] + cos_0 * taxels.sin[i]
         dx, dy = taxels.x[i] - x, taxels.y[i] - y
         q, _, _ = pressure_at(surface.c, cos * dx + sin * dy - left, cos * dy - sin * dx - low)
         reading, variance = taxels.reading[i], taxels.variance[i]
-        off = reading - (0.0 if np.isnan(q) else gain * q)
-        live = variance != 0.0
+        model, live = 0.0 if np.isnan(q) else gain * q, variance != 0.0
+        off = reading - model
+        seen = model if live else 0.0
+        total += seen
+        sx += seen * dx
+        sy += seen * dy
         counts = live and (off > 0.0 or reading < taxels.ceiling[i])
         beyond = off * off - _SURELY * _SURELY * (variance - error * error)
         remains += beyond if counts and beyond > 0.0 else 0.0
         whole += reading * reading if live else 0.0
+    centre[0], centre[1] = x, y
+    if total > 0.0:
+        centre[0], centre[1] = x + sx / total, y + sy / total
     return float(remains / whole) if whole > 0.0 else 0.0
 
 

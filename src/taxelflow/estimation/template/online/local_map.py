@@ -37,7 +37,7 @@ class Learned:
     its theta differs from that of the pattern before. error: see `Scanned.with_error`. gain_std: from scan to scan.
     turns, grows, shown: see `Solved`. reports_turn: whether fits have agreed well enough on it. changing: it does not
     stay the same, and only the last keyframes count. unseen_error: see `Layout`. origin: (2,) in pitches, added to what
-    is reported: the frame of a pattern that grows is at the point that stays. arm: (2, 2), see `arm_on_map`, when
+    is reported: the frame of a pattern that grows is at the point that stays. arm: (3, 2), see `arm_on_map`, when
     its contact ended. anchor: of the keyframes, see `anchor_of`.
     """
 
@@ -59,7 +59,7 @@ class Learned:
     tilt: float = 0.0
     rival: float = 0.0
     origin: Floats = field(default_factory=lambda: np.zeros(2))
-    arm: Floats = field(default_factory=lambda: np.zeros((2, 2)))
+    arm: Floats = field(default_factory=lambda: np.zeros((3, 2)))
     anchor: Anchor | None = None
     fresh: int = 0
     taken: int = 1

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.map_export import as_map
 from taxelflow.estimation.template.observations import across, delays_of
-from taxelflow.estimation.template.online.ended import Ended
+from taxelflow.estimation.template.online.ended import Ended, map_of
 from taxelflow.estimation.template.online.gauge import hold
 from taxelflow.estimation.template.online.hand_gains import HandGains
 from taxelflow.estimation.template.online.mapping_thread import Learner, Novel, Workers
@@ -19,9 +18,16 @@ from taxelflow.estimation.template.online.spreading import most_at_once
 from taxelflow.estimation.template.online.starting import Begun, FirstScan, begun, begun_anew
 from taxelflow.estimation.template.online.step import FOLLOW, follow_hand
 from taxelflow.estimation.template.online.track_state import MOST_KEYFRAMES, Hand, PadScan, Patterns, Rows, Scan, Track
-from taxelflow.estimation.template.online.witness import anchor, middle_of, put_on_average, reported_place
+from taxelflow.estimation.template.online.witness import (
+    anchor,
+    find_sure_shift,
+    keep_shift,
+    middle_of,
+    put_on_average,
+    reported_place,
+)
 from taxelflow.messages import no_scans
-from taxelflow.numerics.bspline import state_of
+from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.records import record, records
 from taxelflow.runtime.adoption import AtFixedTimes
 from taxelflow.runtime.settled import Settled
@@ -160,6 +166,7 @@ class LocalMaps:
         self._put(pad, new.learned)
         m.state[:] = new.state
         m.state[:2] += middle - new.middle
+        keep_shift(m, middle)
         if not known_place:
             self.learners[pad].reported.clear()
             anchor(m, middle)
@@ -237,7 +244,7 @@ class LocalMaps:
             m.shifted[:] = own.shifted(new, m.state)
         self._put(pad, new)
         if new.anchor is not None:
-            put_on_average(m, new.anchor.arm)
+            put_on_average(m, new.anchor)
         hold(m, new, own.reported, float(self._pitch_m[pad]))
         at = m.state.copy()
         self._register_again(pad)
@@ -251,10 +258,13 @@ class LocalMaps:
         self.go_on(pad)
 
     def _register_again(self, pad: int) -> None:
-        m = self.track(pad)
+        m, pitch_m = self.track(pad), self._pitch_m[pad]
+        before = m.sure.copy()
         self.follow_again(pad, self._last._replace(t=float(m.last_t)))
+        find_sure_shift(1.0, m, np.linalg.inv(m.doubted + 1e-12 * np.eye(STATE)) + m.slack * np.eye(STATE))
+        m.before_centre[:2] += pitch_m * (before - m.sure)
         turn = state_of(m.state).theta - m.theta_0 if m.seen else np.nan
-        m.before[:] = *(self._pitch_m[pad] * reported_place(m, m.state)), turn
+        m.before[:] = *(pitch_m * reported_place(m, m.state)), turn
 
     def follow_again(self, pad: int, scan: Scan) -> None:
         """Register the last scan on the pattern as it is now; what the next one is predicted from stays."""
@@ -279,22 +289,5 @@ class LocalMaps:
     def keep(self, pad: int) -> None:
         """Remember the pattern of a contact that ends, as a map."""
         known = self.learners[pad].learned
-        if known is None:
-            return
-        own, pitch_m = self._layout.of_pad(pad), self._pitch_m[pad]
-        states, m = known.keyframes.states, self.track(pad)
-        theta = state_of(states[-1]).theta - (m.theta_0 if known.turns else 0.0)
-        self.ended.add(
-            partial(
-                as_map,
-                self._layout.pads[pad],
-                known.pattern,
-                known.scanned,
-                states,
-                np.append(pitch_m * reported_place(m, states[-1]), theta),
-                error=known.error,
-                pitch_m=float(pitch_m),
-                turns=known.turns,
-                dead=self._layout.source[own][:0],
-            )
-        )
+        if known is not None:
+            self.ended.add(map_of(self._layout.pads[pad], known, self.track(pad), float(self._pitch_m[pad])))

@@ -11,6 +11,7 @@ from taxelflow.estimation.template.online.witness import (
     add_weighted,
     carry,
     find_centre,
+    find_sure_shift,
     follow_centre,
     reported_arm,
     weigh_pose,
@@ -59,6 +60,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, row
     cov[2, 2] += m.slack_t
     if m.keyframes > 0:
         m.away = max(m.away, np.hypot(m.state[0] - m.keyframe[0, 0], m.state[1] - m.keyframe[0, 1]))
+    find_sure_shift(scale, m, cov)
     find_centre(scale, m, centre)
     if floor > 0.0 and not in_line:
         weigh_pose(scale, m, centre, pose, cov, weight)

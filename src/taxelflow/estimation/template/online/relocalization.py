@@ -86,7 +86,7 @@ def recognised(
             prior = Prior(state.copy(), stiffness)
             cost, chi, count = _register(surface, taxels, prior, HUBER, _SEARCH.iterations, state, information)
             fits = count and chi / count < gate(known.usual, count)
-            if cost < best and fits and _unexplained(surface, taxels, error, state) <= _SEARCH.unexplained:
+            if cost < best and fits and _unexplained(surface, taxels, error, state, np.empty(2)) <= _SEARCH.unexplained:
                 best, found = cost, (state.copy(), information.copy(), chi / count, count)
         if found is not None:
             break

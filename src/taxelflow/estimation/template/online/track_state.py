@@ -76,6 +76,13 @@ class Track:
     """From the place of the state to the point of the object that is reported, when it was at angle 0."""
     gauge: Annotated[Floats, 2]
     """Added to the arm in what is reported, see `gauge`."""
+    inside: Annotated[Floats, 2]
+    """From the place of the state to the centre of the pressure that the pattern shows where no border cuts it, when it
+    was at angle 0; NaN before keyframes were adjusted."""
+    shift: Annotated[Floats, 2]
+    """By how much the border moves that centre in the last scan."""
+    sure: Annotated[Floats, 2]
+    """What of it is more than errors explain."""
     arm_load: float
     """Sum of the loads of the scans whose centre of pressure that point is."""
     start: Annotated[Floats, 2]

@@ -14,7 +14,7 @@ from taxelflow.estimation.template.online.explained import fits, unexplained
 from taxelflow.estimation.template.online.motion import remember, stays
 from taxelflow.estimation.template.online.residual_process import bring, keep
 from taxelflow.estimation.template.online.track_state import HUBER, Hand, PadScan, Patterns, Scan, Track
-from taxelflow.estimation.template.online.witness import middle_of
+from taxelflow.estimation.template.online.witness import find_shift, middle_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
 from taxelflow.numerics.centroid import centroid_covariance
@@ -125,7 +125,9 @@ def _follow_pad(
         _stiffen(m, m.turn_std, grown_std if m.grows else 0.0, state_of(stiffness).gain, stiffness)
         m.chi = keep(surface, taxels, error, chi / usual, rests, brought, rest, stiffness, m)
         m.carries = rests or m.chi > _REST * m.usual
-    m.unexplained = unexplained(surface, taxels, error, m.state[:])
+    m.unexplained = unexplained(surface, taxels, error, m.state[:], m.shift[:])
+    _add_lag(bend, scan, m)
+    find_shift(floor, m)
     _doubt(surface, taxels, level, floor, stiffness, m, room)
     remember(t, span, last, middle, m)
 
@@ -178,6 +180,18 @@ def _bend(m: Track, delay: Floats) -> Floats:
         for i in range(len(delay)):
             bend[a, i] = m.speed[a] * delay[i]
     return bend
+
+
+@lean_kernel
+def _add_lag(bend: Floats, scan: PadScan, m: Track) -> None:
+    """Add to m.shift, a place that taxels show which are read at once, how far the object goes until they are read."""
+    load = dx = dy = 0.0
+    for i in range(bend.shape[1]):
+        reading = scan.reading[i] if scan.variance[i] > 0.0 and scan.reading[i] > 0.0 else 0.0
+        load, dx, dy = load + reading, dx + reading * bend[0, i], dy + reading * bend[1, i]
+    if load > 0.0:
+        m.shift[0] += dx / load
+        m.shift[1] += dy / load
 
 
 @lean_kernel

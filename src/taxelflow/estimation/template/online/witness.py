@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from taxelflow.estimation.template.centre_of_pressure import BORDER_ERROR, combine, transformed
+from taxelflow.estimation.template.centre_of_pressure import BORDER_ERROR, combine, surely, transformed
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of
 from taxelflow.numerics.centroid import loaded_centroid, pressure_centre
 from taxelflow.runtime.compiling import kernel, lean_kernel
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.template.centre_of_pressure import Anchor
 
 _STAYS = 0.25
 """Pitches up to which an object has not moved."""
@@ -30,23 +35,34 @@ def middle_of(scan: PadScan, floor: float, out: Floats) -> None:
 def anchor(m: Track, middle: Floats, arm: Floats | None = None) -> None:
     """Report the point of an object by which it was known before, or else the centre of pressure (2,) of its contact.
 
-    arm: (2, 2), see `arm_on_map`.
+    arm: (3, 2), see `arm_on_map`.
     """
     if arm is None:
         angle = float(state_of(m.state).theta) - m.theta_0
         m.arm[:], m.gauge[:], m.arm_load = turned_by(middle - m.state[:2] - m.origin, -angle), 0.0, m.load
+        m.inside[:], m.shift[:], m.sure[:] = np.nan, 0.0, 0.0
     else:
-        m.arm[:], m.gauge[:], m.arm_load = turned_by(arm[0], m.theta_0), turned_by(arm[1], m.theta_0), np.inf
+        m.arm[:], m.gauge[:], m.inside[:] = (turned_by(one, m.theta_0) for one in arm)
+        m.arm_load = np.inf
     m.centroid[:] = middle
     put_anew(m)
 
 
-def put_on_average(m: Track, arm: Floats) -> None:
+def put_on_average(m: Track, anchor: Anchor) -> None:
     """Report the point of the object on which the centre of pressure lies on average, but of an object that was known
-    before, or is seen along a line only. arm: (2,), see `Anchor`.
+    before, or is seen along a line only.
     """
+    m.inside[:] = turned_by(anchor.inside, m.theta_0)
     if np.isfinite(m.arm_load) and not np.any(m.across > 0.0):
-        m.arm[:] = turned_by(arm, m.theta_0)
+        m.arm[:] = turned_by(anchor.arm, m.theta_0)
+
+
+def keep_shift(m: Track, middle: Floats) -> None:
+    """Go on with a pattern that is begun with the last scan, whose centre of pressure is at `middle` (2,): what the
+    border has moved that by, the pattern does not show.
+    """
+    if not np.isnan(m.inside).any():
+        m.inside[:] = turned_by(middle - m.state[:2] - m.shift, m.theta_0 - float(state_of(m.state).theta))
 
 
 def put_anew(m: Track) -> None:
@@ -56,10 +72,10 @@ def put_anew(m: Track) -> None:
 
 
 def arm_on_map(m: Track) -> Floats:
-    """(2, 2), in pitches, from the origin of the map to where its centre of pressure lies, and from there to the point
-    of the object that is reported.
+    """(3, 2), in pitches, from the origin of the map to where its centre of pressure lies, from there to the point of
+    the object that is reported, and from the origin to the centre of the pressure that it shows.
     """
-    return np.stack([turned_by(m.arm, -m.theta_0), turned_by(m.gauge, -m.theta_0)])
+    return np.stack([turned_by(one, -m.theta_0) for one in (m.arm, m.gauge, m.inside)])
 
 
 def reported_place(m: Track, state: Floats) -> Floats:
@@ -102,6 +118,30 @@ def carry(x: float, y: float, cov: Floats) -> None:
 
 
 @lean_kernel
+def find_shift(floor: float, m: Track) -> None:
+    """Make m.shift, where the pattern shows the centre of pressure, by how much the border has moved that.
+
+    Nothing for a contact that grows, whose centre is its own, and where the centre of pressure is no witness, floor 0;
+    nor before keyframes were adjusted, for a contact that forms shows more and more of its pattern.
+    """
+    angle = m.state[2] - m.theta_0
+    cos, sin = np.cos(angle), np.sin(angle)
+    m.shift[0] -= m.state[0] + cos * m.inside[0] - sin * m.inside[1]
+    m.shift[1] -= m.state[1] + sin * m.inside[0] + cos * m.inside[1]
+    if floor <= 0.0 or m.grows or m.across[0] > 0.0 or m.across[1] > 0.0 or np.isnan(m.shift[0]):
+        m.shift[0] = m.shift[1] = 0.0
+
+
+@lean_kernel
+def find_sure_shift(scale: float, m: Track, cov: Floats) -> None:
+    """Make m.sure what of m.shift counts, see `surely`. scale: of a pitch, m. cov: (3, 3), of a pose on the map, m^2."""
+    own, unit = m.centroid_covariance, 1.0 / (scale * scale)
+    xx, yy = own[0] + own[3] + unit * cov[0, 0], own[2] + own[5] + unit * cov[1, 1]
+    share = surely((m.shift[0], m.shift[1]), (xx, own[1] + own[4] + unit * cov[0, 1], yy))
+    m.sure[0], m.sure[1] = share * m.shift[0], share * m.shift[1]
+
+
+@lean_kernel
 def follow_centre(scale: float, floor: float, m: Track) -> None:
     """Report the point where the centre of pressure lies on average, from the next scan on, while no turn is seen.
 
@@ -116,9 +156,13 @@ def follow_centre(scale: float, floor: float, m: Track) -> None:
     before_x, before_y = reported_arm(scale, m)
     angle = m.state[2] - m.theta_0
     cos, sin = np.cos(angle), np.sin(angle)
-    x, y = m.centroid[0] - m.state[0] - m.origin[0], m.centroid[1] - m.state[1] - m.origin[1]
-    m.arm_load += m.load
-    share = m.load / m.arm_load
+    x = m.centroid[0] - m.sure[0] - m.state[0] - m.origin[0]
+    y = m.centroid[1] - m.sure[1] - m.state[1] - m.origin[1]
+    own = m.centroid_covariance[0] + m.centroid_covariance[2]
+    doubted = m.shift[0] * m.shift[0] + m.shift[1] * m.shift[1]
+    load = m.load * (own / (own + doubted) if doubted > 0.0 else 1.0)
+    m.arm_load += load
+    share = load / m.arm_load
     m.arm[0] += share * (cos * x + sin * y - m.arm[0])
     m.arm[1] += share * (cos * y - sin * x - m.arm[1])
     x, y = reported_arm(scale, m)
@@ -128,11 +172,11 @@ def follow_centre(scale: float, floor: float, m: Track) -> None:
 
 @lean_kernel
 def find_centre(scale: float, m: Track, centre: Floats) -> None:
-    """Fill centre (5,), see `Track.before_centre`, moved as the reported point is. scale: of a pitch, m."""
+    """Fill centre (5,), see `Track.before_centre`, uncut and moved as the reported point is. scale: of a pitch, m."""
     angle = m.state[2] - m.theta_0
     cos, sin = np.cos(angle), np.sin(angle)
-    centre[0] = scale * (m.centroid[0] + cos * m.gauge[0] - sin * m.gauge[1])
-    centre[1] = scale * (m.centroid[1] + sin * m.gauge[0] + cos * m.gauge[1])
+    centre[0] = scale * (m.centroid[0] - m.sure[0] + cos * m.gauge[0] - sin * m.gauge[1])
+    centre[1] = scale * (m.centroid[1] - m.sure[1] + sin * m.gauge[0] + cos * m.gauge[1])
     for a in range(3):
         centre[2 + a] = scale * scale * m.centroid_covariance[3 + a]
 
@@ -144,7 +188,9 @@ def weigh_pose(scale: float, m: Track, centre: Floats, pose: Floats, cov: Floats
         return
     moved = np.hypot(centre[0] - scale * m.start[0], centre[1] - scale * m.start[1])
     own, unit, cut = m.centroid_covariance, scale * scale, (BORDER_ERROR * m.border * moved) ** 2
-    xx, xy, yy = unit * (own[0] + own[3]), unit * (own[1] + own[4]), unit * (own[2] + own[5])
+    dx, dy = m.sure[0], m.sure[1]
+    xx, xy, yy = own[0] + own[3] + dx * dx, own[1] + own[4] + dx * dy, own[2] + own[5] + dy * dy
+    xx, xy, yy = unit * xx, unit * xy, unit * yy
     combine(cov, (xx + cut, xy, yy + cut), (centre[0] - pose[0], centre[1] - pose[1]), m.seen, weight)
 
 
