@@ -11,6 +11,7 @@ import pytest
 from estimation.template.test_map_update import keyframes_of
 from estimation.template.test_taxel_gains import sliding
 from synthetic import grid_sensor
+from taxelflow.estimation.template.centre_of_pressure import Anchor
 from taxelflow.estimation.template.online import map_update
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.map_update import learn
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
+AVERAGE = Anchor(np.array([0.3, -0.1]), 0.0, np.array([0.2, 0.1]))
+
+
 def track() -> Track:
     m = record(Track, records(Track, 1), 0)
     m.state[:] = [1.0, 2.0, 0.5, 1.0, 0.0]
@@ -33,8 +37,8 @@ def track() -> Track:
 
 
 def test_the_point_turns_with_the_object() -> None:
-    m, arm = track(), np.array([0.3, -0.1])
-    put_on_average(m, arm)
+    m = track()
+    put_on_average(m, AVERAGE)
     cos, sin = np.cos(0.5), np.sin(0.5)
     np.testing.assert_allclose(reported_place(m, m.state), [1 + 0.3 * cos + 0.1 * sin, 2 + 0.3 * sin - 0.1 * cos])
 
@@ -43,14 +47,14 @@ def test_an_object_that_was_known_before_keeps_its_point() -> None:
     m = track()
     m.arm_load = np.inf
     before = m.arm.copy()
-    put_on_average(m, np.array([0.3, -0.1]))
+    put_on_average(m, AVERAGE)
     np.testing.assert_array_equal(m.arm, before)
 
 
 def test_an_object_on_a_line_of_taxels_keeps_its_point() -> None:
     m = track()
     m.across[:] = 3.0, 0.0
-    put_on_average(m, np.array([0.3, -0.1]))
+    put_on_average(m, AVERAGE)
     np.testing.assert_array_equal(m.arm, 0.0)
 
 

@@ -25,11 +25,11 @@ A stream's frame steps when its map is adjusted. W and c are of the point of the
 all keyframes, see `Anchor`: this point hardly steps, whatever the map before was. Where a map turns, what is reported
 is shifted from there, so that it stays where it was on average, see `online.gauge`.
 
-**A border** cuts a pattern: c moves by less than the object, or leaps where a part leaves the pad. The map shows it: the
-readings that it predicts have their centre where c would be, and where no border cuts them, that is a point of the
-object. The difference s, as far as it is more than C + D explain at three standard deviations, is subtracted from c, and s s^T
-is added to D: so much of c is known by the map alone. Below that, the map has no part in c, or one that is wrong would
-confirm itself.
+**A border** cuts a pattern: c moves by less than the object, or leaps where a part leaves the pad. The map shows it:
+the readings that it predicts have their centre where c would be, and where no border cuts them, that is a point of the
+object. The difference s, as far as it is more than C + D explain at three standard deviations, is subtracted from c,
+and s s^T is added to D: so much of c is known by the map alone. Below that, the map has no part in c, or one that is
+wrong would confirm itself.
 
 A sensor that declares no unseen error has none of this: there the map is right to within what its residuals show.
 """
@@ -61,6 +61,8 @@ _LEAST = 1e-18
 """Of variances, m^2."""
 _EXPLAINED = 9.0
 """Chi-square up to which a shift by the border is within what c and p are wrong by anyway."""
+_LEAP = 1.0
+"""Pitches from scan to scan from which on a map does not show how far an object has moved."""
 _ROUNDS = 3
 """In which scans that the border cuts are held down, to find where a map has its centre."""
 
@@ -181,9 +183,10 @@ class Centres(NamedTuple):
 
     def uncut(self, solved: Solved, scanned: Scanned) -> tuple[Centres, Floats]:
         """As they were if the pad had no border, as far as the map of a solved contact shows that; and (2,), in the
-        object's frame, where the map has the centre then.
+        object's frame, where the map has the centre of most scans then.
 
-        What a border moves a centre by is in its covariance, too: so much of it follows from the map.
+        What a border moves a centre by is in its covariance, too: so much of it follows from the map. Scans before and
+        after a leap are compared among themselves: two patterns that have been put side by side make one map.
         """
         found = np.empty((len(scanned), 11))
         _centres(replace(scanned, readings=solved.fit.model).with_error(0.0), scanned.edge, 0.0, found)
@@ -194,18 +197,30 @@ class Centres(NamedTuple):
         inside = np.stack([cos * x + sin * y, cos * y - sin * x], axis=1)
         own = np.linalg.inv(solved.fit.information + 1e-9 * np.eye(STATE))
         known, spread = self.known & (found[:, 3] > 0), own[:, 0, 0] + own[:, 1, 1] + self.spread
+        leaps = np.hypot(*np.diff(states[:, :2], axis=0).T) > _LEAP
+        run = np.concatenate([[0], np.cumsum(leaps)])
+        most = int(np.argmax(np.bincount(run, weights=known)))
         off, middle = np.zeros_like(inside), np.zeros(2)
-        for _ in range(_ROUNDS if known.any() else 0):
-            weights = known / (spread + np.sum(off**2, axis=1))
-            middle = np.average(inside, axis=0, weights=weights)
-            off = np.where(known[:, np.newaxis], inside - middle, 0.0)
+        for number in np.unique(run[known]).tolist():
+            own_run = known & (run == number)
+            for _ in range(_ROUNDS):
+                weights = own_run / (spread + np.sum(off**2, axis=1))
+                reference = np.average(inside, axis=0, weights=weights)
+                off = np.where(own_run[:, np.newaxis], inside - reference, off)
+            middle = reference if number == most else middle
         x, y = cos * off[:, 0] - sin * off[:, 1], sin * off[:, 0] + cos * off[:, 1]
         shift = np.stack([x, y], axis=1)
         doubts = self.covariance + own[:, [0, 0, 1], [0, 1, 1]]
-        shift *= [[surely((dx, dy), tuple(doubt))] for (dx, dy), doubt in zip(shift.tolist(), doubts, strict=True)]
+        shift *= _sure_shares(shift, doubts)[:, np.newaxis]
         x, y = shift.T
         doubted = self.covariance + np.stack([x * x, x * y, y * y], axis=1)
         return Centres(self.place - shift, doubted, self.known), middle
+
+
+def _sure_shares(shift: Floats, doubts: Floats) -> Floats:
+    """(scans,), see `surely`, of shifts (scans, 2) and covariances (scans, 3)."""
+    both = zip(shift.tolist(), doubts.tolist(), strict=True)
+    return np.array([surely((x, y), (xx, xy, yy)) for (x, y), (xx, xy, yy) in both])
 
 
 class Anchor(NamedTuple):
@@ -235,8 +250,8 @@ def witnessed(
 ) -> Poses:
     """Poses with the centre of pressure of each scan as a second witness.
 
-    edge, tilt: see `Centres`. solved: of which the poses are. The body's point that the centre follows is where it lies
-    on average.
+    edge, tilt: see `Centres`. solved: of which the poses are. The body's point that the centre follows is
+    where it lies on average.
     """
     centres = Centres.of(scanned, edge, tilt)
     if solved is not None:

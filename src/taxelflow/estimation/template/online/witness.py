@@ -134,7 +134,7 @@ def find_shift(floor: float, m: Track) -> None:
 
 @lean_kernel
 def find_sure_shift(scale: float, m: Track, cov: Floats) -> None:
-    """Make m.sure what of m.shift counts, see `surely`. scale: of a pitch, m. cov: (3, 3), of a pose on the map, m^2."""
+    """Make m.sure what of m.shift counts, see `surely`. scale: of a pitch, m. cov: (3, 3), of the pose on the map."""
     own, unit = m.centroid_covariance, 1.0 / (scale * scale)
     xx, yy = own[0] + own[3] + unit * cov[0, 0], own[2] + own[5] + unit * cov[1, 1]
     share = surely((m.shift[0], m.shift[1]), (xx, own[1] + own[4] + unit * cov[0, 1], yy))
