@@ -353,6 +353,17 @@ def test_an_unknown_sensor_with_the_list(tmp_path: Path, capsys: Capture, comman
     assert "barretthand-162, barretthand-bh280-96, grid-16x16, hexagon-61, icub-" in line
 
 
+@pytest.mark.parametrize("command", ["estimate", "info", "sensors"])
+def test_a_sensor_file_that_is_not_there(tmp_path: Path, capsys: Capture, command: str) -> None:
+    file = save_npz(tmp_path / "a.npz")
+    arguments: dict[str, list[object]] = {
+        "estimate": ["estimate", file, "--out", tmp_path / "out", "--sensor", "nothere.toml"],
+        "info": ["info", file, "--sensor", "nothere.toml"],
+        "sensors": ["sensors", "nothere.toml"],
+    }
+    assert "sensor file nothere.toml: path: there is no such file" in refused(capsys, *arguments[command])
+
+
 def test_an_unknown_method_with_the_list(tmp_path: Path, capsys: Capture) -> None:
     line = refused_estimate(capsys, tmp_path, save_npz(tmp_path / "a.npz"), "--method", "magic")
     assert "'magic'" in line
@@ -438,6 +449,17 @@ def test_a_time_that_is_no_number(tmp_path: Path, capsys: Capture) -> None:
 def test_a_parameter_out_of_range_is_named(tmp_path: Path, capsys: Capture, option: list[str]) -> None:
     line = refused_estimate(capsys, tmp_path, save_npz(tmp_path / "a.npz"), *option)
     assert option[0].split(".")[-1].strip("-").replace("-", "_").split("_")[-1] in line
+
+
+@pytest.mark.parametrize("words", [("--out", ""), ("--out=",)], ids=" ".join)
+@pytest.mark.parametrize("command", ["estimate", "batch"])
+def test_an_output_without_a_name(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, command: str, words: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    line = refused(capsys, command, save_npz(tmp_path / "a.npz"), *words)
+    assert line == "taxelflow: --out must name a directory or file (got '')\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
 def test_an_output_that_is_a_file(tmp_path: Path, capsys: Capture) -> None:
@@ -754,6 +776,15 @@ def test_the_program_warns_of_no_arithmetic(tmp_path: Path, capsys: Capture, wil
     values[30, 3] = wild
     assert main(["estimate", str(save_npz(tmp_path / "a.npz", values)), "--out", str(tmp_path / "out")]) == 0
     assert "Warning" not in capsys.readouterr().err  # which pytest would raise, if it were numpy's
+
+
+@pytest.mark.parametrize("sentinel", [3.4e38, -1e300])
+def test_a_reading_beyond_any_sensors_is_counted_as_missing(tmp_path: Path, capsys: Capture, sentinel: float) -> None:
+    values = grasp()
+    values[30, 3] = values[31, 7] = sentinel
+    assert main(["info", str(save_npz(tmp_path / "a.npz", values)), "--json"]) == 0
+    (pad,) = json.loads(capsys.readouterr().out)["pads"]
+    assert (pad["missing_readings"], abs(pad["lowest"]) < 1e6, pad["highest"] < 1e6) == (2, True, True)
 
 
 def test_the_program_stands_a_closed_pipe(tmp_path: Path) -> None:

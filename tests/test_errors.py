@@ -42,6 +42,7 @@ FACTS: dict[str, tuple[object, ...]] = {
     "AddressInvalid": ("tcp:5000", "it has no host and port", "tcp://HOST:PORT"),
     "SourceUnreachable": ("tcp://127.0.0.1:5", "connection refused", 5.0),
     "SinkUnusable": ("jsonl:/none/a", "no such directory"),
+    "PortTaken": ("tcp-listen://127.0.0.1:5000", 5000),
     "GraphicsMissing": ("egl: no library; osmesa: no library",),
     "ExtraMissing": ("plot", "matplotlib"),
 }

@@ -15,6 +15,7 @@ import typing
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -201,8 +202,12 @@ Command = (
 )
 
 
-def _check_names(args: list[str]) -> None:
-    """Raises NameUnknown for a command or scenario that does not exist, with the nearest one that does."""
+def _check_words(args: list[str]) -> None:
+    """Raises NameUnknown for a command or scenario that does not exist, with the nearest one that does; and
+    ParameterInvalid for an empty --out, which as a path would be the working directory.
+    """
+    if "--out=" in args or ("--out", "") in pairwise(args):
+        raise ParameterInvalid("out", "", "name a directory or file")
     commands = [typing.get_args(command)[1].name for command in typing.get_args(Command)]
     known = [("command", commands), ("scenario", list(SCENARIOS))]
     for (kind, names), word in zip(known[: 2 if args[:1] == ["simulate"] else 1], args, strict=False):
@@ -255,7 +260,7 @@ def main(args: list[str] | None = None) -> int:
         if args[:1] == ["--version"]:
             print(f"taxelflow {__version__}")
             return 0
-        _check_names(args)
+        _check_words(args)
         if args[:1] in (["estimate"], ["batch"]) and {"-h", "--help"} & set(args) and (method := _method(args)):
             _show_method(args[0], method)
         command, rest = tyro.cli(

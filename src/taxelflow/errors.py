@@ -33,6 +33,7 @@ TaxelflowError
 ├── AddressInvalid            the URL of a source or sink is malformed
 ├── SourceUnreachable         a source cannot be opened
 ├── SinkUnusable              a sink cannot be opened
+├── PortTaken                 another program listens at a port
 ├── GraphicsMissing           pictures of the simulator cannot be rendered here
 └── ExtraMissing              an optional dependency is not installed
 """
@@ -57,6 +58,12 @@ _LONGEST = 4000
 def printable(text: str) -> str:
     """Text for one line of a terminal: characters that do not print, such as escapes, become `\\x1b`."""
     return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The question after the known name that is most like this one; empty if none is like it."""
+    near = get_close_matches(name.lower(), list(known), n=1)
+    return f"did you mean {near[0]!r}? " if near else ""
 
 
 class TaxelflowError(Exception):
@@ -234,9 +241,7 @@ class NameUnknown(TaxelflowError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         names = list(known)
-        near = get_close_matches(name.lower(), names, n=1)
-        meant = f"did you mean {near[0]!r}? " if near else ""
-        super().__init__(f"unknown {kind} {name!r}; {meant}known are {', '.join(names)}")
+        super().__init__(f"unknown {kind} {name!r}; {nearest(name, names)}known are {', '.join(names)}")
 
 
 class OptionsUnknown(TaxelflowError):
@@ -356,20 +361,28 @@ class AddressInvalid(TaxelflowError):
 
 
 class SourceUnreachable(TaxelflowError):
-    """A source could not be opened in the time that is allowed."""
+    """A source could not be opened in the time that is allowed. remedy: where waiting longer would not help."""
 
-    def __init__(self, url: str, seen: str, waited_s: float) -> None:
-        super().__init__(
-            f"cannot open {url}: {seen} (tried for {waited_s:g} s); check that the device is on and the address is "
-            "right, or wait longer with ?wait=SECONDS"
-        )
+    def __init__(self, url: str, seen: str, waited_s: float, remedy: str = "") -> None:
+        usual = "check that the device is on and the address is right, or wait longer with ?wait=SECONDS"
+        tried = f" (tried for {waited_s:g} s)" if not remedy else ""
+        super().__init__(f"cannot open {url}: {seen}{tried}; {remedy or usual}")
 
 
 class SinkUnusable(TaxelflowError):
     """A sink could not be opened."""
 
-    def __init__(self, url: str, seen: str) -> None:
-        super().__init__(f"cannot open {url}: {seen}; check the path, permissions and port")
+    def __init__(self, url: str, seen: str, remedy: str = "check the path, permissions and port") -> None:
+        super().__init__(f"cannot open {url}: {seen}; {remedy}")
+
+
+class PortTaken(TaxelflowError):
+    """A source or sink should listen at a port at which another program listens."""
+
+    def __init__(self, url: str, port: int | None) -> None:
+        super().__init__(
+            f"cannot open {url}: port {port} is taken by another program; choose another port, or end that program"
+        )
 
 
 class GraphicsMissing(TaxelflowError):

@@ -25,6 +25,8 @@ from taxelflow.pipeline.api import read
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from taxelflow.sensors.sensor import Sensor
+
 SENSOR = grid_sensor(2, 3)
 STILL: dict[str, Any] = {"truth_pad": "pad0", "truth_t_s": times(4), "truth_pose": np.zeros((4, 3))}
 
@@ -109,6 +111,33 @@ def test_missing_taxels_stay_unknown(tmp_path: Path) -> None:
     scans[2, 3] = np.nan
     raw = open_npz(save(tmp_path / "a.npz", pressure=scans), SENSOR).load()
     np.testing.assert_array_equal(np.argwhere(np.isnan(raw.values)), [[2, 3]])
+
+
+@pytest.mark.parametrize("memory", ["C", "F"])
+@pytest.mark.parametrize("order", ["row-major", "column-major"])
+def test_scans_may_be_images_of_a_full_grid(tmp_path: Path, order: str, memory: str) -> None:
+    pad = msgspec.structs.replace(SENSOR.pads[0], order=order, first="bottom-left")
+    sensor = msgspec.structs.replace(SENSOR, pads=(pad,))
+    images = np.random.default_rng(0).random((40, 2, 3))
+    np.savez(tmp_path / "a.npz", t=times(40), pressure=np.asarray(images, order=memory))  # type: ignore[call-overload]
+    recording = open_npz(tmp_path / "a.npz", sensor)
+    assert recording.scans == 40
+    values = recording.load().values
+    np.testing.assert_array_equal(sensor.layout.grid(0, values[7]), images[7])
+    np.testing.assert_array_equal(values, images.reshape(40, 6))
+    (sent,) = recording.source_blocks()
+    np.testing.assert_array_equal(sent.values, sensor.channel_map.to_source(values))
+
+
+@pytest.mark.parametrize(
+    ("sensor", "shape"),
+    [(SENSOR, (5, 3, 2)), (grid_sensor(2, 3, pads=2), (5, 2, 3)), (grid_sensor(2, 3, missing=((0, 1),)), (5, 2, 3))],
+    ids=["transposed", "two pads", "gap"],
+)
+def test_images_that_are_no_full_grid_are_refused(tmp_path: Path, sensor: Sensor, shape: tuple[int, ...]) -> None:
+    says = rf"pressure has shape \({', '.join(map(str, shape))}\), which is no full grid of sensor grid; give pressure"
+    with pytest.raises(RecordingCorrupt, match=says):
+        open_npz(save(tmp_path / "a.npz", pressure=np.zeros(shape)), sensor)
 
 
 def test_a_sensor_is_asked_for_where_none_is_known(tmp_path: Path) -> None:
@@ -219,7 +248,8 @@ def test_missing_members_are_named(tmp_path: Path) -> None:
         {"t": np.zeros((5, 1))},
         {"t": np.array(0.0)},
         {"pressure": np.zeros(5)},
-        {"pressure": np.zeros((5, 2, 3))},
+        {"pressure": np.zeros((5, 3, 2))},
+        {"pressure": np.zeros((5, 1, 2, 3))},
         {"pressure": np.zeros((5, 6), dtype=complex)},
         {"pressure": np.full((5, 6), "1")},
         {"t": np.array(["a", "b", "c", "d", "e"])},
@@ -232,7 +262,8 @@ def test_missing_members_are_named(tmp_path: Path) -> None:
         "times in columns",
         "one time",
         "flat scans",
-        "scans as grids",
+        "scans as other grids",
+        "scans of four axes",
         "complex scans",
         "scans of text",
         "times of text",

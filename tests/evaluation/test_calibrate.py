@@ -227,6 +227,20 @@ def test_what_cannot_be_calibrated_is_refused_with_the_reason(stroke: Recording)
             calibrate(stroke, truth, **wrong)  # type: ignore[arg-type]
 
 
+def test_the_pad_that_was_touched_most_is_named_first() -> None:
+    sensor = grid_sensor(4, 7, pads=5)
+    x_m = np.linspace(-0.01, 0.01, 40)
+    values = np.random.default_rng(0).normal(0, 100, (60, sensor.layout.taxels))
+    values[20:] += np.array([dome(sensor, x, pad=3) for x in x_m])
+    truth = Trajectory(np.arange(20, 60) / 10, 1e3 * np.stack([x_m, 0 * x_m], axis=1))  # in mm
+    with pytest.raises(GainsUnknown) as caught:
+        calibrate(recorded(values, sensor), truth)
+    says = str(caught.value)
+    assert says.startswith("gains cannot be estimated: pad3: the trajectory spans ")
+    assert "; pad0: only 0 scans have a position" in says
+    assert "array" not in says
+
+
 def test_the_edge_reaches_no_contact_that_lies_inside_and_each_that_is_cut() -> None:
     places = np.linspace(0, 0.065, 14)
     scans = np.array([dome(WIDE, x, radius_m=0.008) for x in places])

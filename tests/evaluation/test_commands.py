@@ -5,17 +5,15 @@ from __future__ import annotations
 import csv
 import json
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from rigged import refused
 from taxelflow.cli import main
 from taxelflow.evaluation.base import Table, write_tables
+from taxelflow.evaluation.commands import name_files
 from taxelflow.runtime import registry
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 Capture = pytest.CaptureFixture[str]
 TINY = ("score", "table1", "--strokes", "2", "--methods", "lnorm")
@@ -212,6 +210,11 @@ def test_cells_have_six_digits_or_are_empty(tmp_path: Path) -> None:
     table = Table("rows", ("name", "rms_mm", "n"), [("a, b", 1 / 3, 12345678), ("c", None, 0), ("d", float("nan"), 1)])
     assert write_tables([table], tmp_path / "rows.csv") == [tmp_path / "rows.csv"]
     assert (tmp_path / "rows.csv").read_text() == 'name,rms_mm,n\n"a, b",0.333333,12345678\nc,,0\nd,,1\n'
+
+
+def test_files_are_named_by_what_they_hold(capsys: Capture) -> None:
+    name_files([Path("rows.csv"), Path("picture.svg"), Path("x.png")])
+    assert capsys.readouterr().out == "rows in rows.csv\ndrawn in picture.svg\ndrawn in x.png\n"
 
 
 # Scores of other packages

@@ -139,6 +139,13 @@ def test_the_table_compares_controllers_on_the_same_trials(tmp_path: Path, capsy
         ("--controller hold --method no", "unknown method 'no'"),
         ("--controller slide --by-mm 0", "--by-mm must be above 0 and below 25 (got 0.0)"),
         ("--controller pivot --by-deg 300", "--by-deg must be above 0 and below 180 (got 300.0)"),
+        ("--controller hold --by-mm 5", "--by-mm must be left out for hold: it is an option of slide (got 5.0)"),
+        ("--controller slide --by-deg 45", "--by-deg must be left out for slide: it is an option of pivot (got 45.0)"),
+        (
+            "--controller constant --by-deg 9 --tune 2",
+            "--by-deg must be left out for constant: it is an option of pivot",
+        ),
+        ("--controller hold --by-mm 5 --sweep actuator", "--by-mm must be left out for hold: it is an option of slide"),
         ("--controller slide --events pour", "events must be none for slide (got 'pour')"),
         ("--controller hold --against constant --json", "against must be left out with --json"),
         ("--controller hold --film grip.mp4 --json", "film must be left out with --json (got 'grip.mp4')"),

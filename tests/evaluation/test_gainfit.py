@@ -140,6 +140,26 @@ def test_a_search_of_zero_takes_the_clocks_as_one() -> None:
     np.testing.assert_allclose(fit.gain, GAIN, atol=0.005)
 
 
+def test_a_trajectory_in_mm_is_named_as_such() -> None:
+    seen, truth = made()
+    says = (
+        r"the trajectory spans 1\d\.\d m, the positions on the pad 0\.0\d+ m \(standard deviations\); "
+        "give the trajectory in m, and check that it is that of the object on this pad"
+    )
+    with pytest.raises(GainsUnknown, match=says):
+        fit_gains(seen, Trajectory(truth.t_s, 1e3 * truth.place_m), PITCH, 1.0)
+
+
+def test_gains_that_are_too_uncertain_are_in_words() -> None:
+    seen, truth = made(edge=0.5)
+    says = (
+        r"^gains cannot be estimated: the gain along x is not observed, the gain along y would be 1\.\d+ ± \d+; "
+        "let the object move further, away from the pad's border$"
+    )
+    with pytest.raises(GainsUnknown, match=says):
+        fit_gains(seen, truth, PITCH, 1.0)
+
+
 def test_what_cannot_be_known_is_an_error() -> None:
     seen, truth = made()
     with pytest.raises(GainsUnknown, match="mirror"):

@@ -2,17 +2,25 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 
 import taxelflow
+from linked import carried
 from synthetic import dome, grid_sensor, recorded
-from taxelflow.pipeline.api import estimate
-from taxelflow.publish.summary import to_json
+from taxelflow.acquire.joints import asked_joints
+from taxelflow.messages import Joints
+from taxelflow.pipeline.api import estimate, read
+from taxelflow.publish.summary import Summary, to_json
+from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from taxelflow.acquire.base import Recording
 
 TWO = grid_sensor(4, 7, pads=2)
@@ -98,6 +106,32 @@ def test_the_unit_is_counts_only_where_no_scale_is_known() -> None:
         (grid_sensor(4, 7, unit="psi"), "Pa"),
     ):
         assert estimate(recorded(values, sensor)).summary.unit == unit
+
+
+def test_it_states_the_joint_angles_that_were_used(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    held = read(carried(tmp_path, "held.npz", stays=True))
+    assert estimate(held).summary.joints == {"slide": [0.0, pytest.approx(0.0098)]}
+    t_s, angles = 0.4 * np.arange(6.0), np.array([[0.1], [0.2], [0.0], [0.1], [0.1], [9.0]])
+    longer = replace(held, joints=Joints(("slide", "arm"), t_s, np.hstack([angles, 100 + angles])))
+    assert estimate(longer).summary.joints == {"slide": [0.0, pytest.approx(0.2)]}  # scans end at 1.38 s
+    sensor = load_sensor("barretthand-162")
+    given = replace(recorded(np.zeros((30, 162)), sensor), joints=asked_joints("spread=60deg f1=1.2", sensor))
+    known = {"spread": np.radians(60.0), "f1": 1.2, "f2": 0.0, "f3": 0.0}
+    assert estimate(given).summary.joints == {name: [angle, angle] for name, angle in known.items()}
+
+
+def test_without_joint_angles_it_states_none(stroke: Recording) -> None:
+    assert estimate(stroke).summary.joints == {}
+    arm = replace(stroke, joints=Joints(("arm",), np.zeros(1), np.ones((1, 1))))  # the sensor has no hand
+    assert estimate(arm).summary.joints == {}
+
+
+def test_a_summary_of_an_earlier_version_is_read(stroke: Recording) -> None:
+    summary = estimate(stroke).summary
+    old = json.loads(to_json(summary))
+    del old["joints"]
+    assert msgspec.json.decode(json.dumps(old), type=Summary) == summary
 
 
 def test_it_is_strict_json_that_ends_its_line(stroke: Recording) -> None:

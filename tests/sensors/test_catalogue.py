@@ -64,8 +64,12 @@ def test_an_unknown_sensor_comes_with_the_list() -> None:
         load_sensor("barrett")
 
 
-def test_a_folder_is_no_sensor(tmp_path: Path) -> None:
-    with pytest.raises(NameUnknown):
+def test_a_path_without_a_file_is_not_called_a_name(tmp_path: Path) -> None:
+    remedy = "give the path of a TOML file, or a name of `taxelflow sensors`"
+    for name in ("nothere.toml", "folder/hand"):
+        with pytest.raises(SensorFileInvalid, match=f"^sensor file {name}: path: there is no such file; {remedy}$"):
+            load_sensor(name)
+    with pytest.raises(SensorFileInvalid, match="path: it is no regular file"):
         load_sensor(str(tmp_path))
 
 

@@ -103,6 +103,24 @@ def test_a_recording_gives_readings_and_counts_the_numbers_that_its_source_sends
         recorded(np.ones((3, 2)), sensor).load()
 
 
+@pytest.mark.parametrize("sentinel", [1e300, -1e300, 3.4e38, 1.7e308])
+@pytest.mark.parametrize("fields", [{}, {"offset": 5.0, "gain": (1.0, 1e9)}], ids=["identity", "gain"])
+def test_a_number_beyond_any_sensors_is_missing(sentinel: float, fields: dict[str, Any]) -> None:
+    sensor = grid_sensor(1, 2, **fields)
+    sent = np.array([[7.0, 8.0], [sentinel, 8.0], [7.0, 1e12]])
+    values = recorded(sent, sensor).load().values
+    assert np.isnan(values).tolist() == [[False, False], [True, False], [False, False]]
+    assert np.array_equal(sent[1], [sentinel, 8.0])  # the source's own array
+
+
+def test_shear_beyond_any_sensors_is_missing() -> None:
+    channel_map = grid_sensor(1, 1, axes=3, shear=("x", "-y")).channel_map
+    raw = channel_map.of_source(RawScans(np.zeros(1), np.array([[1e300, 2.0, 3.0]])))
+    assert raw.shear is not None
+    np.testing.assert_array_equal(raw.shear, [[[np.nan, -2.0]]])
+    np.testing.assert_array_equal(raw.values, [[3.0]])
+
+
 def test_what_the_source_sent_is_kept_for_files() -> None:
     sensor = grid_sensor(1, 2, axes=3, offset=100.0)
     sent = np.arange(18.0).reshape(3, 6)

@@ -35,6 +35,16 @@ def test_links_follow_the_joints_and_coupled_ones_their_drivers(text: str) -> No
     assert np.isnan(hand.poses(np.array([[np.nan]]), [hand.link("pad")])).all()
 
 
+def test_ranges_of_joints_are_those_of_the_model() -> None:
+    assert Kinematics(ARM, "base", "test").ranges.tolist() == [[-3.0, 3.0]]  # without the coupled joint
+    assert Kinematics(MJCF, "base", "test").ranges.tolist() == [[-np.inf, np.inf]]
+    limited = MJCF.replace('name="a" axis', 'name="a" range="-90 45" axis')
+    np.testing.assert_allclose(Kinematics(limited, "base", "test").ranges, np.radians([[-90.0, 45.0]]))
+    barrett = PadKinematics(load_sensor("barretthand-162")).model
+    assert barrett is not None
+    assert dict(zip(barrett.joints, barrett.ranges.tolist(), strict=True))["spread"] == [0.0, 3.1416]
+
+
 def test_links_that_no_unknown_joint_moves_are_placed() -> None:
     text = ARM.replace(' multiplier="0.5"/>', ' multiplier="0.5"/>', 1)
     branch = '<link name="other"/><joint name="c" type="revolute"><parent link="upper"/><child link="other"/>'

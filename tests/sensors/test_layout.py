@@ -32,6 +32,13 @@ def test_a_layout_is_computed_once() -> None:
     assert grid_sensor(3, 3).layout is grid_sensor(3, 3).layout
 
 
+def test_a_full_grid_is_that_of_a_single_pad_without_gaps() -> None:
+    assert grid_sensor(2, 3).layout.full_grid == (2, 3)
+    assert with_contacts(grid_sensor(2, 3), 2).layout.full_grid == (2, 3)
+    others = (grid_sensor(2, 3, pads=2), grid_sensor(2, 3, missing=((1, 1),)), table_sensor(square(2, 3)))
+    assert [sensor.layout.full_grid for sensor in others] == [None] * 3
+
+
 # Tables
 
 

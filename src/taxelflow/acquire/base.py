@@ -130,11 +130,9 @@ class Recording:
         if times.ndim != 1 or readings.ndim not in (2, 3) or len(readings) != len(times):
             seen = f"t_s has shape {times.shape}, values {readings.shape}"
             raise RecordingCorrupt(source, seen, "give t_s (scans,) and values (scans, taxels)")
-        if readings.ndim == 3:
-            grid = sensor.layout.shapes[0] if sensor.layout.pad_count == 1 and not sensor.layout.tables[0] else None
-            if readings.shape[1:] != grid or sensor.layout.taxels != readings[0].size:
-                seen = f"values has shape {readings.shape}, which is no full grid of sensor {sensor.name}"
-                raise RecordingCorrupt(source, seen, "give values (scans, taxels) in the order of the layout")
+        if readings.ndim == 3 and readings.shape[1:] != sensor.layout.full_grid:
+            seen = f"values has shape {readings.shape}, which is no full grid of sensor {sensor.name}"
+            raise RecordingCorrupt(source, seen, "give values (scans, taxels) in the order of the layout")
         if along is not None and along.shape != (*readings.shape, 2):
             seen = f"values has shape {readings.shape}, shear {along.shape}"
             raise RecordingCorrupt(source, seen, "give shear the shape of values, and a last axis of 2")

@@ -1,5 +1,5 @@
 """`.npz` recordings: `t` (scans,) in s and `pressure` (scans, columns) in the sensor's unit, in the columns of its
-source (`channels`).
+source (`channels`); or (scans, rows, cols) of a sensor with one full grid, row 0 on top.
 
 Optional members: `sensor` (JSON text with the fields of a sensor file), `masked` (taxels,), `truth_pad` (a pad, or
 `hand`), `truth_t_s`, `truth_pose` (times, 3), `truth_slipping` (times,), `truth_second` (times, 3);
@@ -76,14 +76,17 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
         if "sensor" not in extras:
             raise SensorNeeded(path, builtin_sensors())
         sensor = sensor_in_text(path, str(extras["sensor"]))
-    scans, columns = pressure.shape
-    if columns != sensor.channel_map.columns:
-        raise TaxelCountWrong(path, columns, sensor.name, sensor.channel_map.columns)
+    scans, *rest = pressure.shape
+    if len(rest) == 2 and tuple(rest) != sensor.layout.full_grid:
+        seen = f"pressure has shape {pressure.shape}, which is no full grid of sensor {sensor.name}"
+        raise RecordingCorrupt(path, seen, "give pressure (scans, taxels)")
+    if len(rest) == 1 and rest[0] != sensor.channel_map.columns:
+        raise TaxelCountWrong(path, rest[0], sensor.name, sensor.channel_map.columns)
     return Recording(
         path,
         "npz",
         sensor,
-        lambda: _read(path, times, pressure, scans_per_block(sensor)),
+        lambda: _in_columns(_read(path, times, pressure, scans_per_block(sensor)), sensor, images=len(rest) == 2),
         scans=scans,
         masked=_mask(path, extras, sensor.layout.taxels),
         truth=_truth(path, extras, sensor),
@@ -108,10 +111,15 @@ def _contents(path: Path) -> tuple[_Header, _Header, Members]:
             extras = {name: _extra(archive, name) for name in _EXTRAS & names}
     except _DAMAGE as error:
         raise RecordingCorrupt(path, str(error) or type(error).__name__, _REMEDY) from error
-    shaped = len(times.shape) == 1 and len(pressure.shape) == 2 and times.shape[0] == pressure.shape[0]
+    shaped = len(times.shape) == 1 and len(pressure.shape) in (2, 3) and times.shape[0] == pressure.shape[0]
     if not shaped or times.dtype.kind not in "fiu" or pressure.dtype.kind not in "fiu":
         raise RecordingCorrupt(path, f"t is {times} and pressure {pressure}", _REMEDY)
     return times, pressure, extras
+
+
+def _in_columns(blocks: Iterator[RawScans], sensor: Sensor, *, images: bool) -> Iterator[RawScans]:
+    """Blocks in the source's columns. images: they are in the order of the layout."""
+    return (RawScans(one.t_s, sensor.channel_map.to_source(one.values)) if images else one for one in blocks)
 
 
 def _header(member: IO[bytes]) -> _Header:
@@ -161,11 +169,12 @@ def _joints_of(path: Path, extras: Members) -> Joints | None:
 
 
 def _read(path: Path, times: _Header, pressure: _Header, block: int) -> Iterator[RawScans]:
-    scans, taxels = pressure.shape
+    scans, taxels = pressure.shape[0], math.prod(pressure.shape[1:])
     start = 0
     try:
         if pressure.fortran:  # a column-major array cannot be read scan by scan
-            seconds, columns = _whole(path, times, pressure)
+            seconds, whole = _whole(path, times, pressure)
+            columns = whole.reshape(scans, taxels)
             for start in range(0, scans, block):
                 part = slice(start, start + block)
                 yield RawScans(seconds[part].astype(np.float64), columns[part].astype(np.float64, order="C"))

@@ -12,6 +12,7 @@ a bias, which is alike in stroke after stroke, so that standard errors are wide 
 from __future__ import annotations
 
 from importlib.metadata import version
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -75,11 +76,12 @@ def calibrate(
             try:
                 fit = fit_gains(sightings, truth, layout.pitch_m[number], search_s)
             except GainsUnknown as error:
-                failed.append(f"{name}: {error.why}")
+                failed.append((-len(sightings), f"{name}: {error.why}"))
                 continue
             found.append(_entry(name, fit, sightings, layout.pitch_m[number], estimator.pitches_per_index))
     if not found:
-        raise GainsUnknown("; ".join(failed[:3]), "none of these pads can be calibrated by this recording")
+        most_seen = [why for _, why in sorted(failed, key=itemgetter(0))]
+        raise GainsUnknown("; ".join(most_seen[:3]), "none of these pads can be calibrated by this recording")
     return Calibration(method, recording.sensor.name, fingerprint(recording.sensor), version("taxelflow"), tuple(found))
 
 

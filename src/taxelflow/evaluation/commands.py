@@ -279,4 +279,4 @@ def check_csv(path: Path | None) -> None:
 def name_files(written: list[Path]) -> None:
     """Print the names of files with rows or pictures."""
     for path in written:
-        print(f"rows in {path}")
+        print(f"{'rows' if path.suffix == '.csv' else 'drawn'} in {path}")

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 NOT_GRASPED = 1
 _MOTIONS = ("slide", "pivot")
+_BY_MM, _BY_DEG = 5.0, 45.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,10 +53,10 @@ class Control:
     """Cut-off frequency of the gripper's force, Hz."""
     latency_ms: float = 0.0
     """Delay of the commanded force, ms."""
-    by_mm: float = 5.0
-    """Distance of slide, mm."""
-    by_deg: float = 45.0
-    """Angle of pivot, deg."""
+    by_mm: float | None = None
+    """Distance of slide, mm; 5 if left out."""
+    by_deg: float | None = None
+    """Angle of pivot, deg; 45 if left out."""
     against: tuple[str, ...] = ()
     """Names of other controllers on the same trials, compared in the table."""
     json: bool = False
@@ -231,18 +232,21 @@ class Control:
         from taxelflow.simulation.mujoco.hands import DEFAULT_OBJECTS, check_objects
         from taxelflow.simulation.mujoco.trial import Trial, drawn_in_turn
 
-        for option, most in (("by_mm", 25), ("by_deg", 180)):
-            if not 0 < getattr(self, option) < most:
-                raise ParameterInvalid(option, getattr(self, option), f"be above 0 and below {most}")
+        for option, most, owner in (("by_mm", 25, "slide"), ("by_deg", 180, "pivot")):
+            given = getattr(self, option)
+            if given is not None and name != owner:
+                raise ParameterInvalid(option, given, f"be left out for {name}: it is an option of {owner}")
+            if given is not None and not 0 < given < most:
+                raise ParameterInvalid(option, given, f"be above 0 and below {most}")
         kind = registry.find("controller", name)
         if self.method is not None:
             registry.find("estimator", self.method)
         own: dict[str, Any] = {}
         objects, events, draw = DEFAULT_OBJECTS[self.hand], STANDARD_EVENTS, Trial.drawn
         if name == "slide":
-            own, objects, draw = {"by_m": 1e-3 * self.by_mm}, ("bottle", "bumpy"), Trial.to_slide
+            own, objects, draw = {"by_m": 1e-3 * (self.by_mm or _BY_MM)}, ("bottle", "bumpy"), Trial.to_slide
         elif name == "pivot":
-            own, objects, draw = {"by_rad": radians(self.by_deg)}, ("bumpy",), Trial.to_pivot
+            own, objects, draw = {"by_rad": radians(self.by_deg or _BY_DEG)}, ("bumpy",), Trial.to_pivot
         if name in _MOTIONS:
             events = ("none",)
             if set(self.events) - {"none"}:

@@ -37,6 +37,8 @@ class _Search:
     """A gain with a larger relative standard deviation is called not observed."""
     lags: int = 6
     fine: int = 400
+    largest_gain: float = 20.0
+    """And its inverse the smallest: beyond, lengths are in another unit."""
 
 
 _SEARCH = _Search()
@@ -92,6 +94,10 @@ def fit_gains(seen: Sightings, truth: Trajectory, pitch_m: Floats, search_s: flo
         )
     problem = _Problem(seen.chosen(used), truth, search_s, np.zeros(2))
     length, width = problem.spread(offset)
+    seen_m = float(np.hypot(*problem.places_std()))
+    if length > _SEARCH.largest_gain * max(seen_m, 0.1 * float(pitch_m.max())):
+        apart = f"the trajectory spans {length:.3g} m, the positions on the pad {seen_m:.3g} m (standard deviations)"
+        raise GainsUnknown(apart, "give the trajectory in m, and check that it is that of the object on this pad")
     if length < 0.3 * pitch_m.max():
         seen_mm = f"the object's path spans only {1e3 * length:.2g} mm within the pad's interior"
         raise GainsUnknown(seen_mm, "move it over at least two taxels, away from the border")
@@ -110,7 +116,11 @@ def fit_gains(seen: Sightings, truth: Trajectory, pitch_m: Floats, search_s: flo
         fit.std[moved < _SEARCH.flat * moved.max()] = np.nan
     if not (fit.std < 3 * _SEARCH.unsure * fit.gain).any():
         raise GainsUnknown(
-            f"it would be {np.round(fit.gain, 2)} with a standard deviation of {np.round(fit.std, 2)}",
+            ", ".join(
+                f"the gain along {axis} "
+                + (f"would be {gain:.3g} ± {std:.2g}" if np.isfinite(std) else "is not observed")
+                for axis, gain, std in zip("xy", fit.gain.tolist(), fit.std.tolist(), strict=True)
+            ),
             "let the object move further, away from the pad's border",
         )
     if fit.std_offset_s > search_s / 2 > 0:
@@ -150,6 +160,11 @@ class _Problem:
         moments = np.linalg.eigvalsh(apart.T @ (weight[:, np.newaxis] * apart) / weight.sum())
         width, length = np.sqrt(np.clip(moments, 0.0, None))
         return float(length), float(width)
+
+    def places_std(self) -> Floats:
+        """(2,) standard deviations of the positions seen, m."""
+        spread: Floats = self._seen.place_m.std(axis=0)
+        return spread
 
     def along(self, fit: _Solution) -> Floats:
         """(2,) standard deviations of the way along the pad's axes."""
@@ -197,7 +212,7 @@ class _Problem:
         start = np.array([*np.ones(gains), phi, *s, np.clip(offset, -0.999 * limit, 0.999 * limit)])
         free = np.full(len(start), np.inf)
         lower, upper = -free, free.copy()
-        lower[:gains], upper[:gains] = 0.05, 20.0
+        lower[:gains], upper[:gains] = 1.0 / _SEARCH.largest_gain, _SEARCH.largest_gain
         lower[-1], upper[-1] = -limit, limit
         found = least_squares(
             self._residuals, start, bounds=(lower, upper), loss="soft_l1", args=(limit,), x_scale="jac", max_nfev=100

@@ -131,6 +131,8 @@ class View:
             raise ParameterInvalid("source", self.shown, "be a recording for two methods, --joints or --film")
         if len(set(methods)) < len(methods):
             raise ParameterInvalid("method", " ".join(methods), "be different ones")
+        for name in methods:
+            registry.check("estimator", name)
         if not live and not Path(self.shown).exists():
             raise RecordingMissing(Path(self.shown))
         if self.film is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from html import escape
 from importlib.metadata import version
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import msgspec
 import numpy as np
 
+from taxelflow.acquire.joints import declared_joints
 from taxelflow.errors import ExtraMissing, NameUnknown
 from taxelflow.estimation.smoothing.parameters import NOTE
 from taxelflow.messages import QUALITY, Bools, Contacts, Event, Floats, LearnedPattern, Motions, Slips, SpatialMotions
@@ -20,6 +22,7 @@ from taxelflow.publish.contact_table import contact_table
 from taxelflow.publish.summary import Summary, Totals
 from taxelflow.publish.tables import Tables, slip_columns
 from taxelflow.runtime import registry
+from taxelflow.sensors.kinematics import hand_model
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -251,7 +254,22 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
         rate_hz=rate_hz,
         gaps=counts.gaps,
         contacts=contacts,
+        joints=_joint_ranges(recording, totals.t_first_s, totals.t_last_s),
     )
+
+
+def _joint_ranges(recording: Recording, first_s: float, last_s: float) -> dict[str, list[float]]:
+    """Smallest and largest angle of each joint of the hand between two times, rad (m for a slide)."""
+    joints, hand = recording.joints or declared_joints(recording.sensor), recording.sensor.hand
+    if joints is None or hand is None or all(pad.link is None for pad in recording.sensor.pads):
+        return {}
+    names = joints.names
+    with suppress(ExtraMissing):
+        names = hand_model(hand.urdf, hand.base, recording.sensor.name).joints
+    t_s = joints.t_s[(joints.t_s > first_s) & (joints.t_s < last_s)]
+    angles = joints.at(np.array([first_s, *t_s, last_s]), names)
+    known = [(name, column[np.isfinite(column)]) for name, column in zip(names, angles.T, strict=True)]
+    return {name: [float(column.min()), float(column.max())] for name, column in known if len(column)}
 
 
 def _of_taxels(recording: Recording, learned: Baseline) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from taxelflow.errors import written_at
+from taxelflow.errors import TaxelflowError, written_at
 from taxelflow.messages import QUALITY
 from taxelflow.publish.patterns import NAME as PATTERNS
 from taxelflow.publish.patterns import write_patterns
@@ -47,6 +47,8 @@ EVENTS = (
 # fmt: on
 _MOTION = EVENTS[EVENTS.index("path_m") :]
 _TABLES = {"slips": SLIPS, "object": OBJECT, "events": EVENTS, "contacts": CONTACTS}
+FILES = (*(f"{name}.csv" for name in (*_TABLES, SPATIAL)), PATTERNS, "summary.json")
+"""Names of all files of a run."""
 
 
 class Tables:
@@ -65,15 +67,15 @@ class Tables:
 
     def __enter__(self) -> Self:
         self.directory.mkdir(parents=True, exist_ok=True)
-        for older in (*(f"{name}.csv" for name in (*_TABLES, SPATIAL)), PATTERNS, "summary.json"):
-            (self.directory / older).unlink(missing_ok=True)  # what stands here after a failure is of this run
         try:
             with written_at(self.directory):
                 self._open()
-        except OSError:
+        except (OSError, TaxelflowError):
             with suppress(OSError):  # closing a file on a full disk fails again
                 self._stack.close()
             raise
+        for older in FILES:
+            (self.directory / older).unlink(missing_ok=True)  # what stands here after a failure is of this run
         return self
 
     def _open(self) -> None:

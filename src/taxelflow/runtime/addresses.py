@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl, unquote, urlsplit
 
@@ -12,7 +13,7 @@ from taxelflow.errors import AddressInvalid
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-_MOST_PORT = 65535
+MOST_PORT = 65535
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,14 @@ class Address:
         if not self.path:
             raise AddressInvalid(self.url, "it has no path", example)
         return self.path
+
+    def file_path(self, example: str) -> Path:
+        """The path of a file; `~` is the home directory. Raises AddressInvalid, with an example, if it is empty."""
+        path = Path(self.need_path(example))
+        try:
+            return path.expanduser()
+        except RuntimeError as error:
+            raise AddressInvalid(self.url, f"no home directory is known for {path.parts[0]}", example) from error
 
     def check_options(self, known: Collection[str]) -> None:
         """Raises AddressInvalid for an option that has no meaning here."""
@@ -96,6 +105,6 @@ def parse_address(url: str) -> Address:
     host = parts.hostname or ""
     if url.partition(":")[2].startswith("//"):
         path = path.removeprefix("/")
-        if port is not None and not 0 <= port <= _MOST_PORT:
+        if port is not None and not 0 <= port <= MOST_PORT:
             raise AddressInvalid(url, f"port {port}", "a port from 0 to 65535")
     return Address(url, parts.scheme, host, port, path, options)

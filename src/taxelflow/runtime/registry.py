@@ -128,15 +128,19 @@ def names(stage: str) -> list[str]:
     return [*PARTS[stage], *sorted(_plugins(stage))]
 
 
+def check(stage: str, name: str) -> None:
+    """Raises NameUnknown, with the list of names, for a part that does not exist; nothing is imported."""
+    if name not in names(stage):
+        raise NameUnknown(_KINDS.get(stage, stage), name, names(stage))
+
+
 def find(stage: str, name: str) -> Any:
     """The part of that name, imported now. Raises NameUnknown with the list of names."""
     if name in PARTS[stage]:
         module, _, attribute = PARTS[stage][name].partition(":")
         return getattr(import_module(module), attribute)
-    plugins = _plugins(stage)
-    if name in plugins:
-        return plugins[name].load()
-    raise NameUnknown(_KINDS.get(stage, stage), name, names(stage))
+    check(stage, name)
+    return _plugins(stage)[name].load()
 
 
 def summary(stage: str, name: str) -> str:

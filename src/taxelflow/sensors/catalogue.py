@@ -11,7 +11,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from taxelflow.errors import GridNameInvalid, NameUnknown, PitchNeeded
+from taxelflow.errors import GridNameInvalid, NameUnknown, PitchNeeded, SensorFileInvalid
 from taxelflow.sensors.sensor import Sensor, read_sensor, sensor_of, sensor_table, unchecked
 
 _PITCH = r"(?P<x>\d+(\.\d+)?)(x(?P<y>\d+(\.\d+)?))?mm"
@@ -55,6 +55,9 @@ def load_sensor(name: str) -> Sensor:
     path = Path(name)
     if path.is_file():
         return read_sensor(path)
+    if path.suffix == ".toml" or path.parent != Path():
+        seen = "it is no regular file" if path.exists() else "there is no such file"
+        raise SensorFileInvalid(name, "path", seen, "give the path of a TOML file, or a name of `taxelflow sensors`")
     raise NameUnknown("sensor", name, known_sensors())
 
 

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 Indices = NDArray[np.int64]
 
+_LARGEST = 1e30
+"""Largest number that a source may send, in any unit."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChannelMap:
@@ -58,11 +61,18 @@ class ChannelMap:
         return readings
 
     def of_source(self, raw: RawScans) -> RawScans:
-        """Scans in the source's columns -> readings in the order of the layout, contiguous, with shear if read."""
-        values = np.ascontiguousarray(self.to_readings(raw.values))
+        """Scans in the source's columns -> readings in the order of the layout, contiguous, with shear if read.
+
+        A number beyond any sensor's, such as a driver's sentinel for a missing one, is NaN.
+        """
+        sent = raw.values
+        absurd = np.abs(sent) > _LARGEST
+        if absurd.any():
+            sent = np.where(absurd, np.nan, sent)
+        values = np.ascontiguousarray(self.to_readings(sent))
         if self.shear_column is None:
             return RawScans(raw.t_s, values)
-        return RawScans(raw.t_s, values, np.take(raw.values, self.shear_column, axis=1) * self.shear_factor)
+        return RawScans(raw.t_s, values, np.take(sent, self.shear_column, axis=1) * self.shear_factor)
 
     def to_source(self, readings: Floats, shear: Floats | None = None) -> Floats:
         """Inverse of `to_readings`: (scans, taxels) -> (scans, columns), columns of no taxel at the

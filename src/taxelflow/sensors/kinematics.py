@@ -33,7 +33,9 @@ _SLIDES, _TURNS = 2, 3
 
 
 class Kinematics:
-    """A hand's links by its joints. joints: names of those that can be set, in the order of angles."""
+    """A hand's links by its joints. joints: names of those that can be set, in the order of angles; units: of their
+    angles, rad or m; ranges: (joints, 2), smallest and largest angle, infinite where the model has no limit.
+    """
 
     def __init__(self, text: str, base: str, source: str) -> None:
         """text: of the URDF or MJCF. base: the link that is the hand's frame; empty for the root.
@@ -62,6 +64,9 @@ class Kinematics:
         self._address = [int(address[joint]) for joint in self._free]
         self._followers = [(int(address[one]), int(address[other]), terms) for one, other, terms in self._coupled]
         self.joints = tuple(self._joint_name(joint) for joint in self._free)
+        self.units = tuple("m" if self._model.jnt_type[joint] == _SLIDES else "rad" for joint in self._free)
+        limited = self._model.jnt_limited[self._free].astype(np.bool_)[:, np.newaxis]
+        self.ranges: Floats = np.where(limited, self._model.jnt_range[self._free], [[-np.inf, np.inf]])
 
     def link(self, name: str) -> int:
         """Number of a link. Raises HandModelInvalid, which lists the links."""

@@ -99,6 +99,13 @@ class Layout:
         independent[: self.pad_count] = [not grouped[self.of_pad(pad)].any() for pad in range(self.pad_count)]
         return independent
 
+    @property
+    def full_grid(self) -> tuple[int, int] | None:
+        """Rows and columns of a sensor whose only pad is a grid without gaps; None for others."""
+        if self.pad_count != 1 or self.tables[0] or int(np.prod(self.shapes[0])) != self.taxels:
+            return None
+        return self.shapes[0]
+
     def of_pad(self, pad: int) -> slice:
         """Entries of pad, group or contact number `pad`; those of a pad are its taxels in the scan."""
         return slice(int(self.starts[pad]), int(self.starts[pad + 1]))

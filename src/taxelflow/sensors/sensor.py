@@ -17,6 +17,7 @@ from taxelflow.sensors.hand import Hand, check_hand, with_model
 from taxelflow.sensors.layout import Layout, layout_of
 from taxelflow.sensors.names import check_names
 from taxelflow.sensors.pads import MOST_CONTACTS, MOST_PADS, Channels, Group, Name, Number, Pad, Positive
+from taxelflow.sensors.schema import schema_error
 from taxelflow.sensors.taxel_table import with_table
 from taxelflow.sensors.toml_text import parse_toml, read_limited
 
@@ -197,7 +198,7 @@ def unchecked(table: object, source: str, folder: Traversable | None = None) -> 
     try:
         sensor = msgspec.convert(table, Sensor)
     except msgspec.ValidationError as error:
-        raise validation.schema_error(source, str(error)) from error
+        raise schema_error(source, str(error), table, Sensor) from error
     pads = tuple(
         with_table(pad, folder, source, validation.pad_at(number, pad.name))
         for number, pad in enumerate(sensor.pads, 1)

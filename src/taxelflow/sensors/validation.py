@@ -2,52 +2,33 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from math import dist, isfinite
+from math import dist, hypot, isfinite, tau
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import SensorFileInvalid
 from taxelflow.sensors.flattening import MOST_CURVED
 from taxelflow.sensors.pad_geometry import geometry_of, patch_taxels
 from taxelflow.sensors.pads import MOST_NUMBERS, MOST_PADS, MOST_TAXELS
+from taxelflow.sensors.schema import ROWS, SCHEMA
+from taxelflow.sensors.triangulation import spacing_m
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from taxelflow.sensors.pads import Group, Pad, Patch
 
-_SCHEMA = (
-    "a sensor has name, unit (Pa, kPa, MPa, psi, N/cm2, N or count) and [[pads]] with name and either rows, cols, "
-    "pitch_m = [x, y] or taxels = a table"
-)
-_ROWS = "give all rows as [x, y], or all as [x, y, z, nx, ny, nz], in m"
 _NORMAL_TOLERANCE = 0.01
 """Largest error of a normal's length: tables are rounded to a few digits."""
 _QUATERNION_TOLERANCE = 1e-3
 """Largest error of a quaternion's length."""
 _LARGEST_PITCH_M = 0.2
-"""Largest pitch of a grid: a mat to walk on has less; more is a pitch in mm."""
+"""Largest pitch of a pad: a mat to walk on has less; more is a pitch in mm."""
+_LARGEST_HAND_M = 10.0
+"""Largest distance of a pad from the hand's origin: more is one in mm."""
 _CURVED_NUMBERS = 6
 """Numbers in a row of a table with normals."""
 _GRID_FIELDS = ("rows", "cols", "missing")
-
-
-def schema_error(source: str, message: str) -> SensorFileInvalid:
-    """An error from msgspec's message `... - at `$.pads[0].rows``, in the terms of TOML."""
-    what, _, path = message.partition(" - at `$")
-    seen = (
-        what.replace("Invalid enum value", "Unknown value")
-        .replace("Object", "table")
-        .replace("object", "table")
-        .replace("`array`", "a list")
-    )
-    table = re.match(r"\.(pads|groups)\[(\d+)\]", path)
-    field = re.sub(r"^\.(pads|groups)\[\d+\]", "", path.rstrip("`")).lstrip(".")
-    where = f"table [[{table[1]}]] number {int(table[2]) + 1}" if table else "top level"
-    return SensorFileInvalid(
-        source, where + (f", field {field}" if field else ""), seen[:1].lower() + seen[1:], _SCHEMA
-    )
 
 
 def pad_at(number: int, name: str) -> str:
@@ -96,23 +77,29 @@ def check_pads(pads: Sequence[Pad], source: str) -> None:
     for number, pad in enumerate(pads, 1):
         for field, seen, remedy in (*(_of_table(pad) if pad.is_table else _of_grid(pad)), *_of_any(pad)):
             raise SensorFileInvalid(source, f"{pad_at(number, pad.name)}, field {field}", seen, remedy)
+        where = f"{pad_at(number, pad.name)}, field taxels"
         try:
-            geometry_of(pad)
+            geometry = geometry_of(pad)
         except ValueError as error:
             seen, _, remedy = str(error).partition(": ")
-            where = f"{pad_at(number, pad.name)}, field taxels"
             raise SensorFileInvalid(source, where, seen, remedy) from error
+        apart_m = spacing_m(geometry.xy) if geometry.table and pad.count > 1 else 0.0
+        if apart_m > _LARGEST_PITCH_M:
+            raise SensorFileInvalid(source, where, *_too_far(apart_m))
+
+
+def _too_far(apart_m: float) -> tuple[str, str]:
+    """What was seen of taxels whose distance is not in m, and what to do."""
+    return f"{apart_m:g} m between taxels", "give it in m: 4 mm are 0.004"
 
 
 def _of_grid(pad: Pad) -> Iterator[tuple[str, str, str]]:
     """Errors of a grid: field, what was seen, what to do."""
     for field in ("rows", "cols"):
         if not getattr(pad, field):
-            yield field, "it is missing or 0", _SCHEMA
+            yield field, "it is missing or 0", SCHEMA
     if pad.pitch_m is None:
-        yield "pitch_m", "it is missing", _SCHEMA
-    elif max(pad.pitch_m) > _LARGEST_PITCH_M:
-        yield "pitch_m", f"{max(pad.pitch_m):g} m between taxels", "give it in m: 4 mm are 0.004"
+        yield "pitch_m", "it is missing", SCHEMA
     for row, col in pad.missing:
         if row >= pad.rows or col >= pad.cols:
             seen = f"[{row}, {col}] is outside {pad.rows} rows and {pad.cols} cols"
@@ -137,7 +124,7 @@ def _of_table(pad: Pad) -> Iterator[tuple[str, str, str]]:
     widths = Counter(len(row) for row in rows)
     if len(widths) > 1 or not set(widths) <= {2, 6}:
         seen = f"rows have {', '.join(map(str, sorted(widths)))} numbers"
-        yield "taxels", seen + (", a position without a normal" if set(widths) == {3} else ""), _ROWS
+        yield "taxels", seen + (", a position without a normal" if set(widths) == {3} else ""), ROWS
     elif 6 in widths:
         length = min((dist(row[3:], (0.0, 0.0, 0.0)) for row in rows), key=lambda long: -abs(long - 1.0))
         if length == 0.0:
@@ -151,6 +138,12 @@ def _of_table(pad: Pad) -> Iterator[tuple[str, str, str]]:
 
 def _of_any(pad: Pad) -> Iterator[tuple[str, str, str]]:
     """Errors of any pad, as `_of_grid`."""
+    if pad.pitch_m is not None and max(pad.pitch_m) > _LARGEST_PITCH_M:
+        yield "pitch_m", *_too_far(max(pad.pitch_m))
+    if pad.origin_m is not None and hypot(*pad.origin_m) > _LARGEST_HAND_M:
+        yield "origin_m", f"{hypot(*pad.origin_m):g} m from the hand's origin", "give it in m: 40 mm are 0.04"
+    if abs(pad.angle_rad) > tau:
+        yield "angle_rad", f"{pad.angle_rad:g} rad", "give it in rad, from -6.28 to 6.28: 90 deg are 1.571"
     if isinstance(pad.area_m2, tuple) and len(pad.area_m2) != pad.count:
         yield "area_m2", f"{len(pad.area_m2)} areas for {pad.count} taxels", "give one for all, or one per taxel"
     if pad.index and len(pad.index) != pad.count:
@@ -158,6 +151,8 @@ def _of_any(pad: Pad) -> Iterator[tuple[str, str, str]]:
     if pad.index and (pad.order != "row-major" or pad.first != "top-left"):
         yield "index", "given beside order or first", "give one of them"
     if pad.pose is not None:
+        if hypot(*pad.pose[:3]) > _LARGEST_HAND_M:
+            yield "pose", f"{hypot(*pad.pose[:3]):g} m from the frame's origin", "give x, y, z in m: 40 mm are 0.04"
         length = dist(pad.pose[3:], (0.0, 0.0, 0.0, 0.0))
         if not isfinite(length) or abs(length - 1.0) > _QUATERNION_TOLERANCE:
             yield (

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from linked import carried, linked_hand
-from taxelflow.acquire.joints import asked_joints, joints_of
+from taxelflow.acquire.joints import asked_joints, constant_joints, joints_of
 from taxelflow.cli import main
+from taxelflow.fusion.spatial.places import Places
 from taxelflow.pipeline.api import convert, read, recording
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import JointsInvalid
@@ -71,6 +72,40 @@ def test_a_recording_without_angles_names_the_option_to_give_them(tmp_path: Path
 def test_there_is_no_note_where_all_angles_are_known(tmp_path: Path, capsys: Capture) -> None:
     code, said, placed = _estimated(tmp_path, capsys, joints=True)
     assert (code, placed > 0, "space" in said) == (0, True, False)
+
+
+@pytest.mark.parametrize(
+    ("angles", "notes"),
+    [
+        ({}, []),
+        ({"f1": 2.5, "spread": -0.05}, []),  # by less than encoders are off
+        (
+            {"f1": 69.0, "spread": 60.0},
+            [
+                "joint spread is at 60 rad, its range is 0 to 3.142 rad: check that its angles are in rad",
+                "joint f1 is at 69 rad, its range is 0 to 2.443 rad: check that its angles are in rad",
+            ],
+        ),
+    ],
+    ids=["none", "within", "degrees"],
+)
+def test_angles_beyond_the_range_of_a_joint_are_noted(angles: dict[str, float], notes: list[str]) -> None:
+    sensor = load_sensor("barretthand-162")
+    assert Places(sensor, constant_joints(angles, sensor)).notes == notes
+
+
+def test_a_joint_that_moves_is_noted_with_its_unit(tmp_path: Path) -> None:
+    sensor = linked_hand(tmp_path)
+    moved = joints_of(("slide", "wrist"), np.array([0.0, 1.0, 2.0]), np.array([[0.5, 90.0], [40.0, 0.0], [1.0, 0.0]]))
+    says = "joint slide is at 0.5 to 40 m, its range is -1 to 1 m: check that its angles are in m"
+    assert Places(sensor, moved).notes == [says]
+    assert Places(sensor, joints_of(("wrist",), np.zeros(1), np.full((1, 1), 90.0))).notes == []  # not of the hand
+
+
+def test_estimate_notes_degrees_that_were_given_as_radians(tmp_path: Path, capsys: Capture) -> None:
+    code, said, _ = _estimated(tmp_path, capsys, "--joints", "slide=45")
+    assert code == 0
+    assert "taxelflow: joint slide is at 45 m, its range is -1 to 1 m: check that its angles are in m\n" in said
 
 
 def test_joints_left_out_are_at_0_where_the_angles_are_constant(tmp_path: Path) -> None:

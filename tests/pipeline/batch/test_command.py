@@ -60,6 +60,7 @@ def test_a_batch_does_what_is_missing_and_keeps_what_failed_until_asked(runs: Pa
     }
 
     assert batch("--retry-failed") == 0
+    assert capsys.readouterr().out.startswith("4 recordings: 4 done (1 now, 3 before), 0 failed\n")
     assert set(statuses(Path("out")).values()) == {"done"}
     assert all(float(row["seconds"]) > 0 for row in manifest(Path("out")))
     assert batch() == 0
@@ -76,6 +77,25 @@ def test_results_that_a_killed_client_has_not_noted_are_done(capsys: Capture) ->
     assert "2 done (0 now, 2 before), 1 failed" in capsys.readouterr().out
     assert statuses(Path("out")) == {"a.npz": "done", "b.npz": "done", "broken.npz": "failed"}
     assert {row["recording"]: row["seconds"] for row in manifest(Path("out"))}["a.npz"] == ""
+
+
+@pytest.mark.usefixtures("runs")
+def test_a_recording_that_fails_again_was_not_done_before(capsys: Capture) -> None:
+    batch()
+    capsys.readouterr()
+    assert batch("--retry-failed") == 1
+    assert capsys.readouterr().out.startswith("3 recordings: 2 done (0 now, 2 before), 1 failed\n")
+
+
+@pytest.mark.usefixtures("runs")
+def test_a_recording_whose_table_was_removed_is_estimated_again(capsys: Capture) -> None:
+    batch()
+    before = written(Path("out"))
+    Path("out/b/slips.parquet").unlink()
+    capsys.readouterr()
+    assert batch() == 1
+    assert capsys.readouterr().out.startswith("3 recordings: 2 done (1 now, 1 before), 1 failed\n")
+    assert written(Path("out")) == before
 
 
 @pytest.mark.usefixtures("runs")
@@ -141,6 +161,10 @@ def test_a_broken_cluster_ends_the_batch(monkeypatch: pytest.MonkeyPatch, capsys
         (
             ["runs/*.npz", "--workers", "1", "--scheduler", "tcp://127.0.0.1:1"],
             "workers must be left out with --scheduler",
+        ),
+        (
+            ["runs/*.npz", "--scheduler", "tcp://127.0.0.1:99999"],
+            "scheduler must have a port from 0 to 65535 (got 'tcp://127.0.0.1:99999')",
         ),
         (["runs/a.npz", "--gain", "1.1", "runs/b.npz"], "recordings must stand before the method's own options"),
         (["runs/*.npz", "--method", "tempalte"], "did you mean 'template'?"),

@@ -11,7 +11,7 @@ import pytest
 import taxelflow
 from batched import slides
 from taxelflow.errors import ExtraMissing
-from taxelflow.pipeline.batch.task import Settings, estimate_one
+from taxelflow.pipeline.batch.task import Settings, estimate_one, finished
 from taxelflow.pipeline.stages import Pipeline
 
 FILES = ["events.parquet", "object.parquet", "slips.parquet", "summary.json"]
@@ -79,6 +79,16 @@ def test_results_without_a_summary_are_not_finished(slide: Path, tmp_path: Path)
     (out / "slips.parquet").write_bytes(b"torn")
     assert estimate_one(settings(), str(slide), str(out)).seconds is not None
     assert {name: (out / name).read_bytes() for name in FILES} == whole
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_results_that_lack_a_file_are_not_finished(slide: Path, tmp_path: Path, name: str) -> None:
+    out = tmp_path / "out" / "a"
+    estimate_one(settings(), str(slide), str(out))
+    (out / name).unlink()
+    assert finished(out) is None
+    assert estimate_one(settings(), str(slide), str(out)).seconds is not None
+    assert files(out) == FILES
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,22 @@ def test_a_pattern_stands_beside_a_scan_its_way_and_its_turn(contact: Contact, t
     assert {"template", "principal axis", "truth", "quality not ok"} <= set(seen)
 
 
+def test_the_turn_counts_from_its_first_known_value(contact: Contact) -> None:
+    pose = contact.pose.copy()
+    pose[:3, 2] = np.nan
+    turned = np.array([0.0, 0.0, 0.7])
+    moved = replace(contact, pose=pose + turned, axis_rad=0.4 * contact.t_s + 0.7, true=contact.pose + turned)
+    with styled():
+        turn = pattern_figure(SENSOR.layout, moved).axes[-1]
+    lines = {line.get_label(): line.get_ydata() for line in turn.lines}
+    known = np.degrees(0.4 * (contact.t_s - contact.t_s[3]))
+    np.testing.assert_allclose(lines["template"][3:], known[3:], atol=1e-9)
+    for name in ("truth", "principal axis"):
+        np.testing.assert_allclose(lines[name], known, atol=1e-9)
+    low, high = turn.get_ylim()
+    assert low < known[0] < known[-1] < high < 50.0
+
+
 @pytest.mark.long
 def test_what_is_not_known_is_not_drawn(contact: Contact, tmp_path: Path) -> None:
     pose = contact.pose.copy()

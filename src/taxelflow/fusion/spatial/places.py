@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 
+_ENCODER = 0.1
+"""By which an angle (rad), or a slide (m), may leave its range: encoders and models are off."""
+
 
 class Places:
     """Contact frames in the hand. home: number of the pad on which each pad, group (its first) and separate contact
@@ -77,13 +80,32 @@ class Places:
 
     @property
     def notes(self) -> list[str]:
-        """What joint angles were missing, in words."""
+        """What joint angles were missing, or beyond the joints' ranges, in words."""
         missing = self._unplaced * self._kinematics.placed
         if not missing.any():
-            return []
+            return self._beyond()
         names = ", ".join(self._sensor.pads[pad].name for pad in np.flatnonzero(missing))
         counts = _up_to(missing[missing > 0])
-        return [f"no place in space in {counts} of {self._scans} scans for {names}: {self._lack()}"]
+        return [f"no place in space in {counts} of {self._scans} scans for {names}: {self._lack()}", *self._beyond()]
+
+    def _beyond(self) -> list[str]:
+        """A note for each joint whose angles lie outside its range by more than encoders are off."""
+        joints, model = self._joints, self._kinematics.model
+        if joints is None or model is None or not len(joints.t_s):
+            return []
+        notes = []
+        for name, unit, (low, high) in zip(model.joints, model.units, model.ranges.tolist(), strict=True):
+            if name not in joints.names:
+                continue
+            angles = joints.angles[:, joints.names.index(name)]
+            smallest, largest = float(angles.min()), float(angles.max())
+            if smallest < low - _ENCODER or largest > high + _ENCODER:
+                seen = f"{smallest:.4g}" if smallest == largest else f"{smallest:.4g} to {largest:.4g}"
+                notes.append(
+                    f"joint {name} is at {seen} {unit}, its range is {low:.4g} to {high:.4g} {unit}: "
+                    f"check that its angles are in {unit}"
+                )
+        return notes
 
     def check(self) -> None:
         """Raises JointsInvalid if angles that the user gave place no pad in any scan."""

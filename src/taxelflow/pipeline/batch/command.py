@@ -6,6 +6,7 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import urlsplit
 
 import tyro
 from tyro.conf import Positional
@@ -13,6 +14,7 @@ from tyro.conf import Positional
 from taxelflow.acquire.options import Source
 from taxelflow.errors import ParameterInvalid
 from taxelflow.pipeline.batch.options import Estimating
+from taxelflow.runtime.addresses import MOST_PORT
 
 SOME_FAILED, INTERRUPTED = 1, 130
 
@@ -52,6 +54,7 @@ class Batch(Source, Estimating):
             raise ParameterInvalid("workers", self.workers, "be at least 1")
         if self.workers is not None and self.scheduler is not None:
             raise ParameterInvalid("workers", self.workers, "be left out with --scheduler, which has its own")
+        _check_port(self.scheduler or "")
         sensor = None if self.sensor is None else load_sensor(self.sensor)
         files = {name: path.absolute() for name in ("file", "times") if (path := getattr(self.columns, name))}
         columns = None if self.own_columns is None else replace(self.columns, **files)
@@ -71,3 +74,11 @@ class Batch(Source, Estimating):
         for line in report.complaints():
             print(f"taxelflow: {line}", file=sys.stderr)
         return SOME_FAILED if report.failed else 0
+
+
+def _check_port(scheduler: str) -> None:
+    """Raises ParameterInvalid for a port that Dask would try in vain for 10 s."""
+    try:
+        _ = urlsplit(scheduler).port
+    except ValueError as error:
+        raise ParameterInvalid("scheduler", scheduler, f"have a port from 0 to {MOST_PORT}") from error

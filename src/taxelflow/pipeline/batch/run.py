@@ -91,7 +91,8 @@ def run_batch(
     report = Report(out, len(recordings))
     with Manifest(out / MANIFEST) as manifest:
         missing = _missing(recordings, out, manifest, retry_failed=retry_failed)
-        report.before = len(recordings) - len(missing) - len(manifest.of(recordings.values(), "failed"))
+        settled = [path for name, path in recordings.items() if name not in missing]
+        report.before = len(settled) - len(manifest.of(settled, "failed"))
         _check_settings(out, settings, fresh=not any(row.status == "done" for row in manifest.rows.values()))
         if missing:
             _estimate(missing, settings, (scheduler, workers), manifest, report)

@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 from taxelflow.errors import ExtraMissing, TaxelflowError, written_at
 from taxelflow.pipeline import api
 from taxelflow.pipeline.result import summarise
-from taxelflow.publish.parquet import ParquetTables
+from taxelflow.publish.parquet import NAMES, ParquetTables
 from taxelflow.publish.summary import Totals, to_json
 
 if TYPE_CHECKING:
@@ -115,6 +115,8 @@ class _Written(msgspec.Struct):
 
 def finished(out: Path) -> Outcome | None:
     """The outcome of a recording whose results are complete; None if they are not."""
+    if not all((out / f"{name}.parquet").exists() for name in NAMES):
+        return None
     try:
         return Outcome("done", message=_written(out).loss or "")
     except (FileNotFoundError, msgspec.DecodeError):  # the second after a crash of the machine

@@ -209,12 +209,14 @@ def _long_axis(pattern: LearnedPattern) -> float:
 
 
 def _draw_turn(axis: Axes, contact: Contact) -> None:
-    t_s, theta, std = contact.t_s - contact.t_s[0], np.degrees(contact.pose[:, 2]), np.degrees(contact.std[:, 2])
+    """The turn since the first scan in which it is known: the zero of a stream's angles is arbitrary."""
+    t_s, zero = contact.t_s - contact.t_s[0], contact.pose[np.isfinite(contact.pose[:, 2]), 2][0]
+    theta, std = np.degrees(contact.pose[:, 2] - zero), np.degrees(contact.std[:, 2])
     if contact.true is not None:
-        axis.plot(t_s, np.degrees(contact.true[:, 2]), color=INK, linewidth=1.0, label="truth", zorder=2)
+        axis.plot(t_s, np.degrees(contact.true[:, 2] - zero), color=INK, linewidth=1.0, label="truth", zorder=2)
     axis_known = contact.axis_rad is not None and np.isfinite(contact.axis_rad).any()
     if contact.axis_rad is not None and axis_known:
-        turn = np.degrees(contact.axis_rad)
+        turn = np.degrees(contact.axis_rad - zero)
         axis.plot(t_s, turn, linestyle="none", marker="D", markersize=2.6, color=GREY, label="principal axis", zorder=1)
     axis.fill_between(t_s, theta - std, theta + std, color=VERMILION, alpha=0.25, linewidth=0, label="± 1 sigma")
     axis.plot(t_s, theta, color=VERMILION, linewidth=1.2, label="template", zorder=3)
@@ -238,6 +240,6 @@ def _draw_turn(axis: Axes, contact: Contact) -> None:
     axis.set_xlim(float(t_s[0]), float(t_s[-1]))
     ends = np.concatenate([theta[np.isfinite(theta)], [0.0]])
     if contact.axis_rad is not None and axis_known:
-        ends = np.append(ends, np.degrees(np.nanquantile(contact.axis_rad, [0.02, 0.98])))
+        ends = np.append(ends, np.degrees(np.nanquantile(contact.axis_rad - zero, [0.02, 0.98])))
     span = float(np.ptp(ends))
     axis.set_ylim(float(ends.min()) - 0.1 * span - 1.0, float(ends.max()) + 0.1 * span + 1.0)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import socket
 from contextlib import redirect_stdout
 from io import StringIO
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
-from taxelflow.errors import ExtraMissing
+from taxelflow.errors import ExtraMissing, ParameterInvalid
+from taxelflow.runtime.addresses import MOST_PORT
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -18,7 +20,8 @@ PANEL_PIXELS = 400
 
 
 class PageServer:
-    """Serves a page that is being prepared. Raises ExtraMissing without viser.
+    """Serves a page that is being prepared. Raises ExtraMissing without viser, and ParameterInvalid for a host or port
+    that it cannot listen at.
 
     A browser takes a second to load the page: it does so while the command reads and imports. The module imports
     neither numba nor the pipeline. url: where the page is. viser: the server as the page uses it. opened: set when
@@ -30,6 +33,7 @@ class PageServer:
             import viser
         except ImportError as error:
             raise ExtraMissing("view", "viser") from error
+        _check(host, port)
         with redirect_stdout(StringIO()):  # viser prints a banner, and our own line gives the address
             self.viser: Any = viser.ViserServer(host=host, port=port, label="taxelflow", verbose=False)
         self.url = f"http://{host}:{self.viser.get_port()}"
@@ -60,3 +64,14 @@ class PageServer:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _check(host: str, port: int) -> None:
+    """Raises ParameterInvalid for an address at which viser's thread would fail, after which the command would hang."""
+    if not 0 <= port <= MOST_PORT:
+        raise ParameterInvalid("port", port, f"be from 0 to {MOST_PORT}")
+    try:
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
+            probe.bind((host, 0))
+    except OSError as error:
+        raise ParameterInvalid("host", host, "be an address of this computer, such as 127.0.0.1") from error
