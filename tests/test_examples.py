@@ -110,6 +110,7 @@ def test_05_follows_a_run_by_json_lines(ran: Callable[..., str], monkeypatch: py
     port, out = free_port(), free_port()
     connect = socket.create_connection
     with running(f"tcp-listen://127.0.0.1:{port}", f"jsonl-listen://127.0.0.1:{out}"), connected(port) as device:
+        connected(out).close()  # it listens once the source does
 
         def here(_place: object) -> socket.socket:
             client = connect(("127.0.0.1", out))

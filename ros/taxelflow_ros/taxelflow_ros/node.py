@@ -15,14 +15,16 @@ import msgspec
 import numpy as np
 import rclpy
 from geometry_msgs.msg import TwistWithCovarianceStamped
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 
 from taxelflow import Conditioner, Live, SlipMonitor
 from taxelflow.acquire.ros.decode import follow
-from taxelflow.acquire.ros.kinds import kind_of
+from taxelflow.acquire.ros.kinds import Kind, kind_of, known_types, ros2_name
 from taxelflow.acquire.ros.open import columns_of
+from taxelflow.errors import NameUnknown, ParameterInvalid, TaxelflowError
 from taxelflow.pipeline.live.loop import update_of
 from taxelflow.publish.sinks.lines import event_row, json_lines
 
@@ -41,13 +43,9 @@ class SlipNode(Node):  # type: ignore[misc]  # rclpy has no types
     def __init__(self) -> None:
         super().__init__("taxelflow")
         asked = {name: self.declare_parameter(name, usual).value for name, usual in _USUAL.items()}
+        self._kind, message = _message(asked["type"])
         stages = {name: kind(**self._stage(name, kind)) for name, kind in _STAGES.items()}
         self.live = Live(asked["sensor"], asked["method"], **stages)
-        self._kind = kind_of(asked["type"])
-        if self._kind is None:
-            raise ValueError(f"no known tactile message is called {asked['type']!r}")
-        package, _, name = asked["type"].partition("/msg/")
-        message = getattr(import_module(f"{package}.msg"), name)
         self._object = self.create_publisher(TwistWithCovarianceStamped, "~/object", 10)
         self._slips = self.create_publisher(String, "~/slips", 10)
         self._events = self.create_publisher(String, "~/events", 10)
@@ -99,10 +97,27 @@ class SlipNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._object.publish(out)
 
 
+def _message(name: str) -> tuple[Kind, Any]:
+    """Entry in the table of messages, and class, of a type. Raises NameUnknown, ParameterInvalid."""
+    kind = kind_of(name)
+    if kind is None:
+        raise NameUnknown("message type", name, known_types())
+    package, _, short = ros2_name(name).partition("/msg/")
+    try:
+        return kind, getattr(import_module(f"{package}.msg"), short)
+    except (ImportError, AttributeError) as error:
+        raise ParameterInvalid("type", name, f"be a message of an installed package ({error})") from error
+
+
 def main() -> None:
-    """Spin until Ctrl-C."""
+    """Spin until Ctrl-C; bad parameters are one line of the log and exit code 2."""
     rclpy.init()
-    node = SlipNode()
+    try:
+        node = SlipNode()
+    except TaxelflowError as error:
+        get_logger("taxelflow").fatal(str(error))
+        rclpy.try_shutdown()
+        raise SystemExit(2) from None
     try:
         rclpy.spin(node)
     except KeyboardInterrupt:

@@ -26,7 +26,7 @@ _SHOWN = 60
 """Characters of a header that a message shows."""
 SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of times."""
-_SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
+SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
 """Scan rates of tactile sensors; a rate outside suggests times in a wrong unit."""
 _USUAL_HZ = (5.0, 2000.0)
 """Scan rates by which the unit of the times is guessed."""
@@ -173,12 +173,18 @@ def _listed(names: list[str]) -> str:
     return ", ".join(" ".join(name[:40].split()) for name in names[:8]) + more
 
 
+def likely_unit(rate_hz: float) -> str | None:
+    """Unit of times with which a rate is that of a tactile sensor; None if there is none. rate_hz: with times in s."""
+    fit = (name for name, seconds in SECONDS_PER.items() if _USUAL_HZ[0] <= rate_hz / seconds <= _USUAL_HZ[1])
+    return next(fit, None)
+
+
 def doubted_rate(rate_hz: float, first_s: float) -> list[str]:
     """A note if no tactile sensor scans at this rate, with the likely unit of the times. first_s: the first of them."""
-    if _SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
+    if SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
         return []
     units = [name for name, seconds in SECONDS_PER.items() if _LATEST_S / 4 < first_s * seconds < _LATEST_S]
-    units += [name for name, seconds in SECONDS_PER.items() if _USUAL_HZ[0] <= rate_hz / seconds <= _USUAL_HZ[1]]
+    units += filter(None, [likely_unit(rate_hz)])
     likely = f"the times are likely in {units[0]}" if units and units[0] != "s" else "check that times are in s"
     how = f"--columns.time-unit {units[0]}" if units and units[0] != "s" else "--columns.time-unit"
     return [

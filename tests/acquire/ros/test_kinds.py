@@ -52,3 +52,8 @@ def test_the_table_names_built_in_sensors_once_and_has_text_for_what_ros_does_no
 
 def test_the_sensors_that_the_table_names_are_built_in() -> None:
     assert {name for kind in KINDS for name in kind.sensors} <= set(builtin_sensors())
+
+
+def test_a_type_may_be_named_as_in_ros_1() -> None:
+    assert kind_of("tactile_msgs/TactileState") is kind_of("tactile_msgs/msg/TactileState") is not None
+    assert kind_of("tactile_msgs/Nothing") is None

@@ -20,6 +20,7 @@ class Node:
     """What the node uses of rclpy's."""
 
     given: ClassVar[dict[str, Any]] = {}
+    fatal: ClassVar[list[str]] = []
 
     def __init__(self, name: str) -> None:
         self.name, self.published, self.subscriptions = name, {}, []
@@ -47,13 +48,14 @@ def twist() -> Any:
 
 
 @pytest.fixture
-def node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The node on a stand-in for ROS."""
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """The node's module on a stand-in for ROS."""
     (tmp_path / "hand.toml").write_text(
         'name = "hand"\nunit = "Pa"\n[[pads]]\nname = "pad0"\nrows = 4\ncols = 7\npitch_m = [0.01, 0.01]\n'
     )
     modules = {
-        "rclpy": {},
+        "rclpy": {"init": lambda: None, "try_shutdown": lambda: None},
+        "rclpy.logging": {"get_logger": lambda _name: SimpleNamespace(fatal=Node.fatal.append)},
         "rclpy.node": {"Node": Node},
         "rclpy.qos": {"qos_profile_sensor_data": None},
         "geometry_msgs.msg": {"TwistWithCovarianceStamped": twist},
@@ -65,7 +67,13 @@ def node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         vars(module).update(content)
         monkeypatch.setitem(sys.modules, name, module)
     monkeypatch.setattr(Node, "given", {"sensor": str(tmp_path / "hand.toml"), "condition.contact_on": 7.0})
-    return runpy.run_path(str(PACKAGE / "taxelflow_ros" / "node.py"))["SlipNode"]()
+    monkeypatch.setattr(Node, "fatal", [])
+    return runpy.run_path(str(PACKAGE / "taxelflow_ros" / "node.py"))
+
+
+@pytest.fixture
+def node(module: dict[str, Any]) -> Any:
+    return module["SlipNode"]()
 
 
 def test_scans_in_twist_slips_and_events_out(node: Any) -> None:
@@ -89,6 +97,29 @@ def test_scans_in_twist_slips_and_events_out(node: Any) -> None:
 def test_a_message_of_another_size_is_left_out(node: Any) -> None:
     node.scan(SimpleNamespace(header=SimpleNamespace(stamp=0.0), sensors=[SimpleNamespace(values=[1.0])]))
     assert not node.published["~/slips"]
+
+
+def test_a_type_may_be_named_as_in_ros_1(module: dict[str, Any]) -> None:
+    Node.given["type"] = "tactile_msgs/TactileState"
+    assert module["SlipNode"]().subscriptions[0][0] is SimpleNamespace
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("foo/msg/Bar", "unknown message type 'foo/msg/Bar'; known are taxelflow_msgs/Scan, "),
+        ("schunk_sdh/TactileSensor", "No module named 'schunk_sdh'"),
+        ("tactile_msgs/msg/TactileArray", "has no attribute 'TactileArray'"),
+    ],
+)
+def test_a_type_that_is_unknown_or_not_installed_is_one_line_of_the_log(
+    module: dict[str, Any], kind: str, words: str
+) -> None:
+    Node.given["type"] = kind
+    with pytest.raises(SystemExit, match="2"):
+        module["main"]()
+    (line,) = Node.fatal
+    assert words in line
 
 
 def test_the_launch_file_declares_what_the_node_reads(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,22 +14,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from msgspec.structs import replace
 
 import taxelflow
 from streaming import PALM, SCANS, connected, free_port, lines, opened, published, running, slid
-from taxelflow.errors import SourceUnreachable, TaxelCountWrong, TaxelflowError
+from synthetic import grid_sensor
+from taxelflow.errors import RecordingCorrupt, SourceUnreachable, TaxelCountWrong, TaxelflowError
 from taxelflow.messages import RawScans, joined
 from taxelflow.pipeline.live.adoptions import asked_adoptions
+from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.face import Live
-from taxelflow.pipeline.live.loop import Limits
+from taxelflow.pipeline.live.loop import Limits, run_live
+from taxelflow.pipeline.live.replay import Replay
 from taxelflow.pipeline.live.status import drawn, totals
 from taxelflow.pipeline.stages import Output
 from taxelflow.publish.tables import EVENTS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
+    from taxelflow.acquire.devices.base import Arrival
     from taxelflow.runtime.adoption import Adoption
+    from taxelflow.sensors.sensor import Sensor
 
 
 def streamed(scans: RawScans, adoptions: list[Adoption] | None = None) -> Output:
@@ -252,6 +259,36 @@ def test_live_gives_results_at_once_and_survives_its_clock() -> None:
     assert live.faults == {"scan repeated": 1, "scan late": 1, "clock jumped": 1}
 
 
+@pytest.mark.parametrize("order", ["row-major", "column-major"])
+@pytest.mark.parametrize("memory", ["C", "F"])
+def test_live_takes_a_scan_as_the_image_of_a_full_grid(order: str, memory: Any) -> None:
+    pad = replace(PALM.pads[0], order=order, first="bottom-right")
+    sensor, scans = replace(PALM, pads=(pad,)), slid()
+    sent = sensor.channel_map.to_source(scans.values)
+    flat, grid = Live(sensor, adoptions=[]), Live(sensor, adoptions=[])
+    for t_s, columns, readings in zip(scans.t_s.tolist(), sent, scans.values, strict=True):
+        image = np.asarray(readings.reshape(pad.rows, pad.cols), order=memory)
+        one, other = flat.step(t_s, columns), grid.step(t_s, image)
+    assert np.isfinite(one.slips.pose[-1, 0, 0])
+    assert np.array_equal(one.slips.pose, other.slips.pose, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "shape", "says"),
+    [
+        (PALM, (7, 4), r"cannot read the scan: it has shape \(7, 4\); give \(28,\), or \(4, 7\)$"),
+        (PALM, (1, 4, 7), r"it has shape \(1, 4, 7\); give \(28,\), or \(4, 7\)$"),
+        (PALM, (), r"it has shape \(\); give \(28,\), or \(4, 7\)$"),
+        (grid_sensor(4, 7, pads=2), (4, 7), r"it has shape \(4, 7\); give \(56,\)$"),
+        (grid_sensor(4, 7, missing=((0, 0),)), (4, 7), r"it has shape \(4, 7\); give \(27,\)$"),
+    ],
+    ids=["transposed", "block", "number", "two pads", "gap"],
+)
+def test_live_refuses_an_image_that_is_no_full_grid(sensor: Sensor, shape: tuple[int, ...], says: str) -> None:
+    with pytest.raises(RecordingCorrupt, match=says):
+        Live(sensor, adoptions=[]).step(0.0, np.zeros(shape))
+
+
 def test_live_refuses_a_scan_of_another_size() -> None:
     with pytest.raises(TaxelCountWrong, match="the scan has 2 taxels per scan but sensor 'grid' has 28"):
         Live(PALM).step(0.0, [1.0, 2.0])
@@ -278,11 +315,51 @@ def test_a_malformed_source_is_refused(url: str, words: str) -> None:
         opened(url)
 
 
-def test_rows_of_a_run_whose_source_fails_stay_in_part_files(tmp_path: Path) -> None:
+def test_a_run_whose_source_does_not_open_leaves_older_files_as_they_are(tmp_path: Path) -> None:
     url = f"tcp://127.0.0.1:{free_port()}?wait=0"
-    with pytest.raises(SourceUnreachable, match="Connection refused"), running(url, f"tables:{tmp_path}/t"):
+    (tmp_path / "a.mcap").write_text("an older run")
+    sinks = [f"tables:{tmp_path}/t", f"mcap:{tmp_path}/a.mcap"]
+    with pytest.raises(SourceUnreachable, match="Connection refused"), running(url, *sinks):
         pass
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
+    assert (tmp_path / "a.mcap").read_text() == "an older run"
+
+
+class Broken(Replay):
+    """A source that fails in a way of its own."""
+
+    def __iter__(self) -> Iterator[Arrival | None]:
+        yield from super().__iter__()
+        raise ZeroDivisionError("a driver's own error")
+
+
+def test_rows_of_a_run_whose_source_fails_stay_in_part_files_and_its_error_is_raised(tmp_path: Path) -> None:
+    scans = slid()
+    source = Broken(taxelflow.Recording("made", "live", PALM, lambda: iter([scans]), scans=SCANS), 0.0)
+    sinks = opened_sinks((f"tables:{tmp_path}/t",))
+    with pytest.raises(ZeroDivisionError, match="a driver's own error"):
+        run_live(source, sinks, Live(source.recording), Limits())
     assert {path.suffix for path in (tmp_path / "t").iterdir()} == {".part"}
+    assert (tmp_path / "t" / "slips.csv.part").read_text().count("\n") > SCANS / 2
+
+
+@pytest.mark.parametrize("passed_s", [0.0, 0.5])
+def test_no_motion_is_followed_across_a_clock_that_is_set_back(
+    passed_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scans, now_s = slid(), [1000.0]
+    monkeypatch.setattr("taxelflow.pipeline.live.face.time.monotonic", lambda: now_s[0])
+    live, steps = Live(PALM, adoptions=[]), []
+    for number, (t_s, values) in enumerate(zip(scans.t_s.tolist(), scans.values, strict=True)):
+        now_s[0] += passed_s if number == 50 else 0.0  # else as in one piece of bytes
+        steps.append(live.step(t_s - 1000.0 * (number >= 50), values))
+    slips = joined([*steps, live.finish()]).slips
+    assert live.faults == {"clock jumped": 1}
+    assert live.run.counts.gaps == 1
+    assert slips.t_s[50] - slips.t_s[49] == pytest.approx(max(passed_s, 0.04))
+    assert np.isnan(slips.velocity[50, 0, 0])
+    assert np.isnan(slips.displacement[50, 0, 0])
+    assert np.nanmax(np.abs(slips.velocity[30:, 0, 0])) < 0.2  # the dome slides at 0.05 m/s
 
 
 @pytest.mark.long

@@ -14,7 +14,9 @@ import pytest
 from streaming import PALM, connected, free_port, lines, published, running, slid
 from taxelflow import load_sensor
 from taxelflow.acquire.devices.base import Faults
+from taxelflow.errors import AddressInvalid
 from taxelflow.pipeline.live import workers
+from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.workers import Raw, SinkWorker
 from taxelflow.publish.sinks.base import Ending, ResultSink
@@ -36,6 +38,7 @@ def test_foxglove_gets_a_cloud_a_grid_per_pad_and_slips() -> None:
             f"ws://127.0.0.1:{fox}",
             subprotocols=["foxglove.sdk.v1"],  # type: ignore[list-item]
             max_queue=None,  # else what is not read keeps it from closing for 10 s
+            sock=connected(fox),  # it opens after the source
         ) as client,
     ):
         channels: dict[str, Any] = {}
@@ -169,6 +172,12 @@ def test_a_named_pipe_without_a_reader_is_reported_at_the_end(tmp_path: Path, mo
         pass
     assert len(published(tmp_path / "a.jsonl")) == 140
     assert reports[0].source.faults.counts["a sink is stuck"] == 1
+
+
+@pytest.mark.parametrize("scheme", ["jsonl-listen", "foxglove"])
+def test_a_port_that_does_not_exist_is_refused(scheme: str) -> None:
+    with pytest.raises(AddressInvalid, match=f"cannot use '{scheme}://127.0.0.1:99999': Port out of range 0-65535"):
+        opened_sinks((f"{scheme}://127.0.0.1:99999",))
 
 
 def test_latencies_are_within_a_bin() -> None:

@@ -109,6 +109,25 @@ def test_without_viser_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> No
         PageServer(port=0)
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--port", "99999"), "--port must be from 0 to 65535 (got 99999)"),
+        (("--port", "-1"), "--port must be from 0 to 65535 (got -1)"),
+        (("--host", "192.0.2.1"), "--host must be an address of this computer, such as 127.0.0.1 (got '192.0.2.1')"),
+        (("--method", "foo"), "unknown method 'foo'; known are lnorm, convolution, template,"),
+        (("--method", "sum", "--method", "tempalte"), "unknown method 'tempalte'; did you mean 'template'?"),
+    ],
+    ids=lambda one: " ".join(one) if isinstance(one, tuple) else "",
+)
+def test_what_cannot_be_served_is_refused_before_an_address_is_printed(
+    capsys: pytest.CaptureFixture[str], stroke: Recording, tmp_path: Path, words: tuple[str, ...], says: str
+) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    convert(stroke, tmp_path / "stroke.npz")
+    assert says in refused(capsys, "view", tmp_path / "stroke.npz", *words)
+
+
 def test_a_recording_that_is_missing_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "does not exist" in refused(capsys, "view", tmp_path / "none.npz")
 

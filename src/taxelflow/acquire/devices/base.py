@@ -66,7 +66,7 @@ class Source(Protocol):
     """Whether the device waits while nobody reads: then nothing needs to be dropped on this side."""
 
     def __enter__(self) -> Self:
-        """Open what must be open before scans can come. Raises SourceUnreachable."""
+        """Connect to the device, or listen for it. Raises SourceUnreachable, PortTaken."""
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

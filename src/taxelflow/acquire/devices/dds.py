@@ -15,8 +15,7 @@ from taxelflow.acquire.devices.base import POLL_S, Faults
 from taxelflow.acquire.devices.rosbridge import asked_kind
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource, need_sensor
 from taxelflow.acquire.ros.decode import Decoder, store_of
-from taxelflow.acquire.ros.kinds import Kind
-from taxelflow.acquire.ros.mcap import ros2_name
+from taxelflow.acquire.ros.kinds import Kind, ros2_name
 from taxelflow.acquire.ros.open import columns_of
 from taxelflow.acquire.ros.topics import Topic
 from taxelflow.errors import AddressInvalid, ExtraMissing

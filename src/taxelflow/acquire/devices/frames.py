@@ -25,6 +25,8 @@ class _Clock(NamedTuple):
     wraps: float
 
 
+_EDGE = 0.1
+"""A clock wraps from the last to the first tenth of its range; from elsewhere it was set back."""
 _CLOCKS = {
     "uint32_ms": _Clock("u4", 1e-3, 2.0**32),
     "uint32_us": _Clock("u4", 1e-6, 2.0**32),
@@ -99,12 +101,12 @@ class FrameParser:
 
     def __init__(self, frame: Frame, columns: int, faults: Faults, *, timed: bool) -> None:
         self._form, self._faults, self._timed = FrameForm(frame, columns), faults, timed
+        self._wraps, self._last_ticks = 0, 0.0
         self.restart()
 
     def restart(self) -> None:
-        """See `Parser`."""
+        """See `Parser`; the device's clock may have gone on all the same."""
         self._buffer = bytearray()
-        self._wraps, self._last_ticks = 0, -np.inf
 
     def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
         """See `Parser`."""
@@ -145,7 +147,13 @@ class FrameParser:
         if form.time is None or form.clock is None or not self._timed:
             return None, values
         ticks = float(np.frombuffer(content, form.time, 1)[0])
-        if form.clock.wraps and ticks < self._last_ticks - form.clock.wraps / 2:
-            self._wraps += 1
+        return self._unwrapped(ticks, form.clock.wraps) * form.clock.unit_s, values
+
+    def _unwrapped(self, ticks: float, span: float) -> float:
+        """Ticks of a clock that has wrapped so many times; a frame that a wrap has overtaken is of the time before."""
+        low, high = _EDGE * span, (1.0 - _EDGE) * span
+        if span and self._wraps and self._last_ticks < low and ticks >= high:
+            return (self._wraps - 1) * span + ticks
+        self._wraps += bool(span) and self._last_ticks >= high and ticks < low
         self._last_ticks = ticks
-        return (self._wraps * form.clock.wraps + ticks) * form.clock.unit_s, values
+        return self._wraps * span + ticks

@@ -25,9 +25,11 @@ class LineParser:
     reading. Lines that begin with # are comments.
     """
 
-    def __init__(self, columns: int, faults: Faults, *, timed: bool, joins_late: bool = False) -> None:
-        """joins_late: the first bytes may be the rest of a line, and are left out up to its end."""
-        self._columns, self._faults, self._timed = columns, faults, timed
+    def __init__(
+        self, columns: int, faults: Faults, *, timed: bool, joins_late: bool = False, unit_s: float = 1.0
+    ) -> None:
+        """joins_late: the first bytes may be the rest of a line, and are left out up to its end. unit_s: of times."""
+        self._columns, self._faults, self._timed, self._unit_s = columns, faults, timed, unit_s
         self._joins_late = joins_late
         self.restart()
 
@@ -65,7 +67,7 @@ class LineParser:
         if not math.isfinite(numbers[0]):
             self._faults.count("bad line", f"its time is {numbers[0]}")
             return None
-        return numbers[0], np.array(numbers[1:])
+        return numbers[0] * self._unit_s, np.array(numbers[1:])
 
     def _numbers(self, line: bytes, wanted: int) -> list[float] | None:
         """Numbers of a line written in any way; None if it is no scan."""

@@ -16,8 +16,7 @@ from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, need_sensor
 from taxelflow.acquire.devices.websocket import WebSocket
 from taxelflow.acquire.ros.decode import follow
-from taxelflow.acquire.ros.kinds import KINDS, kind_of
-from taxelflow.acquire.ros.mcap import ros2_name
+from taxelflow.acquire.ros.kinds import kind_of, known_types
 from taxelflow.acquire.ros.open import columns_of
 from taxelflow.errors import AddressInvalid
 
@@ -48,7 +47,7 @@ class RosbridgeParser:
         try:
             message = msgspec.json.decode(received, type=dict[str, Any])
             if message.get("op") == "service_response":
-                self._kind = self._kind or kind_of(ros2_name(str(message["values"]["type"])))
+                self._kind = self._kind or kind_of(str(message["values"]["type"]))
                 return []
             if message.get("op") != "publish":
                 return []
@@ -90,10 +89,9 @@ def asked_kind(address: Address) -> Kind | None:
     name = address.options.get("type")
     if name is None:
         return None
-    kind = kind_of(ros2_name(name))
+    kind = kind_of(name)
     if kind is None:
-        known = ", ".join(one.replace("/msg/", "/") for kind in KINDS for one in kind.types)
-        raise AddressInvalid(address.url, f"type={name}", f"type=PACKAGE/NAME, one of {known}")
+        raise AddressInvalid(address.url, f"type={name}", f"type=PACKAGE/NAME, one of {', '.join(known_types())}")
     return kind
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
-from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource, need_sensor, parser_of
+from taxelflow.acquire.devices.streams import LINE_OPTIONS, TIMEOUT_S, ByteSource, need_sensor, parser_of
 from taxelflow.errors import ExtraMissing
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class SerialLine:
 
 def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     """`serial:DEVICE?baud=N`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
-    address.check_options((*STREAM_OPTIONS, "baud"))
+    address.check_options((*LINE_OPTIONS, "baud"))
     device = address.need_path("serial:/dev/ttyUSB0?baud=115200")
     sensor, faults = need_sensor(address, sensor), Faults()
     parser = parser_of(address, sensor, faults, joins_late=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
 from taxelflow.acquire.devices.streams import ByteSource, Ended, need_sensor, parser_of
+from taxelflow.errors import SourceUnreachable
 
 if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
@@ -24,7 +25,9 @@ class _StandardInput:
     timeout_s = 0.0
 
     def listen(self) -> None:
-        """It is open."""
+        """It is open, unless the process was started without. Raises SourceUnreachable."""
+        if sys.stdin is None:
+            raise SourceUnreachable("stdin:", "standard input is closed", 0.0, "send the scans through a pipe")
 
     def open(self) -> bool:
         """It is open."""
@@ -36,7 +39,10 @@ class _StandardInput:
         ready, _, _ = select.select([descriptor], [], [], POLL_S)
         if not ready:
             return b""
-        received = os.read(descriptor, _PIECE)
+        try:
+            received = os.read(descriptor, _PIECE)
+        except OSError as error:  # it cannot be opened again
+            raise SourceUnreachable("stdin:", f"{error.strerror}", 0.0, "send the scans through a pipe") from error
         if not received:
             raise Ended
         return received
@@ -50,6 +56,6 @@ class _StandardInput:
 
 def read(address: Address, sensor: Sensor | None) -> ByteSource:
     """`stdin:`. Raises AddressInvalid, SensorNeeded."""
-    address.check_options(("time", "format"))
+    address.check_options(("time", "format", "time-unit"))
     sensor, faults = need_sensor(address, sensor), Faults()
     return ByteSource(address, sensor, _StandardInput(), parser_of(address, sensor, faults), faults)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import time
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Protocol
 
 from taxelflow.acquire.base import Recording
+from taxelflow.acquire.columns import SECONDS_PER
 from taxelflow.acquire.devices.base import Arrival, Backoff
-from taxelflow.errors import SensorNeeded, SourceUnreachable
+from taxelflow.errors import AddressInvalid, PortTaken, SensorNeeded, SourceUnreachable
 from taxelflow.sensors.catalogue import builtin_sensors
 
 if TYPE_CHECKING:
@@ -24,6 +27,8 @@ WAIT_S, TIMEOUT_S = 5.0, 10.0
 _SPREAD_S = 0.05
 """Longest time that scans without a time of their own are spread over: USB adapters pass bytes on in pieces."""
 STREAM_OPTIONS = ("time", "format", "wait", "timeout", "keep")
+LINE_OPTIONS = (*STREAM_OPTIONS, "time-unit")
+"""Of connections that may send lines."""
 
 
 class Ended(Exception):
@@ -62,43 +67,60 @@ class ByteSource:
         self._wait_s = address.number("wait", WAIT_S)
         self._timeout_s = address.number("timeout", transport.timeout_s) or float("inf")
         self._keep = address.flag("keep")
-        self._lost = False
+        self._open = self._lost = False
 
     def __enter__(self) -> Self:
-        try:
-            self._transport.listen()
-        except OSError as error:
-            raise SourceUnreachable(self._address.url, _words(error), 0.0) from error
+        with ExitStack() as opening:
+            opening.callback(self._transport.shut)
+            try:
+                self._transport.listen()
+            except OSError as error:
+                if error.errno == errno.EADDRINUSE:
+                    raise PortTaken(self._address.url, self._address.port) from error
+                raise SourceUnreachable(self._address.url, _words(error), 0.0, "check the address") from error
+            self._open = self._first_open()
+            opening.pop_all()
         return self
+
+    def _first_open(self) -> bool:
+        """Connect, within the time that is allowed; False if a peer is to come. Raises SourceUnreachable."""
+        backoff, began = Backoff(), time.monotonic()
+        while True:
+            try:
+                return self._transport.open()
+            except OSError as error:
+                if time.monotonic() - began >= self._wait_s:
+                    raise SourceUnreachable(self._address.url, _words(error), self._wait_s) from error
+                self.faults.count("cannot connect", f"{_words(error)}; trying again")
+                for _ in backoff.pause():
+                    pass
 
     def __exit__(self, *_details: object) -> None:
         self._transport.shut()
 
     def __iter__(self) -> Iterator[Arrival | None]:
         backoff = Backoff()
-        connected_once, began = False, time.monotonic()
         while True:
             try:
-                if not self._transport.open():
+                self._open = self._open or self._transport.open()
+                if not self._open:
                     yield None
                     continue
             except OSError as error:
-                if not connected_once and time.monotonic() - began >= self._wait_s:
-                    raise SourceUnreachable(self._address.url, _words(error), self._wait_s) from error
                 self.faults.count("cannot connect", f"{_words(error)}; trying again")
                 yield from backoff.pause()
                 continue
-            connected_once = True
             try:
                 yield from self._connected(backoff)
             except Ended:
+                self._open = False
                 for t_s, values in self._parser.end():
                     yield Arrival(time.monotonic(), t_s, values)
                 self._transport.close()
                 if not self._keep:
                     return
             except OSError as error:
-                self._lost = True
+                self._open, self._lost = False, True
                 self.faults.report("connection lost", f"{_words(error)}; connecting again")
                 self._transport.close()
                 self._parser.restart()
@@ -145,9 +167,12 @@ def parser_of(address: Address, sensor: Sensor, faults: Faults, *, joins_late: b
     columns = sensor.channel_map.columns
     timed = address.choice("time", ("device", "arrival")) == "device"
     form = address.choice("format", ("binary", "line") if sensor.frame is not None else ("line",))
+    unit = address.choice("time-unit", tuple(SECONDS_PER))
+    if "time-unit" in address.options and not (timed and form == "line"):
+        raise AddressInvalid(address.url, f"time-unit={unit}", "it for lines with a time only")
     if sensor.frame is not None and form == "binary":
         return FrameParser(sensor.frame, columns, faults, timed=timed)
-    return LineParser(columns, faults, timed=timed, joins_late=joins_late)
+    return LineParser(columns, faults, timed=timed, joins_late=joins_late, unit_s=SECONDS_PER[unit])
 
 
 def _words(error: OSError) -> str:

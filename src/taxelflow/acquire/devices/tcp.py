@@ -5,17 +5,20 @@ from __future__ import annotations
 import logging
 import select
 import socket
+import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
-from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource, Ended, need_sensor, parser_of
+from taxelflow.acquire.devices.streams import LINE_OPTIONS, TIMEOUT_S, ByteSource, Ended, need_sensor, parser_of
 
 if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
 _CONNECT_S = 2.0
+_SILENT_S = 1.0
+"""A client that has sent nothing for longer gives way to another one."""
 _PIECE = 1 << 16
 
 _log = logging.getLogger("taxelflow")
@@ -67,11 +70,12 @@ class _Client(_Connection):
 
 
 class _Listener(_Connection):
-    """Takes one client at a time; another one waits, and replaces a client that was lost."""
+    """Takes one client at a time; another one waits, and replaces a client that was lost or is silent for a second."""
 
     def __init__(self, endpoint: tuple[str, int]) -> None:
         super().__init__(endpoint)
         self._server: socket.socket | None = None
+        self._heard_s = 0.0
 
     def listen(self) -> None:
         """See `Transport`."""
@@ -83,11 +87,26 @@ class _Listener(_Connection):
         """See `Transport`."""
         if self._server is None:
             raise ConnectionError("not listening")
-        ready, _, _ = select.select([self._server], [], [], POLL_S)
-        if ready:
-            self._socket, _peer = self._server.accept()
-            _keep_alive(self._socket)
-        return bool(ready)
+        if not self._is_called(POLL_S):
+            return False
+        self._socket, _peer = self._server.accept()
+        self._heard_s = time.monotonic()
+        _keep_alive(self._socket)
+        return True
+
+    def receive(self) -> bytes:
+        """See `Transport`."""
+        received = super().receive()
+        now = time.monotonic()
+        if received:
+            self._heard_s = now
+        elif now - self._heard_s > _SILENT_S and self._is_called(0.0):
+            raise ConnectionError("another client has connected while this one was silent")
+        return received
+
+    def _is_called(self, within_s: float) -> bool:
+        """Whether a client waits to be taken."""
+        return bool(self._server and select.select([self._server], [], [], within_s)[0])
 
     def shut(self) -> None:
         """See `Transport`."""
@@ -112,6 +131,6 @@ def listen(address: Address, sensor: Sensor | None) -> ByteSource:
 
 
 def _source(address: Address, sensor: Sensor | None, transport: _Client | _Listener) -> ByteSource:
-    address.check_options(STREAM_OPTIONS)
+    address.check_options(LINE_OPTIONS)
     sensor, faults = need_sensor(address, sensor), Faults()
     return ByteSource(address, sensor, transport, parser_of(address, sensor, faults), faults)

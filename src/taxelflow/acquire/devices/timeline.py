@@ -1,7 +1,8 @@
 """One increasing clock out of a device's stamps, whatever becomes of the device; and how that clock drifts.
 
 The stamps stay as they are while they increase. A scan with the stamp of the one before, or a little older, is dropped.
-Where a clock jumps back (the device has started again), time goes on from the last scan by the computer's clock.
+Where a clock jumps back (the device has started again), time goes on from the last scan by the computer's clock, and at
+least so far that conditioning finds a gap: no motion is followed across the jump.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.acquire.devices.time_unit import TimeUnit
 from taxelflow.numerics.clock import FARTHEST_S
 
 if TYPE_CHECKING:
@@ -33,9 +35,16 @@ class _Clock:
     """A stamp is ahead if it has advanced by so much more than the computer's clock;"""
     jump_ratio: float = 20.0
     """... and by this many times as much: a recording may be replayed faster."""
+    alike_ratio: float = 2.0
+    """A step of at most this many usual ones is no jump, however soon the scan comes."""
     gap_ratio: float = 3.0
-    """A step longer than this many usual ones, the median of the last ones, is a gap."""
-    steps: int = 32
+    """A step longer than this many usual ones, the median of the last ones, is a gap;"""
+    set_back_ratio: float = 4.0
+    """... and of so many is the one at which a scan follows a clock set back."""
+    unknown_s: float = 1.0
+    """That step, if none is known yet."""
+    steps: int = 15
+    """As many as conditioning takes the median of."""
     window_s: float = 1.0
     most_windows: int = 600
 
@@ -48,7 +57,7 @@ class Timeline:
 
     def __init__(self, faults: Faults) -> None:
         self._faults = faults
-        self._offset_s = self._former_offset_s = 0.0
+        self._offset_s, self._former_offset_s = 0.0, math.nan
         self._last_s = -math.inf
         self._last_arrived_s = math.nan
         self._late = 0
@@ -56,6 +65,7 @@ class Timeline:
         self._steps_s: deque[float] = deque(maxlen=_CLOCK.steps)
         self.dropped = self.gaps = 0
         self.skew = Skew()
+        self._unit = TimeUnit()
 
     @property
     def usual_s(self) -> float:
@@ -67,6 +77,11 @@ class Timeline:
     def jitter_s(self) -> float:
         """Standard deviation of the last steps; NaN if there are too few."""
         return float(np.std(list(self._steps_s))) if len(self._steps_s) >= 3 else math.nan
+
+    @property
+    def notes(self) -> list[str]:
+        """Remarks to the user on the times."""
+        return [self._unit.doubt] if self._unit.doubt else []
 
     @property
     def offset_s(self) -> float:
@@ -108,25 +123,34 @@ class Timeline:
             self._faults.count("scan late", f"{stamp_s:.6f} s comes {-step_s:.3g} s too late and is dropped")
             return None
         self._late = 0
+        if self._unit.add(step_s, passed_s):
+            self._faults.count("time unit doubted", self._unit.doubt)
         ahead = step_s > passed_s + _CLOCK.jump_s and step_s > _CLOCK.jump_ratio * passed_s
-        if step_s < 0.0 or ahead:
-            t_s = self._after_jump(stamp_s, step_s, passed_s)
-        else:
-            self.skew.add(t_s, arrived_s)
+        if step_s < 0.0 or (ahead and not step_s <= _CLOCK.alike_ratio * self.usual_s):
+            return self._after_jump(stamp_s, step_s, passed_s)
+        self.skew.add(t_s, arrived_s)
         return t_s
 
-    def _after_jump(self, stamp_s: float, step_s: float, passed_s: float) -> float:
-        """Time of a scan before which the device's clock has jumped."""
+    def _after_jump(self, stamp_s: float, step_s: float, passed_s: float) -> float | None:
+        """Time of a scan before which the device's clock has jumped; None if the scan is late."""
+        step_back_s = _CLOCK.unknown_s if math.isnan(self.usual_s) else _CLOCK.set_back_ratio * self.usual_s
         again_s = stamp_s + self._former_offset_s
-        if 0.0 < again_s - self._last_s < passed_s + _CLOCK.jump_s:  # one stamp was wrong: the clock is as before
+        if -step_back_s <= again_s - self._last_s < passed_s + _CLOCK.jump_s:  # one stamp was wrong: as before
             self._offset_s, self._former_offset_s = self._former_offset_s, self._offset_s
-            return again_s
-        self._faults.count("clock jumped", f"by {step_s:+.3f} s at {stamp_s:.6f} s; a gap is marked")
+            if again_s > self._last_s:
+                return again_s
+            self._late = 1
+            self._faults.count("scan late", f"{stamp_s:.6f} s comes after a wrong time and is dropped")
+            return None
         self.skew.restart()
-        if step_s > 0.0:
-            return stamp_s + self._offset_s
-        self._former_offset_s = self._offset_s
-        self._offset_s = self._last_s + max(passed_s, 1e-6) - stamp_s
+        back = step_s < 0.0
+        gap = back or step_s > _CLOCK.gap_ratio * self.usual_s
+        marked = "; a gap is marked" if gap else ""
+        self._faults.count("clock jumped", f"by {step_s:+.3f} s at {stamp_s:.6f} s{marked}")
+        if back:
+            self._former_offset_s = self._offset_s
+            self._offset_s = self._last_s + max(passed_s, step_back_s) - stamp_s
+            self.gaps += math.isnan(self.usual_s)  # else `place` counts it
         return stamp_s + self._offset_s
 
 

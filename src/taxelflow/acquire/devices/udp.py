@@ -84,7 +84,7 @@ class _Whole:
 
 def listen(address: Address, sensor: Sensor | None) -> ByteSource:
     """`udp-listen://HOST:PORT`. Raises AddressInvalid, SensorNeeded."""
-    address.check_options(("time", "format", "timeout"))
+    address.check_options(("time", "format", "timeout", "time-unit"))
     sensor, faults = need_sensor(address, sensor), Faults()
     parser = _Whole(parser_of(address, sensor, faults))
     return ByteSource(address, sensor, _Datagrams(address.endpoint), parser, faults)

@@ -119,5 +119,17 @@ KINDS = (
 
 
 def kind_of(message_type: str) -> Kind | None:
-    """The entry of a type `package/msg/Name` in the table; None if it has none."""
-    return next((kind for kind in KINDS if any(fnmatchcase(message_type, name) for name in kind.types)), None)
+    """The entry of a type `package/msg/Name` or `package/Name` in the table; None if it has none."""
+    wanted = ros2_name(message_type)
+    return next((kind for kind in KINDS if any(fnmatchcase(wanted, name) for name in kind.types)), None)
+
+
+def ros2_name(name: str) -> str:
+    """`package/Name` of ROS 1 as `package/msg/Name`."""
+    package, _, rest = name.partition("/")
+    return f"{package}/msg/{rest}" if rest and "/" not in rest else name
+
+
+def known_types() -> list[str]:
+    """All types of the table as `package/Name`; * stands for any package."""
+    return [name.replace("/msg/", "/") for kind in KINDS for name in kind.types]

@@ -8,6 +8,7 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any, Literal
 
 from taxelflow.acquire.limits import MOST_CHUNK_BYTES, Budget, unpack_lz4, unpack_zstd
+from taxelflow.acquire.ros.kinds import ros2_name
 from taxelflow.acquire.ros.topics import Topic
 from taxelflow.errors import RecordingTooLarge, RecordingTruncated
 
@@ -197,9 +198,3 @@ def _topics(channels: dict[int, Channel], schemas: dict[int, Schema], counts: An
             )
         )
     return sorted(found, key=lambda topic: topic.name)
-
-
-def ros2_name(name: str) -> str:
-    """`package/Name` of ROS 1 as `package/msg/Name`."""
-    package, _, rest = name.partition("/")
-    return f"{package}/msg/{rest}" if rest and "/" not in rest else name

@@ -6,7 +6,6 @@ With both the same scans give the same results once more.
 from __future__ import annotations
 
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -50,7 +49,7 @@ def _recorded(address: Address) -> bool:
 
 def _read(address: Address, name: str) -> list[dict[str, Any]]:
     """All messages of a topic."""
-    path = Path(address.need_path("replay:FILE"))
+    path = address.file_path("replay:FILE")
     if path.suffix != ".mcap":
         raise AddressInvalid(address.url, f"{path.name} holds no adoptions", "a file by `taxelflow run --to mcap:FILE`")
     source, found = McapSource(path), list[dict[str, Any]]()

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.devices.base import Source
     from taxelflow.pipeline.live.loop import Limits, Report
+    from taxelflow.pipeline.live.signals import Signals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +47,29 @@ class FromSource:
             raise ParameterInvalid("max-scans", self.max_scans, "be 1 or more")
         if self.duration is not None and not self.duration > 0:
             raise ParameterInvalid("duration", self.duration, "be above 0 s")
+
+    def run(self, rest: list[str]) -> int:
+        """Run until the source ends or a signal asks for the end; print the totals."""
+        from taxelflow.pipeline.live.signals import EndedEarly, Signals
+        from taxelflow.pipeline.live.status import say_totals
+
+        with Signals() as signals:
+            try:
+                report = self._report(rest, signals)
+            except EndedEarly:
+                print("taxelflow: ended before the source was open", file=sys.stderr)
+                return 0
+            say_totals(report, sys.stderr if self._takes_output else sys.stdout)
+        return 0
+
+    @property
+    def _takes_output(self) -> bool:
+        """Whether standard output holds results."""
+        return False
+
+    def _report(self, rest: list[str], signals: Signals) -> Report:
+        """Open, and run to the end."""
+        raise NotImplementedError
 
     def opened(self) -> Source:
         """The source. Raises NameUnknown, AddressInvalid, SensorNeeded, and what its device raises."""
@@ -85,10 +109,14 @@ class Run(FromSource):
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
     smooth: Smoothing = field(default_factory=Smoothing)
 
-    def run(self, rest: list[str]) -> int:
-        """Open, run, print the totals."""
+    @property
+    def _takes_output(self) -> bool:
+        return "jsonl:-" in self.to
+
+    def _report(self, rest: list[str], signals: Signals) -> Report:
         from taxelflow.pipeline.live.adoptions import asked_adoptions
         from taxelflow.pipeline.live.face import Live
+        from taxelflow.pipeline.live.files import check_files
         from taxelflow.pipeline.live.loop import run_live
         from taxelflow.pipeline.live.status import StatusScreen
 
@@ -96,6 +124,7 @@ class Run(FromSource):
         kind = registry.find("estimator", self.method)
         estimator = tyro.cli(kind, args=rest, prog=f"taxelflow run --method {self.method}")
         source = self.opened()
+        check_files(sinks, source)
         live = Live(
             source.recording,
             estimator,
@@ -107,9 +136,7 @@ class Run(FromSource):
             adoptions=asked_adoptions(self.source),
         )
         with StatusScreen(quiet=self.quiet) as screen:
-            report = run_live(source, sinks, live, self.limits, self.method, screen.show)
-        _conclude(report, taken="jsonl:-" in self.to)
-        return 0
+            return run_live(source, sinks, live, self.limits, self.method, screen.show, signals)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,19 +150,18 @@ class Record(FromSource):
     out: Annotated[Positional[Path], tyro.conf.arg(metavar="OUT")]
     """File to write: .mcap."""
 
-    def run(self, _rest: list[str]) -> int:
-        """Open, record, print the totals."""
+    def _report(self, _rest: list[str], signals: Signals) -> Report:
+        from taxelflow.pipeline.live.files import check_files
         from taxelflow.pipeline.live.loop import run_live
         from taxelflow.pipeline.live.mcap_sink import McapSink
         from taxelflow.pipeline.live.status import StatusScreen
 
         if self.out.suffix != ".mcap":
             raise ParameterInvalid("out", str(self.out), "end in .mcap")
+        sinks, source = {str(self.out): McapSink(self.out, drawn=False)}, self.opened()
+        check_files(sinks, source)
         with StatusScreen(quiet=self.quiet) as screen:
-            sink = McapSink(self.out, drawn=False)
-            report = run_live(self.opened(), {str(self.out): sink}, None, self.limits, watch=screen.show)
-        _conclude(report, taken=False)
-        return 0
+            return run_live(source, sinks, None, self.limits, watch=screen.show, signals=signals)
 
 
 def opened_sinks(urls: tuple[str, ...]) -> dict[str, Any]:
@@ -147,10 +173,3 @@ def opened_sinks(urls: tuple[str, ...]) -> dict[str, Any]:
             raise AddressInvalid(url, "it is given twice", "each sink once")
         sinks[url] = registry.find("sink", address.scheme)(address)
     return sinks
-
-
-def _conclude(report: Report, *, taken: bool) -> None:
-    """Print the totals. taken: standard output holds results."""
-    from taxelflow.pipeline.live.status import say_totals
-
-    say_totals(report, sys.stderr if taken else sys.stdout)

@@ -12,7 +12,7 @@ from taxelflow.acquire.base import Recording
 from taxelflow.acquire.devices.base import Arrival, Faults
 from taxelflow.acquire.devices.timeline import Timeline
 from taxelflow.condition.parameters import Conditioner
-from taxelflow.errors import TaxelCountWrong
+from taxelflow.errors import RecordingCorrupt, TaxelCountWrong
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.messages import RawScans
 from taxelflow.pipeline.api import estimator
@@ -91,14 +91,20 @@ class Live:
     def step(self, t_s: float, values: ArrayLike) -> Output:
         """Results that this scan makes ready; none for the first scans, from which noise and tare are learned.
 
-        t_s: the sensor's clock. values: (columns,), readings in the sensor's unit and order, NaN where one is missing.
-        A scan that is repeated or late gives nothing; after a jump of the clock time goes on from the last scan. Raises
-        TaxelCountWrong.
+        t_s: the sensor's clock. values: (columns,), readings in the sensor's unit and order, NaN where one is missing;
+        or (rows, cols) of a sensor with one full grid, row 0 on top. A scan that is repeated or late gives nothing;
+        after a jump of the clock time goes on from the last scan. Raises TaxelCountWrong, RecordingCorrupt.
         """
         readings = np.asarray(values, dtype=np.float64)
-        columns = self.recording.sensor.channel_map.columns
-        if readings.shape != (columns,):
-            raise TaxelCountWrong("the scan", readings.size, self.recording.sensor.name, columns)
+        sensor = self.recording.sensor
+        columns = sensor.channel_map.columns
+        if readings.ndim == 2 and readings.shape == sensor.layout.full_grid:
+            readings = sensor.channel_map.to_source(readings.reshape(1, -1))[0]
+        if readings.ndim != 1:
+            remedy = f"give ({columns},)" + (f", or {sensor.layout.full_grid}" if sensor.layout.full_grid else "")
+            raise RecordingCorrupt("the scan", f"it has shape {readings.shape}", remedy)
+        if len(readings) != columns:
+            raise TaxelCountWrong("the scan", len(readings), sensor.name, columns)
         placed_s = self._timeline.place(Arrival(time.monotonic(), float(t_s), readings))
         if placed_s is None:
             return self.push(no_time(columns))

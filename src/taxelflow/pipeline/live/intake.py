@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.acquire.devices.timeline import Timeline
-from taxelflow.errors import TaxelflowError
 from taxelflow.messages import RawScans
 from taxelflow.pipeline.live.workers import Raw
 
@@ -51,7 +50,7 @@ class Intake(threading.Thread):
     """Reads a source to its end, or until it is stopped.
 
     scans_in: whole scans that arrived. dropped: those of them that were repeated or late, or for which there was no
-    time. error: what ended the source, if it did not end in order.
+    time. error: what ended the source, if it did not end in order; the run raises it.
     """
 
     def __init__(
@@ -110,11 +109,12 @@ class Intake(threading.Thread):
                     break
                 if arrival is not None and self._is_last(arrival):
                     break
-        except (TaxelflowError, OSError) as error:
+        except Exception as error:
             self.error = error
-        with self._come:
-            self._done = True
-            self._come.notify()
+        finally:
+            with self._come:
+                self._done = True
+                self._come.notify()
 
     def _is_last(self, arrival: Arrival) -> bool:
         """Hand a scan on; whether it is the last that is wanted."""

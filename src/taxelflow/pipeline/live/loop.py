@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import gc
-import signal
-import threading
 import time
 from collections import deque
 from contextlib import contextmanager
@@ -17,6 +15,7 @@ from taxelflow.acquire.metadata import texts_of
 from taxelflow.messages import joined
 from taxelflow.pipeline.live.intake import Intake, block_of
 from taxelflow.pipeline.live.latency import Latencies
+from taxelflow.pipeline.live.signals import Signals
 from taxelflow.pipeline.live.workers import SinkWorker
 from taxelflow.pipeline.result import summarise
 from taxelflow.pipeline.stages import Output
@@ -26,6 +25,7 @@ from taxelflow.publish.summary import Totals
 from taxelflow.runtime.turns import quick_turns
 
 if TYPE_CHECKING:
+    import threading
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from taxelflow.acquire.devices.base import Source
@@ -73,23 +73,28 @@ def run_live(
     limits: Limits,
     method: str = "",
     watch: Callable[[Report], None] | None = None,
+    signals: Signals | None = None,
 ) -> Report:
     """Run a source into sinks until it ends, a limit is reached, or a signal asks for the end.
 
-    live: what estimates; None records only. watch: called several times a second. Raises SourceUnreachable,
-    SinkUnusable, and what the source raises where it cannot go on.
+    The source is opened first: where that fails, no sink has touched its file. live: what estimates; None records only.
+    watch: called several times a second. signals: those that the caller has entered already. Raises SourceUnreachable,
+    SinkUnusable, PortTaken, EndedEarly, and what the source raises where it cannot go on.
     """
-    stop = threading.Event()
+    signals = signals or Signals()
+    stop = signals.asked
     pads = live.pads if live is not None else ()
     head = Head(source.recording.sensor, pads, texts_of(source.recording), source.faults.report)
     workers: list[SinkWorker] = []
     ending = Ending(None, (), failed=True)
-    try:
-        for name, sink in sinks.items():
-            sink.open(head)
-            workers.append(SinkWorker(name, sink, source.faults))
-            workers[-1].start()
-        with source, _undisturbed(), _signals(stop):
+    with signals, _undisturbed(), source:
+        signals.begin()
+        try:
+            for name, sink in sinks.items():
+                sink.open(head)
+                workers.append(SinkWorker(name, sink, source.faults))
+                workers[-1].start()
+            gc.freeze()  # what sinks have imported
             raw = [worker for worker in workers if worker.sink.raw]
             intake = Intake(source, raw, stop, limits.max_scans, estimates=live is not None)
             report = Report(source, intake, workers, pads)
@@ -100,9 +105,10 @@ def run_live(
             found = Ending(None, ()) if estimate is None else estimate.finish()
             if intake.error is None:
                 ending = found
-    finally:
-        for worker in workers:
-            worker.finish(ending)
+        finally:
+            stop.set()
+            for worker in workers:
+                worker.finish(ending)
     if intake.error is not None:
         raise intake.error
     return report
@@ -179,6 +185,7 @@ class _Estimate:
             self._publish(output)
         self._count()
         run = self._live.run
+        run.reading.notes += self._report.intake.timeline.notes
         summary = summarise(self._method, self._live.pipeline, run, self._totals) if self._totals.scans else None
         return Ending(summary, run.patterns)
 
@@ -225,23 +232,3 @@ def _undisturbed() -> Iterator[None]:
             yield
     finally:
         gc.unfreeze()
-
-
-@contextmanager
-def _signals(stop: threading.Event) -> Iterator[None]:
-    """SIGINT and SIGTERM ask for the end; a second SIGINT interrupts."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def ask(number: int, _frame: object) -> None:
-        if stop.is_set() and number == signal.SIGINT:
-            raise KeyboardInterrupt
-        stop.set()
-
-    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

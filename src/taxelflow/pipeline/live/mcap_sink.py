@@ -6,6 +6,7 @@ import io
 import json
 import logging
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,6 +64,9 @@ class McapSink:
 
     def __init__(self, path: Path, *, drawn: bool) -> None:
         self._path, self._wants_drawing = path, drawn
+        self.files = (path,)
+        for module in ("mcap.writer", "rosbags.typesys"):  # once a source is open it must not wait for these
+            import_module(module)
 
     def open(self, head: Head) -> None:
         """See `Sink`."""
@@ -158,4 +162,4 @@ class McapSink:
 def write(address: Address) -> McapSink:
     """`mcap:FILE`; `?draw=0` leaves out the pictures for Foxglove. Raises AddressInvalid."""
     address.check_options(("draw",))
-    return McapSink(Path(address.need_path("mcap:FILE")), drawn=address.choice("draw", ("1", "0")) == "1")
+    return McapSink(address.file_path("mcap:FILE"), drawn=address.choice("draw", ("1", "0")) == "1")

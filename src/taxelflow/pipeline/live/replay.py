@@ -5,11 +5,10 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taxelflow.acquire.devices.base import POLL_S, Arrival, Faults
-from taxelflow.errors import AddressInvalid, NameUnknown
+from taxelflow.errors import AddressInvalid, NameUnknown, SourceUnreachable
 from taxelflow.pipeline import api
 from taxelflow.pipeline.live.adoptions import OPTION, asked_missed
 from taxelflow.simulation.scenario import SCENARIOS
@@ -76,8 +75,8 @@ def replay(address: Address, sensor: Sensor | None) -> Replay:
     Raises what `read` raises, and AddressInvalid.
     """
     address.check_options(("speed", "topic", OPTION))
-    path = address.need_path("replay:FILE?speed=1")
-    recording = api.read(Path(path), sensor, topic=address.options.get("topic"))
+    path = address.file_path("replay:FILE?speed=1")
+    recording = api.read(path, sensor, topic=address.options.get("topic"))
     return _paced(address, recording, asked_missed(address))
 
 
@@ -95,6 +94,8 @@ def rig(address: Address, sensor: Sensor | None) -> Replay:
 def _paced(address: Address, recording: Recording, missed: frozenset[float] = frozenset()) -> Replay:
     speed = address.options.get("speed", "1")
     if speed == "step":
+        if sys.stdin is None:
+            raise SourceUnreachable(address.url, "standard input is closed", 0.0, "give a line for each scan by a pipe")
         return Replay(recording, 0.0, stepped=True, missed=missed)
     if speed == "max":
         return Replay(recording, 0.0, missed=missed)

@@ -83,7 +83,7 @@ class Sink(Protocol):
 
     lossless: nothing is dropped for it. raw: it wants scans as they arrived, too. dropped: what it could not pass on.
     gathers_s: time for which what has come may wait, s, so that more is written at once. One that writes `Update.texts`
-    has an attribute `texts` that is true.
+    has an attribute `texts` that is true, one that writes files an attribute `files`: their paths.
     """
 
     lossless: bool
@@ -92,7 +92,7 @@ class Sink(Protocol):
     gathers_s: float
 
     def open(self, head: Head) -> None:
-        """Open file or port. Raises SinkUnusable."""
+        """Open file or port. Raises SinkUnusable, PortTaken."""
 
     def write_raw(self, scans: RawScans, *, late: bool) -> None:
         """Scans (scans, columns) as the source sent them. late: they came too late to be estimated from."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import socket
 import time
 from collections import deque
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from taxelflow.errors import SinkUnusable
+from taxelflow.errors import PortTaken, SinkUnusable
 from taxelflow.publish.sinks.base import ResultSink
 from taxelflow.publish.sinks.lines import json_lines
 from taxelflow.publish.sinks.patient import PatientFile
@@ -34,6 +36,7 @@ class JsonFile(ResultSink):
 
     def __init__(self, path: str) -> None:
         self._path, self.dropped = path, 0
+        self.files = () if path == "-" else (Path(path),)
 
     def open(self, head: Head) -> None:
         """See `Sink`."""
@@ -116,7 +119,10 @@ class JsonServer(ResultSink):
         try:
             self._server = socket.create_server(self._endpoint)
         except OSError as error:
-            raise SinkUnusable(f"jsonl-listen://{self._endpoint[0]}:{self._endpoint[1]}", str(error)) from error
+            url = f"jsonl-listen://{self._endpoint[0]}:{self._endpoint[1]}"
+            if error.errno == errno.EADDRINUSE:
+                raise PortTaken(url, self._endpoint[1]) from error
+            raise SinkUnusable(url, str(error)) from error
         self._server.setblocking(False)
         host, port = self._server.getsockname()[:2]
         _log.warning("JSON lines at %s:%d", host, port)
@@ -165,7 +171,7 @@ class JsonServer(ResultSink):
 def write(address: Address) -> JsonFile:
     """`jsonl:FILE`, `jsonl:-`. Raises AddressInvalid."""
     address.check_options(())
-    return JsonFile(address.need_path("jsonl:FILE, or jsonl:- for standard output"))
+    return JsonFile(str(address.file_path("jsonl:FILE, or jsonl:- for standard output")))
 
 
 def listen(address: Address) -> JsonServer:

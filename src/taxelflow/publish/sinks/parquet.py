@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import time
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import SinkUnusable
 from taxelflow.messages import joined
-from taxelflow.publish.parquet import ParquetTables
+from taxelflow.publish.parquet import NAMES, ParquetTables
 from taxelflow.publish.sinks.base import ResultSink, Update
+from taxelflow.publish.sinks.patient import opened_alone
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from taxelflow.publish.sinks.base import Ending, Head
     from taxelflow.runtime.addresses import Address
 
@@ -29,17 +32,24 @@ class ParquetSink(ResultSink):
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
+        self.files = tuple(directory / f"{name}.parquet" for name in NAMES)
         self._held: list[Update] = []
         self._written_s = time.monotonic()
+        with suppress(ImportError):  # that takes a second, for which no source must wait once it is open
+            import pandas  # noqa: F401  pyarrow loads it with the first rows
+            import pyarrow.parquet  # noqa: F401
 
     def open(self, head: Head) -> None:
         """See `Sink`. Raises ExtraMissing, too."""
         self._tables = ParquetTables(self._directory, head.pads)
-        with suppress(ImportError):  # pyarrow loads it with the first rows, which takes a second
-            import pandas  # noqa: F401
         try:
             self._directory.mkdir(parents=True, exist_ok=True)
-            self._tables.__enter__()
+            self._lock = opened_alone(self.files[0])  # pyarrow opens its files itself
+            try:
+                self._tables.__enter__()
+            except OSError:
+                os.close(self._lock)
+                raise
         except OSError as error:
             raise SinkUnusable(f"parquet:{self._directory}", error.strerror or str(error)) from error
 
@@ -60,6 +70,7 @@ class ParquetSink(ResultSink):
         if self._held:
             self._write()
         self._tables.__exit__()
+        os.close(self._lock)
 
     def _write(self) -> None:
         whole = joined(self._held)
@@ -70,4 +81,4 @@ class ParquetSink(ResultSink):
 def write(address: Address) -> ParquetSink:
     """`parquet:DIR`. Raises AddressInvalid."""
     address.check_options(())
-    return ParquetSink(Path(address.need_path("parquet:DIR")))
+    return ParquetSink(address.file_path("parquet:DIR"))

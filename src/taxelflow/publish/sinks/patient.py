@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import io
 import os
+import stat
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import SinkUnusable
+
+try:
+    import fcntl
+except ImportError:  # a system without locks of files
+    fcntl = None  # type: ignore[assignment]
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -16,6 +22,28 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 _RETRY_S = 0.2
+
+
+def opened_alone(path: Path | str) -> int:
+    """Descriptor of a file for writing that no other run has open; it is locked until it is closed, and not emptied.
+
+    Raises SinkUnusable.
+    """
+    try:
+        named_pipe = Path(path).is_fifo()  # it opens at once, read or not
+        file = os.open(path, (os.O_RDWR if named_pipe else os.O_WRONLY) | os.O_CREAT, 0o666)
+    except OSError as error:
+        raise SinkUnusable(str(path), error.strerror or str(error)) from error
+    if fcntl is None or not stat.S_ISREG(os.fstat(file).st_mode):
+        return file
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(file)
+        raise SinkUnusable(str(path), "another run writes to it", "choose another file, or end that run") from error
+    except OSError:  # a file system without locks
+        pass
+    return file
 
 
 class PatientFile(io.RawIOBase):
@@ -29,12 +57,10 @@ class PatientFile(io.RawIOBase):
         """path: of the file, or a descriptor. Raises SinkUnusable."""
         super().__init__()
         self._name = "standard output" if isinstance(path, int) else str(path)
-        try:
-            named_pipe = not isinstance(path, int) and Path(path).is_fifo()  # it opens at once, read or not
-            flags = (os.O_RDWR if named_pipe else os.O_WRONLY) | os.O_CREAT | os.O_TRUNC
-            self._file = path if isinstance(path, int) else os.open(path, flags, 0o666)
-        except OSError as error:
-            raise SinkUnusable(self._name, error.strerror or str(error)) from error
+        self._owned = not isinstance(path, int)
+        self._file = path if isinstance(path, int) else opened_alone(path)
+        if self._owned and stat.S_ISREG(os.fstat(self._file).st_mode):
+            os.ftruncate(self._file, 0)
         self._report, self._grace_s = report, grace_s
         self._failing = False
         self._at = 0
@@ -85,6 +111,6 @@ class PatientFile(io.RawIOBase):
         if not self.closed:
             if self.lost:
                 self._report("lost", f"{self.lost} bytes could not be written to {self._name}")
-            if self._file > 2:
+            if self._owned:
                 os.close(self._file)
         super().close()

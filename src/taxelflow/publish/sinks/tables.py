@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import SinkUnusable
 from taxelflow.publish.sinks.base import ResultSink
 from taxelflow.publish.sinks.patient import PatientFile
-from taxelflow.publish.tables import Tables
+from taxelflow.publish.tables import FILES, Tables
 
 if TYPE_CHECKING:
     from taxelflow.publish.sinks.base import Ending, Head, Update
@@ -27,14 +27,15 @@ class TablesSink(ResultSink):
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
-        self._files: list[PatientFile] = []
+        self.files = tuple(directory / name for name in FILES)
+        self._opened: list[PatientFile] = []
 
     def open(self, head: Head) -> None:
         """See `Sink`."""
 
         def opened(path: Path) -> io.TextIOWrapper:
             file = PatientFile(path, head.report)
-            self._files.append(file)
+            self._opened.append(file)
             return io.TextIOWrapper(io.BufferedWriter(file), newline="", encoding="utf-8")
 
         self._tables = Tables(self._directory, head.pads, opened)
@@ -53,7 +54,7 @@ class TablesSink(ResultSink):
 
     def hurry(self) -> None:
         """See `Sink`."""
-        for file in self._files:
+        for file in self._opened:
             file.give_up()
 
     def close(self, ending: Ending) -> None:
@@ -70,4 +71,4 @@ class TablesSink(ResultSink):
 def write(address: Address) -> TablesSink:
     """`tables:DIR`. Raises AddressInvalid."""
     address.check_options(())
-    return TablesSink(Path(address.need_path("tables:DIR")))
+    return TablesSink(address.file_path("tables:DIR"))

@@ -1,0 +1,109 @@
+"""Sources of bytes: how they open, what they refuse, and who may send."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from msgspec.structs import replace
+
+from streaming import PALM, SCANS, awaited, connected, free_port, lines, opened, published, running, slid
+from taxelflow.acquire.devices import tcp
+from taxelflow.errors import AddressInvalid, PortTaken, SourceUnreachable
+from taxelflow.messages import RawScans
+from taxelflow.pipeline.live.loop import Limits
+from taxelflow.sensors.frame import Frame
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from taxelflow.sensors.sensor import Sensor
+
+FRAMED = replace(PALM, frame=Frame("AA55"), name="framed")
+
+
+@pytest.mark.parametrize(("kind", "scheme"), [(socket.SOCK_STREAM, "tcp-listen"), (socket.SOCK_DGRAM, "udp-listen")])
+def test_a_port_that_is_taken_is_named(kind: Any, scheme: str) -> None:
+    with socket.socket(socket.AF_INET, kind) as other:
+        other.bind(("127.0.0.1", 0))
+        if kind == socket.SOCK_STREAM:
+            other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(PortTaken, match=f"port {port} is taken by another program; choose another port"):
+            opened(f"{scheme}://127.0.0.1:{port}").__enter__()
+
+
+def test_an_address_of_another_computer_is_refused_without_a_hint_to_wait() -> None:
+    with pytest.raises(SourceUnreachable, match=r"192\.0\.2\.1:5000: .*; check the address$"):
+        opened("tcp-listen://192.0.2.1:5000").__enter__()
+
+
+@pytest.mark.parametrize("url", ["stdin:", "replay:{}/a.npz?speed=step"])
+def test_standard_input_that_is_closed_is_refused(
+    url: str, tmp_path: Path, stroke: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from taxelflow import convert
+
+    convert(stroke, tmp_path / "a.npz")
+    monkeypatch.setattr(sys, "stdin", None)
+    with pytest.raises(SourceUnreachable, match="standard input is closed"):
+        opened(url.format(tmp_path)).__enter__()
+
+
+@pytest.mark.parametrize(("unit", "per_s"), [("s", 1.0), ("ms", 1e3), ("us", 1e6)])
+def test_lines_have_their_times_in_the_unit_that_is_given(unit: str, per_s: float, tmp_path: Path) -> None:
+    scans, port = slid(), free_port()
+    sent = RawScans(scans.t_s * per_s, scans.values)
+    with (
+        running(f"tcp-listen://127.0.0.1:{port}?time-unit={unit}", f"jsonl:{tmp_path}/a.jsonl") as reports,
+        connected(port) as device,
+    ):
+        device.sendall(b"".join(lines(sent)))
+    assert [row["t_s"] for row in published(tmp_path / "a.jsonl")] == pytest.approx(scans.t_s)
+    assert not reports[0].source.faults.counts
+
+
+@pytest.mark.parametrize(
+    ("url", "sensor", "words"),
+    [
+        ("tcp://127.0.0.1:5?time-unit=min", PALM, "time-unit=s or ms or us or ns"),
+        ("tcp://127.0.0.1:5?time-unit=ms", FRAMED, "for lines with a time only"),
+        ("tcp://127.0.0.1:5?time-unit=ms&time=arrival", PALM, "for lines with a time only"),
+        ("xela://127.0.0.1:5?time-unit=ms", PALM, "unknown option 'time-unit'"),
+        ("udp-listen://127.0.0.1:5?keep=1", PALM, "unknown option 'keep'; give options: format, time, time-unit, tim"),
+    ],
+)
+def test_a_unit_where_no_line_has_a_time_is_refused(url: str, sensor: Sensor, words: str) -> None:
+    with pytest.raises(AddressInvalid, match=words):
+        opened(url, sensor)
+
+
+def test_a_client_that_is_silent_gives_way_to_another_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tcp, "_SILENT_S", 0.0)
+    port, scans = free_port(), slid()
+    limits = Limits(max_scans=SCANS, duration_s=20.0)
+    with (
+        running(f"tcp-listen://127.0.0.1:{port}", f"jsonl:{tmp_path}/a.jsonl", limits=limits) as reports,
+        connected(port) as lost,
+    ):
+        lost.sendall(b"".join(lines(scans)[:30]))
+        with connected(port) as device:
+            device.sendall(b"".join(lines(scans)[30:]))
+        awaited(lambda: reports != [])
+    assert [row["t_s"] for row in published(tmp_path / "a.jsonl")] == scans.t_s.tolist()
+    assert dict(reports[0].source.faults.counts) == {"connection lost": 1, "connected again": 1}
+
+
+def test_a_client_that_sends_keeps_another_one_waiting(tmp_path: Path) -> None:
+    port, scans = free_port(), slid()
+    with (
+        running(f"tcp-listen://127.0.0.1:{port}", f"jsonl:{tmp_path}/a.jsonl") as reports,
+        connected(port) as first,
+        connected(port) as other,
+    ):
+        other.sendall(b"".join(lines(scans)[:5]))
+        first.sendall(b"".join(lines(scans)))
+    assert len(published(tmp_path / "a.jsonl")) == SCANS
+    assert not reports[0].source.faults.counts
