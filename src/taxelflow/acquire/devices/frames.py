@@ -150,7 +150,7 @@ class FrameParser:
         return self._unwrapped(ticks, form.clock.wraps) * form.clock.unit_s, values
 
     def _unwrapped(self, ticks: float, span: float) -> float:
-        """Ticks of a clock that has wrapped so many times; a frame that a wrap has overtaken is of the time before."""
+        """Ticks with all wraps of the clock added. A frame that arrives after a later one may be from before a wrap."""
         low, high = _EDGE * span, (1.0 - _EDGE) * span
         if span and self._wraps and self._last_ticks < low and ticks >= high:
             return (self._wraps - 1) * span + ticks

@@ -38,9 +38,9 @@ class _Clock:
     alike_ratio: float = 2.0
     """A step of at most this many usual ones is no jump, however soon the scan comes."""
     gap_ratio: float = 3.0
-    """A step longer than this many usual ones, the median of the last ones, is a gap;"""
+    """A step longer than this many usual ones, the median of the last ones, is a gap."""
     set_back_ratio: float = 4.0
-    """... and of so many is the one at which a scan follows a clock set back."""
+    """A scan after a clock set back follows by this many usual steps, and so after a gap."""
     unknown_s: float = 1.0
     """That step, if none is known yet."""
     steps: int = 15

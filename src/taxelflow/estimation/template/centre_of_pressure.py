@@ -175,9 +175,7 @@ class Centres(NamedTuple):
 
     def arm(self, states: Floats, trust: Floats) -> Floats:
         """(2,), from the origin of a body at states (scans, 3 or more) to where its centre lies on average."""
-        cos, sin = np.cos(states[:, 2]), np.sin(states[:, 2])
-        x, y = (self.place - states[:, :2]).T
-        own = np.stack([cos * x + sin * y, cos * y - sin * x], axis=1)
+        own = _in_body(self.place, states)
         average: Floats = np.average(own[self.known], axis=0, weights=trust[self.known])
         return average
 
@@ -191,11 +189,7 @@ class Centres(NamedTuple):
         found = np.empty((len(scanned), 11))
         _centres(replace(scanned, readings=solved.fit.model).with_error(0.0), scanned.edge, 0.0, found)
         states = solved.states
-        angle = states_of(states).theta
-        cos, sin = np.cos(angle), np.sin(angle)
-        x, y = (found[:, :2] - states[:, :2]).T
-        inside = np.stack([cos * x + sin * y, cos * y - sin * x], axis=1)
-        own = np.linalg.inv(solved.fit.information + 1e-9 * np.eye(STATE))
+        inside, own = _in_body(found[:, :2], states), _own_covariance(solved)
         known, spread = self.known & (found[:, 3] > 0), own[:, 0, 0] + own[:, 1, 1] + self.spread
         leaps = np.hypot(*np.diff(states[:, :2], axis=0).T) > _LEAP
         run = np.concatenate([[0], np.cumsum(leaps)])
@@ -208,13 +202,29 @@ class Centres(NamedTuple):
                 reference = np.average(inside, axis=0, weights=weights)
                 off = np.where(own_run[:, np.newaxis], inside - reference, off)
             middle = reference if number == most else middle
-        x, y = cos * off[:, 0] - sin * off[:, 1], sin * off[:, 0] + cos * off[:, 1]
-        shift = np.stack([x, y], axis=1)
+        shift = _turned(off, states_of(states).theta)
         doubts = self.covariance + own[:, [0, 0, 1], [0, 1, 1]]
         shift *= _sure_shares(shift, doubts)[:, np.newaxis]
         x, y = shift.T
         doubted = self.covariance + np.stack([x * x, x * y, y * y], axis=1)
         return Centres(self.place - shift, doubted, self.known), middle
+
+
+def _in_body(places: Floats, states: Floats) -> Floats:
+    """(scans, 2), places (scans, 2) in the frame of a body at states (scans, 3 or more)."""
+    return _turned(places - states[:, :2], -states[:, 2])
+
+
+def _turned(arms: Floats, angles: Floats) -> Floats:
+    """(scans, 2), arms (scans, 2) turned by angles (scans,)."""
+    (x, y), cos, sin = arms.T, np.cos(angles), np.sin(angles)
+    turned: Floats = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+    return turned
+
+
+def _own_covariance(solved: Solved) -> Floats:
+    """(scans, 5, 5), of the states of a solved contact on its map."""
+    return np.asarray(np.linalg.inv(solved.fit.information + 1e-9 * np.eye(STATE)), np.float64)
 
 
 def _sure_shares(shift: Floats, doubts: Floats) -> Floats:
@@ -239,7 +249,7 @@ def anchor_of(solved: Solved, scanned: Scanned, tilt: float) -> Anchor | None:
     if scanned.across.any() or not centres.known.any():
         return None
     centres, inside = centres.uncut(solved, scanned)
-    own = np.linalg.inv(solved.fit.information + 1e-9 * np.eye(STATE))
+    own = _own_covariance(solved)
     trust = 1.0 / (own[:, 0, 0] + own[:, 1, 1] + centres.spread)
     variance = np.average(0.5 * centres.spread[centres.known], weights=trust[centres.known])
     return Anchor(centres.arm(solved.states, trust), float(variance), inside)
@@ -250,8 +260,8 @@ def witnessed(
 ) -> Poses:
     """Poses with the centre of pressure of each scan as a second witness.
 
-    edge, tilt: see `Centres`. solved: of which the poses are. The body's point that the centre follows is
-    where it lies on average.
+    edge, tilt: see `Centres`. solved: the contact whose poses they are; None if it has no single map. The body's point
+    that the centre follows is where it lies on average.
     """
     centres = Centres.of(scanned, edge, tilt)
     if solved is not None:
@@ -264,9 +274,7 @@ def witnessed(
     state = np.column_stack([poses.pose[:, :2] / pitch_m, np.nan_to_num(poses.pose[:, 2])])
     own = np.trace(poses.covariance[:, :2, :2], axis1=1, axis2=2) / pitch_m**2
     arm = centres.arm(state, 1.0 / (own + centres.spread))
-    cos, sin = np.cos(state[:, 2]), np.sin(state[:, 2])
-    turned = np.stack([cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1]], axis=1)
-    apart = centres.place - turned - state[:, :2]
+    apart = centres.place - _turned(np.tile(arm, (len(state), 1)), state[:, 2]) - state[:, :2]
     pose, covariance = poses.pose.copy(), poses.covariance.copy()
     shared = np.zeros_like(covariance) + poses.shared
     weight, shown = np.zeros((2, 2)), np.isfinite(poses.pose[:, 2])

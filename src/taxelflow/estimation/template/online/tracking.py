@@ -184,7 +184,7 @@ def _bend(m: Track, delay: Floats) -> Floats:
 
 @lean_kernel
 def _add_lag(bend: Floats, scan: PadScan, m: Track) -> None:
-    """Add to m.shift, a place that taxels show which are read at once, how far the object goes until they are read."""
+    """Add to m.shift, a place as if all taxels were read at once, the object's mean motion until they are read."""
     load = dx = dy = 0.0
     for i in range(bend.shape[1]):
         reading = scan.reading[i] if scan.variance[i] > 0.0 and scan.reading[i] > 0.0 else 0.0

@@ -58,8 +58,8 @@ def put_on_average(m: Track, anchor: Anchor) -> None:
 
 
 def keep_shift(m: Track, middle: Floats) -> None:
-    """Go on with a pattern that is begun with the last scan, whose centre of pressure is at `middle` (2,): what the
-    border has moved that by, the pattern does not show.
+    """Keep the shift by the border on a new pattern of the last scan alone, which does not show it. middle: (2,), the
+    centre of pressure of that scan.
     """
     if not np.isnan(m.inside).any():
         m.inside[:] = turned_by(middle - m.state[:2] - m.shift, m.theta_0 - float(state_of(m.state).theta))
