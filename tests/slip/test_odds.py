@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from restless import held, slide
+from restless import SENSOR, held, slide
+from taxelflow.evaluation.slip_scoring import still_slips
+from taxelflow.messages import AMBIGUOUS, OK
 from taxelflow.pipeline import api
 from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
 from taxelflow.slip.pattern_change import BASELINE_BINS, PatternChanges, PatternWatch
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Slips
+
+PITCH_M = SENSOR.layout.pitch_m
 
 
 @pytest.fixture(scope="module")
@@ -25,11 +33,18 @@ def changes() -> dict[int, PatternChanges]:
     return {after: watch.step(scans) for after, watch in watches.items()}
 
 
-def odds_of(watch: LiveOdds | OfflineOdds, changes: PatternChanges, size: int) -> Odds:
+def at_rest(changes: PatternChanges, quality: int) -> Slips:
+    """Poses of this quality that stay, known to 0.1 mm."""
+    slips = still_slips(changes.t_s, np.zeros((len(changes), 3)), np.full(3, 1e-4), np.full(3, np.nan))
+    covariance = np.broadcast_to(1e-8 * np.eye(3), slips.covariance.shape)
+    return replace(slips, covariance=covariance, quality=np.full_like(slips.quality, quality))
+
+
+def odds_of(watch: LiveOdds | OfflineOdds, changes: PatternChanges, size: int, quality: int = AMBIGUOUS) -> Odds:
     parts = []
     for start in range(0, len(changes), size):
         own = PatternChanges(*(getattr(changes, field.name)[start : start + size] for field in fields(changes)))
-        parts.append(watch.step(np.zeros_like(own.touching), own))
+        parts.append(watch.step(np.zeros_like(own.touching), at_rest(own, quality), own))
     parts.append(watch.finish())
     return Odds(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Odds)))
 
@@ -39,13 +54,13 @@ def test_odds_soon_are_the_highest_of_those_within_half_a_second_and_of_longer_b
 ) -> None:
     whole = changes[AFTER_BINS]
     without = replace(whole, longer=np.full_like(whole.longer, np.nan))
-    odds, t_s = odds_of(OfflineOdds(1), without, 7), whole.t_s
+    odds, t_s = odds_of(OfflineOdds(PITCH_M), without, 7), whole.t_s
     now, soon = odds.log_odds[:, 0], odds.soon[:, 0]
     assert (soon >= now)[~np.isnan(now)].all()
     begin = int(np.argmax(now > 0))
     assert (soon[(t_s < t_s[begin] - 0.05) & (t_s > t_s[begin] - 0.45)] > 0).all()
     assert (soon[(t_s < t_s[begin] - 0.7) & (t_s > t_s[begin] - 1.5)] < 0).all()
-    longer = odds_of(OfflineOdds(1), whole, 7).soon[:, 0]
+    longer = odds_of(OfflineOdds(PITCH_M), whole, 7).soon[:, 0]
     assert (longer >= soon)[~np.isnan(soon)].all()
     assert (longer[(t_s < t_s[begin] - 0.05) & (t_s > t_s[begin] - 1.9)] > 0).all()
     assert (longer[(t_s < t_s[begin] - 2.4) & (t_s > t_s[begin] - 4.0)] < 0).all()
@@ -53,12 +68,22 @@ def test_odds_soon_are_the_highest_of_those_within_half_a_second_and_of_longer_b
 
 @pytest.mark.parametrize("size", [1, 400])
 def test_they_do_not_depend_on_the_blocks(changes: dict[int, PatternChanges], size: int) -> None:
-    first, second = (odds_of(OfflineOdds(1), changes[AFTER_BINS], each) for each in (13, size))
+    first, second = (odds_of(OfflineOdds(PITCH_M), changes[AFTER_BINS], each) for each in (13, size))
     for field in fields(Odds):
         np.testing.assert_array_equal(getattr(first, field.name), getattr(second, field.name))
 
 
 def test_a_stream_does_not_look_ahead(changes: dict[int, PatternChanges]) -> None:
-    odds = odds_of(LiveOdds(1), changes[LIVE_AFTER_BINS], 7)
+    odds = odds_of(LiveOdds(PITCH_M), changes[LIVE_AFTER_BINS], 7)
     np.testing.assert_array_equal(odds.log_odds, odds.soon)
     assert np.nanmax(odds.log_odds) > 0
+
+
+@pytest.mark.parametrize("after", [LIVE_AFTER_BINS, AFTER_BINS])
+def test_a_pattern_that_changes_is_no_slip_where_precise_poses_stay(
+    changes: dict[int, PatternChanges], after: int
+) -> None:
+    watch = LiveOdds if after == LIVE_AFTER_BINS else OfflineOdds
+    vague, precise = (odds_of(watch(PITCH_M), changes[after], 7, quality) for quality in (AMBIGUOUS, OK))
+    assert np.nanmax(vague.log_odds) > 0
+    assert np.nanmax(precise.log_odds) < 0

@@ -28,6 +28,8 @@ _SPREAD = 0.6
 """Standard deviation of the logarithm of an unexplained change."""
 _CORRELATION = 0.3
 """Of these logarithms of pattern and shear: what disturbs one disturbs the other."""
+AT_REST = -0.5 * float(np.log(_SLIP_FACTOR) / _SPREAD) ** 2
+"""Log likelihood ratio of a change of the pattern as it is at rest."""
 _LARGEST_RATIO = 10.0
 """Upper limit of a log likelihood ratio: a bin is no proof."""
 REST_S, SLIDE_S = 5.0, 0.7

@@ -10,6 +10,7 @@ import numpy as np
 
 from taxelflow.messages import joined
 from taxelflow.slip.evidence import (
+    AT_REST,
     REST_CHANGE,
     REST_EXPONENT,
     REST_S,
@@ -21,11 +22,12 @@ from taxelflow.slip.evidence import (
     updated,
 )
 from taxelflow.slip.pattern_change import BASELINE_BINS, BEFORE_BINS, BIN_S
+from taxelflow.slip.pose_rest import PoseRest
 from taxelflow.slip.restless import RestlessPads
 from taxelflow.slip.shear_rest import ShearRest
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Bools, Floats
+    from taxelflow.messages import Bools, Floats, Slips
     from taxelflow.slip.pattern_change import PatternChanges
 
 AGAINST = log(SLIDE_S / REST_S)
@@ -71,15 +73,17 @@ class _Bin:
 class _Forward:
     """Odds after each bin, and which pads are restless."""
 
-    def __init__(self, pads: int, after: int, longer: int = 0) -> None:
-        """longer: number of longer baselines."""
-        self._restless, self._shear = RestlessPads(pads, BEFORE_BINS + 1 + after), ShearRest(pads)
+    def __init__(self, pitch_m: Floats, after: int, longer: int = 0) -> None:
+        """pitch_m: (pads, 2). longer: number of longer baselines."""
+        pads, window = len(pitch_m), BEFORE_BINS + 1 + after
+        self._restless, self._shear = RestlessPads(pads, window), ShearRest(pads)
+        self._pose = PoseRest(pitch_m, window)
         self._slipped = np.zeros(pads, dtype=np.bool_)
         nothing = np.full(pads, np.nan)
         untouched = np.zeros(pads, dtype=np.bool_)
         self.last = _Bin(-np.inf, nothing, untouched, np.zeros(pads), untouched, np.full((pads, longer), np.nan))
 
-    def step(self, slipping: Bools, changes: PatternChanges) -> list[tuple[int, _Bin]]:
+    def step(self, slipping: Bools, slips: Slips, changes: PatternChanges) -> list[tuple[int, _Bin]]:
         """Bins that are judged in these scans, each with the scan. slipping: (scans, pads), by the pose."""
         found, start = [], 0
         for scan, since_s in enumerate(changes.centre_s.tolist()):
@@ -93,6 +97,8 @@ class _Forward:
             self._restless.update(slipped, changes, scan, ratio)
             if np.isfinite(changes.spread[scan]).any():
                 ratio = self._joint(changes, scan, ratio, usual)
+            rests = self._pose.step(slips, scan, slipped)
+            ratio = np.where(rests, np.fmin(ratio, AT_REST), ratio)
             self._slipped, start = np.zeros_like(slipped), scan + 1
             odds = updated(self.last.odds, ratio, touching, since_s - self.last.since_s)
             longer = self._by_longer(changes.longer[scan])
@@ -123,15 +129,16 @@ class _Forward:
 class LiveOdds:
     """Each scan has the odds of the last bin that was judged."""
 
-    def __init__(self, pads: int) -> None:
-        self._forward = _Forward(pads, LIVE_AFTER_BINS)
+    def __init__(self, pitch_m: Floats) -> None:
+        """pitch_m: (pads, 2)."""
+        self._forward = _Forward(pitch_m, LIVE_AFTER_BINS)
         self._logged = self._forward.last, _log(self._forward.last)
 
-    def step(self, slipping: Bools, changes: PatternChanges) -> Odds:
+    def step(self, slipping: Bools, slips: Slips, changes: PatternChanges) -> Odds:
         """Odds of these scans. slipping: (scans, pads), by the pose."""
         log_odds, restless = np.empty(slipping.shape), np.empty_like(slipping)
         start, last = 0, self._forward.last
-        for scan, one in [*self._forward.step(slipping, changes), (len(slipping), None)]:
+        for scan, one in [*self._forward.step(slipping, slips, changes), (len(slipping), None)]:
             if self._logged[0] is not last:  # it holds for many scans
                 self._logged = last, _log(last)
             log_odds[start:scan], restless[start:scan] = self._logged[1], last.restless
@@ -147,15 +154,16 @@ class LiveOdds:
 class OfflineOdds:
     """Each scan has the odds of its bin by the bins before and after, 2 to 4 s late."""
 
-    def __init__(self, pads: int) -> None:
-        self._forward = _Forward(pads, AFTER_BINS, len(BASELINE_BINS))
+    def __init__(self, pitch_m: Floats) -> None:
+        """pitch_m: (pads, 2)."""
+        self._forward = _Forward(pitch_m, AFTER_BINS, len(BASELINE_BINS))
         self._bins: list[_Bin] = []  # not given yet, after the last one that was
         self._given = self._forward.last
         self._t = np.zeros(0)  # of the scans held
 
-    def step(self, slipping: Bools, changes: PatternChanges) -> Odds:
+    def step(self, slipping: Bools, slips: Slips, changes: PatternChanges) -> Odds:
         """Odds of the oldest scans, as many as are known. slipping: (scans, pads), by the pose."""
-        self._bins += [one for _, one in self._forward.step(slipping, changes)]
+        self._bins += [one for _, one in self._forward.step(slipping, slips, changes)]
         self._t = np.concatenate([self._t, changes.t_s])
         parts = [self._chunk([], 0, -np.inf)]
         while len(self._bins) >= 2 * _CHUNK_BINS:

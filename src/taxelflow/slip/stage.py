@@ -63,7 +63,7 @@ class SlipStage:
         bins = (LIVE_AFTER_BINS, ()) if stream else (AFTER_BINS, BASELINE_BINS)
         self._watch = PatternWatch(layout, creep_m_s, *bins)
         self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)
-        self._odds = LiveOdds(len(pads)) if stream else OfflineOdds(len(pads))
+        self._odds = (LiveOdds if stream else OfflineOdds)(layout.pitch_m)
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
         self._verdict = Verdict(layout, stream=stream)
         self._completed = SlipEvents(pads, stream=stream)
@@ -96,13 +96,17 @@ class SlipStage:
         return self._judge(self._detector.finish(), last=True)
 
     def _judge(self, detected: Detected, *, last: bool) -> Judged:
-        posed = detected.slipping
+        posed, first = detected.slipping, sum(map(len, self._posed))
         self._posed.append(posed)
         self._statistics.append(detected.statistic)
         self._events += detected.events
         parts = []
         if len(posed):
-            parts.append(self._odds.step(posed, self._taken(len(posed))))
+            self._slips = [joined(self._slips)]
+            of_posed = self._slips[0]
+            if len(of_posed) > len(posed):  # a stream holds nothing back, and copies nothing
+                of_posed = cut(of_posed, first, first + len(posed))
+            parts.append(self._odds.step(posed, of_posed, self._taken(len(posed))))
         if last:
             parts.append(self._odds.finish())
         count = sum(map(len, parts))
@@ -113,7 +117,7 @@ class SlipStage:
         slips = joined(self._slips)
         flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
         statistics = self._statistics[0] if len(self._statistics) == 1 else np.concatenate(self._statistics)
-        left = len(slips) > count  # a stream holds nothing back, and copies nothing
+        left = len(slips) > count
         self._slips = [cut(slips, count, len(slips))] if left else []
         self._posed = [flags[count:]] if len(flags) > count else []
         self._statistics = [statistics[count:]] if len(statistics) > count else []
