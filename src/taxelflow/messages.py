@@ -8,7 +8,7 @@ Unknown numbers are NaN. Three components are always in the order (x, y, theta),
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import nan
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -131,16 +131,19 @@ class Scans:
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """Contact, border and load per scan and pad, which depend on scan and layout only.
+    """Contact, border, load and unseen error per scan and pad, which depend on scan and layout only.
 
     t_s: (scans,). contact: (scans, pads). border: (scans, pads, 2), whether a loaded taxel lies at a border of the pad
     that faces x (left, right), y. load: (scans, pads), sum of the pad's pressures, Pa (counts without a scale).
+    unseen: (scans, pads, 3, 3), covariance of a pose by what the sensor does not show; None if the sensor declares no
+    unseen error, or the method allows for it.
     """
 
     t_s: Floats
     contact: Bools
     border: Bools
     load: Floats
+    unseen: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -156,7 +159,8 @@ class Estimates:
     disturbance: (scans, pads), for methods without direction: evidence of slip in standard deviations of noise.
     quality: (scans, pads), index in `QUALITY` where the method itself judges its pose, such as AMBIGUOUS for a
     direction that it cannot observe; NO_POSE elsewhere, and the pipeline judges: ambiguous where the contact is cut by
-    the pad's border, else ok.
+    the pad's border, else ok. unseen: (scans, pads, 3, 3), what summed steps add to the covariance by errors that the
+    sensor does not show; None elsewhere.
     """
 
     t_s: Floats
@@ -168,6 +172,7 @@ class Estimates:
     lag_s: Floats
     disturbance: Floats
     quality: Bytes
+    unseen: Floats | None = None
 
     @classmethod
     def unknown(cls, scans: Scans) -> Estimates:
@@ -201,7 +206,8 @@ class Slips:
     span_s: (scans, pads), duration of the displacement, s. lag_s: (scans, pads), age of the pose at t_s, s.
     load: (scans, pads), sum of the pad's pressures, Pa (counts for a sensor without a scale).
     disturbance: (scans, pads), for methods without direction: evidence of slip in standard deviations of noise; NaN for
-    all others. quality: (scans, pads), index in `QUALITY`.
+    all others. quality: (scans, pads), index in `QUALITY`. unseen: (scans, pads, 3, 3), what errors that the sensor
+    does not show add to the covariance, which is by noise alone then; None if that holds them: see `whole`.
     """
 
     t_s: Floats
@@ -216,6 +222,7 @@ class Slips:
     load: Floats
     disturbance: Floats
     quality: Bytes
+    unseen: Floats | None = None
 
     @classmethod
     def of(cls, footprint: Footprint, estimates: Estimates) -> Slips:
@@ -233,7 +240,14 @@ class Slips:
             load=footprint.load,
             disturbance=_in_order(estimates.disturbance),
             quality=np.array(estimates.quality, dtype=np.uint8),
+            unseen=_sum(footprint.unseen, estimates.unseen),
         )
+
+    def whole(self) -> Slips:
+        """The same with a covariance that holds unseen errors."""
+        if self.unseen is None:
+            return self
+        return replace(self, covariance=self.covariance + self.unseen, unseen=None)
 
     @property
     def velocity(self) -> Floats:
@@ -460,6 +474,13 @@ def cut(block: Block, start: int, stop: int) -> Block:
     kind, scans = type(block), slice(start, stop)
     names = kind.__match_args__  # of the dataclass; `fields` builds its answer each time
     return kind(*(part if (part := getattr(block, name)) is None or name in _SHARED else part[scans] for name in names))
+
+
+def _sum(first: Floats | None, second: Floats | None) -> Floats | None:
+    """Of what is known."""
+    if first is None or second is None:
+        return second if first is None else first
+    return first + second
 
 
 def _in_order(array: Floats) -> Floats:

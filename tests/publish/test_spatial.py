@@ -85,6 +85,7 @@ def update() -> Update:
         **{
             field.name: np.zeros((3, *getattr(slips, field.name).shape[1:]), getattr(slips, field.name).dtype)
             for field in fields(slips)
+            if getattr(slips, field.name) is not None
         },
     )
     planar = RigidField().start(Sensor(name="two", unit="Pa", pads=(pad("left"), pad("right"))).layout)

@@ -66,6 +66,14 @@ class Background(Protocol):
         ...
 
 
+@runtime_checkable
+class SkinAware(Protocol):
+    """A session whose covariance holds the sensor's `unseen_error`. To that of any other the pipeline adds it."""
+
+    holds_unseen_error: bool
+    """True; a class attribute will do."""
+
+
 class Estimator(Protocol):
     """Parameters of a method: a frozen dataclass in a module that imports neither NumPy nor numba."""
 

@@ -1,4 +1,7 @@
-"""Estimates become slips: contact, border, load and the quality of cut contacts are no duty of a method."""
+"""Estimates become slips: what depends on scan and layout only is no duty of a method.
+
+That is contact, border, load, the quality of cut contacts, and the error that a sensor does not show.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.errors import EstimatorBroken
+from taxelflow.estimation.base import SkinAware
+from taxelflow.estimation.unseen_error import UnseenError
 from taxelflow.messages import AMBIGUOUS, NO_POSE, OK, Bools, Bytes, Floats, Footprint, Slips, cut, joined, no_scans
 from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.border import Boundary
@@ -27,6 +32,8 @@ class SlipsSession:
 
     def __init__(self, session: EstimatorSession, layout: Layout) -> None:
         self._session, self._boundary = session, Boundary(layout)
+        aware = isinstance(session, SkinAware) and session.holds_unseen_error
+        self._unseen = UnseenError(layout) if layout.unseen_error and not aware else None
         self._none = self._footprint(no_scans(layout.entries, len(layout.pads)))  # compiles the kernels
         pads = self._none.border.shape
         judge_cut(np.zeros((*pads[:2], 3)), self._none.border, np.zeros(pads[:2], np.uint8))
@@ -43,7 +50,8 @@ class SlipsSession:
 
     def _footprint(self, scans: Scans) -> Footprint:
         border, load = self._boundary.step(scans)
-        return Footprint(scans.t_s, scans.contact, border, load)
+        unseen = None if self._unseen is None else self._unseen.of(scans)
+        return Footprint(scans.t_s, scans.contact, border, load, unseen)
 
     def _completed(self, estimates: Estimates) -> Slips:
         footprint, count = joined(self._held or [self._none]), len(estimates)

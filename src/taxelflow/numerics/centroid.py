@@ -12,6 +12,8 @@ from taxelflow.runtime.compiling import inlined, kernel
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
+CELL_ERROR = 0.2
+"""Standard deviation of a reading as a share of it: that of a gain anywhere from two to four thirds."""
 _LOADED_VARIANCES = 16.0
 """A reading belongs to the contact if its square exceeds this many times its variance: 4 standard deviations ..."""
 _LOADED_SHARE = 0.05

@@ -260,6 +260,7 @@ class Run:
                 yield replace(self._nothing, events=judged.events)
             return
         slips, self._estimated = _split(self._estimated, len(judged))
+        slips = slips.whole()  # slips are detected by what noise does, poses used with all that they may be wrong by
         contacts, self._segmented = _split(self._segmented, len(judged))
         texture, self._textures = _split(self._textures, len(judged))
         motions = self._fuse.step(slips, contacts.centroid, texture)

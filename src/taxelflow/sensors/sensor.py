@@ -63,7 +63,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash
     """Factor from a number of the shear axes to `unit`."""
     unseen_error: Annotated[float, Meta(ge=0, le=1)] = 0.05
     """Share of a contact's largest reading by which readings may be wrong unseen (hysteresis, creep, gain errors);
-    the least error that the covariance of a learned template allows for. 0 for a sensor without them."""
+    the least error that covariances of poses allow for. 0 for a sensor without them."""
     hand: Hand | None = None
     """Kinematics of the hand, if pads are on moving links."""
     channels: Channels | None = None

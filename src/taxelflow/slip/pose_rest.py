@@ -37,7 +37,7 @@ class PoseRest:
         """
         known = (slips.quality[scan] == OK) & ~slipped
         place_m = np.where(known[:, np.newaxis], slips.pose[scan, :, :2], np.nan)
-        variance = slips.covariance[scan]
+        variance = slips.covariance[scan] if slips.unseen is None else slips.covariance[scan] + slips.unseen[scan]
         xx, xy, yy = variance[:, 0, 0], variance[:, 0, 1], variance[:, 1, 1]
         largest = 0.5 * (xx + yy + np.hypot(xx - yy, 2 * xy))
         self._poses.append((place_m, np.sqrt(largest)))

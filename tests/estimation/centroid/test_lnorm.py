@@ -9,7 +9,7 @@ from taxelflow.estimation.centroid.lnorm import LNorm
 from taxelflow.messages import Floats, Slips
 
 PITCH = (0.01, 0.006)
-PALM = grid_sensor(4, 7, pitch_m=PITCH)
+PALM = grid_sensor(4, 7, pitch_m=PITCH, unseen_error=0.0)
 TWO = grid_sensor(4, 7, pads=2)
 
 
@@ -119,6 +119,19 @@ def test_jumps_of_a_tie_fit_their_standard_deviation() -> None:
     slips = one_pad(*values, noise=100.0)
     predicted = np.sqrt(np.mean(slips.displacement_covariance[1:, 0, 0, 0]))
     assert 0.5 < slips.displacement[1:, 0, 0].std() / predicted < 1.5
+
+
+def test_gains_of_taxels_tie_a_pose_but_no_displacement() -> None:
+    scan = peak(1, 3, 1e6) + peak(1, 4, 9e5)
+    clear, tied = (
+        slips_by("lnorm", sensor, scans_of(sensor, np.array([scan, scan]), noise=1.0))
+        for sensor in (PALM, grid_sensor(4, 7, pitch_m=PITCH))
+    )
+    assert clear.covariance[1, 0, 0, 0] == pytest.approx(PITCH[0] ** 2 / 12)
+    assert tied.covariance[1, 0, 0, 0] > PITCH[0] ** 2 / 6
+    np.testing.assert_array_equal(
+        clear.displacement_covariance[1, 0, :2, :2], tied.displacement_covariance[1, 0, :2, :2]
+    )
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.05])

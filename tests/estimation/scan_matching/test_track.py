@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from compiled import compiled
 from taxelflow.estimation.scan_matching.track import (
@@ -50,14 +51,26 @@ def test_the_pose_has_an_error_of_3_percent_of_its_path() -> None:
     tracks["pose"][0], tracks["path"][0] = [5.0, 6.0, 0.5], [10.0, 0.0, 0.5]
     tracks["covariance"][0] = np.diag([0.01, 0.02, 0.03])
     pose, matrix = np.empty(3), np.empty((3, 3))
-    write_pose(tracks[0], True, UNITS, pose, matrix)
+    write_pose(tracks[0], True, UNITS, pose, matrix, np.empty((3, 3)))
     np.testing.assert_allclose(pose, [0.01, 0.012, 0.5])
     path = np.array([10.0, 0.0, 0.5]) * UNITS
     np.testing.assert_allclose(matrix, np.diag([0.01, 0.02, 0.03] * UNITS**2) + 0.03**2 * np.outer(path, path))
-    write_pose(tracks[0], False, UNITS, pose, matrix)
+    write_pose(tracks[0], False, UNITS, pose, matrix, np.empty((3, 3)))
     assert np.isnan(pose[2])
     assert np.isnan(matrix[2]).all()
     assert np.isfinite(matrix[:2, :2]).all()
+
+
+def test_what_errors_of_taxels_hide_grows_with_the_path_and_returns_with_it() -> None:
+    track = records(Track, 1)
+    matrix = np.empty((3, 3))
+    for step, variance in ((2.0, 4.0), (-2.0, 0.0)):
+        track["hidden"][0, 0] += step
+        write_pose(track[0], True, UNITS, np.empty(3), np.empty((3, 3)), matrix)
+        assert matrix[0, 0] == pytest.approx(variance * UNITS[0] ** 2)
+    track["drift"][0] = np.eye(3)
+    write_pose(track[0], True, UNITS, np.empty(3), np.empty((3, 3)), matrix)
+    np.testing.assert_allclose(np.diag(matrix), UNITS**2)
 
 
 def test_a_step_is_brought_to_metres_and_has_no_turn_if_that_is_not_observable() -> None:

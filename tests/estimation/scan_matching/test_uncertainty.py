@@ -3,12 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.estimation.scan_matching.interpolant import Interpolant, interpolate
+from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, Interpolant, interpolate
 from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
 from taxelflow.estimation.scan_matching.uncertainty import (
     covariance,
+    drift,
     earlier_gains,
     gains,
+    hidden_shares,
     turn_observability,
     turn_variance,
 )
@@ -55,6 +57,27 @@ def test_noise_in_the_slopes_raises_the_gains_by_at_most_a_factor_of_2() -> None
     gains(fit_with(0.99 * np.diag(np.diagonal(fit_with().normal))), True, more)
     np.testing.assert_allclose(half, plain / 0.64, rtol=1e-5)
     np.testing.assert_allclose(more, plain / 0.5, rtol=1e-5)
+
+
+def test_what_errors_hide_is_their_share_of_the_slopes_and_none_without_errors() -> None:
+    fit, points = fit_with(), points_of(np.ones(COUNT), np.ones(COUNT))
+    none, some, much = (hidden_shares(fit, points, share) for share in (0.0, 0.1, 1e3))
+    assert not none.any()
+    slopes = SLOPE_NOISE * 0.1**2 * fit.weight.sum()
+    held = slopes / np.diagonal(fit.normal)[:2]
+    np.testing.assert_allclose(some[:2], held / (1 - held))
+    assert some[2] == 0.0  # all taxels are at the object's point
+    np.testing.assert_allclose(much[:2], 9.0)
+
+
+def test_errors_of_readings_drift_with_the_way_and_not_at_rest() -> None:
+    g, points = np.ones((3, COUNT)), points_of(np.ones(COUNT), np.ones(COUNT))
+    rest, slow, far = np.zeros((3, 3, 3))
+    for way, out in ((0.0, rest), (0.1, slow), (50.0, far)):
+        drift(g, points, 0.2, np.array([way, 0.0, 0.0, 1.0, 0.0]), out)
+    assert not rest.any()
+    np.testing.assert_allclose(far, 2 * 0.2**2 * COUNT)
+    np.testing.assert_allclose(slow, far * (1 - np.exp(-0.1)))
 
 
 def test_a_turn_is_as_observable_as_its_information_exceeds_that_of_noise() -> None:

@@ -32,5 +32,7 @@ class LNorm:
         """Begin a session. calibrated: (pads, 2), factors along x, y besides `gain`."""
         from taxelflow.estimation.centroid.lnorm_kernel import Memory, peak_flow
         from taxelflow.estimation.centroid.session import CentroidSession, pad_gains
+        from taxelflow.numerics.centroid import CELL_ERROR
 
-        return CentroidSession(layout, peak_flow, Memory, gains=pad_gains(layout, self.gain, calibrated))
+        share = CELL_ERROR if layout.unseen_error else 0.0
+        return CentroidSession(layout, peak_flow, Memory, share, gains=pad_gains(layout, self.gain, calibrated))

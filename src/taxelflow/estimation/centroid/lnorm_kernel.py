@@ -28,13 +28,15 @@ def peak_flow(
     block: ScanBlock,
     places: Floats,
     pads: Records,
+    share: float,
     memory: Records,
     rows: Records,
 ) -> None:
-    """Fill rows (scans, pads) of `Row`, which come in as NaN; arguments as for `convolution_flow`.
+    """Fill rows (scans, pads) of `Row`, which come in as NaN; other arguments as for `convolution_flow`.
 
     Equal maxima: the first in scan order. Variance of the pose: that of a place unknown within its taxel (pitch^2 /
-    12), plus that of a tie. The displacement of a still object has the variance of the ties only.
+    12), plus that of a tie. The displacement of a still object has the variance of the ties only, by noise. share: of a
+    reading, its standard deviation by what the sensor does not show, which ties poses.
     """
     t, pressure, noise, contact, complete = block
     for number in range(len(pads)):
@@ -47,12 +49,15 @@ def peak_flow(
             own = slice(pad.begin, pad.end)
             now = m.now
             now.t_s = t[scan]
-            peak_place(pressure[scan, own], noise[own], places[0, own], places[1, own], pad, now)
+            p, x, y = pressure[scan, own], places[0, own], places[1, own]
             row: Row = rows[scan, number]
+            peak_place(p, noise[own], x, y, pad, share, now)
             row.pose.x, row.pose.y, row.lag_s = now.x, now.y, 0.0
             row.pose.var_x = now.var_x + pad.gain_x * pad.gain_x * pad.pitch_x**2 / 12.0
             row.pose.var_y = now.var_y + pad.gain_y * pad.gain_y * pad.pitch_y**2 / 12.0
             row.pose.cov_xy = now.cov_xy
+            if share > 0.0:
+                peak_place(p, noise[own], x, y, pad, 0.0, now)
             if m.usable:
                 row.displacement.x, row.displacement.y = now.x - m.last.x, now.y - m.last.y
                 row.displacement.var_x = now.var_x + m.last.var_x
@@ -64,10 +69,11 @@ def peak_flow(
 
 
 @routine
-def peak_place(p: Floats, noise: Floats, x: Floats, y: Floats, pad: Pad, place: Place) -> None:
+def peak_place(p: Floats, noise: Floats, x: Floats, y: Floats, pad: Pad, share: float, place: Place) -> None:
     """Fill place from one scan of a pad, (taxels,) each: where the largest taxel is; the covariance is that of a tie.
 
-    Each taxel weighs as much as it is likely, by the noise of both, to be larger than the largest.
+    Each taxel weighs as much as it is likely, by the noise of both and an error of this share of each reading, to be
+    larger than the largest.
     """
     best = -1
     for k in range(len(p)):
@@ -75,7 +81,7 @@ def peak_place(p: Floats, noise: Floats, x: Floats, y: Floats, pad: Pad, place: 
             best = k
     weight = var_x = var_y = cov = 0.0
     for k in range(len(p)):
-        sd2 = noise[k] ** 2 + noise[best] ** 2
+        sd2 = noise[k] ** 2 + noise[best] ** 2 + share * share * (p[k] * p[k] + p[best] * p[best])
         behind = p[best] - p[k]
         if noise[k] > 0.0 and behind * behind < _TIE_SIGMAS**2 * sd2:
             w = 0.5 * erfc(behind / np.sqrt(2.0 * sd2))

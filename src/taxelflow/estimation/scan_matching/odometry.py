@@ -26,6 +26,8 @@ from taxelflow.estimation.scan_matching.matching import (
 from taxelflow.estimation.scan_matching.track import (
     Last,
     Track,
+    add_step,
+    begin_sums,
     forget_unobservable,
     propagate,
     write_pose,
@@ -33,8 +35,10 @@ from taxelflow.estimation.scan_matching.track import (
 )
 from taxelflow.estimation.scan_matching.uncertainty import (
     covariance,
+    drift,
     earlier_gains,
     gains,
+    hidden_shares,
     is_anywhere,
     is_blurred,
     turn_observability,
@@ -70,11 +74,14 @@ class Block(NamedTuple):
 
 
 class Taxels(NamedTuple):
-    """Of one pad: places (2, taxels) in pitches, noise (taxels,), and the units (3,) of a pose in m, m, rad."""
+    """Of one pad: places (2, taxels) in pitches, noise (taxels,), and the units (3,) of a pose in m, m, rad. share: of
+    a reading, its standard deviation by what the sensor does not show.
+    """
 
     places: Floats
     noise: Floats
     units: Floats
+    share: float
 
 
 class Scan(NamedTuple):
@@ -86,7 +93,7 @@ class Scan(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """What is filled in, fields of `Slips` for one pad; they come in as NaN and 0."""
+    """What is filled in, fields of `Estimates` for one pad; they come in as NaN and 0."""
 
     pose: Floats
     covariance: Floats
@@ -94,6 +101,7 @@ class Steps(NamedTuple):
     displacement_covariance: Floats
     span_s: Floats
     quality: NDArray[np.uint8]
+    unseen: Floats
 
 
 @kernel
@@ -135,7 +143,7 @@ def begin(now: Floats, variance: Floats, taxels: Taxels, spline: Interpolant, tr
     """A contact begins: its pose is the centroid, and the scan is its own predecessor."""
     middle = _middle(now, variance, taxels.places)
     track.pose[0], track.pose[1], track.pose[2] = middle[0], middle[1], 0.0
-    track.path[0] = track.path[1] = track.path[2] = 0.0
+    begin_sums(track)
     track.yaw = YAW_UNKNOWN
     remember(now, variance, spline, last)
 
@@ -183,6 +191,7 @@ def advance(
             chi, misfit, freedom = linearize(surface, points, fit)
             excess = max(1.0, chi / freedom)
     gains(fit, turns, g)
+    drift(g, points, taxels.share, fit.state, track.drift)
     own = covariance(g, points, excess)
     if begins:
         for a in range(3):
@@ -193,13 +202,11 @@ def advance(
         earlier = np.zeros((3, len(now)))
         earlier_gains(spline, surface.lattice, points, fit.state, g, earlier)
         propagate(own, earlier, last, track.covariance, out.displacement_covariance[k])
-        for a in range(3):
-            track.pose[a] += fit.state[a]
-            track.path[a] += fit.state[a]
+        add_step(fit.state, hidden_shares(fit, points, taxels.share), track)
         out.span_s[k] = block.t_s[k] - track.t_s
         write_step(fit.state, turns, taxels.units, out.displacement[k], out.displacement_covariance[k])
     shows_turn = track.yaw == YAW_OBSERVABLE or (begins and turns)
-    write_pose(track, shows_turn, taxels.units, out.pose[k], out.covariance[k])
+    write_pose(track, shows_turn, taxels.units, out.pose[k], out.covariance[k], out.unseen[k])
     matrix, step_matrix = out.covariance[k], out.displacement_covariance[k]
     forget_unobservable(spline.unobservable, begins, taxels.units, own, matrix, step_matrix)
     is_vague = is_blurred(own) or is_anywhere(track.covariance, taxels.places)

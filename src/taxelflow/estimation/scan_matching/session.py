@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from taxelflow.estimation.scan_matching.odometry import Block, Steps, Taxels, fo
 from taxelflow.estimation.scan_matching.track import Last, Track
 from taxelflow.messages import Estimates, Scans
 from taxelflow.numerics.blas import on_one_core
+from taxelflow.numerics.centroid import CELL_ERROR
 from taxelflow.numerics.records import Records, records
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ class RegistrationSession:
         self._layout = layout
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         self._places = np.stack([layout.x_m, layout.y_m]) / np.repeat(self._pitch_m, np.diff(layout.starts))
+        self._share = CELL_ERROR if layout.unseen_error else 0.0
         self._noise: Floats | None = None
         self._pads: list[_Pad] = []
         self._compile()
@@ -42,6 +45,7 @@ class RegistrationSession:
     def step(self, scans: Scans) -> Estimates:
         """Estimates of all pads; see `EstimatorSession.step`."""
         estimates = Estimates.unknown(scans)
+        estimates = replace(estimates, unseen=np.zeros_like(estimates.covariance))
         if self._noise is None or not np.array_equal(scans.noise, self._noise):
             self._learn(scans.noise)
         for number, pad in enumerate(self._pads):
@@ -62,7 +66,7 @@ class RegistrationSession:
             np.ascontiguousarray(scans.complete[:, number]),
             scans.ceiling[pad.own],
         )
-        names = ("pose", "covariance", "displacement", "displacement_covariance", "span_s", "quality")
+        names = ("pose", "covariance", "displacement", "displacement_covariance", "span_s", "quality", "unseen")
         filled = [np.ascontiguousarray(getattr(estimates, name)[:, number]) for name in names]
         follow(block, pad.taxels, pad.spline, pad.tracks, pad.last, Steps(*filled))
         for name, values in zip(names, filled, strict=True):
@@ -76,7 +80,7 @@ class RegistrationSession:
         for number, name in enumerate(layout.pads):
             own = layout.of_pad(number)
             places, pitch_m = np.ascontiguousarray(self._places[:, own]), self._pitch_m[number]
-            taxels = Taxels(places, noise[own], np.array([pitch_m, pitch_m, 1.0]))
+            taxels = Taxels(places, noise[own], np.array([pitch_m, pitch_m, 1.0]), self._share)
             with on_one_core():
                 spline = Interpolant.of(name, places, noise[own] ** 2)
             if known:

@@ -29,7 +29,8 @@ class Last(NamedTuple):
 class Track:
     """What is known of a contact, lengths in pitches; running: the last scan can be registered on, t_s: its time.
 
-    pose, covariance: since the contact began. path: sum of the steps. yaw: one of `odometry.YAW_UNKNOWN` ...
+    pose, covariance: since the contact began. path: sum of the steps; hidden: of what errors that stay with the taxels
+    may have hidden of them; drift: covariance by such errors. yaw: one of `odometry.YAW_UNKNOWN` ...
     """
 
     running: bool
@@ -37,7 +38,27 @@ class Track:
     t_s: float
     pose: Vector
     path: Vector
+    hidden: Vector
     covariance: Annotated[Floats, 3, 3]
+    drift: Annotated[Floats, 3, 3]
+
+
+@routine
+def begin_sums(track: Track) -> None:
+    """A contact begins: nothing is summed up yet but the pose's covariance."""
+    for a in range(3):
+        track.path[a] = track.hidden[a] = 0.0
+        for b in range(3):
+            track.drift[a, b] = 0.0
+
+
+@routine
+def add_step(state: Floats, hidden: Floats, track: Track) -> None:
+    """Add a step, state (3 or more,), to the pose and its path. hidden: (3,), what errors hide of it, over the step."""
+    for a in range(3):
+        track.pose[a] += state[a]
+        track.path[a] += state[a]
+        track.hidden[a] += state[a] * hidden[a]
 
 
 @routine
@@ -78,13 +99,16 @@ def write_step(state: Floats, turns: bool, units: Floats, displacement: Floats, 
 
 
 @routine
-def write_pose(track: Track, shows_turn: bool, units: Floats, pose: Floats, matrix: Floats) -> None:
-    """Fill pose (3,) and covariance (3, 3), with an error of the scale of the path, in m and rad."""
+def write_pose(track: Track, shows_turn: bool, units: Floats, pose: Floats, matrix: Floats, unseen: Floats) -> None:
+    """Fill pose (3,) and covariance (3, 3), with an error of the scale of the path, in m and rad; unseen (3, 3): by
+    errors that stay with the taxels.
+    """
     for a in range(3):
         pose[a] = track.pose[a] * units[a]
         for b in range(3):
             scale = _SCALE_ERROR**2 * track.path[a] * track.path[b]
             matrix[a, b] = (track.covariance[a, b] + scale) * units[a] * units[b]
+            unseen[a, b] = (track.drift[a, b] + track.hidden[a] * track.hidden[b]) * units[a] * units[b]
     if not shows_turn:
         forget_turn(pose, matrix)
 

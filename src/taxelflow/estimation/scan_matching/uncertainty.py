@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.scan_matching.interpolant import Interpolant
+from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, Interpolant
 from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import solve_band
@@ -23,6 +23,8 @@ _REGULARIZATION = 1e-6
 """Added to the diagonal of H, so that it has an inverse where nothing determines a state."""
 _LEAST_SHARE = 0.5
 """Noise is held responsible for at most this share of the information."""
+_MOST_HIDDEN = 0.9
+"""Largest share of a motion that errors of readings hide: the pattern has slopes of its own."""
 
 
 @routine
@@ -122,6 +124,45 @@ def covariance(g: Floats, points: Points, excess: float) -> Floats:
             for b in range(3):
                 part[a, b] += g[a, j] * g[b, j] * variance
     return part
+
+
+@routine
+def hidden_shares(fit: Fit, points: Points, share: float) -> Floats:
+    """(3,), what errors of readings by a share of each hide of a step along x, y and theta, over the step.
+
+    Errors that stay with the taxels, such as gains and detail finer than a pitch, are a pattern that does not move. Its
+    slopes add to J^T W J, but hardly to J^T W y: the step is too small by their share (errors in variables).
+    """
+    still, turned, out = 0.0, 0.0, np.empty(3)
+    at = state_of(fit.state)
+    for i in range(len(points.reading)):
+        error = SLOPE_NOISE * fit.weight[i] * (share * points.reading[i]) ** 2
+        dx, dy = points.places[0, i] - at.x, points.places[1, i] - at.y
+        still += error
+        turned += error * (dx * dx + dy * dy)
+    for a in range(3):
+        own, whole = turned if a == 2 else still, fit.normal[a, a]
+        held = min(own / whole, _MOST_HIDDEN) if whole > 0.0 else 0.0
+        out[a] = held / (1.0 - held)
+    return out
+
+
+@routine
+def drift(g: Floats, points: Points, share: float, state: Floats, total: Floats) -> None:
+    """Add to the pose's covariance, total (3, 3), what errors of readings by a share of each do to a step.
+
+    They are others after a pitch, or a turn by a pitch at the contact's edge: over a step d, errors with the
+    correlation exp(-d) leave 2 (1 - exp(-d)) of their variance.
+    """
+    at, reach = state_of(state), 0.0
+    for j in range(len(points.reading)):
+        reach = max(reach, np.hypot(points.places[0, j] - at.x, points.places[1, j] - at.y))
+    fresh = 2.0 * (1.0 - np.exp(-np.hypot(np.hypot(at.x, at.y), reach * at.theta)))
+    for j in range(len(points.reading)):
+        variance = fresh * (share * points.reading[j]) ** 2
+        for a in range(3):
+            for b in range(3):
+                total[a, b] += g[a, j] * g[b, j] * variance
 
 
 @routine

@@ -76,6 +76,8 @@ def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> tuple
 class BatchSession:
     """Holds scans, solves contacts, gives out what is complete. Scans are numbered from the start of the stream."""
 
+    holds_unseen_error = True
+
     def __init__(self, layout: Layout, window_scans: int) -> None:
         self._layout = layout
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))

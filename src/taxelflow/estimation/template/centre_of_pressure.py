@@ -44,7 +44,7 @@ import numpy as np
 from taxelflow.estimation.template.pose_output import Poses, judge
 from taxelflow.messages import OK
 from taxelflow.numerics.bspline import STATE, states_of
-from taxelflow.numerics.centroid import centroid_covariance, pressure_centre
+from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, pressure_centre
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
@@ -53,8 +53,6 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 
-CELL_ERROR = 0.2
-"""Standard deviation of a reading as a share of it: that of a gain anywhere from two to four thirds."""
 BORDER_ERROR = 0.2
 """Of the share of a motion that a contact shows which lies at the pad's border all around."""
 _LEAST = 1e-18

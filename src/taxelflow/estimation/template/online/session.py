@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 class StreamSession:
     """A causal estimator of pose on a pattern that it learns."""
 
+    holds_unseen_error = True
+
     def __init__(self, layout: Layout, latency_s: float) -> None:
         self._layout, self._latency_s = layout, latency_s
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="taxelflow-learn")

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.centre_of_pressure import CELL_ERROR
 from taxelflow.estimation.template.levenberg_marquardt import HELD, MAY_BE_HELD, Prior, register
 from taxelflow.estimation.template.linearization import LaidOut, laid_out, linearise
 from taxelflow.estimation.template.map import Surface
@@ -17,7 +16,7 @@ from taxelflow.estimation.template.online.track_state import HUBER, Hand, PadSca
 from taxelflow.estimation.template.online.witness import find_shift, middle_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
-from taxelflow.numerics.centroid import centroid_covariance
+from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import mirror

@@ -1,0 +1,72 @@
+"""What a real skin does to a place without a trace in its noise: gains of taxels, the cells between them, tilt.
+
+A method without a model of the skin states what noise does to its pose. On a sensor that declares an `unseen_error`
+the error is several times as large. Whatever the method, its place follows the load, so the covariance of the centre
+of pressure by these faults is added, see `numerics.centroid`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.messages import no_scans
+from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, pressure_centre
+from taxelflow.runtime.compiling import kernel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.messages import Bools, Floats, Scans
+    from taxelflow.sensors.layout import Layout
+
+
+class UnseenError:
+    """Of places on a layout's pads. It has no memory: each scan is judged by itself."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._starts, self._tilt = layout.starts, layout.unseen_error
+        self._pitch_m = layout.pitch_m.min(axis=1)
+        self._places = np.stack([layout.x_m, layout.y_m]) / np.repeat(self._pitch_m, np.diff(layout.starts))
+        self.of(no_scans(layout.entries, len(layout.pads)))  # compiles the kernel
+
+    def of(self, scans: Scans) -> Floats:
+        """(scans, pads, 3, 3), covariance of the place, m^2; 0 without contact, and of the turn."""
+        found = np.zeros((*scans.contact.shape, 3, 3))
+        arrays = scans.pressure, scans.noise, scans.ceiling, scans.contact
+        find_unseen(arrays, self._starts, self._places, self._pitch_m, self._tilt, found)
+        return found
+
+
+@kernel
+def find_unseen(
+    scans: tuple[Floats, Floats, Floats, Bools],
+    starts: NDArray[np.int64],
+    places: Floats,
+    pitch_m: Floats,
+    tilt: float,
+    out: Floats,
+) -> None:
+    """Fill out (scans, pads, 3, 3), which comes in as 0, with the covariance of the centre of pressure, m^2.
+
+    scans: pressure (scans, taxels), noise and ceiling (taxels,), contact (scans, pads). starts: (pads + 1,),
+    `Layout.starts`. places: (2, taxels), in pitches. pitch_m: (pads,). tilt: `Layout.unseen_error`.
+    """
+    pressure, noise, ceiling, contact = scans
+    for pad in range(len(pitch_m)):
+        first, count = starts[pad], starts[pad + 1] - starts[pad]
+        own, variance, edge = np.empty((2, count)), np.empty(count), np.zeros(count, np.bool_)
+        middle, found = np.empty(5), np.empty(6)
+        for i in range(count):
+            own[0, i], own[1, i] = places[0, first + i], places[1, first + i]
+            variance[i] = noise[first + i] * noise[first + i]
+        most = ceiling[first : first + count]
+        square = pitch_m[pad] * pitch_m[pad]
+        for k in range(len(pressure)):
+            if contact[k, pad]:
+                reading = pressure[k, first : first + count]
+                pressure_centre(reading, variance, own, edge, middle)
+                centroid_covariance(reading, variance, most, own, middle, CELL_ERROR, tilt, found)
+                out[k, pad, 0, 0], out[k, pad, 1, 1] = square * found[0], square * found[2]
+                out[k, pad, 0, 1] = out[k, pad, 1, 0] = square * found[1]
