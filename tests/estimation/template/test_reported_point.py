@@ -11,7 +11,7 @@ import pytest
 from estimation.template.test_map_update import keyframes_of
 from estimation.template.test_taxel_gains import sliding
 from synthetic import grid_sensor
-from taxelflow.estimation.template.centre_of_pressure import Anchor
+from taxelflow.estimation.template.anchor import Anchor
 from taxelflow.estimation.template.online import map_update
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.map_update import learn
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-AVERAGE = Anchor(np.array([0.3, -0.1]), 0.0, np.array([0.2, 0.1]))
+AVERAGE = Anchor(np.array([0.3, -0.1]), 0.0, np.array([0.2, 0.1]), np.zeros(0), np.zeros((0, 2)))
 
 
 def track() -> Track:

@@ -41,6 +41,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from taxelflow.estimation.template.anchor import Anchor
 from taxelflow.estimation.template.pose_output import Poses, judge
 from taxelflow.messages import OK
 from taxelflow.numerics.bspline import STATE, states_of
@@ -177,9 +178,12 @@ class Centres(NamedTuple):
         average: Floats = np.average(own[self.known], axis=0, weights=trust[self.known])
         return average
 
-    def uncut(self, solved: Solved, scanned: Scanned) -> tuple[Centres, Floats]:
-        """As they were if the pad had no border, as far as the map of a solved contact shows that; and (2,), in the
-        object's frame, where the map has the centre of most scans then.
+    def uncut(self, solved: Solved, scanned: Scanned, before: Anchor | None = None) -> tuple[Centres, Floats, Floats]:
+        """As they were if the pad had no border, as far as the map of a solved contact shows that; and, in the object's
+        frame, (2,), where the map has the centre of most scans then, and (scans, 2), how far it has it from there.
+
+        before: of a map of some of these scans. They keep what was found for them on average, so that the point that
+        the centre follows does not go along with the scans that a map is made of.
 
         What a border moves a centre by is in its covariance, too: so much of it follows from the map. Scans before and
         after a leap are compared among themselves: two patterns that have been put side by side make one map.
@@ -193,19 +197,25 @@ class Centres(NamedTuple):
         run = np.concatenate([[0], np.cumsum(leaps)])
         most = int(np.argmax(np.bincount(run, weights=known)))
         off, middle = np.zeros_like(inside), np.zeros(2)
+        held = before.held(scanned.t_s) if before is not None else np.full_like(inside, np.nan)
         for number in np.unique(run[known]).tolist():
             own_run = known & (run == number)
-            for _ in range(_ROUNDS):
+            is_held = own_run & np.isfinite(held[:, 0])
+            if is_held.any():
+                reference = np.average((inside - held)[is_held], axis=0, weights=1.0 / spread[is_held])
+                off = np.where(own_run[:, np.newaxis], inside - reference, off)
+            for _ in range(0 if is_held.any() else _ROUNDS):
                 weights = own_run / (spread + np.sum(off**2, axis=1))
                 reference = np.average(inside, axis=0, weights=weights)
                 off = np.where(own_run[:, np.newaxis], inside - reference, off)
             middle = reference if number == most else middle
         shift = _turned(off, states_of(states).theta)
         doubts = self.covariance + own[:, [0, 0, 1], [0, 1, 1]]
-        shift *= _sure_shares(shift, doubts)[:, np.newaxis]
+        shares = _sure_shares(shift, doubts)
+        shift *= (shares if before is None else np.full_like(shares, shares[known].max(initial=0.0)))[:, np.newaxis]
         x, y = shift.T
         doubted = self.covariance + np.stack([x * x, x * y, y * y], axis=1)
-        return Centres(self.place - shift, doubted, self.known), middle
+        return Centres(self.place - shift, doubted, self.known), middle, off
 
 
 def _in_body(places: Floats, states: Floats) -> Floats:
@@ -231,26 +241,18 @@ def _sure_shares(shift: Floats, doubts: Floats) -> Floats:
     return np.array([surely((x, y), (xx, xy, yy)) for (x, y), (xx, xy, yy) in both])
 
 
-class Anchor(NamedTuple):
-    """Where the centre of pressure lies on average: (2,) from the origin of the object's frame, and the mean variance
-    of one scan's, in pitches^2. inside: (2,), where the map shows it.
+def anchor_of(solved: Solved, scanned: Scanned, tilt: float, before: Anchor | None) -> Anchor | None:
+    """Of a solved contact's scans as they were read; None if none shows it. tilt: see `centroid_covariance`. before:
+    see `Centres.uncut`.
     """
-
-    arm: Floats
-    variance: float
-    inside: Floats
-
-
-def anchor_of(solved: Solved, scanned: Scanned, tilt: float) -> Anchor | None:
-    """Of a solved contact's scans as they were read; None if none shows it. tilt: see `centroid_covariance`."""
     centres = Centres.of(scanned, scanned.edge, tilt)
     if scanned.across.any() or not centres.known.any():
         return None
-    centres, inside = centres.uncut(solved, scanned)
+    centres, inside, off = centres.uncut(solved, scanned, before)
     own = _own_covariance(solved)
     trust = 1.0 / (own[:, 0, 0] + own[:, 1, 1] + centres.spread)
     variance = np.average(0.5 * centres.spread[centres.known], weights=trust[centres.known])
-    return Anchor(centres.arm(solved.states, trust), float(variance), inside)
+    return Anchor(centres.arm(solved.states, trust), float(variance), inside, scanned.t_s, off)
 
 
 def witnessed(
@@ -263,7 +265,7 @@ def witnessed(
     """
     centres = Centres.of(scanned, edge, tilt)
     if solved is not None:
-        centres, _ = centres.uncut(solved, scanned)
+        centres, _, _ = centres.uncut(solved, scanned)
     known = np.isfinite(poses.pose[:, :2]).all(axis=1) & centres.known
     known &= np.isfinite(poses.covariance[:, :2, :2]).all(axis=(1, 2))
     if scanned.across.any() or not known.any():

@@ -18,6 +18,8 @@ from taxelflow.runtime.compiling import lean_kernel
 
 MOST_UNEXPLAINED = 0.5
 """Share of the readings, squared, up to which a pattern explains a scan: it explains more than it leaves."""
+KNOWN_UNEXPLAINED = 0.1
+"""The same, up to which a scan shows the object of a pattern; doubt of it is no evidence."""
 MISTAKEN = 2
 """After this many scans in a row that do not fit its pattern, it is another object."""
 _SURELY = 3.0

@@ -11,7 +11,7 @@ from taxelflow.estimation.template.hypotheses import FIRST_GAIN_STD
 from taxelflow.estimation.template.observations import COARSE, strength
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.centre_of_pressure import Anchor
+    from taxelflow.estimation.template.anchor import Anchor
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.online.keyframes import Keyframes

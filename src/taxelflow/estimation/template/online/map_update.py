@@ -31,7 +31,7 @@ from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.robust import gate
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.centre_of_pressure import Anchor
+    from taxelflow.estimation.template.anchor import Anchor
     from taxelflow.estimation.template.online.track_state import PadScan
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
@@ -156,7 +156,7 @@ def _anchor(known: Learned, gains: Floats, best: Solved) -> Anchor | None:
         return None
     scanned = known.keyframes.scanned
     read = replace(scanned, variance=np.where(np.isinf(gains), 0.0, scanned.variance))
-    return anchor_of(best, read, known.unseen_error)
+    return anchor_of(best, read, known.unseen_error, known.anchor)
 
 
 def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.estimation.template.centre_of_pressure import transformed
-from taxelflow.estimation.template.online.explained import MISTAKEN, MOST_UNEXPLAINED, fits
+from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, MISTAKEN, MOST_UNEXPLAINED, fits
 from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
@@ -85,7 +85,8 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, row
         m.flag = NOTHING  # a pattern must not learn from where it is not
     if state_of(m.state).gain > FAINT and m.keyframes < _YOUNG:
         m.flag = NOVEL
-    if moved > _LEAP * (1.0 + m.radius) or m.poor >= _MOST_POOR:
+    given_up = m.poor >= _MOST_POOR and m.unexplained > KNOWN_UNEXPLAINED
+    if moved > _LEAP * (1.0 + m.radius) or given_up:
         m.flag = GONE
         rows.quality[k, pad] = LOST
 

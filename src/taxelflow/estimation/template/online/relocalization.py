@@ -11,7 +11,7 @@ import numpy as np
 from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
 from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.explained import unexplained
+from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, unexplained
 from taxelflow.estimation.template.online.track_state import HUBER
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import gate
@@ -39,8 +39,6 @@ class _Search:
     iterations: int = 20
     reaches: tuple[float, float, float, float, float] = (0.0, 0.5, 1.0, 1.5, 2.0)
     """Radii outwards of the scan's centroid at which the object is looked for."""
-    unexplained: float = 0.1
-    """Share of a scan's readings, squared, that a recognised pattern leaves at most; doubt of it is no evidence."""
     same: float = 0.5
     """States closer than this, in pitches, are the same."""
 
@@ -86,7 +84,7 @@ def recognised(
             prior = Prior(state.copy(), stiffness)
             cost, chi, count = _register(surface, taxels, prior, HUBER, _SEARCH.iterations, state, information)
             fits = count and chi / count < gate(known.usual, count)
-            if cost < best and fits and _unexplained(surface, taxels, error, state, np.empty(2)) <= _SEARCH.unexplained:
+            if cost < best and fits and _unexplained(surface, taxels, error, state, np.empty(2)) <= KNOWN_UNEXPLAINED:
                 best, found = cost, (state.copy(), information.copy(), chi / count, count)
         if found is not None:
             break

@@ -14,7 +14,7 @@ from taxelflow.numerics.centroid import loaded_centroid, pressure_centre
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.centre_of_pressure import Anchor
+    from taxelflow.estimation.template.anchor import Anchor
 
 _STAYS = 0.25
 """Pitches up to which an object has not moved."""
