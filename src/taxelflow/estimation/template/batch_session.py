@@ -73,6 +73,13 @@ def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> tuple
     return information, of_map(solved.pattern, scanned, whole, error, stiffness, level)
 
 
+def _by_noise(solved: Solved, scanned: Scanned, tilt: float) -> Floats:
+    """(scans, 5, 5), information of the states of a solved contact that residuals and a tilt of the load alone blur."""
+    stiffness = scanned.stiffness(turns=solved.turns, gain_std=solved.gain_std)
+    information = information_of(solved.pattern, scanned, solved.states, solved.error, stiffness, 0.0)
+    return without_tilt(information, solved.pattern, scanned, solved.states, solved.error, tilt)
+
+
 class BatchSession:
     """Holds scans, solves contacts, gives out what is complete. Scans are numbered from the start of the stream."""
 
@@ -162,6 +169,8 @@ class BatchSession:
             poses = bridged(formed(poses, scanned.load().sum(axis=1)), scanned.t_s)
             if of_the_map.any():
                 poses = poses.with_map(of_the_map, solved, scanned, pitch_m)
+            if of_one_map and layout.unseen_error:
+                poses = poses.with_noise(_by_noise(solved, scanned, layout.unseen_error), solved, scanned, pitch_m)
             poses = poses.doubted(rival, pitch_m).doubted(growth, pitch_m)
             poses = poses.open_across(scanned, pitch_m)
             if layout.unseen_error:

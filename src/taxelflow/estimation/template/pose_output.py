@@ -72,6 +72,15 @@ class Poses:
         lever = _lever(solved.states, solved.middle(scanned), pitch_m, turns=solved.turns)
         return self._sharing(lever @ error[:, :3, :3] @ lever.transpose(0, 2, 1), pitch_m)
 
+    def with_noise(self, information: Floats, solved: Solved, scanned: Scanned, pitch_m: float) -> Poses:
+        """With all in the covariance shared but noise, by the states' information (scans, 5, 5) without unseen errors.
+
+        Hysteresis and tilt hardly change from scan to scan.
+        """
+        middle = solved.middle(scanned)
+        _, noise = to_pad(solved.states, information, middle, pitch_m, turns=solved.turns)
+        return replace(self, shared=self.covariance - noise)
+
     def _sharing(self, shared: Floats, pitch_m: float) -> Poses:
         """With an error of which consecutive scans share the covariance (scans, 3, 3)."""
         covariance = self.covariance + shared
