@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from taxelflow.errors import ExtraMissing
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from matplotlib.figure import Figure
@@ -80,6 +80,15 @@ def tick_step(extent: float, count: float) -> float:
     least = extent / count
     power = 10.0 ** math.floor(math.log10(least))
     return power * next(times for times in (1.0, 2.0, 5.0, 10.0) if times * power >= 0.999 * least)
+
+
+def log_ticks(axis: Any, at: Sequence[float] = ()) -> None:
+    """Plain numbers at the ticks of `axes.xaxis` or `axes.yaxis` with a log scale; without `at` 1, 2 and 5."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
+
+    axis.set_major_locator(FixedLocator(list(at)) if at else LogLocator(subs=(1.0, 2.0, 5.0), numticks=30))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.{2 if at else 3}g}"))
 
 
 def pale(colour: str) -> tuple[float, ...]:
