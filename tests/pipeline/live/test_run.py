@@ -19,7 +19,7 @@ from msgspec.structs import replace
 import taxelflow
 from streaming import PALM, SCANS, connected, free_port, lines, opened, published, running, slid
 from synthetic import grid_sensor
-from taxelflow.errors import RecordingCorrupt, SourceUnreachable, TaxelCountWrong, TaxelflowError
+from taxelflow.errors import RecordingCorrupt, RunEnded, SourceUnreachable, TaxelCountWrong, TaxelflowError
 from taxelflow.messages import RawScans, joined
 from taxelflow.pipeline.live.adoptions import asked_adoptions
 from taxelflow.pipeline.live.command import opened_sinks
@@ -287,6 +287,23 @@ def test_live_takes_a_scan_as_the_image_of_a_full_grid(order: str, memory: Any) 
 def test_live_refuses_an_image_that_is_no_full_grid(sensor: Sensor, shape: tuple[int, ...], says: str) -> None:
     with pytest.raises(RecordingCorrupt, match=says):
         Live(sensor, adoptions=[]).step(0.0, np.zeros(shape))
+
+
+def test_live_takes_no_scan_after_its_end() -> None:
+    scans = slid()
+    live = Live(PALM)
+    for t, v in zip(scans.t_s[:40].tolist(), scans.values[:40], strict=True):
+        live.step(t, v)
+    live.finish()
+    again = [
+        lambda: live.step(float(scans.t_s[40]), scans.values[40]),
+        lambda: live.step(float(scans.t_s[3]), scans.values[3]),
+        lambda: live.push(RawScans(scans.t_s[41:42], scans.values[41:42])),
+        live.finish,
+    ]
+    for call in again:
+        with pytest.raises(RunEnded, match="make a new Live"):
+            call()
 
 
 def test_live_refuses_a_scan_of_another_size() -> None:
