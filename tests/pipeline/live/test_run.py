@@ -360,6 +360,26 @@ def test_rows_of_a_run_whose_source_fails_stay_in_part_files_and_its_error_is_ra
     assert (tmp_path / "t" / "slips.csv.part").read_text().count("\n") > SCANS / 2
 
 
+@pytest.mark.parametrize("rate_hz", [1.0, 0.6])
+def test_a_slow_recording_that_is_replayed_at_once_is_not_doubted(rate_hz: float) -> None:
+    scans = slid()
+    slow = RawScans(scans.t_s / (0.01 * rate_hz), scans.values)
+    source = Replay(taxelflow.Recording("made", "live", PALM, lambda: iter([slow]), scans=SCANS), 0.0)
+    report = run_live(source, {}, Live(source.recording), Limits())
+    assert report.intake.scans_in == SCANS
+    assert report.intake.timeline.notes == []
+    assert source.faults.counts == {}
+
+
+def test_a_replay_reports_times_that_are_likely_in_ms(caplog: pytest.LogCaptureFixture) -> None:
+    scans = slid()
+    in_ms = RawScans(1000.0 * scans.t_s, scans.values)
+    source = Replay(taxelflow.Recording("made", "live", PALM, lambda: iter([in_ms]), scans=SCANS), 0.0)
+    run_live(source, {}, Live(source.recording), Limits())
+    assert source.faults.counts == {"recording doubted": 1}
+    assert "the times are likely in ms" in caplog.text
+
+
 @pytest.mark.parametrize("passed_s", [0.0, 0.5])
 def test_no_motion_is_followed_across_a_clock_that_is_set_back(
     passed_s: float, monkeypatch: pytest.MonkeyPatch
