@@ -29,6 +29,7 @@ TaxelflowError
 ├── BatchUnlike               a directory holds a batch with other settings
 ├── ClusterFault              workers or the scheduler failed; recordings are left undone
 ├── EstimatorBroken           an estimator of another package breaks its protocol
+├── RunEnded                  scans come after the end of a live run
 ├── TruthInvalid              a robot's trajectory cannot be read
 ├── AddressInvalid            the URL of a source or sink is malformed
 ├── SourceUnreachable         a source cannot be opened
@@ -340,6 +341,15 @@ class EstimatorBroken(TaxelflowError):
         super().__init__(
             f"{session} gave estimates of {rows} scans where at most {scans} were waiting; "
             "its step must give one row per scan, in order, none twice"
+        )
+
+
+class RunEnded(TaxelflowError):
+    """Scans come, or the end comes again, after the end of a run, which has closed slips and contacts."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the run has ended with finish(): it takes no more scans; make a new Live for those that follow"
         )
 
 

@@ -483,6 +483,12 @@ def _sum(first: Floats | None, second: Floats | None) -> Floats | None:
     return first + second
 
 
+def split(blocks: Sequence[Block], count: int) -> tuple[Block, list[Block]]:
+    """The first `count` scans of one or more consecutive blocks as one block, and what is left."""
+    block = joined(blocks)
+    return (block, []) if len(block) == count else (cut(block, 0, count), [cut(block, count, len(block))])
+
+
 def _in_order(array: Floats) -> Floats:
     """Row by row in memory, as all kernels are compiled for."""
     return np.ascontiguousarray(array, dtype=np.float64)

@@ -9,6 +9,7 @@ import pytest
 from taxelflow.cli import main
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.design import Design, Skin, lattice
+from taxelflow.evaluation.design_plot import draw_design
 
 
 @pytest.mark.parametrize("layout", ["square", "hexagonal", "triangular"])
@@ -41,7 +42,19 @@ def test_the_command_writes_table_and_picture(tmp_path: Path, capsys: pytest.Cap
     assert main(["design", "--json", "--csv", str(tmp_path / "d.csv"), "--plot", str(tmp_path / "d.svg"), *words]) == 0
     assert len(json.loads(capsys.readouterr().out)["rows"]) == 2
     assert (tmp_path / "d.csv").read_text().startswith("shape,size_mm,pitch_mm,ratio")
-    assert (tmp_path / "d.svg").stat().st_size > 1000
+    drawn = (tmp_path / "d.svg").read_text()
+    assert ">2.5<" in drawn
+    assert ">5<" in drawn
+    assert "10^" not in drawn  # ticks are plain numbers
+    assert "Error of the turn" in drawn
+
+
+def test_the_picture_of_a_round_object_has_no_turn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    rows = Design(pitch_mm=(5.0, 8.0), layouts=("hexagonal",), shapes=("round",), trials=1).run().rows
+    drawn = draw_design(rows, tmp_path / "d.svg").read_text()
+    assert "Error of the translation" in drawn
+    assert "Error of the turn" not in drawn
 
 
 def test_bad_options_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:

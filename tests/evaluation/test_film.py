@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from PIL import Image
@@ -10,7 +11,7 @@ from rigged import estimated, refused, rigged
 from synthetic import grid_sensor
 from taxelflow.cli import main
 from taxelflow.evaluation.film import gathered
-from taxelflow.publish.plots.film import film_frames, on_one_plane
+from taxelflow.publish.plots.film import draw_load, film_frames, on_one_plane
 from taxelflow.publish.plots.style import VERMILION, styled
 from taxelflow.simulation.simulate import save
 
@@ -52,6 +53,16 @@ def test_a_film_holds_the_recording_scan_by_scan(film: Film) -> None:
     assert film.t_s[-1] <= film.frames_s[-1] < film.t_s[-1] + 1 / 7
     palm = film.layout.pads.index("palm")
     np.testing.assert_allclose(film.load[:, palm], film.pressure[:, film.layout.of_pad(palm)].sum(axis=1), rtol=1e-6)
+
+
+def test_pads_that_nothing_touches_have_no_load(film: Film) -> None:
+    with styled():
+        _, axis = plt.subplots()
+        draw_load(axis, film)
+    legend = axis.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["palm"]
+    plt.close("all")
 
 
 @pytest.mark.long

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
-from taxelflow.evaluation.design import Skin
-from taxelflow.publish.plots.style import BLUE, GREEN, GREY, VERMILION, caption, save, styled
+from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, VERMILION, caption, log_ticks, save, styled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -13,7 +12,13 @@ if TYPE_CHECKING:
 
     from taxelflow.evaluation.design import DesignRow
 
-_QUANTITIES = (("translation in mm", "bound_mm", "error_mm"), ("turn in deg", "bound_deg", "error_deg"))
+_QUANTITIES = (("translation", "mm", "bound_mm", "error_mm"), ("turn", "deg", "bound_deg", "error_deg"))
+_MARKS = (("square", BLUE, "s"), ("hexagonal", VERMILION, "h"), ("triangular", GREEN, "^"))
+_GUIDELINE = 10.0
+_TICKS = 8
+"""Ratios up to which each one has its tick."""
+_BESIDE = 0.015
+"""Share of the ratio by which points of two layouts stand beside each other."""
 
 
 def draw_design(rows: Sequence[DesignRow], path: Path) -> Path:
@@ -23,19 +28,24 @@ def draw_design(rows: Sequence[DesignRow], path: Path) -> Path:
     """
     first = rows[0]
     same = [row for row in rows if _kind(row) == _kind(first)]
+    shown = [quantity for quantity in _QUANTITIES if getattr(first, quantity[2]) is not None]
     with styled():
         import matplotlib.pyplot as plt
 
-        figure, axes = plt.subplots(1, 2, figsize=(9.5, 4.4), layout="constrained")
-        for axis, (title, bound, error) in zip(axes, _QUANTITIES, strict=True):
-            _draw(axis, same, bound, error)
-            axis.set_title(title)
-        axes[0].legend()
-        seen = (
-            f"{first.shape} object of {first.size_mm:g} mm, noise {first.noise_percent:g} % of the largest pressure. "
-            "Lines: Cramer-Rao bound of one scan; points: maximum-likelihood fits. Dotted: the paper's guideline, 10."
+        figure, axes = plt.subplots(
+            1, len(shown), figsize=(4.75 * len(shown), 4.4), layout="constrained", squeeze=False
         )
-        caption(figure, seen, 125)
+        for axis, (title, unit, bound, error) in zip(axes[0], shown, strict=True):
+            _draw(axis, same, bound, error)
+            axis.set_title(f"Error of the {title}")
+            axis.set_ylabel(unit)
+        axes[0, 0].legend(title="taxels")
+        seen = (
+            f"Object: {first.shape}, {first.size_mm:g} mm; noise {first.noise_percent:g} % of the largest pressure. "
+            "Lines: Cramér-Rao bound of one scan, pattern known. "
+            f"Points: RMS error of maximum-likelihood fits, {first.trials} random poses each."
+        )
+        caption(figure, seen, 65 * len(shown))
         return save(figure, path)
 
 
@@ -44,13 +54,21 @@ def _kind(row: DesignRow) -> tuple[str, float, float, float]:
 
 
 def _draw(axis: Any, rows: Sequence[DesignRow], bound: str, error: str) -> None:
-    for layout, colour in zip(get_args(Skin), (BLUE, VERMILION, GREEN), strict=True):
+    for number, (layout, colour, mark) in enumerate(_MARKS):
         own = sorted((row for row in rows if row.layout == layout), key=lambda row: row.ratio)
-        if own and getattr(own[0], bound) is not None:
-            ratio = [row.ratio for row in own]
-            axis.plot(ratio, [getattr(row, bound) for row in own], color=colour, label=layout)
-            axis.plot(ratio, [getattr(row, error) for row in own], "o", color=colour, markersize=4)
+        ratio = [row.ratio for row in own]
+        beside = [(1.0 + (number - 1) * _BESIDE) * row.ratio for row in own]
+        if own:
+            axis.plot(ratio, [getattr(row, bound) for row in own], color=colour, linewidth=1.2)
+            axis.plot(beside, [getattr(row, error) for row in own], mark, color=colour, markersize=5, label=layout)
     axis.set_xscale("log")
     axis.set_yscale("log")
-    axis.axvline(10.0, color=GREY, linestyle=":", linewidth=1.0)
-    axis.set_xlabel("object over taxel")
+    swept = sorted({row.ratio for row in rows})
+    log_ticks(axis.xaxis, swept if len(swept) <= _TICKS else ())
+    log_ticks(axis.yaxis)
+    axis.axvline(_GUIDELINE, color=GREY, linestyle=":", linewidth=1.0)
+    axis.annotate(
+        "the paper's guideline", (_GUIDELINE, 0.98), (-3, 0), xycoords=("data", "axes fraction"),
+        textcoords="offset points", rotation=90, ha="right", va="top", fontsize=7, color=INK,
+    )  # fmt: skip
+    axis.set_xlabel("length of the object / taxel pitch")

@@ -135,6 +135,10 @@ class View:
             registry.check("estimator", name)
         if not live and not Path(self.shown).exists():
             raise RecordingMissing(Path(self.shown))
+        if self.sensor is not None:
+            from taxelflow.sensors.catalogue import load_sensor
+
+            load_sensor(self.sensor)  # an unknown one is refused before a page is there
         if self.film is not None:
             return self._film(self.film, methods)
         with uncollected() as started:

@@ -10,7 +10,7 @@ import numpy as np
 from taxelflow.acquire.joints import declared_joints
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
-from taxelflow.errors import CalibrationUnfit, NameUnknown, TaxelflowError
+from taxelflow.errors import CalibrationUnfit, NameUnknown, RunEnded, TaxelflowError
 from taxelflow.estimation.base import Background, Calibratable, Learning, Mode
 from taxelflow.estimation.completion import SlipsSession
 from taxelflow.estimation.smoothing.parameters import Smoothing
@@ -34,6 +34,7 @@ from taxelflow.messages import (
     cut,
     joined,
     no_scans,
+    split,
 )
 from taxelflow.runtime import registry
 from taxelflow.runtime.compiling import announced
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
     from taxelflow.condition.baseline import Baseline
     from taxelflow.condition.deduplicate import Counts
     from taxelflow.estimation.base import Estimator, EstimatorSession
-    from taxelflow.messages import Block, Scans
+    from taxelflow.messages import Scans
     from taxelflow.runtime.adoption import Adopting
     from taxelflow.slip.stage import Judged
 
@@ -157,6 +158,7 @@ class Run:
         self._moved_apart: list[Bools] = []
         self._estimated: list[Slips] = []
         self._slip = pipeline.monitor.watch(layout, stream=self._stream)
+        self._ended = False
         self._nothing = self._without_scans(no_scans(layout.entries, len(layout.pads)))
 
     @property
@@ -200,12 +202,12 @@ class Run:
 
     def step(self, raw: RawScans) -> Output:
         """Results that are ready after these scans, which follow those of the last call; none, as a rule, until tare
-        and noise are known, and in a batch until contacts end.
+        and noise are known, and in a batch until contacts end. Raises RunEnded after `finish`.
         """
         return joined([*self._through(raw)] or [self._nothing])
 
     def finish(self) -> Output:
-        """Results that were held back; no scan may follow."""
+        """Results that were held back; no scan may follow. Raises RunEnded when it is called again."""
         return joined([*self._rest()] or [self._nothing])
 
     def __iter__(self) -> Iterator[Output]:
@@ -220,10 +222,15 @@ class Run:
         yield from self._rest()
 
     def _through(self, raw: RawScans) -> Iterator[Output]:
+        if self._ended:
+            raise RunEnded
         for scans in self._condition.step(raw):
             yield from self._segment_and_estimate(scans)
 
     def _rest(self) -> Iterator[Output]:
+        if self._ended:
+            raise RunEnded
+        self._ended = True
         for scans in self._condition.finish():
             yield from self._segment_and_estimate(scans)
         yield from self._detect(self._estimate.finish())
@@ -250,7 +257,7 @@ class Run:
         self._moved_apart = [moved_apart[len(slips) :]] if len(moved_apart) > len(slips) else []
         if moved_apart.any():
             slips.quality[moved_apart[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no rigid object moves so
-        self._estimated.append(slips)
+        self._estimated.append(slips.whole())  # slips are detected by what noise does
         yield from self._judged(self._slip.step(slips))
 
     def _judged(self, judged: Judged) -> Iterator[Output]:
@@ -259,10 +266,9 @@ class Run:
             if judged.events:
                 yield replace(self._nothing, events=judged.events)
             return
-        slips, self._estimated = _split(self._estimated, len(judged))
-        slips = slips.whole()  # slips are detected by what noise does, poses used with all that they may be wrong by
-        contacts, self._segmented = _split(self._segmented, len(judged))
-        texture, self._textures = _split(self._textures, len(judged))
+        slips, self._estimated = split(self._estimated, len(judged))
+        contacts, self._segmented = split(self._segmented, len(judged))
+        texture, self._textures = split(self._textures, len(judged))
         motions = self._fuse.step(slips, contacts.centroid, texture)
         spatial = None if self._space is None else self._space.step(slips, contacts.centroid, texture)
         found = judged.evidence, judged.statistic, spatial
@@ -280,12 +286,6 @@ def _in_rows(scans: Scans) -> Scans:
     """Scans whose pressure is contiguous: kernels of a session are called for the types of its first arrays."""
     contiguous = scans.pressure.flags.c_contiguous
     return scans if contiguous else replace(scans, pressure=np.ascontiguousarray(scans.pressure))
-
-
-def _split(held: list[Block], count: int) -> tuple[Block, list[Block]]:
-    """The first `count` scans of blocks, and what is left; estimator and detector may hold some back."""
-    block = joined(held)
-    return (block, []) if len(block) == count else (cut(block, 0, count), [cut(block, count, len(block))])
 
 
 def _started(pipeline: Pipeline, recording: Recording) -> EstimatorSession:

@@ -14,9 +14,9 @@ VALUES = np.zeros(1)
 class Clocked:
     """A timeline that is given stamps which come at once, or s after one another."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, paced: bool = True) -> None:
         self.faults = Faults()
-        self.line = Timeline(self.faults)
+        self.line = Timeline(self.faults, paced=paced)
         self._now_s = 0.0
 
     def place(self, *stamps_s: float, every_s: float = 0.0) -> list[float | None]:
@@ -84,4 +84,15 @@ def test_times_in_ms_are_reported_once_and_noted(caplog: pytest.LogCaptureFixtur
     assert clock.faults.counts["time unit doubted"] == 1
     (note,) = clock.line.notes
     assert "the times are likely in ms (?time-unit=ms for lines; else convert them to s)" in note
+    assert "unless a recording is sent faster than it was made" in note  # 0.1 Hz in s looks the same
     assert sum(note in record.message for record in caplog.records) == 1
+
+
+@pytest.mark.parametrize("step_s", [1.0, 10.0, 100.0])
+def test_times_of_a_replay_are_not_compared_with_its_pace(step_s: float) -> None:
+    clock = Clocked(paced=False)
+    stamps = [*steady(0.0, 20, step_s), *steady(100 * step_s, 20, step_s)]
+    assert clock.place(*stamps, every_s=1e-3 * step_s) == stamps
+    assert clock.line.gaps == 1
+    assert clock.line.notes == []
+    assert clock.faults.counts == {}

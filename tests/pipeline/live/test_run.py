@@ -19,7 +19,7 @@ from msgspec.structs import replace
 import taxelflow
 from streaming import PALM, SCANS, connected, free_port, lines, opened, published, running, slid
 from synthetic import grid_sensor
-from taxelflow.errors import RecordingCorrupt, SourceUnreachable, TaxelCountWrong, TaxelflowError
+from taxelflow.errors import RecordingCorrupt, RunEnded, SourceUnreachable, TaxelCountWrong, TaxelflowError
 from taxelflow.messages import RawScans, joined
 from taxelflow.pipeline.live.adoptions import asked_adoptions
 from taxelflow.pipeline.live.command import opened_sinks
@@ -289,6 +289,23 @@ def test_live_refuses_an_image_that_is_no_full_grid(sensor: Sensor, shape: tuple
         Live(sensor, adoptions=[]).step(0.0, np.zeros(shape))
 
 
+def test_live_takes_no_scan_after_its_end() -> None:
+    scans = slid()
+    live = Live(PALM)
+    for t, v in zip(scans.t_s[:40].tolist(), scans.values[:40], strict=True):
+        live.step(t, v)
+    live.finish()
+    again = [
+        lambda: live.step(float(scans.t_s[40]), scans.values[40]),
+        lambda: live.step(float(scans.t_s[3]), scans.values[3]),
+        lambda: live.push(RawScans(scans.t_s[41:42], scans.values[41:42])),
+        live.finish,
+    ]
+    for call in again:
+        with pytest.raises(RunEnded, match="make a new Live"):
+            call()
+
+
 def test_live_refuses_a_scan_of_another_size() -> None:
     with pytest.raises(TaxelCountWrong, match="the scan has 2 taxels per scan but sensor 'grid' has 28"):
         Live(PALM).step(0.0, [1.0, 2.0])
@@ -341,6 +358,26 @@ def test_rows_of_a_run_whose_source_fails_stay_in_part_files_and_its_error_is_ra
         run_live(source, sinks, Live(source.recording), Limits())
     assert {path.suffix for path in (tmp_path / "t").iterdir()} == {".part"}
     assert (tmp_path / "t" / "slips.csv.part").read_text().count("\n") > SCANS / 2
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 0.6])
+def test_a_slow_recording_that_is_replayed_at_once_is_not_doubted(rate_hz: float) -> None:
+    scans = slid()
+    slow = RawScans(scans.t_s / (0.01 * rate_hz), scans.values)
+    source = Replay(taxelflow.Recording("made", "live", PALM, lambda: iter([slow]), scans=SCANS), 0.0)
+    report = run_live(source, {}, Live(source.recording), Limits())
+    assert report.intake.scans_in == SCANS
+    assert report.intake.timeline.notes == []
+    assert source.faults.counts == {}
+
+
+def test_a_replay_reports_times_that_are_likely_in_ms(caplog: pytest.LogCaptureFixture) -> None:
+    scans = slid()
+    in_ms = RawScans(1000.0 * scans.t_s, scans.values)
+    source = Replay(taxelflow.Recording("made", "live", PALM, lambda: iter([in_ms]), scans=SCANS), 0.0)
+    run_live(source, {}, Live(source.recording), Limits())
+    assert source.faults.counts == {"recording doubted": 1}
+    assert "the times are likely in ms" in caplog.text
 
 
 @pytest.mark.parametrize("passed_s", [0.0, 0.5])

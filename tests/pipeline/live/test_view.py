@@ -115,6 +115,8 @@ def test_without_viser_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> No
         (("--port", "99999"), "--port must be from 0 to 65535 (got 99999)"),
         (("--port", "-1"), "--port must be from 0 to 65535 (got -1)"),
         (("--host", "192.0.2.1"), "--host must be an address of this computer, such as 127.0.0.1 (got '192.0.2.1')"),
+        (("--sensor", "palmm"), "unknown sensor 'palmm'"),
+        (("--sensor", "none.toml"), "there is no such file"),
         (("--method", "foo"), "unknown method 'foo'; known are lnorm, convolution, template,"),
         (("--method", "sum", "--method", "tempalte"), "unknown method 'tempalte'; did you mean 'template'?"),
     ],

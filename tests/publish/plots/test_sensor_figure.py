@@ -25,6 +25,7 @@ import matplotlib.pyplot as plt
 from matplotlib.collections import PolyCollection
 
 from taxelflow.publish.plots.outlines import outlines
+from taxelflow.publish.plots.packing import packed
 from taxelflow.publish.plots.sensor import sensor_figure
 
 
@@ -36,7 +37,7 @@ def style() -> Iterator[None]:
 
 
 def taxels(figure: Figure) -> int:
-    found = [item for axis in figure.axes for item in axis.collections if type(item) is PolyCollection]
+    found = [item for axis in figure.axes[:1] for item in axis.collections if type(item) is PolyCollection]
     return sum(len(item.get_paths()) for item in found)
 
 
@@ -49,7 +50,7 @@ def test_each_built_in_sensor_is_drawn_with_all_its_taxels(name: str) -> None:
     sensor = load_sensor(name.replace("PITCH", "3"))
     figure = sensor_figure(sensor)
     assert taxels(figure) == sensor.layout.taxels
-    assert sum(len(numbers(axis)) for axis in figure.axes) == sensor.layout.taxels
+    assert len(numbers(figure.axes[0])) == sensor.layout.taxels
 
 
 def test_taxels_are_numbered_where_they_lie_on_the_hand() -> None:
@@ -64,10 +65,44 @@ def test_curved_skin_is_shown_in_space_too() -> None:
     assert [axis.name for axis in sensor_figure(table_sensor(hexagonal(2))).axes] == ["rectilinear"]
 
 
-def test_pads_without_a_place_in_the_hand_stand_side_by_side() -> None:
+def words(axis: Axes) -> list[str]:
+    return [text.get_text() for text in axis.texts if text.get_text() and not text.get_text().isdigit()]
+
+
+def test_pads_without_a_place_in_the_hand_stand_in_rows_at_one_scale() -> None:
     figure = sensor_figure(grid_sensor(2, 3, pads=7))
-    titles = [axis.get_title(loc="left") for axis in figure.axes]
-    assert titles == [*(f"pad{number}" for number in range(7)), "", "", ""]
+    (axis,) = figure.axes
+    assert {f"pad{number}" for number in range(7)} < set(words(axis))
+    assert any(word.endswith(" mm") for word in words(axis))
+    at = np.array([numbers(axis)[taxel] for taxel in range(42)]).reshape(7, 6, 2)
+    apart = np.linalg.norm(at[:, np.newaxis, :, np.newaxis] - at[:, np.newaxis], axis=-1).min(axis=(2, 3))
+    assert (apart + np.diag(np.full(7, np.inf)) > 0).all()
+    np.testing.assert_allclose(np.ptp(at, axis=1), np.tile(np.ptp(at[0], axis=0), (7, 1)))
+
+
+def test_pads_of_one_finger_stand_in_one_row() -> None:
+    sensor = load_sensor("inspire-rh56dftp@3mm")
+    T = packed(sensor.layout)
+    tops = {pad.name: place[1] + 0.5e-3 * 3 * pad.rows for pad, place in zip(sensor.pads, T, strict=True)}
+    assert tops["index_tip"] == pytest.approx(tops["index_palm"], abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["barretthand-162", "schunk-sdh2", "icub-fingertips-60"])
+def test_names_of_pads_cover_no_taxel(name: str) -> None:
+    sensor = load_sensor(name)
+    (axis,) = sensor_figure(sensor).axes
+    taxels = [path.get_extents(axis.transData) for item in axis.collections for path in item.get_paths()]
+    for text in (text for text in axis.texts if text.get_text() in sensor.layout.pads):
+        assert not any(text.get_window_extent().overlaps(taxel) for taxel in taxels)
+
+
+def test_names_that_would_cover_taxels_have_a_drawing_of_their_own() -> None:
+    sensor = load_sensor("icub-forearm")
+    figure = sensor_figure(sensor)
+    flat, pads, space = figure.axes
+    assert words(flat) == []
+    assert [text.get_text() for text in pads.texts] == [name.removeprefix("triangle") for name in sensor.layout.pads]
+    assert space.name == "3d"
 
 
 @pytest.mark.parametrize("sensor", [table_sensor(hexagonal(2)), grid_sensor(3, 4), load_sensor("icub-fingertip-12")])

@@ -82,7 +82,7 @@ def test_the_centroid_of_the_convolution_is_the_sum_of_the_centroids() -> None:
 def test_the_vector_points_where_the_object_went_and_stays_within_the_rings(slip_mm: tuple[float, float]) -> None:
     axis = views(slip_mm=slip_mm).axes[2]
     arrows = [text for text in axis.texts if text.get_text() == ""]
-    rings = [float(text.get_text()) for text in axis.texts if text.get_text()]
+    rings = [float(text.get_text().removesuffix(" mm")) for text in axis.texts if text.get_text()]
     size = float(np.hypot(*slip_mm))
     assert len(arrows) == (size > 0)
     assert [arrow.xy for arrow in arrows] == [slip_mm] * len(arrows)  # type: ignore[attr-defined]

@@ -56,7 +56,8 @@ class Source(Protocol):
     """A live source of scans.
 
     Iterating yields an `Arrival` for each scan, and None at least every `POLL_S` while none arrives; it ends when the
-    source ends in order. A source that loses its device reports that, and tries again with back-off.
+    source ends in order. A source that loses its device reports that, and tries again with back-off. Where scans do
+    not come at the device's pace, as in a replay, it has `paced = False`: their times are not compared with arrivals.
     """
 
     recording: Recording

@@ -44,6 +44,7 @@ class TimeUnit:
         if agree or rate_hz < SLOWEST_HZ:
             self.doubt = (
                 f"steps of {median(steps_s):.3g} s, while scans come more than {_QUICK:g} times as fast: the times are "
-                f"likely in {unit} (?time-unit={unit} for lines; else convert them to s)"
+                f"likely in {unit} (?time-unit={unit} for lines; else convert them to s), unless a recording is sent "
+                "faster than it was made"
             )
         return bool(self.doubt)

@@ -53,10 +53,12 @@ _CLOCK = _Clock()
 
 
 class Timeline:
-    """Puts arrivals in order."""
+    """Puts arrivals in order. paced: whether scans arrive when the device made them; a replay's may come at any pace,
+    so that the computer's clock proves nothing about their times.
+    """
 
-    def __init__(self, faults: Faults) -> None:
-        self._faults = faults
+    def __init__(self, faults: Faults, *, paced: bool = True) -> None:
+        self._faults, self._paced = faults, paced
         self._offset_s, self._former_offset_s = 0.0, math.nan
         self._last_s = -math.inf
         self._last_arrived_s = math.nan
@@ -123,9 +125,9 @@ class Timeline:
             self._faults.count("scan late", f"{stamp_s:.6f} s comes {-step_s:.3g} s too late and is dropped")
             return None
         self._late = 0
-        if self._unit.add(step_s, passed_s):
+        if self._paced and self._unit.add(step_s, passed_s):
             self._faults.count("time unit doubted", self._unit.doubt)
-        ahead = step_s > passed_s + _CLOCK.jump_s and step_s > _CLOCK.jump_ratio * passed_s
+        ahead = self._paced and step_s > passed_s + _CLOCK.jump_s and step_s > _CLOCK.jump_ratio * passed_s
         if step_s < 0.0 or (ahead and not step_s <= _CLOCK.alike_ratio * self.usual_s):
             return self._after_jump(stamp_s, step_s, passed_s)
         self.skew.add(t_s, arrived_s)

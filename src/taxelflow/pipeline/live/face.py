@@ -93,7 +93,8 @@ class Live:
 
         t_s: the sensor's clock. values: (columns,), readings in the sensor's unit and order, NaN where one is missing;
         or (rows, cols) of a sensor with one full grid, row 0 on top. A scan that is repeated or late gives nothing;
-        after a jump of the clock time goes on from the last scan. Raises TaxelCountWrong, RecordingCorrupt.
+        after a jump of the clock time goes on from the last scan. Raises TaxelCountWrong, RecordingCorrupt, and
+        RunEnded after `finish`.
         """
         readings = np.asarray(values, dtype=np.float64)
         sensor = self.recording.sensor
@@ -111,11 +112,14 @@ class Live:
         return self.push(RawScans(np.array([placed_s]), readings[np.newaxis]))
 
     def push(self, scans: RawScans) -> Output:
-        """Results that these scans make ready: (scans, columns) as the source sends them, later than all before."""
+        """Results that these scans make ready: (scans, columns) as the source sends them, later than all before.
+
+        Raises RunEnded after `finish`.
+        """
         return self.run.step(self.recording.sensor.channel_map.of_source(scans))
 
     def finish(self) -> Output:
-        """Results that were held back; no scan may follow."""
+        """Results that were held back; no scan may follow. Raises RunEnded when it is called again."""
         return self.run.finish()
 
 

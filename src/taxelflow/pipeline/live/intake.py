@@ -63,7 +63,7 @@ class Intake(threading.Thread):
         estimates: bool,
     ) -> None:
         super().__init__(name="taxelflow-source", daemon=True)
-        self.timeline = Timeline(source.faults)
+        self.timeline = Timeline(source.faults, paced=getattr(source, "paced", True))
         self.scans_in = 0
         self.overrun = 0
         self.error: Exception | None = None

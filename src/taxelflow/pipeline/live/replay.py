@@ -31,6 +31,7 @@ class Replay:
     """
 
     patient = True
+    paced = False
 
     def __init__(
         self, recording: Recording, speed: float, *, stepped: bool = False, missed: frozenset[float] = frozenset()
@@ -47,8 +48,11 @@ class Replay:
 
     def __iter__(self) -> Iterator[Arrival | None]:
         reading = self.recording.source_blocks()
-        began, first_s = time.monotonic(), None
+        began, first_s, noted = time.monotonic(), None, len(self.recording.notes)
         for block in reading:
+            for note in reading.notes[noted:]:
+                self.faults.report("recording doubted", note)
+            noted = len(reading.notes)
             for t_s, values in zip(block.t_s.tolist(), block.values, strict=True):
                 if t_s in self._missed:
                     continue

@@ -39,6 +39,8 @@ class _Layout:
     head: float = 0.022
     lines: int = 4
     """Pads whose load is drawn, and events that are listed."""
+    idle: float = 0.05
+    """Load, over the largest one, up to which a pad without an event is left out: it is noise."""
     gap_mm: float = 8.0
 
 
@@ -131,21 +133,23 @@ def _sheet(film: Film) -> tuple[Figure, Axes, Axes, Axes]:
     x, y = box[0] + 0.02 * (box[1] - box[0]), box[2] + 0.02 * (box[3] - box[2])
     hand.plot([x, x + length], [y, y], color=INK, linewidth=2.0, solid_capstyle="butt")
     hand.annotate(f"{length} mm", (x + length / 2, y), (0, 3), textcoords="offset points", ha="center", fontsize=7)
-    _draw_load(load, film)
+    draw_load(load, film)
     return figure, hand, load, words
 
 
-def _draw_load(axis: Axes, film: Film) -> None:
+def draw_load(axis: Axes, film: Film) -> None:
+    """Load of the busiest pads against time, in % of the largest, over the slips of all pads."""
     pads = np.arange(film.layout.pad_count)
     busiest = sorted(pads, key=lambda pad: -float(np.nanmax(film.load[:, pad], initial=0.0)))[: _LAYOUT.lines]
     most = float(np.nanmax(film.load[:, busiest], initial=0.0)) or 1.0
+    touched = {event.pad for event in film.events}
     t_s = film.t_s - film.zero_s
     for first, stop in spans(np.logical_or.reduce(film.slipping, axis=1)):
         axis.axvspan(t_s[max(first - 1, 0)], t_s[stop - 1], color=SLIP, linewidth=0, zorder=0)
     for pad, colour in zip(busiest, _COLOURS, strict=False):
-        if np.nanmax(film.load[:, pad], initial=0.0) > 0:
-            name = plain(film.layout.pads[pad])
-            axis.plot(t_s, 100 * film.load[:, pad] / most, color=colour, linewidth=1.0, label=name)
+        name, share = film.layout.pads[pad], film.load[:, pad] / most
+        if name in touched or np.nanmax(share, initial=0.0) > _LAYOUT.idle:
+            axis.plot(t_s, 100 * share, color=colour, linewidth=1.0, label=plain(name))
     axis.set_xlim(film.frames_s[0] - film.zero_s, max(film.frames_s[-1], film.frames_s[0] + 1e-3) - film.zero_s)
     axis.set_ylim(-4, 108)
     axis.set_ylabel("load in %")

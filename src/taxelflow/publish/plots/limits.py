@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import cycle
 from typing import TYPE_CHECKING
 
-from taxelflow.publish.plots.style import GREEN, GREY, INK, LOOK, MAGENTA, caption, look
+from taxelflow.publish.plots.style import GREEN, GREY, INK, LOOK, MAGENTA, caption, log_ticks, look
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,6 +35,7 @@ def limits_figure(errors: Mapping[str, Curve], bounds: Mapping[str, Curve], edge
         axis.axvline(side, color=GREY, linewidth=0.9, linestyle=":")
     axis.set_xlabel("object's centre on the pad in mm")
     axis.set_ylabel("RMS error in mm")
+    log_ticks(axis.yaxis)
     axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     caption(figure, seen, 105)
     return figure

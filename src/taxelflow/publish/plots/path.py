@@ -133,6 +133,7 @@ def _overlaid(tracks: Sequence[Track], layout: Layout) -> Figure:
     axes[0, 0].set_ylabel("y in mm")
     if dots is not None:
         figure.colorbar(dots, ax=axes[0, -1], label="time in s", shrink=0.8)
+    caption(figure, "Path of the object on the pad; large dots: slip.", int(14 * figure.get_figwidth()))
     return figure
 
 

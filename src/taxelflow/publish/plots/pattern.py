@@ -93,7 +93,8 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
     upper.colorbar(dots, ax=axes[-1], label="time in s", shrink=0.8, pad=0.03).outline.set_visible(False)
     figure.suptitle(plain(_title(contact)), x=0.01, ha="left", fontweight="bold", fontsize=11)
     marks = "; marks: direction of the pattern's long axis" if turned else ""
-    caption(figure, f"Grey: not observed{marks}.", int(14 * figure.get_figwidth()))
+    true = "; black line: true path" if contact.true is not None else ""
+    caption(figure, f"Grey: not observed{marks}{true}.", int(14 * figure.get_figwidth()))
     if turned:
         _draw_turn(parts[1, 0].subplots(), contact)
     return figure

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from math import ceil
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.numerics.geometry import transform
-from taxelflow.publish.plots.outlines import extent_mm, outlines
-from taxelflow.publish.plots.style import BLUE, GREY, INK, MAGENTA, VERMILION, caption, plain
+from taxelflow.numerics.geometry import se3_of, transform
+from taxelflow.publish.plots.names import WIDE, free_places, write_names
+from taxelflow.publish.plots.outlines import outlines
+from taxelflow.publish.plots.packing import NAME, packed
+from taxelflow.publish.plots.solid import draw_faces, faces, frame
+from taxelflow.publish.plots.style import BLUE, GREY, INK, TINTS, VERMILION, caption, pale, plain, tick_step, wrapped
+from taxelflow.sensors.pad_geometry import geometry_of
 from taxelflow.sensors.triangulation import nearest_m
 
 if TYPE_CHECKING:
@@ -20,57 +24,118 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 
-_SIZE = 7.0
-_COLS = 5
-_CROWDED = 10
+_WIDEST, _TALLEST, _PITCH = 10.0, 8.5, 0.6
+"""Most inches of the hand on paper, and of the distance between two taxels."""
 _NUMBERED = 1100
+_FEW = 100
+"""Taxels that are numbered in space."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Flat:
+    """What lies where on the flat hand. T: (pads, 3), shapes: outlines (taxels, corners, 2) of each pad, mm.
+
+    placed: whether the hand's frame is known. bounds: left, right, low, high in mm. size: in inches.
+    """
+
+    sensor: Sensor
+    T: Floats
+    shapes: list[Floats]
+    placed: bool
+    curved: bool
+    bounds: tuple[float, float, float, float]
+    size: tuple[float, float]
 
 
 def sensor_figure(sensor: Sensor) -> Figure:
-    """The flattened hand if all pads have their place on it, else pad beside pad; and in space where it is curved."""
-    layout = sensor.layout
-    together = bool(np.isfinite(layout.T_hand[: layout.pad_count, 0]).all())
-    if together:
-        figure, flat = _hand(layout)
-        homes = [(flat, layout.T_hand[pad]) for pad in range(layout.pad_count)]
-    else:
-        figure, axes = _side_by_side(layout)
-        homes = [(axis, np.zeros(3)) for axis in axes]
-    for pad, (axis, pose) in enumerate(homes):
-        _draw(axis, layout, pad, pose)
-    title = f"{sensor.name}: {layout.taxels} taxels in {layout.pad_count} pad{'s' if layout.pad_count > 1 else ''}"
-    figure.suptitle(plain(title), x=0.01, ha="left", fontweight="bold")
-    caption(figure, plain(sensor.note), int(14.5 * figure.get_size_inches()[0]))
-    if layout.taxels <= _NUMBERED:
-        figure.draw_without_rendering()  # lays it out: now a mm has a length on paper
-        for pad, (axis, pose) in enumerate(homes):
-            _number(axis, layout, pad, pose)
+    """The flattened hand if all pads have their place on it, else pads in rows; and in space where it is curved.
+
+    Where names would cover taxels, they stand on a second drawing of the hand.
+    """
+    import matplotlib.pyplot as plt
+
+    flat = _flat(sensor)
+    tints = [""] * len(flat.shapes)
+    figure, axis = _drawn(flat, tints)
+    if len(flat.shapes) > 1:
+        names = free_places(
+            axis, [_points(shape) for shape in flat.shapes], sensor.layout.pads[: len(flat.shapes)], NAME
+        )
+        if any(name.covers for name in names):
+            plt.close(figure)
+            tints = [TINTS[pad % len(TINTS)] for pad in range(len(tints))]
+            figure, axis = _drawn(flat, tints)
+        else:
+            write_names(axis, names, NAME)
+    if sensor.layout.taxels <= _NUMBERED:
+        for pad in range(len(flat.shapes)):
+            _number(axis, flat, pad, _colours(flat, pad, tints[pad]))
     return figure
 
 
-def _hand(layout: Layout) -> tuple[Figure, Axes]:
-    figure, flat = _one(layout, _is_curved(layout))
-    _frame(flat, *_bounds(layout))
-    _names(flat, layout)
-    if _is_curved(layout):
-        _draw_space(figure.add_subplot(1, 2, 2, projection="3d"), layout)
-    return figure, flat
+def _flat(sensor: Sensor) -> _Flat:
+    layout = sensor.layout
+    placed = bool(np.isfinite(layout.T_hand[: layout.pad_count]).all())
+    T = layout.T_hand[: layout.pad_count] if placed else packed(layout)
+    shapes = [1e3 * transform(T[pad], outlines(layout, pad)) for pad in range(layout.pad_count)]
+    corners = np.concatenate([shape.reshape(-1, 2) for shape in shapes])
+    extent = np.ptp(corners, axis=0)
+    scale = min(_WIDEST / extent[0], _TALLEST / extent[1], _PITCH / (1e3 * float(layout.pitch_m.max())))
+    margin = 0.15 / scale
+    head = 0.2 / scale if layout.pad_count > 1 else 0.0
+    (left, low), (right, high) = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+    bounds = float(left), float(right), float(low - (0.0 if placed else 0.2 / scale)), float(high + head)
+    size = scale * (bounds[1] - bounds[0]), scale * (bounds[3] - bounds[2])
+    return _Flat(sensor, T, shapes, placed, _is_curved(layout), bounds, size)
 
 
-def _side_by_side(layout: Layout) -> tuple[Figure, list[Axes]]:
+def _drawn(flat: _Flat, tints: list[str]) -> tuple[Figure, Axes]:
+    """The figure, laid out, and the axis for the taxels' numbers. tints: of pads whose names get their own drawing."""
     import matplotlib.pyplot as plt
 
-    rows = ceil(layout.pad_count / _COLS)
-    figure, axes = plt.subplots(
-        rows, min(_COLS, layout.pad_count), figsize=(11.0, 2.5 * rows + 0.6), layout="constrained", squeeze=False
-    )
-    for axis in axes.flat[layout.pad_count :]:
-        axis.axis("off")
-    used = list(axes.flat[: layout.pad_count])
-    for pad, axis in enumerate(used):
-        _frame(axis, *extent_mm(layout, pad))
-        axis.set_title(plain(layout.pads[pad]))
-    return figure, used
+    layout, (wide, tall), crowded = flat.sensor.layout, flat.size, bool(tints[0])
+    side = float(np.clip(tall, 4.0, 6.0))
+    beside = flat.curved and not crowded
+    width = max(wide + 0.8 + (side if beside else 0.0), 5.5)
+    words = plain(_words(flat, crowded))
+    letters = int(17.0 * width)
+    below = (side if flat.curved else 0.6 * tall) if crowded else 0.0
+    height = max(tall, side if beside else 0.0) + below + 1.0 + 0.15 * len(wrapped(words, letters))
+    figure = plt.figure(figsize=(width, height), layout="constrained")
+    ratios: dict[str, Any] = {"height_ratios": [tall, below]} if crowded else {}
+    if beside:
+        ratios["width_ratios"] = [wide, side]
+    grid = figure.add_gridspec(1 + crowded, 1 + flat.curved, **ratios)
+    axis = figure.add_subplot(grid[0, :] if crowded else grid[0, 0])
+    _frame(axis, flat)
+    for pad in range(len(flat.shapes)):
+        _draw(axis, flat, pad, tints[pad])
+        _arrows(axis, flat, pad)
+    if crowded:
+        second = figure.add_subplot(grid[1, 0])
+        _draw_names(second, flat, tints, 72.0 * 0.5 * width / (flat.bounds[1] - flat.bounds[0]))
+    if flat.curved:
+        _draw_space(figure.add_subplot(grid[-1, -1], projection="3d"), flat.sensor, tints)
+    title = f"{flat.sensor.name}: {layout.taxels} taxels in {layout.pad_count} pad{'s' if layout.pad_count > 1 else ''}"
+    figure.suptitle(plain(title), x=0.01, ha="left", fontweight="bold")
+    caption(figure, words, letters)
+    figure.draw_without_rendering()  # lays it out: now a mm has a length on paper
+    return figure, axis
+
+
+def _words(flat: _Flat, crowded: bool) -> str:
+    note = flat.sensor.note.rstrip(".")
+    parts = [f"{note[:1].upper() if note[1:2].islower() else note[:1]}{note[1:]}."] if note else []
+    parts.append(f"Arrows: {'each' if len(flat.shapes) > 1 else 'the'} pad's frame, x orange, y blue.")
+    if not crowded:
+        parts.append("Dark taxels lie at a border.")
+    elif common := _common(flat.sensor.layout.pads):
+        parts.append(f"Names of pads begin with {common}.")
+    if not flat.placed:
+        parts.append("Pads stand in rows, at one scale.")
+    if flat.curved:
+        parts.append("In space, faces turned away are pale.")
+    return " ".join(parts)
 
 
 def _is_curved(layout: Layout) -> bool:
@@ -78,87 +143,123 @@ def _is_curved(layout: Layout) -> bool:
     return bool(np.isfinite(normal).all() and np.abs(normal - normal[:1]).max() > 1e-3)
 
 
-def _one(layout: Layout, space: bool) -> tuple[Figure, Axes]:
-    """A figure with room for the flat hand, left of a view in space if there is one."""
-    import matplotlib.pyplot as plt
-
-    left, right, low, high = _bounds(layout)
-    ratio = (high - low) / (right - left)
-    wide, tall = (_SIZE, _SIZE * ratio) if ratio < 1.0 else (_SIZE / ratio, _SIZE)
-    wide, tall = max(wide, 5.0), max(tall, 3.0)
-    figure = plt.figure(figsize=(wide + (tall if space else 0.0) + 0.8, tall + 1.2), layout="constrained")
-    return figure, figure.add_subplot(1, 2 if space else 1, 1)
+def _points(shape: Floats) -> Floats:
+    """Corners, centres and places between them, (n, 2), of taxels: what a name must not cover."""
+    middle = shape.mean(axis=1, keepdims=True)
+    return np.concatenate([shape, middle, (shape + middle) / 2], axis=1).reshape(-1, 2)
 
 
-def _bounds(layout: Layout) -> tuple[float, float, float, float]:
-    corners = np.concatenate([_on_hand(layout, pad).reshape(-1, 2) for pad in range(layout.pad_count)])
-    margin = 0.08 * float(np.ptp(corners, axis=0).max())
-    (left, low), (right, high) = corners.min(axis=0) - margin, corners.max(axis=0) + margin
-    return float(left), float(right), float(low), float(high)
+def _frame(axis: Axes, flat: _Flat) -> None:
+    from matplotlib.ticker import MultipleLocator
 
-
-def _on_hand(layout: Layout, pad: int) -> Floats:
-    return 1e3 * transform(layout.T_hand[pad], outlines(layout, pad))
-
-
-def _draw(axis: Axes, layout: Layout, pad: int, pose: Floats) -> None:
-    """Outlines of a pad's taxels, those at a border darker."""
-    from matplotlib.collections import PolyCollection
-
-    shapes = 1e3 * transform(pose, outlines(layout, pad))
-    faces = np.where(layout.border[layout.of_pad(pad)].any(axis=1), "#dfe8f3", "#f4f6f8")
-    axis.add_collection(PolyCollection(list(shapes), facecolor=faces.tolist(), edgecolor=GREY, linewidth=0.5))
-
-
-def _number(axis: Axes, layout: Layout, pad: int, pose: Floats) -> None:
-    """Numbers of a pad's taxels, as large as the closest leave room for, at most 9 points; too small to read, none."""
-    own = layout.of_pad(pad)
-    at = 1e3 * transform(pose, np.stack([layout.x_m[own], layout.y_m[own]], axis=1))
-    left, right = axis.get_xlim()
-    points_per_mm = 72.0 / axis.figure.dpi * axis.get_window_extent().width / (right - left)
-    room = float(np.quantile(nearest_m(at), 0.05))
-    size = min(9.0, 1.2 * room * points_per_mm / len(str(layout.taxels - 1)))
-    if size > 1.5:
-        for number, (x, y) in enumerate(at, own.start):
-            axis.text(x, y, str(number), ha="center", va="center", color=INK, fontsize=size)
-
-
-def _frame(axis: Axes, left: float, right: float, low: float, high: float) -> None:
+    left, right, low, high = flat.bounds
     axis.set_xlim(left, right)
     axis.set_ylim(low, high)
     axis.set_aspect("equal")
     axis.grid(visible=False)
-    axis.set_xlabel("x in mm")
-    axis.set_ylabel("y in mm")
+    if flat.placed:
+        for one, name, extent in ((axis.xaxis, "x", right - left), (axis.yaxis, "y", high - low)):
+            few = max(8 * extent / max(right - left, high - low), 3)
+            one.set_major_locator(MultipleLocator(tick_step(extent, few)))
+            one.set_label_text(f"{name} in mm")
+        return
+    axis.axis("off")
+    length = tick_step(right - left, 8)
+    begin, height = left + 0.02 * (right - left), low + 0.01 * (high - low)
+    axis.plot([begin, begin + length], [height, height], color=INK, linewidth=1.5)
+    axis.annotate(f"{length:g} mm", (begin + length, height), (4, 0), textcoords="offset points", va="center")
 
 
-def _names(axis: Axes, layout: Layout) -> None:
-    """Each pad's name, and its frame: x in red, y in blue."""
-    for pad in range(layout.pad_count):
-        x, y, turn = layout.T_hand[pad]
-        length = 0.9 * 1e3 * layout.pitch_m[pad].max()
-        for angle, colour in ((turn, VERMILION), (turn + np.pi / 2, BLUE)):
-            tip = (1e3 * x + length * np.cos(angle), 1e3 * y + length * np.sin(angle))
-            arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0, "alpha": 0.7}
-            axis.annotate("", xy=tip, xytext=(1e3 * x, 1e3 * y), arrowprops=arrow, zorder=1.5)
-        if layout.pad_count > 1:
-            shape = _on_hand(layout, pad).reshape(-1, 2)
-            at = ((shape[:, 0].min() + shape[:, 0].max()) / 2, shape[:, 1].max())
-            crowded = layout.pad_count > _CROWDED
-            look: dict[str, Any] = {"fontsize": 4.5 if crowded else 7, "color": MAGENTA if crowded else INK}
-            name = plain(layout.pads[pad])
-            axis.annotate(name, at, (0, 1), textcoords="offset points", ha="center", va="bottom", zorder=5, **look)
+def _draw(axis: Axes, flat: _Flat, pad: int, tint: str) -> None:
+    """Outlines of a pad's taxels."""
+    from matplotlib.collections import PolyCollection
+
+    colours = _colours(flat, pad, tint)
+    axis.add_collection(PolyCollection(list(flat.shapes[pad]), facecolor=colours, edgecolor=GREY, linewidth=0.5))
 
 
-def _draw_space(axis: Axes, layout: Layout) -> None:
-    """Taxels and their normals in the hand's 3-D frame."""
-    at, normal = 1e3 * layout.place_m[: layout.taxels], layout.normal[: layout.taxels]
-    length = 0.7 * 1e3 * float(layout.pitch_m.min())
-    axis.scatter(at[:, 0], at[:, 1], at[:, 2], s=10, color=BLUE, depthshade=False)  # type: ignore[misc]
-    axis.quiver(*at.T, *(length * normal.T), color=VERMILION, linewidth=0.7, arrow_length_ratio=0.3)
-    for set_label, name in zip((axis.set_xlabel, axis.set_ylabel, axis.set_zlabel), "xyz", strict=True):  # type: ignore[attr-defined]
-        set_label(f"{name} in mm")
-    axis.set_aspect("equal")
-    outwards = normal.mean(axis=0)
-    axis.view_init(elev=25, azim=float(np.degrees(np.arctan2(outwards[1], outwards[0]))) + 30)  # type: ignore[attr-defined]
-    axis.set_title("in space, with normals")
+def _colours(flat: _Flat, pad: int, tint: str) -> list[Any]:
+    """Of a pad's taxels: a pale tint of the pad; without one, those at a border are darker."""
+    own = flat.sensor.layout.of_pad(pad)
+    if tint:
+        return [pale(tint)] * (own.stop - own.start)
+    return list(np.where(flat.sensor.layout.border[own].any(axis=1), "#dfe8f3", "#f4f6f8"))
+
+
+def _arrows(axis: Axes, flat: _Flat, pad: int) -> None:
+    """The pad's frame: x in orange, y in blue, beneath the numbers, and as long as leaves both tips uncovered."""
+    x, y, turn = flat.T[pad]
+    origin, centres = 1e3 * np.array([x, y]), flat.shapes[pad].mean(axis=1)
+    ways = np.array([[np.cos(angle), np.sin(angle)] for angle in (turn, turn + np.pi / 2)])
+    lengths = 1e3 * flat.sensor.layout.pitch_m[pad].max() * np.array([0.9, 0.75, 1.05, 0.65])
+    tips = origin + lengths[:, np.newaxis, np.newaxis] * ways
+    clear = np.linalg.norm(tips[:, :, np.newaxis] - centres, axis=3).min(axis=(1, 2))
+    for tip, colour in zip(tips[int(np.argmax(clear))], (VERMILION, BLUE), strict=True):
+        arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
+        axis.annotate("", xy=tip.tolist(), xytext=origin.tolist(), arrowprops=arrow, zorder=1.5)
+
+
+def _number(axis: Axes, flat: _Flat, pad: int, colours: list[Any]) -> None:
+    """Numbers of a pad's taxels, as large as the closest leave room for, at most 9 points; too small to read, none.
+
+    colours: of the taxels, behind the numbers that an arrow may cross.
+    """
+    layout = flat.sensor.layout
+    own = layout.of_pad(pad)
+    at = 1e3 * transform(flat.T[pad], np.stack([layout.x_m[own], layout.y_m[own]], axis=1))
+    left, right = axis.get_xlim()
+    points_per_mm = 72.0 / axis.figure.dpi * axis.get_window_extent().width / (right - left)
+    room = float(np.quantile(nearest_m(at), 0.05))
+    size = min(9.0, 1.05 * room * points_per_mm / len(str(layout.taxels - 1)))
+    if size <= 1.5:
+        return
+    near = np.linalg.norm(at - 1e3 * flat.T[pad, :2], axis=1) < 1.5e3 * layout.pitch_m[pad].max()
+    for number, (x, y), colour, crossed in zip(range(own.start, own.stop), at, colours, near, strict=True):
+        behind = {"boxstyle": "square,pad=0.05", "facecolor": colour, "linewidth": 0} if crossed else None
+        axis.text(x, y, str(number), ha="center", va="center", color=INK, fontsize=size, bbox=behind)
+
+
+def _draw_names(axis: Axes, flat: _Flat, tints: list[str], points_per_mm: float) -> None:
+    """The flat hand again, on each pad its name without what all begin with."""
+    _frame(axis, flat)
+    names = flat.sensor.layout.pads
+    common = len(_common(names))
+    for pad, shape in enumerate(flat.shapes):
+        _draw(axis, flat, pad, tints[pad])
+        name, wide = names[pad][common:], float(np.ptp(shape[..., 0]))
+        size = min(9.0, 0.9 * wide * points_per_mm / (WIDE * len(name)))
+        look: dict[str, Any] = {"fontsize": size, "fontweight": "bold", "color": INK, "ha": "center", "va": "center"}
+        axis.annotate(plain(name), shape.mean(axis=(0, 1)).tolist(), **look)
+    axis.set_title("pads")
+
+
+def _common(names: tuple[str, ...]) -> str:
+    """What all names begin with, and go on from with something."""
+    first, last = min(names), max(names)  # what these two share, all share
+    same = next((k for k, (one, other) in enumerate(zip(first, last, strict=False)) if one != other), len(first))
+    common = first[:same].rstrip("0123456789")
+    return common if all(len(name) > len(common) for name in names) else ""
+
+
+def _draw_space(axis: Any, sensor: Sensor, tints: list[str]) -> None:
+    """Faces of all taxels in the hand's 3-D frame, seen from where most of them face."""
+    layout = sensor.layout
+    normals = layout.normal[: layout.taxels]
+    corners: list[Floats] = []
+    for number, pad in enumerate(sensor.pads):
+        own = geometry_of(pad if pad.pose is None else _unplaced(pad))
+        T = np.eye(4) if pad.pose is None else se3_of(np.array(pad.pose[:3]), np.array(pad.pose[3:]))
+        corners += list(faces(layout, number, own) @ T[:3, :3].T + T[:3, 3])
+    outwards = normals.mean(axis=0)
+    frame(axis, np.concatenate(corners), float(np.degrees(np.arctan2(outwards[1], outwards[0]))) + 30.0, 25.0)
+    own_tint = [
+        tints[pad] or BLUE for pad in range(len(tints)) for _ in range(*layout.of_pad(pad).indices(layout.taxels))
+    ]
+    draw_faces(axis, corners, normals, own_tint, numbered=layout.taxels <= _FEW)
+    axis.set_title("in space")
+
+
+def _unplaced(pad: Any) -> Any:
+    import msgspec
+
+    return msgspec.structs.replace(pad, pose=None)

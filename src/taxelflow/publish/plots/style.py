@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -9,13 +10,16 @@ from typing import TYPE_CHECKING, Any
 from taxelflow.errors import ExtraMissing
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from matplotlib.figure import Figure
 
 BLUE, VERMILION, GREEN, MAGENTA, GREY, INK = "#0072b2", "#d55e00", "#009e73", "#cc2fa0", "#9aa0a6", "#202124"
 """Okabe and Ito's colours; the paper marks its maximum in magenta."""
+
+TINTS = (BLUE, GREEN, MAGENTA, "#e69f00", "#56b4e9", VERMILION)
+"""Of things that have no order, such as pads."""
 
 SLIP = "#fdeccd"
 """Shade behind a slip."""
@@ -71,9 +75,37 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
+def tick_step(extent: float, count: float) -> float:
+    """1, 2 or 5 times a power of ten, by which at most about this many ticks lie on an extent above 0."""
+    least = extent / count
+    power = 10.0 ** math.floor(math.log10(least))
+    return power * next(times for times in (1.0, 2.0, 5.0, 10.0) if times * power >= 0.999 * least)
+
+
+def log_ticks(axis: Any, at: Sequence[float] = ()) -> None:
+    """Plain numbers at the ticks of `axes.xaxis` or `axes.yaxis` with a log scale; without `at` 1, 2 and 5."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
+
+    axis.set_major_locator(FixedLocator(list(at)) if at else LogLocator(subs=(1.0, 2.0, 5.0), numticks=30))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.{2 if at else 3}g}"))
+
+
+def pale(colour: str) -> tuple[float, ...]:
+    """A quarter of a colour on white, under text."""
+    from matplotlib.colors import to_rgb
+
+    return tuple(0.75 + 0.25 * part for part in to_rgb(colour))
+
+
+def wrapped(text: str, characters: int) -> list[str]:
+    """Lines of at most this many characters; names and words with a hyphen stay whole."""
+    return textwrap.wrap(text, characters, break_on_hyphens=False)
+
+
 def caption(figure: Figure, text: str, characters: int) -> None:
     """A caption under the figure, in lines of at most this many characters."""
-    figure.supxlabel(textwrap.fill(text, characters), fontsize=8, color=INK, x=0.01, ha="left")
+    figure.supxlabel("\n".join(wrapped(text, characters)), fontsize=8, color=INK, x=0.01, ha="left")
 
 
 def save(figure: Figure, path: Path) -> Path:

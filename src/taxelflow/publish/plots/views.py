@@ -57,6 +57,8 @@ def _draw_bars(axis: Axes, pressure: Floats) -> None:
 
 
 def _draw_convolution(axis: Axes, convolution: Floats) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     height, width = convolution.shape
     axis.imshow(convolution, cmap="viridis", extent=(0.5, width + 0.5, height + 0.5, 0.5), interpolation="nearest")
     axis.set_xlabel("i")
@@ -68,6 +70,8 @@ def _draw_convolution(axis: Axes, convolution: Floats) -> None:
         axis.plot([i], [j], marker="+", markersize=13, markeredgewidth=2, color="white")
         axis.set_xlabel(f"i   (centroid {i:.2f})")
         axis.set_ylabel(f"j   (centroid {j:.2f})")
+    for one in (axis.xaxis, axis.yaxis):
+        one.set_major_locator(MaxNLocator(7, integer=True))
     axis.grid(visible=False)
 
 
@@ -79,8 +83,9 @@ def _draw_vector(axis: Axes, slip_mm: tuple[float, float]) -> None:
         ring = outer * share
         angle = np.linspace(0, 2 * np.pi, 181)
         axis.plot(ring * np.cos(angle), ring * np.sin(angle), color=GREY, linewidth=0.7)
+        unit = " mm" if share == 1.0 else ""
         axis.annotate(
-            f"{ring:.3g}", (np.sqrt(0.5) * ring, across * ring), ha="left", fontsize=7, color=INK,
+            f"{ring:.3g}{unit}", (np.sqrt(0.5) * ring, across * ring), ha="left", fontsize=7, color=INK,
             va="top" if across < 0 else "bottom",
         )  # fmt: skip
     axis.plot([-outer, outer], [0, 0], color=GREY, linewidth=0.4)
