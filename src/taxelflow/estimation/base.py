@@ -74,6 +74,16 @@ class SkinAware(Protocol):
     """True; a class attribute will do."""
 
 
+@runtime_checkable
+class Scaled(Protocol):
+    """A session that scales its positions."""
+
+    @property
+    def gains(self) -> Floats:
+        """(pads, 2), factors on positions along x and y."""
+        ...
+
+
 class Estimator(Protocol):
     """Parameters of a method: a frozen dataclass in a module that imports neither NumPy nor numba."""
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.errors import EstimatorBroken
-from taxelflow.estimation.base import SkinAware
+from taxelflow.estimation.base import Scaled, SkinAware
 from taxelflow.estimation.unseen_error import UnseenError
 from taxelflow.messages import AMBIGUOUS, NO_POSE, OK, Bools, Bytes, Floats, Footprint, Slips, cut, joined, no_scans
 from taxelflow.runtime.compiling import kernel
@@ -33,7 +33,8 @@ class SlipsSession:
     def __init__(self, session: EstimatorSession, layout: Layout) -> None:
         self._session, self._boundary = session, Boundary(layout)
         aware = isinstance(session, SkinAware) and session.holds_unseen_error
-        self._unseen = UnseenError(layout) if layout.unseen_error and not aware else None
+        gains = session.gains if isinstance(session, Scaled) else np.ones((len(layout.pads), 2))
+        self._unseen = UnseenError(layout, gains) if layout.unseen_error and not aware else None
         self._none = self._footprint(no_scans(layout.entries, len(layout.pads)))  # compiles the kernels
         pads = self._none.border.shape
         judge_cut(np.zeros((*pads[:2], 3)), self._none.border, np.zeros(pads[:2], np.uint8))

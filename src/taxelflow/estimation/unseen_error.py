@@ -25,7 +25,11 @@ if TYPE_CHECKING:
 class UnseenError:
     """Of places on a layout's pads. It has no memory: each scan is judged by itself."""
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, gains: Floats | None = None) -> None:
+        """gains: (pads, 2), factors on positions along x and y; 1 if left out."""
+        count = len(layout.pads)
+        factors = np.concatenate([np.ones((count, 2)) if gains is None else gains, np.ones((count, 1))], axis=1)
+        self._scale = factors[:, :, np.newaxis] * factors[:, np.newaxis, :]
         self._starts, self._tilt = layout.starts, layout.unseen_error
         self._pitch_m = layout.pitch_m.min(axis=1)
         self._places = np.stack([layout.x_m, layout.y_m]) / np.repeat(self._pitch_m, np.diff(layout.starts))
@@ -36,6 +40,7 @@ class UnseenError:
         found = np.zeros((*scans.contact.shape, 3, 3))
         arrays = scans.pressure, scans.noise, scans.ceiling, scans.contact
         find_unseen(arrays, self._starts, self._places, self._pitch_m, self._tilt, found)
+        found *= self._scale
         return found
 
 

@@ -39,7 +39,8 @@ class CentroidSession:
         count = len(layout.pads)
         self._kernel, self._prepare = Settled(kernel), prepare
         self._places = np.stack([layout.x_m, layout.y_m])
-        self._pads = pads_of(layout, np.ones((count, 2)) if gains is None else gains)
+        self.gains: Floats = np.ones((count, 2)) if gains is None else gains
+        self._pads = pads_of(layout, self.gains)
         self._constants, self._prepared = constants, constants
         self._noise: Floats | None = None
         self._memory = records(memory, count)

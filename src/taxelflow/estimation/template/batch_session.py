@@ -169,7 +169,8 @@ class BatchSession:
             poses = bridged(formed(poses, scanned.load().sum(axis=1)), scanned.t_s)
             if of_the_map.any():
                 poses = poses.with_map(of_the_map, solved, scanned, pitch_m)
-            if of_one_map and layout.unseen_error:
+            whole_contact = pad < layout.pad_count or layout.contact_of[pad] >= 0  # load leaves a part of one
+            if of_one_map and layout.unseen_error and whole_contact:
                 poses = poses.with_noise(_by_noise(solved, scanned, layout.unseen_error), solved, scanned, pitch_m)
             poses = poses.doubted(rival, pitch_m).doubted(growth, pitch_m)
             poses = poses.open_across(scanned, pitch_m)

@@ -147,7 +147,8 @@ def _centres(scans: Readings, edge: Bools, tilt: float, out: Floats) -> None:
 
 class Centres(NamedTuple):
     """Centres of pressure of scans, in pitches: where they are (scans, 2), the covariance of each as xx, xy and yy
-    (scans, 3), by the border too, and whether there is a load (scans,)."""
+    (scans, 3), by the border too, and whether there is a load (scans,).
+    """
 
     place: Floats
     covariance: Floats
@@ -275,7 +276,7 @@ def witnessed(
     arm = centres.arm(state, 1.0 / (own + centres.spread))
     apart = centres.place - _turned(np.tile(arm, (len(state), 1)), state[:, 2]) - state[:, :2]
     pose, covariance = poses.pose.copy(), poses.covariance.copy()
-    noise = covariance - poses.shared
+    shared, noise = np.zeros_like(covariance) + poses.shared, None if poses.noise is None else poses.noise.copy()
     weight, shown = np.zeros((2, 2)), np.isfinite(poses.pose[:, 2])
     for k in np.flatnonzero(known).tolist():
         own = covariance[k] / pitch_m**2
@@ -283,8 +284,11 @@ def witnessed(
         pose[k, :2] += pitch_m * (weight @ apart[k])
         covariance[k, :2] = pitch_m**2 * own[:2]
         covariance[k, 2, :2] = pitch_m**2 * own[2, :2]
-        held, (xx, xy, yy) = np.eye(2) - weight, pitch_m**2 * centres.covariance[k]
-        noise[k, :2, :2] = held @ noise[k, :2, :2] @ held.T + weight @ np.array([[xx, xy], [xy, yy]]) @ weight.T
-        noise[k, :2, 2] = noise[k, 2, :2] = held @ noise[k, :2, 2]
+        held = np.eye(2) - weight
+        shared[k, :2, :2] = held @ shared[k, :2, :2] @ held.T
+        if noise is not None:  # tilt moves c from scan to scan
+            xx, xy, yy = pitch_m**2 * centres.covariance[k]
+            noise[k, :2, :2] = held @ noise[k, :2, :2] @ held.T + weight @ np.array([[xx, xy], [xy, yy]]) @ weight.T
+            noise[k, :2, 2] = noise[k, 2, :2] = held @ noise[k, :2, 2]
     worse = np.where(poses.quality == OK, judge(covariance, np.zeros(len(pose)), pitch_m), OK)
-    return Poses(pose, covariance, np.maximum(poses.quality, worse).astype(np.uint8), covariance - noise)
+    return Poses(pose, covariance, np.maximum(poses.quality, worse).astype(np.uint8), shared, noise)

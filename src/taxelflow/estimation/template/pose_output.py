@@ -33,6 +33,8 @@ class Poses:
     covariance: Floats
     quality: Bytes
     shared: Floats | float = 0.0
+    noise: Floats | None = None
+    """(scans, 3, 3), the other part of the covariance, where it is known by itself; None: what is not shared."""
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -43,7 +45,8 @@ class Poses:
         The pattern's error is common to both scans; what is left is the noise of both.
         """
         moved = np.diff(self.pose, axis=0, prepend=np.nan)
-        noise, own = np.full_like(self.covariance, np.nan), self.covariance - self.shared
+        noise, own = np.full_like(self.covariance, np.nan), self.noise
+        own = self.covariance - self.shared if own is None else own
         noise[1:] = own[1:] + own[:-1]
         return moved, noise, np.diff(t_s, prepend=np.nan)
 
@@ -54,7 +57,7 @@ class Poses:
             return self
         covariance = self.covariance.copy()
         covariance[:, across, across] = (pitch_m * scanned.reach) ** 2
-        return replace(self, covariance=covariance, quality=np.maximum(self.quality, AMBIGUOUS))
+        return replace(self, covariance=covariance, quality=np.maximum(self.quality, AMBIGUOUS), noise=None)
 
     def doubted(self, rival: Floats, pitch_m: float) -> Poses:
         """With the distance (scans, 2), in pitches, of a hypothesis that explains nearly as much in the covariance.
@@ -73,24 +76,28 @@ class Poses:
         return self._sharing(lever @ error[:, :3, :3] @ lever.transpose(0, 2, 1), pitch_m)
 
     def with_noise(self, information: Floats, solved: Solved, scanned: Scanned, pitch_m: float) -> Poses:
-        """With all in the covariance shared but noise, by the states' information (scans, 5, 5) without unseen errors.
+        """With the noise of scans by the states' information (scans, 5, 5) without unseen errors, where that is less.
 
         Hysteresis and tilt hardly change from scan to scan.
         """
         middle = solved.middle(scanned)
         _, noise = to_pad(solved.states, information, middle, pitch_m, turns=solved.turns)
-        return replace(self, shared=self.covariance - noise)
+        xx, xy, yy = noise[:, 0, 0], noise[:, 0, 1], noise[:, 1, 1]
+        less = (xx > 0) & (xx * yy > xy * xy) & (xx + yy < self.covariance[:, 0, 0] + self.covariance[:, 1, 1])
+        return replace(self, noise=np.where(less[:, np.newaxis, np.newaxis], noise, self.covariance - self.shared))
 
     def _sharing(self, shared: Floats, pitch_m: float) -> Poses:
         """With an error of which consecutive scans share the covariance (scans, 3, 3)."""
         covariance = self.covariance + shared
         worse = np.where(self.quality == OK, judge(covariance, np.zeros(len(self)), pitch_m), OK)
-        return Poses(self.pose, covariance, np.maximum(self.quality, worse).astype(np.uint8), self.shared + shared)
+        quality = np.maximum(self.quality, worse).astype(np.uint8)
+        return replace(self, covariance=covariance, quality=quality, shared=self.shared + shared)
 
     def tail(self, count: int) -> Poses:
         """The last `count` scans."""
         shared = self.shared if isinstance(self.shared, float) else self.shared[-count:]
-        return Poses(self.pose[-count:], self.covariance[-count:], self.quality[-count:], shared)
+        noise = None if self.noise is None else self.noise[-count:]
+        return Poses(self.pose[-count:], self.covariance[-count:], self.quality[-count:], shared, noise)
 
 
 def poses_of(solved: Solved, scanned: Scanned, information: Floats, pitch_m: float) -> Poses:
