@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxelflow.acquire.base import Recording
-from taxelflow.estimation.template.centre_of_pressure import combine, surely
 from taxelflow.estimation.template.online.witness import carry
+from taxelflow.estimation.template.two_witnesses import combine, surely
 from taxelflow.evaluation.robustness_rows import CaseRow, row_of
 from taxelflow.messages import OK, Floats
 from taxelflow.pipeline import api

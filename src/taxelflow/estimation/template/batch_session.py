@@ -178,6 +178,8 @@ class BatchSession:
                 edge: Bools = np.asarray(layout.border[own].any(axis=1), dtype=np.bool_)
                 as_read = replace(scanned, readings=readings)
                 poses = witnessed(poses, as_read, edge, pitch_m, layout.unseen_error, solved if of_one_map else None)
+                if of_one_map:
+                    poses = poses.open_along(solved.hidden, scanned, pitch_m)
         is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
         poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
         if len(solved.dead):

@@ -43,11 +43,12 @@ import numpy as np
 
 from taxelflow.estimation.template.anchor import Anchor
 from taxelflow.estimation.template.pose_output import Poses, judge
+from taxelflow.estimation.template.two_witnesses import combine, surely
 from taxelflow.messages import OK
 from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, pressure_centre
-from taxelflow.numerics.small_linalg import inverse2
-from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
+from taxelflow.numerics.cut import find_hidden, open_sides
+from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Readings, Scanned
@@ -56,115 +57,45 @@ if TYPE_CHECKING:
 
 BORDER_ERROR = 0.2
 """Of the share of a motion that a contact shows which lies at the pad's border all around."""
-_LEAST = 1e-18
-"""Of variances, m^2."""
-_EXPLAINED = 9.0
-"""Chi-square up to which a shift by the border is within what c and p are wrong by anyway."""
 _LEAP = 1.0
 """Pitches from scan to scan from which on a map does not show how far an object has moved."""
 _ROUNDS = 3
 """In which scans that the border cuts are held down, to find where a map has its centre."""
 
 
-@lean_kernel
-def _wider(cov: tuple[float, float, float], doubt: tuple[float, float, float], apart: tuple[float, float]) -> float:
-    """The factor s, 1 or more, by which C must be larger for sC + D to explain that c and p are so far apart.
-
-    The adjugate of a matrix of two dimensions is linear in it, so chi-square per degree of freedom is 1 where a
-    polynomial of second degree in s is 0. cov, doubt: C and D, each as xx, xy, yy.
-    """
-    (a, b, c), (d, e, f), (x, y) = cov, doubt, apart
-    square = a * c - b * b
-    linear = a * f + c * d - 2.0 * b * e - 0.5 * (c * x * x - 2.0 * b * x * y + a * y * y)
-    constant = d * f - e * e - 0.5 * (f * x * x - 2.0 * e * x * y + d * y * y)
-    if square + linear + constant >= 0.0:
-        return 1.0
-    root = np.sqrt(max(linear * linear - 4.0 * square * constant, 0.0))
-    wider = (root - linear) / (2.0 * square) if linear < 0.0 else -2.0 * constant / (root + linear)
-    return float(wider)
-
-
-@lean_kernel
-def combine(
-    cov: Floats, doubt: tuple[float, float, float], apart: tuple[float, float], shows_turn: bool, weight: Floats
-) -> None:
-    """Fill weight (2, 2), W, and make cov (3, 3) of a pose on its map that of both witnesses.
-
-    doubt: D as xx, xy, yy. apart: c - p. shows_turn: whether the map shows the angle. The turn's variance stays; all
-    in the same unit.
-    """
-    map_xx, map_xy, map_yy = cov[0, 0] + _LEAST, cov[0, 1], cov[1, 1] + _LEAST
-    wider = 1.0 if shows_turn else _wider((map_xx, map_xy, map_yy), doubt, apart)
-    map_xx, map_xy, map_yy = wider * map_xx, wider * map_xy, wider * map_yy
-    xx, xy, yy = inverse2(map_xx + doubt[0], map_xy + doubt[1], map_yy + doubt[2])
-    chi = 0.5 * (apart[0] * apart[0] * xx + 2.0 * apart[0] * apart[1] * xy + apart[1] * apart[1] * yy)
-    weight[0, 0], weight[0, 1] = map_xx * xx + map_xy * xy, map_xx * xy + map_xy * yy
-    weight[1, 0], weight[1, 1] = map_xy * xx + map_yy * xy, map_xy * xy + map_yy * yy
-    p, q, r, s = 1.0 - weight[0, 0], -weight[0, 1], -weight[1, 0], 1.0 - weight[1, 1]
-    own = transformed(p, q, r, s, (map_xx, map_xy, map_yy))
-    other = transformed(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], doubt)
-    ratio = np.sqrt((own[0] + own[2] + _LEAST) / (other[0] + other[2] + _LEAST))
-    scale = max(chi, 1.0)
-    cov[0, 0] = scale * ((1.0 + 1.0 / ratio) * own[0] + (1.0 + ratio) * other[0])
-    cov[1, 1] = scale * ((1.0 + 1.0 / ratio) * own[2] + (1.0 + ratio) * other[2])
-    cov[0, 1] = cov[1, 0] = scale * ((1.0 + 1.0 / ratio) * own[1] + (1.0 + ratio) * other[1])
-    x, y = cov[0, 2], cov[1, 2]
-    cov[0, 2] = cov[2, 0] = p * x + q * y
-    cov[1, 2] = cov[2, 1] = r * x + s * y
-
-
-@lean_kernel
-def surely(shift: tuple[float, float], doubt: tuple[float, float, float]) -> float:
-    """The share of a shift of c by the border that errors of c and p, C + D as xx, xy, yy, do not explain at three
-    standard deviations.
-    """
-    (x, y), (xx, xy, yy) = shift, doubt
-    square = xx * yy - xy * xy
-    chi = yy * x * x - 2.0 * xy * x * y + xx * y * y
-    return float(1.0 - _EXPLAINED * square / chi) if chi > _EXPLAINED * square else 0.0
-
-
-@inlined
-def transformed(p: float, q: float, r: float, s: float, m: tuple[float, float, float]) -> tuple[float, float, float]:
-    """xx, xy and yy of T m T^T with T = [[p, q], [r, s]], of those of m."""
-    xx, xy, yy = m
-    return (
-        p * p * xx + 2.0 * p * q * xy + q * q * yy,
-        p * r * xx + (p * s + q * r) * xy + q * s * yy,
-        r * r * xx + 2.0 * r * s * xy + s * s * yy,
-    )
-
-
 @kernel
-def _centres(scans: Readings, edge: Bools, tilt: float, out: Floats) -> None:
-    """Fill out (scans, 11) with each scan's `pressure_centre` (5,) and `centroid_covariance` (6,)."""
+def _centres(scans: Readings, edge: Bools, sides: Floats, tilt: float, out: Floats) -> None:
+    """Fill out (scans, 15): each scan's `pressure_centre` (5,), `centroid_covariance` (6,) and `find_hidden` (4,)."""
     ceiling, places = scans.ceiling, scans.places
     for k in range(len(scans.value)):
         reading, variance = scans.value[k], scans.variance[k]
         pressure_centre(reading, variance, places, edge, out[k, :5])
-        centroid_covariance(reading, variance, ceiling, places, out[k, :5], CELL_ERROR, tilt, out[k, 5:])
+        centroid_covariance(reading, variance, ceiling, places, out[k, :5], CELL_ERROR, tilt, out[k, 5:11])
+        find_hidden(reading, variance, places, sides, out[k, :5], out[k, 11:])
 
 
 class Centres(NamedTuple):
     """Centres of pressure of scans, in pitches: where they are (scans, 2), the covariance of each as xx, xy and yy
-    (scans, 3), by the border too, and whether there is a load (scans,).
+    (scans, 3), by the border too, whether there is a load (scans,), and what the border hides (scans, 4), see
+    `numerics.cut`.
     """
 
     place: Floats
     covariance: Floats
     known: Bools
+    hidden: Floats
 
     @classmethod
     def of(cls, scanned: Scanned, edge: Bools, tilt: float) -> Centres:
         """edge: (taxels,), at the pad's border. tilt: see `centroid_covariance`."""
-        found = np.empty((len(scanned), 11))
-        _centres(scanned.with_error(0.0), edge, tilt, found)
+        found = np.empty((len(scanned), 15))
+        _centres(scanned.with_error(0.0), edge, open_sides(scanned.places), tilt, found)
         place, border, known = found[:, :2], found[:, 2], found[:, 3] > 0
-        covariance = found[:, 5:8] + found[:, 8:]
+        covariance = found[:, 5:8] + found[:, 8:11]
         if known.any():
             moved = np.hypot(*(place - np.median(place[known], axis=0)).T)
             covariance[:, [0, 2]] += ((BORDER_ERROR * border * moved) ** 2)[:, np.newaxis]
-        return cls(place, covariance, known)
+        return cls(place, covariance, known, found[:, 11:])
 
     @property
     def spread(self) -> Floats:
@@ -188,8 +119,9 @@ class Centres(NamedTuple):
         What a border moves a centre by is in its covariance, too: so much of it follows from the map. Scans before and
         after a leap are compared among themselves: two patterns that have been put side by side make one map.
         """
-        found = np.empty((len(scanned), 11))
-        _centres(replace(scanned, readings=solved.fit.model).with_error(0.0), scanned.edge, 0.0, found)
+        found = np.empty((len(scanned), 15))
+        modelled = replace(scanned, readings=solved.fit.model).with_error(0.0)
+        _centres(modelled, scanned.edge, open_sides(scanned.places), 0.0, found)
         states = solved.states
         inside, own = _in_body(found[:, :2], states), _own_covariance(solved)
         known, spread = self.known & (found[:, 3] > 0), own[:, 0, 0] + own[:, 1, 1] + self.spread
@@ -215,7 +147,7 @@ class Centres(NamedTuple):
         shift *= (shares if before is None else np.full_like(shares, shares[known].max(initial=0.0)))[:, np.newaxis]
         x, y = shift.T
         doubted = self.covariance + np.stack([x * x, x * y, y * y], axis=1)
-        return Centres(self.place - shift, doubted, self.known), middle, off
+        return self._replace(place=self.place - shift, covariance=doubted), middle, off
 
 
 def _in_body(places: Floats, states: Floats) -> Floats:

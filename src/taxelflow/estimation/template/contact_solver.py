@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.dead_taxels import denied, explained, silent_taxels, unanswering
+from taxelflow.estimation.template.hidden_motion import hidden_direction
 from taxelflow.estimation.template.hypotheses import refined, solve
 from taxelflow.estimation.template.likelihood import as_alive, as_dead, cost
 from taxelflow.estimation.template.observations import COARSE
@@ -48,6 +49,7 @@ def solve_contact(
         still = agreement(gained, solved, most=_MOVED)
         gained.agrees = gained.agrees & still if len(gained.agrees) else still
     gained.dead = np.array(dead, np.int64)
+    gained.hidden = hidden_direction(scanned, gained)
     return gained
 
 

@@ -59,6 +59,14 @@ class Poses:
         covariance[:, across, across] = (pitch_m * scanned.reach) ** 2
         return replace(self, covariance=covariance, quality=np.maximum(self.quality, AMBIGUOUS), noise=None)
 
+    def open_along(self, direction: Floats, scanned: Scanned, pitch_m: float) -> Poses:
+        """With the place along a direction (2,) of the pad, if it is not 0, left open: anywhere on the pad."""
+        if not direction.any():
+            return self
+        shared = np.zeros_like(self.covariance)
+        shared[:, :2, :2] = (pitch_m * scanned.reach) ** 2 * np.outer(direction, direction)
+        return self._sharing(shared, pitch_m)
+
     def doubted(self, rival: Floats, pitch_m: float) -> Poses:
         """With the distance (scans, 2), in pitches, of a hypothesis that explains nearly as much in the covariance.
 

@@ -30,7 +30,7 @@ class Solved:
     object, one that turns where this does not, or the reverse; growth: the same of one that grows or does not; each
     is empty if there is none. dead: taxels that do not answer. gains: (taxels,), by which the readings were
     divided; empty if they were not. heights: whether the pattern is one of heights, see `depth`; depth: (scans,),
-    of such a pattern; empty if it stays the same.
+    of such a pattern; empty if it stays the same. hidden: (2,), see `hidden_motion`.
     """
 
     pattern: Pattern
@@ -48,6 +48,7 @@ class Solved:
     gains: Floats = field(default_factory=lambda: np.zeros(0))
     heights: bool = False
     depth: Floats = field(default_factory=lambda: np.zeros(0))
+    hidden: Floats = field(default_factory=lambda: np.zeros(2))
 
     @property
     def kind(self) -> tuple[bool, bool]:

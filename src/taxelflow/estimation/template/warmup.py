@@ -12,6 +12,7 @@ from taxelflow.estimation.template.online.map_update import first_pattern, learn
 from taxelflow.estimation.template.online.relocalization import recognised
 from taxelflow.estimation.template.online.track_state import PadScan
 from taxelflow.numerics.blas import on_one_core
+from taxelflow.numerics.cut import open_sides
 
 
 @cache
@@ -26,7 +27,8 @@ def compile_stream() -> None:
     """Those that learn beside a stream, once in a process."""
     scanned = made_up()
     reading, edge = scanned.readings[0], np.zeros(36, np.bool_)
-    part = PadScan(reading, scanned.variance[0], scanned.ceiling, reading, scanned.places, edge)
+    readings, sides = (reading, scanned.variance[0], scanned.ceiling, reading), open_sides(scanned.places)
+    part = PadScan(*readings, scanned.places, edge, sides)
     gains = np.ones(len(part.reading))
     learned = first_pattern(0.0, part, scanned.delay_s, gains, unseen_error=0.05)  # the load is a witness, too
     for k in range(1, len(scanned)):

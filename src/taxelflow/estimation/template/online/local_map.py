@@ -38,7 +38,7 @@ class Learned:
     turns, grows, shown: see `Solved`. reports_turn: whether fits have agreed well enough on it. changing: it does not
     stay the same, and only the last keyframes count. unseen_error: see `Layout`. origin: (2,) in pitches, added to what
     is reported: the frame of a pattern that grows is at the point that stays. arm: (3, 2), see `arm_on_map`, when
-    its contact ended. anchor: of the keyframes, see `anchor_of`.
+    its contact ended. anchor: of the keyframes, see `anchor_of`. hidden: see `Solved`; decided: whether it is known.
     """
 
     pattern: Pattern
@@ -61,6 +61,8 @@ class Learned:
     origin: Floats = field(default_factory=lambda: np.zeros(2))
     arm: Floats = field(default_factory=lambda: np.zeros((3, 2)))
     anchor: Anchor | None = None
+    hidden: Floats = field(default_factory=lambda: np.zeros(2))
+    decided: bool = False
     fresh: int = 0
     taken: int = 1
     looked: int = 0

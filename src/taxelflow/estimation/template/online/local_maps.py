@@ -28,6 +28,7 @@ from taxelflow.estimation.template.online.witness import (
 )
 from taxelflow.messages import no_scans
 from taxelflow.numerics.bspline import STATE, state_of
+from taxelflow.numerics.cut import open_sides
 from taxelflow.numerics.records import record, records
 from taxelflow.runtime.adoption import AtFixedTimes
 from taxelflow.runtime.settled import Settled
@@ -62,7 +63,11 @@ class LocalMaps:
         late, lead_s = delays_of(layout)
         self._delay = late if late.any() else np.zeros(0)
         edge: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
-        self.hand = Hand(self._places, self._delay, edge, layout.starts, self._pitch_m, lead_s, layout.unseen_error)
+        pads_of = [layout.of_pad(pad) for pad in range(pads)]
+        sides = np.concatenate([open_sides(self._places[:, own]) for own in pads_of], axis=1)
+        self.hand = Hand(
+            self._places, self._delay, edge, sides, layout.starts, self._pitch_m, lead_s, layout.unseen_error
+        )
         self.tracks = records(Track, pads)
         self.stored = Patterns(np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8)), np.zeros((4, layout.entries)))
         self.learners = [Learner(name, workers, latency_s, adopting) for name in layout.pads]
@@ -105,7 +110,7 @@ class LocalMaps:
         own = self._layout.of_pad(pad)
         places = np.ascontiguousarray(self._places[:, own])
         readings = scan.reading[own], scan.variance[own], scan.ceiling[own], scan.raw[own]
-        return PadScan(*readings, places, self.hand.edge[own])
+        return PadScan(*readings, places, self.hand.edge[own], np.ascontiguousarray(self.hand.sides[:, own]))
 
     def _late(self, pad: int) -> Floats:
         """(taxels,), delays of a pad's taxels."""
@@ -209,6 +214,8 @@ class LocalMaps:
         m.changing, m.seen, m.grows = learned.changing, learned.reports_turn, learned.grows or m.grows
         m.slack, m.slack_t = learned.slack[0] + learned.unseen, learned.slack[1]
         self._open_across(pad, learned)
+        m.reach, m.undecided = learned.scanned.reach, not learned.decided and self.hand.floor > 0.0
+        m.open[:] = m.reach * learned.hidden
         states = learned.keyframes.states
         m.keyframes, m.keyframe[: len(states)] = len(states), states
         self.learners[pad].learned, self.learners[pad].beginning = learned, False

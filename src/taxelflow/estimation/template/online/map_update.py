@@ -10,6 +10,7 @@ import numpy as np
 from taxelflow.estimation.template.centre_of_pressure import anchor_of
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.extrapolation import level_off
+from taxelflow.estimation.template.hidden_motion import shown_at_rest
 from taxelflow.estimation.template.hypotheses import (
     FIRST_GAIN_STD,
     YOUNG,
@@ -110,7 +111,12 @@ def _learn(known: Learned) -> Learned:
     count, near = len(keyframes), _FAR if keyframes.grown else _NEAR
     moved = keyframes.spread(known.radius) > near or _grown_now(known)
     if count <= 2 or not moved:
-        return _filled(known, keyframes)
+        new = _filled(known, keyframes)
+        return (
+            new
+            if new.decided or not known.unseen_error
+            else replace(new, decided=shown_at_rest(new.scanned.taken(slice(-1, None))))
+        )
     best, looked = _best(known)
     gains = best.gains if len(best.gains) else known.gains
     scanned, pattern = replace(known, gains=gains).scanned, best.pattern
@@ -139,6 +145,8 @@ def _learn(known: Learned) -> Learned:
         tilt=_tilt(best, scanned, known.unseen_error),
         rival=known.rival if looked == known.looked else best.rival_variance(turns=known.unseen_error > 0),
         origin=origin,
+        hidden=known.hidden if looked == known.looked else best.hidden,
+        decided=known.decided or looked != known.looked,
         anchor=_anchor(known, gains, replace(best, states=states)),
         looked=looked,
     )

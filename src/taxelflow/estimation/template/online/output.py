@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.centre_of_pressure import transformed
 from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, MISTAKEN, MOST_UNEXPLAINED, fits
 from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
 from taxelflow.estimation.template.online.witness import (
@@ -13,10 +12,12 @@ from taxelflow.estimation.template.online.witness import (
     find_centre,
     find_sure_shift,
     follow_centre,
+    leave_open,
     reported_arm,
     weigh_pose,
     weigh_step,
 )
+from taxelflow.estimation.template.two_witnesses import transformed
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.small_linalg import eigenvalues2, factor_small, solve_factored
@@ -68,9 +69,10 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, row
     moved = _displacement(t, k, pad, m, noise, centre, weight, rows) / scale
     follow_centre(scale, floor, m)
     add_weighted(pose, centre[0] - pose[0], centre[1] - pose[1], weight)
-    blurred = in_line or eigenvalues2(cov[0, 0], cov[1, 1], cov[0, 1])[1] > (BLURRED * scale) ** 2
+    leave_open(scale, m, cov)
+    blurred = eigenvalues2(cov[0, 0], cov[1, 1], cov[0, 1])[1] > (BLURRED * scale) ** 2
     unsure = m.probation > 0.0
-    rows.quality[k, pad] = AMBIGUOUS if blurred or unsure or m.changing else OK
+    rows.quality[k, pad] = AMBIGUOUS if blurred or in_line or unsure or m.changing else OK
     if fits(m):
         m.poor = 0.0
         clear = largest < (BLURRED * scale) ** 2 or m.keyframes < _YOUNG

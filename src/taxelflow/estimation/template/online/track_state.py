@@ -72,6 +72,14 @@ class Track:
     """Share of them at the pad's border."""
     centroid_covariance: Annotated[Floats, 6]
     """See `numerics.centroid`."""
+    hidden: Annotated[Floats, 4]
+    """What the border hides of a motion from that place, see `numerics.cut`."""
+    open: Annotated[Floats, 2]
+    """How far the place may be off, in pitches, along the direction in which no reading shows a motion; 0 if none."""
+    undecided: bool
+    """Whether the pattern is still to show if there is such a direction."""
+    reach: float
+    """See `observations.reach`."""
     arm: Annotated[Floats, 2]
     """From the place of the state to the point of the object that is reported, when it was at angle 0."""
     gauge: Annotated[Floats, 2]
@@ -137,13 +145,14 @@ class Track:
 
 class Hand(NamedTuple):
     """Taxels of all pads. places: (2, entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a border of
-    the pad; starts: (pads + 1,); pitch_m: (pads,); lead_s: (pads,), see `observations.delays_of`; floor: share of a
-    contact's largest reading that the sensor may be wrong by unseen.
+    the pad; sides: (4, entries), see `open_sides`; starts: (pads + 1,); pitch_m: (pads,); lead_s: (pads,), see
+    `observations.delays_of`; floor: share of a contact's largest reading that the sensor may be wrong by unseen.
     """
 
     places: Floats
     delay: Floats
     edge: Bools
+    sides: Floats
     starts: NDArray[np.int64]
     pitch_m: Floats
     lead_s: Floats
@@ -164,7 +173,7 @@ class Scan(NamedTuple):
 
 
 class PadScan(NamedTuple):
-    """One pad's part of a scan, (taxels,) each, and where its taxels are."""
+    """One pad's part of a scan, (taxels,) each, where its taxels are, and which sides (4, taxels) are open."""
 
     reading: Floats
     variance: Floats
@@ -172,6 +181,7 @@ class PadScan(NamedTuple):
     raw: Floats
     places: Floats
     edge: Bools
+    sides: Floats
 
 
 class Patterns(NamedTuple):

@@ -17,6 +17,7 @@ from taxelflow.estimation.template.online.witness import find_shift, middle_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
 from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance
+from taxelflow.numerics.cut import find_hidden
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import mirror
@@ -69,10 +70,13 @@ def follow(scan: Scan, hand: Hand, maps: Patterns, tracks: Records) -> bool:
         if not scan.contact[pad] or not m.active:
             continue
         own = slice(hand.starts[pad], hand.starts[pad + 1])
-        reading, places = scan.reading[own], np.empty((2, own.stop - own.start))
+        reading, count = scan.reading[own], own.stop - own.start
+        places, sides = np.empty((2, count)), np.empty((4, count))
         for i in range(len(reading)):  # a view is another type, and all that takes it would be compiled again
             places[0, i], places[1, i] = hand.places[0, own.start + i], hand.places[1, own.start + i]
-        part = PadScan(reading, scan.variance[own], scan.ceiling[own], scan.raw[own], places, hand.edge[own])
+            for side in range(4):
+                sides[side, i] = hand.sides[side, own.start + i]
+        part = PadScan(reading, scan.variance[own], scan.ceiling[own], scan.raw[own], places, hand.edge[own], sides)
         surface = Surface(maps.patterns[pad], maps.doubts[pad], m.lattice[:])  # an array, as elsewhere
         _follow_pad(scan.t, part, hand.delay[own], surface, hand.floor, m, maps.rests[:, own], room)
         all_fit = all_fit and fits(m) and m.probation == 0.0
@@ -92,6 +96,7 @@ def _follow_pad(
     if floor > 0.0:
         spread = m.centroid_covariance[:]
         centroid_covariance(scan.raw, scan.variance, scan.ceiling, scan.places, middle, CELL_ERROR, floor, spread)
+        find_hidden(scan.raw, scan.variance, scan.places, scan.sides, middle, m.hidden[:])
     m.cut = m.cut or middle[2] > _CUT
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
     may_turn = m.turn_std == 0.0 and not m.cut and not in_line

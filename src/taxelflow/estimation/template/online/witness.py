@@ -6,16 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.centre_of_pressure import BORDER_ERROR, combine, surely, transformed
+from taxelflow.estimation.template.centre_of_pressure import BORDER_ERROR
 from taxelflow.estimation.template.online.track_state import PadScan, Track
+from taxelflow.estimation.template.two_witnesses import combine, surely, transformed
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of
 from taxelflow.numerics.centroid import loaded_centroid, pressure_centre
+from taxelflow.numerics.cut import HIDDEN
+from taxelflow.numerics.small_linalg import eigenvalues2
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.anchor import Anchor
 
+_LEAST = 1e-12
+"""Share of a matrix below which its elements off the diagonal are rounding."""
 _STAYS = 0.25
 """Pitches up to which an object has not moved."""
 
@@ -192,6 +197,25 @@ def weigh_pose(scale: float, m: Track, centre: Floats, pose: Floats, cov: Floats
     xx, xy, yy = own[0] + own[3] + dx * dx, own[1] + own[4] + dx * dy, own[2] + own[5] + dy * dy
     xx, xy, yy = unit * xx, unit * xy, unit * yy
     combine(cov, (xx + cut, xy, yy + cut), (centre[0] - pose[0], centre[1] - pose[1]), m.seen, weight)
+
+
+@lean_kernel
+def leave_open(scale: float, m: Track, cov: Floats) -> None:
+    """Add to cov (3, 3) of a pose that it may be anywhere along the direction in which no reading shows a motion.
+
+    While that is undecided: along the one in which the centre of pressure shows it least, if it hides most of it.
+    """
+    x, y = m.open[0], m.open[1]
+    if m.undecided:
+        a, b, c, d = 1.0 - m.hidden[0], -m.hidden[1], -m.hidden[2], 1.0 - m.hidden[3]
+        xx, xy, yy = a * a + c * c, a * b + c * d, b * b + d * d
+        least = eigenvalues2(xx, yy, xy)[0]
+        x, y = (xy, least - xx) if abs(xy) > _LEAST * (xx + yy) else (1.0, 0.0) if xx <= yy else (0.0, 1.0)
+        away = m.reach / np.hypot(x, y) if least < HIDDEN * HIDDEN else 0.0
+        x, y = away * x, away * y
+    cov[0, 0], cov[1, 1] = cov[0, 0] + scale * scale * x * x, cov[1, 1] + scale * scale * y * y
+    cov[0, 1] += scale * scale * x * y
+    cov[1, 0] = cov[0, 1]
 
 
 @lean_kernel

@@ -1,0 +1,83 @@
+"""Two witnesses of one place: what a map says and what the centre of pressure says, see `centre_of_pressure`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxelflow.messages import Floats
+from taxelflow.numerics.small_linalg import inverse2
+from taxelflow.runtime.compiling import inlined, lean_kernel
+
+_LEAST = 1e-18
+"""Of variances, m^2."""
+_EXPLAINED = 9.0
+"""Chi-square up to which a shift by the border is within what c and p are wrong by anyway."""
+
+
+@lean_kernel
+def _wider(cov: tuple[float, float, float], doubt: tuple[float, float, float], apart: tuple[float, float]) -> float:
+    """The factor s, 1 or more, by which C must be larger for sC + D to explain that c and p are so far apart.
+
+    The adjugate of a matrix of two dimensions is linear in it, so chi-square per degree of freedom is 1 where a
+    polynomial of second degree in s is 0. cov, doubt: C and D, each as xx, xy, yy.
+    """
+    (a, b, c), (d, e, f), (x, y) = cov, doubt, apart
+    square = a * c - b * b
+    linear = a * f + c * d - 2.0 * b * e - 0.5 * (c * x * x - 2.0 * b * x * y + a * y * y)
+    constant = d * f - e * e - 0.5 * (f * x * x - 2.0 * e * x * y + d * y * y)
+    if square + linear + constant >= 0.0:
+        return 1.0
+    root = np.sqrt(max(linear * linear - 4.0 * square * constant, 0.0))
+    wider = (root - linear) / (2.0 * square) if linear < 0.0 else -2.0 * constant / (root + linear)
+    return float(wider)
+
+
+@lean_kernel
+def combine(
+    cov: Floats, doubt: tuple[float, float, float], apart: tuple[float, float], shows_turn: bool, weight: Floats
+) -> None:
+    """Fill weight (2, 2), W, and make cov (3, 3) of a pose on its map that of both witnesses.
+
+    doubt: D as xx, xy, yy. apart: c - p. shows_turn: whether the map shows the angle. The turn's variance stays; all
+    in the same unit.
+    """
+    map_xx, map_xy, map_yy = cov[0, 0] + _LEAST, cov[0, 1], cov[1, 1] + _LEAST
+    wider = 1.0 if shows_turn else _wider((map_xx, map_xy, map_yy), doubt, apart)
+    map_xx, map_xy, map_yy = wider * map_xx, wider * map_xy, wider * map_yy
+    xx, xy, yy = inverse2(map_xx + doubt[0], map_xy + doubt[1], map_yy + doubt[2])
+    chi = 0.5 * (apart[0] * apart[0] * xx + 2.0 * apart[0] * apart[1] * xy + apart[1] * apart[1] * yy)
+    weight[0, 0], weight[0, 1] = map_xx * xx + map_xy * xy, map_xx * xy + map_xy * yy
+    weight[1, 0], weight[1, 1] = map_xy * xx + map_yy * xy, map_xy * xy + map_yy * yy
+    p, q, r, s = 1.0 - weight[0, 0], -weight[0, 1], -weight[1, 0], 1.0 - weight[1, 1]
+    own = transformed(p, q, r, s, (map_xx, map_xy, map_yy))
+    other = transformed(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], doubt)
+    ratio = np.sqrt((own[0] + own[2] + _LEAST) / (other[0] + other[2] + _LEAST))
+    scale = max(chi, 1.0)
+    cov[0, 0] = scale * ((1.0 + 1.0 / ratio) * own[0] + (1.0 + ratio) * other[0])
+    cov[1, 1] = scale * ((1.0 + 1.0 / ratio) * own[2] + (1.0 + ratio) * other[2])
+    cov[0, 1] = cov[1, 0] = scale * ((1.0 + 1.0 / ratio) * own[1] + (1.0 + ratio) * other[1])
+    x, y = cov[0, 2], cov[1, 2]
+    cov[0, 2] = cov[2, 0] = p * x + q * y
+    cov[1, 2] = cov[2, 1] = r * x + s * y
+
+
+@lean_kernel
+def surely(shift: tuple[float, float], doubt: tuple[float, float, float]) -> float:
+    """The share of a shift of c by the border that errors of c and p, C + D as xx, xy, yy, do not explain at three
+    standard deviations.
+    """
+    (x, y), (xx, xy, yy) = shift, doubt
+    square = xx * yy - xy * xy
+    chi = yy * x * x - 2.0 * xy * x * y + xx * y * y
+    return float(1.0 - _EXPLAINED * square / chi) if chi > _EXPLAINED * square else 0.0
+
+
+@inlined
+def transformed(p: float, q: float, r: float, s: float, m: tuple[float, float, float]) -> tuple[float, float, float]:
+    """xx, xy and yy of T m T^T with T = [[p, q], [r, s]], of those of m."""
+    xx, xy, yy = m
+    return (
+        p * p * xx + 2.0 * p * q * xy + q * q * yy,
+        p * r * xx + (p * s + q * r) * xy + q * s * yy,
+        r * r * xx + 2.0 * r * s * xy + s * s * yy,
+    )

@@ -1,0 +1,77 @@
+"""Objects that reach across the pad: a motion that no reading shows is never `ok`, whatever slopes a map has."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from synthetic import grid_sensor, recorded
+from taxelflow.messages import OK, Floats
+from taxelflow.pipeline import api
+from taxelflow.estimation.base import Mode
+
+RATE_HZ, PITCH_M, REST = 50.0, 0.003, 40
+PATH_M = np.concatenate([np.zeros(40), np.linspace(0.0, 0.008, 80), np.full(40, 0.008)])
+ANGLE = 0.6
+"""Of a rod, in rad."""
+
+
+def pressed(shape: str, x_m: Floats, y_m: Floats) -> Floats:
+    """Pressure (..., taxels) at places in the object's frame, as a share of the largest."""
+    along, across = np.cos(ANGLE) * x_m + np.sin(ANGLE) * y_m, np.cos(ANGLE) * y_m - np.sin(ANGLE) * x_m
+    rod: Floats = np.exp(-0.5 * (across / (1.2 * PITCH_M)) ** 2)
+    if shape == "rod":
+        return rod
+    if shape == "short rod":
+        return rod * np.exp(-0.5 * (along / (1.5 * PITCH_M)) ** 2)
+    if shape == "smooth plate":
+        return np.ones_like(x_m)
+    waves = np.sin(x_m / 0.0021 + 0.4) + np.sin(y_m / 0.0026 + 1.1) + np.sin((x_m + y_m) / 0.0037)
+    plate: Floats = 0.6 + 0.12 * waves
+    return plate
+
+
+@cache
+def ok_share(shape: str, way: float | None, mode: Mode) -> tuple[float, float]:
+    """Share of the poses in contact that are `ok`, and of these that are wrong: of an object at rest or moved in a
+    direction, rad, on taxels of uneven gain.
+    """
+    sensor, random = grid_sensor(8, 8, pitch_m=(PITCH_M, PITCH_M), unseen_error=0.05), np.random.default_rng(2)
+    layout = sensor.layout
+    moved = np.zeros((2, len(PATH_M))) if way is None else PATH_M * np.array([[np.cos(way)], [np.sin(way)]])
+    at = pressed(shape, layout.x_m - moved[0][:, np.newaxis], layout.y_m - moved[1][:, np.newaxis])
+    loaded = 50e3 * at * (1.0 + 0.03 * random.standard_normal(64))
+    values = np.concatenate([np.zeros((REST, 64)), loaded])
+    values += 100.0 * random.standard_normal(values.shape)
+    result = api.estimate(recorded(values, sensor, np.arange(len(values)) / RATE_HZ), "template", mode=mode)
+    slips = result.slips
+    used = slips.contact[:, 0] & (slips.quality[:, 0] == OK)
+    true = np.concatenate([np.zeros((REST, 2)), moved.T])[used]
+    error = slips.pose[used, 0, :2] - true
+    error -= np.median(error, axis=0) if len(error) else 0.0
+    deviation = np.sqrt(np.diagonal(slips.covariance[used, 0, :2, :2], axis1=1, axis2=2))
+    wrong = np.any((np.abs(error) > 3 * deviation) & (np.abs(error) > 3e-4), axis=1)
+    return float(used.sum() / len(PATH_M)), float(wrong.mean()) if len(wrong) else 0.0
+
+
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+@pytest.mark.parametrize("shape", ["rod", "smooth plate"])
+@pytest.mark.parametrize("way", [ANGLE, ANGLE + 1.2, None], ids=["along", "obliquely", "rests"])
+def test_a_motion_that_no_reading_shows_is_never_ok(shape: str, way: float | None, mode: Mode) -> None:
+    assert ok_share(shape, way, mode) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+@pytest.mark.parametrize("way", [ANGLE, ANGLE + 1.2], ids=["along", "obliquely"])
+def test_an_end_shows_the_motion_of_a_rod(way: float, mode: Mode) -> None:
+    ok, wrong = ok_share("short rod", way, mode)
+    assert ok > 0.6
+    assert wrong == 0.0
+
+
+def test_texture_shows_the_motion_of_a_plate_that_covers_the_pad() -> None:
+    ok, wrong = ok_share("textured plate", ANGLE, "batch")
+    assert ok > 0.5
+    assert wrong < 0.02
