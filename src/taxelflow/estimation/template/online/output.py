@@ -6,7 +6,7 @@ import numpy as np
 
 from taxelflow.estimation.template.centre_of_pressure import transformed
 from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, MISTAKEN, MOST_UNEXPLAINED, fits
-from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
+from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Room, Rows, Track
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
     carry,
@@ -20,7 +20,7 @@ from taxelflow.estimation.template.online.witness import (
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.small_linalg import eigenvalues2, factor_small, solve_factored
-from taxelflow.runtime.compiling import lean_kernel, routine
+from taxelflow.runtime.compiling import lean_kernel
 
 _FAR_OFF = 10.0
 """Chi-square over the usual above which a scan does not fit at all."""
@@ -37,11 +37,12 @@ _LOUDER = 0.5
 """A change of the gain's logarithm by this much counts as a pitch."""
 
 
-@routine
-def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, rows: Rows) -> None:
+@lean_kernel
+def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, room: Room, rows: Rows) -> None:
     """Fill one pad's part of row k, and m.flag. scale: of a pitch, m. floor: see `Hand`."""
-    matrix, unit, noise = np.empty((STATE, STATE)), np.empty(STATE), np.empty((3, 3))
-    centre, weight = np.empty(5), np.zeros((2, 2))
+    matrix, unit, centre = room.states[:STATE], room.states[STATE], room.states[STATE + 1]
+    noise, weight = room.squares[0], room.squares[1]
+    weight[0, 0] = weight[0, 1] = weight[1, 0] = weight[1, 1] = 0.0
     cov, pose = rows.covariance[k, pad], rows.pose[k, pad]
     _invert(m.doubted, scale, matrix, unit, cov)
     _invert(m.step, scale, matrix, unit, noise)
