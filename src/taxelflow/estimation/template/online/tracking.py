@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.levenberg_marquardt import HELD, MAY_BE_HELD, Prior, refine_state
-from taxelflow.estimation.template.linearization import LaidOut, lanes_for, lay_places, lay_readings, linearise
+from taxelflow.estimation.template.linearization import LaidOut, lanes_for, lay_places, lay_readings
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.explained import fits, unexplained
+from taxelflow.estimation.template.online.explained import fits, unexplained, unexplained_and_doubted
 from taxelflow.estimation.template.online.motion import remember, stays
 from taxelflow.estimation.template.online.residual_process import bring, keep
 from taxelflow.estimation.template.online.track_state import HUBER, Hand, PadScan, Patterns, Room, Scan, Track
@@ -130,10 +130,9 @@ def _follow_pad(
         before = brought[:, : count if m.carries else 0]
         m.chi = keep(surface, taxels, error, chi / usual, rests, before, rest, stiffness, lanes[16:], m)
         m.carries = rests or m.chi > _REST * m.usual
-    m.unexplained = unexplained(surface, taxels, error, m.state[:], m.shift[:])
+    _judge(surface, taxels, error, floor * level, stiffness, m)
     _add_lag(bend, scan, m)
     find_shift(floor, m)
-    _doubt(surface, taxels, level, floor, stiffness, m, states[3])
     remember(t, span, last, middle, m)
 
 
@@ -148,19 +147,18 @@ def _level(scan: PadScan, m: Track) -> float:
 
 
 @lean_kernel
-def _doubt(
-    surface: Surface, taxels: LaidOut, level: float, floor: float, stiffness: Floats, m: Track, right: Floats
-) -> None:
-    """Fill m.doubted with the information that is left if readings have the error that the sensor may have unseen."""
-    for a in range(STATE):
-        for b in range(STATE):
-            m.doubted[a, b] = m.information[a, b]
-    if floor <= m.error:
+def _judge(surface: Surface, taxels: LaidOut, error: float, unseen: float, stiffness: Floats, m: Track) -> None:
+    """Fill m.unexplained, m.shift, and m.doubted with the information that is left if readings have the error that the
+    sensor may have unseen. error, unseen: of a reading, by the pattern and by the sensor.
+    """
+    if unseen <= error:
+        m.unexplained = unexplained(surface, taxels, error, m.state[:], m.shift[:])
+        for a in range(STATE):
+            for b in range(STATE):
+                m.doubted[a, b] = m.information[a, b]
         return
-    more = (floor * level) ** 2 - (m.error * level) ** 2
-    for i in range(len(taxels.variance)):
-        taxels.variance[i] += more if taxels.variance[i] > 0.0 else 0.0
-    linearise(surface, taxels, np.inf, m.state, m.doubted, right)
+    more = unseen * unseen - error * error
+    m.unexplained = unexplained_and_doubted(surface, taxels, error, more, m.state[:], m.shift[:], m.doubted[:])
     for part in MAY_BE_HELD:
         if stiffness[part] >= HELD:
             for a in range(STATE):
