@@ -10,7 +10,7 @@ from taxelflow.estimation.template.linearization import LaidOut, linearise
 from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
-from taxelflow.numerics.small_linalg import mirror, solve_small
+from taxelflow.numerics.small_linalg import factor5, mirror, solved5
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
 _ENOUGH = 1e-2
@@ -55,7 +55,7 @@ def register(
 
 
 @lean_kernel
-def refine_state(  # noqa: PLR0912  loops over a state are written out
+def refine_state(
     surface: Surface,
     taxels: LaidOut,
     prior: Prior,
@@ -87,14 +87,11 @@ def refine_state(  # noqa: PLR0912  loops over a state are written out
             damping = max(damping * 20.0, 1e-3)
             if damping > _MOST_DAMPING:
                 break
-        matrix = normal  # which is filled again
-        for a in range(STATE):
-            step[a] = best_right[a]
-        copy_lower(information, matrix)
-        for a in range(STATE):
-            matrix[a, a] += damping * information[a, a] + 1e-12
-        if not solve_small(matrix, step, STATE):
+        factor = factor5(information, damping, 1e-12)
+        if not factor.positive:
             break
+        r = best_right
+        step[0], step[1], step[2], step[3], step[4] = solved5(factor, r[0], r[1], r[2], r[3], r[4])
         lowered = 0.0
         for a in range(STATE):
             lowered += step[a] * best_right[a]
