@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import pytest
 
-from taxelflow.runtime.compiling import kernel
+from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.runtime.settled import Settled, _kinds_of
 
 
@@ -84,3 +84,12 @@ def test_arrays_of_one_row_or_none_have_the_type_of_others() -> None:
 def test_a_function_that_is_not_compiled_is_called_as_it_is() -> None:
     settled = Settled(sum)
     assert [settled([1, 2]), settled([3])] == [3, 3]
+
+
+def test_a_routine_is_refused_in_tests_for_it_is_plain_python() -> None:
+    @routine
+    def double(number: float) -> float:
+        return 2.0 * number
+
+    with pytest.raises(TypeError, match="is a routine"):
+        Settled(double)(1.0)

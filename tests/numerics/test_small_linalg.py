@@ -5,15 +5,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from compiled import compiled
 from taxelflow.messages import Floats
 from taxelflow.numerics.small_linalg import (
     eigenvalues2,
+    factor5,
     factor_small,
     inverse2,
     inverse3,
     mirror,
     solve_factored,
     solve_small,
+    solved5,
 )
 from taxelflow.runtime.compiling import kernel
 
@@ -57,6 +60,35 @@ def test_the_solver_agrees_with_numpy_and_reads_the_lower_half_only(seed: int, n
     lower = np.tril(matrix) + np.triu(np.full((n, n), np.nan), 1)
     assert solve_small(lower, right, n)
     np.testing.assert_allclose(right, expected, rtol=1e-6, atol=1e-9)
+
+
+@kernel
+def solve_damped(a: Floats, damping: float, least: float, b: Floats) -> bool:
+    factor = factor5(a, damping, least)
+    b[0], b[1], b[2], b[3], b[4] = solved5(factor, b[0], b[1], b[2], b[3], b[4])
+    return factor.positive
+
+
+solve = compiled(solve_small)
+
+
+@given(seed=seeds, damping=st.floats(0.0, 10.0), least=st.floats(0.0, 1.0))
+def test_the_solver_of_five_agrees_with_the_other_one(seed: int, damping: float, least: float) -> None:
+    matrix, right = positive(seed, 5), np.random.default_rng(seed).normal(0, 1, 5)
+    lower = np.tril(matrix) + np.triu(np.full((5, 5), np.nan), 1)
+    raised, expected = lower.copy(), right.copy()
+    raised[np.diag_indices(5)] += damping * np.diag(matrix) + least
+    assert solve_damped(lower, damping, least, right)
+    assert solve(raised, expected, 5)
+    np.testing.assert_allclose(right, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("part", range(5))
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
+def test_a_matrix_of_five_that_is_not_positive_is_refused(part: int, value: float) -> None:
+    matrix = np.eye(5)
+    matrix[part, part] = value
+    assert not solve_damped(matrix, 0.0, 0.0, np.ones(5))
 
 
 def test_a_factor_serves_several_right_hand_sides() -> None:

@@ -53,6 +53,8 @@ _ROUTINE |= {"nogil": True, "no_cfunc_wrapper": True, **_OPTIONS}
 _config: Any = numba.config
 KERNELS: list[Any] = []
 """All kernels that are imported; `signatures` of each lists for which types it is compiled."""
+ROUTINES: set[Callable[..., Any]] = set()
+"""All routines that are imported: called from Python they are plain Python, a hundred times as slow."""
 _setting = Lock()
 
 
@@ -77,19 +79,22 @@ def long_kernel(function: Kernel) -> Kernel:
 
 def routine(function: Kernel) -> Kernel:
     """A function that kernels call: it is compiled as part of each of them. Called from Python it is plain Python."""
-    routine_: Any = register_jitable(**_ROUTINE)
-    return cast("Kernel", routine_(function))
+    return _routine(function, _ROUTINE)
 
 
 def inlined(function: Kernel) -> Kernel:
     """A `routine` that is always inlined, so that loops over taxels that call it can be vectorised."""
-    routine_: Any = register_jitable(**_ROUTINE, forceinline=True)
-    return cast("Kernel", routine_(function))
+    return _routine(function, _ROUTINE | {"forceinline": True})
 
 
 def lean_kernel(function: Kernel) -> Kernel:
     """A `routine` that makes no array, and so counts no references: for work of less than the microsecond they take."""
-    routine_: Any = register_jitable(**(_ROUTINE | _LEAN))
+    return _routine(function, _ROUTINE | _LEAN)
+
+
+def _routine(function: Kernel, options: dict[str, Any]) -> Kernel:
+    routine_: Any = register_jitable(**options)
+    ROUTINES.add(function)
     return cast("Kernel", routine_(function))
 
 

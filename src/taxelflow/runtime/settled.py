@@ -12,6 +12,8 @@ from typing import Any, Generic, ParamSpec, TypeVar, cast
 import numba
 import numpy as np
 
+from taxelflow.runtime.compiling import ROUTINES
+
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 _known: dict[Any, tuple[tuple[Any, ...], Callable[..., Any]]] = {}
@@ -47,6 +49,8 @@ class Settled(Generic[Arguments, Result]):
         """Keep the code that was compiled for these arguments. Python's own functions are kept as they are."""
         compiled = getattr(self._kernel, "overloads", None)
         if compiled is None:
+            if Settled.checked and self._kernel in ROUTINES:
+                raise TypeError(f"{self._kernel} is a routine, which called from Python is plain Python")
             self._run = self._kernel
             return
         self._kinds = _kinds_of(arguments)

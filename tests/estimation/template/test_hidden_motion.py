@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from synthetic import grid_sensor, recorded
+from taxelflow.estimation.base import Mode
 from taxelflow.messages import OK, Floats
 from taxelflow.pipeline import api
-from taxelflow.estimation.base import Mode
 
 RATE_HZ, PITCH_M, REST = 50.0, 0.003, 40
 PATH_M = np.concatenate([np.zeros(40), np.linspace(0.0, 0.008, 80), np.full(40, 0.008)])

@@ -68,7 +68,8 @@ def kept(
     rest: Floats,
     tracks: Records,
 ) -> float:
-    return keep(surface, taxels, error, registered, still, brought, rest, np.zeros(STATE), tracks[0])
+    room = np.empty((2, TAXELS))
+    return keep(surface, taxels, error, registered, still, brought, rest, np.zeros(STATE), room, tracks[0])
 
 
 def carried(readings: Floats, *, still: bool = False, ceiling: Floats = NEVER) -> tuple[Floats, Floats, list[float]]:

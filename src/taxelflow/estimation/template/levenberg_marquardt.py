@@ -10,7 +10,7 @@ from taxelflow.estimation.template.linearization import LaidOut, linearise
 from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
-from taxelflow.numerics.small_linalg import mirror, solve_small
+from taxelflow.numerics.small_linalg import factor5, mirror, solved5
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
 _ENOUGH = 1e-2
@@ -20,6 +20,8 @@ HELD = 1e12
 """Stiffness of a part of the state that stays where its prior is."""
 MAY_BE_HELD = (0, 1, 2, 4)
 """Parts of the state: all but the gain."""
+ROOM = 9
+"""Rows of a state that a registration works in."""
 _LEAST_GAIN = 0.1
 """A gain falls at most to this share in one step."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
@@ -33,7 +35,7 @@ class Prior(NamedTuple):
 
 
 @kernel
-def register(  # noqa: PLR0912  loops over a state are written out
+def register(
     surface: Surface,
     taxels: LaidOut,
     prior: Prior,
@@ -49,9 +51,23 @@ def register(  # noqa: PLR0912  loops over a state are written out
     (robust -2 log likelihood with prior, of the readings off the lattice, too; the pattern's doubt counts where it
     explains a reading), chi-square, and how many readings that is over: those on the lattice, and loads off it.
     """
+    return refine_state(surface, taxels, prior, huber, iterations, state, information, np.empty((ROOM, STATE)))
+
+
+@lean_kernel
+def refine_state(
+    surface: Surface,
+    taxels: LaidOut,
+    prior: Prior,
+    huber: float,
+    iterations: int | np.int64,
+    state: Floats,
+    information: Floats,
+    room: Floats,
+) -> tuple[float, float, int]:
+    """`register`, with room (`ROOM`, 5) to work in."""
     _hold(prior, state)
     damping, best, best_chi, count = _FIRST_DAMPING, np.inf, 0.0, 0
-    room = np.empty((9, STATE))  # at once, because memory takes time
     normal, right, best_right, step, kept = room[:STATE], room[5], room[6], room[7], room[8]
     for a in range(STATE):
         kept[a] = state[a]
@@ -71,14 +87,11 @@ def register(  # noqa: PLR0912  loops over a state are written out
             damping = max(damping * 20.0, 1e-3)
             if damping > _MOST_DAMPING:
                 break
-        matrix = normal  # which is filled again
-        for a in range(STATE):
-            step[a] = best_right[a]
-        copy_lower(information, matrix)
-        for a in range(STATE):
-            matrix[a, a] += damping * information[a, a] + 1e-12
-        if not solve_small(matrix, step, STATE):
+        factor = factor5(information, damping, 1e-12)
+        if not factor.positive:
             break
+        r = best_right
+        step[0], step[1], step[2], step[3], step[4] = solved5(factor, r[0], r[1], r[2], r[3], r[4])
         lowered = 0.0
         for a in range(STATE):
             lowered += step[a] * best_right[a]

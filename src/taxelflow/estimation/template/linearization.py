@@ -42,21 +42,41 @@ def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ce
 
     error: standard deviation of what the model leaves of each reading beside noise.
     """
-    count = len(reading)
-    full = (count + _LANES - 1) // _LANES * _LANES
-    rows = np.zeros((7, full))  # at once, because memory takes time
+    rows = np.empty((7, lanes_for(len(reading))))  # at once, because memory takes time
     taxels = LaidOut(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
-    for i in range(count):
-        taxels.x[i], taxels.y[i] = places[0, i], places[1, i]
-        taxels.reading[i], taxels.ceiling[i] = reading[i], ceiling[i]
-        taxels.variance[i] = variance[i] + error * error if variance[i] != 0.0 else 0.0
-    for i in range(full):
-        taxels.cos[i] = 1.0
+    lay_places(places, bend, len(reading), taxels)
+    lay_readings(reading, variance, ceiling, error, taxels)
+    return taxels
+
+
+@inlined
+def lanes_for(taxels: int) -> int:
+    """How many taxels that many are when vector registers are filled up."""
+    return (taxels + _LANES - 1) // _LANES * _LANES
+
+
+@lean_kernel
+def lay_places(places: Floats, bend: Floats, count: int, taxels: LaidOut) -> None:
+    """Fill in where this many taxels are. Arguments as for `laid_out`."""
+    for i in range(len(taxels.x)):
+        here = i < count
+        taxels.x[i], taxels.y[i] = places[0, i] if here else 0.0, places[1, i] if here else 0.0
+        taxels.cos[i], taxels.sin[i] = 1.0, 0.0
     for i in range(bend.shape[1]):
         taxels.x[i] -= bend[0, i]
         taxels.y[i] -= bend[1, i]
         taxels.cos[i], taxels.sin[i] = np.cos(bend[2, i]), np.sin(bend[2, i])
-    return taxels
+
+
+@lean_kernel
+def lay_readings(reading: Floats, variance: Floats, ceiling: Floats, error: float, taxels: LaidOut) -> None:
+    """Fill in what taxels read. Arguments as for `laid_out`."""
+    count = len(reading)
+    for i in range(count):
+        taxels.reading[i], taxels.ceiling[i] = reading[i], ceiling[i]
+        taxels.variance[i] = variance[i] + error * error if variance[i] != 0.0 else 0.0
+    for i in range(count, len(taxels.x)):
+        taxels.reading[i] = taxels.ceiling[i] = taxels.variance[i] = 0.0
 
 
 @inlined

@@ -74,6 +74,11 @@ class Learned:
         return scanned.divided(self.gains) if (self.gains != 1.0).any() else scanned
 
     @property
+    def undecided(self) -> bool:
+        """Whether there may be a direction in which no reading shows a motion: only a map shows that there is none."""
+        return self.unseen_error > 0.0 and not self.decided
+
+    @property
     def unseen(self) -> float:
         """Variance of x and y, in pitches^2, that does not show in the residuals."""
         return self.tilt + self.rival

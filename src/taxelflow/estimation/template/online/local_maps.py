@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.observations import across, delays_of
+from taxelflow.estimation.template.observations import across
 from taxelflow.estimation.template.online.ended import Ended, map_of
 from taxelflow.estimation.template.online.gauge import hold
+from taxelflow.estimation.template.online.hand import hand_of, places_of
 from taxelflow.estimation.template.online.hand_gains import HandGains
 from taxelflow.estimation.template.online.mapping_thread import Learner, Novel, Workers
 from taxelflow.estimation.template.online.relocalization import DOUBT
@@ -17,7 +18,14 @@ from taxelflow.estimation.template.online.rows import room_for, rows_of
 from taxelflow.estimation.template.online.spreading import most_at_once
 from taxelflow.estimation.template.online.starting import Begun, FirstScan, begun, begun_anew
 from taxelflow.estimation.template.online.step import FOLLOW, follow_hand
-from taxelflow.estimation.template.online.track_state import MOST_KEYFRAMES, Hand, PadScan, Patterns, Rows, Scan, Track
+from taxelflow.estimation.template.online.track_state import (
+    MOST_KEYFRAMES,
+    PadScan,
+    Patterns,
+    Rows,
+    Scan,
+    Track,
+)
 from taxelflow.estimation.template.online.witness import (
     anchor,
     find_sure_shift,
@@ -28,14 +36,13 @@ from taxelflow.estimation.template.online.witness import (
 )
 from taxelflow.messages import no_scans
 from taxelflow.numerics.bspline import STATE, state_of
-from taxelflow.numerics.cut import open_sides
 from taxelflow.numerics.records import record, records
 from taxelflow.runtime.adoption import AtFixedTimes
 from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.online.local_map import Learned
-    from taxelflow.messages import Bools, Floats
+    from taxelflow.messages import Floats
     from taxelflow.runtime.adoption import Adopting
     from taxelflow.sensors.layout import Layout
 
@@ -58,16 +65,7 @@ class LocalMaps:
         adopting = adopting or AtFixedTimes()
         self._layout = layout
         pads = len(layout.pads)
-        self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
-        self._places = np.stack([layout.x_m, layout.y_m]) / np.repeat(self._pitch_m, np.diff(layout.starts))
-        late, lead_s = delays_of(layout)
-        self._delay = late if late.any() else np.zeros(0)
-        edge: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
-        pads_of = [layout.of_pad(pad) for pad in range(pads)]
-        sides = np.concatenate([open_sides(self._places[:, own]) for own in pads_of], axis=1)
-        self.hand = Hand(
-            self._places, self._delay, edge, sides, layout.starts, self._pitch_m, lead_s, layout.unseen_error
-        )
+        self.hand = hand_of(layout)
         self.tracks = records(Track, pads)
         self.stored = Patterns(np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8)), np.zeros((4, layout.entries)))
         self.learners = [Learner(name, workers, latency_s, adopting) for name in layout.pads]
@@ -84,7 +82,7 @@ class LocalMaps:
         own, tracks, taxels = self.learners[pad], self.tracks, self._layout.of_pad(pad)
         if own.learned is not None and own.learned.keyframes.scanned.t_s[-1] == scan.t:
             return
-        late = self._late(pad) if len(self._delay) else np.zeros(0)
+        late = self._late(pad) if len(self.hand.delay) else np.zeros(0)
         bend, state = tracks["speed"][pad][:, np.newaxis] * late, tracks["state"][pad]
         own.learn_from(Novel(scan.t, scan.reading[taxels].copy(), scan.variance[taxels].copy(), bend, state.copy()))
         held = int(tracks["keyframes"][pad])
@@ -108,20 +106,19 @@ class LocalMaps:
     def _as_read(self, pad: int, scan: Scan) -> PadScan:
         """A pad's part of a scan."""
         own = self._layout.of_pad(pad)
-        places = np.ascontiguousarray(self._places[:, own])
         readings = scan.reading[own], scan.variance[own], scan.ceiling[own], scan.raw[own]
-        return PadScan(*readings, places, self.hand.edge[own], np.ascontiguousarray(self.hand.sides[:, own]))
+        return PadScan(*readings, places_of(self.hand, pad), self.hand.edge[own], self.hand.sides[pad])
 
     def _late(self, pad: int) -> Floats:
         """(taxels,), delays of a pad's taxels."""
         own = self._layout.of_pad(pad)
-        return self._delay[own] if len(self._delay) else np.zeros(own.stop - own.start)
+        return self.hand.delay[own] if len(self.hand.delay) else np.zeros(own.stop - own.start)
 
     def mask(self, noise: Floats) -> None:
         """See which pads have but a line of taxels left."""
         for pad, own in enumerate(self.learners):
             taxels = self._layout.of_pad(pad)
-            self._across[pad] = across(self._places[:, taxels], noise[taxels] > 0)
+            self._across[pad] = across(places_of(self.hand, pad), noise[taxels] > 0)
             if own.learned is not None:
                 self._open_across(pad, own.learned)
 
@@ -214,7 +211,7 @@ class LocalMaps:
         m.changing, m.seen, m.grows = learned.changing, learned.reports_turn, learned.grows or m.grows
         m.slack, m.slack_t = learned.slack[0] + learned.unseen, learned.slack[1]
         self._open_across(pad, learned)
-        m.reach, m.undecided = learned.scanned.reach, not learned.decided and self.hand.floor > 0.0
+        m.reach, m.undecided = learned.scanned.reach, learned.undecided
         m.open[:] = m.reach * learned.hidden
         states = learned.keyframes.states
         m.keyframes, m.keyframe[: len(states)] = len(states), states
@@ -252,7 +249,7 @@ class LocalMaps:
         self._put(pad, new)
         if new.anchor is not None:
             put_on_average(m, new.anchor)
-        hold(m, new, own.reported, float(self._pitch_m[pad]))
+        hold(m, new, own.reported, float(self.hand.pitch_m[pad]))
         at = m.state.copy()
         self._register_again(pad)
         if not (new.grows or old.grows):
@@ -265,7 +262,7 @@ class LocalMaps:
         self.go_on(pad)
 
     def _register_again(self, pad: int) -> None:
-        m, pitch_m = self.track(pad), self._pitch_m[pad]
+        m, pitch_m = self.track(pad), self.hand.pitch_m[pad]
         before = m.sure.copy()
         self.follow_again(pad, self._last._replace(t=float(m.last_t)))
         find_sure_shift(1.0, m, np.linalg.inv(m.doubted + 1e-12 * np.eye(STATE)) + m.slack * np.eye(STATE))
@@ -297,4 +294,4 @@ class LocalMaps:
         """Remember the pattern of a contact that ends, as a map."""
         known = self.learners[pad].learned
         if known is not None:
-            self.ended.add(map_of(self._layout.pads[pad], known, self.track(pad), float(self._pitch_m[pad])))
+            self.ended.add(map_of(self._layout.pads[pad], known, self.track(pad), float(self.hand.pitch_m[pad])))

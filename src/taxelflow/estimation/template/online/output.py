@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, MISTAKEN, MOST_UNEXPLAINED, fits
-from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Rows, Track
+from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Room, Rows, Track
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
     carry,
@@ -19,9 +19,9 @@ from taxelflow.estimation.template.online.witness import (
 )
 from taxelflow.estimation.template.two_witnesses import transformed
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
-from taxelflow.numerics.bspline import STATE, state_of
-from taxelflow.numerics.small_linalg import eigenvalues2, factor_small, solve_factored
-from taxelflow.runtime.compiling import lean_kernel, routine
+from taxelflow.numerics.bspline import state_of
+from taxelflow.numerics.small_linalg import eigenvalues2, factor5, solved5
+from taxelflow.runtime.compiling import lean_kernel
 
 _FAR_OFF = 10.0
 """Chi-square over the usual above which a scan does not fit at all."""
@@ -34,18 +34,20 @@ _YOUNG = 12
 """A pattern of fewer keyframes learns from every scan that does not fit."""
 _NEAR, _SAME = 0.25, 5
 """Keyframes closer than this, in pitches, show the same, and this many are enough."""
+_LEAST = 1e-12
+"""Information that is always there, for rounding."""
 _LOUDER = 0.5
 """A change of the gain's logarithm by this much counts as a pitch."""
 
 
-@routine
-def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, rows: Rows) -> None:
+@lean_kernel
+def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, room: Room, rows: Rows) -> None:
     """Fill one pad's part of row k, and m.flag. scale: of a pitch, m. floor: see `Hand`."""
-    matrix, unit, noise = np.empty((STATE, STATE)), np.empty(STATE), np.empty((3, 3))
-    centre, weight = np.empty(5), np.zeros((2, 2))
+    centre, noise, weight = room.states[0], room.squares[0], room.squares[1]
+    weight[0, 0] = weight[0, 1] = weight[1, 0] = weight[1, 1] = 0.0
     cov, pose = rows.covariance[k, pad], rows.pose[k, pad]
-    _invert(m.doubted, scale, matrix, unit, cov)
-    _invert(m.step, scale, matrix, unit, noise)
+    _invert(m.doubted, scale, cov)
+    _invert(m.step, scale, noise)
     arm_x, arm_y = reported_arm(scale, m)
     carry(arm_x, arm_y, cov)
     carry(arm_x, arm_y, noise)
@@ -159,8 +161,10 @@ def _shown(m: Track) -> bool:
     now, close = state_of(m.state), 0
     for k in range(m.keyframes):
         shown = state_of(m.keyframe[k])
-        apart = np.hypot(now.x - shown.x, now.y - shown.y)
-        apart += m.radius * abs(now.theta - shown.theta)
+        dx, dy = now.x - shown.x, now.y - shown.y
+        if dx * dx + dy * dy >= _NEAR * _NEAR:
+            continue
+        apart = np.sqrt(dx * dx + dy * dy) + m.radius * abs(now.theta - shown.theta)
         apart += abs(np.log(now.gain / shown.gain)) * _NEAR / _LOUDER
         close += 1 if apart < _NEAR else 0
         if close == _SAME:
@@ -169,20 +173,15 @@ def _shown(m: Track) -> bool:
 
 
 @lean_kernel
-def _invert(information: Floats, scale: float, matrix: Floats, unit: Floats, cov: Floats) -> None:
-    """Fill cov (3, 3), m and rad, with the covariance of x, y and theta, given that of (5, 5) in pitches and rad.
+def _invert(information: Floats, scale: float, cov: Floats) -> None:
+    """Fill cov (3, 3), m and rad, with the covariance of x, y and theta, given information (5, 5) in pitches and rad.
 
-    matrix: (5, 5), unit: (5,), to work in.
+    A unit matrix if it is not positive.
     """
-    for a in range(STATE):
-        for b in range(STATE):
-            matrix[a, b] = information[a, b]
-        matrix[a, a] += 1e-12
-    positive = factor_small(matrix, STATE)
+    factor = factor5(information, 0.0, _LEAST)
     for column in range(3):
-        for a in range(STATE):
-            unit[a] = 1.0 if a == column else 0.0
-        if positive:
-            solve_factored(matrix, unit, STATE)
-        for a in range(3):
-            cov[a, column] = unit[a] * (scale if a < 2 else 1.0) * (scale if column < 2 else 1.0)
+        x, y, theta = 1.0 if column == 0 else 0.0, 1.0 if column == 1 else 0.0, 1.0 if column == 2 else 0.0
+        if factor.positive:
+            x, y, theta, _, _ = solved5(factor, x, y, theta, 0.0, 0.0)
+        unit = scale if column < 2 else 1.0
+        cov[0, column], cov[1, column], cov[2, column] = x * scale * unit, y * scale * unit, theta * unit

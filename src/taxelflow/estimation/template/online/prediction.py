@@ -21,7 +21,7 @@ def expected(maps: Patterns, hand: Hand, tracks: Records) -> Floats:
 
     Off its lattice a pattern has no pressure; a pad without one is NaN.
     """
-    readings = np.full(hand.places.shape[1], np.nan)
+    readings = np.full(len(hand.edge), np.nan)
     for pad in np.flatnonzero(tracks["active"]):
         own, m = _part(hand, int(pad)), record(Track, tracks, int(pad))
         readings[own] = np.maximum(_pressure(maps, hand, int(pad), m, m.state) + maps.rests[3, own], 0.0)
@@ -33,7 +33,7 @@ def change(maps: Patterns, hand: Hand, tracks: Records, t_s: float) -> Floats:
 
     A pad without a pattern is NaN.
     """
-    readings = np.full(hand.places.shape[1], np.nan)
+    readings = np.full(len(hand.edge), np.nan)
     for pad in np.flatnonzero(tracks["active"]):
         m = record(Track, tracks, int(pad))
         then = m.state.copy()
@@ -51,7 +51,7 @@ def _pressure(maps: Patterns, hand: Hand, pad: int, m: Track, state: Floats) -> 
     """(taxels,), by the pattern at a state (5,)."""
     own = _part(hand, pad)
     values = np.empty((own.stop - own.start, 5))
-    where = np.ascontiguousarray(hand.places[:, own])
+    where = np.ascontiguousarray(hand.places[pad, :, : own.stop - own.start])
     evaluate(maps.patterns[pad], m.lattice.copy(), where, state.copy(), np.zeros((3, 0)), values)
     pressure: Floats = state_of(state).gain * np.maximum(np.nan_to_num(values[:, 0]), 0.0)
     return pressure

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
-from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.levenberg_marquardt import HELD, ROOM, Prior, refine_state
+from taxelflow.estimation.template.linearization import LaidOut, laid_out
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, unexplained
 from taxelflow.estimation.template.online.track_state import HUBER
-from taxelflow.numerics.bspline import STATE, state_of
+from taxelflow.messages import Floats
+from taxelflow.numerics.bspline import STATE, state_of, states_of
 from taxelflow.numerics.robust import gate
+from taxelflow.runtime.compiling import kernel
 from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.online.local_map import Learned
     from taxelflow.estimation.template.online.track_state import PadScan, Track
-    from taxelflow.messages import Floats
 
 DOUBT = 0.25
 """How much of a pattern's rough doubt counts when scans are registered."""
@@ -36,7 +36,6 @@ class _Search:
     leap: tuple[float, float] = (2.0, 0.5)
     """A place found all over the pad is followed only if chi-square is less by so much; an object that is known lies
     within this many pitches and rad of where it was."""
-    iterations: int = 20
     reaches: tuple[float, float, float, float, float] = (0.0, 0.5, 1.0, 1.5, 2.0)
     """Radii outwards of the scan's centroid at which the object is looked for."""
     same: float = 0.5
@@ -44,8 +43,46 @@ class _Search:
 
 
 _SEARCH = _Search()
+_ITERATIONS = np.int64(20)
 
-_register, _unexplained = Settled(register), Settled(unexplained)
+
+@kernel
+def _best_of(
+    surface: Surface,
+    taxels: LaidOut,
+    starts: Floats,
+    stiffness: Floats,
+    limits: tuple[float, float],
+    state: Floats,
+    information: Floats,
+) -> tuple[float, int]:
+    """Register a scan from every start (n, 5), and fill state (5,) and information (5, 5) with the likeliest of what
+    explains it; its chi-square and how many readings, 0 if there is none.
+
+    limits: chi-square per reading that is usual; error of the pattern.
+    """
+    best, best_chi, best_count = np.inf, 0.0, 0
+    usual, error = limits
+    room = np.empty((ROOM + STATE + 2, STATE))
+    mean, trial, found = room[ROOM + STATE], room[ROOM + STATE + 1], room[ROOM : ROOM + STATE]
+    for start in range(len(starts)):
+        for a in range(STATE):
+            mean[a] = trial[a] = starts[start, a]
+        prior = Prior(mean, stiffness)
+        cost, chi, count = refine_state(surface, taxels, prior, HUBER, _ITERATIONS, trial, found, room[:ROOM])
+        if not (cost < best and count > 0 and chi / max(count, 1) < gate(usual, float(count))):
+            continue
+        if unexplained(surface, taxels, error, trial, mean) > KNOWN_UNEXPLAINED:
+            continue
+        best, best_chi, best_count = cost, chi, count
+        for a in range(STATE):
+            state[a] = trial[a]
+            for b in range(STATE):
+                information[a, b] = found[a, b]
+    return best_chi, best_count
+
+
+_best = Settled(_best_of)
 
 
 def recognised(
@@ -70,25 +107,24 @@ def recognised(
     steps = np.arange(12) if theta is None else np.arange(-1, 2)
     angles = steps * (np.pi / 6) if known.turns else np.zeros(1)
     angles = angles + (state_of(known.keyframes.states[-1]).theta if theta is None else theta)
-    centre, best, found = pattern.centre(), np.inf, None
-    information = np.zeros((STATE, STATE))
+    x, y = pattern.centre()
+    cos, sin = np.cos(angles), np.sin(angles)
+    arms = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+    reaches = np.array(_SEARCH.reaches)[:, np.newaxis]
+    places = (middle + reaches * known.radius * outward) - arms[:, np.newaxis]
+    starts = np.zeros((len(angles) * len(reaches), STATE))
+    starts[:, :2], at = places.reshape(-1, 2), states_of(starts)
+    at.theta[:], at.gain[:] = np.repeat(angles, len(reaches)), 1.0
     across = known.keyframes.scanned.across
+    starts[:, :2][:, across] = known.keyframes.states[-1, :2][across]
     place = np.where(across, HELD, _SEARCH.about**-2)
+    state, information = np.zeros(STATE), np.zeros((STATE, STATE))
     for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
         stiffness = np.array([*place, 1e-6 if known.turns else HELD, gain_std**-2, HELD])
-        for angle, reach in product(angles, _SEARCH.reaches):
-            cos, sin = np.cos(angle), np.sin(angle)
-            arm = np.array([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]])
-            state = np.array([*(middle + reach * known.radius * outward - arm), angle, 1.0, 0.0])
-            state[:2][across] = known.keyframes.states[-1, :2][across]
-            prior = Prior(state.copy(), stiffness)
-            cost, chi, count = _register(surface, taxels, prior, HUBER, _SEARCH.iterations, state, information)
-            fits = count and chi / count < gate(known.usual, count)
-            if cost < best and fits and _unexplained(surface, taxels, error, state, np.empty(2)) <= KNOWN_UNEXPLAINED:
-                best, found = cost, (state.copy(), information.copy(), chi / count, count)
-        if found is not None:
-            break
-    return found
+        chi, count = _best(surface, taxels, starts, stiffness, (float(known.usual), float(error)), state, information)
+        if count:
+            return state, information, chi / count, count
+    return None
 
 
 def close(found: Floats, known: Floats) -> bool:

@@ -24,7 +24,7 @@ from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.small_linalg import mirror
-from taxelflow.runtime.compiling import kernel, lean_kernel
+from taxelflow.runtime.compiling import lean_kernel
 
 _TIME_S, _LENGTH = 1.0, 0.3
 """In which a rest dies away: s, pitches."""
@@ -54,7 +54,7 @@ def fades(span: float, moved: float) -> float:
     return float(np.exp(-span / _TIME_S - moved / _LENGTH))
 
 
-@kernel
+@lean_kernel
 def keep(
     surface: Surface,
     taxels: LaidOut,
@@ -64,15 +64,17 @@ def keep(
     brought: Floats,
     rest: Floats,
     stiffness: Floats,
+    room: Floats,
     m: Track,
 ) -> float:
     """Update rest (3, taxels) by a registered scan; chi-square per reading on the pattern alone.
 
     taxels: from `linearization.laid_out`, with the error in. registered: chi-square per reading that registration left,
     over the usual. still: whether the pattern's own error stays, too. brought: (3, taxels), from `bring`, or (3, 0) if
-    there was no rest before. m.information becomes that of the pose on the pattern alone.
+    there was no rest before. room: (2, taxels), to work in. m.information becomes that of the pose on the pattern
+    alone.
     """
-    right = np.empty(STATE)
+    right = room[0, :STATE]  # which look_up then fills anew
     state, information = m.state, m.information
     _, chi, seen = linearise(surface, taxels, np.inf, state, information, right)
     chi /= max(seen, 1)
@@ -83,7 +85,7 @@ def keep(
         information[a, a] += stiffness[a]
     mirror(information)
     count = rest.shape[1]
-    values = np.empty((2, count))
+    values = room[:, :count]
     look_up(surface, taxels, state, values)
     gain, peak = state_of(state).gain, 0.0
     for i in range(count):

@@ -30,12 +30,13 @@ def rows_of(estimates: Estimates) -> Rows:
 def room_for(scans: Scans) -> Estimates:
     """Estimates to be filled in, row by row."""
     shape = scans.contact.shape
+    vectors, matrices = (*shape, 3), (*shape, 3, 3)
     return Estimates(
         t_s=scans.t_s,
-        displacement=np.empty((*shape, 3)),
-        pose=np.empty((*shape, 3)),
-        covariance=np.empty((*shape, 3, 3)),
-        displacement_covariance=np.empty((*shape, 3, 3)),
+        displacement=np.empty(vectors),
+        pose=np.empty(vectors),
+        covariance=np.empty(matrices),
+        displacement_covariance=np.empty(matrices),
         span_s=np.empty(shape),
         lag_s=np.empty(shape),
         disturbance=np.empty(shape),

@@ -41,7 +41,7 @@ def follow_hand(job: int, k: int, scan: Scan, hand: Hand, maps: Patterns, tracks
         if not scan.contact[pad] or not m.active:
             m.continues = False
             continue
-        report(scan.t, k, pad, hand.pitch_m[pad], hand.floor, m, rows)
+        report(scan.t, k, pad, hand.pitch_m[pad], hand.floor, m, hand.room, rows)
         rows.lag[k, pad] = -hand.lead_s[pad]
         asks = asks or m.flag != NOTHING
     return ASKS if asks else DONE

@@ -143,10 +143,21 @@ class Track:
     """States of the scans that the pattern is learned from."""
 
 
+class Room(NamedTuple):
+    """To work in, for one pad at a time; made once, because memory takes time. lanes: (18, taxels of the largest pad in
+    whole vector registers); states: (19, 5); squares: (2, 3, 3).
+    """
+
+    lanes: Floats
+    states: Floats
+    squares: Floats
+
+
 class Hand(NamedTuple):
-    """Taxels of all pads. places: (2, entries) in pitches; delay: (entries,) or (0,); edge: (entries,), at a border of
-    the pad; sides: (4, entries), see `open_sides`; starts: (pads + 1,); pitch_m: (pads,); lead_s: (pads,), see
-    `observations.delays_of`; floor: share of a contact's largest reading that the sensor may be wrong by unseen.
+    """Taxels of all pads. places: (pads, 2, taxels of the largest) in pitches; delay: (entries,) or (0,); edge:
+    (entries,), at a border of the pad; sides: (pads, 4, taxels of the largest), see `open_sides`; starts: (pads + 1,);
+    pitch_m: (pads,); lead_s: (pads,), see `observations.delays_of`; floor: share of a contact's largest reading
+    that the sensor may be wrong by unseen.
     """
 
     places: Floats
@@ -157,6 +168,7 @@ class Hand(NamedTuple):
     pitch_m: Floats
     lead_s: Floats
     floor: float
+    room: Room
 
 
 class Scan(NamedTuple):

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.levenberg_marquardt import HELD, MAY_BE_HELD, Prior, register
-from taxelflow.estimation.template.linearization import LaidOut, laid_out, linearise
+from taxelflow.estimation.template.levenberg_marquardt import HELD, MAY_BE_HELD, Prior, refine_state
+from taxelflow.estimation.template.linearization import LaidOut, lanes_for, lay_places, lay_readings
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.explained import fits, unexplained
+from taxelflow.estimation.template.online.explained import fits, unexplained, unexplained_and_doubted
 from taxelflow.estimation.template.online.motion import remember, stays
 from taxelflow.estimation.template.online.residual_process import bring, keep
-from taxelflow.estimation.template.online.track_state import HUBER, Hand, PadScan, Patterns, Scan, Track
+from taxelflow.estimation.template.online.track_state import HUBER, Hand, PadScan, Patterns, Room, Scan, Track
 from taxelflow.estimation.template.online.witness import find_shift, middle_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
@@ -21,7 +21,7 @@ from taxelflow.numerics.cut import find_hidden
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.small_linalg import mirror
-from taxelflow.runtime.compiling import lean_kernel, routine
+from taxelflow.runtime.compiling import lean_kernel
 
 _PREDICTED, _AS_BEFORE, _WITH_CENTROID, _LOOSE, _TURNS, _GROWS, _ATTEMPTS = range(7)
 """Ways to register a scan: from where it should be, where it was, where its centroid has gone; with a gain that may
@@ -45,14 +45,9 @@ _CUT, _FIRST_TURN_STD = 0.1, 0.1
 
 
 class Search(NamedTuple):
-    """What a scan's registration begins with, and room to work in, (5,) each but found (5, 5)."""
+    """What a scan's registration begins with. states: see `Room`; the last state, the centre of pressure, and room."""
 
-    last: Floats
-    middle: Floats
-    stiffness: Floats
-    prior: Floats
-    trial: Floats
-    found: Floats
+    states: Floats
     span: float
     usual: float
     grown_std: float
@@ -60,35 +55,32 @@ class Search(NamedTuple):
     may_grow: bool
 
 
-@routine
+@lean_kernel
 def follow(scan: Scan, hand: Hand, maps: Patterns, tracks: Records) -> bool:
     """Register one scan on the patterns of all pads in contact; whether all of them fit."""
     all_fit = True
-    room = np.empty((STATE + 5, STATE))
     for pad in range(len(hand.starts) - 1):
         m: Track = tracks[pad]
         if not scan.contact[pad] or not m.active:
             continue
         own = slice(hand.starts[pad], hand.starts[pad + 1])
-        reading, count = scan.reading[own], own.stop - own.start
-        places, sides = np.empty((2, count)), np.empty((4, count))
-        for i in range(len(reading)):  # a view is another type, and all that takes it would be compiled again
-            places[0, i], places[1, i] = hand.places[0, own.start + i], hand.places[1, own.start + i]
-            for side in range(4):
-                sides[side, i] = hand.sides[side, own.start + i]
-        part = PadScan(reading, scan.variance[own], scan.ceiling[own], scan.raw[own], places, hand.edge[own], sides)
+        readings = scan.reading[own], scan.variance[own], scan.ceiling[own], scan.raw[own]
+        places, edge, sides = hand.places[pad], hand.edge[own], hand.sides[pad]
+        part = PadScan(readings[0], readings[1], readings[2], readings[3], places, edge, sides)
         surface = Surface(maps.patterns[pad], maps.doubts[pad], m.lattice[:])  # an array, as elsewhere
-        _follow_pad(scan.t, part, hand.delay[own], surface, hand.floor, m, maps.rests[:, own], room)
+        _follow_pad(scan.t, part, hand.delay[own], surface, hand.floor, m, maps.rests[:, own], hand.room)
         all_fit = all_fit and fits(m) and m.probation == 0.0
     return all_fit
 
 
-@routine
+@lean_kernel
 def _follow_pad(
-    t: float, scan: PadScan, delay: Floats, surface: Surface, floor: float, m: Track, rest: Floats, room: Floats
+    t: float, scan: PadScan, delay: Floats, surface: Surface, floor: float, m: Track, rest: Floats, room: Room
 ) -> None:
-    """`follow` for one pad. rest: (4, taxels); room: (10, 5), to work in."""
-    last, middle, stiffness, found = room[0], room[1], room[2], room[5:]
+    """`follow` for one pad. rest: (4, taxels)."""
+    count, lanes, states = len(scan.reading), room.lanes, room.states
+    last, middle, stiffness = states[0], states[1], states[2]
+    bend, brought = lanes[10:13, : len(delay)], lanes[13:16]
     for a in range(STATE):
         last[a] = m.state[a]
     span = t - m.last_t
@@ -103,21 +95,32 @@ def _follow_pad(
     may_grow = not m.grows and m.away <= _STAYS and m.keyframes >= _SAME
     poor = not fits(m)
     grown_std = _growth(m.load, middle[3])
-    bend = _bend(m, delay)
+    _bend(m, delay, bend)
     level = _level(scan, m)
     error = m.error * level
-    taxels = laid_out(scan.places, bend, scan.reading, scan.variance, scan.ceiling, error)
-    brought = np.empty((3, 0))
+    full = lanes_for(count)
+    taxels = LaidOut(
+        lanes[0, :full],
+        lanes[1, :full],
+        lanes[2, :full],
+        lanes[3, :full],
+        lanes[4, :full],
+        lanes[5, :full],
+        lanes[6, :full],
+    )
+    lay_places(scan.places, bend, count, taxels)
+    lay_readings(scan.reading, scan.variance, scan.ceiling, error, taxels)
     chi, usual = np.inf, m.usual
     if not m.carries or (poor and (may_turn or may_grow)):
-        search = Search(last, middle, stiffness, room[3], room[4], found, span, usual, grown_std, may_turn, may_grow)
+        search = Search(states, span, usual, grown_std, may_turn, may_grow)
         chi = _search(surface, taxels, search, m)
     if m.carries:
-        brought, usual = np.empty((3, len(scan.reading))), 1.0
+        usual = 1.0
         bring(span, _surely_moved(m, span), rest, scan, brought)
-        less = laid_out(scan.places, bend, brought[0], brought[1], brought[2], 0.0)
-        search = Search(last, middle, stiffness, room[3], room[4], found, span, usual, grown_std, False, False)
-        chi = _search(Surface(surface.c, np.empty((0, 0)), surface.lattice), less, search, m)
+        less = LaidOut(taxels.x, taxels.y, taxels.cos, taxels.sin, lanes[7, :full], lanes[8, :full], lanes[9, :full])
+        lay_readings(brought[0, :count], brought[1, :count], brought[2, :count], 0.0, less)
+        search = Search(states, span, usual, grown_std, False, False)
+        chi = _search(Surface(surface.c, surface.doubt[:0], surface.lattice), less, search, m)
     for a in range(STATE):
         for b in range(STATE):
             m.step[a, b] = m.information[a, b]
@@ -127,12 +130,12 @@ def _follow_pad(
         rest[3, i] = scan.reading[i] - brought[0, i] if m.carries else 0.0
     if m.carries or rests or chi > _REST * usual:
         _stiffen(m, m.turn_std, grown_std if m.grows else 0.0, state_of(stiffness).gain, stiffness)
-        m.chi = keep(surface, taxels, error, chi / usual, rests, brought, rest, stiffness, m)
+        before = brought[:, : count if m.carries else 0]
+        m.chi = keep(surface, taxels, error, chi / usual, rests, before, rest, stiffness, lanes[16:], m)
         m.carries = rests or m.chi > _REST * m.usual
-    m.unexplained = unexplained(surface, taxels, error, m.state[:], m.shift[:])
+    _judge(surface, taxels, error, floor * level, stiffness, m)
     _add_lag(bend, scan, m)
     find_shift(floor, m)
-    _doubt(surface, taxels, level, floor, stiffness, m, room)
     remember(t, span, last, middle, m)
 
 
@@ -147,19 +150,18 @@ def _level(scan: PadScan, m: Track) -> float:
 
 
 @lean_kernel
-def _doubt(
-    surface: Surface, taxels: LaidOut, level: float, floor: float, stiffness: Floats, m: Track, room: Floats
-) -> None:
-    """Fill m.doubted with the information that is left if readings have the error that the sensor may have unseen."""
-    for a in range(STATE):
-        for b in range(STATE):
-            m.doubted[a, b] = m.information[a, b]
-    if floor <= m.error:
+def _judge(surface: Surface, taxels: LaidOut, error: float, unseen: float, stiffness: Floats, m: Track) -> None:
+    """Fill m.unexplained, m.shift, and m.doubted with the information that is left if readings have the error that the
+    sensor may have unseen. error, unseen: of a reading, by the pattern and by the sensor.
+    """
+    if unseen <= error:
+        m.unexplained = unexplained(surface, taxels, error, m.state[:], m.shift[:])
+        for a in range(STATE):
+            for b in range(STATE):
+                m.doubted[a, b] = m.information[a, b]
         return
-    more = (floor * level) ** 2 - (m.error * level) ** 2
-    for i in range(len(taxels.variance)):
-        taxels.variance[i] += more if taxels.variance[i] > 0.0 else 0.0
-    linearise(surface, taxels, np.inf, m.state, m.doubted, room[3])
+    more = unseen * unseen - error * error
+    m.unexplained = unexplained_and_doubted(surface, taxels, error, more, m.state[:], m.shift[:], m.doubted[:])
     for part in MAY_BE_HELD:
         if stiffness[part] >= HELD:
             for a in range(STATE):
@@ -176,14 +178,14 @@ def _growth(before: float, load: float) -> float:
     return float(_GROWTH * pressed + _LEAST_GROWTH)
 
 
-@routine
-def _bend(m: Track, delay: Floats) -> Floats:
-    """(3, taxels), how far the object goes, at its last speed, until each taxel is read; (3, 0) if all are at once."""
-    bend = np.empty((3, len(delay)))
+@lean_kernel
+def _bend(m: Track, delay: Floats, bend: Floats) -> None:
+    """Fill bend (3, taxels), how far the object goes, at its last speed, until each taxel is read; (3, 0) if all are at
+    once.
+    """
     for a in range(3):
         for i in range(len(delay)):
             bend[a, i] = m.speed[a] * delay[i]
-    return bend
 
 
 @lean_kernel
@@ -205,20 +207,21 @@ def _surely_moved(m: Track, span: float) -> float:
     return float(np.sqrt(max(moved * moved - 4.0 / m.step[0, 0] - 4.0 / m.step[1, 1], 0.0)))
 
 
-@routine
+@lean_kernel
 def _search(surface: Surface, taxels: LaidOut, search: Search, m: Track) -> float:
     """Register a scan in one way after the other until it fits; m.state and m.information become the best.
 
     Returns chi-square per reading.
     """
     best, best_chi = np.inf, np.inf
-    trial, found, stiffness = search.trial, search.found, search.stiffness
+    states = search.states
+    stiffness, mean, trial, found = states[2], states[3], states[4], states[5:10]
     for attempt in range(_ATTEMPTS):
         if attempt >= _TURNS and best_chi <= gate(search.usual, m.count):
             break
         if (attempt == _TURNS and not search.may_turn) or (attempt == _GROWS and not search.may_grow):
             continue
-        last = state_of(search.last)
+        last = state_of(states[0])
         put(_start(attempt, last, search, m), trial)
         turn_std, grown_std = m.turn_std, search.grown_std if m.grows else 0.0
         if attempt == _TURNS:
@@ -228,9 +231,9 @@ def _search(surface: Surface, taxels: LaidOut, search: Search, m: Track) -> floa
         gain_std = m.gain_std if attempt < _LOOSE else _LOOSE_GAIN_STD
         _stiffen(m, turn_std, grown_std, 1.0 / (gain_std * last.gain) ** 2, stiffness)
         theta = state_of(trial).theta if m.turn_std > 0.0 else last.theta
-        put(State(last.x, last.y, theta, last.gain, last.size), search.prior)
-        prior = Prior(search.prior, stiffness)
-        cost, chi, count = register(surface, taxels, prior, HUBER, _ITERATIONS, trial, found)
+        put(State(last.x, last.y, theta, last.gain, last.size), mean)
+        prior = Prior(mean, stiffness)
+        cost, chi, count = refine_state(surface, taxels, prior, HUBER, _ITERATIONS, trial, found, states[10:])
         if cost < best - (_CHEAPER if attempt < _TURNS else _PAID * _misfit(best, taxels)):
             best, best_chi, m.count = cost, chi / max(count, 1), count
             _take(trial, found, m)
@@ -267,7 +270,7 @@ def _start(attempt: int, last: State, search: Search, m: Track) -> State:
         dx, dy = m.speed[0] * search.span + m.shifted[0], m.speed[1] * search.span + m.shifted[1]
         turn = m.speed[2] * search.span + m.shifted[2] if m.turn_std > 0.0 else 0.0
     elif attempt == _WITH_CENTROID:
-        dx, dy = search.middle[0] - m.centroid[0], search.middle[1] - m.centroid[1]
+        dx, dy = search.states[1, 0] - m.centroid[0], search.states[1, 1] - m.centroid[1]
     return State(last.x + dx, last.y + dy, last.theta + turn, last.gain, last.size)
 
 
