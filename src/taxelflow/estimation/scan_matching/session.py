@@ -70,7 +70,7 @@ class RegistrationSession:
         names = ("pose", "covariance", "displacement", "displacement_covariance", "span_s", "quality")
         filled = [np.ascontiguousarray(getattr(estimates, name)[:, number]) for name in names]
         unseen = np.zeros((len(scans), 3, 3))  # the kernel has one type for all sensors
-        follow(block, pad.taxels, pad.spline, pad.tracks, pad.last, Steps(*filled, unseen))
+        follow(block, pad.taxels, pad.spline, pad.tracks, pad.last, Steps(*(*filled, unseen)))
         for name, values in zip(names, filled, strict=True):
             getattr(estimates, name)[:, number] = values
         if estimates.unseen is not None:
