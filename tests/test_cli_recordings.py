@@ -184,7 +184,7 @@ def test_the_threshold_of_contact_decides_which_taxels_were_loaded(
 @pytest.mark.parametrize(
     ("name", "joints", "says"),
     [
-        ("grid:4x7@10mm", "spread=1", "sensor grid:4x7@10mm has no [hand]: leave --joints out"),
+        ("grid:4x7@10mm", "spread=1", "sensor grid:4x7@10mm has no [hand]; leave --joints out"),
         ("schunk-sdh2", "sdh_thumb_9_joint=1", "the hand has no joint 'sdh_thumb_9_joint', only sdh_knuckle_joint, "),
     ],
 )

@@ -63,3 +63,8 @@ def test_a_full_disk_under_standard_output_is_one_line() -> None:
     assert ran.returncode == 2
     assert ran.stderr.count("\n") == 1
     assert "No space left on device: standard output" in ran.stderr
+
+
+def test_a_file_in_the_way_of_results_is_named(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = refused(capsys, "estimate", recording, "--sensor", SENSOR, "--out", recording, "--method", "lnorm")
+    assert said == f"taxelflow: File exists: {recording}; a file is in the way of a directory: give another one\n"

@@ -51,6 +51,7 @@ DESCRIPTION = """Touch-based motion sensing for robot hands: pressure scans in, 
 Version: taxelflow --version. Shell completion: taxelflow --tyro-print-completion bash (or zsh)."""
 BAD_INPUT, INTERRUPTED = 2, 130
 _OUTPUT = "standard output"
+_REMEDIES = {errno.ENOSPC: "make room there", errno.EEXIST: "a file is in the way of a directory: give another one"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -290,7 +291,7 @@ def main(args: list[str] | None = None) -> int:
         if error.errno == errno.ENOSPC and error.filename in (None, _OUTPUT):
             error.filename = _OUTPUT
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # its buffer would raise again at exit
-        remedy = "make room there" if error.errno == errno.ENOSPC else "check the path and permissions"
+        remedy = _REMEDIES.get(error.errno or 0, "check the path and permissions")
         print(f"taxelflow: {error.strerror or error}: {error.filename}; {remedy}", file=sys.stderr)
         return BAD_INPUT
 

@@ -278,8 +278,10 @@ class TipsOver(ParameterInvalid):
 class ResultMissing(TaxelflowError):
     """A directory lacks a file that `taxelflow estimate` writes."""
 
-    def __init__(self, directory: Path, lacks: str) -> None:
-        super().__init__(f"{directory} holds no {lacks}; give a directory that `taxelflow estimate --out` has written")
+    def __init__(
+        self, directory: Path, lacks: str, remedy: str = "give a directory that `taxelflow estimate --out` has written"
+    ) -> None:
+        super().__init__(f"{directory} holds no {lacks}; {remedy}")
 
 
 class SourceMissing(TaxelflowError):

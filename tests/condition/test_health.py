@@ -97,6 +97,21 @@ def test_nothing_is_found_where_all_is_well(clipped: bool, mode: str) -> None:
     assert found_in(wandering(clipped=clipped), mode) == ()
 
 
+@pytest.mark.parametrize(("travel_m", "found"), [(0.03, [BAD]), (0.005, [])])
+def test_under_a_flat_object_a_taxel_that_reads_noise_is_found_once_it_slides(
+    travel_m: float, found: list[int]
+) -> None:
+    """Its largest reading is anywhere: only its centre shows that it moves, and that no hole of it is there."""
+    layout, random = PALM.layout, np.random.default_rng(0)
+    x_m = layout.x_m[BAD] + np.linspace(-0.5, 0.5, 300) * travel_m
+    reach = np.maximum(np.abs(layout.x_m - x_m[:, np.newaxis]), np.abs(layout.y_m - layout.y_m[BAD]))
+    values = 20e3 * np.clip((0.03 - reach) / 0.01, 0.0, 1.0)
+    values[:100] = 0.0
+    values[:, BAD] = 0.0
+    values += random.normal(0, 100, values.shape)
+    assert [finding.taxel for finding in found_in(values)] == found
+
+
 def test_a_still_contact_is_no_fault() -> None:
     random = np.random.default_rng(0)
     pin = dome(PALM, 0.005, 0.005, radius_m=0.004)

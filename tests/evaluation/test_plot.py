@@ -309,7 +309,7 @@ def test_pads_of_any_name_are_drawn_under_their_name(tmp_path: Path) -> None:
 def test_a_touch_too_short_for_a_position_has_nothing_to_draw(tmp_path: Path) -> None:
     values = np.random.default_rng(0).normal(0, 50, (60, 28))
     values[30] += dome(grid_sensor(4, 7))
-    with pytest.raises(ResultMissing, match="no position"):
+    with pytest.raises(ResultMissing, match=r"no position by .* estimate by another --method, or longer contacts"):
         plot_results([own_result(tmp_path, values)], tmp_path / "out", "svg")
 
 

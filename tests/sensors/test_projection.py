@@ -44,3 +44,14 @@ def test_a_flat_hand_is_its_own_map() -> None:
     shown = SphereMap(places, np.tile([0.0, 0.0, 1.0], (30, 1)))
     pairs = [(k, k + 1) for k in range(29)]
     np.testing.assert_allclose(shown.distortion(places, pairs), 1.0, atol=1e-4)
+
+
+def test_taxels_without_neighbours_have_the_distortion_of_the_nearest_ones() -> None:
+    places, normals = ball()
+    shown = SphereMap(places, normals)
+    apart = np.linalg.norm(places[:, np.newaxis] - places, axis=2) + np.diag(np.full(len(places), np.inf))
+    nearest = list(enumerate(np.argmin(apart, axis=1).tolist()))
+    assert shown.distortion(places, []) == shown.distortion(places, nearest)
+    assert shown.distortion(places, [])[1] > 1.0
+    assert shown.distortion(places[:1], []) == (1.0, 1.0)
+    assert shown.distortion(places[[0, 0]], [(0, 1)]) == (1.0, 1.0)

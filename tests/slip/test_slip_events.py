@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -121,3 +122,20 @@ def test_the_demos_slips_have_the_speed_of_the_truth_and_are_counted_once() -> N
     on_palm = [contact for contact in result.summary.contacts if contact.pad == "palm"]
     assert [contact.slips for contact in on_palm] == [1, 1]
     assert all(contact.speed_m_s == pytest.approx(0.025, rel=0.05) for contact in on_palm)
+
+
+@pytest.mark.parametrize("cuts", [[], [150], [151]])
+def test_no_slip_is_faster_than_its_displacement_over_a_scan(cuts: list[int]) -> None:
+    """Dates of a slip of one scan, however close, do not say how long it took; blocks may end anywhere."""
+    slips = slips_of(slid(VELOCITY))
+    start, stop = replace(START, t_s=1.5, onset_s=1.4999), replace(STOP, t_s=1.51, onset_s=1.5001)
+    session = SlipEvents(("pad",), stream=False)
+    found = []
+    for block in pieces(slips, cuts) if cuts else [slips]:
+        own = [event for event in (start, stop) if (np.abs(block.t_s - event.t_s) < 1e-9).any()]
+        found += session.step(block, slipping(block, 150, 151), own)
+    events = [*found, *session.finish()]
+    assert kinds(events) == ["slip_start", "slip_stop"]
+    for event in events:
+        assert event.duration_s == pytest.approx(1 / RATE_HZ)
+        assert event.speed_m_s < 3 * VELOCITY[0]

@@ -116,13 +116,21 @@ def test_residuals_that_are_alike_from_scan_to_scan_count_as_few() -> None:
 
 def test_displacements_are_summed() -> None:
     steps = np.array([[0.01, 0.0, np.nan], [np.nan, np.nan, np.nan], [0.01, 0.0, np.nan]])
-    found = integrate_slip(steps, np.tile(np.eye(3) * 1e-6, (3, 1, 1)), 1.0, 1.5)
+    found = integrate_slip(steps, np.tile(np.eye(3) * 1e-6, (3, 1, 1)), 1.0, 1.5, 0.2)
     assert (found.path_m, found.speed_m_s, found.direction_rad) == pytest.approx((0.02, 0.04, 0.0))
     assert found.std_path_m == pytest.approx(np.sqrt(2) * 1e-3)
     assert np.isnan(found.turn_rad)
 
 
 def test_without_a_displacement_only_the_duration_is_known() -> None:
-    found = integrate_slip(np.full((3, 3), np.nan), np.full((3, 3, 3), np.nan), 1.0, 1.5)
+    found = integrate_slip(np.full((3, 3), np.nan), np.full((3, 3, 3), np.nan), 1.0, 1.5, 0.2)
     assert found.duration_s == 0.5
     assert np.isnan([found.path_m, found.speed_m_s, found.std_path_m]).all()
+
+
+def test_a_slip_shorter_than_a_scan_has_the_mean_speed_of_its_scan() -> None:
+    """A method in whole pitches dates begin and end of a step nearly alike: 7 m/s, of a step between slow scans."""
+    steps = np.array([[0.0, 0.0, np.nan], [0.0034, 0.0, np.nan]])
+    found = integrate_slip(steps, np.tile(np.eye(3) * 1e-6, (2, 1, 1)), 1.0, 1.0005, 0.14)
+    assert (found.duration_s, found.path_m, found.speed_m_s) == pytest.approx((0.14, 0.0034, 0.0034 / 0.14))
+    assert found.std_duration_s == pytest.approx(0.14 / np.sqrt(6))

@@ -65,7 +65,7 @@ def asked_joints(given: str, sensor: Sensor) -> Joints:
 def _check_names(names: Iterable[str], given: str, sensor: Sensor) -> None:
     """Raises JointsInvalid for a joint that the sensor's hand lacks; without MuJoCo nothing is known of it."""
     if sensor.hand is None:
-        raise JointsInvalid(given, f"sensor {sensor.name} has no [hand]: leave --joints out")
+        raise JointsInvalid(given, f"sensor {sensor.name} has no [hand]", "leave --joints out")
     with suppress(ExtraMissing):
         known = hand_model(sensor.hand.urdf, sensor.hand.base, sensor.name).joints
         for name in names:

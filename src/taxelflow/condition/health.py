@@ -35,7 +35,9 @@ class _Evidence:
     min_loaded_scans: int = 24
     """Scans with loaded neighbours, or with and without load elsewhere, that a finding needs."""
     min_peak_places: int = 3
-    """Places of the pad's largest reading in those scans: the load must have moved."""
+    """Places of the pad's largest reading in those scans: the load must have moved,"""
+    min_travel: float = 2.0
+    """... or its centre by this many pitches, from one place to the third: a flat object has no largest reading."""
     min_neighbours: int = 3
     """Neighbours that a taxel needs to be compared with them."""
     load_sigmas: float = 12.0
@@ -126,25 +128,31 @@ def find_faults(windows: Floats, noise: Floats, masked: Bools, layout: Layout) -
         own = layout.of_pad(pad)
         live = ~masked[own] & (2 * counts[own] >= len(flat)) & (counts[own] >= _EVIDENCE.min_scans)
         if live.sum() > 2:
-            sample = _PadSample(flat[:, own], noise[own], live, _neighbours(layout, pad), visible_noise, min_offset)
+            places = np.stack([layout.x_m[own], layout.y_m[own]], axis=1) / layout.pitch_m[pad]
+            near = _neighbours(layout, pad)
+            sample = _PadSample(flat[:, own], noise[own], live, places, near, visible_noise, min_offset)
             for finding in sample.findings():
                 found.setdefault(own.start + finding.taxel, replace(finding, taxel=own.start + finding.taxel))
     return tuple(found[taxel] for taxel in sorted(found))
 
 
 class _PadSample:
-    """One pad's sample. readings: (scans, taxels). neighbours: (taxels, most neighbours), -1 where there is none."""
+    """One pad's sample. readings: (scans, taxels). places: (taxels, 2) in pitches. neighbours: (taxels, most
+    neighbours), -1 where there is none.
+    """
 
     def __init__(
         self,
         readings: Floats,
         noise: Floats,
         live: Bools,
+        places: Floats,
         neighbours: NDArray[np.int64],
         visible_noise: float,
         min_offset: float,
     ) -> None:
-        self._readings, self._noise, self._live, self._neighbours = readings, noise, live, neighbours
+        self._readings, self._noise, self._live = readings, noise, live
+        self._places, self._neighbours = places, neighbours
         known = np.isfinite(readings)
         lowest = np.min(readings, axis=0, initial=np.inf, where=known)
         highest = np.max(readings, axis=0, initial=-np.inf, where=known)
@@ -211,13 +219,22 @@ class _PadSample:
             < _EVIDENCE.min_gain_share
         ):
             return
-        others = np.where(np.isfinite(self._readings[scans]), self._readings[scans] - self._rest, -np.inf)
-        others[:, taxel] = -np.inf
-        first, second = np.sort(np.partition(others, -2, axis=1)[:, -2:], axis=1).T[::-1]
-        clear = first - second > _EVIDENCE.load_sigmas * np.median(self._noise[self._live])
-        if len(np.unique(np.argmax(others[clear], axis=1))) >= _EVIDENCE.min_peak_places:
+        if self._moves(scans, taxel):
             factor = float(np.nanmedian(own / (0.5 * (least + most))))
             yield Finding(taxel, "gain", factor, factor, len(scans))
+
+    def _moves(self, scans: NDArray[np.int64], taxel: int) -> bool:
+        """Whether the load of the other taxels moves from scan to scan: a hole of an object would go along."""
+        others = np.where(np.isfinite(self._readings[scans]), self._readings[scans] - self._rest, -np.inf)
+        others[:, taxel] = -np.inf
+        usual = float(np.median(self._noise[self._live]))
+        first, second = np.sort(np.partition(others, -2, axis=1)[:, -2:], axis=1).T[::-1]
+        clear = first - second > _EVIDENCE.load_sigmas * usual
+        if len(np.unique(np.argmax(others[clear], axis=1))) >= _EVIDENCE.min_peak_places:
+            return True
+        load = np.where(others > _EVIDENCE.load_sigmas * usual, others, 0.0)
+        centre = load @ self._places / load.sum(axis=1, keepdims=True)
+        return bool(np.ptp(centre, axis=0).max() >= _EVIDENCE.min_travel)
 
     def _near(self, taxel: int) -> NDArray[np.int64]:
         row = self._neighbours[taxel]

@@ -78,7 +78,8 @@ def gathered(directories: Sequence[Path]) -> Pictures:
     pads = _busiest(summary)
     drawn = [track for result in results for track in result.placed if track.pad in pads]
     if not drawn:
-        raise ResultMissing(directories[0], f"position: method {summary.method!r} estimates none, so nothing is drawn")
+        lacks = f"position by {summary.method}, so nothing is drawn"
+        raise ResultMissing(directories[0], lacks, "estimate by another --method, or longer contacts")
     recording = source_of(summary)
     truth = None if recording is None else recording.truth
     positions = []

@@ -27,14 +27,17 @@ class HandModelInvalid(TaxelflowError):
         super().__init__(f"hand model of {source}: {seen}; {remedy}")
 
 
+_JOINTS = (
+    "give JOINT=ANGLE pairs such as 'spread=60deg f1=1.2' (rad without a unit), a named pose, or a csv with columns "
+    "t_s and the joints"
+)
+
+
 class JointsInvalid(TaxelflowError):
     """Joint angles that the user gives cannot be read."""
 
-    def __init__(self, given: str, seen: str) -> None:
-        super().__init__(
-            f"joint angles {given!r}: {seen}; give JOINT=ANGLE pairs such as 'spread=60deg f1=1.2' (rad without a "
-            "unit), a named pose, or a csv with columns t_s and the joints"
-        )
+    def __init__(self, given: str, seen: str, remedy: str = _JOINTS) -> None:
+        super().__init__(f"joint angles {given!r}: {seen}; {remedy}")
 
 
 class Hand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=True):

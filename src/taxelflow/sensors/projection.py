@@ -61,10 +61,22 @@ class SphereMap:
         return carried
 
     def distortion(self, places: Floats, pairs: list[tuple[int, int]]) -> tuple[float, float]:
-        """Smallest and largest distance on the map over that in space, of pairs of neighbouring taxels."""
-        first, second = (list(side) for side in zip(*pairs, strict=True))
+        """Smallest and largest distance on the map over that in space, of pairs of neighbouring taxels.
+
+        Where no taxel has a neighbour, those nearest to each other count; a single taxel is not distorted.
+        """
+        first, second = np.array(pairs or _nearest(places), dtype=np.int64).reshape(-1, 2).T
+        apart = np.linalg.norm(places[first] - places[second], axis=1)
         flat = self.project(places)
-        ratio = np.linalg.norm(flat[first] - flat[second], axis=1) / np.linalg.norm(
-            places[first] - places[second], axis=1
-        )
-        return float(ratio.min()), float(ratio.max())
+        ratio = (np.linalg.norm(flat[first] - flat[second], axis=1) / np.where(apart > 0, apart, 1.0))[apart > 0]
+        return (float(ratio.min()), float(ratio.max())) if len(ratio) else (1.0, 1.0)
+
+
+def _nearest(places: Floats) -> list[tuple[int, int]]:
+    """Each taxel with the one nearest to it in space."""
+    if len(places) < 2:
+        return []
+    from scipy.spatial import cKDTree
+
+    nearest = np.asarray(cKDTree(places).query(places, k=2)[1])[:, 1]
+    return list(enumerate(nearest.tolist()))

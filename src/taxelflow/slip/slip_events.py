@@ -53,6 +53,8 @@ class SlipEvents:
         """Of the slips that go on, while there is room for each scan of them."""
         self._progress, self._room = records(Progress, len(pads)), records(Row, len(pads), MOST_ROWS)
         self._held: list[_Held] = []
+        self._before_s = self._scan_s = 0.0
+        """Time of the scan before this block, and between the scan in which a slip ends and the one before it."""
         self._hold_scans = Settled(hold_scans)
 
     def step(self, slips: Slips, slipping: Bools, events: list[Event], loss: Floats | None = None) -> list[Event]:
@@ -64,6 +66,7 @@ class SlipEvents:
         if not events:
             if self._open:
                 self._hold(slips, slipping, tuple(self._open), 0, len(slips))
+            self._pass(slips)
             return []
         own: dict[int, list[_Held]] = {number: [] for number in self._open}
         for event in events:
@@ -78,9 +81,11 @@ class SlipEvents:
                 self._hold(slips, slipping, (pad,), done, scan)
                 # The slip's last displacement ends in the scan that no longer slips.
                 self._hold(slips, np.ones_like(slipping), (pad,), scan, scan + 1)
+                self._scan_s = float(slips.t_s[scan] - (slips.t_s[scan - 1] if scan else self._before_s))
                 self._change(pad, held)
                 done = scan
             self._hold(slips, slipping, (pad,), done, len(slips))
+        self._pass(slips)
         return self._complete()
 
     def finish(self) -> list[Event]:
@@ -90,6 +95,12 @@ class SlipEvents:
                 start.event, start.waits = _with_motion(start.event, self._motion(pad, start, None)), False
         self._open = {}
         return self._complete()
+
+    def _pass(self, slips: Slips) -> None:
+        """Keep the times of the last two scans, for a slip that ends in the next block, or with the recording."""
+        if len(slips):
+            before_s, self._before_s = (slips.t_s[-2] if len(slips) > 1 else self._before_s), float(slips.t_s[-1])
+            self._scan_s = float(self._before_s - before_s)
 
     def _hold(self, slips: Slips, slipping: Bools, pads: Sequence[int], start: int, stop: int) -> None:
         """Hold the scans from start up to the last before stop that slips, of those of the pads whose slip goes on."""
@@ -139,7 +150,8 @@ class SlipEvents:
                 motion = fit_slip(known["t_s"].copy(), known["pose"].copy(), known["covariance"].copy(), start_s, end_s)
                 velocity = steady_velocity(self._steps[pad])
                 return motion if velocity is None else at_velocity(motion, velocity)
-        return integrate_slip(rows["displacement"], rows["displacement_covariance"], start_s, end_s)
+        displacement, covariance = rows["displacement"], rows["displacement_covariance"]
+        return integrate_slip(displacement, covariance, start_s, end_s, self._scan_s)
 
     def _complete(self) -> list[Event]:
         """The oldest events, up to the first that waits."""

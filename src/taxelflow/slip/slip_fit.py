@@ -106,18 +106,18 @@ def fit_slip(t: Floats, pose: Floats, covariance: Floats, start_s: float, end_s:
     )
 
 
-def integrate_slip(displacement: Floats, covariance: Floats, start_s: float, end_s: float) -> SlipMotion:
+def integrate_slip(displacement: Floats, covariance: Floats, start_s: float, end_s: float, scan_s: float) -> SlipMotion:
     """Motion between two dates, s, as the sum of displacements (scans, 3) with covariances (scans, 3, 3).
 
-    For slips of one or two scans, and for methods without a pose.
+    For slips of one or two scans, and for methods without a pose. scan_s: between scans. Dates that are closer say
+    nothing of the time that a displacement took: its speed is the mean over its scan.
     """
-    duration_s = end_s - start_s
+    duration_s = max(end_s - start_s, scan_s)
     known = np.isfinite(displacement[:, 0])
     steps, own = displacement[known], covariance[known]
-    scan_s = duration_s / max(len(displacement), 1)
     std_duration_s = scan_s / sqrt(6.0)  # each date is uniform within a scan
-    if not known.any() or duration_s <= 0.0:
-        return SlipMotion(duration_s=max(duration_s, 0.0), std_duration_s=std_duration_s)
+    if not known.any():
+        return SlipMotion(duration_s=duration_s, std_duration_s=std_duration_s)
     lengths = np.hypot(steps[:, 0], steps[:, 1])
     path_m, net = float(lengths.sum()), steps.sum(axis=0)
     direction_rad = atan2(net[1], net[0])

@@ -26,3 +26,15 @@ def test_noise_that_changes_within_a_contact_does_not_interrupt_it() -> None:
     assert np.isfinite(first.pose[0, 0, 0])
     np.testing.assert_allclose(second.displacement[0, 0, 0], 0.002, atol=2e-4)
     assert np.isnan(second.pose[0, 1]).all()
+
+
+def test_only_a_sensor_that_declares_an_unseen_error_has_one_beside_the_noise() -> None:
+    """Zeros would be added to the covariances of every scan."""
+    for error, stated in ((0.0, False), (0.05, True)):
+        sensor = grid_sensor(7, 7, unseen_error=error)
+        estimates = (
+            Registration()
+            .start(sensor.layout, "stream")
+            .step(scans_of(sensor, [dome(sensor, radius_m=0.015)], noise=50.0))
+        )
+        assert (estimates.unseen is not None) is stated

@@ -26,7 +26,7 @@ from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.face import Live
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay
-from taxelflow.pipeline.live.status import drawn, totals
+from taxelflow.pipeline.live.status import clock_words, drawn, totals
 from taxelflow.pipeline.stages import Output
 from taxelflow.publish.tables import EVENTS
 
@@ -413,3 +413,15 @@ def test_status_and_totals_of_a_run(tmp_path: Path) -> None:
     screen = (tmp_path / "screen").read_text()
     assert "140 scans, 7.0 Hz" in screen
     assert "palm" in screen
+
+
+@pytest.mark.parametrize(
+    ("offset_s", "drift_ppm", "words"),
+    [
+        (0.25, 3.04, "0.250000 s behind the computer's, 3.0 ppm slow against it"),
+        (-0.25, -3.04, "0.250000 s ahead of the computer's, 3.0 ppm fast against it"),
+        (1e6, float("nan"), "counts from a time of its own"),
+    ],
+)
+def test_a_clock_is_ahead_or_behind_and_never_negative(offset_s: float, drift_ppm: float, words: str) -> None:
+    assert clock_words(offset_s, drift_ppm) == f"sensor's clock: {words}"

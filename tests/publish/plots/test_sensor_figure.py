@@ -7,9 +7,11 @@ import pytest
 
 from costly import mostly_long
 from synthetic import grid_sensor
-from tabled import arched, hexagonal, table_sensor
+from tabled import arched, hexagonal, square, table_sensor
 from taxelflow.publish.plots.style import styled
 from taxelflow.sensors.catalogue import catalogue, load_sensor
+from taxelflow.sensors.pads import Pad
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from taxelflow.sensors.sensor import Sensor
+    from taxelflow.messages import Floats
 
 pytest.importorskip("matplotlib")
 
@@ -116,3 +118,32 @@ def test_outlines_hold_their_taxel_and_do_not_meet(sensor: Sensor) -> None:
     if layout.tables[0]:
         apart = np.linalg.norm(middle[:, np.newaxis] - middle, axis=2) + np.diag(np.full(len(middle), np.inf))
     assert (reach[:, np.newaxis] + reach < apart + 1e-12).all()
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_cells_of_a_hexagonal_grid_are_hexagons_side_by_side(turn: float) -> None:
+    cos, sin = np.cos(turn), np.sin(turn)
+    places = hexagonal(2) @ np.array([[cos, sin], [-sin, cos]])
+    cells = np.column_stack([places, np.full(len(places), np.sqrt(0.75) * 0.005**2)])
+    shapes = outlines(_of_areas(cells).layout, 0)
+    assert shapes.shape == (19, 6, 2)
+    sides = (shapes + np.roll(shapes, -1, axis=1))[9] / 2 - places[9]
+    towards = places[np.argsort(np.linalg.norm(places - places[9], axis=1))[1:7]] - places[9]
+    np.testing.assert_allclose(sorted(np.angle(sides @ [1, 1j])), sorted(np.angle(towards @ [1, 1j])), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(sides, axis=1), 0.45 * 0.005)
+
+
+@pytest.mark.parametrize(
+    ("places", "area_m2"),
+    [(hexagonal(2), 1.5e-5), (square(4, 4, 0.005), 2.165e-5), (hexagonal(2)[:2], 2.165e-5)],
+    ids=["smaller than cells", "square grid", "a pair"],
+)
+def test_other_taxels_of_tables_are_discs(places: Floats, area_m2: float) -> None:
+    sensor = _of_areas(np.column_stack([places, np.full(len(places), area_m2)]))
+    assert outlines(sensor.layout, 0).shape[1] == 24
+
+
+def _of_areas(table: Floats) -> Sensor:
+    """A sensor of taxels (taxels, 3) at x, y with areas."""
+    places, area_m2 = tuple(map(tuple, table[:, :2].tolist())), tuple(table[:, 2].tolist())
+    return Sensor(name="table", unit="Pa", pads=(Pad(name="pad", taxels=places, area_m2=area_m2),))

@@ -7,6 +7,7 @@ import pytest
 
 from taxelflow.publish.plots.style import styled
 from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.hand import JointsInvalid
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,6 +39,11 @@ def test_a_hand_that_is_open_has_a_map_with_its_distortion() -> None:
     assert [axis.name for axis in figure.axes] == ["3d", "rectilinear"]
     assert all(set(hand.names) <= words(axis) for axis in figure.axes)
     assert "1.00 to 1.00 times" in figure.get_supxlabel()
+
+
+def test_a_sensor_without_a_hand_is_told_to_leave_the_angles_out() -> None:
+    with pytest.raises(JointsInvalid, match="no pad of hexagon-61 has a link or a pose; leave --joints out"):
+        in_space(load_sensor("hexagon-61"), "spread=60deg")
 
 
 def test_a_hand_around_its_object_is_shown_from_two_sides() -> None:

@@ -45,7 +45,8 @@ class RegistrationSession:
     def step(self, scans: Scans) -> Estimates:
         """Estimates of all pads; see `EstimatorSession.step`."""
         estimates = Estimates.unknown(scans)
-        estimates = replace(estimates, unseen=np.zeros_like(estimates.covariance))
+        if self._share:
+            estimates = replace(estimates, unseen=np.zeros_like(estimates.covariance))
         if self._noise is None or not np.array_equal(scans.noise, self._noise):
             self._learn(scans.noise)
         for number, pad in enumerate(self._pads):
@@ -66,11 +67,14 @@ class RegistrationSession:
             np.ascontiguousarray(scans.complete[:, number]),
             scans.ceiling[pad.own],
         )
-        names = ("pose", "covariance", "displacement", "displacement_covariance", "span_s", "quality", "unseen")
+        names = ("pose", "covariance", "displacement", "displacement_covariance", "span_s", "quality")
         filled = [np.ascontiguousarray(getattr(estimates, name)[:, number]) for name in names]
-        follow(block, pad.taxels, pad.spline, pad.tracks, pad.last, Steps(*filled))
+        unseen = np.zeros((len(scans), 3, 3))  # the kernel has one type for all sensors
+        follow(block, pad.taxels, pad.spline, pad.tracks, pad.last, Steps(*(*filled, unseen)))
         for name, values in zip(names, filled, strict=True):
             getattr(estimates, name)[:, number] = values
+        if estimates.unseen is not None:
+            estimates.unseen[:, number] = unseen
 
     def _learn(self, noise: Floats) -> None:
         """Splines that suit the noise; what is known of a contact stays."""

@@ -77,7 +77,7 @@ def _without_silent(
     variance = scanned.variance[:, dead]
     scanned.variance[:, dead] = 0.0
     solved = solving()
-    gaps = explained(scanned, variance, solved.pattern, solved.states, dead.tolist())
+    gaps = explained(scanned, variance, solved, dead.tolist())
     if gaps.any():
         scanned.variance[:, dead[gaps]] = variance[:, gaps]
         solved = solving()

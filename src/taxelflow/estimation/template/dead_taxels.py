@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.observations import OUT
 from taxelflow.numerics.bspline import STATE, evaluate, state_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.estimation.template.bundle_adjustment import Fit
-    from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
@@ -65,7 +65,7 @@ def unanswering(scanned: Scanned, fit: Fit) -> int | None:
     answer = (model * scanned.readings).sum(axis=0)
     noise = (model**2 * scanned.variance).sum(axis=0)
     most = scanned.readings.max(axis=0, initial=0.0)
-    silent = (most < _FAULT.read * model.max(axis=0, initial=0.0)) & (most < _SILENCE.silent * scanned.amplitude)
+    silent = (most < _FAULT.read * model.max(axis=0, initial=0.0)) & ~_answered(scanned)
     sure = silent & (power**2 > _FAULT.loaded_enough * noise)
     share = np.where(sure, answer / np.maximum(power, 1e-300), np.inf)
     worst = int(np.argmin(share))
@@ -79,19 +79,22 @@ def answers(reading: Floats, variance: Floats, dead: NDArray[np.int64]) -> NDArr
     return alive
 
 
-def explained(scanned: Scanned, variance: Floats, pattern: Pattern, states: Floats, taxels: list[int]) -> Bools:
+def explained(scanned: Scanned, variance: Floats, solved: Solved, taxels: list[int]) -> Bools:
     """(n,), which of n taxels read no less than a pattern learned without them predicts: a gap of the object is there.
 
-    variance: (scans, n), of their readings, that of `scanned` being 0. states: (scans, 5).
+    variance: (scans, n), of their readings, that of `scanned` being 0. What is predicted has the error that the fit
+    leaves of others: at the side of a gap a smooth pattern predicts a little where there is nothing.
     """
+    pattern = solved.pattern
     model = np.empty((len(scanned), len(taxels)))
     values = np.empty((scanned.places.shape[1], STATE))
-    for k, state in enumerate(states):
+    for k, state in enumerate(solved.states):
         evaluate(pattern.coefficients, pattern.lattice, scanned.places, state, scanned.bends[k], values)
         model[k] = state_of(state).gain * np.maximum(np.nan_to_num(values[taxels, 0]), 0.0)
     model[variance == 0] = 0.0
     power, read = (model**2).sum(axis=0), (model * scanned.readings[:, taxels]).sum(axis=0)
-    sure = power**2 > _FAULT.loaded_enough * (model**2 * variance).sum(axis=0)
+    unsure = variance + (solved.error * scanned.amplitude) ** 2
+    sure = power**2 > _FAULT.loaded_enough * (model**2 * unsure).sum(axis=0)
     answered: Bools = ~sure | (read >= _FAULT.dead * power)
     return answered
 
@@ -113,18 +116,28 @@ def _denies(scanned: Scanned, solved: Solved, taxels: NDArray[np.int64]) -> Bool
     """(n,), which of n taxels read less than the pattern that explains the others where the scans are now."""
     if not len(taxels):
         return np.zeros(0, np.bool_)
-    variance, pattern = scanned.variance.copy(), replace(solved.pattern)
+    variance, refilled = scanned.variance.copy(), replace(solved, pattern=replace(solved.pattern))
     variance[:, taxels] = 0.0
     without = replace(scanned, variance=variance)
-    fill(pattern, without.with_error(solved.error), solved.states)
-    return ~explained(without, scanned.variance[:, taxels], pattern, solved.states, taxels.tolist())
+    fill(refilled.pattern, without.with_error(solved.error), solved.states)
+    return ~explained(without, scanned.variance[:, taxels], refilled, taxels.tolist())
 
 
 def _quiet(scanned: Scanned) -> Bools:
     """(taxels,), which have never read more than next to nothing."""
-    answers = np.any(scanned.loaded() & (scanned.readings > _SILENCE.silent * scanned.amplitude), axis=0)
-    quiet: Bools = ~answers & np.any(scanned.variance > 0, axis=0)
+    quiet: Bools = ~_answered(scanned) & np.any(scanned.variance > 0, axis=0)
     return quiet
+
+
+def _answered(scanned: Scanned) -> Bools:
+    """(taxels,), which have read what a dead one cannot: more than noise, and more than the error that the sensor
+    declares unseen, for cross-talk reaches dead taxels, too.
+    """
+    noise = _SILENCE.strong * np.sqrt(scanned.variance)
+    unseen = OUT * scanned.unseen_error * scanned.amplitude
+    least = np.minimum(np.maximum(noise, unseen), _SILENCE.silent * scanned.amplitude)
+    answered: Bools = np.any(scanned.loaded() & (scanned.readings > least), axis=0)
+    return answered
 
 
 def silent_taxels(scanned: Scanned) -> NDArray[np.int64]:

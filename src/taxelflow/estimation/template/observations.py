@@ -33,7 +33,7 @@ class _Load:
 
 _LOADED = _Load()
 
-_OUT = 3.0
+OUT = 3.0
 """Standard deviations from which a reading stands out."""
 _AT_ONCE_S = 1e-9
 """Below this a delay is rounding."""
@@ -58,7 +58,7 @@ def delays_of(layout: Layout) -> tuple[Floats, Floats]:
 def strength(readings: Floats, variance: Floats) -> Floats:
     """(...), how many standard deviations readings (..., taxels) that stand out are above nothing, together."""
     squared = np.divide(readings**2, variance, out=np.zeros_like(readings), where=(variance > 0) & (readings > 0))
-    total: Floats = np.sqrt(np.sum(squared, axis=-1, where=squared > _OUT**2))
+    total: Floats = np.sqrt(np.sum(squared, axis=-1, where=squared > OUT**2))
     return total
 
 

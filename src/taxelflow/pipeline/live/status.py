@@ -139,15 +139,20 @@ def totals(report: Report) -> list[str]:
     lines += [
         f"latency to {worker.label}: {worker.latencies.words()}" for worker in report.workers if len(worker.latencies)
     ]
-    offset, drift = intake.timeline.offset_s, intake.timeline.skew.drift_ppm
-    if math.isfinite(offset):
-        slow = "" if math.isnan(drift) else f", {drift:+.1f} ppm slow against it"
-        lines.append(
-            f"sensor's clock: {offset:.6f} s behind the computer's{slow}"
-            if abs(offset) < _SAME_CLOCK_S
-            else f"sensor's clock: counts from a time of its own{slow}"
-        )
+    offset_s, drift = intake.timeline.offset_s, intake.timeline.skew.drift_ppm
+    if math.isfinite(offset_s):
+        lines.append(clock_words(offset_s, drift))
     return lines
+
+
+def clock_words(offset_s: float, drift_ppm: float) -> str:
+    """The sensor's clock against the computer's. drift_ppm: by how much it is slow; NaN if unknown."""
+    pace = "slow" if drift_ppm > 0 else "fast"
+    drift = "" if math.isnan(drift_ppm) else f", {abs(drift_ppm):.1f} ppm {pace} against it"
+    if abs(offset_s) >= _SAME_CLOCK_S:
+        return f"sensor's clock: counts from a time of its own{drift}"
+    side = "behind" if offset_s > 0 else "ahead of"
+    return f"sensor's clock: {abs(offset_s):.6f} s {side} the computer's{drift}"
 
 
 def say_totals(report: Report, file: IO[str]) -> None:

@@ -1,4 +1,4 @@
-"""Outlines of taxels: rectangles in a grid, discs of a table's taxels."""
+"""Outlines of taxels: rectangles in a grid; of a table's taxels hexagons where they fill a hexagonal grid, or discs."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 _SHARE = 0.45
 _CORNERS = 24
+_ALIKE = 0.05
+"""Deviation of areas and directions from those of a hexagonal grid, as shares."""
 
 
 def outlines(layout: Layout, pad: int) -> Floats:
@@ -21,14 +23,36 @@ def outlines(layout: Layout, pad: int) -> Floats:
     own = layout.of_pad(pad)
     xy = np.stack([layout.x_m[own], layout.y_m[own]], axis=1)
     if not layout.tables[pad]:
-        shape = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _SHARE * layout.pitch_m[pad]
-        squares: Floats = xy[:, np.newaxis] + shape
+        square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _SHARE * layout.pitch_m[pad]
+        squares: Floats = xy[:, np.newaxis] + square
         return squares
-    radius = np.minimum(np.sqrt(layout.area_m2[own] / np.pi), 0.49 * mesh.nearest_m(xy))
-    turn = np.linspace(0.0, 2 * np.pi, _CORNERS, endpoint=False)
-    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    discs: Floats = xy[:, np.newaxis] + radius[:, np.newaxis, np.newaxis] * circle
-    return discs
+    nearest = mesh.nearest_m(xy)
+    turn = _hexagon_turn(layout, pad, xy, nearest)
+    if turn is None:
+        radius = np.minimum(np.sqrt(layout.area_m2[own] / np.pi), 0.49 * nearest)
+        angles = np.linspace(0.0, 2 * np.pi, _CORNERS, endpoint=False)
+    else:
+        radius = 2 * _SHARE * nearest / np.sqrt(3.0)
+        angles = turn + np.pi * (np.arange(6) / 3 + 1 / 6)
+    shape = radius[:, np.newaxis, np.newaxis] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    found: Floats = xy[:, np.newaxis] + shape
+    return found
+
+
+def _hexagon_turn(layout: Layout, pad: int, xy: Floats, nearest: Floats) -> float | None:
+    """Direction of neighbours, rad, where a table's taxels (taxels, 2) are the cells of a hexagonal grid: each has the
+    cell's area, and neighbours lie in directions 60 deg apart.
+    """
+    own = layout.of_pad(pad)
+    cell = np.sqrt(0.75) * nearest**2
+    if len(xy) < 3 or not (np.abs(layout.area_m2[own] - cell) < _ALIKE * cell).all():
+        return None
+    pairs = layout.neighbours(pad)
+    vectors = (xy[pairs[:, 1]] - xy[pairs[:, 0]]) @ np.array([1.0, 1.0j])
+    if not len(vectors):
+        return None
+    mean = complex(np.mean((vectors / np.abs(vectors)) ** 6))
+    return float(np.angle(mean)) / 6 if abs(mean) > 1 - _ALIKE else None
 
 
 def extent_mm(layout: Layout, pad: int) -> tuple[float, float, float, float]:

@@ -78,7 +78,7 @@ def in_space(sensor: Sensor, joints: str) -> InSpace:
     named = None if sensor.hand is None else sensor.hand.pose(joints)
     kinematics = PadKinematics(sensor)
     if not kinematics.placed.any():
-        raise JointsInvalid(joints, f"no pad of {sensor.name} has a link or a pose")
+        raise JointsInvalid(joints, f"no pad of {sensor.name} has a link or a pose", "leave --joints out")
     angles = angles_of(kinematics.joints, joint_angles(named or joints), sensor.name)
     T = kinematics.poses(angles[np.newaxis])[0]
     places: list[Floats] = []

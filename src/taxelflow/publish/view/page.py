@@ -13,6 +13,7 @@ import numpy as np
 from taxelflow.publish.view.arrows import speed_of_ring
 from taxelflow.publish.view.camera import Camera
 from taxelflow.publish.view.charts import SHOWN_S
+from taxelflow.publish.view.framing import Framing
 from taxelflow.publish.view.palette import DARK, LIGHT, round_up
 from taxelflow.publish.view.panel import OBJECT, Heading, Panel
 from taxelflow.publish.view.player import Player
@@ -75,7 +76,8 @@ class Page:
         self.panel.save.on_click(self._save)
         self.panel.face.on_click(self._face)
         self._looked_from: Camera | None = None
-        self._server.on_client_connect(lambda client: client.camera.on_update(self._look_from))
+        self._framing = Framing(self.scene)
+        self._server.on_client_connect(self._connect)
         self.apply_look()
 
     def on_decide(self, decide: Callable[[float], None]) -> None:
@@ -245,8 +247,15 @@ class Page:
             top, ring_m_s = self.panel.scales
             self.scene.configure(theme=theme, top=top, ring_m_s=ring_m_s)
 
+    def _connect(self, client: Any) -> None:
+        """A browser has loaded the page."""
+        client.camera.on_update(self._look_from)
+        self._look_from(client.camera)
+
     def _look_from(self, camera: Any) -> None:
-        """A browser's camera has moved: names face the one that moved last."""
+        """A browser's camera has moved, or its window: names face the one that moved last."""
+        with self._drawing:
+            self._framing.fit(camera)
         self._looked_from = Camera(np.array(camera.position), np.array(camera.look_at))
 
     def _face(self, event: Any) -> None:

@@ -37,7 +37,7 @@ _ABOVE = 0.6
 """Of arrows over the highest taxel, in pitches."""
 _HIGHEST = 0.022
 """Pitch that heights are made of at most, as a share of the hand's size: higher taxels would hide others."""
-_ASPECT = 1.2
+ASPECT = 1.2
 """Width over height of the narrowest usual page beside the panel, for which the camera is placed."""
 _FRONT = (0.0, -0.4, 0.917)
 """Direction from the hand to the camera, if nothing speaks for another one."""
@@ -55,7 +55,7 @@ class Scene:
     """Draws snapshots. ring_m_s: speed that the first ring stands for. top: pressure at the top of the scale.
 
     lights_m: (pads, 3), where the lights of pads are. note: what the user should know about the pads' places.
-    compares: whether a second method may be drawn.
+    compares: whether a second method may be drawn. aspect, position: for which the camera was placed last, and where.
     """
 
     def __init__(self, server: Any, sensor: Sensor, joints: Joints | None = None, *, compares: bool = False) -> None:
@@ -93,7 +93,7 @@ class Scene:
         self._view: View | None = None
         self._named, self._lit = False, (self.theme, b"", b"")  # how lights were drawn last
         self._put()
-        self.frame(self._front(), _ASPECT)
+        self.frame(self._front(), ASPECT)
 
     def configure(self, *, theme: Theme | None = None, top: float | None = None, ring_m_s: float | None = None) -> None:
         """Change the look or the scales. top: Pa or counts; ring_m_s: m/s."""
@@ -166,6 +166,7 @@ class Scene:
         found, camera = fitted(points, direction, aspect), self._server.initial_camera
         self._view = view_of(found, self._points, wide_m)
         self._put()
+        self.aspect, self.position = aspect, found.position
         far = float(np.linalg.norm(found.position - found.look_at))
         camera.fov, camera.near, camera.far = FOV_RAD, far / 100, 100 * far
         camera.up, camera.look_at, camera.position = (0.0, 0.0, 1.0), found.look_at, found.position
@@ -200,8 +201,7 @@ class Scene:
         if not self.placement.spatial:
             return np.array(_FRONT)
         own = self.layout.of_pad(self.layout.pads.index(pad))
-        direction: Floats = self.placement.normal[self.layout.source[own]].mean(axis=0)
-        return np.asarray(direction + _OVER)
+        return np.asarray(self.placement.normal[self.layout.source[own]].mean(axis=0) + _OVER)
 
     @property
     def follows(self) -> bool:

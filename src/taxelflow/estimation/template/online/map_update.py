@@ -112,11 +112,8 @@ def _learn(known: Learned) -> Learned:
     moved = keyframes.spread(known.radius) > near or _grown_now(known)
     if count <= 2 or not moved:
         new = _filled(known, keyframes)
-        return (
-            new
-            if new.decided or not known.unseen_error
-            else replace(new, decided=shown_at_rest(new.scanned.taken(slice(-1, None))))
-        )
+        new.decided = not new.undecided or shown_at_rest(new.scanned.taken(slice(-1, None)))
+        return new
     best, looked = _best(known)
     gains = best.gains if len(best.gains) else known.gains
     scanned, pattern = replace(known, gains=gains).scanned, best.pattern
