@@ -103,7 +103,8 @@ def test_a_known_pattern_is_not_recognised_where_it_explains_nothing() -> None:
     variance, never, still = np.ones(places.shape[1]), np.full(places.shape[1], np.inf), np.zeros(places.shape[1])
 
     def scan_of(reading: Floats) -> PadScan:
-        return PadScan(reading, variance, never, reading, places, np.zeros(places.shape[1], np.bool_))
+        count = places.shape[1]
+        return PadScan(reading, variance, never, reading, places, np.zeros(count, np.bool_), np.zeros((4, count)))
 
     bump = scan_of(100.0 * np.exp(-0.5 * (places[0] ** 2 + places[1] ** 2)))
     known = first_pattern(0.0, bump, still, np.ones(places.shape[1]), 0.05)

@@ -47,7 +47,7 @@ def values(coefficients: Floats | None = None) -> Floats:
 
 
 def part(reading: Floats, variance: Floats = VARIANCE, ceiling: Floats = NEVER) -> PadScan:
-    return PadScan(reading, variance, ceiling, reading, PLACES, np.zeros(TAXELS, np.bool_))
+    return PadScan(reading, variance, ceiling, reading, PLACES, np.zeros(TAXELS, np.bool_), np.zeros((4, TAXELS)))
 
 
 def track() -> Records:
