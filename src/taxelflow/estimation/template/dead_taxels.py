@@ -83,7 +83,8 @@ def explained(scanned: Scanned, variance: Floats, solved: Solved, taxels: list[i
     """(n,), which of n taxels read no less than a pattern learned without them predicts: a gap of the object is there.
 
     variance: (scans, n), of their readings, that of `scanned` being 0. What is predicted has the error that the fit
-    leaves of others: at the side of a gap a smooth pattern predicts a little where there is nothing.
+    leaves of others: at the side of a gap a smooth pattern predicts a little where there is nothing. Not on a sensor
+    with unseen errors, which are most of what is left there: they would hide dead taxels.
     """
     pattern = solved.pattern
     model = np.empty((len(scanned), len(taxels)))
@@ -93,8 +94,8 @@ def explained(scanned: Scanned, variance: Floats, solved: Solved, taxels: list[i
         model[k] = state_of(state).gain * np.maximum(np.nan_to_num(values[taxels, 0]), 0.0)
     model[variance == 0] = 0.0
     power, read = (model**2).sum(axis=0), (model * scanned.readings[:, taxels]).sum(axis=0)
-    unsure = variance + (solved.error * scanned.amplitude) ** 2
-    sure = power**2 > _FAULT.loaded_enough * (model**2 * unsure).sum(axis=0)
+    error = 0.0 if scanned.unseen_error else solved.error * scanned.amplitude
+    sure = power**2 > _FAULT.loaded_enough * (model**2 * (variance + error**2)).sum(axis=0)
     answered: Bools = ~sure | (read >= _FAULT.dead * power)
     return answered
 

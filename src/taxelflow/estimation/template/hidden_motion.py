@@ -20,6 +20,7 @@ from taxelflow.estimation.template.hypotheses import coarse, covering, refined
 from taxelflow.estimation.template.likelihood import learned_error
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import COARSE
+from taxelflow.estimation.template.scaling import SIZE_STD
 from taxelflow.numerics.bspline import STATE, evaluate, states_of
 from taxelflow.numerics.cut import HIDDEN
 
@@ -106,7 +107,10 @@ def _repeated(scanned: Scanned, states: Floats) -> tuple[Scanned, Floats]:
 
 
 def _left_along(scanned: Scanned, solved: Solved, direction: Floats, changed: Floats) -> float:
-    """The error that a fit leaves whose places along a direction, changed by (scans,) pitches, are held."""
+    """The error that a fit leaves whose places along a direction, changed by (scans,) pitches, are held.
+
+    The size is free: of a map that tapers, motion stands for a contact that widens with its load.
+    """
     cos, sin = direction
     turned = np.array([[cos, sin], [-sin, cos]])
     along = replace(scanned, places=turned @ scanned.places)
@@ -115,7 +119,7 @@ def _left_along(scanned: Scanned, solved: Solved, direction: Floats, changed: Fl
     states_of(states).x[:] += changed
     pattern = covering(along, states)
     fill(pattern, along.with_error(COARSE), states)
-    stiffness = along.stiffness(turns=solved.turns, gain_std=solved.gain_std)
+    stiffness = along.stiffness(turns=solved.turns, gain_std=solved.gain_std, size=SIZE_STD**-2)
     stiffness[0] = np.inf
     error = COARSE
     for rounds in _ROUNDS:

@@ -112,7 +112,8 @@ def _learn(known: Learned) -> Learned:
     moved = keyframes.spread(known.radius) > near or _grown_now(known)
     if count <= 2 or not moved:
         new = _filled(known, keyframes)
-        new.decided = not new.undecided or shown_at_rest(new.scanned.taken(slice(-1, None)))
+        if new.undecided and known.taken & (known.taken - 1) == 0:  # at 1, 2, 4, 8, ...: it takes time
+            new.decided = shown_at_rest(new.scanned.taken(slice(-1, None)))
         return new
     best, looked = _best(known)
     gains = best.gains if len(best.gains) else known.gains
