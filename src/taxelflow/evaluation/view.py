@@ -12,7 +12,7 @@ from taxelflow.errors import TaxelflowError
 from taxelflow.pipeline import api
 from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.view.history import History, Results
-from taxelflow.publish.view.page import Page
+from taxelflow.publish.view.page import DRAWING_S, Page
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -86,6 +86,7 @@ class Playing:
             Filling(recording, Pipeline(api.estimator(method)), History(method=method)) for method in methods
         ]
         self._stop, self._busy = threading.Event(), threading.Lock()
+        self._showing: threading.Thread | None = None
         self.error: Exception | None = None
         name = recording.source.name if isinstance(recording.source, Path) else recording.source
         self.page = Page(
@@ -122,7 +123,7 @@ class Playing:
     def run(self, asked: threading.Event, seen: Callable[[], None] = lambda: None) -> None:
         """Fill and show until asked to end. seen: called when all pressures are known. Raises what reading raises."""
         threading.Thread(target=self._guarded, args=(seen,), name="estimate", daemon=True).start()
-        showing = threading.Thread(target=self.page.run, args=(self._stop,), name="view", daemon=True)
+        self._showing = showing = threading.Thread(target=self.page.run, args=(self._stop,), name="view", daemon=True)
         showing.start()
         try:
             while showing.is_alive() and not asked.is_set():
@@ -140,6 +141,8 @@ class Playing:
     def close(self) -> None:
         """Stop to show, and the server."""
         self._stop.set()
+        if self._showing is not None:
+            self._showing.join(DRAWING_S)
         self.page.close()
 
     def _guarded(self, seen: Callable[[], None]) -> None:

@@ -11,7 +11,7 @@ from taxelflow.acquire.joints import declared_joints
 from taxelflow.condition.units import in_si
 from taxelflow.pipeline.live.status import Rate, intake_words
 from taxelflow.publish.view.history import History, Results
-from taxelflow.publish.view.page import Page
+from taxelflow.publish.view.page import DRAWING_S, Page
 
 if TYPE_CHECKING:
     from taxelflow.messages import RawScans
@@ -81,5 +81,5 @@ class LiveView:
     def close(self, _ending: Ending) -> None:
         """Stop the page."""
         self._stop.set()
-        self._thread.join(1.0)
+        self._thread.join(DRAWING_S)
         self.page.close()

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from taxelflow.publish.view.server import PageServer
     from taxelflow.sensors.sensor import Sensor
 
+DRAWING_S = 10.0
+"""Within which a drawing ends, also on a busy machine: the server that it draws on closes after it."""
 UPDATE_S = 1 / 30
 """The scene is drawn so often while something changes."""
 _PLOT_S, _GROW_S = 0.1, 1.0
