@@ -47,7 +47,6 @@ from taxelflow.estimation.template.two_witnesses import combine, surely
 from taxelflow.messages import OK
 from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, pressure_centre
-from taxelflow.numerics.cut import find_hidden, open_sides
 from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
@@ -64,38 +63,35 @@ _ROUNDS = 3
 
 
 @kernel
-def _centres(scans: Readings, edge: Bools, sides: Floats, tilt: float, out: Floats) -> None:
-    """Fill out (scans, 15): each scan's `pressure_centre` (5,), `centroid_covariance` (6,) and `find_hidden` (4,)."""
+def _centres(scans: Readings, edge: Bools, tilt: float, out: Floats) -> None:
+    """Fill out (scans, 11) with each scan's `pressure_centre` (5,) and `centroid_covariance` (6,)."""
     ceiling, places = scans.ceiling, scans.places
     for k in range(len(scans.value)):
         reading, variance = scans.value[k], scans.variance[k]
         pressure_centre(reading, variance, places, edge, out[k, :5])
-        centroid_covariance(reading, variance, ceiling, places, out[k, :5], CELL_ERROR, tilt, out[k, 5:11])
-        find_hidden(reading, variance, places, sides, out[k, :5], out[k, 11:])
+        centroid_covariance(reading, variance, ceiling, places, out[k, :5], CELL_ERROR, tilt, out[k, 5:])
 
 
 class Centres(NamedTuple):
     """Centres of pressure of scans, in pitches: where they are (scans, 2), the covariance of each as xx, xy and yy
-    (scans, 3), by the border too, whether there is a load (scans,), and what the border hides (scans, 4), see
-    `numerics.cut`.
+    (scans, 3), by the border too, and whether there is a load (scans,).
     """
 
     place: Floats
     covariance: Floats
     known: Bools
-    hidden: Floats
 
     @classmethod
     def of(cls, scanned: Scanned, edge: Bools, tilt: float) -> Centres:
         """edge: (taxels,), at the pad's border. tilt: see `centroid_covariance`."""
-        found = np.empty((len(scanned), 15))
-        _centres(scanned.with_error(0.0), edge, open_sides(scanned.places), tilt, found)
+        found = np.empty((len(scanned), 11))
+        _centres(scanned.with_error(0.0), edge, tilt, found)
         place, border, known = found[:, :2], found[:, 2], found[:, 3] > 0
-        covariance = found[:, 5:8] + found[:, 8:11]
+        covariance = found[:, 5:8] + found[:, 8:]
         if known.any():
             moved = np.hypot(*(place - np.median(place[known], axis=0)).T)
             covariance[:, [0, 2]] += ((BORDER_ERROR * border * moved) ** 2)[:, np.newaxis]
-        return cls(place, covariance, known, found[:, 11:])
+        return cls(place, covariance, known)
 
     @property
     def spread(self) -> Floats:
@@ -119,9 +115,8 @@ class Centres(NamedTuple):
         What a border moves a centre by is in its covariance, too: so much of it follows from the map. Scans before and
         after a leap are compared among themselves: two patterns that have been put side by side make one map.
         """
-        found = np.empty((len(scanned), 15))
-        modelled = replace(scanned, readings=solved.fit.model).with_error(0.0)
-        _centres(modelled, scanned.edge, open_sides(scanned.places), 0.0, found)
+        found = np.empty((len(scanned), 11))
+        _centres(replace(scanned, readings=solved.fit.model).with_error(0.0), scanned.edge, 0.0, found)
         states = solved.states
         inside, own = _in_body(found[:, :2], states), _own_covariance(solved)
         known, spread = self.known & (found[:, 3] > 0), own[:, 0, 0] + own[:, 1, 1] + self.spread

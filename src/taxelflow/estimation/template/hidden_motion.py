@@ -15,19 +15,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import refine
-from taxelflow.estimation.template.centre_of_pressure import Centres
 from taxelflow.estimation.template.hypotheses import coarse, covering, refined
 from taxelflow.estimation.template.likelihood import learned_error
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.scaling import SIZE_STD
 from taxelflow.numerics.bspline import STATE, evaluate, states_of
-from taxelflow.numerics.cut import HIDDEN
+from taxelflow.numerics.centroid import pressure_centre
+from taxelflow.numerics.cut import HIDDEN, find_hidden, open_sides
+from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.observations import Scanned
+    from taxelflow.estimation.template.observations import Readings, Scanned
     from taxelflow.estimation.template.solution import Solved
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
 
 _CHANGED = 2.0
 """Pitches by which the motion is changed: what one taxel reads, its neighbours must read, too."""
@@ -48,7 +49,7 @@ def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
     if not scanned.unseen_error or solved.grows or scanned.across.any() or len(scanned) < 2:
         return found
     direction, is_textured = _least_textured(scanned, solved)
-    follows = float(np.hypot(*(shown_by_centre(scanned) @ direction)))
+    follows = float(np.hypot(*(_shown_by_centre(scanned) @ direction)))
     if follows < HIDDEN and not (is_textured and _is_determined(scanned, solved, direction)):
         found[:] = direction
     return found
@@ -56,9 +57,7 @@ def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
 
 def shown_at_rest(scanned: Scanned) -> bool:
     """Whether one scan of an object shows that it would be seen to move: it is as if it had not moved for some time."""
-    if scanned.across.any():
-        return True
-    if np.linalg.svd(shown_by_centre(scanned), compute_uv=False)[1] >= HIDDEN:
+    if scanned.across.any() or np.linalg.svd(_shown_by_centre(scanned), compute_uv=False)[1] >= HIDDEN:
         return True
     again, _ = _repeated(scanned, np.zeros((1, STATE)))
     states = np.zeros((len(again), STATE))
@@ -66,19 +65,30 @@ def shown_at_rest(scanned: Scanned) -> bool:
     return not hidden_direction(again, refined(again, coarse(again, states, turns=False))).any()
 
 
-def shown_by_centre(scanned: Scanned) -> Floats:
+def _shown_by_centre(scanned: Scanned) -> Floats:
     """(2, 2), the matrix by which the centre of pressure follows a motion, mean of the scans; see `numerics.cut`."""
-    hidden = Centres.of(scanned, scanned.edge, 0.0).hidden
+    hidden = np.empty((len(scanned), 4))
+    _hidden(scanned.with_error(0.0), scanned.edge, open_sides(scanned.places), hidden)
     load = scanned.load().sum(axis=1)
     mean: Floats = np.eye(2) - np.average(hidden, axis=0, weights=load if load.any() else None).reshape(2, 2)
     return mean
 
 
+@kernel
+def _hidden(scans: Readings, edge: Bools, sides: Floats, out: Floats) -> None:
+    """Fill out (scans, 4), see `find_hidden`."""
+    middle = np.empty(5)
+    for k in range(len(scans.value)):
+        reading, variance = scans.value[k], scans.variance[k]
+        pressure_centre(reading, variance, scans.places, edge, middle)
+        find_hidden(reading, variance, scans.places, sides, middle, out[k])
+
+
 def _least_textured(scanned: Scanned, solved: Solved) -> tuple[Floats, bool]:
     """(2,), the direction along which the map changes least, and whether more than faults of single taxels make it."""
     values, slopes, pressure = np.empty((scanned.places.shape[1], 5)), np.zeros((2, 2)), 0.0
+    one = solved.pattern
     for k in range(0, len(scanned), max(len(scanned) // _MOST_SCANS, 1)):
-        one = solved.pattern
         evaluate(one.coefficients, one.lattice, scanned.places, solved.states[k], scanned.bends[k], values)
         used = (scanned.variance[k] > 0) & np.isfinite(values[:, 0])
         slopes += values[used, 1:3].T @ values[used, 1:3]

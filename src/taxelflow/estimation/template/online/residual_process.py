@@ -74,7 +74,7 @@ def keep(
     there was no rest before. room: (2, taxels), to work in. m.information becomes that of the pose on the pattern
     alone.
     """
-    right = room[0, :STATE]  # which look_up then fills anew
+    right = room[0, :STATE]  # overwritten by `look_up`
     state, information = m.state, m.information
     _, chi, seen = linearise(surface, taxels, np.inf, state, information, right)
     chi /= max(seen, 1)

@@ -64,9 +64,8 @@ def follow(scan: Scan, hand: Hand, maps: Patterns, tracks: Records) -> bool:
         if not scan.contact[pad] or not m.active:
             continue
         own = slice(hand.starts[pad], hand.starts[pad + 1])
-        readings = scan.reading[own], scan.variance[own], scan.ceiling[own], scan.raw[own]
         places, edge, sides = hand.places[pad], hand.edge[own], hand.sides[pad]
-        part = PadScan(readings[0], readings[1], readings[2], readings[3], places, edge, sides)
+        part = PadScan(scan.reading[own], scan.variance[own], scan.ceiling[own], scan.raw[own], places, edge, sides)
         surface = Surface(maps.patterns[pad], maps.doubts[pad], m.lattice[:])  # an array, as elsewhere
         _follow_pad(scan.t, part, hand.delay[own], surface, hand.floor, m, maps.rests[:, own], hand.room)
         all_fit = all_fit and fits(m) and m.probation == 0.0
@@ -88,7 +87,8 @@ def _follow_pad(
     if floor > 0.0:
         spread = m.centroid_covariance[:]
         centroid_covariance(scan.raw, scan.variance, scan.ceiling, scan.places, middle, CELL_ERROR, floor, spread)
-        find_hidden(scan.raw, scan.variance, scan.places, scan.sides, middle, m.hidden[:])
+        if m.undecided:
+            find_hidden(scan.raw, scan.variance, scan.places, scan.sides, middle, m.hidden[:])
     m.cut = m.cut or middle[2] > _CUT
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
     may_turn = m.turn_std == 0.0 and not m.cut and not in_line
