@@ -74,8 +74,8 @@ class Joints:
     """Joint angles of the hand over time, from the recording or constant.
 
     names: of the joints. t_s: (times,), sensor's clock in s, strictly increasing; a single time stands for all times.
-    angles: (times, joints), rad (m for a slide). given: the option by which the user gave them, empty for those of the
-    recording and of the sensor file.
+    angles: (times, joints), rad (m for a slide), NaN where unknown. given: the option by which the user gave them,
+    empty for those of the recording and of the sensor file.
     """
 
     names: tuple[str, ...]
@@ -85,7 +85,7 @@ class Joints:
 
     def at(self, t_s: Floats, names: Sequence[str]) -> Floats:
         """(n, names) angles at times (n,), interpolated linearly; NaN before the first and after the last time, in
-        gaps of more than `_GAP_S`, and for names that are not known.
+        gaps of more than `_GAP_S`, beside unknown angles, and for names that are not known.
         """
         found = np.full((len(t_s), len(names)), np.nan)
         if not len(self.t_s):
@@ -98,9 +98,19 @@ class Joints:
         near = slice(0, 1) if len(self.t_s) == 1 or not len(t_s) else slice(after.min() - 1, after.max() + 1)
         for column, name in enumerate(names):
             if name in self.names:
-                angles = np.interp(t_s, self.t_s[near], self.angles[near, self.names.index(name)])
+                own = self.angles[:, self.names.index(name)]
+                angles = np.interp(t_s, self.t_s[near], own[near])
+                if np.isnan(own[near]).any():
+                    self._hold_ends(t_s, own, angles)
                 found[:, column] = angles if len(self.t_s) == 1 else np.where(inside, angles, np.nan)
         return found
+
+    def _hold_ends(self, t_s: Floats, own: Floats, angles: Floats) -> None:
+        """Let a joint's first and last known angle hold around the times that it shares with others. own: (times,)."""
+        known = np.flatnonzero(np.isfinite(own))
+        for end, sign in ((known[:1], -1.0), (known[-1:], 1.0)):
+            beyond = sign * (t_s[:, np.newaxis] - self.t_s[end])
+            angles[((beyond > 0.0) & (beyond <= _LATE_S)).any(axis=1)] = own[end]
 
 
 @dataclass(frozen=True, slots=True)

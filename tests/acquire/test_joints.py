@@ -57,6 +57,19 @@ def test_repeated_and_unknown_times_are_left_out() -> None:
     assert joints.angles[:, 0].tolist() == [1.0, 2.0]
 
 
+def test_a_joint_that_starts_late_or_pauses_leaves_the_others_known() -> None:
+    t_s = 0.1 * np.arange(41)
+    late, pausing = np.where(t_s > 1.95, t_s, np.nan), np.where((t_s < 1.05) | (t_s > 1.95), 1.0, np.nan)
+    seldom = np.where(np.arange(41) % 4 == 0, -t_s, np.nan)
+    angles = np.column_stack([late, pausing, seldom, t_s])
+    joints = joints_of(("late", "pausing", "seldom", "always"), t_s, angles)
+    found = joints.at(np.array([0.5, 1.5, 1.98, 2.5, 4.02]), joints.names)
+    expected = [[np.nan, 1, -0.5, 0.5], [np.nan, np.nan, -1.5, 1.5], [2, np.nan, -1.98, 1.98], [2.5, 1, -2.5, 2.5]]
+    np.testing.assert_allclose(found, [*expected, [4, 1, -4, 4]])
+    again = joints_of(joints.names, joints.t_s, joints.angles)  # as a converted recording is read
+    np.testing.assert_array_equal(again.angles, joints.angles)
+
+
 def table(tmp_path: Path) -> Path:
     path = tmp_path / "scans.csv"
     header = ["t_s", "joint:a", *(f"value{n}" for n in range(16)), "joint:b"]
@@ -76,6 +89,18 @@ def test_joint_columns_of_a_csv_stay_with_the_recording(tmp_path: Path, suffix: 
     assert again is not None
     assert again.names == recording.joints.names
     np.testing.assert_array_equal(again.angles, recording.joints.angles)
+
+
+@pytest.mark.parametrize("suffix", ["npz", "mcap", "parquet"])
+@pytest.mark.parametrize("known", [0, 3])
+def test_unknown_angles_stay_unknown_in_a_copy(tmp_path: Path, suffix: str, known: int) -> None:
+    rows = [",".join(map(str, [0.1 * k, 0.5 if k < known else "", *[1.0] * 16, ""])) for k in range(8)]
+    header = ",".join(["t_s", "joint:a", *(f"value{n}" for n in range(16)), "joint:b"])
+    (tmp_path / "scans.csv").write_text("\n".join([header, *rows]) + "\n")
+    api.convert(api.read(tmp_path / "scans.csv", "grid:4x4@4mm"), tmp_path / f"copy.{suffix}")
+    again = api.read(tmp_path / f"copy.{suffix}").joints
+    assert again is not None
+    assert np.isfinite(again.at(0.1 * np.arange(8), ["a", "b"])).sum(axis=0).tolist() == [known, 0]
 
 
 def test_an_npz_with_half_of_the_joints_is_corrupt(tmp_path: Path) -> None:
@@ -119,6 +144,39 @@ def test_joint_states_beside_the_scans_of_a_bag_are_read(tmp_path: Path) -> None
     recording = api.read(tmp_path / "bag", "grid:4x4@4mm")
     assert recording.joints is not None
     np.testing.assert_allclose(recording.joints.at(np.array([1e9 + 0.25]), ["a", "b"]), [[0.25, 1.0]], atol=1e-6)
+
+
+def test_the_states_of_an_arm_do_not_bridge_a_pause_of_the_hand(tmp_path: Path) -> None:
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds, empty = store.types, np.zeros(0)
+    layout = kinds["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    with Writer(tmp_path / "bag", version=9) as writer:
+        scans = writer.add_connection("/scan", "std_msgs/msg/Float32MultiArray", typestore=store)
+        topics = {
+            name: writer.add_connection(f"/{name}/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+            for name in ("hand", "arm")
+        }
+        for k in range(50):
+            at_ns = 10**18 + k * 10**8
+            stamp = kinds["builtin_interfaces/msg/Time"](sec=10**9 + k // 10, nanosec=k % 10 * 10**8)
+            array = kinds["std_msgs/msg/Float32MultiArray"](layout=layout, data=np.ones(16, np.float32))
+            writer.write(scans, at_ns, store.serialize_cdr(array, "std_msgs/msg/Float32MultiArray"))
+            for name in ("arm",) if 10 < k < 40 else ("arm", "hand"):
+                state = kinds["sensor_msgs/msg/JointState"](
+                    header=kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=""),
+                    name=[name],
+                    position=np.array([0.1 * k]),
+                    velocity=empty,
+                    effort=empty,
+                )
+                writer.write(topics[name], at_ns, store.serialize_cdr(state, "sensor_msgs/msg/JointState"))
+    joints = api.read(tmp_path / "bag", "grid:4x4@4mm").joints
+    assert joints is not None
+    found = joints.at(1e9 + np.array([0.5, 2.5, 4.5]), ["arm", "hand"])
+    np.testing.assert_allclose(found, [[0.5, 0.5], [2.5, np.nan], [4.5, 4.5]], atol=1e-6)
 
 
 @pytest.mark.long

@@ -25,15 +25,26 @@ TIME = "t_s"
 
 
 def joints_of(names: Sequence[str], t_s: Floats, angles: Floats) -> Joints:
-    """Angles (times, joints) at times (times,) in any order; of repeated times the first, without unknown ones.
+    """Angles (times, joints), NaN where unknown, at times (times,) in any order; of repeated times the first.
 
-    A joint without any known angle is left out.
+    Each joint is interpolated between its own times, so that one that starts late or pauses leaves the others known. A
+    joint without any known angle is left out, as is a time without any.
     """
-    held = np.flatnonzero(np.isfinite(angles).any(axis=0))
-    angles = angles[:, held]
-    known = np.isfinite(t_s) & np.isfinite(angles).all(axis=1) & bool(len(held))
+    own = [(name, *_known(t_s, column)) for name, column in zip(names, angles.T, strict=True)]
+    own = [one for one in own if len(one[1])]
+    times = np.unique(np.concatenate([np.zeros(0), *(own_s for _, own_s, _ in own)]))
+    filled = np.full((len(times), len(own)), np.nan)
+    for column, (name, own_s, known) in enumerate(own):
+        inside = (times >= own_s[0]) & (times <= own_s[-1]) | (len(own_s) == 1)
+        filled[inside, column] = Joints((name,), own_s, known[:, np.newaxis]).at(times[inside], (name,))[:, 0]
+    return Joints(tuple(name for name, _, _ in own), times, filled)
+
+
+def _known(t_s: Floats, angles: Floats) -> tuple[Floats, Floats]:
+    """Times at which a joint's angle (times,) is known, in order, and the angles; of repeated times the first."""
+    known = np.isfinite(t_s) & np.isfinite(angles)
     times, first = np.unique(t_s[known], return_index=True)
-    return Joints(tuple(names[joint] for joint in held.tolist()), times, angles[known][first])
+    return times, angles[known][first]
 
 
 def constant_joints(angles: dict[str, float], sensor: Sensor) -> Joints:
@@ -103,5 +114,5 @@ def read_joints(path: Path) -> Joints:
     others = [column for column in range(len(header)) if column != time]
     joints = joints_of([header[column] for column in others], numbers[:, time], numbers[:, others])
     if not len(joints.t_s):
-        raise JointsInvalid(str(path), "no row has a time and all its angles")
+        raise JointsInvalid(str(path), "no row has a time and an angle")
     return joints

@@ -40,7 +40,7 @@ class _JointsText(msgspec.Struct):
 
     names: list[str]
     t_s: list[float]
-    angles: list[list[float]]
+    angles: list[list[float | None]]
 
 
 def texts_of(recording: Recording) -> dict[str, str]:
@@ -101,7 +101,12 @@ def joints_text_in(path: Path, texts: Mapping[str, str]) -> Joints | None:
     if "joints" not in texts:
         return None
     text = _decoded(path, texts, "joints", _JointsText)
-    return checked_joints(path, text.names, np.array(text.t_s, np.float64), np.array(text.angles, np.float64))
+    t_s = np.array(text.t_s, np.float64)
+    try:
+        angles = np.array(text.angles, np.float64) if text.angles else np.zeros((0, len(text.names)))
+    except ValueError as error:
+        raise RecordingCorrupt(path, f"joints: {error}", _REMEDY) from error
+    return checked_joints(path, text.names, t_s, angles)
 
 
 def checked_joints(path: Path, names: Sequence[str], t_s: Floats, angles: Floats) -> Joints:

@@ -15,6 +15,7 @@ from taxelflow.fusion.spatial.places import Places
 from taxelflow.pipeline.api import convert, read, recording
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import JointsInvalid
+from taxelflow.sensors.kinematics import PadKinematics
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -54,7 +55,7 @@ def test_angles_of_some_scans_place_pads_in_those(tmp_path: Path, capsys: Captur
     ("text", "says"),
     [
         ("t_s,slide\n500,0\n501,0\n", "in any of 70 scans: angles are from 500.000 to 501.000 s, scans from 0.000 to"),
-        ("t_s,slide\n0,\n1,\n", "no row has a time and all its angles"),
+        ("t_s,slide\n0,\n1,\n", "no row has a time and an angle"),
     ],
 )
 def test_angles_that_fit_no_scan_are_refused(tmp_path: Path, capsys: Capture, text: str, says: str) -> None:
@@ -100,6 +101,16 @@ def test_a_joint_that_moves_is_noted_with_its_unit(tmp_path: Path) -> None:
     says = "joint slide is at 0.5 to 40 m, its range is -1 to 1 m: check that its angles are in m"
     assert Places(sensor, moved).notes == [says]
     assert Places(sensor, joints_of(("wrist",), np.zeros(1), np.full((1, 1), 90.0))).notes == []  # not of the hand
+
+
+def test_the_note_says_when_all_angles_are_known(tmp_path: Path) -> None:
+    sensor = linked_hand(tmp_path)
+    names = PadKinematics(sensor).joints
+    angles = np.zeros((21, len(names)))
+    angles[:10, 0] = np.nan
+    places = Places(sensor, joints_of(names, 0.1 * np.arange(21), angles))
+    places.count(0.1 * np.arange(21))
+    assert "angles are from 1.000 to 2.000 s, scans from 0.000 to 2.000 s" in places.notes[0]
 
 
 def test_estimate_notes_degrees_that_were_given_as_radians(tmp_path: Path, capsys: Capture) -> None:

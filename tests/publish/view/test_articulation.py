@@ -51,6 +51,19 @@ def test_the_hand_stays_as_it_was_while_its_angles_are_unknown() -> None:
     assert np.array_equal(fingers.at(9.0).place, last)
 
 
+def test_angles_known_at_some_times_only_place_the_hand_by_those() -> None:
+    joints = closing()
+    joints.angles[:5, NAMES.index("f2")] = np.nan
+    fingers, _ = fingers_of(HAND, joints)
+    assert fingers is not None
+    assert np.isfinite(fingers.box).all()
+    joints.angles[5:, NAMES.index("f1")] = np.nan
+    assert fingers_of(HAND, joints) == (
+        None,
+        "the fingers do not move: no time at which the angles of all joints are known",
+    )
+
+
 def test_missing_joints_are_named_and_the_hand_is_laid_flat() -> None:
     fingers, note = fingers_of(HAND, Joints(("f1",), np.zeros(1), np.full((1, 1), 0.5)))
     assert fingers is None

@@ -30,11 +30,11 @@ def joints_in(source: Source, *, use_stamps: bool) -> Joints | None:
     if not by_joint:
         return None
     all_s = np.unique(np.concatenate([times for times, _ in by_joint.values()]))
-    columns = []
-    for times, own in by_joint.values():
-        order = np.argsort(times, kind="stable")
-        columns.append(np.interp(all_s, np.array(times)[order], np.array(own)[order], left=np.nan, right=np.nan))
-    return joints_of(tuple(by_joint), all_s, np.column_stack(columns))
+    angles = np.full((len(all_s), len(by_joint)), np.nan)
+    for column, (times, own) in enumerate(by_joint.values()):
+        own_s, first = np.unique(times, return_index=True)
+        angles[np.searchsorted(all_s, own_s), column] = np.array(own)[first]
+    return joints_of(tuple(by_joint), all_s, angles)
 
 
 def _collect(

@@ -98,7 +98,7 @@ class Places:
             if name not in joints.names:
                 continue
             angles = joints.angles[:, joints.names.index(name)]
-            smallest, largest = float(angles.min()), float(angles.max())
+            smallest, largest = float(np.nanmin(angles)), float(np.nanmax(angles))
             if smallest < low - _ENCODER or largest > high + _ENCODER:
                 seen = f"{smallest:.4g}" if smallest == largest else f"{smallest:.4g} to {largest:.4g}"
                 notes.append(
@@ -121,9 +121,16 @@ class Places:
         if len(absent) == len(self._kinematics.joints):
             parts += [f"those given are of {', '.join(known)}"] if known else []
         elif joints is not None and len(joints.t_s) > 1:
-            (first_s, last_s), own = self._span_s, joints.t_s
-            parts += [f"angles are from {own[0]:.3f} to {own[-1]:.3f} s, scans from {first_s:.3f} to {last_s:.3f} s"]
+            (first_s, last_s), own = self._span_s, _common_times(joints, self._kinematics.joints)
+            seen = f"angles are from {own[0]:.3f} to {own[-1]:.3f} s" if len(own) else "never are all angles known"
+            parts += [f"{seen}, scans from {first_s:.3f} to {last_s:.3f} s"]
         return "; ".join(parts)
+
+
+def _common_times(joints: Joints, needed: tuple[str, ...]) -> Floats:
+    """Times at which all the angles are known that the hand needs and the recording has."""
+    own = [column for name, column in zip(joints.names, joints.angles.T, strict=True) if name in needed]
+    return joints.t_s[np.isfinite(own).all(axis=0)]
 
 
 def _up_to(counts: Floats) -> str:

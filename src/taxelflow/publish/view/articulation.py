@@ -34,7 +34,14 @@ def fingers_of(sensor: Sensor, joints: Joints | None) -> tuple[Fingers | None, s
         return None, ""
     if unknown or not len(joints.t_s):
         return None, f"the fingers do not move: no angles of {', '.join(unknown) or 'any joint'}"
+    if not len(_known_times(joints, kinematics)):
+        return None, "the fingers do not move: no time at which the angles of all joints are known"
     return Fingers(sensor, joints, kinematics), ""
+
+
+def _known_times(joints: Joints, kinematics: PadKinematics) -> Floats:
+    """Times at which the angles of all joints of the hand are known."""
+    return joints.t_s[np.isfinite(kinematics.angles_at(joints, joints.t_s)).all(axis=1)]
 
 
 class Fingers:
@@ -55,12 +62,13 @@ class Fingers:
         self._tangent = np.concatenate(
             [tangents(own.xy, own.place_m, pitch) for own, pitch in zip(local, pitch_m, strict=True)]
         )
-        times = joints.t_s[np.linspace(0, len(joints.t_s) - 1, min(len(joints.t_s), _MOST_POSES)).astype(int)]
+        known_s = _known_times(joints, kinematics)
+        times = known_s[np.linspace(0, len(known_s) - 1, min(len(known_s), _MOST_POSES)).astype(int)]
         self._angles = kinematics.angles_at(joints, times[:1])[0]
         places = [self._moved(angles).place for angles in kinematics.angles_at(joints, times)]
         self.reach = np.concatenate(places)
         self.box = corners_of(self.reach, layout)
-        self.moving = len(joints.t_s) > 1
+        self.moving = len(known_s) > 1
         self.links = self._skins()
 
     def at(self, t_s: float) -> Placement:
