@@ -37,6 +37,16 @@ def test_plain_columns_of_any_number_are_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.load().t_s, [0.0, 0.1])
 
 
+def test_columns_of_joints_are_angles(tmp_path: Path) -> None:
+    known = {"t_s": [0.0, 0.1, 0.2], "joint:a b": [0.5, None, 0.7], "a": [1.0, 2.0, 3.0], "b": [3.0, 4.0, 5.0]}
+    recording = open_parquet(write(tmp_path, known), SENSOR)
+    assert recording.load().values.shape == (3, 2)
+    assert recording.joints is not None
+    np.testing.assert_allclose(recording.joints.at(np.array([0.05, 0.2]), ["a b"])[:, 0], [0.55, 0.7])
+    with pytest.raises(RecordingCorrupt, match="column 'joint:a b' holds string, not numbers; store angles in rad"):
+        open_parquet(write(tmp_path, known | {"joint:a b": ["x", "y", "z"]}), SENSOR)
+
+
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 def test_time_stamps_bring_their_unit(tmp_path: Path, unit: str) -> None:
     stamps = pa.array([2_000_000_000, 4_000_000_000], pa.timestamp("ns")).cast(pa.timestamp(unit))

@@ -1,18 +1,21 @@
 """`.parquet` recordings: a column with the time and one per taxel, in the structure of `Columns`.
 
+Columns named `joint:NAME` hold joint angles in rad.
 Files by `write_parquet` also hold sensor, masked taxels and truth, as JSON texts in the schema's metadata.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taxelflow.acquire.base import Recording
-from taxelflow.acquire.columns import SECONDS_PER, Columns
+from taxelflow.acquire.columns import JOINT, SECONDS_PER, Columns
+from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_SCANS, MOST_ARRAY_BYTES, Budget, check_expansion, scans_per_block
 from taxelflow.acquire.metadata import joints_text_in, masked_in, sensor_in, texts_of, truth_in
 from taxelflow.acquire.parquet_pages import Pages, unpacked_pages
@@ -20,12 +23,13 @@ from taxelflow.acquire.times import iso_seconds, read_times, timed
 from taxelflow.errors import (
     ExtraMissing,
     RecordingCorrupt,
+    RecordingError,
     RecordingTooLarge,
     RecordingTruncated,
     SensorNeeded,
     TaxelCountWrong,
 )
-from taxelflow.messages import Floats, RawScans, joined
+from taxelflow.messages import Floats, Joints, RawScans, joined
 from taxelflow.sensors.catalogue import builtin_sensors
 
 if TYPE_CHECKING:
@@ -60,7 +64,7 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
         raise SensorNeeded(path, builtin_sensors())
     if len(table.taxels) != sensor.channel_map.columns:
         raise TaxelCountWrong(path, len(table.taxels), sensor.name, sensor.channel_map.columns)
-    check_expansion(path, 8 * scans * (1 + len(table.taxels)))
+    check_expansion(path, 8 * scans * (1 + len(table.taxels) + len(table.joints)))
     notes = (
         () if asked.rate_hz is None else (f"times computed from the rate of {asked.rate_hz:g} Hz: the log has none",)
     )
@@ -74,7 +78,7 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
         scans=scans,
         masked=masked,
         truth=truth,
-        joints=joints_text_in(path, texts),
+        joints=joints_text_in(path, texts) or _joints(table, asked, scans),
         notes=notes,
     )
 
@@ -86,6 +90,7 @@ class _Table:
     path: Path
     time: str | None
     taxels: tuple[str, ...]
+    joints: tuple[str, ...]
     seconds: float
     rate_hz: float
 
@@ -94,10 +99,12 @@ def _table(path: Path, schema: Any, asked: Columns) -> _Table:
     """The columns to read, checked against the file's schema. Raises RecordingCorrupt."""
     arrow = _arrow()
     time, taxels = asked.find(path, schema.names)
-    for number in taxels:
+    angles = [number for number, name in enumerate(schema.names) if name.startswith(JOINT)]
+    for number in (*taxels, *angles):
         if not _numeric(arrow, schema.types[number]):
             seen = f"column {schema.names[number]!r} holds {schema.types[number]}, not numbers"
-            raise RecordingCorrupt(path, seen, "choose others with --columns.taxels")
+            remedy = "store angles in rad" if number in angles else "choose others with --columns.taxels"
+            raise RecordingCorrupt(path, seen, remedy)
     seconds = asked.seconds
     if time is not None and arrow.types.is_timestamp(schema.types[time]):
         seconds = SECONDS_PER[schema.types[time].unit]
@@ -106,8 +113,21 @@ def _table(path: Path, schema: Any, asked: Columns) -> _Table:
     elif time is not None and not _numeric(arrow, schema.types[time]):
         seen = f"column {schema.names[time]!r} holds {schema.types[time]}, not times"
         raise RecordingCorrupt(path, seen, "choose another with --columns.time")
-    names = tuple(schema.names[number] for number in taxels)
-    return _Table(path, None if time is None else schema.names[time], names, seconds, asked.rate_hz or np.nan)
+    names, joints = (tuple(schema.names[number] for number in chosen) for chosen in (taxels, angles))
+    return _Table(path, None if time is None else schema.names[time], names, joints, seconds, asked.rate_hz or np.nan)
+
+
+def _joints(table: _Table, asked: Columns, scans: int) -> Joints | None:
+    """Joint angles before an error, which reading the scans finds; None without columns of any."""
+    if not table.joints:
+        return None
+    found: list[RawScans] = []
+    with suppress(RecordingError):
+        found.extend(_timed(replace(table, taxels=table.joints), asked, scans, BLOCK_SCANS))
+    if not found:
+        return None
+    held = joined(found)
+    return joints_of([name.removeprefix(JOINT) for name in table.joints], held.t_s, held.values)
 
 
 def write_parquet(recording: Recording, path: Path, blocks: Iterable[RawScans]) -> None:
