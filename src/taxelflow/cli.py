@@ -123,6 +123,7 @@ class Convert(Recorded):
 
     def run(self, _rest: list[str]) -> int:
         """Read, write, print."""
+        from taxelflow.acquire.csv import left_out
         from taxelflow.pipeline import api
         from taxelflow.publish.terminal import progress
 
@@ -137,8 +138,7 @@ class Convert(Recorded):
         reading = api.convert(recording, self.out, lambda blocks: progress(blocks, recording.scans, "converting"))
         print(f"{reading.scans} scans of {recording.sensor.name} in {self.out}")
         if self.out.suffix.lower() == ".csv":
-            lost = "neither sensor nor truth" if recording.truth is not None else "no sensor"
-            print(f"taxelflow: a csv holds {lost}: give --sensor when it is read", file=sys.stderr)
+            print(f"taxelflow: {left_out(recording)}", file=sys.stderr)
         for note in (*reading.notes, *([reading.loss] if reading.loss else [])):
             print(f"taxelflow: {note}", file=sys.stderr)
         return PARTLY_READ if reading.loss else 0

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from taxelflow.acquire.parquet import write_parquet
 from taxelflow.acquire.ros.write import write_mcap
 from taxelflow.cli import main
 from taxelflow.errors import FormatUnknown, TimesNotIncreasing
-from taxelflow.messages import RawScans
+from taxelflow.messages import Joints, RawScans
 from taxelflow.pipeline.api import convert, read
 from taxelflow.sensors.catalogue import load_sensor
 
@@ -139,7 +140,12 @@ def test_the_command_reports_what_a_csv_does_not_hold(tmp_path: Path, capsys: py
     convert(known(np.zeros((3, 6))), tmp_path / "a.npz")
     code, _, err = command(capsys, "convert", tmp_path / "a.npz", tmp_path / "a.csv")
     assert code == 0
-    assert "a csv holds neither sensor nor truth: give --sensor when it is read" in err
+    assert "a csv holds neither sensor, truth nor mask: give --sensor when it is read" in err
+    held = known(np.zeros((3, 6)))
+    joints = Joints(("a",), np.zeros(1), np.ones((1, 1)))
+    convert(replace(held, masked=np.zeros(6, dtype=np.bool_), truth=None, joints=joints), tmp_path / "b.npz")
+    _, _, err = command(capsys, "convert", tmp_path / "b.npz", tmp_path / "b.csv")
+    assert "a csv holds neither sensor nor joint angles: give --sensor when it is read" in err
 
 
 def test_what_is_left_of_a_truncated_file_is_converted_with_exit_code_1(

@@ -230,3 +230,11 @@ def write_csv(recording: Recording, path: Path, blocks: Iterable[RawScans]) -> N
         for block in blocks:
             for t_s, values in zip(block.t_s.tolist(), block.values.tolist(), strict=True):
                 file.write(",".join(map(repr, [t_s, *values])) + "\n")
+
+
+def left_out(recording: Recording) -> str:
+    """What a csv does not hold of a recording, in words."""
+    held = (recording.truth is not None, recording.masked.any(), recording.joints is not None)
+    lost = ["sensor", *(name for name, own in zip(("truth", "mask", "joint angles"), held, strict=True) if own)]
+    words = f"neither {', '.join(lost[:-1])} nor {lost[-1]}" if len(lost) > 1 else f"no {lost[0]}"
+    return f"a csv holds {words}: give --sensor when it is read"
