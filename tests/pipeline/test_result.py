@@ -159,7 +159,7 @@ def test_a_data_frame_has_the_columns_and_values_of_the_file(result: taxelflow.R
     for number, name in enumerate(heading):
         written = [row[number] for row in rows]
         if name in ("pad", "quality"):
-            assert frame[name].tolist() == written
+            assert frame[name].fillna("").tolist() == written
         else:
             read = np.array([float(text or "nan") for text in written])
             np.testing.assert_allclose(frame[name].to_numpy(dtype=float), read, rtol=1e-6, atol=1e-6, err_msg=name)

@@ -121,8 +121,8 @@ def test_columns_of_arrays_are_those_of_the_file(tmp_path: Path) -> None:
     assert [*columns] == [*SLIPS]
     for name, column in columns.items():
         read = [row[name] for row in rows]
-        if column.dtype.kind == "U":
-            assert read == column.tolist()
+        if column.dtype.kind in "UO":
+            assert read == [one or "" for one in column.tolist()]
         else:
             np.testing.assert_allclose(
                 [float(one or "nan") for one in read], column.astype(float), rtol=1e-8, err_msg=name

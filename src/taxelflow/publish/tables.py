@@ -145,8 +145,14 @@ def _opened(path: Path) -> TextIOBase:
     return path.open("w", newline="", encoding="utf-8")
 
 
+_JUDGED = np.array([judged or None for judged in QUALITY], dtype=object)
+"""Words of quality by number; None where there is no pose to judge."""
+
+
 def slip_columns(slips: Slips, slipping: Bools, evidence: Floats, pads: tuple[str, ...]) -> dict[str, Any]:
-    """The columns of `slips.csv`, each (scans * pads,): flags as bool, quality as text, NaN where unknown."""
+    """The columns of `slips.csv`, each (scans * pads,): flags as bool, quality as text or None, NaN where
+    unknown.
+    """
     std = np.sqrt(np.diagonal(slips.covariance, axis1=2, axis2=3))
     vectors = [slips.displacement, slips.pose, slips.velocity, std]
     covariance = slips.covariance
@@ -161,7 +167,7 @@ def slip_columns(slips: Slips, slipping: Bools, evidence: Floats, pads: tuple[st
         covariance[..., 0, 1],
         covariance[..., 0, 2],
         covariance[..., 1, 2],
-        np.array(QUALITY)[slips.quality],
+        _JUDGED[slips.quality],
         evidence,
     ]
     times, names = np.repeat(slips.t_s, len(pads)), np.tile(np.array(pads), len(slips))
@@ -216,8 +222,9 @@ def _motion_rows(motions: Motions) -> Iterable[list[str]]:
 
 
 def event_columns(events: list[Event]) -> dict[str, Any]:
-    """The columns of `events.csv`, a list per column: NaN where unknown."""
-    return {name: [getattr(event, name) for event in events] for name in EVENTS}
+    """The columns of `events.csv`, a list per column: NaN where unknown, None where no pose is judged."""
+    columns: dict[str, Any] = {name: [getattr(event, name) for event in events] for name in EVENTS}
+    return columns | {"quality": [judged or None for judged in columns["quality"]]}
 
 
 def _event_row(event: Event) -> list[str]:

@@ -90,5 +90,5 @@ def events_by_scan(update: Update) -> dict[int, list[dict[str, Any]]]:
 
 
 def event_row(event: Event) -> dict[str, Any]:
-    """An event, its columns as keys."""
-    return asdict(event)
+    """An event, its columns as keys; None for a pose that nothing judges."""
+    return asdict(event) | {"quality": event.quality or None}
