@@ -62,6 +62,12 @@ def test_a_recording_becomes_parquet_files_with_what_estimate_writes(slide: Path
     assert slips.x_m.isna().any()
 
 
+def test_a_name_as_long_as_file_systems_allow_is_estimated(slide: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out" / ("n" * 250)
+    assert estimate_one(settings(), str(slide), str(out)).status == "done"
+    assert files(out) == FILES
+
+
 def test_a_finished_recording_is_not_estimated_again(slide: Path, tmp_path: Path) -> None:
     out = tmp_path / "out" / "a"
     estimate_one(settings(), str(slide), str(out))

@@ -135,7 +135,7 @@ def _written(out: Path) -> _Written:
 def _estimate(settings: Settings, path: Path, out: Path) -> Summary:
     """Read, estimate, write beside the place of the results, then rename, the summary last."""
     recording = api.read(path, settings.sensor, topic=settings.topic, columns=settings.columns, joints=settings.joints)
-    work = out.parent / PARTS / f"{out.name}-{uuid4().hex}"
+    work = out.parent / PARTS / uuid4().hex  # with the name it could be too long for a file system
     with written_at(work):
         work.mkdir(parents=True)
     try:
