@@ -44,6 +44,18 @@ def test_results_beside_the_recordings_are_none(runs: Path) -> None:
     assert list(find_recordings(["runs"], runs, folders=False)) == ["a", "b", "bag"]
 
 
+def test_results_below_a_pattern_are_none(runs: Path) -> None:
+    for folder in ("out/a", "out/b", "out/.parts/x"):
+        (runs / folder).mkdir(parents=True)
+        (runs / folder / "slips.parquet").touch()
+        (runs / folder / "object.parquet").touch()
+    (runs / "out" / "a" / "summary.json").touch()
+    (runs / "out" / "own").mkdir()
+    (runs / "out" / "own" / "grasp.parquet").touch()
+    for out, words in ((runs / "out", "runs/**/*.parquet"), (runs / "out", "runs/out/own/*.parquet")):
+        assert list(find_recordings([words], out, folders=False)) == ["grasp"]
+
+
 @pytest.mark.usefixtures("runs")
 def test_equal_names_are_refused() -> None:
     Path("other").mkdir()

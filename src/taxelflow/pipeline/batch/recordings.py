@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import ParameterInvalid, RecordingsAlike
+from taxelflow.pipeline.batch.task import PARTS
+from taxelflow.publish.parquet import NAMES
+from taxelflow.publish.spatial import NAME as SPATIAL
 from taxelflow.runtime import registry
 
 if TYPE_CHECKING:
@@ -57,4 +60,9 @@ def _name(path: Path) -> str:
 
 
 def _is_result(path: Path, out: Path) -> bool:
-    return path.parent == out and (path.name == "manifest.csv" or (path / "summary.json").is_file())
+    """Whether a batch wrote it: the manifest, and all in the directory of a recording, whose summary comes last."""
+    if path == out or not path.is_relative_to(out):
+        return False
+    top = out / path.relative_to(out).parts[0]
+    unfinished = path.parent == top and path.suffix == ".parquet" and path.stem in (*NAMES, SPATIAL)
+    return top.name in ("manifest.csv", PARTS) or unfinished or (top / "summary.json").is_file()
