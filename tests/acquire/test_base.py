@@ -100,6 +100,12 @@ def test_a_recording_without_scans_is_corrupt() -> None:
         recorded(np.zeros((0, 1)), ONE).load()
 
 
+def test_dates_in_arrays_are_refused() -> None:
+    for kind in ("datetime64[ns]", "timedelta64[ms]"):
+        with pytest.raises(RecordingCorrupt, match=rf"t_s is {kind[:-4]}.*times in s"):
+            Recording.of_arrays(np.arange(3).astype(kind), np.zeros((3, 1)), ONE)
+
+
 def broken_off(scans: int) -> Recording:
     def read() -> Iterator[RawScans]:
         if scans:

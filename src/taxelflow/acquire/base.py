@@ -123,10 +123,12 @@ class Recording:
         TaxelCountWrong, SensorFileInvalid; reading raises TimesNotIncreasing.
         """
         try:
+            if np.asarray(t_s).dtype.kind in "mM":  # as floats they would be in the unit of the dates, often ns
+                raise TypeError(f"t_s is {np.asarray(t_s).dtype}")
             times, readings = np.array(t_s, dtype=np.float64), np.array(values, dtype=np.float64)
             along = None if shear is None else np.array(shear, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise RecordingCorrupt(source, f"not numbers: {error}", "give arrays of numbers") from error
+            raise RecordingCorrupt(source, f"not numbers: {error}", "give arrays of numbers, times in s") from error
         if times.ndim != 1 or readings.ndim not in (2, 3) or len(readings) != len(times):
             seen = f"t_s has shape {times.shape}, values {readings.shape}"
             raise RecordingCorrupt(source, seen, "give t_s (scans,) and values (scans, taxels)")
