@@ -55,6 +55,13 @@ def test_each_built_in_sensor_is_drawn_with_all_its_taxels(name: str) -> None:
     assert len(numbers(figure.axes[0])) == sensor.layout.taxels
 
 
+def test_a_single_taxel_is_numbered() -> None:
+    with styled():
+        figure = sensor_figure(grid_sensor(1, 1))
+        assert "0" in [text.get_text() for text in figure.axes[0].texts]
+        plt.close(figure)
+
+
 def test_taxels_are_numbered_where_they_lie_on_the_hand() -> None:
     figure = sensor_figure(load_sensor("barretthand-162"))
     at = numbers(figure.axes[0])

@@ -28,6 +28,14 @@ def test_a_figure_becomes_one_file_of_its_form_and_is_forgotten(tmp_path: Path, 
     assert plt.get_fignums() == before
 
 
+def test_letters_that_the_font_lacks_stay_text_without_a_warning(tmp_path: Path) -> None:
+    with styled():
+        figure, axis = plt.subplots()
+        axis.set_title("日本語")
+        path = save(figure, tmp_path / "a.svg")
+    assert "日本語" in path.read_text(encoding="utf-8")
+
+
 def test_a_failure_while_writing_leaves_the_older_picture_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "a.svg"
     path.write_text("older")

@@ -209,7 +209,8 @@ def _number(axis: Axes, flat: _Flat, pad: int, colours: list[Any]) -> None:
     at = 1e3 * transform(flat.T[pad], np.stack([layout.x_m[own], layout.y_m[own]], axis=1))
     left, right = axis.get_xlim()
     points_per_mm = 72.0 / axis.figure.dpi * axis.get_window_extent().width / (right - left)
-    room = float(np.quantile(nearest_m(at), 0.05))
+    apart = nearest_m(at) if len(at) > 1 else 1e3 * layout.pitch_m[pad]
+    room = float(np.quantile(apart, 0.05))
     size = min(9.0, 1.05 * room * points_per_mm / len(str(layout.taxels - 1)))
     if size <= 1.5:
         return

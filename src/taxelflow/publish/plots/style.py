@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+import warnings
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -66,7 +67,9 @@ def styled() -> Iterator[None]:
         "svg.hashsalt": "taxelflow",  # the same result gives the same file
         "svg.fonttype": "none",
     }
-    with mpl.rc_context(settings):
+    with mpl.rc_context(settings), warnings.catch_warnings():
+        # An svg keeps letters as text, for fonts of the reader; elsewhere a box stands for one that the font lacks.
+        warnings.filterwarnings("ignore", message=r"Glyph \d+ .* missing from")
         yield
 
 
