@@ -34,6 +34,12 @@ def test_such_a_file_ends_the_command_with_exit_code_2(capsys: Any, tmp_path: Pa
     assert "'=cmd' begins with '=', as a spreadsheet's formula does" in refused(capsys, "sensors", path)
 
 
+def test_a_name_that_would_end_a_column_is_refused_in_words() -> None:
+    for name in ("a, b", 'a \\"b\\"'):
+        with pytest.raises(SensorFileInvalid, match="expected text in one line without comma and quotation mark, got"):
+            parse(GOOD.replace('"palm"', f'"{name}"'))
+
+
 def test_a_note_may_have_lines_and_no_control_characters() -> None:
     parse('note = "a\\nb"\n' + GOOD)
     with pytest.raises(SensorFileInvalid, match=r"field note: .*control character"):

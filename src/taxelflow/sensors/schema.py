@@ -38,7 +38,6 @@ _LIMITS = {
     "<=": "of at most",
     ">": "above",
     "<": "below",
-    "matching regex": "that matches",
 }
 _REQUIRED = re.compile(r"(\.pads)?(\[\d+\])?(\.(rows|cols|pitch_m)(\[\d+\])?)?")
 """Paths at which the message states what a sensor needs."""
@@ -90,6 +89,8 @@ def _plain(what: str, value: object) -> str:
     if found is None:
         return what[:1].lower() + what[1:]
     kinds = " or ".join(_KINDS.get(one, one) for one in found["kinds"].split(" | ") if one != "null")
+    if "matching regex" in found["limit"]:  # names alone have a pattern, see `pads.Name`
+        return f"expected text in one line without comma and quotation mark, got {_short(value)}"
     limit = re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.15g}", found["limit"])
     for sign, words in _LIMITS.items():
         limit = limit.replace(f" {sign} ", f" {words} ")
