@@ -126,6 +126,8 @@ def test_errors_name_what_is_wrong() -> None:
         Kinematics('<mujoco><include file="x.xml"/></mujoco>', "", "test")
     with pytest.raises(HandModelInvalid, match="no joint 'c'; its joints are a"):
         angles_of(("a",), {"c": 1.0}, "test")
+    with pytest.raises(JointsInvalid, match="joint 'f1' has two angles; give each joint one"):
+        joint_angles("f1=1 f2=2 f1=3")
     with pytest.raises(JointsInvalid, match="'f1:1' is not JOINT=ANGLE"):
         joint_angles("f1:1")
 

@@ -68,6 +68,8 @@ def joint_angles(text: str) -> dict[str, float]:
         found = _SETTING.fullmatch(part)
         if found is None:
             raise JointsInvalid(text, f"{part!r} is not JOINT=ANGLE")
+        if found["joint"] in angles:
+            raise JointsInvalid(text, f"joint {found['joint']!r} has two angles", "give each joint one")
         angle = float(found["angle"])
         angles[found["joint"]] = radians(angle) if found["unit"] == "deg" else angle
     return angles
