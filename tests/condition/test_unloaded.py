@@ -62,7 +62,9 @@ def test_numbers_that_fall_under_load_are_noted(tmp_path: Path) -> None:
     assert any("add polarity = -1" in note for note in notes_of(falling))
     sensor = grid_sensor(4, 7, unit="count", polarity=-1, offset=1000.0)
     assert not any("polarity" in note for note in notes_of(falling, sensor))
-    assert not any("polarity" in note for note in notes_of(save(tmp_path / "b.npz", grasp(800.0, 2.0))))
+    rising = save(tmp_path / "b.npz", grasp(800.0, 2.0))
+    assert not any("polarity" in note for note in notes_of(rising))
+    assert any("leave polarity = -1 out" in note for note in notes_of(rising, sensor))
 
 
 def test_info_takes_the_options_of_conditioning_and_gives_the_notes(

@@ -138,7 +138,7 @@ class ConditionSession:
         learned, windows = self.baseline, self.sample.windows
         if learned is None or not windows.size:
             return []
-        falls = falls_under_load(windows, learned)
+        falls = falls_under_load(windows, learned, self._sensor.polarity)
         without = [] if touched else [no_contact(windows, learned, self._sensor, self._parameters.contact_on)]
         return without + ([falls] if falls else [])
 

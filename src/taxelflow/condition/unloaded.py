@@ -53,8 +53,9 @@ def no_contact(windows: Floats, learned: Baseline, sensor: Sensor, contact_on: f
     )
 
 
-def falls_under_load(windows: Floats, learned: Baseline) -> str:
-    """A note if readings fall where the sensor is touched; empty otherwise. windows: as in `no_contact`.
+def falls_under_load(windows: Floats, learned: Baseline, polarity: int) -> str:
+    """A note if readings fall where the sensor is touched; empty otherwise. windows: as in `no_contact`. polarity: of
+    the sensor.
 
     The taxels that change least rest at their idle level. Those that change most go from there to one side.
     """
@@ -76,6 +77,8 @@ def falls_under_load(windows: Floats, learned: Baseline) -> str:
     down, up = float(np.sum(idle - lowest[active])), float(np.sum(highest[active] - idle))
     if down <= _DOWNWARDS * max(up, 0.0):
         return ""
+    if polarity < 0:
+        return "readings fall where the sensor is touched: leave polarity = -1 out of the sensor file"
     return (
         "readings fall where the sensor is touched: if its numbers decrease under load, add polarity = -1 and offset "
         "(the number without load) to the sensor file"
