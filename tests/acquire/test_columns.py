@@ -104,6 +104,7 @@ def test_a_log_without_times_has_a_rate_and_that_is_noted(tmp_path: Path) -> Non
         ("t_s,a,b\n0,1,2\n", "no column matches 'p*' among t_s, a, b; set --columns.taxels", {"taxels": ("p*",)}),
         ("t_s,a,b\n0,1,2\n", "no column matches '1-7'", {"taxels": ("1-7",)}),
         ("t_s,a,b\n0,1,2\n", "column 'a' is matched twice", {"taxels": ("a", "*")}),
+        ("# my log\nt_s,a,b\n0,1,2\n", "starts with '# my log'; pass over lines of comments with --columns.skip N", {}),
         ("t_s,a,b\n0,1,2\n", "no column 'stamp': the header starts with 't_s,a,b'", {"time": "stamp"}),
         ("t_s,a,b\n0,1,2\n", "3 taxels per scan but sensor 'plain' has 2", {"rate_hz": 1.0}),
         ("t_s,a,b\n0,1,left\n", "scan 0: could not convert string to float: 'left'", {}),

@@ -138,6 +138,8 @@ class Columns:
         seen = f"no column {self.time!r}: the header starts with {','.join(names[:3])[:_SHOWN]!r}"
         separator = next((one for one in _SEPARATORS if one in names[0]), None) if len(names) == 1 else None
         remedy = REMEDY if separator is None else f"set --columns.delimiter {_SEPARATORS[separator]}"
+        if names and names[0].startswith("#"):
+            remedy = "pass over lines of comments with --columns.skip N, or name the time with --columns.time"
         raise RecordingCorrupt(path, seen, remedy)
 
     def _ordered(self, path: Path, names: list[str], found: list[int]) -> list[int]:
