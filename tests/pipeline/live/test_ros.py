@@ -15,7 +15,7 @@ from streaming import PALM, SCANS, free_port, lines, opened, published, running,
 from taxelflow import load_sensor
 from taxelflow.acquire.ros.decode import store_of
 from taxelflow.acquire.ros.kinds import kind_of
-from taxelflow.errors import TaxelflowError
+from taxelflow.errors import AddressInvalid, TaxelflowError
 from taxelflow.pipeline.live.emulators.base import Playback
 from taxelflow.pipeline.live.loop import Limits
 from taxelflow.pipeline.live.ros2_sink import Ros2Types
@@ -130,6 +130,15 @@ def test_results_are_published_to_ros_2(tmp_path: Path) -> None:
 def test_a_malformed_topic_is_refused(url: str, words: str) -> None:
     with pytest.raises(TaxelflowError, match=words):
         opened(url)
+
+
+def test_an_emulated_topic_of_another_type_is_refused() -> None:
+    for scheme, url in (("rosbridge", "rosbridge://127.0.0.1:1/touch"), ("ros2", "ros2:/touch")):
+        emulator = registry.find("emulator", scheme)
+        with pytest.raises(AddressInvalid, match="sends tactile_msgs/TactileState"):
+            emulator(parse_address(f"{url}?type=std_msgs/Float32MultiArray"), PALM)
+        emulator(parse_address(f"{url}?type=tactile_msgs/msg/TactileState"), PALM)
+    assert emulator(parse_address(f"{url}?type=tactile_msgs/TactileState"), PALM).url.count("type=") == 1
 
 
 def test_the_inspire_hand_is_read_by_dds() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from taxelflow.acquire.devices import dds, rosbridge
 from taxelflow.acquire.ros.decode import store_of
+from taxelflow.errors import AddressInvalid
 from taxelflow.pipeline.live.emulators.devices import WebSocketServer
 from taxelflow.pipeline.live.ros2_sink import Ros2Types
 
@@ -23,10 +24,19 @@ if TYPE_CHECKING:
 _TYPE = "tactile_msgs/msg/TactileState"
 
 
+def _check_type(address: Address) -> None:
+    """Raises AddressInvalid if a run with this URL would take the messages for those of another type."""
+    asked = address.options.get("type", _TYPE)
+    if asked.replace("/msg/", "/") != _TYPE.replace("/msg/", "/"):
+        seen = f"type={asked}, but the emulated device sends tactile_msgs/TactileState"
+        raise AddressInvalid(address.url, seen, "type=tactile_msgs/TactileState, or none")
+
+
 class Rosbridge(WebSocketServer):
     """Answers what the type of the topic is, and publishes to all who subscribe."""
 
     def __init__(self, address: Address, _sensor: Sensor) -> None:
+        _check_type(address)
         super().__init__(address.host or "127.0.0.1", rosbridge.PORT if address.port is None else address.port)
         self._topic = "/" + address.path.lstrip("/")
 
@@ -96,9 +106,11 @@ class Ros2(_Publisher):
     """Publishes on a topic of ROS 2."""
 
     def __init__(self, address: Address, _sensor: Sensor) -> None:
+        _check_type(address)
         self._types = Ros2Types()
         super().__init__(address, f"rt/{address.need_path('ros2:/topic').lstrip('/')}", self._types[_TYPE])
-        self.url = f"{address.url}{'&' if '?' in address.url else '?'}type=tactile_msgs/TactileState"
+        if "type" not in address.options:
+            self.url = f"{address.url}{'&' if '?' in address.url else '?'}type=tactile_msgs/TactileState"
 
     def encode(self, t_s: float, values: Floats) -> bytes:
         """See `Emulator`."""
