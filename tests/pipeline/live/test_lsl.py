@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,6 +55,14 @@ def test_a_stream_is_read_with_its_stamps_and_results_go_out_as_another(tmp_path
     assert (np.diff(stamps) >= 0).all()
     assert 0.0 <= pylsl.local_clock() - stamps[-1] < 10.0  # by LSL's clock, not by the sensor's
     assert [event["event"] for event in events] == [one["event"] for line in lines for one in line["events"]]
+
+
+def test_a_scan_at_0_s_keeps_its_time() -> None:
+    sent: list[tuple[list[float], float]] = []
+    device = registry.find("emulator", "lsl")(parse_address("lsl:taxelflow-test-zero"), PALM)
+    device._outlet = SimpleNamespace(push_sample=lambda *one: sent.append(one), have_consumers=lambda: True)
+    assert device.send(device.encode(0.0, np.ones(28)))
+    assert 0.0 < sent[0][1] < 1e-9  # at 0 the library stamps by its own clock
 
 
 @pytest.mark.long

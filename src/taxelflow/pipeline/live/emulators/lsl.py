@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _LONG_S = 3600.0
+_ZERO_S = 1e-12
+"""Stamp of a scan at 0 s, which LSL takes for "now"."""
 
 
 class Lsl:
@@ -49,7 +51,7 @@ class Lsl:
             self.__enter__()
         numbers = np.frombuffer(message).tolist() if len(message) == 8 * (self._columns + 1) else []
         if numbers:
-            self._outlet.push_sample(numbers[1:], numbers[0])
+            self._outlet.push_sample(numbers[1:], numbers[0] or _ZERO_S)
         return bool(numbers) and bool(self._outlet.have_consumers())
 
     def cut(self) -> None:
