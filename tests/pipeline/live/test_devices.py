@@ -18,6 +18,7 @@ from taxelflow.acquire.devices.barrett import BarrettParser, frames_of
 from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.dsa import DsaParser
 from taxelflow.acquire.devices.frames import FrameParser
+from taxelflow.acquire.devices.inspire import ModbusHand
 from taxelflow.acquire.devices.line import LineParser, _plain, line_of
 from taxelflow.acquire.devices.xela import XelaParser
 from taxelflow.pipeline.live.emulators.base import Fault, Playback
@@ -103,6 +104,13 @@ def test_all_registers_of_the_inspire_hand_are_read() -> None:
     whole = [arrival for arrival in arrived if tuple(arrival.values.astype(int).tolist()) in seen]
     assert len(whole) >= 3  # a scan may change while its nine answers are read
     assert len(arrived[0].values) == 1062
+
+
+def test_the_modbus_library_says_nothing_of_its_own(caplog: pytest.LogCaptureFixture) -> None:
+    hand = ModbusHand("127.0.0.1", free_port(), 1062, 50.0)
+    with pytest.raises(ConnectionError, match="no Modbus server answers"):
+        hand.open()
+    assert not caplog.records
 
 
 def test_a_puck_that_is_silent_leaves_its_readings_missing() -> None:

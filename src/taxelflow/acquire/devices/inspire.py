@@ -5,6 +5,7 @@ Readings are int16 in the holding registers from 3000 on, whose addresses count 
 
 from __future__ import annotations
 
+import logging
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,7 @@ class ModbusHand:
             from pymodbus.exceptions import ModbusException
         except ImportError as error:
             raise ExtraMissing("devices", "pymodbus") from error
+        logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # each fault is reported here, once
         self._client: Any = ModbusTcpClient(host, port=port, timeout=1.0, retries=1)
         self._fault = ModbusException
         self._values, self._period_s = values, 1.0 / rate_hz
