@@ -81,7 +81,8 @@ class Tables:
     def _open(self) -> None:
         for name, columns in _TABLES.items():
             self._begin(name, columns)
-        self._flush()
+        if self._opened is _opened:  # a full disk is found before the work; files of another kind may wait for room
+            self._flush()
 
     def _begin(self, name: str, columns: Sequence[str]) -> None:
         self._files[name] = file = self._stack.enter_context(self._opened(self.directory / f"{name}.csv.part"))

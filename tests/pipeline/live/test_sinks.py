@@ -6,6 +6,7 @@ import json
 import os
 import threading
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,9 +20,11 @@ from taxelflow.pipeline.live import workers
 from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.workers import Raw, SinkWorker
-from taxelflow.publish.sinks.base import Ending, ResultSink
+from taxelflow.publish.sinks.base import Ending, Head, ResultSink
 from taxelflow.publish.sinks.drawn import Drawing
 from taxelflow.publish.sinks.patient import PatientFile
+from taxelflow.runtime import registry
+from taxelflow.runtime.addresses import parse_address
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -95,6 +98,25 @@ def test_a_file_goes_on_when_a_full_disk_has_room_again(tmp_path: Path, monkeypa
     file.close()
     assert (tmp_path / "a").read_bytes() == b"a whole line\n"
     assert told == ["cannot write", "written again"]
+
+
+@pytest.mark.parametrize("scheme", ["mcap", "tables"])
+def test_a_disk_that_is_full_from_the_start_does_not_hold_up_the_run(
+    scheme: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_descriptor: int, _content: Any) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("taxelflow.publish.sinks.patient.os.write", full)
+    sink = registry.find("sink", scheme)(parse_address(f"{scheme}:{tmp_path / 'a'}"))
+    head = Head(PALM, PALM.layout.pads, {"sensor": "x" * 100_000}, lambda _kind, _seen: None)
+    opening = threading.Thread(target=sink.open, args=[head], daemon=True)
+    opening.start()
+    opening.join(10.0)
+    assert not opening.is_alive()
+    sink.hurry()
+    with suppress(OSError):
+        sink.close(Ending(None, (), failed=True))
 
 
 class _Stuck(ResultSink):

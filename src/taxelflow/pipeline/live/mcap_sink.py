@@ -71,7 +71,9 @@ class McapSink:
     def open(self, head: Head) -> None:
         """See `Sink`."""
         self._file = PatientFile(self._path, head.report)
-        self._buffered = io.BufferedWriter(self._file)
+        # All that is written here fits the buffer: on a full disk the sink's own thread waits, not the run.
+        beginning = sum(len(text.encode()) for text in head.texts.values())
+        self._buffered = io.BufferedWriter(self._file, io.DEFAULT_BUFFER_SIZE + 2 * beginning)
         self._scans = McapScans(self._buffered, head.texts)
         self._pads = head.pads
         self._channels: dict[str, int] = {}
@@ -81,7 +83,6 @@ class McapSink:
                 self._drawing = Drawing(head.sensor)
             except ExtraMissing as missing:
                 _log.warning("%s has no pictures for Foxglove: %s", self._path, missing)
-        self._flush()
 
     def write_raw(self, scans: RawScans, *, late: bool) -> None:
         """See `Sink`."""
