@@ -38,8 +38,6 @@ _WIDTH, _HEIGHT = 1600, 900
 _SENSOR, _PAD = "inspire-rh56dftp@3.0mm", "palm"
 _SCENARIO = SCENARIOS["stroke"]
 _KEEP_S = 60.0
-_USER = 11
-"""Where the user's time is after the command's name in /proc/PID/stat, see proc(5)."""
 _SETTLE_S = 5.0
 """Left out at the start: the browser compiles shaders and code."""
 
@@ -161,7 +159,8 @@ def _cpu_s(process: int) -> float:
     statistics = Path(f"/proc/{process}/stat")
     if not statistics.exists():
         return float("nan")
-    user, system = statistics.read_text(encoding="utf-8").rpartition(")")[2].split()[_USER : _USER + 2]
+    after_name = statistics.read_text(encoding="utf-8").rpartition(")")[2].split()
+    *_, user, system = after_name[:13]  # `utime` and `stime` of proc(5)
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 

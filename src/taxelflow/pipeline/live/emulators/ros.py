@@ -97,7 +97,7 @@ class Ros2(_Publisher):
 
     def __init__(self, address: Address, _sensor: Sensor) -> None:
         self._types = Ros2Types()
-        super().__init__(address, f"rt/{address.need_path('ros2:/topic').lstrip('/')}", self._types[_TYPE])
+        super().__init__(address, f"rt/{address.need_path('ros2:/topic').lstrip('/')}", self._types.touch_type)
         self.url = f"{address.url}{'&' if '?' in address.url else '?'}type=tactile_msgs/TactileState"
 
     def encode(self, t_s: float, values: Floats) -> bytes:
