@@ -61,26 +61,10 @@ class Maps(Sequence[LearnedPattern]):
     def __getitem__(self, index: int | slice) -> LearnedPattern | list[LearnedPattern]:
         return self._kept[index]
 
-    def add(
-        self,
-        pad: str,
-        pattern: Pattern,
-        scanned: Scanned,
-        states: Floats,
-        pose: Floats,
-        *,
-        error: float,
-        pitch_m: float,
-        turns: bool,
-        dead: NDArray[np.int64],
-    ) -> None:
-        """See `as_map`."""
-        found = as_map(pad, pattern, scanned, states, pose, error=error, pitch_m=pitch_m, turns=turns, dead=dead)
-        if found is not None:
-            self.keep(found)
-
-    def keep(self, found: LearnedPattern) -> None:
-        """One more map."""
+    def keep(self, found: LearnedPattern | None) -> None:
+        """Add a map, if there is one."""
+        if found is None:
+            return
         self._kept.append(found)
         while len(self._kept) > _LIMITS.most or sum(one.pressure.nbytes for one in self._kept) > _LIMITS.most_bytes:
             self._kept.remove(min(self._kept, key=lambda one: one.scans))
