@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
-from taxelflow.contacts.smooth_laws import LOADED, TERMS, Scratch, fit_smooth, room_for
+from taxelflow.contacts.smooth_laws import TERMS, Scratch, fit_smooth, room_for
 from taxelflow.messages import Bools, Floats, Scans, Texture
+from taxelflow.numerics.centroid import LOADED_SIGMAS
 from taxelflow.numerics.records import Records, records
 from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.numerics.small_linalg import inverse2
@@ -181,7 +182,7 @@ def add_scan(
         return
     xx = xy_ = yy = noise_x = noise_y = rough = 0.0
     for k in range(begin, end):
-        if not pressure[k] > LOADED * noise[k]:
+        if not pressure[k] > LOADED_SIGMAS * noise[k]:
             continue
         gx, gy = gradient_at(k, pressure, noise, gradients, 0)
         rx, ry = gradient_at(k, scratch.rest, noise, gradients, begin)
@@ -224,7 +225,7 @@ def turn_energy(
     begin, end = own
     aa = ab = bb = pa = pb = pp = rr_g = rx_g = ry_g = 0.0
     for k in range(begin, end):
-        if pressure[k] > LOADED * noise[k]:
+        if pressure[k] > LOADED_SIGMAS * noise[k]:
             gx, gy = gradient_at(k, pressure, noise, gradients, 0)
             x, y = xy[0, k] - xy[0, begin], xy[1, k] - xy[1, begin]
             along, square = x * gy - y * gx, gx * gx + gy * gy

@@ -23,8 +23,8 @@ _LEAST_DISTANCE_M = 1e-3
 """Places closer together than this contain no information on a turn."""
 _CENTRE_SIGMAS = 3.0
 """A centre of rotation is given where the rate of turn exceeds this many of its standard deviations."""
-_LEAST_VARIANCE_M2 = 1e-18
-"""Added to the variance of a displacement, which may be 0: a nanometre, squared."""
+LEAST_VARIANCE_M2 = 1e-18
+"""Added to the variance of a place or a displacement, which may be 0: a nanometre, squared."""
 
 
 class Row:
@@ -96,7 +96,7 @@ def clear(equations: Equations) -> None:
 @routine
 def add_pad(equations: Equations, place: Floats, moved: Floats, moved_cov: Floats, span_s: float) -> None:
     """Add a displacement in the time span_s to all equations of a scan."""
-    least = _LEAST_VARIANCE_M2
+    least = LEAST_VARIANCE_M2
     xx, xy, yy = inverse2(moved_cov[0, 0] + least, moved_cov[0, 1], moved_cov[1, 1] + least)
     square = span_s * span_s
     xx, xy, yy = xx * square, xy * square, yy * square
