@@ -1,4 +1,4 @@
-"""From states on a pattern to poses in a pad's frame, with what they are worth."""
+"""From states on a pattern to poses in a pad's frame, with covariance and quality."""
 
 from __future__ import annotations
 
