@@ -16,7 +16,7 @@ from taxelflow.control.agreement import Agreement
 from taxelflow.control.balance import G_M_S2, Balance, Shown
 from taxelflow.control.base import Touch
 from taxelflow.control.blindness import Blindness
-from taxelflow.control.relaxing import SlippedForce
+from taxelflow.control.slipped_force import SlippedForce
 
 _MIDDLE = np.zeros(2)
 """Point of the object whose motion is judged, on facing pads: that between their middles, near its centre of mass."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from taxelflow.errors import ExtraMissing
 from taxelflow.estimation.template.online.session import StreamSession
-from taxelflow.evaluation.pairs import needed
+from taxelflow.evaluation.peer_methods import needed
 from taxelflow.messages import Scans, cut
 from taxelflow.pipeline import api
 from taxelflow.runtime import registry

@@ -21,8 +21,8 @@ from taxelflow.evaluation.base import Table, Watch, table_of, unwatched
 from taxelflow.evaluation.live_hand import loaded_hand
 from taxelflow.evaluation.live_late import LateRow, late_rows
 from taxelflow.messages import RawScans, cut
+from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.command import opened_sinks
-from taxelflow.pipeline.live.face import Live
 from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay

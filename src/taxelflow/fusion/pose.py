@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.fusion.in_hand import Carried
+from taxelflow.fusion.hand_frame import Carried
 from taxelflow.fusion.misfit import LEAST_FREEDOM, MEMORY
 from taxelflow.fusion.twist import (
     LEAST_VARIANCE_M2,

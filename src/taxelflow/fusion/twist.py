@@ -13,7 +13,7 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.fusion.in_hand import Carried
+from taxelflow.fusion.hand_frame import Carried
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.small_linalg import eigenvalues2, inverse2, inverse3
