@@ -35,6 +35,7 @@ BLOCK_SCANS = 1024
 _PAD_NUMBERS = 64
 """Numbers that a scan gives rise to for each pad, besides those of its taxels."""
 _PIECE_BYTES = 1 << 20
+"""Bytes that are unpacked between two checks of the limits."""
 _REMEDY = "if the recording is that long, write it without compression, or as .mcap in several files"
 
 

@@ -40,7 +40,9 @@ _SENSOR = "barretthand-162"
 _RATE_HZ = 100.0
 _SPEED_M_S = 0.01
 _OFFSET_PA = 4e3
+"""Baseline of the rig's sensor, which is subtracted again."""
 _ROUNDS = 1000
+"""Timed rounds, one scan each."""
 _WARM = 100
 """Rounds before any is timed: a pattern is learned, caches are filled."""
 _INNER = 4

@@ -51,6 +51,7 @@ _FREE = 10.0
 _RIDGE = 1e-9
 """Information in every pose, over that with the pattern known: a common motion of pattern and poses has hardly any."""
 _FEWEST = 3
+"""Scans of a contact below which it has no bound."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 RESTING_M, RESTING_S = 0.001, 1.0
 """An object is held if it slid less than `DROPPED_M`, and less than 1 mm in the last second."""
 WITHIN_MM = 5.0
+"""Slid distance below which an object is held well."""
 FORCE_COST = 0.25
 """Cost of a force of twice the least; an object that is lost, or slides 5 mm or more, costs 1."""
 MOTION_END_S, RESTED_S = 9.0, 0.5

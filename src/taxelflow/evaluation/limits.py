@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from taxelflow.evaluation.base import Cell, Watch
 
 _BINS_A_PITCH = 4
+"""Bins per pitch in which errors are shown over the place."""
 
 
 class Seconds(msgspec.Struct, frozen=True):

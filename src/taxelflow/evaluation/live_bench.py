@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 _SETTLED = 50
 """Scans that are left out: noise is learned from the first ones."""
 _HANDS, _HANDS_HZ = 10, 100.0
+"""Hands that one process estimates, and the rate of each."""
 
 
 class StepRow(msgspec.Struct, frozen=True):

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 SPANS = (1, 20, 100)
 """Scans that the differences reach over."""
 _SURE = 0.95
+"""Probability of the interval in which a consistent NEES lies."""
 _MOST = 1e9
 """Instead of an infinite NEES, where neighbours are compared."""
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 _MOST_SCANS = 12
+"""Key scans of a report at most."""
 _APART_S = 0.5
 """Key scans are at least this far apart."""
 _LONGEST = 0.18

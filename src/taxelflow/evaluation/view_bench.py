@@ -22,6 +22,7 @@ from taxelflow.evaluation.view import Filling
 from taxelflow.evaluation.view_tab import DEBUGGED, Tab
 from taxelflow.messages import cut
 from taxelflow.pipeline import api
+from taxelflow.pipeline.live.view import KEPT_S
 from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.view.browser import BrowserFailed, drawn_by, headless
 from taxelflow.publish.view.history import History, Results
@@ -35,9 +36,9 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _WIDTH, _HEIGHT = 1600, 900
+"""Pixels of the browser's window."""
 _SENSOR, _PAD = "inspire-rh56dftp@3.0mm", "palm"
 _SCENARIO = SCENARIOS["stroke"]
-_KEEP_S = 60.0
 _SETTLE_S = 5.0
 """Left out at the start: the browser compiles shaders and code."""
 
@@ -167,7 +168,7 @@ def _cpu_s(process: int) -> float:
 def _show(tab: Tab, seconds: float, rate_hz: float) -> ShowRow:
     """Show scans of the Inspire hand as they come, each with its result."""
     sensor, t_s, pressure, results = _prepared()
-    history = History(keep_s=_KEEP_S)
+    history = History(keep_s=KEPT_S)
     page = Page(sensor, (history,), "measured", PageServer(port=0))
     page.player.following = True
     stop = threading.Event()

@@ -6,16 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.fusion.spatial.parameters import SpatialField
+from taxelflow.fusion.spatial.solve import BLIND
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips, Texture
 
-
-UNOBSERVABLE_M, UNOBSERVABLE_M_S = 0.05, 0.2
-"""Standard deviations of position and velocity in a direction that a contact's pattern does not show, m and m/s: ten
-times the limits of observability in space, the defaults `blind_m` and `blind_m_s`."""
+UNOBSERVABLE_M, UNOBSERVABLE_M_S = BLIND * SpatialField.blind_m, BLIND * SpatialField.blind_m_s
+"""Standard deviations of position and velocity in a direction that a contact's pattern does not show, m and m/s: as
+large as those of a direction that is not observable in space."""
 
 
 class Reference:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".gif", ".mp4")
 _COLOURS = 256
+"""Colours of a GIF, by its format."""
 _QUALITY = 7
 """Of H.264 from 0 to 10; below it thin lines blur."""
 

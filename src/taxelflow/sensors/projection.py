@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _PARALLEL = 1e-3
 """Least curvature, over that of a sphere, below which the normals have no common point and the map is a plane view."""
 _STEP_M = 1e-5
+"""Step of the numerical derivative of the map."""
 
 
 class SphereMap:

@@ -36,6 +36,7 @@ FINGERS = tuple(f"finger{number}_{part}" for number in (1, 2, 3) for part in ("t
 _STEPS = (2e-4, 2e-4, 0.01)
 """Steps of the derivatives for the bound, to both sides: m, m, rad."""
 _FINGERS_HZ = 1.3
+"""Frequency at which the fingers sway."""
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 PUCKS = (11, 12, 13, 14)
+"""Numbers of the pucks on the bus, in the order of the readings."""
 READINGS, FRAMES, PER_FRAME = 24, 5, 5
 """Readings of a puck, frames that carry them, and numbers in a frame: the last number of the last frame is padding."""
 PER_N_CM2 = 256.0

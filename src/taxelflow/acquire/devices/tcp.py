@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _CONNECT_S = 2.0
+"""Time for an attempt to connect."""
 _SILENT_S = 1.0
 """A client that has sent nothing for longer gives way to another one."""
 

@@ -28,15 +28,19 @@ _MOST_STEP = np.array([1.0, 1.0, 0.15, 0.2, 0.05])
 _SETTLED = 0.05
 """Steps of a pose, in its standard deviations, below which nothing more is gained."""
 _MOST_SMOOTHING_STEP = 5.0
+"""Largest factor by which the smoothing changes in a round."""
 _MOST_SMOOTHING = 1e3
 """Largest smoothing, over the usual."""
 _SMOOTH_ERROR = 0.02
 """Error, as a share of the largest reading, from which on a pattern is at least as smooth as usual."""
 _MOST_CG, _CG_ERROR = 60, 1e-2
+"""Iterations of conjugate gradients at most, and their relative residual: rounds repeat the solution."""
 _GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
+"""Bounds of gains, and of the logarithm of sizes, against steps that diverge."""
 _WORSE = 1.1
 """A round that makes the fit worse by this factor is taken back."""
 _PROBES = 16
+"""Random vectors of the estimate of a trace."""
 _RIDGE = 1e-12
 """Share of a scan's largest information that is added to all: a scan of one taxel has none of the rest."""
 

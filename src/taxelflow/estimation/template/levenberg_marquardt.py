@@ -25,6 +25,7 @@ ROOM = 9
 _LEAST_GAIN = 0.1
 """A gain falls at most to this share in one step."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
+"""Damping, relative to the diagonal: at first, at least, and the one at which iterations end."""
 
 
 class Prior(NamedTuple):

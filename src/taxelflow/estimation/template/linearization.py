@@ -18,6 +18,7 @@ from taxelflow.numerics.small_linalg import put_lower
 from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
 _LANES = 8
+"""Taxels are padded to a multiple of this, so that loops over them are vectorised."""
 _UNEXPLAINED = 9.0
 """Squared over the noise: what makes a reading off the lattice a load that is not explained. It counts as outlier."""
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 _MOST = 2_000_000
 """Scans times knots, at most: of more, a map is held known, as many scans determine it well."""
 _POSE = 3
+"""The first components of a state, which a change of the frame moves: x, y, theta."""
 
 
 def of_map(

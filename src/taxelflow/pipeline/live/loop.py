@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 _COUNTED = 16
 """Scans that are counted into the summary at once."""
 _SEEN_EVENTS = 6
+"""Latest events that the screen shows."""
 _WATCH_S = 0.2
+"""Time between two updates of the screen."""
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
 
 _PORT = 8765
+"""Default port of Foxglove."""
 _BACKLOG = 256
 """Messages held for a client that does not read; the oldest are dropped for it."""
 

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 FOV_RAD = 0.4
 """Vertical field of view: narrow, so that pads far from the middle are not distorted."""
 MARGIN = 1.06
+"""Size of the picture over what it shows."""
 _ROUNDS = 12
+"""Iterations to the nearest camera."""
 _HIDDEN = -0.5
 """What a hidden taxel counts, where one that faces the camera counts 1."""
 _HEIGHTS, _TURNS = np.radians((30.0, 42.0, 55.0)), 24

@@ -26,6 +26,7 @@ _FORCE_COST_1_S = 0.25
 _LOST = -10.0
 """Reward of the loss of the object, which ends the episode."""
 _MOST_SEED = 2**31
+"""Seeds of trials that are drawn are below this."""
 Observation = dict[str, NDArray[np.float32]]
 
 

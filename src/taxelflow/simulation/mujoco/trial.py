@@ -29,6 +29,7 @@ HANDOVER_S = LIFT_S
 DROPPED_M = 0.03
 """An object that slid so far is lost: a pad is 32 mm high."""
 _LEVER_M = 0.03
+"""Offset of the centre of mass from the pads in a trial of a commanded turn."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,9 @@ Shape = Literal[
 ]  # fmt: skip
 LoadKind = Literal["constant", "ramp", "cycles"]
 _MOST_SCANS = 100_000
+"""Scans of each part of a course at most."""
 LEAST_EXPONENT, MOST_EXPONENT = 0.8, 1.5
+"""Range of the exponent of pressure over depth."""
 
 
 @dataclass(frozen=True)

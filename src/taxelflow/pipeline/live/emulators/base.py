@@ -31,6 +31,7 @@ FAULTS = {
 }
 """Faults by name, with their default extent: s away, s of silence, s of silence, s by which the clock jumps."""
 _GARBAGE_BYTES = 37
+"""Length of what is sent instead of a scan."""
 USUAL = {
     "line": "tcp://127.0.0.1:5000",
     "tcp": "tcp://127.0.0.1:5000",

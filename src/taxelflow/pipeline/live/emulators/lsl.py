@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _LONG_S = 3600.0
+"""Longest wait for a consumer."""
 
 
 class Lsl:
