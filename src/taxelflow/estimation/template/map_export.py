@@ -26,17 +26,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class _Limits:
-    """Of a map, and of all that are kept."""
+    """Limits of a map, and of all maps that are kept."""
 
     finer: int = 8
     most_points: int = 250_000
-    """Points per pitch, and how many a map has at most."""
+    """Points per pitch, and the most points of a map."""
     draws: int = 64
+    """Patterns drawn from the posterior, whose spread is the standard deviation of a point."""
     half_diagonal: float = 0.7
-    """Pitches from a taxel's middle to its corner: so far it looks."""
+    """Pitches from a taxel's middle to its corner: a reading observes points up to there."""
     fewest: int = 5
+    """Scans of a contact below which it has no map."""
     most: int = 100
     most_bytes: float = 1e8
+    """Maps that are kept, and their memory, at most."""
 
 
 _LIMITS = _Limits()
