@@ -1,4 +1,4 @@
-"""Limits of what a recording may cost, checked before memory is taken.
+"""Limits of the memory and time for a recording, checked before memory is allocated.
 
 A compressed file may unpack to 1 GB and to 100 times its size beyond that. Tactile recordings are packed to a tenth;
 files that unpack to more were made to exhaust a machine, or hold nothing. An uncompressed file is always within this

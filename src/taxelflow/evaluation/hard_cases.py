@@ -1,4 +1,4 @@
-"""What makes the strokes of the score hard harder than those of Table I: how a trial is changed, and how it is read."""
+"""Cases of the score hard: how a trial differs from those of Table I, and how it is evaluated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Score limits: estimators against the Cramér-Rao bound of a rig's scenario, and whether their covariances are honest.
+"""Score limits: estimators against the Cramér-Rao bound of a rig's scenario, and the consistency of their covariances.
 
 Errors are those of pose_errors. Scans whose bound with a known pattern is a quarter of a pitch or more are not scored.
 """

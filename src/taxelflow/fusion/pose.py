@@ -1,4 +1,4 @@
-"""How far the object has moved and turned since first contact: a rigid fit of all contacts, scan by scan."""
+"""The object's pose since first contact in the plane: a rigid fit of all contacts, scan by scan."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from taxelflow.runtime.compiling import inlined, kernel, routine
 _ITERATIONS = 8
 """Gauss-Newton steps at most."""
 _PLAIN = 3
-"""Steps without weights: until then a residual may be the motion since the last scan."""
+"""First steps without robust weights: there a residual may be the motion since the last scan."""
 _SMALLEST_STEP = 1e-12
-"""In m and rad: rounding."""
+"""In m and rad, at which the fit has converged: rounding."""
 _FAR = 11.34
-"""Chi-square of three components, 99 % point, beyond which a contact counts less (Huber's weights)."""
+"""Chi-square above which a contact weighs less (Huber): the 99 % point of three degrees of freedom."""
 _STUDENT = 4.0
-"""Degrees of freedom of the Student t distribution whose weights keep a contact that is wrong out of the misfit."""
+"""Degrees of freedom of the Student t weights, with which a wrong contact hardly affects the misfit."""
 _OWN_TURN_WEIGHT = 0.5
-"""Of a pad's own theta: the variance of the one at which it was anchored counts, too, and is about the same."""
+"""Weight of a pad's own theta: the variance of theta at its anchor, about equal, doubles that of the difference."""
 
 
 class Anchor:
-    """Where on the object a pad's contact lies; theta: the pad's own, less the object's, when it was anchored."""
+    """Place of a pad's contact on the object; theta: the pad's own, less the object's, when it was anchored."""
 
     anchored: bool
     x: float
@@ -78,7 +78,7 @@ def follow_pose(
     place_cov: (scans, pads, 2, 2). turns: whether places are known at all. anchors: (pads,) of `Anchor` and bodies:
     (1,) of `Body` are kept from scan to scan. scratch: (1,) of `Equations`.
     A contact is anchored on the object where it first lies there, and stays so while it is kept; it is anchored again
-    after a gap that its method does not measure across. While nothing touches everything is forgotten.
+    after a gap without a measured motion. While nothing touches, all anchors are cleared.
     Where the contacts contradict each other more than their covariances allow, the pose's covariance is multiplied by
     their reduced chi-square (Birge 1932).
     """

@@ -1,4 +1,4 @@
-"""Centroid of a contact, by the readings that surely belong to it."""
+"""Centroid of a contact, by the readings that certainly belong to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames as a file that moves: GIF by Pillow, MP4 (H.264) by the ffmpeg that the extra `video` brings."""
+"""Frames as a film: GIF by Pillow, MP4 (H.264) by the ffmpeg that the extra `video` brings."""
 
 from __future__ import annotations
 

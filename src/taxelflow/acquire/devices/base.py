@@ -1,4 +1,4 @@
-"""What every live source is: a context manager that yields scans as they arrive, and ticks while none does."""
+"""The protocol of a live source: a context manager that yields scans as they arrive, and ticks while none does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the noise of both scans makes of a registration, and whether a turn is observable.
+"""Covariance of a registration by the noise of both scans, and observability of the rotation.
 
 With q = q_true + A n0 the error of the state is, to first order,  e = G n1 - G' n0,  G = H^-1 J^T W,  G' = g G A,  so
 its covariance is the sum of both scans' parts. H is J^T W J less what noise in the slopes of q adds to it (errors in

@@ -1,4 +1,4 @@
-"""First poses of all scans of a contact: from one scan outwards, each registered to the pattern learned so far."""
+"""Incremental initialisation: from one scan outwards, each scan of a contact is registered to the pattern so far."""
 
 from __future__ import annotations
 

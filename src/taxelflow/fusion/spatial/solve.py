@@ -1,4 +1,4 @@
-"""Weighted least squares of six degrees of freedom from contacts, and what the contacts do not determine.
+"""Weighted least squares of six degrees of freedom from contacts, and the directions that they do not determine.
 
 A contact measures y = H xi + G q + n of three planar components: along its x and y, about its z. H: (3, 6), y: (3,),
 information W: (3, 3), zero where a component is unknown. q: errors of the joint angles, of known variance, eliminated

@@ -1,4 +1,4 @@
-"""Pads whose place on the hand is unknown, laid out in rows of one scale: pads of one finger stay together."""
+"""Layout of pads whose place on the hand is unknown: in rows, to one scale, pads of one finger together."""
 
 from __future__ import annotations
 

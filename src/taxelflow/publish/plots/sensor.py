@@ -1,4 +1,4 @@
-"""A sensor as its user knows it: every pad with its taxels' numbers, the hand laid flat, curved skin in space."""
+"""Picture of a sensor: every pad with its taxels' numbers, the hand laid flat, curved skin in space."""
 
 from __future__ import annotations
 

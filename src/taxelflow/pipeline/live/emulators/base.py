@@ -1,4 +1,4 @@
-"""What every emulated device is, and how scans are sent through it with faults on the way."""
+"""The protocol of an emulated device, and sending scans through it with faults."""
 
 from __future__ import annotations
 
