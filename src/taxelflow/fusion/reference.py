@@ -6,15 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.fusion.spatial.parameters import SpatialField
-from taxelflow.fusion.spatial.solve import BLIND
+from taxelflow.fusion.observability import BLIND, BLIND_M, BLIND_M_S
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips, Texture
 
-UNOBSERVABLE_M, UNOBSERVABLE_M_S = BLIND * SpatialField.blind_m, BLIND * SpatialField.blind_m_s
+UNOBSERVABLE_M, UNOBSERVABLE_M_S = BLIND * BLIND_M, BLIND * BLIND_M_S
 """Standard deviations of position and velocity in a direction that a contact's pattern does not show, m and m/s: as
 large as those of a direction that is not observable in space."""
 

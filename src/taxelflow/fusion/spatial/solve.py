@@ -12,13 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from taxelflow.fusion.observability import BLIND
 from taxelflow.messages import Floats
 from taxelflow.numerics.se3 import copy_matrix, eigen_symmetric
 from taxelflow.numerics.small_linalg import factor_small, mirror, solve_factored
 from taxelflow.runtime.compiling import lean_kernel, routine
-
-BLIND = 10.0
-"""Standard deviation of a direction that is not observable, over the limit of observability."""
 
 
 class Contacts(NamedTuple):
