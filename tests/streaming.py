@@ -14,8 +14,8 @@ import numpy as np
 from synthetic import dome, grid_sensor
 from taxelflow.acquire.devices.line import line_of
 from taxelflow.messages import RawScans
+from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.command import opened_sinks
-from taxelflow.pipeline.live.face import Live
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from taxelflow.fusion.parameters import RigidField
     from taxelflow.messages import Estimates, Event, Motions, RawScans, Scans, Slips
     from taxelflow.pipeline.api import convert, estimate, estimator, read, recording
-    from taxelflow.pipeline.live.face import Live
+    from taxelflow.pipeline.live.api import Live
     from taxelflow.pipeline.result import PadResult, Result
     from taxelflow.pipeline.stages import Pipeline
     from taxelflow.sensors.calibration import Calibration, load_calibration, save_calibration
@@ -40,7 +40,7 @@ _HOME = {
     "Estimates": "messages",
     "Event": "messages",
     "Layout": "sensors.layout",
-    "Live": "pipeline.live.face",
+    "Live": "pipeline.live.api",
     "Load": "simulation.parameters",
     "Motion": "simulation.parameters",
     "Motions": "messages",

@@ -38,7 +38,7 @@ from taxelflow.evaluation.commands import PARTLY_READ, Bench, Calibrate, Figures
 from taxelflow.evaluation.control_command import Control
 from taxelflow.evaluation.design_command import Design
 from taxelflow.evaluation.media_commands import Film, Report, View
-from taxelflow.pipeline.batch.command import Batch
+from taxelflow.pipeline.batch.command import INTERRUPTED, Batch
 from taxelflow.pipeline.batch.options import Estimating
 from taxelflow.pipeline.live.command import Record, Run
 from taxelflow.pipeline.live.emulators.command import Emulate
@@ -49,7 +49,7 @@ from taxelflow.simulation.scenario import SCENARIOS
 DESCRIPTION = """Touch-based motion sensing for robot hands: pressure scans in, object motion and slip out.
 
 Version: taxelflow --version. Shell completion: taxelflow --tyro-print-completion bash (or zsh)."""
-BAD_INPUT, INTERRUPTED = 2, 130
+BAD_INPUT = 2  # exit code, beside those of the commands
 _OUTPUT = "standard output"
 _REMEDIES = {errno.ENOSPC: "make room there", errno.EEXIST: "a file is in the way of a directory: give another one"}
 

@@ -17,7 +17,7 @@ from taxelflow.cli import main
 from taxelflow.errors import RecordingCorrupt, SensorFileInvalid, TimesNotIncreasing
 from taxelflow.messages import cut, joined
 from taxelflow.pipeline import api
-from taxelflow.pipeline.live.face import Live
+from taxelflow.pipeline.live.api import Live
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from taxelflow.control.base import Touch
 from taxelflow.control.baselines import CentroidSpeed, Constant, Threshold
 from taxelflow.control.hold import Hold
 from taxelflow.control.motion import LetMove, Pivot, Slid, Slide, Turned
-from taxelflow.control.relaxing import SlippedForce
+from taxelflow.control.slipped_force import SlippedForce
 from taxelflow.control.touch import TouchStream
 from taxelflow.errors import ParameterInvalid
 from taxelflow.runtime import registry

@@ -11,7 +11,7 @@ import pytest
 
 from rigged import refused
 from taxelflow.errors import ExtraMissing, ParameterInvalid
-from taxelflow.evaluation.pairs import peers
+from taxelflow.evaluation.peer_methods import peers
 from taxelflow.evaluation.peers import Peers, PeersReport, accumulated
 from taxelflow.evaluation.strokes import PAPER_METHODS
 from taxelflow.evaluation.table1 import Table1
@@ -150,7 +150,7 @@ def test_a_missing_library_is_asked_for_by_its_extra(monkeypatch: pytest.MonkeyP
             raise ImportError(name)
         return real(name) if name.split(".", maxsplit=1)[0] in sys.modules else sys
 
-    monkeypatch.setattr("taxelflow.evaluation.pairs.import_module", absent)
+    monkeypatch.setattr("taxelflow.evaluation.peer_methods.import_module", absent)
     with pytest.raises(ExtraMissing, match=rf"{library} is not installed; .*taxelflow\[bench\]"):
         peers()
 

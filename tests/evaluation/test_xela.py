@@ -11,7 +11,7 @@ import pytest
 from rigged import refused
 from synthetic import dome
 from taxelflow.condition.parameters import Conditioner
-from taxelflow.evaluation.marked import marked_recordings, open_marked
+from taxelflow.evaluation.marker_recordings import marked_recordings, open_marked
 from taxelflow.evaluation.xela import Xela, judged, summed
 from taxelflow.messages import OK
 from taxelflow.pipeline import api
@@ -20,7 +20,7 @@ from taxelflow.sensors.catalogue import load_sensor
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taxelflow.evaluation.marked import Marked
+    from taxelflow.evaluation.marker_recordings import Marked
     from taxelflow.evaluation.xela import MarkedRow
     from taxelflow.messages import Floats
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.fusion.in_hand import Carried
+from taxelflow.fusion.hand_frame import Carried
 from taxelflow.fusion.pose import Anchor, Body, follow_pose
 from taxelflow.fusion.twist import Equations, Row
 from taxelflow.messages import Bools, Floats

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.fusion.in_hand import Carried
+from taxelflow.fusion.hand_frame import Carried
 from taxelflow.fusion.twist import Equations, Row, fuse_twists, spans_a_plane, turn_is_observable
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, records, unknown

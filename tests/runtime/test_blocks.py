@@ -10,7 +10,7 @@ import pytest
 
 from taxelflow.estimation.centroid.records import Row
 from taxelflow.estimation.centroid.session import unpack, unpack_block
-from taxelflow.fusion.in_hand import Carrier, Home
+from taxelflow.fusion.hand_frame import Carrier, Home
 from taxelflow.fusion.reference import place_block, place_points
 from taxelflow.messages import Slips, Texture, cut
 from taxelflow.numerics.geometry import rotation

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 _TIMES, _SCANS = ("t", Columns.time), "pressure"
 _MOST_TEXT = 1 << 22
+"""Bytes of a text in the file at most."""
 _REMEDY = "store datasets t (scans,) in s and pressure (scans, taxels), or name others by --columns.time and .taxels"
 
 

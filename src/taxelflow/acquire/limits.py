@@ -1,4 +1,4 @@
-"""Limits of what a recording may cost, checked before memory is taken.
+"""Limits of the memory and time for a recording, checked before memory is allocated.
 
 A compressed file may unpack to 1 GB and to 100 times its size beyond that. Tactile recordings are packed to a tenth;
 files that unpack to more were made to exhaust a machine, or hold nothing. An uncompressed file is always within this
@@ -35,6 +35,7 @@ BLOCK_SCANS = 1024
 _PAD_NUMBERS = 64
 """Numbers that a scan gives rise to for each pad, besides those of its taxels."""
 _PIECE_BYTES = 1 << 20
+"""Bytes that are unpacked between two checks of the limits."""
 _REMEDY = "if the recording is that long, write it without compression, or as .mcap in several files"
 
 

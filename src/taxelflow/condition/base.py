@@ -1,4 +1,4 @@
-"""What a conditioning session reads from its parameters: the fields of `Conditioner`, without what starts a session."""
+"""The protocol of a conditioner's parameters, as its session reads them: the fields of `Conditioner`."""
 
 from __future__ import annotations
 

@@ -25,13 +25,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Baseline:
-    """What a session knows of its sensor, in SI units.
+    """Offsets, noise and faults of a sensor, in SI units.
 
-    offset, noise: (taxels,), of readings before any filter. offset_std: (taxels,), standard deviation of what the
-    offset may be off; inf where nothing is known of it. known: (taxels,), whether the offset is from the taxel's own
-    scans.
-    tared: (pads,), whether any is; groups left out. masked: (taxels,), declared off, without any reading, or masked by
-    option. findings: faulty taxels, masked or not.
+    offset, noise: (taxels,), of readings before any filter. offset_std: (taxels,), standard deviation of the offset's
+    error; inf where the offset is unknown. known: (taxels,), whether the offset is from the taxel's own scans. tared:
+    (pads,), without groups, whether any offset of a pad is. masked: (taxels,), declared off, without any reading, or
+    masked by option. findings: faulty taxels, masked or not.
     """
 
     offset: Floats
@@ -74,15 +73,15 @@ def update_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sampl
 def _with_offsets(
     parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline, *, causal: bool
 ) -> Baseline:
-    """The baseline with the offsets found that it does not know; those that it knows stay.
+    """The baseline with offsets for the taxels whose offset was unknown.
 
-    So do those that would change by less than the noise: a new offset interrupts the motion of its pad.
+    Offsets that would change by less than the noise stay: a new offset interrupts the motion of its pad.
     """
     layout, windows = sensor.layout, sample.windows
     if parameters.tare == "none" or not len(windows) or (before.known | before.masked).all():
         return before
     reference = sensor.full_scale * sensor.to_si if sensor.full_scale else 0.0
-    if not causal:  # the largest reading is known only where the future is
+    if not causal:  # a stream does not know its largest reading yet
         reference = max(reference, float(np.max(windows, initial=0.0, where=np.isfinite(windows))))
     offset, std, known, tared = before.offset.copy(), before.offset_std.copy(), before.known.copy(), before.tared.copy()
     near, cut = near_taxels(layout), lowest_reading(windows)

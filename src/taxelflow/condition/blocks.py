@@ -1,8 +1,8 @@
-"""What the kernels of the conditioner do scan by scan, done in NumPy for a block of scans: nothing is compiled.
+"""The conditioner's kernels in NumPy, for a block of scans, without compilation.
 
-Recordings are read in blocks, and many are short: compiling would take longer than all else that is done with them. The
-kernels condition a stream, whose scans come one by one, and what follows the first scans of a long recording. Both
-forms keep their state in the same records.
+Recordings are read in blocks, and many are short: compiling would take longer than all other work. The kernels are used
+for streams, whose scans come one by one, and after the first scans of a long recording. Both forms keep their state in
+the same records.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from taxelflow.numerics.records import Records
 
 _PIECE = 1 << 18
-"""Readings at a time: bounds the memory of what is computed on the way, 2 MB an array."""
+"""Readings at a time: bounds the memory of intermediate arrays, 2 MB each."""
 
 _MOST_SCANS = 50_000
-"""Scans until a kernel takes over: compiling it takes about as long as this form takes for them."""
+"""Scans after which the kernel is used: NumPy takes about as long for them as compiling does."""
 
 
 class Blockwise:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.condition.noise import noise_floor
+from taxelflow.numerics.robust import MAD_TO_SIGMA
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -165,9 +166,8 @@ class _PadSample:
         self._never_constant = changes > _EVIDENCE.max_constant_share and constant_share < _EVIDENCE.max_constant_share
         rest = self._rest[live]
         self._usual_rest = float(np.median(rest))
-        spread = max(
-            1.4826 * float(np.median(np.abs(rest - self._usual_rest))), float(np.median(noise[live]))
-        )  # 1.4826 MAD
+        deviation = float(np.median(np.abs(rest - self._usual_rest)))
+        spread = max(MAD_TO_SIGMA * deviation, float(np.median(noise[live])))
         distance = np.abs(self._rest - self._usual_rest)
         self._outlier = (
             live & (distance > _EVIDENCE.outlier_sigmas * np.maximum(spread, noise)) & (distance > min_offset)

@@ -1,9 +1,9 @@
-"""Learns a stream's noise and tare again from a larger sample, beside the stream.
+"""Learns a stream's noise and tare again from a larger sample, in another thread or process.
 
-What is learned is adopted a fixed time after it was begun, by the scans' own clock, so that results depend neither on
-the machine nor on the blocks that scans come in. The time is several times what learning takes; a machine that is too
-slow makes the stream wait. A live loop adopts it when it is ready instead, see `runtime.adoption`, and learns in a
-process of its own: a thread would take turns with the scan's, which at 1 kHz made some of them 2 ms later.
+A baseline is adopted at a fixed time after its computation began, by the scans' own clock, so that results depend
+neither on the machine nor on the size of blocks. That time is several times the usual computing time; on a slower
+machine the stream waits. A live loop adopts the baseline when it is ready, see `runtime.adoption`, and learns in a
+process of its own: a thread would share Python's lock with the scans, which delayed some by 2 ms at 1 kHz.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _LEAST_S, _PER_WINDOW_S = 0.1, 2e-3
-"""Time until what is learned is adopted: at least, and for each window of the sample."""
+"""Time from begin to adoption: a constant, and more for each window of the sample."""
 
 
 class Relearning:
-    """At most one baseline at a time is being learned; `adopt` puts it to use."""
+    """Learns one baseline at a time; `adopt` passes it to the stream."""
 
     def __init__(
         self,
@@ -47,22 +47,22 @@ class Relearning:
 
     @property
     def due_s(self) -> float:
-        """When it is to be adopted; infinite if there is none, or nobody knows yet."""
+        """Time of adoption; infinite if there is none, or as long as it is unknown."""
         return self._lane.due_s
 
     @property
     def free(self) -> bool:
-        """Whether another may begin: a stream that never waits goes on with what has been begun."""
+        """Whether another may begin; a stream that never waits finishes the present one first."""
         return self._lane.adopting.waits or not self._lane.busy
 
     def begin(self, sample: Sample, before: Baseline, now_s: float) -> None:
-        """Learn from what the sample holds now. before: what is known."""
+        """Learn from the sample as it is now. before: the present baseline."""
         held = sample.snapshot()
         job = self._beside.submit(update_baseline, self._parameters, self._sensor, held, before)
         self._lane.begin(job, now_s, now_s + _LEAST_S + _PER_WINDOW_S * len(held), self._put)
 
     def adopt(self, now_s: float) -> None:
-        """Put to use what is being learned, if anything is; waits for it if it is not ready."""
+        """Adopt the baseline that is due, if any; waits for it if it is not ready."""
         self._lane.adopt(now_s)
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 NEAR_LOAD_SHARE = 0.1
 """Beside a load above this share of the sensor's range, no reading counts as unloaded: the skirt of a contact is not
-noise. The same share as that of the largest offset (`tare.py`)."""
+noise."""
 _NEAR_LOAD_SIGMAS = 6.0
 """... unless that is within this many standard deviations of the usual scatter: in a sensor without any load."""
 

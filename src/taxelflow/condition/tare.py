@@ -15,10 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.condition.resting import far_from_loads, find_rest
+from taxelflow.condition.resting import NEAR_LOAD_SHARE, far_from_loads, find_rest
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.robust import MAD_TO_SIGMA
 
-MAX_OFFSET_SHARE = 0.1
+MAX_OFFSET_SHARE = NEAR_LOAD_SHARE
 """Largest offset as a share of the reference (full scale, or the largest reading): a larger one may be a load."""
 OUTLIER_SIGMAS = 6.0
 """A taxel farther from the pad's median than this many robust standard deviations (1.4826 MAD) is an outlier."""
@@ -32,8 +33,6 @@ FLAT_SIGMAS = 2.0
 """Offsets whose standard deviation over the pad is below this many of their own are equal: there is no structure."""
 MIN_NEIGHBOUR_PAIRS = 8
 """With fewer pairs of neighbours the Geary ratio is not significant."""
-_MAD_TO_SIGMA = 1.4826
-"""Standard deviation of normal numbers over their median absolute deviation."""
 MAX_CLIPPED_SHARE = 0.02
 """Where a larger share of a pad's readings is clipped, their mean is above the offset: a likelihood gives it."""
 MAX_CLIPPED_WINDOWS = 64
@@ -107,7 +106,7 @@ def is_unstructured(offset: Floats, masked: Bools, neighbours: NDArray[np.int64]
     """
     live = offset[~masked]
     deviation = np.abs(live - np.median(live))
-    spread = max(_MAD_TO_SIGMA * float(np.median(deviation)), offset_std)
+    spread = max(MAD_TO_SIGMA * float(np.median(deviation)), offset_std)
     if deviation.max() > OUTLIER_SIGMAS * spread:
         return False
     pairs = neighbours[~masked[neighbours].any(axis=1)]
@@ -174,7 +173,7 @@ def rest_offset(
     if not small or not is_unstructured(level, ~known, neighbours, float(np.median(std[known]))):
         return None
     middle = float(np.median(level[known]))
-    spread = max(_MAD_TO_SIGMA * float(np.median(np.abs(level[known] - middle))), float(np.median(std[known])))
+    spread = max(MAD_TO_SIGMA * float(np.median(np.abs(level[known] - middle))), float(np.median(std[known])))
     beside = find_rest(np.where(live & np.isfinite(readings), readings, np.nan), sigma, cut, reach)
     near_idle = ~known & live & (beside.unloaded.sum(axis=0) >= 1.0)
     near_idle &= np.abs(beside.level - middle) <= LIKELY_SPREADS * spread
@@ -190,7 +189,7 @@ def _never_loaded_left_out(level: Floats, std: Floats, known: Bools, near: NDArr
     """known (taxels,) without those whose level is a load, and their neighbours: the skirt of that load."""
     while known.any():
         middle = np.median(level[known])
-        spread = max(_MAD_TO_SIGMA * float(np.median(np.abs(level[known] - middle))), float(np.median(std[known])))
+        spread = max(MAD_TO_SIGMA * float(np.median(np.abs(level[known] - middle))), float(np.median(std[known])))
         loaded = known & (level > middle + LOADED_SIGMAS * spread)
         if not loaded.any():
             break

@@ -1,4 +1,4 @@
-"""What is likely wrong with a recording in which no contact is found, or whose readings fall under load."""
+"""Diagnosis of a recording in which no contact is found, or whose readings fall under load."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 _ACTIVE_SIGMAS = 20.0
 """Taxels whose readings span more than this many standard deviations of their noise were touched."""
 _QUIET_SHARE = 0.25
-"""Share of the taxels, by the span of their readings, that rest the most, and that move the most; ..."""
+"""Share of the taxels with the smallest, and with the largest, span of readings; ..."""
 _QUIETER = 4.0
-"""... the former span less than the latter by at least this factor, or nothing is reported."""
+"""... the latter must span at least this many times as much as the former, or nothing is reported."""
 _DOWNWARDS = 4.0
-"""Touched taxels read lower than resting ones by at least this many times what they read higher."""
+"""Factor by which touched taxels must fall more below the idle level than they rise above it."""
 _FEWEST = 4
-"""Taxels from which this is judged."""
+"""Taxels that this test needs."""
 _FEWEST_SCANS = 5
 """Scans from which the noise is known."""
 
@@ -57,7 +57,7 @@ def falls_under_load(windows: Floats, learned: Baseline, polarity: int) -> str:
     """A note if readings fall where the sensor is touched; empty otherwise. windows: as in `no_contact`. polarity: of
     the sensor.
 
-    The taxels that change least rest at their idle level. Those that change most go from there to one side.
+    The taxels that change least show the idle level. Those that change most deviate from it to one side.
     """
     live = ~learned.masked & np.isfinite(windows).any(axis=(0, 1))
     if live.sum() < _FEWEST:

@@ -1,4 +1,4 @@
-"""Segmentation of pads with one component each: what `segment` and `check_rigidity` do then, without their rest.
+"""Fast path of `segment` and `check_rigidity`, for pads with one component each.
 
 Most recordings never show a second component, and the kernels that track several take ten times as long to compile.
 """

@@ -1,9 +1,9 @@
-"""What a contact's pattern of pressure shows of the surface that moves under it.
+"""Texture of a contact's pattern, which decides what motion of the object's surface is observable.
 
-A smooth round object presses a pattern that shows where it touches, and not how its surface moves: when it spins, the
-pattern stays. What the laws of smooth contact (`smooth_laws`) leave of a pattern is texture, once the noise is taken
-off. A direction in which the pattern has no gradient beyond that of noise is not observable, as along a ridge that
-crosses the pad.
+The pattern of a smooth round object shows where it touches, but not how its surface moves: if it rolls or spins in
+place, the pattern stays. Texture is what the laws of smooth contact (`smooth_laws`) leave of a pattern, less the noise.
+A direction in which the pattern has no gradient beyond that of noise is not observable, as along a ridge that crosses
+the pad.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
-from taxelflow.contacts.smooth_laws import LOADED, TERMS, Scratch, fit_smooth, room_for
+from taxelflow.contacts.smooth_laws import TERMS, Scratch, fit_smooth, room_for
 from taxelflow.messages import Bools, Floats, Scans, Texture
+from taxelflow.numerics.centroid import LOADED_SIGMAS
 from taxelflow.numerics.records import Records, records
 from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.numerics.small_linalg import inverse2
@@ -29,11 +30,11 @@ if TYPE_CHECKING:
 EVERY = 8
 """Scans of a contact between two evaluations: texture changes slowly."""
 _MEMORY = 0.9
-"""What is left of the sums after an evaluation: they reach back over about 80 scans."""
+"""Factor on the sums per evaluation: they reach back over about 80 scans."""
 _TEXTURED = 0.05
-"""Share of the gradient's energy that texture has at least; the four laws leave less than 0.03 of each other's."""
+"""Least share of the gradient's energy that is texture; each of the four laws leaves less than 0.03 of the others."""
 _OBSERVABLE = 5.0
-"""Energy of the gradient over that of noise from which a direction is observable: a fifth of a pitch from one scan."""
+"""Energy of the gradient over that of noise above which a direction is observable: 0.2 pitches by one scan."""
 _NEAR = 1.5
 """Distance of neighbours, in pitches: the eight around a taxel of a grid, the six of a hexagon."""
 
@@ -51,10 +52,12 @@ class Gradients(NamedTuple):
 
 
 class Sums:
-    """Of a contact, over its last evaluations: energies of the gradient xx, xy, yy, that of noise in x and y, and of
-    texture alone; that of the gradient times the distance from the point about which a turn changes the pattern least,
-    whole and across this distance: of the turn. count: evaluations, which fade, too. age: scans since the contact
-    began. smooth, turns, unobservable: what they show, see `Texture`.
+    """Fading sums over the last evaluations of a contact.
+
+    xx, xy, yy: energy of the gradient. noise_x, noise_y: of the noise in it. texture: of the texture alone. arm:
+    energy of the gradient times the distance from the point about which a rotation changes the pattern least; turn:
+    the part of it that a rotation changes. count: evaluations. age: scans since the contact began. smooth, turns,
+    unobservable: results, see `Texture`.
     """
 
     age: int
@@ -73,7 +76,7 @@ class Sums:
 
 
 class TextureMeter:
-    """Evaluates contacts scan by scan; remembers sums of each."""
+    """Evaluates contacts scan by scan, with sums for each."""
 
     def __init__(self, layout: Layout) -> None:
         self._starts = layout.starts
@@ -181,7 +184,7 @@ def add_scan(
         return
     xx = xy_ = yy = noise_x = noise_y = rough = 0.0
     for k in range(begin, end):
-        if not pressure[k] > LOADED * noise[k]:
+        if not pressure[k] > LOADED_SIGMAS * noise[k]:
             continue
         gx, gy = gradient_at(k, pressure, noise, gradients, 0)
         rx, ry = gradient_at(k, scratch.rest, noise, gradients, begin)
@@ -190,7 +193,7 @@ def add_scan(
         rough += rx * rx + ry * ry
         noise_x += variance * gradients.own[k, 0]
         noise_y += variance * gradients.own[k, 1]
-    share = max(loaded - TERMS, 0) / loaded  # of the noise, what the fit leaves
+    share = max(loaded - TERMS, 0) / loaded  # of the noise that the fit leaves
     own.xx, own.xy, own.yy = _MEMORY * own.xx + xx, _MEMORY * own.xy + xy_, _MEMORY * own.yy + yy
     own.noise_x, own.noise_y = _MEMORY * own.noise_x + noise_x, _MEMORY * own.noise_y + noise_y
     own.texture = _MEMORY * own.texture + rough - share * (noise_x + noise_y)
@@ -216,7 +219,7 @@ def gradient_at(k: int, values: Floats, noise: Floats, gradients: Gradients, fir
 def turn_energy(
     pressure: Floats, noise: Floats, xy: Floats, own: tuple[int, int], gradients: Gradients, least: float
 ) -> tuple[float, float]:
-    """Energy of a turn about the point c where it is least, sum of ((r - c) x g)^2, and of |r - c|^2 |g|^2.
+    """Energy of a rotation about the point c where it is least, sum of ((r - c) x g)^2, and sum of |r - c|^2 |g|^2.
 
     About the centre of a round pattern the first is 0, even if the pad sees only a part of its rim. least: energy of
     the gradient from which it determines c in one direction.
@@ -224,7 +227,7 @@ def turn_energy(
     begin, end = own
     aa = ab = bb = pa = pb = pp = rr_g = rx_g = ry_g = 0.0
     for k in range(begin, end):
-        if pressure[k] > LOADED * noise[k]:
+        if pressure[k] > LOADED_SIGMAS * noise[k]:
             gx, gy = gradient_at(k, pressure, noise, gradients, 0)
             x, y = xy[0, k] - xy[0, begin], xy[1, k] - xy[1, begin]
             along, square = x * gy - y * gx, gx * gx + gy * gy
@@ -235,7 +238,7 @@ def turn_energy(
     if not whole > 0.0:
         return 0.0, 0.0
     xx, cross, yy = inverse2(aa + least, ab, bb + least)
-    mx, my = rx_g / whole, ry_g / whole  # where the gradient leaves c open it lies at the gradient's middle
+    mx, my = rx_g / whole, ry_g / whole  # along a direction without gradient c lies at the gradient's middle
     qa, qb = pa - aa * mx - ab * my, pb - ab * mx - bb * my
     cx, cy = mx + xx * qa + cross * qb, my + cross * qa + yy * qb
     turn = pp - 2.0 * (cx * pa + cy * pb) + cx * cx * aa + 2.0 * cx * cy * ab + cy * cy * bb
@@ -261,7 +264,9 @@ def _gradients(starts: tuple[int, ...], x_m: bytes, y_m: bytes, pitch_m: tuple[f
         for k, here in enumerate(place):
             beside = place - here
             who = np.flatnonzero((np.abs(beside).max(axis=1) <= near) & (np.arange(len(place)) != k))
-            plane = np.vstack([np.zeros(2), beside[who]])  # with its own height: else curvature at a border tilts it
+            plane = np.vstack(
+                [np.zeros(2), beside[who]]
+            )  # through its own height; otherwise curvature at a border would tilt it
             weight = np.linalg.pinv(plane - plane.mean(axis=0))
             others.append(who + start)
             weights.append(weight[:, 1:])

@@ -1,12 +1,12 @@
-"""Whether and how fast an object slips between pads: what all report, weighed by what each can know.
+"""Whether and how fast an object slips between pads: the velocities of all pads, combined by their covariances.
 
-Pads that grip one rigid object see the same velocity, each the part along itself. Where they differ, at least one is
-wrong by the difference, whether the object moves or not. So the difference measures the noise of the velocities, and a
-velocity counts as a slip when it is many standard deviations of that noise.
+Pads that grip one rigid object observe the same velocity, each its component in the plane of the pad. Their difference
+is noise, whether the object moves or not. So it measures the noise of the velocities, and a velocity is a slip if it is
+many standard deviations of that noise.
 
-Coarse taxels misread the velocity of a fine texture by as much as itself, and pads disagree because the object moves.
-So while the slip detector of a pad alarms, pads need not agree: velocities that an object at rest, with the noise
-learned before, has too seldom are a slip.
+On a fine texture, the velocity by coarse taxels has an error as large as itself, and pads disagree because the object
+moves. So while the slip detector of a pad alarms, agreement is not needed: velocities that are improbable for an object
+at rest, with the noise learned before, are a slip.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 _MOST = 25.0
-"""Largest chi-square by which one scan counts in the learned noise, and of a pad that is believed beside others."""
+"""Upper limit of a scan's chi-square in the learned noise, and of a pad that is used beside others."""
 
 
 @dataclass(frozen=True)
@@ -31,19 +31,19 @@ class Agreement:
     """When the velocity of the pads is a slip."""
 
     slip_m_s: float = 0.00235
-    """Least speed of a slip: apparent motion as the load changes stays below."""
+    """Least speed of a slip: apparent motion by changes of the load is slower."""
     sigmas: float = 4.0
     """Standard deviations of the velocity from rest that are a slip."""
     alerted_sigmas: float = 2.5
-    """The same while the slip detector of a pad alarms; velocities need not agree then."""
+    """The same while the slip detector of a pad alarms, where velocities need not agree."""
     acceleration_m_s2: float = 2.0
-    """Standard deviation of the object's acceleration: how far a velocity predicts the next."""
+    """Standard deviation of the object's acceleration, the process noise of its velocity."""
     noise_m_s: float = 0.001
     """Least standard deviation of a pad's velocity."""
     memory_s: float = 0.2
     """Time over which the noise is learned."""
     load_m: float = 1e-3
-    """Standard deviation of apparent motion per unit of log load, as in the slip stage: both pads make it alike."""
+    """Standard deviation of apparent motion per unit of log load, as in the slip stage: it is equal on both pads."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.load_m < float("inf"):
@@ -53,7 +53,7 @@ class Agreement:
                 raise ParameterInvalid(f"agreement.{name}", getattr(self, name), "be a finite number above 0")
 
     def start(self) -> AgreementSession:
-        """Begin at rest, with the noise that the pads report."""
+        """Begin at rest, with the covariances that the pads report."""
         return AgreementSession(self)
 
 
@@ -72,7 +72,7 @@ class Motion:
 
 
 class AgreementSession:
-    """A Kalman filter of the object's velocity, whose measurement noise is learned from the pads' difference."""
+    """A Kalman filter of the object's velocity; its measurement noise is learned from the differences of the pads."""
 
     def __init__(self, parameters: Agreement) -> None:
         self._p = parameters
@@ -92,7 +92,7 @@ class AgreementSession:
         noise_seen = noise_seen + self._least_variance(touch) * np.eye(seen.size).reshape(noise_seen.shape)
         alerted, at_rest = bool(touch.slipping.any()), self._excess
         believed = self._believed(known, seen, touch.axes, at_rest * noise_seen)
-        velocity, noise, axes = seen[believed], _of(believed, noise_seen), touch.axes[believed]
+        velocity, noise, axes = seen[believed], _of_pads(believed, noise_seen), touch.axes[believed]
         now = at_rest
         chi_square = _apart(velocity, axes, noise)
         if chi_square is not None:
@@ -111,7 +111,7 @@ class AgreementSession:
         slips = sigmas > needed and motion.speed_m_s > p.slip_m_s
         if alerted and known.any():
             fast = float(np.sqrt((seen[known] ** 2).sum(axis=1).mean())) > p.slip_m_s
-            slips = slips or (fast and _from_rest(seen[known], at_rest * _of(known, noise_seen)) > needed)
+            slips = slips or (fast and _from_rest(seen[known], at_rest * _of_pads(known, noise_seen)) > needed)
         return replace(motion, slipping=bool(slips))
 
     def _least_variance(self, touch: Touch) -> float:
@@ -123,9 +123,9 @@ class AgreementSession:
         return self._p.noise_m_s**2 + by_load**2
 
     def _believed(self, known: Bools, seen: Floats, axes: Floats, noise: Floats) -> Bools:
-        """(pads,): those known, without pads that in this scan jump from what is predicted while others do not.
+        """(pads,): those known, without outliers: pads far from the prediction in this scan only, while others are not.
 
-        Registration jumps for one scan; a pad that is as far off in the next one has seen the object start.
+        A failed registration lasts one scan; a pad that is far off in two scans shows that the object has started.
         """
         off = (seen[known] - axes[known] @ self._velocity)[:, :, np.newaxis]
         own = noise[known, :, known]
@@ -137,14 +137,14 @@ class AgreementSession:
         return known & ~doubted
 
 
-def _of(pads: Bools, covariance: Floats) -> Floats:
-    """(2 n, 2 n): what n of the pads have of a covariance (pads, 2, pads, 2)."""
+def _of_pads(pads: Bools, covariance: Floats) -> Floats:
+    """(2 n, 2 n): the blocks of n of the pads in a covariance (pads, 2, pads, 2)."""
     count = 2 * int(pads.sum())
     return covariance[pads][:, :, pads].reshape(count, count)
 
 
 def _from_rest(velocity: Floats, noise: Floats) -> float:
-    """Normal deviate that an object at rest exceeds as seldom as the chi-square of velocities (pads, 2), agreed or not.
+    """Normal deviate with the same probability as the chi-square of velocities (pads, 2) for an object at rest.
 
     By the cube root of Wilson & Hilferty (1931). noise: (2 pads, 2 pads), covariance.
     """
@@ -154,7 +154,7 @@ def _from_rest(velocity: Floats, noise: Floats) -> float:
 
 
 def _apart(velocity: Floats, axes: Floats, noise: Floats) -> float | None:
-    """Chi-square per degree of freedom of velocities (pads, 2) from one rigid motion; None where there is no freedom.
+    """Chi-square per degree of freedom of velocities (pads, 2) about one rigid motion; None without freedom.
 
     Of two facing pads that is their difference. axes: (pads, 2, n). noise: (2 pads, 2 pads), covariance.
     """

@@ -1,4 +1,4 @@
-"""What an object's own motion shows of the grip: a body that slips is a balance of its load and of friction.
+"""The least force that holds an object, from its acceleration while it slips: its load less the friction.
 
 While an object of mass m slips along the pads, m a = L - 2 mu F with its load L, a positive where it speeds up. The
 least force F* carries the load without acceleration, 2 mu F* = L. So with w = L / m, the acceleration of the object if
@@ -16,9 +16,9 @@ from collections import deque
 import numpy as np
 
 G_M_S2 = 9.81
-"""Load over mass of an object that hangs in the grip; one that is pulled or shaken has more, and is overestimated."""
+"""Load over mass of an object that hangs in the grip. If it is pulled or shaken, F* is overestimated."""
 _LARGEST_SHARE = 0.7
-"""Most of w that an acceleration counts: beyond it the grip is as good as open."""
+"""Upper limit of a / w: beyond it the grip is practically open."""
 _LOOK_BACK = 4
 """Scans over which the acceleration is measured."""
 

@@ -1,4 +1,4 @@
-"""Whether pads can feel a slip at all: a flat face that covers them, or a smooth can, looks alike wherever it is."""
+"""Whether pads can observe a slip: a flat face over the whole pad, or a smooth can, gives the same image anywhere."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Blindness:
-    """When pads are blind. What an image does as its load tilts or its noise changes looks like motion, but is none."""
+    """When pads are blind: their images then change by a tilt of the load, or by noise, as much as by motion."""
 
     detail_m: float = 0.025
-    """Pads are blind if an object has to move so far along its load to change their images by themselves. Measured at
-    rest, in mm: a plate 31 to 32, a can along its axis 46; a box whose edges lie on the pads 15 to 21, all else 1 to
-    5. This is the geometric mean of the two nearest."""
+    """Pads are blind if an object must move farther than this, along its load, to change their images by as much as the
+    images themselves. Measured at rest, in mm: a plate 31 to 32, a can along its axis 46; a box whose edges lie on the
+    pads 15 to 21, all else 1 to 5. This is the geometric mean of 21 and 31."""
     memory_s: float = 0.05
-    """Time over which that is learned: an edge that slides off its pad was all that the pad could feel."""
+    """Time constant of the mean: short, because an edge may slide off its pad."""
 
     def __post_init__(self) -> None:
         for name in ("detail_m", "memory_s"):
@@ -30,7 +30,7 @@ class Blindness:
                 raise ParameterInvalid(f"blindness.{name}", getattr(self, name), "be a finite number above 0")
 
     def start(self) -> BlindnessSession:
-        """Begin without knowledge: pads without an image are not blind."""
+        """Begin with pads that are not blind; they stay so while they have no image."""
         return BlindnessSession(self)
 
 

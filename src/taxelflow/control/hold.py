@@ -1,8 +1,7 @@
-"""Hold an object with the least force: let its own motion weigh it, stop it in a set time, then keep a margin.
+"""Hold an object with the least force: measure it from the acceleration of a slip, stop the slip, keep a margin.
 
-What a slip shows of the least force is in `balance`.
-
-Pads that a flat face covers cannot feel a slip. Then hold squeezes once, by the growth of the load that it has to bear.
+`balance` estimates the least force from a slip. Pads that a flat face covers cannot observe a slip (`blindness`). Then
+the force is raised once, by the factor that the load may grow by.
 """
 
 from __future__ import annotations
@@ -16,10 +15,10 @@ from taxelflow.control.agreement import Agreement
 from taxelflow.control.balance import G_M_S2, Balance, Shown
 from taxelflow.control.base import Touch
 from taxelflow.control.blindness import Blindness
-from taxelflow.control.relaxing import SlippedForce
+from taxelflow.control.slipped_force import SlippedForce
 
 _MIDDLE = np.zeros(2)
-"""Point of the object whose motion is judged, on facing pads: that between their middles, near its centre of mass."""
+"""Point of the object whose motion is evaluated, on facing pads: their middle, near the object's centre of mass."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class Hold:
 
 
 class HoldSession:
-    """The force, the slip that lasts, and what earlier slips have shown."""
+    """The force, the present slip, and the least force by earlier slips."""
 
     def __init__(self, parameters: Hold, force_n: float, most_n: float) -> None:
         self._p, self._force_n, self._most_n = parameters, force_n, most_n
@@ -65,7 +64,7 @@ class HoldSession:
         self._balance, self._shown, self._slips = Balance(), Shown(parameters.memory_s), False
         self._blindness = parameters.blindness.start()
         self._quiet_s = 0.0  # since the slip detector alarmed
-        self._taught: tuple[float, float] | None = None  # time and least force of the slip before
+        self._last_shown: tuple[float, float] | None = None  # time and least force of the last slip
         self._target_n, self._calm_s = force_n, 0.0
         self._slipped, self._before_n = SlippedForce(parameters.again_s), force_n
         self._blind_n = min(parameters.blind_times * force_n, most_n)
@@ -73,8 +72,8 @@ class HoldSession:
     def step(self, touch: Touch) -> float:
         """The force to command, N."""
         p, was, was_quiet_s = self._p, self._slips, self._quiet_s
-        sees = ~(touch.detail_m > p.blindness.detail_m)  # the slip detector of a pad without detail is not used
-        seen = replace(touch, slipping=touch.slipping & sees)
+        observes = ~(touch.detail_m > p.blindness.detail_m)  # the slip detector of a pad without detail is not used
+        seen = replace(touch, slipping=touch.slipping & observes)
         self._quiet_s = 0.0 if seen.slipping.any() else was_quiet_s + touch.dt_s
         motion = self._both.step(seen.of_point(_MIDDLE))
         if self._blindness.step(touch):
@@ -103,7 +102,7 @@ class HoldSession:
         return self._force_n
 
     def _relax(self, touch: Touch, *, begins: bool) -> None:
-        """Lower the force, but not to one that has slipped. begins: the slip detector alarms after a silence."""
+        """Lower the force, but not to one that has slipped. begins: the slip detector alarms after a time of calm."""
         p = self._p
         if begins and self._target_n < self._before_n:
             self._slipped.add(touch.t_s, touch.force_n)
@@ -120,9 +119,9 @@ class HoldSession:
     def _learn(self, t_s: float) -> None:
         """A slip has ended: hold its least force with a margin, and more while it grows from slip to slip."""
         growth_1_s, least_n = 0.0, self._shown.least_n()
-        if self._taught is not None and least_n > self._taught[1] > 0.0:
-            growth_1_s = log(least_n / self._taught[1]) / max(t_s - self._taught[0], 0.05)
-        self._taught = (t_s, least_n)
+        if self._last_shown is not None and least_n > self._last_shown[1] > 0.0:
+            growth_1_s = log(least_n / self._last_shown[1]) / max(t_s - self._last_shown[0], 0.05)
+        self._last_shown = (t_s, least_n)
         ahead = exp(min(growth_1_s * self._p.foresee_s, 0.5))
         self._target_n = min(self._p.margin * least_n * ahead, self._most_n)
         self._calm_s = 0.0

@@ -1,4 +1,4 @@
-"""From scans of a grip's pads to a controller's input: all stages of a stream, scan by scan.
+"""From the scans of a grip's pads to a controller's input, by all stages of a stream, scan by scan.
 
 `TouchStream` runs a pipeline of its own. A loop around `taxelflow.Live` gives each scan and its output to `Facing`.
 """
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _MIRRORED = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0]])
-"""Signs of x, y, theta: the pads face each other, so the second sees x and turns mirrored."""
+"""Signs of x, y, theta: the pads face each other, so x and rotation are mirrored on the second."""
 
 _MIDDLE = 0.5
-"""Where a pad's image is fitted without a turn, its velocity is that of the image's middle. Standard deviation of that
-place around the centroid of the load, in standard deviations of the load. Measured: 0.45 to 0.6."""
+"""Without rotation, the velocity of a pad is that of a point near the centroid of the load. Standard deviation of that
+point from the centroid, in standard deviations of the load. Measured: 0.45 to 0.6."""
 
 
 class Facing:
-    """What a stream's output contains for two pads. They face each other, with their y axes parallel."""
+    """Input of a controller from a stream's output for two pads that face each other, with parallel y axes."""
 
     def __init__(self, sensor: Sensor, down: Floats | None = None) -> None:
         """down: see `TouchStream`. Raises ParameterInvalid for a sensor that has not two pads alike."""
@@ -49,7 +49,7 @@ class Facing:
 
 
 class OnHand:
-    """What a stream's output contains for a hand's pads, which lie on links that its joints move."""
+    """Input of a controller from a stream's output for a hand's pads, on links that its joints move."""
 
     def __init__(self, sensor: Sensor, down: Floats | None = None) -> None:
         """down: see `TouchStream`. Raises HandModelInvalid, ExtraMissing."""
@@ -62,7 +62,7 @@ class OnHand:
 
 
 class _Felt:
-    """What both have in common: pads' velocities with signs (pads, 3) that bring them into the grip's frame."""
+    """The common part of both. signs: (pads, 3), of the pads' velocities in the grip's frame."""
 
     def __init__(self, sensor: Sensor, signs: Floats, down: Floats | None) -> None:
         self._signs, self._to_si, self._last_s, self._down = signs, sensor.to_si, np.nan, down
@@ -95,17 +95,17 @@ class _Felt:
 
 
 def _least(variance: Floats) -> Floats:
-    """(pads,), m^2: half of the variance of a displacement in the direction in which that is least.
+    """(pads,), m^2: half of the smallest eigenvalue of the variance of a displacement.
 
     variance: (pads, 3, 3), of a displacement between two scans.
     """
     xx, xy, yy = variance[:, 0, 0], variance[:, 0, 1], variance[:, 1, 1]
-    least: Floats = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)  # eigenvalue
+    least: Floats = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)
     return least.clip(0.0) / 2
 
 
 def _along(variance: Floats, direction: Floats) -> Floats:
-    """The same along a direction in space, of which the pads see the part (pads, 2) in their planes; infinite if 0."""
+    """The same along a direction in space, given by its components (pads, 2) in the pads' planes; infinite if 0."""
     along = np.einsum("pi,pij,pj->p", direction, variance[:, :2, :2], direction) / 2
     seen = (direction**2).sum(axis=1) ** 2
     return np.asarray(np.divide(along, seen, out=np.full(len(seen), np.inf), where=seen > 0.0))

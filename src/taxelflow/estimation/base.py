@@ -1,4 +1,4 @@
-"""What an estimator is: frozen parameters that start a session, which turns scans into estimates."""
+"""The protocol of an estimator: frozen parameters that start a session, which turns scans into estimates."""
 
 from __future__ import annotations
 

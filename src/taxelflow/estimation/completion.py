@@ -1,6 +1,6 @@
-"""Estimates become slips: what depends on scan and layout only is no duty of a method.
+"""Completes a method's estimates to slips, with all that depends on scan and layout only.
 
-That is contact, border, load, the quality of cut contacts, and the error that a sensor does not show.
+That is contact, border, load, the quality of cut contacts, and the error that noise does not show.
 """
 
 from __future__ import annotations

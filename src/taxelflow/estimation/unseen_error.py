@@ -1,8 +1,8 @@
-"""What a real skin does to a place without a trace in its noise: gains of taxels, the cells between them, tilt.
+"""Covariance of a position by errors of the skin that noise does not show: gains, cells between taxels, tilt.
 
-A method without a model of the skin states what noise does to its pose. On a sensor that declares an `unseen_error`
-the error is several times as large. Whatever the method, its place follows the load, so the covariance of the centre
-of pressure by these faults is added, see `numerics.centroid`.
+A method without a model of the skin reports the covariance by noise only. On a sensor with an `unseen_error` the error
+is several times as large. The position of every method follows the load. So the covariance of the centre of pressure by
+these errors is added, see `numerics.centroid`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class UnseenError:
-    """Of places on a layout's pads. It has no memory: each scan is judged by itself."""
+    """Unseen error of positions on a layout's pads, scan by scan, without memory."""
 
     def __init__(self, layout: Layout, gains: Floats | None = None) -> None:
         """gains: (pads, 2), factors on positions along x and y; 1 if left out."""
@@ -36,7 +36,7 @@ class UnseenError:
         self.of(no_scans(layout.entries, len(layout.pads)))  # compiles the kernel
 
     def of(self, scans: Scans) -> Floats:
-        """(scans, pads, 3, 3), covariance of the place, m^2; 0 without contact, and of the turn."""
+        """(scans, pads, 3, 3), covariance of the position, m^2; 0 without contact, and for the rotation."""
         found = np.zeros((*scans.contact.shape, 3, 3))
         arrays = scans.pressure, scans.noise, scans.ceiling, scans.contact
         find_unseen(arrays, self._starts, self._places, self._pitch_m, self._tilt, found)

@@ -1,4 +1,4 @@
-"""What a score is: a frozen dataclass of options that runs to a report; the report is shown, or written as JSON or CSV.
+"""A score: a frozen dataclass of options that runs to a report; the report is shown, or written as JSON or CSV.
 
 A score is a module of its own, named in the registry (stage `score`) or announced by another package as an entry point
 of the group `taxelflow.score`. The first line of its docstring is its line in `taxelflow score --help`.

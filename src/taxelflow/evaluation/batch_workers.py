@@ -32,7 +32,7 @@ from taxelflow.simulation.simulate import save
 if TYPE_CHECKING:
     from taxelflow.evaluation.base import Table, Watch
 
-_SCENE = "slide-and-turn-over-hand"
+_SCENARIO = SCENARIOS["slide-and-turn-over-hand"]
 
 
 class WorkersRow(msgspec.Struct, frozen=True):
@@ -77,7 +77,7 @@ class BatchWorkers:
         settings = Settings(self.method, Pipeline(api.estimator(self.method)), None, None, None, None, None)
         with TemporaryDirectory() as folder:
             recordings = [Path(folder) / f"{number}.npz" for number in range(self.recordings)]
-            save(replace(SCENARIOS[_SCENE], seed=1), recordings[0])
+            save(replace(_SCENARIO, seed=1), recordings[0])
             for copy in recordings[1:]:
                 shutil.copyfile(recordings[0], copy)
             rows: list[WorkersRow] = []

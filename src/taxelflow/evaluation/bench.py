@@ -49,8 +49,7 @@ if TYPE_CHECKING:
 
     Result = TypeVar("Result", bound=Sized)
 
-_ROUNDS = 300
-_LITERAL_BUDGET_S = 4.0
+_ROUNDS, _LITERAL_BUDGET_S = 300, 4.0  # timed calls of the literal form at most, and the time they may take together
 _STROKES = 140
 """Strokes of the paper that last as long as the longest real recording."""
 _NOISE = 0.1

@@ -18,7 +18,7 @@ import numpy as np
 
 from taxelflow.errors import ExtraMissing
 from taxelflow.estimation.template.online.session import StreamSession
-from taxelflow.evaluation.pairs import needed
+from taxelflow.evaluation.peer_methods import needed
 from taxelflow.messages import Scans, cut
 from taxelflow.pipeline import api
 from taxelflow.runtime import registry
@@ -40,7 +40,9 @@ _SENSOR = "barretthand-162"
 _RATE_HZ = 100.0
 _SPEED_M_S = 0.01
 _OFFSET_PA = 4e3
+"""Baseline of the rig's sensor, which is subtracted again."""
 _ROUNDS = 1000
+"""Timed rounds, one scan each."""
 _WARM = 100
 """Rounds before any is timed: a pattern is learned, caches are filled."""
 _INNER = 4

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
 
 _ROUNDS = 3
+"""Readings of each file, of which the fastest counts."""
 
 
 class ReadingRate(msgspec.Struct, frozen=True):

@@ -1,9 +1,9 @@
-"""The Cramér-Rao bound of a rig's scenario: how well any unbiased method can know the object's pose from each scan.
+"""The Cramér-Rao bound of a scenario: the least error of the object's pose in each scan, for any unbiased method.
 
 A reading is g_k q(R(theta_k)^T (r_i - x_k)) + b_k + n: pattern q, and of scan k pose x_k, theta_k, gain g_k and a
 baseline b_k common to the pad, both free in every scan; n has the variance of the noise and of the quantisation,
-noise_pa^2 + step^2 / 12. Dead and saturated taxels carry nothing. What else the rig can do to a sensor (gain spread,
-wobble, drift) is not in it. With J the readings' derivatives by the parameters, the information is J^T J / variance;
+noise_pa^2 + step^2 / 12. Dead and saturated taxels have no information. Other effects of the rig (gain spread, wobble,
+drift) are not included. With J the readings' derivatives by the parameters, the information is J^T J / variance;
 gain, baseline and pattern are eliminated by Schur complements.
 
 - Pattern known: each scan stands alone.
@@ -38,19 +38,20 @@ if TYPE_CHECKING:
     from taxelflow.simulation.scenario import Scenario
 
 _STEPS = (5e-3, 5e-3, 0.03)
-"""Steps of the derivatives to both sides, in pitches and rad: about the resolution of a scan, so that structure
-which is too fine to be seen (the cells of the elastic solver's fields) counts for little."""
+"""Steps of the central differences, in pitches and rad: about the resolution of a scan, so that structure that is too
+fine to be observed (the cells of the elastic solver's fields) has little effect."""
 _LOOSE = np.diag([1.0, 1.0, 1e-2])
-"""Information in every pose, of 1 m and 10 rad: keeps matrices of scans that know nothing invertible."""
+"""Information added to every pose, of 1 m and 10 rad: keeps the matrices of scans without information invertible."""
 _SPINS_RAD = 0.2
-"""With a median standard deviation above this the turn is not observable, and a round contact has none."""
+"""Median standard deviation above which the angle is not observable, as of a round contact."""
 _PRESSED = 0.01
 """Share of the largest pressure above which a taxel lies on the object."""
 _FREE = 10.0
-"""Standard deviation that the pattern's coefficients have before any scan, over the largest pressure: no knowledge."""
+"""Prior standard deviation of the pattern's coefficients, over the largest pressure: practically no prior."""
 _RIDGE = 1e-9
-"""Information in every pose, over that with the pattern known: a common motion of pattern and poses has hardly any."""
+"""Share of the information with the pattern known that is added to every pose: their common motion has hardly any."""
 _FEWEST = 3
+"""Scans of a contact below which it has no bound."""
 
 
 @dataclass(frozen=True, slots=True)

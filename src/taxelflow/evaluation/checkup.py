@@ -1,4 +1,4 @@
-"""What a recording holds, and whether its sensor is well: the numbers of `taxelflow info`, from one reading."""
+"""`taxelflow info`: content of a recording and faults of its sensor, from one pass over the file."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from taxelflow.control.touch import TouchStream
 from taxelflow.simulation.mujoco.events import END_S
 from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.skin import Skin
-from taxelflow.simulation.mujoco.trial import Moment, Rehearsal, Trial
+from taxelflow.simulation.mujoco.trial import DROPPED_M, Moment, Rehearsal, Trial
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -27,9 +27,10 @@ if TYPE_CHECKING:
     Watched = Callable[[list["Course"]], Iterable["Course"]]
     """Passes courses on, and may show progress."""
 
-DROPPED_M, RESTING_M, RESTING_S = 0.03, 0.001, 1.0
-"""An object is held if it slid less than 30 mm (a pad is 32 mm high), and less than 1 mm in the last second."""
+RESTING_M, RESTING_S = 0.001, 1.0
+"""An object is held if it slid less than `DROPPED_M`, and less than 1 mm in the last second."""
 WITHIN_MM = 5.0
+"""Slid distance below which an object is held well."""
 FORCE_COST = 0.25
 """Cost of a force of twice the least; an object that is lost, or slides 5 mm or more, costs 1."""
 MOTION_END_S, RESTED_S = 9.0, 0.5

@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from taxelflow.simulation.mujoco.trial import Trial
 
 NOT_GRASPED = 1
+"""Exit code if an object was not grasped in some trial."""
 _MOTIONS = ("slide", "pivot")
 _BY_MM, _BY_DEG = 5.0, 45.0
+"""Default slide and turn of the controllers that let an object move."""
 
 
 @dataclass(frozen=True, kw_only=True)

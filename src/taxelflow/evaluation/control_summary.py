@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 _RESAMPLES = 10_000
+"""Of the bootstrap."""
 _Z = 1.96
+"""Normal deviate of intervals of 95 %."""
 
 
 class SummaryRow(msgspec.Struct, frozen=True):

@@ -21,9 +21,11 @@ if TYPE_CHECKING:
     from taxelflow.simulation.mujoco.trial import Trial
 
 LATENCIES_MS, BANDWIDTHS_HZ = (0.0, 10.0, 20.0, 50.0), (5.0, 10.0, 30.0)
+"""Of the actuators in the sweep: delay of the command, and bandwidth of the first-order lag."""
 GENTLE = 1.3
 """Force of the gentle bound over the least that holds the doubled weight."""
 _STEP_S, _LONGEST_S = 1e-4, 2.0
+"""Time step, and longest time, in which the bound is integrated."""
 
 
 class SweepRow(msgspec.Struct, frozen=True):

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from taxelflow.simulation.mujoco.trial import Trial
 
 _UP, _RELAX = (1.02, 1.3), (0.005, 0.2)
+"""Ranges that the controllers with a fixed reaction share: factor of the force, and rate of its decrease."""
 SPACES: dict[str, dict[str, tuple[float, float]]] = {
     "hold": {
         "stop_s": (0.01, 0.1),

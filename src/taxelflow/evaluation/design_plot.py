@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 _QUANTITIES = (("translation", "mm", "bound_mm", "error_mm"), ("turn", "deg", "bound_deg", "error_deg"))
 _MARKS = (("square", BLUE, "s"), ("hexagonal", VERMILION, "h"), ("triangular", GREEN, "^"))
 _GUIDELINE = 10.0
+"""Object over taxel, of the paper."""
 _TICKS = 8
 """Ratios up to which each one has its tick."""
 _BESIDE = 0.015

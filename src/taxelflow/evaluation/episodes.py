@@ -1,4 +1,4 @@
-"""What becomes an episode of a LeRobot data set: a recording, with its results if they are asked for, or a trial."""
+"""Episodes of a LeRobot data set: a recording, with its results if they are asked for, or a trial."""
 
 from __future__ import annotations
 

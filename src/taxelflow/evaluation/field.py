@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 
 SCENES = ("turn-over-hand", "slide-and-turn-over-hand")
 _MOVES_M_S = 0.003
+"""Speed of the object, in truth, above which the direction is scored."""
 _TURNS_RAD_S = 0.05
+"""Rate of rotation, in truth, above which the centre of rotation is scored."""
 
 
 class FieldRow(msgspec.Struct, frozen=True):

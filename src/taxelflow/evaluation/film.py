@@ -8,7 +8,8 @@ import numpy as np
 
 from taxelflow.errors import ParameterInvalid, SourceMissing
 from taxelflow.evaluation.base import Watch, unwatched
-from taxelflow.evaluation.source import SAME_S, conditioned_blocks, source_of
+from taxelflow.evaluation.source import conditioned_blocks, source_of
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.publish.plots.film import Film, film_frames, on_one_plane
 from taxelflow.publish.plots.hand import at_contacts
 from taxelflow.publish.plots.style import look, styled

@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """Of the gains, and what it needs."""
+    """Limits of the fit of the gains."""
 
     fewest: int = 8
     starts: int = 4
     flat: float = 0.15
-    """A way whose width is less than this share of its length is a line: it shows one gain, not two."""
+    """A path whose width is below this share of its length is a line, which determines one gain, not two."""
     unsure: float = 0.1
     """A gain with a larger relative standard deviation is called not observed."""
     lags: int = 6
@@ -46,10 +46,10 @@ _SEARCH = _Search()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sightings:
-    """Where a method saw the object at gain 1, in the pad's frame.
+    """Positions of the object by a method at gain 1, in the pad's frame.
 
-    t_s: (scans,), when the position was true, sensor's clock. place_m: (scans, 2). noise_m, edge_m: (scans, 2),
-    standard deviations by the taxels' noise and by what the pad's edge may hide.
+    t_s: (scans,), times that the positions refer to, sensor's clock. place_m: (scans, 2). noise_m, edge_m: (scans, 2),
+    standard deviations by the taxels' noise and by the pad's edge.
     """
 
     t_s: Floats

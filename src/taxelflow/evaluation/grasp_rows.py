@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
@@ -23,11 +24,14 @@ CENTRE_M = np.array([0.0, 0.0, 0.14])
 """Middle of the grasp in the hand, at which velocities and poses are compared."""
 STUCK = "finger3_mid"
 """The pad that is made to stick to its first reading."""
-JOINT_ERROR_RAD = 0.0034906585039886592
+_JOINT_ERROR_DEG = 0.2
+JOINT_ERROR_RAD = math.radians(_JOINT_ERROR_DEG)
+"""Standard deviation of the joint angles in the last variant."""
 _BOUND_SCANS = 3
+"""Scans of a grasp in which the bound is computed."""
 _GRASP = Grasp()
 """Its object moves along z at the middle of the grasp."""
-VARIANTS = ("known joints", "one pad stuck", "joints off by 0.2 deg")
+VARIANTS = ("known joints", "one pad stuck", f"joints off by {_JOINT_ERROR_DEG:g} deg")
 
 
 class GraspRow(msgspec.Struct, frozen=True):

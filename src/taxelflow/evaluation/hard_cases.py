@@ -1,4 +1,4 @@
-"""What makes the strokes of the score hard harder than those of Table I: how a trial is changed, and how it is read."""
+"""Cases of the score hard: how a trial differs from those of Table I, and how it is evaluated."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from taxelflow.simulation.parameters import Sensing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,11 +21,12 @@ _STREAMED = 4
 _SMALL_M = 0.004
 """Radius: eight millimetres across, on taxels of ten."""
 _SATURATING_PA = 200e3
-"""The sensor's full scale is 140 kPa."""
+"""Largest pressure of a contact that saturates: above the full scale, `Sensing.full_scale_pa`."""
 INNER_TAXELS = (*range(144, 149), *range(151, 156))
 """Of the palm's two middle rows, between which the object slides, without those at the rows' ends."""
 _DEAD = 2
-_QUIET_PA, _STEP_PA = 250.0, 140e3 / 1023
+"""Dead taxels, and the stream of random numbers that chooses them."""
+_QUIET_PA, _STEP_PA = 250.0, Sensing.full_scale_pa / 1023
 """Noise of a sensor better than the paper's, and its quantisation step."""
 _UNRESTED_M = 0.05
 """Travel, m: at its ends the object covers other taxels of the palm, and never leaves it."""

@@ -1,4 +1,4 @@
-"""Score limits: estimators against the Cramér-Rao bound of a rig's scenario, and whether their covariances are honest.
+"""Score limits: estimators against the Cramér-Rao bound of a rig's scenario, and the consistency of their covariances.
 
 Errors are those of pose_errors. Scans whose bound with a known pattern is a quarter of a pitch or more are not scored.
 """
@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from taxelflow.evaluation.base import Cell, Watch
 
 _BINS_A_PITCH = 4
+"""Bins per pitch in which errors are shown over the place."""
 
 
 class Seconds(msgspec.Struct, frozen=True):

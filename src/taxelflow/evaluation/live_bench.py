@@ -21,8 +21,8 @@ from taxelflow.evaluation.base import Table, Watch, table_of, unwatched
 from taxelflow.evaluation.live_hand import loaded_hand
 from taxelflow.evaluation.live_late import LateRow, late_rows
 from taxelflow.messages import RawScans, cut
+from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.command import opened_sinks
-from taxelflow.pipeline.live.face import Live
 from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 _SETTLED = 50
 """Scans that are left out: noise is learned from the first ones."""
 _HANDS, _HANDS_HZ = 10, 100.0
+"""Hands that one process estimates, and the rate of each."""
 
 
 class StepRow(msgspec.Struct, frozen=True):

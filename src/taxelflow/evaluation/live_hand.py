@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _IDLE_S, _LIFT_S, _SPEED_M_S, _BASELINE_PA = 0.3, 0.5, 0.01, 4e3
+"""Time without contact at the start; duration of a lift; speed of the object; readings without load."""
 
 
 def loaded_hand(seconds: float, rate_hz: float, every_s: float = 5.0, seed: int = 0) -> tuple[Sensor, RawScans]:

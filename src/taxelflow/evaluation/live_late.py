@@ -1,4 +1,4 @@
-"""What it costs when a busy machine learns late: errors of the template by how late it uses what it has learned."""
+"""Error of the template against the delay with which it adopts its maps, as on a busy machine."""
 
 from __future__ import annotations
 

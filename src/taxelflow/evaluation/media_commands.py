@@ -17,7 +17,7 @@ from tyro.conf import Positional, UseAppendAction
 
 from taxelflow.errors import ParameterInvalid, RecordingMissing
 from taxelflow.runtime import registry
-from taxelflow.runtime.turns import quick_turns, uncollected
+from taxelflow.runtime.threads import quick_turns, uncollected
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

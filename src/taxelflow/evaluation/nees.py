@@ -1,8 +1,8 @@
 """Consistency of covariances: the normalised estimation error squared (NEES) of pose differences.
 
 For e = (pose[k+n] - pose[k]) - (truth[k+n] - truth[k]) and C = covariance[k] + covariance[k+n], as an estimator writes
-them, e^T C^-1 e over its degrees of freedom is 1 on average when C is what e really scatters by (Bar-Shalom, Li &
-Kirubarajan 2001, section 5.4). Axes without a number are left out.
+them, e^T C^-1 e over its degrees of freedom is 1 on average if C is the covariance of e (Bar-Shalom, Li & Kirubarajan
+2001, section 5.4). Axes without a number are left out.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 SPANS = (1, 20, 100)
 """Scans that the differences reach over."""
 _SURE = 0.95
+"""Probability of the interval in which a consistent NEES lies."""
 _MOST = 1e9
-"""Instead of an infinite NEES, where neighbours are compared."""
+"""Upper limit of a NEES in the autocorrelation, because it may be infinite."""
 
 
 class Consistency(msgspec.Struct, frozen=True):

@@ -18,7 +18,7 @@ from rich.console import Console
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import Table, at_least, table_of, unwatched
 from taxelflow.evaluation.cells import caption, decimals, short, solved_by
-from taxelflow.evaluation.pairs import peers
+from taxelflow.evaluation.peer_methods import peers
 from taxelflow.evaluation.strokes import (
     SETS,
     SPEEDS_MM_S,
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.base import Recording
     from taxelflow.evaluation.base import Cell, Watch
-    from taxelflow.evaluation.pairs import Pair
+    from taxelflow.evaluation.peer_methods import Pair
     from taxelflow.evaluation.strokes import Seen
     from taxelflow.messages import Floats, Scans
     from taxelflow.simulation.scenario import Scenario

@@ -11,7 +11,8 @@ import numpy as np
 
 from taxelflow.errors import ResultMissing
 from taxelflow.estimation.centroid.paper_reference import convolution_matrix
-from taxelflow.evaluation.source import SAME_S, images, pressure_at, source_of
+from taxelflow.evaluation.source import images, pressure_at, source_of
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.publish.figures import PadTracks, Pictures, ResultPictures, Views, draw_results
 from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.plots.hand import Moment, at_contacts

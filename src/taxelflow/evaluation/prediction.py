@@ -43,7 +43,7 @@ _PREDICTIONS = ("forecast", "no motion", "registered", "centroid")
 _FEWEST = 10
 """Scans of a contact below which its turn is not compared."""
 _LOADED = 0.25
-"""Share of the contact's largest load."""
+"""Share of the contact's largest load above which the turns are compared."""
 
 
 class PredictionRow(msgspec.Struct, frozen=True):

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 _MOST_BYTES = 3.4e6
 """Text of all trajectories together; the rest of the page takes some hundred kB."""
 _MOST_EVENTS = 500
+"""Events in the table; how many more there are is stated."""
 _HALF = 0.5
+"""Between no contact (0) and contact (1), interpolated at the truth's times."""
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc2fa0", "#8a6d00", "#56b4e9")
 """Okabe and Ito's, in the order of results; a method keeps the colour of its pictures if no other result has it."""
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from taxelflow.evaluation.checkup import check_up
-from taxelflow.evaluation.source import SAME_S, pressure_at
+from taxelflow.evaluation.source import pressure_at
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.publish.plots.film import box_mm
 from taxelflow.publish.plots.hand import at_contacts
 from taxelflow.publish.report.charts import shades
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 _MOST_SCANS = 12
+"""Key scans of a report at most."""
 _APART_S = 0.5
 """Key scans are at least this far apart."""
 _LONGEST = 0.18

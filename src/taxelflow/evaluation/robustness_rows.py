@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from taxelflow.simulation.relief.parameters import Pressing
 
 SIMPLE = ("lnorm", "convolution", "registration")
-"""Methods without a map, the best of which is what the others are compared with."""
+"""Methods without a map; the others are compared with the best of these."""
 _SETTLED_S = 1.0
 """Time after the first contact from which a stream is scored, s."""
 _FEWEST_SHARE = 0.5
-"""Share of the scans in contact with a pose below which a method has no error."""
+"""Least share of the scans in contact that must have a pose, or else a method has no error."""
 _SIGMAS, _WRONG_M = 3.0, 3e-4
 """An error above both is wrong, where the quality is ok."""
 _WORSE, _BETTER = 1.1, 1 / 3

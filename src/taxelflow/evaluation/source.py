@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import RecordingError
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.pipeline import api
 
 if TYPE_CHECKING:
@@ -14,9 +15,6 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
     from taxelflow.messages import Floats, Scans
     from taxelflow.publish.summary import Summary
-
-SAME_S = 1e-6
-"""Times closer than this are of one scan; results hold microseconds."""
 
 
 def source_of(summary: Summary) -> Recording | None:

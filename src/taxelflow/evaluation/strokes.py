@@ -38,6 +38,7 @@ OUR_METHODS = ("template",)
 """Scored beside the paper's where they are registered."""
 
 SPEEDS_MM_S = (25, 50)
+"""Of the paper's Table I."""
 SETS = ("all", "interior")
 _INTERIOR_M = 0.022
 """Further out, a contact of this size leaves the 70 mm of the palm."""

@@ -22,6 +22,7 @@ from taxelflow.evaluation.view import Filling
 from taxelflow.evaluation.view_tab import DEBUGGED, Tab
 from taxelflow.messages import cut
 from taxelflow.pipeline import api
+from taxelflow.pipeline.live.view import KEPT_S
 from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.view.browser import BrowserFailed, drawn_by, headless
 from taxelflow.publish.view.history import History, Results
@@ -35,11 +36,9 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _WIDTH, _HEIGHT = 1600, 900
+"""Pixels of the browser's window."""
 _SENSOR, _PAD = "inspire-rh56dftp@3.0mm", "palm"
 _SCENARIO = SCENARIOS["stroke"]
-_KEEP_S = 60.0
-_USER = 11
-"""Where the user's time is after the command's name in /proc/PID/stat, see proc(5)."""
 _SETTLE_S = 5.0
 """Left out at the start: the browser compiles shaders and code."""
 
@@ -161,14 +160,15 @@ def _cpu_s(process: int) -> float:
     statistics = Path(f"/proc/{process}/stat")
     if not statistics.exists():
         return float("nan")
-    user, system = statistics.read_text(encoding="utf-8").rpartition(")")[2].split()[_USER : _USER + 2]
+    after_name = statistics.read_text(encoding="utf-8").rpartition(")")[2].split()
+    *_, user, system = after_name[:13]  # `utime` and `stime` of proc(5)
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
 def _show(tab: Tab, seconds: float, rate_hz: float) -> ShowRow:
     """Show scans of the Inspire hand as they come, each with its result."""
     sensor, t_s, pressure, results = _prepared()
-    history = History(keep_s=_KEEP_S)
+    history = History(keep_s=KEPT_S)
     page = Page(sensor, (history,), "measured", PageServer(port=0))
     page.player.following = True
     stop = threading.Event()

@@ -24,10 +24,13 @@ if TYPE_CHECKING:
     from taxelflow.publish.view.page import Page
 
 WIDTH, HEIGHT = 1280, 720
+"""Pixels of a film."""
 _BORDER = 160
 """Of the window around the picture, pixels."""
 _MOST_FRAMES = 10_000
+"""Frames of a film at most: bounds its time and size."""
 _TIMEOUT_S = 120.0
+"""Time for a picture: the first one compiles shaders."""
 
 
 class Part(NamedTuple):

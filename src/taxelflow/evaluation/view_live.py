@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from taxelflow.pipeline.live.face import Live
+from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.view import LiveView
 from taxelflow.runtime import registry

@@ -17,6 +17,7 @@ DEBUGGED = "--remote-debugging-port=0"
 """Flag by which a browser lets itself be asked, on this computer only."""
 _PORT_FILE = "DevToolsActivePort"
 _PATIENCE_S = 60.0
+"""Time that a browser has for an answer on a busy machine."""
 _COUNT = "window.drawn = 0; (function next() { window.drawn++; requestAnimationFrame(next) })(); 0"
 _RENDERER = """(() => { const gl = document.createElement('canvas').getContext('webgl');
 const known = gl && gl.getExtension('WEBGL_debug_renderer_info');

@@ -22,7 +22,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number
-from taxelflow.evaluation.marked import marked_recordings, open_marked
+from taxelflow.evaluation.marker_recordings import marked_recordings, open_marked
 from taxelflow.messages import OK
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rich.table import Table as Shown
 
     from taxelflow.evaluation.base import Table, Watch
-    from taxelflow.evaluation.marked import Marked
+    from taxelflow.evaluation.marker_recordings import Marked
     from taxelflow.messages import Bools, Floats
     from taxelflow.pipeline.result import Result
 

@@ -1,4 +1,4 @@
-"""How far the object has moved and turned since first contact: a rigid fit of all contacts, scan by scan."""
+"""The object's pose since first contact in the plane: a rigid fit of all contacts, scan by scan."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.fusion.in_hand import Carried
+from taxelflow.fusion.hand_frame import Carried
+from taxelflow.fusion.misfit import LEAST_FREEDOM, MEMORY
 from taxelflow.fusion.twist import (
+    LEAST_VARIANCE_M2,
     Equations,
     Row,
     add_point,
@@ -26,26 +28,21 @@ from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import inlined, kernel, routine
 
 _ITERATIONS = 8
+"""Gauss-Newton steps at most."""
 _PLAIN = 3
-"""Steps without weights: until then a residual may be the motion since the last scan."""
+"""First steps without robust weights: there a residual may be the motion since the last scan."""
 _SMALLEST_STEP = 1e-12
-"""In m and rad: rounding."""
-_LEAST_VARIANCE_M2 = 1e-18
-"""Added to the variance of a place, which may be 0: a nanometre, squared."""
+"""In m and rad, at which the fit has converged: rounding."""
 _FAR = 11.34
-"""Chi-square of three components, 99 % point, beyond which a contact counts less (Huber's weights)."""
+"""Chi-square above which a contact weighs less (Huber): the 99 % point of three degrees of freedom."""
 _STUDENT = 4.0
-"""Degrees of freedom of the Student t distribution whose weights keep a contact that is wrong out of the misfit."""
-_MEMORY = 0.98
-"""What is left of misfit and freedom after a scan: they reach back over about 50 scans."""
-_LEAST_FREEDOM = 20.0
-"""Degrees of freedom from which the misfit is significant: its relative standard deviation is then below 0.32."""
+"""Degrees of freedom of the Student t weights, with which a wrong contact hardly affects the misfit."""
 _OWN_TURN_WEIGHT = 0.5
-"""Of a pad's own theta: the variance of the one at which it was anchored counts, too, and is about the same."""
+"""Weight of a pad's own theta: the variance of theta at its anchor, about equal, doubles that of the difference."""
 
 
 class Anchor:
-    """Where on the object a pad's contact lies; theta: the pad's own, less the object's, when it was anchored."""
+    """Place of a pad's contact on the object; theta: the pad's own, less the object's, when it was anchored."""
 
     anchored: bool
     x: float
@@ -81,7 +78,7 @@ def follow_pose(
     place_cov: (scans, pads, 2, 2). turns: whether places are known at all. anchors: (pads,) of `Anchor` and bodies:
     (1,) of `Body` are kept from scan to scan. scratch: (1,) of `Equations`.
     A contact is anchored on the object where it first lies there, and stays so while it is kept; it is anchored again
-    after a gap that its method does not measure across. While nothing touches everything is forgotten.
+    after a gap without a measured motion. While nothing touches, all anchors are cleared.
     Where the contacts contradict each other more than their covariances allow, the pose's covariance is multiplied by
     their reduced chi-square (Birge 1932).
     """
@@ -200,9 +197,9 @@ def residual_of(
     """
     cov = anchor.covariance
     xx, xy, yy = inverse2(
-        place_cov[0, 0] + cov[0, 0] + _LEAST_VARIANCE_M2,
+        place_cov[0, 0] + cov[0, 0] + LEAST_VARIANCE_M2,
         place_cov[0, 1] + cov[0, 1],
-        place_cov[1, 1] + cov[1, 1] + _LEAST_VARIANCE_M2,
+        place_cov[1, 1] + cov[1, 1] + LEAST_VARIANCE_M2,
     )
     x, y = rotate(np.cos(body.pose[2]), np.sin(body.pose[2]), anchor.x, anchor.y)
     dx, dy = place[0] - x - body.pose[0], place[1] - y - body.pose[1]
@@ -222,7 +219,7 @@ def weight_of(chi2: float, usual: float) -> float:
 @inlined
 def usual_misfit(body: Body) -> float:
     """Reduced chi-square of the last scans, at least 1."""
-    return max(1.0, body.misfit / body.freedom) if body.freedom > _LEAST_FREEDOM else 1.0
+    return max(1.0, body.misfit / body.freedom) if body.freedom > LEAST_FREEDOM else 1.0
 
 
 @routine
@@ -240,8 +237,8 @@ def judge_misfit(
             freedom += weight * measured
     freedom -= 3 if observable else 2
     if freedom > 0.0:
-        body.misfit = _MEMORY * body.misfit + misfit
-        body.freedom = _MEMORY * body.freedom + freedom
+        body.misfit = MEMORY * body.misfit + misfit
+        body.freedom = MEMORY * body.freedom + freedom
 
 
 @routine

@@ -1,4 +1,4 @@
-"""The point of the object that a pad's pose stands for."""
+"""The point of the object that a pad's pose refers to."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.fusion.observability import BLIND, BLIND_M, BLIND_M_S
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips, Texture
 
-
-UNOBSERVABLE_M, UNOBSERVABLE_M_S = 0.05, 0.2
-"""Standard deviations of place and velocity in a direction that a contact's pattern does not show, m and m/s: ten times
-those from which the motion in space calls a direction not observable."""
+UNOBSERVABLE_M, UNOBSERVABLE_M_S = BLIND * BLIND_M, BLIND * BLIND_M_S
+"""Standard deviations of position and velocity in a direction that a contact's pattern does not show, m and m/s: as
+large as those of a direction that is not observable in space."""
 
 
 class Reference:
@@ -27,8 +27,8 @@ class Reference:
     def step(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> Floats:
         """(scans, pads, 2) in the pads' frames, m; NaN where the pose is unknown. centroid: (scans, pads, 2).
 
-        With a known turn the pose is that of a point of the object. Without, or if the pattern does not show it, the
-        point is the contact's centroid in the first scan of the contact that has both, moved with the pose.
+        With a known rotation the pose is that of a fixed point of the object. Otherwise the point is the contact's
+        centroid in the first scan with a pose and a centroid, moved with the pose.
         """
         turns = slips.contact if texture is None else texture.turns
         point = np.empty(centroid.shape)

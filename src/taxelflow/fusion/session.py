@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.fusion.in_hand import Carrier, Home
+from taxelflow.fusion.hand_frame import Carrier, Home
 from taxelflow.fusion.pose import Anchor, Body, follow_pose
 from taxelflow.fusion.reference import Reference
 from taxelflow.fusion.twist import Equations, Row, fuse_twists

@@ -3,8 +3,8 @@
 Slip vectors S_i at places r_i on the flattened hand (the paper's section on rotation):
     twist         S_i = v + omega x r_i, weighted least squares; v is the velocity at the hand's origin
     (8) rotor     dS_y/dx - dS_x/dy of the affine field that fits the vectors best; 2 omega if rigid
-    (9) centre    c with v + omega x c = 0: for a rigid motion the rotor is the same everywhere, so that the place
-                  without motion stands for the place without rotation
+    (9) centre    c with v + omega x c = 0: for a rigid motion the rotor is the same everywhere, so the place without
+                  motion is used instead of the paper's place without rotation
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from typing import Annotated
 
 import numpy as np
 
-from taxelflow.fusion.in_hand import Carried
+from taxelflow.fusion.hand_frame import Carried
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.small_linalg import eigenvalues2, inverse2, inverse3
 from taxelflow.runtime.compiling import kernel, routine
 
 _LEAST_DISTANCE_M = 1e-3
-"""Places closer together than this contain no information on a turn."""
+"""Distance of places below which they have no information on a rotation."""
 _CENTRE_SIGMAS = 3.0
-"""A centre of rotation is given where the rate of turn exceeds this many of its standard deviations."""
-_LEAST_VARIANCE_M2 = 1e-18
-"""Added to the variance of a displacement, which may be 0: a nanometre, squared."""
+"""Rate of rotation, in standard deviations, above which a centre of rotation is reported."""
+LEAST_VARIANCE_M2 = 1e-18
+"""Added to the variance of a place or a displacement, which may be 0: a nanometre, squared."""
 
 
 class Row:
@@ -74,7 +74,7 @@ def fuse_twists(here: Carried, moved_cov: Floats, span_s: Floats, turns: bool, s
                 add_pad(equations, place[scan, pad], moved[scan, pad], moved_cov[scan, pad], span_s[scan, pad])
                 own_turns += add_turn(equations, turn[scan, pad], span_s[scan, pad])
         row.pads = count
-        enough = count > 1 or own_turns > 0  # rounding may pretend otherwise, where a covariance is singular
+        enough = count > 1 or own_turns > 0  # for a singular covariance, rounding may look like information
         if turns and enough and turn_is_observable(equations.normal):
             solve_twist(equations, row)
             if count > 2 and spans_a_plane(equations.affine):
@@ -96,7 +96,7 @@ def clear(equations: Equations) -> None:
 @routine
 def add_pad(equations: Equations, place: Floats, moved: Floats, moved_cov: Floats, span_s: float) -> None:
     """Add a displacement in the time span_s to all equations of a scan."""
-    least = _LEAST_VARIANCE_M2
+    least = LEAST_VARIANCE_M2
     xx, xy, yy = inverse2(moved_cov[0, 0] + least, moved_cov[0, 1], moved_cov[1, 1] + least)
     square = span_s * span_s
     xx, xy, yy = xx * square, xy * square, yy * square

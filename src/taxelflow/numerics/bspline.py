@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 STATE = 5
-"""Parts of a state."""
+"""Components of a state."""
 
 KNOTS = 16
 """Knots that a reading depends on: four along each axis."""
@@ -29,7 +29,7 @@ _1, _2, _3 = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
 class State(NamedTuple):
-    """The parts of one state."""
+    """The components of one state: x and y, pitches; theta, rad; the gain on the pattern's pressure; log size."""
 
     x: float
     y: float
@@ -39,7 +39,7 @@ class State(NamedTuple):
 
 
 class States(NamedTuple):
-    """The parts of many states, views (n,) each: what is written to them is written to the states."""
+    """The components of many states, each a view (n,): writing to it changes the states."""
 
     x: Floats
     y: Floats
@@ -50,7 +50,7 @@ class States(NamedTuple):
 
 @inlined
 def state_of(vector: Floats) -> State:
-    """The parts of a state (5,)."""
+    """The components of a state (5,)."""
     return State(vector[0], vector[1], vector[2], vector[3], vector[4])
 
 

@@ -1,4 +1,4 @@
-"""Centroid of a contact, by the readings that surely belong to it."""
+"""Centroid of a contact, by the readings that certainly belong to it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 CELL_ERROR = 0.2
 """Standard deviation of a reading as a share of it: that of a gain anywhere from two to four thirds."""
-_LOADED_VARIANCES = 16.0
-"""A reading belongs to the contact if its square exceeds this many times its variance: 4 standard deviations ..."""
+LOADED_SIGMAS = 4.0
+"""A taxel is loaded if its reading exceeds this many standard deviations of its noise. It belongs to a contact ..."""
 _LOADED_SHARE = 0.05
-"""... and if it exceeds this share of the largest."""
+"""... if it also exceeds this share of the largest."""
 
 _RIM = 1.1
 """Pitches around these readings within which others may belong to it, too: those next to them."""
@@ -28,7 +28,7 @@ _CELL = 1.0 / 12.0
 @inlined
 def _belongs(reading: float, variance: float, peak: float) -> bool:
     """Whether a reading surely belongs to the contact with this largest reading."""
-    return reading > _LOADED_SHARE * peak and reading * reading > _LOADED_VARIANCES * variance > 0.0
+    return reading > _LOADED_SHARE * peak and reading * reading > LOADED_SIGMAS**2 * variance > 0.0
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Times as files and messages have them: whole nanoseconds since 1970, in 64 bits."""
+"""Times as files and messages have them: whole nanoseconds since 1970, in 64 bits; and which ones are equal."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import Final
 
 FARTHEST_S: Final = 1.8e10
 """Times up to this, in the year 2540, are whole nanoseconds of 64 bits; a device that sends a later one has failed."""
+SAME_S: Final = 1e-6
+"""Times closer than this are of one scan: files of results hold whole microseconds."""
 
 
 def nanoseconds(t_s: float) -> int:

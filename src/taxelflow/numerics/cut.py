@@ -1,4 +1,4 @@
-"""What the border of a pad hides of an object's motion from its centre of pressure.
+"""Motion of an object that a pad's border hides from its centre of pressure.
 
 Pressure p leaves a pad through its border, or comes onto it, as the object moves by dx. By the transport theorem, the
 centre c of what is left moves by
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 HIDDEN = 0.5
-"""Share of a motion that a centre of pressure must follow to show it."""
+"""Least share of a motion that a centre of pressure must follow to be evidence of it."""
 _NEAR = 1.7
 """Pitches within which taxels are neighbours, on square and on triangular lattices."""
 _BESIDE = 0.3
-"""Of a pitch, along an axis, from which on a neighbour lies on that side."""
+"""Offset along an axis, in pitches, above which a neighbour lies on that side."""
 
 
 def open_sides(places: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Robust losses: how much a residual counts, and whether a scan fits its model."""
+"""Robust statistics: how much a residual counts, whether a scan fits its model, spread from a median."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 
 from taxelflow.runtime.compiling import inlined, kernel
 
+MAD_TO_SIGMA = 1.4826
+"""Standard deviation of normal numbers over their median absolute deviation."""
 OUTLIER = 25.0
 """The most that one reading adds to chi-square: 5 standard deviations, squared."""
 _GATE = 2.0

@@ -8,9 +8,11 @@ from taxelflow.messages import Bools, Floats
 from taxelflow.runtime.compiling import lean_kernel
 
 _SWEEPS = 30
+"""Sweeps of Jacobi's method at most; a few suffice."""
 _NEGLIGIBLE = 1e-30
 """Sum of squares off the diagonal, over the squared trace, at which a matrix is diagonal."""
 _SMALL_RAD2 = 1e-8
+"""Squared angle below which the first terms of the series are exact to rounding."""
 
 
 @lean_kernel

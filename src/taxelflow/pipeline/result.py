@@ -1,4 +1,4 @@
-"""What a run over a recording gave: arrays, events and summary in memory."""
+"""The result of a run over a recording: arrays, events and summary in memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each contact of each pad amounts to: duration, slips, path, speed."""
+"""Summary of each contact of each pad: duration, slips, path, speed."""
 
 from __future__ import annotations
 

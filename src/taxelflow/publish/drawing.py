@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _CELL = 5
+"""Characters of a number."""
 _WIDEST = 110
+"""Characters of a line at most."""
 _LINES_PER_CHARACTER = 0.5
 """A character is about twice as high as wide."""
 

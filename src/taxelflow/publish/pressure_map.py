@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 _RAMP = ("#30123b", "#4145ab", "#4675ed", "#39a2fc", "#1bcfd4", "#24eca6", "#61fc6c", "#a4fc3c", "#d1e834", "#f3c63a")
 """Ten steps of a colour map, dark to light."""
 _DARK = 4
+"""Steps of the scale of colours on which digits are white."""
 _WIDE = 40
+"""Columns up to which there is a space between two taxels."""
 MEANINGS = {".": "never loaded", "F": "full scale", "!": "faulty", "x": "masked"}
 
 

@@ -1,4 +1,4 @@
-"""The look of all tables in a terminal."""
+"""Tables in a terminal: one style for all, and no word or number cut."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
 
 _WIDEST = 1_000_000
-"""Characters of a line at most."""
+"""Characters of a line at most: more than any table has."""
 _WORD = 24
 """Characters of a word in a column of text that are kept together."""
 
@@ -21,7 +21,7 @@ _WORD = 24
 class _Whole(Table):
     """A table whose words and numbers are never cut: a terminal that is too narrow for them wraps its lines instead.
 
-    Rich shortens the widest columns, whatever stands in them.
+    Rich alone would shorten the widest columns, whatever their content.
     """
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
@@ -54,7 +54,7 @@ class _Whole(Table):
 
 
 def quiet_table(*headings: str, title: str | None = None, caption: str | None = None) -> Table:
-    """A quiet table; headings that end in a colon stand left, numbers right."""
+    """A table with few lines. A column is aligned left if its heading ends in a colon, else right, for numbers."""
     # Names come from files: in cells and titles they are Text, in which brackets are brackets.
     table = _Whole(
         box=SIMPLE_HEAD,

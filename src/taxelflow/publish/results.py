@@ -1,4 +1,4 @@
-"""What `taxelflow estimate --out` has written, read back."""
+"""Reads the results that `taxelflow estimate --out` has written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ran, on what, and what came of it: `summary.json`."""
+"""`summary.json`: input, parameters, counts and results of a run."""
 
 from __future__ import annotations
 

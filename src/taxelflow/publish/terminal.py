@@ -1,4 +1,4 @@
-"""What people see in a terminal: progress, tables, drawings of pads."""
+"""Terminal output: progress, tables, drawings of pads."""
 
 from __future__ import annotations
 

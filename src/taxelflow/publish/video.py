@@ -1,4 +1,4 @@
-"""Frames as a file that moves: GIF by Pillow, MP4 (H.264) by the ffmpeg that the extra `video` brings."""
+"""Frames as a film: GIF by Pillow, MP4 (H.264) by the ffmpeg that the extra `video` brings."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".gif", ".mp4")
 _COLOURS = 256
+"""Colours of a GIF, by its format."""
 _QUALITY = 7
 """Of H.264 from 0 to 10; below it thin lines blur."""
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
 MOST_PORT = 65535
+"""Largest port number of TCP and UDP."""
 
 
 @dataclass(frozen=True)

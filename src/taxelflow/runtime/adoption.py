@@ -1,8 +1,8 @@
-"""When what is learned beside a stream is put to use.
+"""Adoption: from which scan on a stream uses a result that another thread or process computes (a map, a tare).
 
-A stream that can be repeated uses it a fixed time after it was begun, by the scans' own clock, and waits for it. A live
-loop never waits: it uses it from the first scan on for which it is ready, and notes which one that was. By these notes
-the same scans give the same results once more, bit by bit, whatever the machine.
+A repeatable stream adopts a result at a fixed time after its computation began, by the scans' own clock, and waits for
+it. A live loop never waits: it adopts a result in the first scan for which it is ready, and records which scan that
+was. A replay with these records gives the same results, bit by bit, on any machine.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Any, NamedTuple, Protocol
 
 
 class Adoption(NamedTuple):
-    """What was put to use. what: a pad's name, or `tare`. number: which of all that was begun there. t_s: time of the
-    first scan that it was used for.
+    """One adoption. what: a pad's name, or `tare`. number: of the computation, counted for each `what`. t_s: time of
+    the first scan that used its result.
     """
 
     what: str
@@ -27,9 +27,9 @@ class Adoption(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
-    """Something that is being learned. begun_s: time of the scan that it was begun with. planned_s: when a stream that
-    can be repeated uses it. put: uses it. ready: set when there is a result: a live loop asks in each scan, and a
-    future would be locked for its answer.
+    """A computation in progress. begun_s: time of the scan that started it. planned_s: when a repeatable stream adopts
+    its result. put: called with the result. ready: set when there is a result; a live loop asks in each scan, and
+    asking the future would take a lock.
     """
 
     what: str
@@ -42,25 +42,25 @@ class Job:
 
 
 class Adopting(Protocol):
-    """waits: whether a stream waits for what it needs at once, and for what is not ready when a contact ends."""
+    """A rule of adoption. waits: whether a stream waits for a result that is due, or not ready when a contact ends."""
 
     waits: bool
 
     def due_s(self, job: Job) -> float:
-        """Time of the scan from which on to use it; infinite as long as that is unknown."""
+        """Time of the first scan that uses the result; infinite as long as it is unknown."""
         ...
 
     def note(self, adoption: Adoption) -> None:
-        """It has been put to use."""
+        """Called after an adoption."""
         ...
 
     def supersede(self, job: Job) -> None:
-        """More can be learned now."""
+        """Called when a newer computation of the same kind begins."""
         ...
 
 
 class AtFixedTimes:
-    """As planned, by the scans' clock."""
+    """At the planned times, by the scans' clock; a stream waits for results."""
 
     waits = True
 
@@ -69,14 +69,14 @@ class AtFixedTimes:
         return job.planned_s
 
     def note(self, adoption: Adoption) -> None:
-        """The times are known."""
+        """Nothing to record: the times are known."""
 
     def supersede(self, job: Job) -> None:
-        """A stream that waits is never behind."""
+        """Nothing to do: a stream that waits uses every result."""
 
 
 class WhenReady:
-    """Never waits. adopted: what has been put to use, in order, until `taken`."""
+    """As soon as a result is ready. adopted: adoptions in order, until `taken`."""
 
     waits = False
 
@@ -88,21 +88,21 @@ class WhenReady:
         return -inf if job.ready.is_set() else inf
 
     def note(self, adoption: Adoption) -> None:
-        """Keep it."""
+        """Record it."""
         self.adopted.append(adoption)
 
     def supersede(self, job: Job) -> None:
-        """What has not been begun is not worth it any more."""
+        """Cancel the older computation, unless it is running."""
         job.result.cancel()
 
     def taken(self) -> list[Adoption]:
-        """What has been adopted since the last call."""
+        """Adoptions since the last call."""
         adopted, self.adopted = self.adopted, []
         return adopted
 
 
 class AsRecorded:
-    """At the scans of a former run, whose results come out once more."""
+    """At the scans recorded in a former run, which gives the same results again."""
 
     waits = False
 
@@ -114,10 +114,10 @@ class AsRecorded:
         return self._times.get((job.what, job.number), inf)
 
     def note(self, adoption: Adoption) -> None:
-        """It is known."""
+        """Nothing to record: it is known."""
 
     def supersede(self, job: Job) -> None:
-        """It may have been used."""
+        """Nothing to do: the former run may have used it."""
 
     def taken(self) -> list[Adoption]:
         """None."""
@@ -125,7 +125,7 @@ class AsRecorded:
 
 
 class Late:
-    """So many s after it was begun, but for what is planned at once; to study what a slow machine costs."""
+    """A fixed delay after the computation began, except where adoption at once is planned: simulates a slow machine."""
 
     waits = False
 
@@ -137,14 +137,14 @@ class Late:
         return job.begun_s + (self._delay_s if job.planned_s > job.begun_s else 0.0)
 
     def note(self, adoption: Adoption) -> None:
-        """Nobody asks."""
+        """Nothing to record."""
 
     def supersede(self, job: Job) -> None:
-        """Each comes in its time."""
+        """Nothing to do: each result is used after its delay."""
 
 
 class Lane:
-    """What is being learned: one thing, or requests of the same, each with more to learn from. what: see `Adoption`."""
+    """Computations of one kind, of which newer ones have more scans to learn from. what: see `Adoption`."""
 
     def __init__(self, what: str, adopting: Adopting) -> None:
         self.what, self.adopting = what, adopting
@@ -153,26 +153,26 @@ class Lane:
 
     @property
     def busy(self) -> bool:
-        """Whether something is being learned, or waits to be used."""
+        """Whether a computation is running, or its result waits for adoption."""
         return bool(self._jobs)
 
     @property
     def due_s(self) -> float:
-        """Time of the scan from which on to use it; infinite if there is nothing."""
+        """Time of the first scan that uses the next result; infinite if there is none."""
         return min(map(self.adopting.due_s, self._jobs)) if self._jobs else inf
 
     @property
     def planned_s(self) -> float:
-        """When a stream that can be repeated uses the newest request; infinite if there is none."""
+        """When a repeatable stream adopts the newest result; infinite if there is none."""
         return self._jobs[-1].planned_s if self._jobs else inf
 
     def begin(self, result: Future[Any], begun_s: float, planned_s: float, put: Callable[[Any], None]) -> None:
-        """Something is being learned, instead of what was before."""
+        """Add a computation, and drop all before it."""
         self.drop()
         self.renew(result, begun_s, planned_s, put)
 
     def renew(self, result: Future[Any], begun_s: float, planned_s: float, put: Callable[[Any], None]) -> None:
-        """The same is asked for with more to learn from; earlier requests are used if they are ready first."""
+        """Add a computation with more scans; the earlier ones are used if they are ready first."""
         for job in self._jobs:
             self.adopting.supersede(job)
         ready = Event()
@@ -182,13 +182,13 @@ class Lane:
         self._begun += 1
 
     def adopt(self, now_s: float) -> None:
-        """Put to use what is being learned, if anything is; waits for it if it is not ready."""
+        """Adopt the result that is due, if there is any; waits for it if it is not ready."""
         job = self.taken(now_s)
         if job is not None:
             job.put(job.result.result())
 
     def taken(self, now_s: float) -> Job | None:
-        """The newest request that is due, else the newest of all, to be put to use by the caller; drops older ones."""
+        """The newest computation that is due, else the newest of all, for the caller to adopt; drops older ones."""
         if not self._jobs:
             return None
         due = [place for place, job in enumerate(self._jobs) if self.adopting.due_s(job) <= now_s]
@@ -200,7 +200,7 @@ class Lane:
         return job
 
     def drop(self) -> None:
-        """It is not wanted any more."""
+        """Cancel all."""
         for job in self._jobs:
             job.result.cancel()
         self._jobs = []

@@ -1,8 +1,7 @@
-"""Which of two equal forms works on scans: kernels, scan by scan, or NumPy, on a block of them.
+"""Choice between two equal forms of a computation: a kernel, scan by scan, or NumPy, on a block of scans.
 
-A stream steps scan by scan, or by a few of them when they have waited, where calling NumPy would take longer than the
-work. A recording comes in blocks, which NumPy works on as fast as a kernel, and without a compile in a first run. Both
-forms round alike.
+A stream has blocks of one or a few scans, for which the calls of NumPy would take longer than the work. A recording has
+large blocks, for which NumPy is as fast as a kernel, without compilation in a first run. Both forms round alike.
 """
 
 from __future__ import annotations
@@ -13,13 +12,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _FEW = 64
-"""Up to here a kernel is quicker; a stream's scans that have waited are fewer."""
+"""Scans up to which a kernel is faster; blocks of a stream are smaller."""
 
 
 def is_block(scans: int, kernel: Callable[..., Any]) -> bool:
-    """Whether NumPy works on them: on a few scans only if the kernel is not compiled, as it is where a stream runs.
+    """Whether NumPy is used. For a few scans it is used only if the kernel is not compiled; a stream compiles it.
 
-    Sessions start with no scan: a recording then compiles no kernel of streams.
+    A session starts with a block of no scans, for which NumPy is used, so that a recording compiles no kernel.
     """
     if scans == 1:
         return False

@@ -1,7 +1,7 @@
-"""Calls of a kernel whose arguments have the same types each time.
+"""Calls of a kernel without type inference, for arguments that have the same types in each call.
 
-numba finds out the types of all arguments in each call. A named tuple of five arrays takes it 4 us, as long as many a
-kernel runs; in a live step of 150 us that was a fifth. Here the types are those of the first call.
+numba infers the types of all arguments in each call. For a named tuple of five arrays that takes 4 us, as long as many
+kernels run: a fifth of a live step of 150 us. Here the types of the first call are used for all.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from taxelflow.runtime.compiling import ROUTINES
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 _known: dict[Any, tuple[tuple[Any, ...], Callable[..., Any]]] = {}
-"""Types and code by kernel and kinds of its arguments: numba takes a millisecond to find the types of records."""
+"""Types and compiled code by kernel and kinds of its arguments: numba needs 1 ms to infer the types of records."""
 
 
 class Settled(Generic[Arguments, Result]):
-    """A kernel for the types of its first arguments: one is made per session, whose arrays are alike in all calls.
+    """A kernel bound to the types of its first call. Each session makes its own, with the same types in all calls.
 
-    Other types later would be read as if they were the first ones. So tests set `checked`, and each call is.
+    Arguments of other types would be misread in memory. So tests set `checked`, which verifies the types of each call.
     """
 
     __slots__ = ("_kernel", "_kinds", "_run", "_types")
@@ -62,7 +62,7 @@ class Settled(Generic[Arguments, Result]):
         self._run = cast("Callable[Arguments, Result]", run)
 
     def _check(self, arguments: tuple[object, ...]) -> None:
-        """Compare what numba's types follow from: to find the types themselves takes 0.5 ms for an array of records."""
+        """Compare what determines numba's types: inferring them takes 0.5 ms for an array of records."""
         if self._types and _kinds_of(arguments) != self._kinds and _types_of(arguments) != self._types:
             raise TypeError(f"{self._kernel} was called with {_types_of(arguments)}, first with {self._types}")
 
@@ -73,7 +73,7 @@ def _types_of(arguments: tuple[object, ...]) -> tuple[Any, ...]:
 
 
 def _kinds_of(arguments: tuple[object, ...]) -> tuple[object, ...]:
-    """What numba's types of arguments follow from. An array of one row has two layouts; its type has the first."""
+    """What determines numba's types of arguments. An array of one row has two layouts; its type has the first."""
     return tuple(_kind_of(argument) for argument in arguments)
 
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 _NICE = 5
 """The scans come first."""
 _END_S = 5.0
+"""Time for a worker process to end by itself."""
 _log = logging.getLogger("taxelflow")
 
 

@@ -1,4 +1,4 @@
-"""Where a contact reaches a border of its pad, and how much a pad carries: both depend on scan and layout only."""
+"""Border contact and load of each pad, which depend on scan and layout only."""
 
 from __future__ import annotations
 

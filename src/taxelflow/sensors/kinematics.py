@@ -1,4 +1,4 @@
-"""Where the pads are in space: forward kinematics of a hand from its URDF or MJCF, by MuJoCo (extra `sim`).
+"""Poses of the pads in space: forward kinematics of a hand from its URDF or MJCF, by MuJoCo (extra `sim`).
 
 Only links and joints are used: meshes, geometries, actuators and sensors are taken out of the model before it is
 compiled. Coupled joints (URDF `mimic`, MJCF joint equalities) follow the joints that drive them.

@@ -3,7 +3,7 @@
 The skin of a grasping hand lies roughly on a sphere around the object. Its centre is the point that is closest to the
 normals of all taxels; the pole is the direction to the pad with the lowest place along the hand's z axis, the palm of
 a BarrettHand. A place is drawn at its azimuth around the pole, at a distance of its angle from the pole times the mean
-radius. Distances from the pole are true on a sphere; around the pole they are stretched by angle / sin(angle).
+radius. On a sphere, distances from the pole are exact; those around the pole are stretched by angle / sin(angle).
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 _PARALLEL = 1e-3
-"""Least curvature, over that of a sphere, below which the normals have no common point and the map is a plane view."""
+"""Curvature, over that of a sphere, below which the normals have no common point; the map is then a plane view."""
 _STEP_M = 1e-5
+"""Step of the numerical derivative of the map."""
 
 
 class SphereMap:
@@ -29,7 +30,7 @@ class SphereMap:
         whole = across.mean(axis=0)
         least = float(np.linalg.eigvalsh(whole)[0])
         middle = places.mean(axis=0)
-        if least < _PARALLEL:  # a flat hand: seen from far above
+        if least < _PARALLEL:  # a flat hand: the centre is far away
             self.centre_m = middle + 1e3 * normals.mean(axis=0)
         else:
             self.centre_m = np.linalg.solve(whole, np.einsum("nij,nj->i", across, places) / len(places))
@@ -43,7 +44,7 @@ class SphereMap:
         self._axes = np.stack([x, np.cross(-pole, x), pole])
 
     def project(self, points: Floats) -> Floats:
-        """Points (..., 3) in the hand on the map (..., 2), m, seen from the object, pole at 0."""
+        """Map points (..., 3) in the hand to (..., 2), m, as seen from the object, with the pole at 0."""
         seen = (points - self.centre_m) @ self._axes.T
         across = np.linalg.norm(seen[..., :2], axis=-1)
         angle = np.arctan2(across, seen[..., 2])
@@ -52,7 +53,7 @@ class SphereMap:
         return found
 
     def carry(self, points: Floats, vectors: Floats) -> Floats:
-        """Vectors (..., 3) at points (..., 3) on the map (..., 2), with their true length: directions are carried."""
+        """Map vectors (..., 3) at points (..., 3) to (..., 2): their directions are mapped, their lengths are kept."""
         length = np.linalg.norm(vectors, axis=-1, keepdims=True)
         step = _STEP_M * vectors / np.where(length > 0, length, 1.0)
         on_map = self.project(points + step) - self.project(points - step)
@@ -63,7 +64,7 @@ class SphereMap:
     def distortion(self, places: Floats, pairs: list[tuple[int, int]]) -> tuple[float, float]:
         """Smallest and largest distance on the map over that in space, of pairs of neighbouring taxels.
 
-        Where no taxel has a neighbour, those nearest to each other count; a single taxel is not distorted.
+        Without neighbours, nearest taxels are used; a single taxel has no distortion.
         """
         first, second = np.array(pairs or _nearest(places), dtype=np.int64).reshape(-1, 2).T
         apart = np.linalg.norm(places[first] - places[second], axis=1)

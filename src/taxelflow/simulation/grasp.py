@@ -17,12 +17,12 @@ import msgspec
 import numpy as np
 
 from taxelflow.acquire.base import Recording
-from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Joints, RawScans
 from taxelflow.numerics.geometry import se3_exp, se3_inverse
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import joint_angles
 from taxelflow.sensors.kinematics import PadKinematics, angles_of
+from taxelflow.simulation.checks import positive
 from taxelflow.simulation.relief.course import Followed
 from taxelflow.simulation.relief.parameters import Object, Pressing, Skin
 from taxelflow.simulation.relief.simulate import pressed_along
@@ -36,6 +36,7 @@ FINGERS = tuple(f"finger{number}_{part}" for number in (1, 2, 3) for part in ("t
 _STEPS = (2e-4, 2e-4, 0.01)
 """Steps of the derivatives for the bound, to both sides: m, m, rad."""
 _FINGERS_HZ = 1.3
+"""Frequency at which the fingers sway."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +72,7 @@ class Grasp:
 
     def __post_init__(self) -> None:
         for name in ("rate_hz", "stroke_s", "rest_s", "peak_pa"):
-            if not 0 < getattr(self, name) < float("inf"):
-                raise ParameterInvalid(name, getattr(self, name), "be a finite number above 0")
+            positive(name, getattr(self, name))
 
 
 class Grasped(NamedTuple):

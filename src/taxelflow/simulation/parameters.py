@@ -7,6 +7,7 @@ from math import hypot
 from typing import Literal, get_args
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.simulation.checks import not_negative, positive, within
 
 Shape = Literal["airbag", "hertz", "elongated", "feet", "textured", "bulb"]
 LONG = ("elongated", "bulb")
@@ -52,14 +53,14 @@ class Contact:
     def __post_init__(self) -> None:
         if self.shape not in get_args(Shape):
             raise ParameterInvalid("contact.shape", self.shape, f"be one of {', '.join(get_args(Shape))}")
-        _positive("contact.radius_m", self.radius_m)
-        _positive("contact.aspect", self.aspect)
-        _positive("contact.peak_pa", self.peak_pa)
-        _positive("contact.wavelength_m", self.wavelength_m)
-        _within("contact.feet", self.feet, 1, _MOST_COUNT)
-        _within("contact.texture", self.texture, 0.0, 1.0)
-        _not_negative("contact.ring_m", self.ring_m)
-        _not_negative("contact.deform_1_m", self.deform_1_m)
+        positive("contact.radius_m", self.radius_m)
+        positive("contact.aspect", self.aspect)
+        positive("contact.peak_pa", self.peak_pa)
+        positive("contact.wavelength_m", self.wavelength_m)
+        within("contact.feet", self.feet, 1, _MOST_COUNT)
+        within("contact.texture", self.texture, 0.0, 1.0)
+        not_negative("contact.ring_m", self.ring_m)
+        not_negative("contact.deform_1_m", self.deform_1_m)
 
     @property
     def length_m(self) -> float:
@@ -115,11 +116,11 @@ class Motion:
 
     def __post_init__(self) -> None:
         for name in ("speed_m_s", "turn_s", "strokes", "stick_slip_s"):
-            _positive(f"motion.{name}", getattr(self, name))
+            positive(f"motion.{name}", getattr(self, name))
         for name in ("rest_s", "travel_m"):
-            _not_negative(f"motion.{name}", getattr(self, name))
+            not_negative(f"motion.{name}", getattr(self, name))
         for number in (self.direction_rad, self.turn_rad_s, self.angle_rad, *self.middle_m):
-            _within("each of motion.direction_rad, turn_rad_s, angle_rad and middle_m", number, -_MOST, _MOST)
+            within("each of motion.direction_rad, turn_rad_s, angle_rad and middle_m", number, -_MOST, _MOST)
         _ordered("motion.interval_s", self.interval_s)
         _ordered("motion.slip_m_s", self.slip_m_s)
         if self.kind == "stick-slip" and self.travel_m < 2 * self.interval_s[1] * self.slip_m_s[1]:
@@ -169,12 +170,12 @@ class Load:
 
     def __post_init__(self) -> None:
         for multiple in self.multiples:
-            _positive("load.multiples", multiple)
-        _within("load.cycles", self.cycles, 1, _MOST_COUNT)
-        _within("load.growth", self.growth, 0.0, 0.5)
-        _within("load.tilt", self.tilt, -1.0, 1.0)
-        _not_negative("load.lift_s", self.lift_s)
-        _within("load.steps", self.steps, 0, _MOST_COUNT)
+            positive("load.multiples", multiple)
+        within("load.cycles", self.cycles, 1, _MOST_COUNT)
+        within("load.growth", self.growth, 0.0, 0.5)
+        within("load.tilt", self.tilt, -1.0, 1.0)
+        not_negative("load.lift_s", self.lift_s)
+        within("load.steps", self.steps, 0, _MOST_COUNT)
 
     @property
     def extremes(self) -> tuple[float, float]:
@@ -224,32 +225,17 @@ class Sensing:
     """Numbers of dead taxels in the scan, which read offset and noise only."""
 
     def __post_init__(self) -> None:
-        _positive("sensing.rate_hz", self.rate_hz)
-        _positive("sensing.full_scale_pa", self.full_scale_pa)
+        positive("sensing.rate_hz", self.rate_hz)
+        positive("sensing.full_scale_pa", self.full_scale_pa)
         for name in ("noise_pa", "gain_spread", "gain_wobble", "jitter_s"):
-            _not_negative(f"sensing.{name}", getattr(self, name))
+            not_negative(f"sensing.{name}", getattr(self, name))
         low, high = self.baseline_pa
         if not float("-inf") < low <= high < float("inf"):
             raise ParameterInvalid("sensing.baseline_pa", self.baseline_pa, "be two numbers in Pa, smaller first")
-        _within("sensing.scan_share", self.scan_share, 0.0, 1.0)
-        _within("sensing.bits", self.bits, 1, 32)
+        within("sensing.scan_share", self.scan_share, 0.0, 1.0)
+        within("sensing.bits", self.bits, 1, 32)
         if not 0 < self.active_share <= 1:
             raise ParameterInvalid("sensing.active_share", self.active_share, "be above 0 and at most 1")
-
-
-def _positive(name: str, value: float) -> None:
-    if not 0 < value < float("inf"):
-        raise ParameterInvalid(name, value, "be a finite number above 0")
-
-
-def _not_negative(name: str, value: float) -> None:
-    if not 0 <= value < float("inf"):
-        raise ParameterInvalid(name, value, "be 0 or more")
-
-
-def _within(name: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:
-        raise ParameterInvalid(name, value, f"be between {low:g} and {high:g}")
 
 
 def _ordered(name: str, span: tuple[float, float]) -> None:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _SIDE, _PITCH_M = 8, 0.004
+"""Taxels along each side of a pad, and their pitch."""
 _RATE_HZ = 50.0
 _ALONE = np.arange(45, 112)
 """Scans that come alone."""

@@ -21,8 +21,8 @@ from taxelflow.estimation.template.online import session
 from taxelflow.messages import cut, joined
 from taxelflow.pipeline.live import intake
 from taxelflow.pipeline.live.adoptions import asked_adoptions, asked_missed
+from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.command import opened_sinks
-from taxelflow.pipeline.live.face import Live
 from taxelflow.pipeline.live.loop import Limits, run_live, update_of
 from taxelflow.pipeline.live.replay import Replay
 from taxelflow.pipeline.stages import Output

@@ -22,8 +22,8 @@ from synthetic import grid_sensor
 from taxelflow.errors import RecordingCorrupt, RunEnded, SourceUnreachable, TaxelCountWrong, TaxelflowError
 from taxelflow.messages import RawScans, joined
 from taxelflow.pipeline.live.adoptions import asked_adoptions
+from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.command import opened_sinks
-from taxelflow.pipeline.live.face import Live
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay
 from taxelflow.pipeline.live.status import clock_words, drawn, totals
@@ -385,7 +385,7 @@ def test_no_motion_is_followed_across_a_clock_that_is_set_back(
     passed_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scans, now_s = slid(), [1000.0]
-    monkeypatch.setattr("taxelflow.pipeline.live.face.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("taxelflow.pipeline.live.api.time.monotonic", lambda: now_s[0])
     live, steps = Live(PALM, adoptions=[]), []
     for number, (t_s, values) in enumerate(zip(scans.t_s.tolist(), scans.values, strict=True)):
         now_s[0] += passed_s if number == 50 else 0.0  # else as in one piece of bytes

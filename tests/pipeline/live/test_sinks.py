@@ -21,7 +21,7 @@ from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.workers import Raw, SinkWorker
 from taxelflow.publish.sinks.base import Ending, Head, ResultSink
-from taxelflow.publish.sinks.drawn import Drawing
+from taxelflow.publish.sinks.foxglove_messages import Drawing
 from taxelflow.publish.sinks.patient import PatientFile
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address

@@ -17,7 +17,7 @@ from taxelflow.acquire.base import Recording
 from taxelflow.errors import ExtraMissing
 from taxelflow.evaluation.view import Filling, Playing
 from taxelflow.pipeline.api import convert, estimate, estimator
-from taxelflow.pipeline.live.face import Live
+from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay
 from taxelflow.pipeline.live.view import LiveView

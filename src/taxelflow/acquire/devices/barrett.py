@@ -22,21 +22,26 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 PUCKS = (11, 12, 13, 14)
+"""Numbers of the pucks on the bus, in the order of the readings."""
 READINGS, FRAMES, PER_FRAME = 24, 5, 5
+"""Readings of a puck, frames that carry them, and numbers in a frame: the last number of the last frame is padding."""
 PER_N_CM2 = 256.0
+"""Counts in a pressure of 1 N/cm2."""
 _TACT, _FULL = 106, 2
+"""The pucks' property TACT, and its value that asks for full readings."""
 _GROUP = 9
+"""CAN group to which pucks send full readings."""
 CAN_FRAME = struct.Struct(">H8s")
 """A frame as the transport passes it on: its identifier and its 8 bytes."""
 
 
 def frames_of(puck: int, readings: Floats) -> bytes:
     """The frames of a puck's 24 readings in N/cm2."""
-    numbers = [*np.clip(np.round(np.nan_to_num(readings) * PER_N_CM2), 0, 4095).astype(int).tolist(), 0]
+    counts = np.clip(np.round(np.nan_to_num(readings) * PER_N_CM2), 0, 4095).astype(int)
     frames = []
-    for sequence in range(FRAMES):
+    for sequence, numbers in enumerate(np.append(counts, 0).reshape(FRAMES, PER_FRAME).tolist()):
         word = sequence
-        for number in numbers[PER_FRAME * sequence : PER_FRAME * (sequence + 1)]:
+        for number in numbers:
             word = word << 12 | number
         frames.append(CAN_FRAME.pack(0x400 | puck << 5 | _GROUP, word.to_bytes(8, "big")))
     return b"".join(frames)

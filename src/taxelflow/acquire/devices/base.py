@@ -1,4 +1,4 @@
-"""What every live source is: a context manager that yields scans as they arrive, and ticks while none does."""
+"""The protocol of a live source: a context manager that yields scans as they arrive, and ticks while none does."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 POLL_S = 0.1
 """Longest time that a source blocks: so soon the end of a run is noticed."""
+PIECE_BYTES = 1 << 16
+"""Bytes that a source reads at once, at most: the usual size of a pipe and of a socket's buffer."""
 
 _log = logging.getLogger("taxelflow")
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _WAITING = 64
+"""Messages that DDS keeps for a reader that is behind."""
 _FINGERS = ("one", "two", "three", "four", "five")
 _FIELDS = (
     *(f"finger{finger}_{part}_touch" for finger in _FINGERS[:4] for part in ("tip", "top", "palm")),

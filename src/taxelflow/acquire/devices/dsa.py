@@ -26,12 +26,17 @@ if TYPE_CHECKING:
 
 PREAMBLE = b"\xaa\xaa\xaa"
 SCAN, ACQUIRE = 0x00, 0x03
+"""Identifiers of the controller's messages: a scan, and the request for scans."""
 RUN_LENGTHS = 0x01
+"""Flag: the readings are run-length encoded."""
 _ACQUIRES = 0x80
+"""Flag: scans are sent continuously."""
 _LONGEST = 8192
+"""Bytes of a message at most: a larger length is a damaged one."""
 POLYNOMIAL = "8408"
 """CRC-16-CCITT, reversed: an assumption."""
 _RATE = 30
+"""Default scan rate, Hz."""
 
 
 def checksum(content: bytes, table: list[int]) -> int:

@@ -21,9 +21,11 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 PORT, FIRST, BYTES = 6000, 3000, 2
+"""Modbus: default port, first register of the readings, and step of the addresses per reading."""
 _MOST = 125
 """Registers that Modbus gives in one answer."""
 _RATE_HZ = 50.0
+"""Default rate of requests."""
 
 
 class ModbusHand:

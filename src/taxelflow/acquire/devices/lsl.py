@@ -26,9 +26,11 @@ _SCOPES = ("machine", "link", "site", "config")
 _scope: dict[str, str] = {}
 """The scope of this process."""
 _OPEN_S = 2.0
+"""Time to connect, and after which a stream that has vanished is forgotten."""
 _HELD_S = 10
 """s of scans that LSL holds for a reader that is behind."""
 _MOST_SAMPLES = 256
+"""Scans that are read at once, at most."""
 
 
 @cache

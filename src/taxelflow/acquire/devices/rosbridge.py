@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 PORT = 9090
+"""Default port of rosbridge."""
 
 
 class RosbridgeParser:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 BAUD = 115200
+"""Default baud rate."""
 
 
 class SerialLine:

@@ -7,15 +7,13 @@ import select
 import sys
 from typing import TYPE_CHECKING
 
-from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.base import PIECE_BYTES, POLL_S, Faults
 from taxelflow.acquire.devices.streams import ByteSource, Ended, need_sensor, parser_of
 from taxelflow.errors import SourceUnreachable
 
 if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
-
-_PIECE = 1 << 16
 
 
 class _StandardInput:
@@ -40,7 +38,7 @@ class _StandardInput:
         if not ready:
             return b""
         try:
-            received = os.read(descriptor, _PIECE)
+            received = os.read(descriptor, PIECE_BYTES)
         except OSError as error:  # it cannot be opened again
             raise SourceUnreachable("stdin:", f"{error.strerror}", 0.0, "send the scans through a pipe") from error
         if not received:

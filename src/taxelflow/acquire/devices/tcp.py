@@ -9,7 +9,7 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.base import PIECE_BYTES, POLL_S, Faults
 from taxelflow.acquire.devices.streams import LINE_OPTIONS, TIMEOUT_S, ByteSource, Ended, need_sensor, parser_of
 
 if TYPE_CHECKING:
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _CONNECT_S = 2.0
+"""Time for an attempt to connect."""
 _SILENT_S = 1.0
 """A client that has sent nothing for longer gives way to another one."""
-_PIECE = 1 << 16
 
 _log = logging.getLogger("taxelflow")
 
@@ -44,7 +44,7 @@ class _Connection:
         ready, _, _ = select.select([self._socket], [], [], POLL_S)
         if not ready:
             return b""
-        received = self._socket.recv(_PIECE)
+        received = self._socket.recv(PIECE_BYTES)
         if not received:
             raise Ended
         return received

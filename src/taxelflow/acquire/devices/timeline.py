@@ -1,4 +1,4 @@
-"""One increasing clock out of a device's stamps, whatever becomes of the device; and how that clock drifts.
+"""One increasing clock from a device's stamps, across restarts and jumps of the device; and its drift.
 
 The stamps stay as they are while they increase. A scan with the stamp of the one before, or a little older, is dropped.
 Where a clock jumps back (the device has started again), time goes on from the last scan by the computer's clock, and at

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _LONGEST_DATAGRAM = 1 << 16
+"""Bytes of a datagram at most, by the protocol."""
 _BUFFER = 1 << 22
 """Bytes that the system is asked to hold while nobody reads."""
 

@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 _LONGEST = 1 << 20
+"""Bytes of a message at most."""
 _OPEN_S = 2.0
+"""Time to open, and to close, a connection."""
 
 
 class WebSocket:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 PORT = 5000
+"""Default port of XELA's server."""
 
 
 class XelaParser:

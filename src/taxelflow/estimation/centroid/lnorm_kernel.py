@@ -1,4 +1,4 @@
-"""Method I: the largest taxel of each pad, and what noise can do to it."""
+"""Method I: the largest taxel of each pad, and the variance of its place by noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast the load of a pad changes, in standard deviations of what the noise of its taxels makes of a steady one.
+"""Rate of change of a pad's load, in standard deviations of that of a steady load by the taxels' noise.
 
 First-order high-pass, discrete, with the time step as it is:  y[k] = a (y[k-1] + L[k] - L[k-1]),
 a = tau / (tau + dt), tau = 1 / (2 pi cutoff). With independent noise of variance s2[k] on L[k], y[k-1] and L[k-1] share

@@ -30,8 +30,8 @@ _MARGIN_KNOTS = 3
 _FARTHEST = 0.75
 """A knot farther than this from every live taxel, in pitches, is not observed."""
 _MOST_KNOTS = 40_000
-VALUE_NOISE = 0.764
-SLOPE_NOISE = 2.163
+"""Knots of a pad at most: bounds memory and time."""
+VALUE_NOISE, SLOPE_NOISE = 0.764, 2.163
 """Variance of a cubic spline through readings on a grid, and of its slope per pitch, over theirs (means)."""
 
 

@@ -16,6 +16,7 @@ from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.map import Surface as Known
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bspline import STATE, State, evaluate, put, state_of
+from taxelflow.numerics.centroid import LOADED_SIGMAS
 from taxelflow.numerics.robust import OUTLIER, huber_weight
 from taxelflow.numerics.se2 import rotate_back
 from taxelflow.numerics.small_linalg import add_lower, mirror
@@ -32,9 +33,7 @@ _HUBER = 5.0
 _LOOSE_SHIFT, _LOOSE_TURN, _LOOSE_GAIN = 1e-6, 1.0, 1e-2
 """Prior information on no motion, 1 / pitch^2, 1 / rad^2 and 1: enough to hold what nothing determines."""
 _BOX = 1.5
-"""Taxels within this many pitches of the loaded ones take part ..."""
-_LOADED_SIGMAS = 4.0
-"""... which stand this many standard deviations above 0."""
+"""Taxels within this many pitches of the loaded ones take part."""
 _FITS = 1.5
 """Chi-square per reading at which no other start is tried."""
 _LEAST_IMPROVEMENT = 1e-3
@@ -95,8 +94,8 @@ def surroundings(
     low_x = low_y = np.inf
     high_x = high_y = -np.inf
     for i in range(len(now)):
-        loaded = now[i] > 0.0 and now[i] * now[i] > _LOADED_SIGMAS**2 * variance[i] > 0.0
-        loaded |= last[i] > 0.0 and last[i] * last[i] > _LOADED_SIGMAS**2 * last_variance[i] > 0.0
+        loaded = now[i] > 0.0 and now[i] * now[i] > LOADED_SIGMAS**2 * variance[i] > 0.0
+        loaded |= last[i] > 0.0 and last[i] * last[i] > LOADED_SIGMAS**2 * last_variance[i] > 0.0
         if loaded:
             low_x, high_x = min(low_x, places[0, i]), max(high_x, places[0, i])
             low_y, high_y = min(low_y, places[1, i]), max(high_y, places[1, i])

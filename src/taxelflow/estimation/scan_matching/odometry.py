@@ -1,4 +1,4 @@
-"""Scan after scan of one pad: each registered on the one before, steps added up to a pose.
+"""Odometry of one pad: each scan is registered on the one before, and the steps are added up to a pose.
 
 In a sum of steps a scan's noise comes in once with each sign: e_k = G_k n_k + (G_k-1 - G'_k) n_k-1 + ..., so that the
 error of a pose hardly grows while the object stays where it is. The covariance is summed up that way (see

@@ -1,4 +1,4 @@
-"""What the noise of both scans makes of a registration, and whether a turn is observable.
+"""Covariance of a registration by the noise of both scans, and observability of the rotation.
 
 With q = q_true + A n0 the error of the state is, to first order,  e = G n1 - G' n0,  G = H^-1 J^T W,  G' = g G A,  so
 its covariance is the sum of both scans' parts. H is J^T W J less what noise in the slopes of q adds to it (errors in
@@ -14,11 +14,10 @@ from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import solve_band
 from taxelflow.numerics.bspline import gather, spread, state_of
+from taxelflow.numerics.rounding import BLURRED
 from taxelflow.numerics.small_linalg import eigenvalues2, solve_small
 from taxelflow.runtime.compiling import inlined, routine
 
-_BLURRED = 0.25
-"""Standard deviation of a position, in pitches, above which its direction is not observed."""
 _REGULARIZATION = 1e-6
 """Added to the diagonal of H, so that it has an inverse where nothing determines a state."""
 _LEAST_SHARE = 0.5
@@ -168,7 +167,7 @@ def drift(g: Floats, points: Points, share: float, state: Floats, total: Floats)
 @routine
 def is_blurred(covariance: Floats) -> bool:
     """Whether a scan alone does not determine a place along some direction."""
-    return bool(eigenvalues2(covariance[0, 0], covariance[1, 1], covariance[0, 1])[1] > _BLURRED**2)
+    return bool(eigenvalues2(covariance[0, 0], covariance[1, 1], covariance[0, 1])[1] > BLURRED**2)
 
 
 @routine

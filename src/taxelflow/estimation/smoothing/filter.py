@@ -18,6 +18,7 @@ from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import long_kernel, routine
 
 STATES = 6
+"""Components of a state: x, y, theta and their rates."""
 State: TypeAlias = Annotated[Floats, 6]
 Matrix: TypeAlias = Annotated[Floats, 6, 6]
 _VELOCITY_STD, _SPIN_STD = 1.0, 100.0

@@ -1,4 +1,4 @@
-"""Sessions that smooth what another session gives: causal, or a contact at a time."""
+"""Sessions that smooth the poses of another session: causal, or a contact at a time."""
 
 from __future__ import annotations
 

@@ -11,9 +11,10 @@ if TYPE_CHECKING:
 
 
 class Anchor(NamedTuple):
-    """Where the centre of pressure lies on average: (2,) from the origin of the object's frame, and the mean variance
-    of one scan's, in pitches^2. inside: (2,), where the map shows it; off: (scans, 2), how far it shows that of each
-    scan at t_s (scans,) from there.
+    """The mean centre of pressure of a contact, in the object's frame, in pitches.
+
+    arm: (2,), from the origin. variance: of one scan's centre, mean, pitches^2. inside: (2,), the mean centre by the
+    map. off: (scans, 2), the centre by the map in each scan at t_s (scans,), less `inside`.
     """
 
     arm: Floats

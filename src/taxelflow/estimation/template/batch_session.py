@@ -14,7 +14,7 @@ from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.deforming import CHANGES, MEMORY, Moment, follow_changing
 from taxelflow.estimation.template.depth import DEPTH_STD, as_pressure, with_depth
 from taxelflow.estimation.template.map_doubt import of_map
-from taxelflow.estimation.template.map_export import Maps
+from taxelflow.estimation.template.map_export import Maps, as_map
 from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import Poses, aligned, poses_of
 from taxelflow.estimation.template.tilt import without_tilt
@@ -30,8 +30,11 @@ if TYPE_CHECKING:
 _OVERLAP = 4
 """A window shares one part in this many with the one before."""
 _MOST_BYTES = 2e8
+"""Memory that solving a contact may take; a longer contact is solved in windows."""
 _BYTES_PER_READING = 250
+"""What that takes for each reading."""
 _FEWEST = 100
+"""Scans of a window, at least."""
 
 
 @dataclass(slots=True, eq=False)
@@ -188,16 +191,18 @@ class BatchSession:
         if contact.before is not None:
             known = len(contact.before)
             poses = aligned(poses, contact.before)
-        self.patterns.add(
-            layout.pads[pad],
-            moment.pattern,
-            moment.scanned,
-            moment.states,
-            poses.pose[moment.which[-1]],
-            error=solved.error,
-            pitch_m=pitch_m,
-            turns=moment.turns,
-            dead=layout.source[own][solved.dead],
+        self.patterns.keep(
+            as_map(
+                layout.pads[pad],
+                moment.pattern,
+                moment.scanned,
+                moment.states,
+                poses.pose[moment.which[-1]],
+                error=solved.error,
+                pitch_m=pitch_m,
+                turns=moment.turns,
+                dead=layout.source[own][solved.dead],
+            )
         )
         self._done.append(_Done(pad, contact.start, known, poses, scans.t_s))
         return poses

@@ -1,6 +1,6 @@
-"""Pattern and poses together: maximum likelihood over all scans of a contact.
+"""Bundle adjustment: maximum likelihood of pattern and poses over all scans of a contact.
 
-Gauss-Newton; the coefficients' block of the normal matrix is banded and factored, and the poses' Schur complement
+Gauss-Newton steps; the coefficients' block of the normal matrix is banded and factored, and the poses' Schur complement
 solved by conjugate gradients, so that time and memory grow linearly with the number of scans.
 """
 
@@ -26,28 +26,32 @@ if TYPE_CHECKING:
 _MOST_STEP = np.array([1.0, 1.0, 0.15, 0.2, 0.05])
 """Largest step of a state in one round; the first two in knots."""
 _SETTLED = 0.05
-"""Steps of a pose, in its standard deviations, below which nothing more is gained."""
+"""Steps of a pose, in its standard deviations, below which the fit has converged."""
 _MOST_SMOOTHING_STEP = 5.0
+"""Largest factor by which the smoothing changes in a round."""
 _MOST_SMOOTHING = 1e3
-"""Largest smoothing, over the usual."""
+"""Largest smoothing, over that a priori."""
 _SMOOTH_ERROR = 0.02
-"""Error, as a share of the largest reading, from which on a pattern is at least as smooth as usual."""
+"""Error, as a share of the largest reading, above which a pattern is at least as smooth as a priori."""
 _MOST_CG, _CG_ERROR = 60, 1e-2
+"""Iterations of conjugate gradients at most, and their relative residual: rounds repeat the solution."""
 _GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
+"""Bounds of gains, and of the logarithm of sizes, against steps that diverge."""
 _WORSE = 1.1
-"""A round that makes the fit worse by this factor is taken back."""
+"""A round that increases the cost by this factor is undone."""
 _PROBES = 16
+"""Random vectors of the estimate of a trace."""
 _RIDGE = 1e-12
-"""Share of a scan's largest information that is added to all: a scan of one taxel has none of the rest."""
+"""Share of a scan's largest information that is added to its diagonal: a scan of one taxel has a singular matrix."""
 
 
 @dataclass(slots=True, eq=False)
 class Fit:
-    """What a joint refinement leaves behind.
+    """The result of a bundle adjustment.
 
     chi, counts: (scans,), robust chi-square and the readings in it. residual, weight, model: (scans, taxels).
-    information: (scans, 5, 5) of the states with the pattern held. factor: of the coefficients' block. free: how many
-    parameters the readings determine, states and coefficients; freed: states of each scan among them. bending: the
+    information: (scans, 5, 5) of the states with the pattern held. factor: of the coefficients' block. free: number of
+    parameters that the readings determine; freed: components of each scan's state among them. bending: the
     pattern's squared second differences.
     """
 
@@ -103,7 +107,7 @@ class _Linear:
         right -= pattern.smoothing * self.bent + pattern.prior * pattern.coefficients.ravel()
 
     def determined(self, factor: Factor) -> float:
-        """How many coefficients the readings determine: those whose priors do not, a trace, from random vectors."""
+        """Number of coefficients that the readings determine, not their priors: a trace, by random vectors."""
         pattern, knots = self.pattern, len(self.normal.right)
         signs = np.random.default_rng(0).choice([-1.0, 1.0], (_PROBES, knots))
         held = np.empty(knots)
@@ -114,7 +118,7 @@ class _Linear:
         return total / _PROBES
 
     def to_knots(self, step: Floats) -> Floats:
-        """(knots,), what steps of the states (scans, 5) do to the coefficients' equations."""
+        """(knots,), effect of steps of the states (scans, 5) on the coefficients' equations."""
         out = np.zeros(len(self.normal.right))
         to_knots(step, self.normal, self.pattern.shape[1], out)
         return out

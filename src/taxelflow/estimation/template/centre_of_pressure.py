@@ -1,37 +1,37 @@
-"""The centre of pressure as a second witness of where an object is, beside its map.
+"""The centre of pressure as a second measurement of an object's place, beside its map (the second witness).
 
-A load acts where the object is, whatever its pattern looks like. The centre of pressure c follows it without a map:
-less precisely than a good one, but no map that is young or wrong misleads it. With readings p at r from c (pitches),
+The centre of pressure c follows the object without a map: less precisely than a good map, but not affected by errors of
+a map of few scans. With readings p at r from c (pitches),
 their sum S and their second moment M = sum(p r r^T) / S, its covariance is
 
     D = sum(((e p)^2 + noise^2) r r^T) / S^2  +  (1 + 12 M)^-1 / 12  +  (b s d)^2 1  +  a^2 M
 
-e: a reading stands for a cell across which the pressure varies, by a gain of its own. The second term: a contact ends
-anywhere between two taxels, which moves the centre of n in line by 1 / n of a cell at most. The third: where a share s
-of the load lies at the pad's border, a motion d of c shows by a share that is wrong by b. The fourth: a tilt of the
-load, which changes the pressure by a share of standard deviation a at a radius of gyration, see `tilt`.
+First term: each reading has a gain error e, because it stands for a cell across which the pressure varies. Second: a
+contact ends anywhere between two taxels, which moves the centre of n taxels in line by up to 1 / n of a cell. Third:
+where a share s of the load lies at the pad's border, a motion d of c has a relative error b. Fourth: a tilt of the load
+changes the pressure at a radius of gyration by a share with standard deviation a, see `tilt`.
 
 With the place p on the map, and its covariance C, the pose is p + W (c - p), W = C (C + D)^-1. Tilt and gains move
-both; nobody knows how alike. For any correlation,
+both, with an unknown correlation. For any correlation,
 
     (1 + g) (1 - W) C (1 - W)^T  +  (1 + 1 / g) W D W^T
 
-is no less than the covariance (Hanebeck, Briechle and Horn, 2001), and g is where its trace is least. Where the two
-contradict each other, it is multiplied by chi-square per degree of freedom (Birge, 1932). Only a map that does not show
-the angle is wrong by itself then: a turn that it holds misleads it by more than its residuals show, and c not at all.
-There C is multiplied by what makes that chi-square 1, and W and the covariance follow from it.
+is an upper bound of the covariance (Hanebeck, Briechle and Horn, 2001); g minimises its trace. Where p and c contradict
+each other, it is multiplied by chi-square per degree of freedom (Birge, 1932). If the map does not determine the angle,
+the error is the map's alone: a rotation, held at 0, shifts p by more than the residuals show, and c not at all. There C
+is multiplied by the factor that makes chi-square 1, and W and the covariance follow from it.
 
-A stream's frame steps when its map is adjusted. W and c are of the point of the object on which c lies on average over
-all keyframes, see `Anchor`: this point hardly steps, whatever the map before was. Where a map turns, what is reported
-is shifted from there, so that it stays where it was on average, see `online.gauge`.
+A stream's frame shifts when its map is adjusted. W and c refer to the point of the object at the mean of c over all
+keyframes, see `Anchor`: this point hardly shifts, whatever the map before was. Where a new map is rotated, the reported
+point is shifted so that it stays where it was on average, see `online.gauge`.
 
-**A border** cuts a pattern: c moves by less than the object, or leaps where a part leaves the pad. The map shows it:
-the readings that it predicts have their centre where c would be, and where no border cuts them, that is a point of the
-object. The difference s, as far as it is more than C + D explain at three standard deviations, is subtracted from c,
-and s s^T is added to D: so much of c is known by the map alone. Below that, the map has no part in c, or one that is
-wrong would confirm itself.
+**A border** cuts a pattern: c moves by less than the object, or jumps where a part leaves the pad. The map predicts
+that: the centre of the readings that it predicts, compared with the centre without a border, which is a fixed point of
+the object. The part of this difference s that C + D do not explain at three standard deviations is subtracted from c,
+and s s^T is added to D, because that part of c is known from the map only. Smaller differences are not corrected:
+otherwise a wrong map would confirm itself.
 
-A sensor that declares no unseen error has none of this: there the map is right to within what its residuals show.
+For a sensor with `unseen_error = 0` none of this is done: there the residuals show the whole error of the map.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 BORDER_ERROR = 0.2
-"""Of the share of a motion that a contact shows which lies at the pad's border all around."""
+"""Relative error of the motion of c for a contact whose whole load lies at the pad's border: b above."""
 _LEAP = 1.0
-"""Pitches from scan to scan from which on a map does not show how far an object has moved."""
+"""Pitches from scan to scan above which a map does not determine how far an object has moved."""
 _ROUNDS = 3
-"""In which scans that the border cuts are held down, to find where a map has its centre."""
+"""Of reweighting, in which scans that the border cuts count less, to find the centre of a map."""
 
 
 @kernel
@@ -74,7 +74,7 @@ def _centres(scans: Readings, edge: Bools, tilt: float, out: Floats) -> None:
 
 class Centres(NamedTuple):
     """Centres of pressure of scans, in pitches: where they are (scans, 2), the covariance of each as xx, xy and yy
-    (scans, 3), by the border too, and whether there is a load (scans,).
+    (scans, 3), with that by the border, and whether there is a load (scans,).
     """
 
     place: Floats
@@ -100,20 +100,20 @@ class Centres(NamedTuple):
         return both
 
     def arm(self, states: Floats, trust: Floats) -> Floats:
-        """(2,), from the origin of a body at states (scans, 3 or more) to where its centre lies on average."""
+        """(2,), from the origin of a body at states (scans, 3 or more) to the mean place of its centre of pressure."""
         own = _in_body(self.place, states)
         average: Floats = np.average(own[self.known], axis=0, weights=trust[self.known])
         return average
 
     def uncut(self, solved: Solved, scanned: Scanned, before: Anchor | None = None) -> tuple[Centres, Floats, Floats]:
-        """As they were if the pad had no border, as far as the map of a solved contact shows that; and, in the object's
-        frame, (2,), where the map has the centre of most scans then, and (scans, 2), how far it has it from there.
+        """The centres corrected for the pad's border, as far as the map of a solved contact predicts its effect.
 
-        before: of a map of some of these scans. They keep what was found for them on average, so that the point that
-        the centre follows does not go along with the scans that a map is made of.
+        Also, in the object's frame, the map's centre for most scans (2,), and the shift from it in each scan (scans,
+        2). before: anchor by an earlier map of some of these scans. They keep their mean shift, so that the point that
+        the centre follows does not depend on which scans a map is made of.
 
-        What a border moves a centre by is in its covariance, too: so much of it follows from the map. Scans before and
-        after a leap are compared among themselves: two patterns that have been put side by side make one map.
+        The covariance contains the correction, which follows from the map. Scans before and after a jump are compared
+        among themselves only: their part of the map may be another pattern.
         """
         found = np.empty((len(scanned), 11))
         _centres(replace(scanned, readings=solved.fit.model).with_error(0.0), scanned.edge, 0.0, found)
@@ -169,8 +169,9 @@ def _sure_shares(shift: Floats, doubts: Floats) -> Floats:
 
 
 def anchor_of(solved: Solved, scanned: Scanned, tilt: float, before: Anchor | None) -> Anchor | None:
-    """Of a solved contact's scans as they were read; None if none shows it. tilt: see `centroid_covariance`. before:
-    see `Centres.uncut`.
+    """The anchor of a solved contact, by its scans; None if no scan has a centre. tilt: see `centroid_covariance`.
+
+    before: see `Centres.uncut`.
     """
     centres = Centres.of(scanned, scanned.edge, tilt)
     if scanned.across.any() or not centres.known.any():
@@ -185,10 +186,10 @@ def anchor_of(solved: Solved, scanned: Scanned, tilt: float, before: Anchor | No
 def witnessed(
     poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt: float, solved: Solved | None = None
 ) -> Poses:
-    """Poses with the centre of pressure of each scan as a second witness.
+    """Poses combined with the centre of pressure of each scan.
 
-    edge, tilt: see `Centres`. solved: the contact whose poses they are; None if it has no single map. The body's point
-    that the centre follows is where it lies on average.
+    edge, tilt: see `Centres`. solved: the contact whose poses they are; None if it has no single map. The centre
+    of pressure is taken to follow the point of the body on which it lies on average.
     """
     centres = Centres.of(scanned, edge, tilt)
     if solved is not None:
@@ -213,7 +214,7 @@ def witnessed(
         covariance[k, 2, :2] = pitch_m**2 * own[2, :2]
         held = np.eye(2) - weight
         shared[k, :2, :2] = held @ shared[k, :2, :2] @ held.T
-        if noise is not None:  # tilt moves c from scan to scan
+        if noise is not None:  # tilt moves c independently from scan to scan
             xx, xy, yy = pitch_m**2 * centres.covariance[k]
             noise[k, :2, :2] = held @ noise[k, :2, :2] @ held.T + weight @ np.array([[xx, xy], [xy, yy]]) @ weight.T
             noise[k, :2, 2] = noise[k, 2, :2] = held @ noise[k, :2, 2]

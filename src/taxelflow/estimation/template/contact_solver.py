@@ -1,4 +1,4 @@
-"""A contact solved: its dead taxels masked, the readings of the others divided by their gains."""
+"""The solution of a contact, with dead taxels masked and the other readings divided by their gains."""
 
 from __future__ import annotations
 
@@ -23,10 +23,9 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 _MOST_DEAD = 8
-"""Taxels masked at most."""
+"""Dead taxels of a contact at most."""
 _MOVED = 0.2
-"""Largest distance, in pitches, by which the taxels' gains move an object that is known: more, and they have led to
-another minimum."""
+"""Largest change of a position, in pitches, by the taxels' gains; beyond it the fit has reached another minimum."""
 
 
 def solve_contact(
@@ -56,7 +55,7 @@ def solve_contact(
 def _without(
     scanned: Scanned, solved: Solved, taxel: int | None, solving: Callable[[], Solved]
 ) -> tuple[Solved, int] | None:
-    """A contact solved without a taxel, which is masked, if all readings are likelier so: its own are noise then."""
+    """The solution with a taxel masked, if that is likelier for all readings; its own are then noise."""
     if taxel is None:
         return None
     kept = scanned.variance[:, taxel].copy()
@@ -72,7 +71,7 @@ def _without(
 def _without_silent(
     scanned: Scanned, suspects: Sequence[int], solving: Callable[[], Solved]
 ) -> tuple[Solved, list[int]]:
-    """A contact solved without taxels that stay silent, and which: those masked whose silence the pattern denies."""
+    """The solution without silent taxels, and their numbers: those that the pattern says should have a load."""
     dead = np.union1d(silent_taxels(scanned), np.array(suspects, np.int64))
     variance = scanned.variance[:, dead]
     scanned.variance[:, dead] = 0.0

@@ -1,4 +1,4 @@
-"""Dead taxels that show in the scans themselves, before there is a pattern: they stay silent among loaded ones."""
+"""Detection of dead taxels: by their silence among loaded ones before there is a pattern, and by the pattern."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _SILENCE = _Silence()
 
 @dataclass(frozen=True, slots=True)
 class _Fault:
-    """Taxels that do not answer to the model."""
+    """Taxels that read too little for the model."""
 
     dead: float = 0.5
     loaded_enough: float = 400.0
@@ -58,7 +58,7 @@ _FAULT = _Fault()
 
 
 def unanswering(scanned: Scanned, fit: Fit) -> int | None:
-    """The taxel that answers least to what the pattern surely puts on it, if it is too little."""
+    """The taxel with the least response to a load by the pattern that is certain, if that is too little; else None."""
     known = (scanned.variance > 0) & (fit.model > 0)
     model = np.where(known, fit.model, 0.0)
     power = (model**2).sum(axis=0)
@@ -73,14 +73,14 @@ def unanswering(scanned: Scanned, fit: Fit) -> int | None:
 
 
 def answers(reading: Floats, variance: Floats, dead: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Which of the taxels called dead clearly read under load in a scan (taxels,) of their pad."""
+    """The taxels among `dead` that clearly respond to a load in a scan (taxels,) of their pad."""
     least = np.maximum(_SILENCE.silent * reading.max(), _SILENCE.strong * np.sqrt(variance[dead]))
     alive: NDArray[np.int64] = dead[(reading[dead] > least) & (variance[dead] > 0)]
     return alive
 
 
 def explained(scanned: Scanned, variance: Floats, solved: Solved, taxels: list[int]) -> Bools:
-    """(n,), which of n taxels read no less than a pattern learned without them predicts: a gap of the object is there.
+    """(n,), whether a pattern learned without n taxels explains their silence, as where the object has a gap.
 
     variance: (scans, n), of their readings, that of `scanned` being 0. What is predicted has the error that the fit
     leaves of others: at the side of a gap a smooth pattern predicts a little where there is nothing. Not on a sensor
@@ -101,9 +101,9 @@ def explained(scanned: Scanned, variance: Floats, solved: Solved, taxels: list[i
 
 
 def denied(scanned: Scanned, solved: Solved) -> int | None:
-    """The taxel among loaded ones whose silence a pattern learned without it denies, the most surely loaded first.
+    """The silent taxel that a pattern learned without it predicts a load on, the most loaded one first; else None.
 
-    Two loaded neighbours are enough to ask: an object may end between them, or go on over a dead taxel.
+    Candidates have two loaded neighbours: there an object may end, or continue over a dead taxel.
     """
     high: Bools = (scanned.readings > _SILENCE.high * scanned.amplitude) & scanned.loaded()
     beside = high @ _beside(scanned.places).astype(np.float64)
@@ -125,7 +125,7 @@ def _denies(scanned: Scanned, solved: Solved, taxels: NDArray[np.int64]) -> Bool
 
 
 def _quiet(scanned: Scanned) -> Bools:
-    """(taxels,), which have never read more than next to nothing."""
+    """(taxels,), which have never read a load."""
     quiet: Bools = ~_answered(scanned) & np.any(scanned.variance > 0, axis=0)
     return quiet
 

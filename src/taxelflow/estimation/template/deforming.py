@@ -1,6 +1,7 @@
-"""Contacts whose pattern changes, because the object rolls or deforms: each scan on the pattern of the few before it.
+"""Odometry of contacts whose pattern changes, because the object rolls or deforms.
 
-Nothing is remembered beyond them, so errors add up from scan to scan, and roll cannot be separated from slip.
+Each scan is registered to the pattern of the `MEMORY` scans before it. Errors add up from scan to scan, and rolling
+cannot be separated from slip.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from taxelflow.estimation.template.hypotheses import FIRST_GAIN_STD
 from taxelflow.estimation.template.initialization import Tracker
-from taxelflow.estimation.template.observability import sights
+from taxelflow.estimation.template.observability import observability
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.pose_output import Poses, to_pad
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED
@@ -26,28 +27,30 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 MEMORY = 4
-"""Scans that make the pattern."""
+"""Scans that the pattern is estimated from."""
 CHANGES = 2.0 * COARSE
-"""A contact whose one pattern leaves twice the error that fits begin with has a pattern that changes."""
+"""Error of a fit with one pattern above which the pattern changes: twice the error that fits begin with."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Turning:
-    """When a turn is observed, and reported."""
+    """When a rotation is observable, and reported."""
 
-    sight: float = 1.5
-    seen_in: float = 0.9
-    looks: int = 40
-    """A turn is seen if the patterns of a few scans show it so well in the best of many looks; this share is worse."""
-    guess: float = 1.0
-    """A turn that is no better known than this, rad, is none."""
+    observability: float = 1.5
+    """A rotation is observable if a quantile of its observability exceeds this; ..."""
+    quantile: float = 0.9
+    samples: int = 40
+    """... that quantile, and the number of scans in which it is computed."""
+    most_std_rad: float = 1.0
+    """Standard deviation of the accumulated angle above which it is not reported."""
 
 
 _TURNING = _Turning()
 
 _LOADED = 0.25
-"""The chain begins at the first scan with this share of the largest load."""
+"""The odometry begins at the first scan with this share of the largest load."""
 _MISFIT = 3.0
+"""Chi-square per reading above which a scan is unresolved."""
 
 
 @dataclass(slots=True, eq=False)
@@ -62,10 +65,10 @@ class Moment:
 
 
 def follow_changing(scanned: Scanned, pitch_m: float, *, turns: bool) -> tuple[Poses, Moment]:
-    """Poses of all scans of a contact whose pattern is not one, and the pattern where it is loaded most.
+    """Poses of all scans of a contact whose pattern changes, and its pattern at the largest load.
 
-    turns: a turn is known to be seen; else the patterns of the few decide. One that
-    adds up to a guess is left out all the same.
+    turns: the rotation is known to be observable; else the short patterns decide. It is left out if its accumulated
+    standard deviation is too large.
     """
     load = np.maximum(scanned.readings, 0.0).sum(axis=1)
     start = int(np.argmax(load >= _LOADED * load.max()))
@@ -74,10 +77,10 @@ def follow_changing(scanned: Scanned, pitch_m: float, *, turns: bool) -> tuple[P
     states, steps, misfit = (
         np.concatenate([one[:0:-1], other]) for one, other in zip(back[:3], ahead[:3], strict=True)
     )
-    sight = max(ahead[3], back[3])
-    turns = turns or sight > _TURNING.sight
+    seen = max(ahead[3], back[3])
+    turns = turns or seen > _TURNING.observability
     pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=turns)
-    if turns and np.median(noise[:, 2, 2]) > _TURNING.guess**2:
+    if turns and np.median(noise[:, 2, 2]) > _TURNING.most_std_rad**2:
         turns = False
         pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=False)
     quality = np.where(misfit > _MISFIT, UNRESOLVED, AMBIGUOUS).astype(np.uint8)
@@ -96,7 +99,7 @@ def _added_up(
 
 
 def _moment(scanned: Scanned, states: Floats, scan: int, *, turns: bool) -> Moment:
-    """The pattern that a scan and those before it make."""
+    """The pattern of a scan and those before it."""
     which = np.arange(max(scan - MEMORY, 0), scan + 1)
     few = scanned.taken(which)
     tracker = _tracker(few)
@@ -106,18 +109,18 @@ def _moment(scanned: Scanned, states: Floats, scan: int, *, turns: bool) -> Mome
 
 
 def _chain(scanned: Scanned) -> tuple[Floats, Floats, Floats, float]:
-    """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), how well a turn is seen."""
+    """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), observability of theta."""
     tracker = _tracker(scanned)
-    steps, misfit, looked = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), [0.0]
-    looks = max(MEMORY, len(scanned) // _TURNING.looks)
+    steps, misfit, observed = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), [0.0]
+    every = max(MEMORY, len(scanned) // _TURNING.samples)
     for k in range(1, len(scanned)):
         tracker.forget(k, MEMORY)
         steps[k], misfit[k] = tracker.one(k)
-        if k % looks == 0:
+        if k % every == 0:
             factor = tracker.sums.solve(tracker.pattern)
-            looked.append(sights(tracker.pattern, scanned, tracker.states, factor, k, COARSE).theta)
+            observed.append(observability(tracker.pattern, scanned, tracker.states, factor, k, COARSE).theta)
     steps[0] = steps[1] if len(scanned) > 1 else 1e12 * np.eye(STATE)
-    return tracker.states, steps, misfit, float(np.quantile(looked, _TURNING.seen_in))
+    return tracker.states, steps, misfit, float(np.quantile(observed, _TURNING.quantile))
 
 
 def _tracker(scanned: Scanned) -> Tracker:

@@ -1,17 +1,17 @@
-"""Contacts that are pressed in more or less: a relief that sinks into an elastic skin.
+"""Patterns of heights: a relief that sinks into an elastic skin, by a depth of each scan.
 
-Under a constant force an object sinks in as lower parts of its relief come under the pad, and rises as higher ones do.
-On an elastic skin pressure follows the depth of each point and is never below 0, so a taxel reads
+Under a constant force an object sinks in when lower parts of its relief come under the pad, and rises when higher ones
+do. On an elastic skin the pressure at a point follows its depth and is never below 0, so a taxel reads
 
     y = g m,    m: mean of max(h + d, 0) over the taxel,
 
-with the relief's height h over the skin and the depth d of each scan, both as pressures. It may be 0 in all scans: a
-contact that ends sharply touches taxels in part, whether it sinks or not. A gain alone would make the
-pattern answer for d, which moves with the object: the map is then stretched, and motion with it, by some per cent.
+with the relief's height h over the skin and the depth d of each scan, both as pressures. d may be 0 in all scans: a
+contact with sharp edges touches taxels in part, whether it sinks or not. In a model with a gain only, the pattern would
+have to explain d, which depends on the object's place: map and motion would be stretched by some per cent.
 
 The pattern of such a contact is the height h, averaged over a taxel; it is negative where there is a gap. Over a taxel
-it is a plane, whose slopes give the share of the taxel that touches. The depth takes the place of the size in the
-states of a fit, as a share of the contact's largest reading; outside of it, states have their size.
+it is a plane, whose slopes give the share of the taxel that touches. During a fit, the states hold the depth instead of
+the size, as a share of the contact's largest reading.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 DEPTH_STD = 0.1
-"""Standard deviation of the depth before anything is known, as a share of the contact's largest reading."""
+"""Prior standard deviation of the depth, as a share of the contact's largest reading."""
 _HALF = 0.5
 """Half the side of a taxel, in pitches."""
 _LEVEL = 0.004
 """Rise over half a taxel, as a share of the largest reading, below which the height is level along an axis."""
 _ROUND = 0.06
-"""Pressure, as a share of the largest reading, up to which a taxel counts as touched in part by a pattern of pressure
-that is to become one of heights: where a fit begins."""
+"""For the initial heights of a fit: pressure, as a share of the largest reading, up to which a taxel counts as touched
+in part."""
 _LEAST = 1e-3
-"""Pressure, as a share of the largest reading, that stands for none."""
+"""Lower limit of the pressure in that conversion, as a share of the largest reading."""
 _AT_KNOT, _SLOPE_AT_KNOT = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])
 """A cubic B-spline's value and slope at a knot, from the coefficients around it."""
 
 
 class Touch(NamedTuple):
-    """mean: pressure over the taxel. share: of it that touches, the derivative by the height. along_x, along_y:
-    derivatives by the slopes along the pad's axes.
+    """mean: pressure over the taxel. share: of the taxel that touches, which is the derivative by the height. along_x,
+    along_y: derivatives by the slopes along the pad's axes.
     """
 
     mean: float
@@ -89,7 +89,7 @@ def add_tilt(
     weight: Floats,
     slope: Floats,
 ) -> None:
-    """Add what a reading depends on by the slopes of the height: on coefficients, weight (16,), and x, y and theta.
+    """Add the derivatives of a reading through the slopes of the height: by coefficients, weight (16,), x, y and theta.
 
     place: of the taxel from the object, along the pad. turn: of the object. tilt: derivatives of the reading by the
     slopes along the pad. slope: (5,), by the state.
@@ -119,14 +119,14 @@ def add_tilt(
 
 
 def as_heights(pattern: Pattern) -> Pattern:
-    """A pattern of heights to begin with, from one of pressure."""
+    """The initial pattern of heights of a fit, from one of pressure."""
     part = _ROUND * pattern.amplitude
     q = np.maximum(pattern.coefficients, _LEAST * pattern.amplitude)
     return replace(pattern, coefficients=q + part * np.log(-np.expm1(-q / part)))
 
 
 def as_pressure(pattern: Pattern) -> Pattern:
-    """What taxels read of a pattern of heights, without a depth, as a pattern of pressure."""
+    """The pattern of pressure that taxels read of a pattern of heights at depth 0."""
     c, h = pattern.coefficients, pattern.lattice[0]
     over = [correlate1d(c, _AT_KNOT, axis=axis, mode="nearest") for axis in (0, 1)]
     height = correlate1d(over[0], _AT_KNOT, axis=1, mode="nearest")
@@ -138,7 +138,7 @@ def as_pressure(pattern: Pattern) -> Pattern:
 
 
 def with_depth(states: Floats, depth: Floats) -> Floats:
-    """States (scans, 5) with depth (scans,), if there is any, in the place of the size, which is 0 then."""
+    """States (scans, 5) with the depth (scans,), if there is any, instead of the size, which is then 0."""
     own = states.copy()
     if len(depth):
         states_of(own).size[:] = depth

@@ -1,4 +1,4 @@
-"""Where taxels have looked at an object, and what its pattern is taken for where none has."""
+"""Where taxels have observed an object, and extrapolation of its pattern to where none has."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 _REACH = 1.5
-"""Knots farther than this from all readings, in knots, are known from smoothness alone."""
+"""Knots farther than this from all readings, in knots, are extrapolated by the smoothness prior."""
 _UNLOADED = 0.1
-"""Share of the largest pressure below which a margin bears no load."""
+"""Share of the largest pressure below which a margin is unloaded."""
 
 
 def looked_at(scanned: Scanned, states: Floats) -> Floats:
@@ -31,7 +31,7 @@ def looked_at(scanned: Scanned, states: Floats) -> Floats:
 
 
 def near(looked: Floats, x: Floats, y: Floats, reach: float) -> Bools:
-    """(ny, nx), whether a taxel looked within `reach`."""
+    """(ny, nx), whether a reading lies within `reach`."""
     step = x[1] - x[0]
     at = np.round((looked - [x[0], y[0]]) / step).astype(np.int64)
     at = at[(at >= 0).all(axis=1) & (at < [len(x), len(y)]).all(axis=1)]
@@ -42,10 +42,10 @@ def near(looked: Floats, x: Floats, y: Floats, reach: float) -> Bools:
 
 
 def level_off(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
-    """Let an unloaded margin go on level where no taxel looked: smoothness alone goes on as steeply as it leaves off.
+    """Extrapolate an unloaded margin as a constant; the smoothness prior would extrapolate it linearly.
 
-    What is loaded, and cut by the pad's border, is likely to go on as it leaves off. states: (scans, 5), of the scans
-    that the pattern was learned from.
+    A loaded margin, cut by the pad's border, keeps the linear extrapolation: the object is likely to continue there.
+    states: (scans, 5), of the scans that the pattern was learned from.
     """
     x, y = pattern.knots
     looked = looked_at(scanned, states)

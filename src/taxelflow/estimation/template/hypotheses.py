@@ -1,4 +1,4 @@
-"""How the object of a contact moves: hypotheses, each fitted from several starts; the likeliest is given out."""
+"""Model selection: hypotheses of how an object moves, each fitted from several starts; the likeliest is chosen."""
 
 from __future__ import annotations
 
@@ -33,34 +33,36 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
+"""Prior standard deviation of the gains in a coarse fit, and the least that is learned later."""
 _FIRST_ROUNDS, _ROUNDS = 4, (3, 3)
-"""Rounds of a coarse fit, and of each fit of a refinement. More follow the errors of real skins, not the object."""
+"""Rounds of a coarse fit, and of each fit of a refinement. More rounds fit errors of real skins, not the object."""
 _LOADED_SHARE = 0.5
-"""A scan to begin with has this share of the largest load."""
+"""The first scan fitted has at least this share of the largest load."""
 _WELL_KNOWN, _SPREAD = 0.6, (0.05, 0.95)
-"""Quantiles: gains whose variance is below the first count; their spread is that between the others."""
+"""Quantiles: gains with a variance below the first are used; their spread is the distance of the other two."""
 _LEAST_GAIN = 0.05
+"""Lower limit of the mean gain by which all are divided."""
 YOUNG = 8
 """With fewer scans, the spread of the gains is not learned."""
 _SHARP = 0.005
 """Error with which a sharper pattern is tried."""
 _RIVAL = 1.5
-"""A hypothesis that leaves up to this many times the error is a rival: faults of the sensor may have decided."""
+"""A hypothesis with an error up to this many times the best one's is a rival: faults of the sensor may have decided."""
 _MAY_BE_STRAIGHT = 2.0 * COARSE
-"""Of a coarse fit that keeps its angle, the error above which an object surely turns."""
+"""Error of a coarse fit with a constant angle above which the object certainly turns."""
 _FAR_WORSE = 20.0
-"""A start whose coarse fit costs so much more a scan is not refined: that is some twice what a free angle costs."""
+"""Cost per scan above the best beyond which a coarse fit is not refined: about twice the penalty of a free angle."""
 _LIKELIER = 1.0
-"""What another start than the known one, or heights from more starts, must lower the cost by, a scan: fits have not
-quite converged."""
+"""Cost per scan by which another start than the known one, or heights from more starts, must be better: fits have not
+fully converged."""
 
 
 def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None) -> Solved:
     """The likeliest of the hypotheses: the object keeps its angle, turns, or stays while its contact grows.
 
     sinks: whether heights are tried, which may sink in, see `depth`. known: (scans, 5), states of a rigid object that
-    were the likeliest of fewer scans. Another start must be clearly likelier: where the object looks the same after
-    half a turn, some scans may end there.
+    were the likeliest of fewer scans. Another start must be clearly better: some scans of an object that looks the same
+    after half a turn may converge there.
     """
     turns = [False] if scanned.across.any() else [False, True]
     tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
@@ -86,8 +88,9 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
 
 
 def _held_by_faults(scanned: Scanned, solved: list[Solved], others: list[Solved]) -> list[Solved]:
-    """Of coarse fits that are far worse, the one of an object that keeps its angle, refined, if faults of the sensor
-    explain a turn that no other fit denies.
+    """The rejected coarse fit with a constant angle, refined, if faults of the sensor may explain the rotation.
+
+    Only where all other fits turn.
     """
     straight = [one for one in others if one.kind == (False, False) and one.error <= _MAY_BE_STRAIGHT]
     best = likeliest(solved, scanned)
@@ -98,11 +101,12 @@ def _held_by_faults(scanned: Scanned, solved: list[Solved], others: list[Solved]
 
 
 def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
-    """The likeliest of all fits, those of heights among them if one of these explains far more, and those with a depth
-    if that does: each depth costs as much as a parameter that all readings determine, for in a short stroke it may
-    stand for noise. Whether the object turns is another question: a fit that turns need not pay for that at that price.
+    """The likeliest of all fits, with patterns of heights, and heights with a depth, where these are far better.
 
-    A turn without heights may stand for them at a border: they are fitted, too, where it has led to, without a turn.
+    For this comparison each parameter of a scan is penalised like one of all readings, because depths may fit the noise
+    of a short stroke; whether the object turns is then decided by the usual penalty. At a border, a rotation may
+    compensate for missing heights. So heights are also fitted from the positions of each fit that turns, with the angle
+    held.
     """
     straight = [_straight(scanned, one) for one in solved if one.turns]
     straight = [one for one in straight if one.error <= _MAY_BE_STRAIGHT]
@@ -112,7 +116,7 @@ def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
     if straight:  # of more fits, one may be cheaper by chance
         clearly = _LIKELIER * len(scanned)
         level += [refined(scanned, replace(one.copy(), depth=np.zeros(0))) for one in deep if not one.turns]
-    prices = [min((cost(one, scanned, dear=True) for one in fits), default=np.inf) for fits in ([rigid], level, deep)]
+    prices = [min((cost(one, scanned, strict=True) for one in fits), default=np.inf) for fits in ([rigid], level, deep)]
     if min(prices) >= prices[0] - clearly:
         return rigid
     fits = [*level, *deep] if prices[2] < prices[1] else level
@@ -120,13 +124,13 @@ def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
 
 
 def _as_heights(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
-    """Fits to begin with of a pattern of heights, from those of pressure."""
+    """Initial fits of patterns of heights, from those of pressure."""
     rigid = [one for one in solved if not one.grows] if len(scanned) >= YOUNG else []
     return [replace(one.copy(), pattern=as_heights(one.pattern), heights=True) for one in rigid]
 
 
 def _straight(scanned: Scanned, turned: Solved) -> Solved:
-    """The coarse fit of an object that keeps its angle, from where one that turns was."""
+    """The coarse fit with a constant angle, from the positions of a fit that turns."""
     states = turned.states.copy()
     states[:, :2] = reported(turned, scanned)
     states_of(states).theta[:] = 0.0
@@ -134,9 +138,9 @@ def _straight(scanned: Scanned, turned: Solved) -> Solved:
 
 
 def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
-    """The hypothesis of the lowest cost, and how far off its rivals are.
+    """The hypothesis of the lowest cost, with the distance to its rivals.
 
-    One that lets the object turn only if it surely turns, or keeps its angle.
+    One with a free angle is chosen only if its angle is observable.
     """
     best = _chosen(solved, scanned)
     near = [one for one in solved if one.error <= _RIVAL * best.error]
@@ -173,9 +177,7 @@ def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
 
 
 def _from_known(scanned: Scanned, known: Floats, turns: list[bool]) -> list[Solved]:
-    """Coarse fits from states (scans, 5) known before: those of an object that turns are no start for one that does
-    not.
-    """
+    """Coarse fits from states (scans, 5) known before; those that turn do not start a fit with a constant angle."""
     turned = bool(np.ptp(states_of(known).theta) > 0.0)
     return [coarse(scanned, known.copy(), turns=turn) for turn in turns if turn or not turned]
 
@@ -218,8 +220,8 @@ def covering(scanned: Scanned, states: Floats) -> Pattern:
 def refined(scanned: Scanned, start: Solved) -> Solved:
     """Refine further from a coarse fit, learning the gains' spread and the error in between.
 
-    A fit that leaves more than the coarse error may be held up by the smoothing that goes with it: of an object smaller
-    than a taxel, the pattern is sharper. It is tried, too, as if it left little.
+    A fit with more than the coarse error may be limited by its smoothing, which grows with the error: an object smaller
+    than a taxel has a sharper pattern. Such a fit is also tried with a small error.
     """
     own = start.copy()
     best = _refined(scanned, start, most_error=np.inf)
@@ -230,7 +232,7 @@ def refined(scanned: Scanned, start: Solved) -> Solved:
 
 
 def _by_its_error(scanned: Scanned, solved: Solved) -> Solved:
-    """A fit judged by the error that it leaves, not by the one that it was found with."""
+    """A fit with its information by the error that it leaves, not by the one that it was found with."""
     fit = _fit(scanned, solved, rounds=0, error=solved.error)
     return replace(solved, fit=fit)
 
@@ -260,16 +262,16 @@ def _refined(scanned: Scanned, start: Solved, *, most_error: float) -> Solved:
 
 
 def start_scan(scanned: Scanned) -> int:
-    """The scan to begin with: well loaded, its contact nearest to the pad's centre."""
+    """The first scan to fit: well loaded, its contact nearest to the pad's centre."""
     load = scanned.load().sum(axis=1)
     away = np.hypot(*(scanned.centroids() - scanned.middle).T)
     return int(np.argmin(np.where(load >= _LOADED_SHARE * load.max(), away, np.inf)))
 
 
 def level(solved: Solved) -> float:
-    """Make the mean gain 1, in place, pattern and depth taking the rest; the gains' standard deviation.
+    """Normalise the gains to mean 1, in place, by scaling pattern and depth; returns their standard deviation.
 
-    Both from the scans that determine theirs best.
+    Both are taken from the scans that determine their gain best.
     """
     variance, gains = variances_of(solved.fit.information + 1e-9 * np.eye(STATE)).gain, states_of(solved.states).gain
     well = variance <= np.quantile(variance, _WELL_KNOWN)

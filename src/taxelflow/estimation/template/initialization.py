@@ -1,4 +1,4 @@
-"""First poses of all scans of a contact: from one scan outwards, each registered to the pattern learned so far."""
+"""Incremental initialisation: from one scan outwards, each scan of a contact is registered to the pattern so far."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class _Schedule:
-    """When pattern and poses are solved, and how a scan is registered."""
+    """When the pattern is solved again, and how a scan is registered to it."""
 
     refine_at: tuple[int, int, int, int] = (3, 8, 20, 50)
     """Numbers of scans at which pattern and poses are refined together."""
@@ -32,19 +32,21 @@ class _Schedule:
     solve_every: int = 3
     """The pattern is solved again after every scan up to the first number, then after every `solve_every` scans."""
     huber: float = 6.0
+    """Standard deviations above which a reading weighs less."""
     iterations: int = 30
     cheaper: float = 1e-3
     """What a further start must lower the cost by."""
     near_border: float = 0.5
     """Pitches from a loaded taxel to the border of the pattern below which the pattern grows."""
     most_knots: int = 40_000
+    """Of a pattern: it grows no further, so that memory is bounded if registration fails."""
 
 
 _SCHEDULE = _Schedule()
 
 
 class Tracker:
-    """Scans of a contact on their way to poses."""
+    """Incremental estimate of the poses of a contact's scans, and of its pattern."""
 
     def __init__(self, scanned: Scanned, start: int, stiffness: Floats) -> None:
         """stiffness: (5,) of each state, as for `refine`, and from scan to scan; infinite where it is fixed."""
@@ -128,7 +130,7 @@ class Tracker:
         return kept, chi_per_reading
 
     def _starts(self, k: int, forward: int) -> list[Floats]:
-        """States (5,) to begin with: the motion goes on, the object stays, or it goes with its centroid."""
+        """Initial states (5,): constant velocity, no motion, or the motion of the centroid."""
         scanned, states = self.scanned, self.states
         before, further = k - forward, k - 2 * forward
         last = states[before]

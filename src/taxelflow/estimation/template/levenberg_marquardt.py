@@ -1,4 +1,4 @@
-"""One scan on a known pattern: the state that fits best, by damped Gauss-Newton steps with outliers held down."""
+"""Scan-to-map registration: robust Levenberg-Marquardt steps to the state at which a pattern explains a scan best."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from taxelflow.numerics.small_linalg import factor5, mirror, solved5
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
 _ENOUGH = 1e-2
-"""A step that lowers chi-square by less is the last, and not looked at: it is a tenth of a standard deviation, and what
-it leaves a hundredth of that or so."""
+"""A step that lowers chi-square by less is the last, and is not evaluated: it is a tenth of a standard deviation, and
+the next one would be about a hundredth of that."""
 HELD = 1e12
-"""Stiffness of a part of the state that stays where its prior is."""
+"""Prior information of a component of the state that is held at its prior."""
 MAY_BE_HELD = (0, 1, 2, 4)
-"""Parts of the state: all but the gain."""
+"""Components of the state that may be held: all but the gain."""
 ROOM = 9
-"""Rows of a state that a registration works in."""
+"""Rows of five numbers that a registration needs as workspace."""
 _LEAST_GAIN = 0.1
-"""A gain falls at most to this share in one step."""
+"""Least ratio of the gain after a step to that before."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
+"""Damping, relative to the diagonal: at first, at least, and the one at which iterations end."""
 
 
 class Prior(NamedTuple):
-    """Where a state (5,) is thought to be, and how firmly (5,), 1 / variance; from `HELD` on it stays there."""
+    """Prior of a state: mean (5,), and information (5,), 1 / variance; a component with `HELD` or more is fixed."""
 
     mean: Floats
     stiffness: Floats
@@ -47,7 +48,7 @@ def register(
     """Refine state (5,) so that the pattern explains one scan; information (5, 5) becomes J^T W J with the prior.
 
     taxels: the scan, from `linearization.laid_out`; a masked taxel does not count, a saturated reading only as far
-    as the model lies below it. huber: standard deviations from which on a reading is held down. Returns the cost
+    as the model lies below it. huber: standard deviations above which a reading weighs less. Returns the cost
     (robust -2 log likelihood with prior, of the readings off the lattice, too; the pattern's doubt counts where it
     explains a reading), chi-square, and how many readings that is over: those on the lattice, and loads off it.
     """

@@ -1,4 +1,4 @@
-"""How likely a fit makes the scans of a contact: what hypotheses are compared by, and the error that a fit leaves."""
+"""Penalised likelihood of a fit, by which hypotheses are compared, and the model error that a fit leaves."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 _LEAST, _MOST = 1e-3, 0.5
-"""Bounds of the error learned; below the first, noise is larger on every sensor known."""
+"""Bounds of the error learned, as shares of the largest reading; every known sensor has more noise than the first."""
 _LOADED = 0.03
 """Share of a contact's largest reading above which a taxel is in the contact."""
 FEWEST = 2
-"""Readings by parameter, at least, for its cost."""
+"""Readings per parameter, at least, in the logarithm of its cost."""
 _HALVINGS = 30
+"""Of the interval in which the error is searched: to a relative error below 1e-8."""
 
 
 def learned_error(fit: Fit, scanned: Scanned) -> float:
-    """Error of a reading, as a share of its contact's largest, that the residuals in the contact surely show."""
+    """Error of a reading, as a share of its contact's largest, that the residuals in the contact significantly show."""
     level = scanned.amplitude
     within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > _LOADED * level)
     squared, variance = fit.residual[within] ** 2, scanned.variance[within]
@@ -44,23 +45,23 @@ def learned_error(fit: Fit, scanned: Scanned) -> float:
     return high
 
 
-def cost(solved: Solved, scanned: Scanned, *, dear: bool = False) -> float:
-    """-2 log posterior of a fit and log n for each parameter that n readings determine (Schwarz 1978): those of a scan
-    its state, or, if `dear`, all of them; its share of them a coefficient.
+def cost(solved: Solved, scanned: Scanned, *, strict: bool = False) -> float:
+    """Bayesian information criterion (Schwarz 1978): -2 log posterior, and log n for each parameter.
 
-    All fits of a contact are judged by the same readings: those of the taxels that are loaded at any time. Off a
-    lattice there is no load.
+    n is the number of readings that determine a parameter. For a state these are the readings of its scan, or all of
+    them if `strict`; for a coefficient, its share of all. All fits of a contact are compared on the same readings:
+    those of the taxels that are loaded at any time. Off a lattice there is no load.
     """
     count, scans = float(np.count_nonzero(touched(scanned))), len(scanned)
     states = scans * solved.fit.freed
-    own = count if dear else count / scans
+    own = count if strict else count / scans
     coefficients = max(solved.fit.free - states, 1.0)
     free = coefficients * np.log(max(count / coefficients, FEWEST)) + states * np.log(max(own, FEWEST))
     return unexplained(solved, scanned) + float(free)
 
 
 def unexplained(solved: Solved, scanned: Scanned) -> float:
-    """-2 log posterior of a fit, its parameters without a price."""
+    """-2 log posterior of a fit, without the penalty on its parameters."""
     chi = _by(solved, scanned, touched(scanned))
     depths = float(np.sum(solved.depth**2)) / DEPTH_STD**2
     return float(chi.sum() + depths + solved.pattern.smoothing * solved.fit.bending)
@@ -68,7 +69,7 @@ def unexplained(solved: Solved, scanned: Scanned) -> float:
 
 def as_dead(scanned: Scanned, taxel: int, noise: Floats, error: float) -> float:
     """-2 log likelihood of what a dead taxel has read, with the error that a fit leaves of others. noise: (scans,),
-    variance of its readings. Each of them costs as much as a parameter of its scan: that is what it takes from the fit.
+    variance of its readings. Each reading is penalised like a parameter of its scan, because the fit loses it.
     """
     used = noise > 0
     chi = _chi(scanned.readings[used, taxel], noise[used], error, scanned)
@@ -77,7 +78,7 @@ def as_dead(scanned: Scanned, taxel: int, noise: Floats, error: float) -> float:
 
 
 def as_alive(scanned: Scanned, taxel: int, solved: Solved) -> float:
-    """-2 log likelihood of what a taxel has read by a fit; 0 where `cost` has it already."""
+    """-2 log likelihood of a taxel's readings under a fit, without those that `cost` already contains."""
     used = np.zeros(scanned.readings.shape, np.bool_)
     used[:, taxel] = (scanned.variance[:, taxel] > 0) & ~touched(scanned)[:, taxel]
     return float(_by(solved, scanned, used).sum())
@@ -92,7 +93,7 @@ def _by(solved: Solved, scanned: Scanned, used: Bools) -> Floats:
 
 
 def _chi(residual: Floats, noise: Floats, error: float, scanned: Scanned) -> Floats:
-    """(n,), -2 log likelihood of residuals; what is not explained costs all fits the same. noise: variance."""
+    """(n,), -2 log likelihood of residuals; an outlier costs all fits the same. noise: variance."""
     variance = noise + (error * scanned.amplitude) ** 2
     most = OUTLIER + np.log(noise + (COARSE * scanned.amplitude) ** 2)
     return np.minimum(residual**2 / variance + np.log(variance), most)

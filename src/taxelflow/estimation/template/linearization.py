@@ -1,7 +1,7 @@
-"""One scan against a pattern, to first order: its chi-square at a state, and the normal equations of a step from it.
+"""Linearisation of one scan on a pattern: chi-square at a state, and the normal equations of a step from it.
 
-A scan's time goes here, so it is written for vector registers, eight taxels at once: one loop that only adds up,
-without a branch, over arrays that are laid out for it.
+Most of a scan's time is spent here. So the loop is written for vector registers, eight taxels at once: it only adds
+up, without a branch, over arrays with one entry per taxel (structure of arrays).
 """
 
 from __future__ import annotations
@@ -18,13 +18,16 @@ from taxelflow.numerics.small_linalg import put_lower
 from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
 _LANES = 8
+"""Taxels are padded to a multiple of this, so that loops over them are vectorised."""
 _UNEXPLAINED = 9.0
-"""Squared over the noise: what makes a reading off the lattice a load that is not explained. It counts as outlier."""
+"""Squared reading over its variance above which a reading off the lattice is an unexplained load, and an outlier."""
 
 
 class LaidOut(NamedTuple):
-    """A scan laid out for `linearise`, (taxels,) each: places, less how far the object has come when the taxel is read;
-    cosine and sine of its turn by then; reading, noise and model error squared, and ceiling.
+    """A scan as a structure of arrays for `linearise`, (taxels,) each.
+
+    x, y: place, less the object's motion within the scan until the taxel is read. cos, sin: of the rotation until
+    then. reading. variance: of noise and model error. ceiling.
     """
 
     x: Floats
@@ -38,11 +41,11 @@ class LaidOut(NamedTuple):
 
 @kernel
 def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ceiling: Floats, error: float) -> LaidOut:
-    """A scan, filled up with taxels that are masked. bend: (3, taxels) or (3, 0), see `evaluate`.
+    """The structure of arrays of a scan, padded with masked taxels. bend: (3, taxels) or (3, 0), see `evaluate`.
 
-    error: standard deviation of what the model leaves of each reading beside noise.
+    error: standard deviation of the model error of each reading.
     """
-    rows = np.empty((7, lanes_for(len(reading))))  # at once, because memory takes time
+    rows = np.empty((7, lanes_for(len(reading))))  # one allocation, to save time
     taxels = LaidOut(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
     lay_places(places, bend, len(reading), taxels)
     lay_readings(reading, variance, ceiling, error, taxels)
@@ -51,13 +54,13 @@ def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ce
 
 @inlined
 def lanes_for(taxels: int) -> int:
-    """How many taxels that many are when vector registers are filled up."""
+    """This number of taxels, rounded up to whole vector registers."""
     return (taxels + _LANES - 1) // _LANES * _LANES
 
 
 @lean_kernel
 def lay_places(places: Floats, bend: Floats, count: int, taxels: LaidOut) -> None:
-    """Fill in where this many taxels are. Arguments as for `laid_out`."""
+    """Fill in the places of this many taxels. Arguments as for `laid_out`."""
     for i in range(len(taxels.x)):
         here = i < count
         taxels.x[i], taxels.y[i] = places[0, i] if here else 0.0, places[1, i] if here else 0.0
@@ -70,7 +73,7 @@ def lay_places(places: Floats, bend: Floats, count: int, taxels: LaidOut) -> Non
 
 @lean_kernel
 def lay_readings(reading: Floats, variance: Floats, ceiling: Floats, error: float, taxels: LaidOut) -> None:
-    """Fill in what taxels read. Arguments as for `laid_out`."""
+    """Fill in the readings. Arguments as for `laid_out`."""
     count = len(reading)
     for i in range(count):
         taxels.reading[i], taxels.ceiling[i] = reading[i], ceiling[i]
@@ -81,7 +84,7 @@ def lay_readings(reading: Floats, variance: Floats, ceiling: Floats, error: floa
 
 @inlined
 def pressure_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
-    """`value_at`, level at 0 where the spline is below: pressure does not pull, but noise may make it seem to."""
+    """`value_at`, but 0 where the spline is below 0, as noise may make it: pressure is not negative."""
     q, qu, qw = value_at(c, x, y)
     pulls = q < 0.0
     return 0.0 if pulls else q, 0.0 if pulls else qu, 0.0 if pulls else qw
@@ -96,7 +99,7 @@ def nearest(grid: Floats, x: float, y: float) -> float:
 
 @inlined
 def _log_inverse(share: float) -> float:
-    """About log(1 / share): what it costs that noise is only this share of the variance."""
+    """About log(1 / share): the penalty for a variance of which noise is only this share."""
     root = np.sqrt(np.sqrt(share))
     logarithm: float = 2.0 * (1.0 / root - root)
     return logarithm

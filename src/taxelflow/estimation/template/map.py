@@ -1,4 +1,4 @@
-"""A pattern: its lattice, its coefficients, and how sure they are."""
+"""The map (pattern): a B-spline surface with the variance of its coefficients, and its information form."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from taxelflow.numerics.bspline import KNOTS, evaluate, knot_of, spread, state_o
 from taxelflow.runtime.compiling import long_kernel
 
 SPACING = 0.5
-"""Of the knots, in pitches."""
+"""Distance of the knots, in pitches."""
 MARGIN = 1.5
 """Pitches around the loaded taxels that a pattern covers."""
 _BEYOND = 3
@@ -64,7 +64,7 @@ class Pattern:
 
     @property
     def usual_smoothing(self) -> float:
-        """Smoothing before anything is known of the pattern."""
+        """Smoothing a priori."""
         return float((_ROUGH_PRIOR * self.amplitude) ** -2)
 
     @property
@@ -80,7 +80,7 @@ class Pattern:
 
     @property
     def prior(self) -> float:
-        """Weight that keeps unseen coefficients near 0."""
+        """Prior information that keeps unobserved coefficients near 0."""
         return 1.0 / (2.0 * self.amplitude) ** 2
 
     @property

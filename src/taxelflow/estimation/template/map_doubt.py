@@ -1,6 +1,6 @@
-"""What the map's own error adds to the poses of a contact: poses and map are estimated from the same scans.
+"""Covariance of a contact's poses by the error of its map, which is estimated from the same scans.
 
-The information of a scan holds the map known. With its error in it, the covariance of the states is the inverse of
+The information of a scan takes the map as known. With the map's error, the covariance of the states is the inverse of
 their Schur complement. By Woodbury's identity it is B^-1 + B^-1 E M^-1 E^T B^-1, M = H - E^T B^-1 E, of the blocks B of
 the states, the information H of the map's coefficients with their priors, and E between both. The object's frame, which
 nothing determines, is that in which the mean of the poses stays, as in the fit.
@@ -25,14 +25,15 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 _MOST = 2_000_000
-"""Scans times knots, at most: of more, a map is held known, as many scans determine it well."""
+"""Scans times knots at most: beyond, the map's error is neglected, because many scans determine it well."""
 _POSE = 3
+"""The first components of a state, which a change of the frame moves: x, y, theta."""
 
 
 def of_map(
     pattern: Pattern, scanned: Scanned, states: Floats, error: float, stiffness: Floats, level: float = 0.0
 ) -> Floats:
-    """(scans, 5, 5), what the error of the map adds to the covariance of states. Arguments as for `refine`."""
+    """(scans, 5, 5), the part of the states' covariance by the error of the map. Arguments as for `refine`."""
     scans, knots = len(states), pattern.coefficients.size
     if scans * knots > _MOST:
         return np.zeros((scans, STATE, STATE))

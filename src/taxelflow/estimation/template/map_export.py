@@ -26,17 +26,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class _Limits:
-    """Of a map, and of all that are kept."""
+    """Limits of a map, and of all maps that are kept."""
 
     finer: int = 8
     most_points: int = 250_000
-    """Points per pitch, and how many a map has at most."""
+    """Points per pitch, and the most points of a map."""
     draws: int = 64
+    """Patterns drawn from the posterior, whose spread is the standard deviation of a point."""
     half_diagonal: float = 0.7
-    """Pitches from a taxel's middle to its corner: so far it looks."""
+    """Pitches from a taxel's middle to its corner: a reading observes points up to there."""
     fewest: int = 5
+    """Scans of a contact below which it has no map."""
     most: int = 100
     most_bytes: float = 1e8
+    """Maps that are kept, and their memory, at most."""
 
 
 _LIMITS = _Limits()
@@ -61,26 +64,10 @@ class Maps(Sequence[LearnedPattern]):
     def __getitem__(self, index: int | slice) -> LearnedPattern | list[LearnedPattern]:
         return self._kept[index]
 
-    def add(
-        self,
-        pad: str,
-        pattern: Pattern,
-        scanned: Scanned,
-        states: Floats,
-        pose: Floats,
-        *,
-        error: float,
-        pitch_m: float,
-        turns: bool,
-        dead: NDArray[np.int64],
-    ) -> None:
-        """See `as_map`."""
-        found = as_map(pad, pattern, scanned, states, pose, error=error, pitch_m=pitch_m, turns=turns, dead=dead)
-        if found is not None:
-            self.keep(found)
-
-    def keep(self, found: LearnedPattern) -> None:
-        """One more map."""
+    def keep(self, found: LearnedPattern | None) -> None:
+        """Add a map, if there is one."""
+        if found is None:
+            return
         self._kept.append(found)
         while len(self._kept) > _LIMITS.most or sum(one.pressure.nbytes for one in self._kept) > _LIMITS.most_bytes:
             self._kept.remove(min(self._kept, key=lambda one: one.scans))

@@ -1,4 +1,4 @@
-"""Pattern and poses linearised together: the information of each reading on its coefficients and its scan's state."""
+"""Normal equations of bundle adjustment: each reading's information on its coefficients and its scan's state."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from taxelflow.numerics.robust import OUTLIER, huber_weight
 from taxelflow.runtime.compiling import lean_kernel, long_kernel
 
 _HUBER = 4.0
-"""Standard deviations from which on a reading is held down."""
+"""Standard deviations above which a reading weighs less (Huber)."""
 
 
 class Normal(NamedTuple):
     """The problem, linearised at a pattern and states; `assemble` fills it.
 
     first, weight, slope, w, residual, model: (scans, taxels, ...), per reading: its first knot, its weights by
-    coefficient (16,) and slopes by state (5,), both with the gain in, its own weight, what the model leaves of it, and
+    coefficient (16,) and slopes by state (5,), both with the gain in, its own weight, its residual, and
     the model. stencil, right: of the coefficients. blocks, gradient: (scans, 5, 5), (scans, 5) of the states. chi,
     counts: (scans,), robust chi-square and the readings in it.
     """

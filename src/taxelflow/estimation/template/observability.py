@@ -1,4 +1,4 @@
-"""Motion that a pattern shows, beside the motion that its own noise would seem to show."""
+"""Observability of a pose: its Fisher information over that which noise in the pattern alone would give."""
 
 from __future__ import annotations
 
@@ -16,22 +16,25 @@ if TYPE_CHECKING:
     from taxelflow.numerics.banded import Factor
 
 _DRAWS = 8
+"""Patterns drawn from the posterior, whose mean information stands for that of noise."""
 
 
-class Sights(NamedTuple):
-    """How many times better a pattern shows each part of a pose than its own noise seems to."""
+class Observability(NamedTuple):
+    """Observability of each part of a pose: information by the pattern over information by its noise."""
 
     x: float
     y: float
     theta: float
 
 
-def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, scan: int, error: float) -> Sights:
-    """How many times better the pattern shows x, y and theta, in a given scan, than its own noise seems to.
+def observability(
+    pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, scan: int, error: float
+) -> Observability:
+    """Observability of x, y and theta in a given scan.
 
-    Slopes of a pattern that is not known are slopes all the same. What they seem to show is what patterns show that
-    are nothing but this one's noise: drawn from its posterior covariance, whose inverse `factor` factors. 0 across a
-    line of taxels, and for its turn: see `scanned.across`.
+    Errors of a pattern have slopes, too, which look like information. How much is measured on patterns of pure noise,
+    drawn from the posterior covariance, whose inverse `factor` factors. 0 across a line of taxels, and for its angle:
+    see `scanned.across`.
     """
     base = _values(pattern, pattern.coefficients, scanned, states, scan)
     known = np.isfinite(base[:, 0]) & (scanned.variance[scan] > 0)
@@ -55,11 +58,11 @@ def sights(pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, s
         pretended += [information(values[:, of], of) / _DRAWS for of in range(3)]
     real = np.array([information(slopes[:, of], of) for of in range(3)])
     unobservable = scanned.across
-    return Sights(*np.where([*unobservable, unobservable.any()], 0.0, real / np.maximum(pretended, 1e-300)))
+    return Observability(*np.where([*unobservable, unobservable.any()], 0.0, real / np.maximum(pretended, 1e-300)))
 
 
 def _values(pattern: Pattern, coefficients: Floats, scanned: Scanned, states: Floats, scan: int) -> Floats:
-    """(taxels, 5): see `spline.evaluate`."""
+    """(taxels, 5): see `bspline.evaluate`."""
     values = np.empty((scanned.places.shape[1], 5))
     evaluate(coefficients, pattern.lattice, scanned.places, states[scan], scanned.bends[scan], values)
     return values

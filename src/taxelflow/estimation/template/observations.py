@@ -1,4 +1,4 @@
-"""Scans of one contact, as the pattern sees them."""
+"""Scans of one contact as the pattern is fitted to them: readings, variances, places, delays."""
 
 from __future__ import annotations
 

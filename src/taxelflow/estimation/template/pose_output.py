@@ -1,4 +1,4 @@
-"""From states on a pattern to poses in a pad's frame, with what they are worth."""
+"""From states on a pattern to poses in a pad's frame, with covariance and quality."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from taxelflow.estimation.template.likelihood import misfit
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 from taxelflow.numerics.bspline import STATE, states_of
+from taxelflow.numerics.rounding import BLURRED
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
 
 _UNRESOLVED = 2.0
 """Chi-square per degree of freedom above which a scan does not fit."""
-_BLURRED = 0.25
-"""Standard deviation of a position, in pitches, above which its direction is not seen."""
 
 
 @dataclass(slots=True, eq=False)
@@ -160,7 +159,7 @@ def judge(covariance: Floats, misfit: Floats, pitch_m: float) -> Bytes:
     xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
     largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
     # Where a scan holds hardly any information, its inverse may have lost its sign to rounding.
-    is_known = (xx > 0) & (yy > 0) & (largest <= (_BLURRED * pitch_m) ** 2)
+    is_known = (xx > 0) & (yy > 0) & (largest <= (BLURRED * pitch_m) ** 2)
     quality = np.where(is_known, OK, AMBIGUOUS)
     quality = np.where(misfit > _UNRESOLVED, UNRESOLVED, quality)
     return quality.astype(np.uint8)

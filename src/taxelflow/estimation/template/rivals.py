@@ -1,4 +1,4 @@
-"""How far apart two fits of a contact put its object."""
+"""Distances between the positions that two fits of the same contact give to its object."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 _SAME = 0.1
-"""Largest distance, in pitches, at which two starts agree on a scan: one of them is refined coarsely."""
+"""Largest distance, in pitches, at which two starts agree on a scan: one of the two is refined coarsely only."""
 
 
 def agreement(best: Solved, other: Solved, *, most: float = _SAME) -> Bools:
-    """(scans,), whether another fit puts the object where the best does, up to so much, in pitches."""
+    """(scans,), whether two fits agree on the position of the object to within `most` pitches, one offset taken off."""
     centre = best.pattern.centre()
     places = best.states[:, :2] + arm_of(centre, best.states)
     others = other.states[:, :2] + arm_of(other.pattern.centre(), other.states)
@@ -30,26 +30,26 @@ def agreement(best: Solved, other: Solved, *, most: float = _SAME) -> Bools:
 
 
 def apart_by_turn(best: Solved, rival: Solved) -> Floats:
-    """(scans, 2), see `distance`, with the turn of the one that turns."""
+    """(scans, 2), `distance` of two hypotheses, of which one turns."""
     return distance(best.states, rival.states, states_of((best if best.turns else rival).states).theta)
 
 
 def apart_by_growth(best: Solved, rival: Solved, scanned: Scanned) -> Floats:
-    """(scans, 2), in pitches, how far apart the points are that two hypotheses report, one of which grows."""
+    """(scans, 2), in pitches, distance of the reported points of two hypotheses, of which one grows."""
     apart = reported(rival, scanned) - reported(best, scanned)
     return apart - np.median(apart, axis=0)
 
 
 def reported(solved: Solved, scanned: Scanned) -> Floats:
-    """(scans, 2), places of the point that is reported."""
+    """(scans, 2), in pitches, positions of the reported point of the object."""
     places: Floats = solved.states[:, :2] + arm_of(solved.middle(scanned), solved.states)
     return places
 
 
 def distance(states: Floats, others: Floats, theta: Floats) -> Floats:
-    """(scans, 2), in pitches, how far apart two courses (scans, 5) of a body are that turns by theta (scans,).
+    """(scans, 2), in pitches, distance of two trajectories (scans, 5) of a body that turns by theta (scans,).
 
-    Each may follow a point of its own of the body: those that differ least.
+    Each may follow its own point of the body; the two points are those with the least distance (least squares).
     """
     cos, sin = np.cos(theta), np.sin(theta)
     still, none = np.ones_like(cos), np.zeros_like(cos)

@@ -1,8 +1,8 @@
 """Contacts that grow with their load: at a border, growth looks like motion.
 
-An object that stays in its place, its contact's size going with the load, is held against what was found without a
-size. Which of its points stays is found, too: the one whose place goes least with the size. It may lie beyond a border
-that cuts the contact.
+The hypothesis of an object at rest, whose contact scales with the load, is compared with the fits without scaling. The
+fixed point of the scaling is estimated, too: the point whose position depends least on the size. It may lie beyond a
+border that cuts the contact.
 """
 
 from __future__ import annotations
@@ -22,21 +22,24 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 _LOADS, _DIFFER = (0.05, 0.95), 2.0
-"""Quantiles of the load, and how many times the first the other must be for growth to show."""
+"""Quantiles of the load, and the least ratio of the second to the first at which growth can be estimated."""
 _FEWEST = 5
+"""Scans from which growth is estimated."""
 _STAYS = 2.0
-"""Only a contact that seemed to stay within this many pitches, or to go with its load, may be one that grew."""
+"""Growth is tried only if the position, less its dependence on the load, stays within this many pitches."""
 _POWER, SIZE_STD = 1 / 3, 0.3
-"""Hertz: size and pressure go with the cube root of the force; how far the size's logarithm is from that."""
+"""Hertz: size and pressure grow as this power of the force; standard deviation of log size from that law."""
 _TERMS = 4
-"""Of the polynomial by which a place goes with the size."""
+"""Coefficients of the polynomial by which the position depends on the size."""
 _GAIN_STD = 1.0
+"""Prior standard deviation of the gains: here they follow the load, which varies much."""
 _SHARES = (0.05, 20.0)
-"""Bounds of the load over that of the scan to begin with."""
+"""Bounds of the load over that of the first scan fitted."""
 _PLACE, _ELSEWHERE, _SLIDES = 0.02, 1.0, 0.25
-"""How well places are known, in pitches; how far off the point that stays may be; and how fast an object usually
-slides as it is pressed, in pitches per s."""
+"""Standard deviations: of positions, in pitches; of the fixed point from the origin, in pitches; and of the velocity at
+which an object slides while it is pressed, in pitches per s."""
 _ROUNDS = 15
+"""Of the coarse fit: more than without growth, for it starts from the load alone."""
 
 
 def grown_starts(scanned: Scanned, states: Floats, start: int) -> list[tuple[Pattern, Floats, Fit]]:
@@ -80,8 +83,9 @@ def _grown_around(scanned: Scanned, place: Floats, start: int) -> tuple[Pattern,
 
 
 def may_have_grown(scanned: Scanned, states: Floats) -> bool:
-    """Whether the load varies enough for growth to show, and the object hardly moved by states (scans, 5),
-    but with its load: of a contact that a border cuts, only a flank may be seen.
+    """Whether the load varies enough to estimate growth, and the object hardly moved except with its load.
+
+    states: (scans, 5). Of a contact that a border cuts, only a flank may be observed.
     """
     load = scanned.load().sum(axis=1)
     least, most = np.quantile(load, _LOADS)
@@ -94,9 +98,9 @@ def may_have_grown(scanned: Scanned, states: Floats) -> bool:
 
 
 def centre(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
-    """Shift the origin of the object's frame, in place, to the point whose places go least with the size.
+    """Shift the origin of the object's frame, in place, to the point whose position depends least on the size.
 
-    An object that slides steadily as it is pressed has moved; one that went with the load up and down has grown.
+    Motion that is linear in time is sliding; motion that follows the load up and down is growth.
     """
     parts = states_of(states)
     scale, theta = np.exp(parts.size), parts.theta

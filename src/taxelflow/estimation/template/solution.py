@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True, eq=False)
 class Solved:
-    """A contact as the joint fit sees it.
+    """The result of the joint fit of a contact.
 
     states: (scans, 5), see `bspline`. error: share of the contact's largest reading, see `Scanned.with_error`.
     gain_std: of the gains around 1. turns, grows: whether the object turns, and its contact grows with the load

@@ -1,13 +1,13 @@
-"""What a tilt of the load may explain of a pose: pressure that shifts on the object looks as if the object had moved.
+"""Tilt of the load in the covariance of a pose: pressure that shifts on the object looks like motion of the object.
 
-The line of action of a load wanders over the contact, as an arm moves, as friction pulls, as skin creeps. To first
-order pressure then changes in proportion to itself and to the place in the contact,
+The line of action of a load shifts over the contact when the arm moves, friction pulls or the skin creeps. To first
+order the pressure then changes in proportion to itself and to the position in the contact,
 
     y = g q(u) (1 + a (x - x_c) / r_x + b (y - y_c) / r_y),
 
-with the contact's centre (x_c, y_c) and radii of gyration (r_x, r_y). Of a paraboloid, tilt and shift are the same
-thing; of a pattern with edges they are not. a and b are unknowns of each scan with a zero-mean prior, and are
-eliminated (Schur complement): the covariance of the pose holds what they can explain.
+with the contact's centre (x_c, y_c) and radii of gyration (r_x, r_y). For a paraboloid, tilt and shift cannot be
+separated; for a pattern with edges they can. a and b are unknowns of each scan with a zero-mean prior, and are
+eliminated (Schur complement), so that the covariance of the pose contains their effect.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 _FEWEST = 3
-"""Readings that show a tilt in two directions."""
+"""Readings that determine a tilt in two directions."""
 _LEAST_RADIUS = 0.1
-"""Least radius of gyration, in pitches: contacts of a single line of taxels."""
+"""Lower limit of a radius of gyration, in pitches: that across a single line of taxels is 0."""
 
 
 def without_tilt(
@@ -65,7 +65,7 @@ def without_tilt(
 
 
 def _levers(places: Floats, pressure: Floats) -> Floats:
-    """(taxels, 2), how far each place (2, taxels) is from the centre of pressure (taxels,), in radii of gyration."""
+    """(taxels, 2), offsets of places (2, taxels) from the centre of pressure (taxels,), in radii of gyration."""
     share = pressure / pressure.sum()
     off = places - (places @ share)[:, np.newaxis]
     radius = np.sqrt(off**2 @ share)

@@ -1,4 +1,4 @@
-"""Whether the object of a contact turns: what decides between a fit that lets it turn and one that does not."""
+"""Tests that decide between a fit with a free angle (free) and one with a constant angle (held)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.likelihood import FEWEST, cost, touched, unexplained
-from taxelflow.estimation.template.observability import sights
+from taxelflow.estimation.template.observability import observability
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.numerics.bspline import States, states_of
 
@@ -18,36 +18,35 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 _MOST, _STILL = 0.9, 9.0
-"""An object has not turned if this quantile of its squared turns, over their variances, is below the second."""
+"""An object has not turned if this quantile of its squared angles, over their variances, is below the second number."""
 _JERKY = 2.0
-"""Median of the squared second differences of an angle, over their variances, up to which the turn is steady; noise
+"""Median of the squared second differences of an angle, over their variances, up to which a rotation is smooth. Noise
 alone gives 0.45."""
 _STEADY = 12.0
-"""Scans over which an angle that turns steadily is one parameter."""
+"""Scans per parameter of an angle that changes smoothly."""
 _UNCONVERGED = 1.0
-"""By which a fit may explain a scan less, because it has not quite converged."""
+"""Cost per scan that a fit may exceed another one by, because it has not fully converged."""
 _SEEN = 4.0
-"""An angle is observable if the pattern shows it better by this factor than its own noise seems to."""
+"""An angle is observable if its information exceeds that from noise in the pattern by this factor."""
 
 
 def explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
-    """Whether a turn explains so much that each angle may cost as much as a parameter that all readings determine; and
-    the pattern shows more of it than noise.
+    """Whether the free fit is better even if each angle is penalised like a parameter of all readings.
+
+    The pattern must also show more of the angle than noise would.
     """
-    return _sight(free, scanned) > 1.0 and cost(free, scanned, dear=True) < cost(held, scanned, dear=True)
+    return _observability(free, scanned) > 1.0 and cost(free, scanned, strict=True) < cost(held, scanned, strict=True)
 
 
 def explains_no_less(free: Solved, held: Solved, scanned: Scanned) -> bool:
-    """Whether a fit that lets the object turn is as good as one that does not, which it contains: if not, it has ended
-    in a minimum of its own.
-    """
+    """Whether the free fit, which contains the held one, is as good: if not, it has ended in a local minimum."""
     return unexplained(free, scanned) <= unexplained(held, scanned) + _UNCONVERGED * len(scanned)
 
 
 def outweighs_faults(free: Solved, held: Solved, scanned: Scanned) -> bool:
-    """Whether a turn explains more than it costs, if all readings may have the error that the sensor declares unseen.
+    """Whether the free fit is better if every reading may also have the sensor's `unseen_error`.
 
-    Faults of the sensor stay where they are from scan to scan: a turn that explains them seems sure.
+    Faults of the sensor are the same in all scans, so a rotation that explains them looks significant.
     """
     least = scanned.unseen_error
     prices = [cost(replace(one, error=max(one.error, least)), scanned) for one in (free, held)]
@@ -55,39 +54,39 @@ def outweighs_faults(free: Solved, held: Solved, scanned: Scanned) -> bool:
 
 
 def turns_surely(free: Solved, scanned: Scanned) -> bool:
-    """Whether an object that was let turn shows its angle, and turns no more jerkily than noise makes it seem."""
+    """Whether the angle of a free fit is observable, and changes as smoothly as noise allows."""
     variance = variances_of(free.fit.information).theta
     jerk = np.diff(states_of(free.states).theta, 2)
     noise = variance[:-2] + 4.0 * variance[1:-1] + variance[2:]
     steady = len(jerk) == 0 or float(np.median(jerk**2 / noise)) < _JERKY
-    return steady and _sight(free, scanned) > _SEEN
+    return steady and _observability(free, scanned) > _SEEN
 
 
 def turns_steadily(free: Solved, held: Solved, scanned: Scanned) -> bool:
-    """Whether angles that follow from those before explain more than none: they cost as few as they are.
+    """Whether the free fit is better if a smooth angle is penalised as one parameter per `_STEADY` scans.
 
-    Only of heights, whose texture shows an angle: they explain some of what a turn does.
+    For patterns of heights only: their texture determines an angle, and they explain a part of what a rotation does.
     """
     if not (free.heights and turns_surely(free, scanned)):
         return False
     readings, scans = float(np.count_nonzero(touched(scanned))), len(scanned)
-    saved = scans * float(np.log(max(readings / scans, FEWEST))) - scans  # each of them explains some noise, too
+    saved = scans * float(np.log(max(readings / scans, FEWEST))) - scans  # each angle explains some noise, too
     few = scans / _STEADY * float(np.log(max(readings, FEWEST)))
     return cost(free, scanned) - saved + few < cost(held, scanned)
 
 
 def keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
-    """Whether an object that was let turn has kept its angle, and its pattern shows that: noise in one seems to."""
+    """Whether the angle of a free fit is observable and constant; a pattern of noise makes any angle look constant."""
     variance, theta = variances_of(free.fit.information).theta, states_of(free.states).theta
     theta = theta - np.median(theta)
-    return bool(np.quantile(theta**2 / variance, _MOST) < _STILL and _sight(free, scanned) > _SEEN)
+    return bool(np.quantile(theta**2 / variance, _MOST) < _STILL and _observability(free, scanned) > _SEEN)
 
 
-def _sight(free: Solved, scanned: Scanned) -> float:
-    """How much better the pattern shows an angle than its own noise seems to, in the scan that shows it best."""
+def _observability(free: Solved, scanned: Scanned) -> float:
+    """Observability of the angle, see `observability`, in the scan with the most information on it."""
     scan = int(np.argmax(_diagonals(free.fit.information).theta))
     error = max(free.error, COARSE)
-    return float(sights(free.pattern, scanned, free.states, free.fit.factor, scan, error).theta)
+    return float(observability(free.pattern, scanned, free.states, free.fit.factor, scan, error).theta)
 
 
 def _diagonals(matrices: Floats) -> States:
@@ -96,5 +95,5 @@ def _diagonals(matrices: Floats) -> States:
 
 
 def variances_of(information: Floats) -> States:
-    """Of the states whose information (scans, 5, 5) is given."""
+    """Variances of states, from their information (scans, 5, 5)."""
     return _diagonals(np.asarray(np.linalg.inv(information), np.float64))

@@ -1,4 +1,7 @@
-"""Two witnesses of one place: what a map says and what the centre of pressure says, see `centre_of_pressure`."""
+"""Covariance intersection of two estimates of one place: by the map, and by the centre of pressure.
+
+Symbols as in `centre_of_pressure`: place p on the map with covariance C, centre of pressure c with covariance D.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +12,14 @@ from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import inlined, lean_kernel
 
 _LEAST = 1e-18
-"""Of variances, m^2."""
+"""Added to variances, which may be 0, m^2."""
 _EXPLAINED = 9.0
-"""Chi-square up to which a shift by the border is within what c and p are wrong by anyway."""
+"""Chi-square up to which the errors of c and p explain a shift by the border: 3 standard deviations, squared."""
 
 
 @lean_kernel
-def _wider(cov: tuple[float, float, float], doubt: tuple[float, float, float], apart: tuple[float, float]) -> float:
-    """The factor s, 1 or more, by which C must be larger for sC + D to explain that c and p are so far apart.
+def _inflation(cov: tuple[float, float, float], doubt: tuple[float, float, float], apart: tuple[float, float]) -> float:
+    """The least factor s, 1 or more, for which the covariance sC + D explains the distance of c and p.
 
     The adjugate of a matrix of two dimensions is linear in it, so chi-square per degree of freedom is 1 where a
     polynomial of second degree in s is 0. cov, doubt: C and D, each as xx, xy, yy.
@@ -36,13 +39,13 @@ def _wider(cov: tuple[float, float, float], doubt: tuple[float, float, float], a
 def combine(
     cov: Floats, doubt: tuple[float, float, float], apart: tuple[float, float], shows_turn: bool, weight: Floats
 ) -> None:
-    """Fill weight (2, 2), W, and make cov (3, 3) of a pose on its map that of both witnesses.
+    """Fill weight W (2, 2), and replace the covariance (3, 3) of a pose on its map by that of the combined pose.
 
-    doubt: D as xx, xy, yy. apart: c - p. shows_turn: whether the map shows the angle. The turn's variance stays; all
-    in the same unit.
+    doubt: D as xx, xy, yy. apart: c - p. shows_turn: whether the map determines the angle, whose variance stays.
+    All are in the same unit.
     """
     map_xx, map_xy, map_yy = cov[0, 0] + _LEAST, cov[0, 1], cov[1, 1] + _LEAST
-    wider = 1.0 if shows_turn else _wider((map_xx, map_xy, map_yy), doubt, apart)
+    wider = 1.0 if shows_turn else _inflation((map_xx, map_xy, map_yy), doubt, apart)
     map_xx, map_xy, map_yy = wider * map_xx, wider * map_xy, wider * map_yy
     xx, xy, yy = inverse2(map_xx + doubt[0], map_xy + doubt[1], map_yy + doubt[2])
     chi = 0.5 * (apart[0] * apart[0] * xx + 2.0 * apart[0] * apart[1] * xy + apart[1] * apart[1] * yy)
@@ -63,8 +66,9 @@ def combine(
 
 @lean_kernel
 def surely(shift: tuple[float, float], doubt: tuple[float, float, float]) -> float:
-    """The share of a shift of c by the border that errors of c and p, C + D as xx, xy, yy, do not explain at three
-    standard deviations.
+    """The share of a shift of c by the border that the errors of c and p do not explain at 3 standard deviations.
+
+    doubt: their covariance C + D as xx, xy, yy.
     """
     (x, y), (xx, xy, yy) = shift, doubt
     square = xx * yy - xy * xy
@@ -74,7 +78,7 @@ def surely(shift: tuple[float, float], doubt: tuple[float, float, float]) -> flo
 
 @inlined
 def transformed(p: float, q: float, r: float, s: float, m: tuple[float, float, float]) -> tuple[float, float, float]:
-    """xx, xy and yy of T m T^T with T = [[p, q], [r, s]], of those of m."""
+    """T m T^T as xx, xy, yy, with T = [[p, q], [r, s]] and m a symmetric matrix as xx, xy, yy."""
     xx, xy, yy = m
     return (
         p * p * xx + 2.0 * p * q * xy + q * q * yy,

@@ -28,9 +28,10 @@ from taxelflow.numerics.se3 import compose, copy_matrix, count_true
 from taxelflow.runtime.compiling import kernel, routine
 
 _ATTEMPTS = 3
-"""Smooth contacts as those of a round object; as knobs on its surface; as the first again if that was not better."""
+"""Smooth contacts are taken as those of a round object, then as knobs on its surface, then as round again if the knobs
+were not better."""
 _PROOF = 50.0
-"""Chi-square by which knobs must explain the contacts better: errors of several standard deviations do occur."""
+"""Chi-square by which knobs must be better: errors of several standard deviations occur without them."""
 
 
 class Moving(NamedTuple):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import ExtraMissing, ParameterInvalid
+from taxelflow.fusion.observability import BLIND_M, BLIND_M_S
 
 if TYPE_CHECKING:
     from taxelflow.fusion.spatial.session import SpatialSession
@@ -19,9 +20,9 @@ class SpatialField:
 
     window_s: float = 0.25
     """Window of the twist, s: a straight line through the poses of each contact. 0: displacements of single scans."""
-    blind_m_s: float = 0.02
+    blind_m_s: float = BLIND_M_S
     """Standard deviation of the twist beyond which a direction is not observable, m/s (turns: times `length_m`)."""
-    blind_m: float = 0.005
+    blind_m: float = BLIND_M
     """Standard deviation of the pose beyond which a direction is not observable, m (turns: times `length_m`)."""
     length_m: float = 0.05
     """Length by which rotations are compared with translations, about the object's radius, m."""

@@ -1,4 +1,4 @@
-"""Where contacts are in space: frames from joint angles and the pads' skins, and the note where they lack."""
+"""Contact frames in space, from joint angles and the pads' skins, and the note on missing angles."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _ENCODER = 0.1
-"""By which an angle (rad), or a slide (m), may leave its range: encoders and models are off."""
+"""Amount by which an angle (rad), or a slide (m), may exceed its range: encoders and models have offsets."""
 
 
 class Places:

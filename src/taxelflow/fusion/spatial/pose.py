@@ -1,9 +1,9 @@
 """The object's pose in space since first contact: a robust fit of all contacts to where they lie on the object.
 
-A contact is anchored on the object in its first scan. Later scans measure where that point is, along the pad and about
-its normal. A contact that comes later inherits the error that the pose has by then: these errors are common to all
-contacts of that time, so they are propagated through the fit and do not average out. While nothing touches, everything
-is forgotten.
+A contact is anchored on the object in its first scan. Later scans measure the position of that point, along the pad and
+about its normal. A later contact inherits the error that the pose has by then. These errors are common to all contacts
+of that time, so they are propagated through the fit and do not average out. While nothing touches, all anchors are
+cleared.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from taxelflow.runtime.compiling import routine
 _ITERATIONS = 4
 """Steps of Gauss-Newton."""
 _SMALLEST_STEP = 1e-7
-"""In m and rad: the next would be a thousandth of it, or less."""
+"""In m and rad, at which the fit has converged: the next step would be a thousandth of it, or less."""
 _SHARPER = 0.1
-"""Variance of a contact's place, over that of its anchor, below which it is anchored again: while a contact is pressed
-on, its first scans are often not resolved, and what is anchored there would blur all that follow."""
+"""Variance of a contact's place, over that of its anchor, below which it is anchored again: the first scans of a
+contact are often not resolved, and an anchor there would add its error to all later scans."""
 
 
 class Anchor:
-    """Where on the object a contact lies. frame: (4, 4), of the contact in the object's frame, turned by its theta.
+    """Place of a contact on the object. frame: (4, 4), of the contact in the object's frame, turned by its theta.
     covariance: (3, 3), of the pose when it was anchored. root: (6, 6), a factor of the covariance of the object's pose
     at that time, in the object's frame; 0 in the first scan.
     """
@@ -60,7 +60,7 @@ class Body:
 
 @routine
 def start_body(body: Body, anchors: Records) -> None:
-    """The object where it is now is the origin of its motion."""
+    """Reset: the object's present pose is the origin of its motion."""
     body.started = False
     for i in range(4):
         for j in range(4):
@@ -92,7 +92,9 @@ def fit_pose(
         linearise(seen, scan, centre, limits, contacts, anchors, body)
         fill_joints(J, joint_std, centre, limits.length_m, contacts)
         doubt_all(contacts, usual)
-        verdict = solve_robustly(contacts, limits.pose_m, usual, solution)  # blames afresh, the closer the better
+        verdict = solve_robustly(
+            contacts, limits.pose_m, usual, solution
+        )  # blames contacts anew in each step, as the pose gets better
         for i in range(3):
             step[i], step[3 + i] = solution.xi[i], solution.xi[3 + i] / limits.length_m
         move_about(centre, step, body.pose)

@@ -1,13 +1,13 @@
-"""Which contact is wrong: leave-one-out on top of the weighted solution.
+"""Detection of a wrong contact: leave-one-out on the weighted solution.
 
 If chi-square is too large, or one contact has far more of it than the scatter of the others explains, each contact is
-left out in turn. It is blamed if that explains the contradiction and leaving out any other explains it significantly
-worse, by the scatter of those that are left; else nobody is, as with three contacts, where leaving out any one explains
-everything. Fewer than a third of the contacts can be blamed: if more contradict, all covariances are doubted instead.
-What remains of the contradiction is for the covariance (`Verdict`).
+left out in turn. It is blamed if the others then agree, and agree significantly less without any other contact, by
+their scatter. Otherwise none is blamed, as with three contacts, of which any two agree. Fewer than a third of the
+contacts can be blamed: if more contradict each other, all covariances are increased. What remains of the contradiction
+increases the covariance, too (`Verdict`).
 
-The scatter is that of this scan, not that of the last ones: these hold the misfit of a contact that was wrong and could
-not be blamed, as while the window of the velocities fills, and it would never be blamed after that.
+The scatter is that of this scan, not of the last ones. These contain the misfit of a wrong contact that could not be
+blamed yet, as while the window of the velocities fills; with that scatter it would never be blamed.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def share_of(
 
 @routine
 def most_to_blame(contacts: Contacts, limit: float, usual: float, rank: int, out: Solution) -> int:
-    """The contact without which the others agree, far better than without any other; -1 if there is none."""
+    """The contact without which the others agree significantly better than without any other; -1 if there is none."""
     worst, best, second, scatter = -1, np.inf, np.inf, 1.0 / usual
     for pad in range(len(contacts.use)):
         if contacts.use[pad] > 0.0:
@@ -160,7 +160,7 @@ def most_to_blame(contacts: Contacts, limit: float, usual: float, rank: int, out
             chi2, freedom = misfit(contacts, seen, out)
             contacts.use[pad] = 1.0
             if seen < rank or freedom <= 0.0:
-                chi2 = 0.0  # nothing is left to contradict: this one may be to blame as well as any
+                chi2 = 0.0  # no redundancy is left: this contact may be the wrong one as well as any
             if chi2 < best:
                 worst, best, second = pad, chi2, best
                 scatter = max(1.0 / usual, chi2 / freedom) if freedom > 0.0 else 1.0 / usual

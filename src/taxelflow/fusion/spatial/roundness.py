@@ -1,9 +1,9 @@
-"""Which point of a round object a smooth contact follows: the centre of its curvature, not the surface.
+"""The point of a round object whose motion a smooth contact observes: the centre of curvature, not the surface point.
 
-Where a smooth object touches a pad, its normal is that of the pad. The place of the contact shows how the centre of
-curvature moves along the pad, and nothing of how the surface turns about it (Montana 1988, The kinematics of contact
-and grasp). A round object that several pads touch has one centre, where the normals of its contacts meet, or an axis,
-which they all cross. With contacts taken at these points, spins about them come out as not observable.
+Where a smooth object touches a pad, its normal is that of the pad. So the contact's place shows how the centre of
+curvature moves along the pad, but not how the surface rotates about it (Montana 1988, The kinematics of contact and
+grasp). A round object that several pads touch has one centre, where the normals of its contacts meet, or an axis that
+all normals cross. With contacts placed at these points, rotations about them are not observable, as they should be.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 from taxelflow.messages import Bools, Floats
 
 _PARALLEL = 1e-3
-"""Information on where along parallel normals they meet: they do not, and the contacts' mean is taken."""
+"""Prior information that places the meeting point of parallel normals at the height of the contacts' mean."""
 
 
 def centres(frames: Floats, known: Bools, smooth: Bools, pitch_m: float) -> Floats:
-    """(scans, pads, 3), m, in the axes of each contact: from it to the point that it shows; 0 if it is not smooth.
+    """(scans, pads, 3), m, in the axes of each contact: from it to the observed point; 0 if it is not smooth.
 
     frames: (scans, pads, 4, 4), of the contacts in the hand, z into the object. known, smooth: (scans, pads). pitch_m:
-    how well a contact's place is known, so that points closer together than this are one, or lie on one line.
+    error of a contact's place: points closer together than this are one point, or lie on one line.
     """
     found = np.zeros((*known.shape, 3))
     use = known & smooth

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _SPARE = 256
-"""Scans that there is room for until the last window is moved."""
+"""Scans that fit into the arrays after a window, before the window is moved to their begin."""
 _MOST_STD = 1.0
-"""Over the limit of observability: a component of the twist with a larger standard deviation is NaN."""
+"""Standard deviation, over the limit of observability, above which a component of the twist is NaN."""
 
 
 class Prepared(NamedTuple):
-    """Scans on their way into the kernel. first: number of the first of them in seen. out: to be filled."""
+    """Arguments of the kernel. first: number of the new scans' first one in seen. out: to be filled."""
 
     seen: Seen
     first: int
@@ -40,7 +40,7 @@ class Prepared(NamedTuple):
 
 
 class SpatialSession:
-    """Fuses block by block; remembers the scans of a window, and where each contact lies on the object."""
+    """Fuses block by block; keeps the scans of a window, and the anchor of each contact on the object."""
 
     def __init__(
         self, sensor: Sensor, joints: Joints | None, limits: Limits, *, window_s: float, edge_doubt: float
@@ -75,7 +75,7 @@ class SpatialSession:
         return self._motions(slips.t_s, prepared.out)
 
     def prepare(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> Prepared:
-        """What the kernel works on; see `step`."""
+        """The arguments of the kernel; see `step`."""
         point = self._reference.step(slips, centroid, texture)
         frames = self._places.frames(slips.t_s[:, np.newaxis] - np.nan_to_num(slips.lag_s), point)
         self._places.count(slips.t_s)

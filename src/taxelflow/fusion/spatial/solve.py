@@ -1,4 +1,4 @@
-"""Weighted least squares of six degrees of freedom from contacts, and what the contacts do not determine.
+"""Weighted least squares of six degrees of freedom from contacts, and the directions that they do not determine.
 
 A contact measures y = H xi + G q + n of three planar components: along its x and y, about its z. H: (3, 6), y: (3,),
 information W: (3, 3), zero where a component is unknown. q: errors of the joint angles, of known variance, eliminated
@@ -12,13 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from taxelflow.fusion.observability import BLIND
 from taxelflow.messages import Floats
 from taxelflow.numerics.se3 import copy_matrix, eigen_symmetric
 from taxelflow.numerics.small_linalg import factor_small, mirror, solve_factored
 from taxelflow.runtime.compiling import lean_kernel, routine
-
-BLIND = 10.0
-"""Standard deviation of a direction that is not observable, over the limit of observability."""
 
 
 class Contacts(NamedTuple):

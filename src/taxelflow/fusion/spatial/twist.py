@@ -6,17 +6,13 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from taxelflow.fusion.misfit import LEAST_FREEDOM, MEMORY
 from taxelflow.fusion.spatial.robust import Verdict, solve_robustly
 from taxelflow.fusion.spatial.solve import Contacts, Solution
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.se3 import multiply, planar_rows, product_of
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import lean_kernel, routine
-
-MEMORY = 0.98
-"""What is left of misfit and freedom after a scan: they reach back over about 50 scans."""
-LEAST_FREEDOM = 20.0
-"""Degrees of freedom from which a misfit is significant."""
 
 
 class Limits(NamedTuple):

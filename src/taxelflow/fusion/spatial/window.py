@@ -1,4 +1,4 @@
-"""How fast the object's point at each contact moves in the hand: a straight line through the poses of a window.
+"""Velocity of the object's point at each contact in the hand: a straight line through the poses of a window.
 
 The pose of a contact on its pad and the pad's own pose give the point in the hand's frame, so that a moving finger and
 a slip are separated. The turn about the contact's normal is that on the pad plus that of the pad.
@@ -16,15 +16,15 @@ from taxelflow.numerics.se3 import copy_matrix
 from taxelflow.runtime.compiling import lean_kernel, routine
 
 _FEWEST = 3
-"""Scans through which a line is drawn."""
+"""Scans that a line needs."""
 _SMALL = 0.01
-"""Tangents below this have three terms of their series, which are right to 1e-15 rad."""
+"""Tangents below which three terms of the arctangent's series are used, exact to 1e-15 rad."""
 _LEAST_SHARE = 0.4
-"""Of the window that the scans must span; contacts that are younger give no velocity yet."""
+"""Share of the window that the scans must span; younger contacts have no velocity yet."""
 
 
 class Seen(NamedTuple):
-    """What pads see, scan by scan.
+    """Observations of the pads, scan by scan.
 
     t_s: (scans,). frames: (scans, pads, 4, 4), contact frames in the hand, axes those of the pad. theta: (scans, pads),
     turn of the contact on its pad, NaN if unknown. covariance: (scans, pads, 3, 3), of the pose in the pad's axes.
@@ -32,8 +32,8 @@ class Seen(NamedTuple):
     the place, m^2, if a contact is anchored in a scan that contradicts its method's model. known, held: (scans, pads),
     whether the pose is known, and whether there is contact. kept: (scans, pads), the contact goes on, and where its
     pose is known so is the way from its last one. height: (scans, pads), of the point over its pad, m, filled in by the
-    fit of the pose: pads do not measure how deep the object is pressed in. under: (scans, pads, 3), from the contact to
-    the point whose motion it shows, in its axes, m; see `roundness`. unobservable: (scans, pads, 2, 2), see `Texture`.
+    fit of the pose: pads do not measure the indentation. under: (scans, pads, 3), from the contact to the point whose
+    motion it observes, in its axes, m; see `roundness`. unobservable: (scans, pads, 2, 2), see `Texture`.
     """
 
     t_s: Floats

@@ -17,6 +17,7 @@ from taxelflow.pipeline.batch.options import Estimating
 from taxelflow.runtime.addresses import MOST_PORT
 
 SOME_FAILED, INTERRUPTED = 1, 130
+"""Exit codes; the latter is that of a shell for a process ended by Ctrl+C, 128 + SIGINT."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""When a run used what it had learned, and which scans it had no time for, from the file of the run.
+"""Adoptions of a run, and scans that it was too slow for, read from the file of the run.
 
 With both the same scans give the same results once more.
 """

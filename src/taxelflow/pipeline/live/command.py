@@ -115,7 +115,7 @@ class Run(FromSource):
 
     def _report(self, rest: list[str], signals: Signals) -> Report:
         from taxelflow.pipeline.live.adoptions import asked_adoptions
-        from taxelflow.pipeline.live.face import Live
+        from taxelflow.pipeline.live.api import Live
         from taxelflow.pipeline.live.files import check_files
         from taxelflow.pipeline.live.loop import run_live
         from taxelflow.pipeline.live.status import StatusScreen

@@ -1,4 +1,4 @@
-"""The source's thread: takes scans as they arrive, puts them in order, and hands them on."""
+"""The source's thread: takes scans as they arrive, puts them in time order, and passes them on."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ if TYPE_CHECKING:
     from taxelflow.pipeline.live.workers import SinkWorker
 
 _MOST_WAITING = 4096
-"""Scans that wait for the estimate; a source that can wait does so, of another one the oldest are dropped."""
+"""Scans that may wait for the estimate; then a patient source waits, and of another one the oldest are dropped."""
 _MOST_TAKEN = 16
-"""Scans that are estimated in one step, before sinks are woken for their results: threads that wake hold it up."""
+"""Scans that are estimated in one step, at most, before sinks are woken: threads that wake delay the estimate."""
 _WAIT_S = 0.1
+"""Longest time that a thread waits before it looks again whether the run has ended."""
 
 
 class Placed:
-    """A scan in order. t_s: its time. values: (columns,), as the source sent them. arrived_s: when, monotonic."""
+    """A scan in time order. values: (columns,), as the source sent them. arrived_s: by the monotonic clock."""
 
     __slots__ = ("arrived_s", "t_s", "values")
 
@@ -49,8 +50,8 @@ def block_of(scans: Sequence[Placed]) -> RawScans:
 class Intake(threading.Thread):
     """Reads a source to its end, or until it is stopped.
 
-    scans_in: whole scans that arrived. dropped: those of them that were repeated or late, or for which there was no
-    time. error: what ended the source, if it did not end in order; the run raises it.
+    scans_in: complete scans that arrived. dropped: those of them that were repeated or late, or that the estimate was
+    too slow for. error: the exception that ended the source, if any; the run raises it.
     """
 
     def __init__(
@@ -96,7 +97,7 @@ class Intake(threading.Thread):
             return taken
 
     def missed(self) -> list[float]:
-        """Times of the scans, s, for which there was no time, since the last call."""
+        """Times, s, of the scans since the last call that the estimate was too slow for."""
         with self._come:
             missed, self._missed = self._missed, []
         return missed
@@ -117,7 +118,7 @@ class Intake(threading.Thread):
                 self._come.notify()
 
     def _is_last(self, arrival: Arrival) -> bool:
-        """Hand a scan on; whether it is the last that is wanted."""
+        """Pass a scan on; whether it is the last that is wanted."""
         self.scans_in += 1
         t_s = self.timeline.place(arrival)
         if t_s is None:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 _LEAST_S, _MOST_S = 1e-6, 1e3
+"""Range of the histogram; times outside count in its first and last bin."""
 _PER_DECADE = 40
 """Bins of 6 %."""
 _MANY = 8

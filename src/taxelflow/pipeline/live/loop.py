@@ -22,7 +22,7 @@ from taxelflow.pipeline.stages import Output
 from taxelflow.publish.sinks.base import Ending, Head, Update
 from taxelflow.publish.sinks.lines import scan_texts
 from taxelflow.publish.summary import Totals
-from taxelflow.runtime.turns import quick_turns
+from taxelflow.runtime.threads import quick_turns
 
 if TYPE_CHECKING:
     import threading
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.devices.base import Source
     from taxelflow.messages import Event, Floats
-    from taxelflow.pipeline.live.face import Live
+    from taxelflow.pipeline.live.api import Live
     from taxelflow.pipeline.live.intake import Placed
     from taxelflow.publish.sinks.base import Sink
     from taxelflow.runtime.adoption import Adoption
@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 _COUNTED = 16
 """Scans that are counted into the summary at once."""
 _SEEN_EVENTS = 6
+"""Latest events that the screen shows."""
 _WATCH_S = 0.2
+"""Time between two updates of the screen."""
 
 
 @dataclass(frozen=True)

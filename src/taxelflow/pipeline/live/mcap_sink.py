@@ -16,7 +16,7 @@ from taxelflow.acquire.ros.write import McapScans
 from taxelflow.errors import ExtraMissing
 from taxelflow.numerics.clock import nanoseconds
 from taxelflow.pipeline.live.adoptions import ADOPTIONS, MISSED
-from taxelflow.publish.sinks.drawn import Drawing
+from taxelflow.publish.sinks.foxglove_messages import Drawing
 from taxelflow.publish.sinks.lines import event_row, scan_texts, spatial_objects
 from taxelflow.publish.sinks.patient import PatientFile
 

@@ -24,28 +24,25 @@ if TYPE_CHECKING:
     from taxelflow.publish.sinks.base import Ending, Head, Update
     from taxelflow.runtime.addresses import Address
 
-_TWIST, _POSE, _TOUCH, _TEXT = (
-    "geometry_msgs/msg/TwistWithCovarianceStamped",
-    "geometry_msgs/msg/PoseWithCovarianceStamped",
-    "tactile_msgs/msg/TactileState",
-    "std_msgs/msg/String",
-)
 _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
-"""Places of x, y and the turn about z in a covariance of 6 x 6."""
-
+"""Rows and columns of x, y and the rotation about z in a covariance of 6 x 6."""
 _LAST_S = 2.0**31 - 1.0
 """Latest time of a header: its seconds have 32 bits."""
 
 
 class Ros2Types:
-    """Classes of the messages that are published."""
+    """Classes of the messages that are published: a field for each topic's type, and by name the types inside them."""
 
     def __init__(self) -> None:
         self._made: dict[str, Any] = {}
-        touch = kind_of(_TOUCH)
-        for name in (_TWIST, _POSE, _TOUCH, _TEXT):
-            fallback = touch.definition if touch is not None and name == _TOUCH else ""
-            dds_type(store_of(name, "", "", fallback), name, self._made)
+        self.twist_type = self._make("geometry_msgs/msg/TwistWithCovarianceStamped")
+        self.pose_type = self._make("geometry_msgs/msg/PoseWithCovarianceStamped")
+        self.touch_type = self._make("tactile_msgs/msg/TactileState")
+        self.text_type = self._make("std_msgs/msg/String")
+
+    def _make(self, name: str) -> Any:
+        kind = kind_of(name)
+        return dds_type(store_of(name, "", "", "" if kind is None else kind.definition), name, self._made)
 
     def __getitem__(self, name: str) -> Any:
         """The class of `package/msg/Name`."""
@@ -61,7 +58,7 @@ class Ros2Types:
         """A tactile_msgs/TactileState."""
         channel = self["sensor_msgs/msg/ChannelFloat32"]
         sensors = [channel(name=name, values=values) for name, values in channels.items()]
-        return self[_TOUCH](header=self.header(t_s), sensors=sensors)
+        return self.touch_type(header=self.header(t_s), sensors=sensors)
 
     def twist(self, t_s: float, velocity: np.ndarray, covariance: np.ndarray) -> Any:
         """A geometry_msgs/TwistWithCovarianceStamped from (3,) and (3, 3); unknown numbers are 0 with variance -1."""
@@ -78,7 +75,7 @@ class Ros2Types:
         vx, vy, vz, wx, wy, wz = np.nan_to_num(velocity).tolist()
         twist = self["geometry_msgs/msg/Twist"](linear=vector(x=vx, y=vy, z=vz), angular=vector(x=wx, y=wy, z=wz))
         known = self["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=whole.ravel().tolist())
-        return self[_TWIST](header=self.header(t_s), twist=known)
+        return self.twist_type(header=self.header(t_s), twist=known)
 
     def pose(self, t_s: float, pose: np.ndarray, covariance: np.ndarray) -> Any:
         """A geometry_msgs/PoseWithCovarianceStamped from (7,), see `SpatialMotions`, and (6, 6)."""
@@ -86,11 +83,11 @@ class Ros2Types:
         point, turn = self["geometry_msgs/msg/Point"], self["geometry_msgs/msg/Quaternion"]
         placed = self["geometry_msgs/msg/Pose"](position=point(x=x, y=y, z=z), orientation=turn(x=qx, y=qy, z=qz, w=qw))
         known = self["geometry_msgs/msg/PoseWithCovariance"](pose=placed, covariance=covariance.ravel().tolist())
-        return self[_POSE](header=self.header(t_s), pose=known)
+        return self.pose_type(header=self.header(t_s), pose=known)
 
     def text(self, content: object) -> Any:
         """A std_msgs/String of JSON."""
-        return self[_TEXT](data=msgspec.json.encode(content).decode())
+        return self.text_type(data=msgspec.json.encode(content).decode())
 
 
 class Ros2Sink:
@@ -109,16 +106,15 @@ class Ros2Sink:
         self._types, self._head = Ros2Types(), head
         participant = self._dds.domain.DomainParticipant(self._domain)
 
-        def writer(topic: str, name: str) -> Any:
-            made = self._dds.topic.Topic(participant, f"rt/taxelflow/{topic}", self._types[name])
+        def writer(topic: str, message_type: Any) -> Any:
+            made = self._dds.topic.Topic(participant, f"rt/taxelflow/{topic}", message_type)
             return self._dds.pub.DataWriter(participant, made, qos=best_effort())
 
-        self._object3d, self._pose3d = writer("object3d", _TWIST), writer("pose3d", _POSE)
-        self._object, self._scans, self._events = (
-            writer("object", _TWIST),
-            writer("scans", _TOUCH),
-            writer("events", _TEXT),
-        )
+        self._object3d = writer("object3d", self._types.twist_type)
+        self._pose3d = writer("pose3d", self._types.pose_type)
+        self._object = writer("object", self._types.twist_type)
+        self._scans = writer("scans", self._types.touch_type)
+        self._events = writer("events", self._types.text_type)
 
     def write_raw(self, scans: RawScans, *, late: bool) -> None:
         """See `Sink`."""

@@ -1,4 +1,4 @@
-"""What people see of a live run: a screen while it goes on, and its totals at the end."""
+"""Terminal output of a live run: a screen while it runs, and its totals at the end."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from taxelflow.publish.view.page import DRAWING_S, Page
 
 if TYPE_CHECKING:
     from taxelflow.messages import RawScans
-    from taxelflow.pipeline.live.face import Live
+    from taxelflow.pipeline.live.api import Live
     from taxelflow.pipeline.live.loop import Report
     from taxelflow.publish.sinks.base import Ending, Head, Update
     from taxelflow.publish.view.server import PageServer

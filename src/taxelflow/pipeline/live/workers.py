@@ -25,7 +25,9 @@ _CROWDED = 2_000
 _STUCK_S = 0.25
 """... unless the file's last write takes longer than this: then it is stuck."""
 _TICK_S = 0.05
+"""Time between two calls of a sink's `tick` while nothing comes."""
 _BATCH = 256
+"""Items that a sink takes at once, at most."""
 _GRACE_S = 1.5
 """Time for a sink to close in."""
 

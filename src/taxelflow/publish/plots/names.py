@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 WIDE, TALL = 0.6, 1.3
 """Width of a letter and height of a line, over the size of the font."""
 _GAP = 3.0
+"""Between a name and its pad, points."""
 _AROUND = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
 """Places of a name around its pad, the most wanted one first."""
 

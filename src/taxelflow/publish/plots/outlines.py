@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 _SHARE = 0.45
+"""Half the side of a taxel that is drawn, in pitches: neighbours do not touch."""
 _CORNERS = 24
+"""Of the polygon that is drawn for a round taxel."""
 _ALIKE = 0.05
 """Deviation of areas and directions from those of a hexagonal grid, as shares."""
 

@@ -1,4 +1,4 @@
-"""Pads whose place on the hand is unknown, laid out in rows of one scale: pads of one finger stay together."""
+"""Layout of pads whose place on the hand is unknown: in rows, to one scale, pads of one finger together."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 NAME = 7.0
 """Size of a name in points, on a picture of this width."""
 _PAPER = 720.0
+"""That width, in points."""
 _TALLEST = 0.95
 """Height of the picture over its width that is aimed at."""
 

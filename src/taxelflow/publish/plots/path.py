@@ -24,8 +24,11 @@ if TYPE_CHECKING:
 _MOST_OVERLAID = 6
 """Contacts on one pad whose paths are still readable in one panel."""
 _MOST_PANELS = 60
+"""Contacts at most, those with the longest paths."""
 _ACROSS = 10
+"""Panels in a row."""
 _FEWEST_POSITIONS = 3
+"""Known positions below which a contact has no path."""
 
 
 def path_figure(tracks: Sequence[Track], layout: Layout) -> Figure:

@@ -21,9 +21,11 @@ if TYPE_CHECKING:
 _COLOURS = "inferno"
 _WAY = "viridis"
 _MARKS = 14
+"""Marks of orientation along a path."""
 _MARK_SHARE = 0.09
 """Half the length of a mark of orientation, as a share of the pad's longer side."""
 _HEIGHT = 4.4
+"""Of a panel, inches."""
 SHOWN = 0.05
 """The picture reaches to where the pattern has this share of its largest pressure."""
 _DARK, _UNSEEN, _EDGE = "#000004", "#26262c", "#4a4a55"

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats, LearnedPattern
 
 _ACROSS = 8
+"""Patterns in a row."""
 _MOST = 64
+"""Patterns at most, those of the most scans."""
 
 
 def patterns_figure(patterns: Sequence[LearnedPattern], unit: str) -> Figure:

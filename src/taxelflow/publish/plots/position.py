@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from taxelflow.publish.results import Track
 
 _FEWEST = 3
+"""Positions below which a stroke has no slope."""
 _CROWDED = 400
+"""Positions above which their marks are small."""
 _MOST_NUMBERS = 8
 """Strokes that still leave room for their slopes as numbers."""
 _BESIDE = {"o": (34, 14), "^": (42, -14)}

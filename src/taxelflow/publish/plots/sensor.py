@@ -1,4 +1,4 @@
-"""A sensor as its user knows it: every pad with its taxels' numbers, the hand laid flat, curved skin in space."""
+"""Picture of a sensor: every pad with its taxels' numbers, the hand laid flat, curved skin in space."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 _WIDEST, _TALLEST, _PITCH = 10.0, 8.5, 0.6
 """Most inches of the hand on paper, and of the distance between two taxels."""
 _NUMBERED = 1100
+"""Taxels up to which their numbers are readable on the map."""
 _FEW = 100
 """Taxels that are numbered in space."""
 

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 _THINNEST = 0.12
 """Least extent of an axis, over the largest one: a flat hand keeps a height."""
 _DARKEST = 0.35
-"""Share of a colour in a face seen from the side."""
+"""Saturation of a face seen from the side."""
 _AWAY = 0.12
-"""Share of a colour in a face that is turned away."""
+"""Saturation of a face that is turned away."""
 _SEEN = 0.3
-"""Cosine between normal and view from which a number on a face can be read."""
+"""Cosine between normal and view above which a number on a face is readable."""
 
 
 def faces(layout: Layout, pad: int, own: PadGeometry) -> Floats:

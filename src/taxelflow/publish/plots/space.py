@@ -36,6 +36,7 @@ _DISTORTED = 4.0
 _SIDES = ((-60.0, 25.0), (120.0, 25.0))
 """Azimuth and elevation of the two views, deg."""
 _NAME = 7.0
+"""Size of a pad's name, points."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""What every sink is given, and what it does with it."""
+"""The protocol of a sink, and the messages that it receives."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from taxelflow.errors import ExtraMissing, SinkUnusable
 from taxelflow.numerics.clock import nanoseconds
-from taxelflow.publish.sinks.drawn import Drawing
+from taxelflow.publish.sinks.foxglove_messages import Drawing
 from taxelflow.publish.sinks.lines import event_row, object_rows, pad_rows
 
 if TYPE_CHECKING:
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
 
 _PORT = 8765
+"""Default port of Foxglove."""
 _BACKLOG = 256
 """Messages held for a client that does not read; the oldest are dropped for it."""
 

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 _MOST_WAITING = 1 << 20
 """Bytes held for a client that does not read; lines that would be more are dropped."""
 _LINGER_S = 1.0
+"""Time for the last lines to reach clients at the end."""
 _STDOUT = 1
+"""Descriptor of standard output."""
 
 _log = logging.getLogger("taxelflow")
 

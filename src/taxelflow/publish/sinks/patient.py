@@ -1,4 +1,4 @@
-"""A file that waits for room on a full disk, so that nothing is lost if room comes in time."""
+"""A file whose writes wait while the disk is full, so that nothing is lost if space is freed in time."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 _RETRY_S = 0.2
+"""Time between two attempts to write."""
 
 
 def opened_alone(path: Path | str) -> int:
-    """Descriptor of a file for writing that no other run has open; it is locked until it is closed, and not emptied.
+    """Descriptor of a file for writing that no other run has open. It is locked until it is closed, and not truncated.
 
     Raises SinkUnusable.
     """
     try:
-        named_pipe = Path(path).is_fifo()  # it opens at once, read or not
+        named_pipe = Path(path).is_fifo()  # for reading and writing, it opens without a reader
         file = os.open(path, (os.O_RDWR if named_pipe else os.O_WRONLY) | os.O_CREAT, 0o666)
     except OSError as error:
         raise SinkUnusable(str(path), error.strerror or str(error)) from error
@@ -68,23 +69,23 @@ class PatientFile(io.RawIOBase):
         self.lost = 0
 
     def writable(self) -> bool:
-        """It is."""
+        """True."""
         return True
 
     def seekable(self) -> bool:
-        """It only grows."""
+        """False: bytes are only appended."""
         return False
 
     def tell(self) -> int:
-        """Bytes taken so far."""
+        """Bytes accepted so far."""
         return self._at
 
     def give_up(self) -> None:
-        """The run ends: wait for room a little longer only."""
+        """End the waiting after `grace_s`, because the run ends."""
         self._deadline = min(self._deadline, time.monotonic() + self._grace_s)
 
     def write(self, content: ReadableBuffer, /) -> int:
-        """Write all of it, waiting for room. Raises BrokenPipeError if nobody reads a pipe any more."""
+        """Write all of it, waiting for space. Raises BrokenPipeError if a pipe has no reader any more."""
         left = memoryview(content).cast("B")
         size = len(left)
         self._at += size

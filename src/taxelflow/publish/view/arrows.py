@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 RING = 0.03
 """Radius of the first ring, as a share of the hand's size."""
 RINGS = 2
+"""Rings around an arrow's begin."""
 _LONGEST = 3.2
 """Length of the longest arrow, in rings; a faster slip is drawn as long as this."""
-_WIDE = 0.028
-"""Width of an arrow's head, as a share of the hand's size, and at most as a share of its length."""
-_SLIM = 0.55
+_WIDE, _SLIM = 0.028, 0.55
+"""Width of an arrow's head: a share of the hand's size, but at most this share of the arrow's length."""
 _HEAD, _SHAFT = 0.42, 0.36
 """Length of the head as a share of the arrow, and width of its shaft as one of the head."""
 

@@ -1,4 +1,4 @@
-"""Fingers that move: where the taxels stand at the joint angles of each scan."""
+"""Positions of the taxels at the joint angles of each scan, for fingers that move."""
 
 from __future__ import annotations
 

@@ -24,6 +24,7 @@ DRAWS = ("--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 """Flags by which a browser draws in software where there is no graphics card."""
 _QUIET = ("--headless=new", "--no-first-run", "--disable-extensions", "--mute-audio", "--hide-scrollbars")
 _PATIENCE_S = 120.0
+"""Time for a headless browser to load the page."""
 
 
 class BrowserMissing(TaxelflowError):

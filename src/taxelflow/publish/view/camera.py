@@ -1,4 +1,4 @@
-"""Where the camera stands so that all that is to be seen fits into the picture."""
+"""Placement of the camera, so that all that is drawn fits into the picture."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ if TYPE_CHECKING:
 FOV_RAD = 0.4
 """Vertical field of view: narrow, so that pads far from the middle are not distorted."""
 MARGIN = 1.06
+"""Size of the picture over what it shows."""
 _ROUNDS = 12
+"""Iterations to the nearest camera."""
 _HIDDEN = -0.5
-"""What a hidden taxel counts, where one that faces the camera counts 1."""
+"""Weight of a hidden taxel, where one that faces the camera has weight 1."""
 _HEIGHTS, _TURNS = np.radians((30.0, 42.0, 55.0)), 24
 """Directions that are tried for the clearest view of a hand: angles above the horizon, and turns about it."""
 
@@ -49,8 +51,8 @@ class Axes(NamedTuple):
 
 
 class View(NamedTuple):
-    """What a camera sees. eye: (3,), where it is. front_m: from there to the nearest point. wide_m: width of the
-    picture in the middle of what it shows.
+    """A camera and its picture. eye: (3,), its position. front_m: distance to the nearest point. wide_m: width of the
+    picture at the distance of the middle of what it shows.
     """
 
     axes: Axes

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from taxelflow.publish.view.history import SAME_S
+from taxelflow.numerics.clock import SAME_S
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

@@ -1,4 +1,4 @@
-"""The view fitted into windows that are narrower than usual, until their user moves the camera."""
+"""Fits the view into narrow browser windows, until their user moves the camera."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ if TYPE_CHECKING:
     from taxelflow.publish.view.scene import Scene
 
 _SAME = 1e-3
-"""Change of a form, and of a place as a share of its distance, that is none."""
+"""Change of the aspect ratio, and of the camera's place as a share of its distance, that is ignored."""
 
 
 class Framing:
-    """Of each browser the form that its view was fitted into, and where its camera was put."""
+    """The aspect ratio that each browser's view was fitted to, and the place that its camera was given."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._fitted: dict[int, tuple[float, Floats]] = {}
 
     def fit(self, camera: Any) -> None:
-        """Fit the view into a browser whose form has changed, if its camera is where it was put."""
+        """Fit the view into a browser whose aspect ratio has changed, unless its user has moved the camera."""
         client, scene = camera.client, self._scene
         aspect = min(float(camera.aspect), ASPECT)
         before, place = self._fitted.get(client.client_id, (scene.aspect, scene.position))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from taxelflow.messages import cut, joined
+from taxelflow.numerics.clock import SAME_S
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.messages import Bools, Event, Floats, LearnedPattern, Motions, Slips, SpatialMotions
-
-SAME_S = 1e-6
-"""Times closer than this are of one scan."""
 
 
 _CHUNK, _TOGETHER = 256, 32

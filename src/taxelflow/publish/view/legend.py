@@ -1,4 +1,4 @@
-"""What colours and marks mean: the scale of pressure with its unit, rings, lights, and the time, below the hand."""
+"""The legend: the scale of pressure with its unit, rings, lights, and the time, below the hand."""
 
 from __future__ import annotations
 

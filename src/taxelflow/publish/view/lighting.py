@@ -28,6 +28,7 @@ _FACING = _KEY_FROM[2] / float(np.linalg.norm(_KEY_FROM))
 _LIGHT = (_AMBIENT + _KEY * _FACING) / np.pi
 """Radiance of a white surface whose normal is z."""
 _EXPOSURE = 1 / 0.6
+"""Of three.js's ACESFilmicToneMapping."""
 _TO_CURVE = np.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]])
 _FROM_CURVE = np.array([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]])
 _UP_2, _UP_1, _UP_0 = 1.0, 0.0245786, -0.000090537

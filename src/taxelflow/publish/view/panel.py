@@ -28,7 +28,9 @@ _MARKS = {"assum": "assumed", "not published": "not published", "measured": "mea
 """Parts of a note on places, and what they mean; the first one counts."""
 NO_METHOD = "none"
 _MOST_ROWS = 8
+"""Pads in the table at most, those with the largest load."""
 _MAP_PIXELS = 240
+"""Longer side of the pressure map, at least."""
 
 
 class Heading(NamedTuple):

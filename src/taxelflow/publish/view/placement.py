@@ -1,8 +1,8 @@
-"""Where taxels stand in the scene: in space, on the hand laid flat, or beside it.
+"""Positions of the taxels in the scene: in space, on the hand laid flat, or beside it.
 
-A pad stands at its pose in space, if all pads have one (`articulation` moves those on links); else at its
-place on the hand laid flat; a pad with neither stands below the others, upright and labelled: pads of one finger,
-by their names, above one another, or all in rows.
+If all pads have a pose in space, they are drawn there (`articulation` moves those on links); otherwise on the hand laid
+flat. A pad with neither is drawn below the others, upright and labelled: pads of one finger, by their names, above one
+another, or all in rows.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ WORDS = ("with a pose in space", "laid flat", "set out: their places are not kno
 
 
 _CLEAR = 0.25
-"""Length of the mean normal above which the skin is seen from its side, not from the front."""
+"""Length of the mean normal above which the skin has a front; below it, the pads are seen from the side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class Placement:
 
     @property
     def closed(self) -> bool:
-        """Whether the pads are a skin that looks in all directions."""
+        """Whether the pads face all directions, as around an object."""
         return self.how[0] == IN_SPACE and bool(np.linalg.norm(self.normal.mean(axis=0)) < _CLEAR)
 
     @property
@@ -82,7 +82,7 @@ class Placement:
 
 
 def placed(layout: Layout) -> Placement:
-    """Where the pads of a layout stand."""
+    """Positions of the pads of a layout."""
     count, taxels = layout.pad_count, layout.taxels
     pads = [layout.of_pad(pad) for pad in range(count)]
     xy = np.stack([layout.x_m[:taxels], layout.y_m[:taxels]], axis=1)
@@ -158,7 +158,7 @@ def _below(layout: Layout, placement: Placement, pad: int, radius_m: float, axes
 
 
 def _set_out(T_scene_pad: Floats, names: tuple[str, ...], pads: list[Floats], pitch_m: Floats) -> None:
-    """Fill in the pads without a pose (NaN): stacks below the others, from left to right."""
+    """Fill in the pads without a pose (NaN): in stacks below the others, from left to right."""
     missing = [int(pad) for pad in np.flatnonzero(~np.isfinite(T_scene_pad).all(axis=1))]
     if not missing:
         return

@@ -14,20 +14,23 @@ from taxelflow.publish.spatial import basis_of
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
 from taxelflow.publish.view.lighting import lit
+from taxelflow.publish.view.motion_marks import (
+    CLEAR_SIGMAS,
+    MOST_RAD,
+    SIGMAS,
+    STEPS,
+    TURN_S,
+    WIDEST,
+    thickness,
+    twist_arrow,
+)
 from taxelflow.publish.view.palette import GREY, MAGENTA
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, SpatialMotions
 
-_STEPS = 60
-"""Pieces of the path, and of the arc that shows the rate of turn."""
-_TURN_S = 0.5
-"""The sector is what the object turns in this time."""
-_MOST_RAD = 5.5
-_SIGMAS = 2.0
-_ELLIPSES, _WIDEST = 3, 0.1
-"""Sections that stand for the ellipsoid, so that it hides no taxel; its half axis that is drawn at most, as a share of
-the hand's size: a larger one is grey."""
+_ELLIPSES = 3
+"""Sections that stand for the ellipsoid, so that it hides no taxel."""
 _HIDES = 0.3
 """A motion that cannot be seen hides a point's place if it moves the point by this share of a translation's length."""
 _RING = 36
@@ -43,22 +46,14 @@ class SpaceMotion:
 
     def __init__(self, server: Any, size_m: float) -> None:
         self._size = size_m
-        none, thick = np.zeros((_STEPS, 2, 3)), 0.0055 * size_m
+        none, thick = np.zeros((STEPS, 2, 3)), thickness(size_m)
         lines = server.scene.add_line_segments
-        self._turn = lines("/object/turn", np.zeros((_STEPS + 2, 2, 3)), MAGENTA, thickness=thick, visible=False)
+        self._turn = lines("/object/turn", np.zeros((STEPS + 2, 2, 3)), MAGENTA, thickness=thick, visible=False)
         self._axis = lines("/object/axis", none[:1], MAGENTA, thickness=0.5 * thick, visible=False)
         self._blind = lines("/object/unseen", np.zeros((_BLIND, 2, 3)), GREY, thickness=0.7 * thick, visible=False)
-        colours = np.tile(np.array(MAGENTA, dtype=np.uint8), (_STEPS, 2, 1))
+        colours = np.tile(np.array(MAGENTA, dtype=np.uint8), (STEPS, 2, 1))
         self._path = lines("/object/path", none, colours, thickness=0.7 * thick, visible=False)
-        self._arrow = server.scene.add_arrows(
-            "/object/twist",
-            none[:1],
-            MAGENTA,
-            shaft_radius=0.7 * thick,
-            head_radius=2.2 * thick,
-            head_length=5.0 * thick,
-            visible=False,
-        )
+        self._arrow = twist_arrow(server, size_m)
         self._spread = add_batch(
             server, "/object/spread", shapes.ring(0.96, 1.0), _ELLIPSES, side="double", visible=False
         )
@@ -90,7 +85,7 @@ class SpaceMotion:
         if not turns:
             return
         rate = float(np.linalg.norm(omega))
-        arc = _arc(middle, 0.1 * self._size, omega / rate, min(rate * _TURN_S, _MOST_RAD), _STEPS)
+        arc = _arc(middle, 0.1 * self._size, omega / rate, min(rate * TURN_S, MOST_RAD), STEPS)
         sides = np.array([[middle, arc[0, 0]], [middle, arc[-1, 1]]])
         self._turn.points = np.concatenate([arc, sides])
         through = middle + np.cross(omega, speed) / rate**2
@@ -112,9 +107,9 @@ class SpaceMotion:
             return
         variance, axes = np.linalg.eigh(own)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
-        reach = _SIGMAS * np.sqrt(np.maximum(variance, 0.0))
-        drawn = np.clip(reach, shapes.NONE, _WIDEST * self._size)
-        colour = lit(GREY if reach.max() > _WIDEST * self._size else MAGENTA)
+        reach = SIGMAS * np.sqrt(np.maximum(variance, 0.0))
+        drawn = np.clip(reach, shapes.NONE, WIDEST * self._size)
+        colour = lit(GREY if reach.max() > WIDEST * self._size else MAGENTA)
         put(
             self._spread,
             batched_positions=np.tile(middle, (_ELLIPSES, 1)),
@@ -124,7 +119,7 @@ class SpaceMotion:
         )
 
     def _show_path(self, trail: SpatialMotions, middle: Floats) -> None:
-        path, observed = path_of(trail, middle, _STEPS + 1)
+        path, observed = path_of(trail, middle, STEPS + 1)
         self._path.visible = bool(len(path))
         if len(path):
             known = (observed[:-1] & observed[1:])[:, np.newaxis, np.newaxis]
@@ -179,11 +174,11 @@ def _lever(point: Floats) -> Floats:
 
 
 def _clear(velocity: Floats, covariance: Floats) -> bool:
-    """Whether a velocity (3,) is more than 3 standard deviations from 0."""
+    """Whether a velocity (3,) is clearly not 0."""
     if not (np.isfinite(velocity).all() and np.isfinite(covariance).all()):
         return False
     length = float(velocity @ velocity)
-    return length**2 > 9.0 * float(velocity @ covariance @ velocity)
+    return length**2 > CLEAR_SIGMAS**2 * float(velocity @ covariance @ velocity)
 
 
 def _arc(middle: Floats, radius: float, axis: Floats, angle_rad: float, steps: int) -> Floats:

@@ -1,4 +1,4 @@
-"""The event strip: contacts and slips of each pad over time, to press, and buttons for the slips near that time."""
+"""The event strip: contacts and slips of each pad over time. Clicking it, or its buttons, sets the time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MARKED = ("slip_start", "slip_suspected")
 
 @dataclass(frozen=True, slots=True)
 class _Size:
-    """Of the strip."""
+    """Sizes and limits of the strip."""
 
     wide: int = 372
     names: int = 88
@@ -38,7 +38,7 @@ _PRESSED = (
     "at={clientX:box.left+share*box.width,clientY:box.top,bubbles:true,cancelable:true};"
     "track.dispatchEvent(new MouseEvent('mousedown',at));document.dispatchEvent(new MouseEvent('mouseup',at))"
 )
-"""Passes a press on the strip on to the slider of time, as one at the same share of its length."""
+"""JavaScript that passes a click on the strip on to the time slider, at the same share of its length."""
 
 _JUMPS = ("previous", "next")
 _NONE = "no slip yet"

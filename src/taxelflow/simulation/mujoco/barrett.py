@@ -17,6 +17,7 @@ from taxelflow.numerics.geometry import quaternion_of, se3_of
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.kinematics import model_text
 from taxelflow.simulation.mujoco.camera import View
+from taxelflow.simulation.mujoco.gripper_model import COUPLING_SOLREF, GAP_M
 from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
 from taxelflow.simulation.mujoco.scene import SHEET_M, add_contacts, mechanism, scene, sheet
 from taxelflow.simulation.mujoco.skin import Skin
@@ -43,12 +44,10 @@ _BASE_M, _LINK_M, _OUTER_LINK_M = 0.035, 0.008, 0.05
 """Radius of the palm's body and of a link, and length of an outer link, which is not published: to look at."""
 _KNUCKLE_KG = 0.1
 """Mass of a link without a pad; no joint that moves carries it."""
-_PALM_GAP_M, _GAP_M = 0.002, 0.012
-"""Between the object and the palm, and the open fingers."""
+_PALM_GAP_M = 0.002
+"""Between the object and the palm."""
 _ARMATURE, _DAMPING = 3e-4, 0.03
 """Inertia and damping of a finger's joint, kg m^2 and N m s: those of the gripper's jaw at 50 mm."""
-_COUPLING_SOLREF = (0.004, 1.0)
-"""Time constant, s, and damping ratio of coupled joints: those of the gripper's jaws."""
 _LEVER_M, _LEVERS_M = 0.04, (0.01, 0.15)
 """Torque of a finger over the force of the grip before anything is touched, and its limits."""
 _LEVER_S = 0.05
@@ -132,7 +131,7 @@ class BarrettHand:
             _add_pad(mujoco, spec, pad, skins[pad.name])
         add_contacts(spec, [pad.name for pad in self.sensor.pads], self.held.friction)
         for equality in spec.equalities:
-            equality.solref[:] = _COUPLING_SOLREF
+            equality.solref[:] = COUPLING_SOLREF
         _add_links(mujoco, spec, palm_m)
         for name in _FINGERS:
             joint = spec.joint(_PREFIX + name)
@@ -158,7 +157,7 @@ class BarrettHand:
             self.data.qpos[address], self.data.qpos[outer] = angle, ratios * angle
             mujoco.mj_kinematics(self.model, self.data)
             apart = [mujoco.mj_geomDistance(self.model, self.data, a, b, 1.0, None) for a in pads for b in things]
-            if min(apart) < _GAP_M:
+            if min(apart) < GAP_M:
                 break
         mujoco.mj_forward(self.model, self.data)
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 _MOST_GEOMS = 500
+"""Shapes that MuJoCo has room for in a picture."""
 _ARROW_M, _NEARER = 0.0015, 0.5
 """Radius of an arrow's shaft, and how much of the way to the camera arrows are brought nearer, so that nothing hides
 them; they stay where they are in the picture."""

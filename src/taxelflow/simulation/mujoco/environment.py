@@ -16,11 +16,9 @@ from taxelflow.simulation.mujoco.events import END_S, LIFTED_S, STANDARD_EVENTS
 from taxelflow.simulation.mujoco.objects import STANDARD_OBJECTS
 from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.skin import Skin
-from taxelflow.simulation.mujoco.trial import Rehearsal, Trial
+from taxelflow.simulation.mujoco.trial import DROPPED_M, Rehearsal, Trial
 
 ID = "taxelflow/GripHold-v0"
-DROPPED_M = 0.03
-"""An object that slid so far is lost: a pad is 32 mm high."""
 _NEAR_M = 0.005
 """Slid distance that costs 1."""
 _FORCE_COST_1_S = 0.25
@@ -28,6 +26,7 @@ _FORCE_COST_1_S = 0.25
 _LOST = -10.0
 """Reward of the loss of the object, which ends the episode."""
 _MOST_SEED = 2**31
+"""Seeds of trials that are drawn are below this."""
 Observation = dict[str, NDArray[np.float32]]
 
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 G_M_S2 = 9.81
+"""Standard gravity."""
 LIFT_S, LIFTED_S, EVENT_S, END_S = 0.8, 1.0, 1.3, 4.3
 """Times of a trial: the support begins to go, and is gone; the event begins; the trial ends."""
 

@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from taxelflow.simulation.mujoco.skin import Skin
 
 SIDES = ("left", "right")
-_COUPLED = '<joint joint1="left" joint2="right" solref="0.004 1"/>'
-_GAP_M = 0.012
+COUPLING_SOLREF = (0.004, 1.0)
+"""Time constant, s, and damping ratio of the constraint between coupled joints."""
+_COUPLED = '<joint joint1="left" joint2="right" solref="{:g} {:g}"/>'.format(*COUPLING_SOLREF)
+GAP_M = 0.012
 """Between an open pad and the object."""
 
 
@@ -26,7 +28,7 @@ def mjcf(shape: Shape, inertial: str, skin: Skin, actuator: Actuator) -> str:
     half_x, half_y = skin.cols * skin.pitch_m / 2, skin.rows * skin.pitch_m / 2
     pads = "".join(
         f"""
-    <body name="{side}" pos="{sign * (shape.half_m + _GAP_M)} 0 0">
+    <body name="{side}" pos="{sign * (shape.half_m + GAP_M)} 0 0">
       <joint name="{side}" type="slide" axis="{-sign} 0 0" damping="20" range="-0.05 0.06"/>
       <geom name="{side}_pad" type="box" size="0.006 {half_x} {half_y}" pos="{sign * 0.006} 0 0" mass="0.08"
         rgba="0.15 0.15 0.17 1"/>

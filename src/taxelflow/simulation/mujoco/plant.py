@@ -13,6 +13,7 @@ import numpy as np
 
 from taxelflow.errors import ExtraMissing, ParameterInvalid
 from taxelflow.numerics.geometry import se3_inverse
+from taxelflow.simulation.checks import positive
 from taxelflow.simulation.mujoco.scene import TIMESTEP_S
 
 if TYPE_CHECKING:
@@ -43,12 +44,10 @@ class Actuator:
     """Largest force of a pad."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.bandwidth_hz < float("inf"):
-            raise ParameterInvalid("actuator.bandwidth_hz", self.bandwidth_hz, "be a finite number above 0")
+        positive("actuator.bandwidth_hz", self.bandwidth_hz)
         if not 0 <= self.latency_s <= 1:
             raise ParameterInvalid("actuator.latency_s", self.latency_s, "be from 0 to 1 s")
-        if not 0 < self.max_n < float("inf"):
-            raise ParameterInvalid("actuator.max_n", self.max_n, "be a finite number above 0")
+        positive("actuator.max_n", self.max_n)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Bools, Floats
+from taxelflow.simulation.checks import not_negative, positive
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,9 @@ class Skin:
             if getattr(self, name) < 1:
                 raise ParameterInvalid(f"skin.{name}", getattr(self, name), "be at least 1")
         for name in ("pitch_m", "stiffness_pa_m", "full_scale_pa"):
-            if not 0 < getattr(self, name) < float("inf"):
-                raise ParameterInvalid(f"skin.{name}", getattr(self, name), "be a finite number above 0")
+            positive(f"skin.{name}", getattr(self, name))
         for name in ("cover_m", "noise_pa"):
-            if not 0 <= getattr(self, name) < float("inf"):
-                raise ParameterInvalid(f"skin.{name}", getattr(self, name), "be 0 or more")
+            not_negative(f"skin.{name}", getattr(self, name))
 
     @property
     def step_m(self) -> float:

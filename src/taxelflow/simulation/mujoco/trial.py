@@ -26,7 +26,10 @@ CLOSING_N = 3.0
 """Force that closes the pads: a faster pad would sink into the object."""
 HANDOVER_S = LIFT_S
 """From when on the controller commands the force."""
+DROPPED_M = 0.03
+"""An object that slid so far is lost: a pad is 32 mm high."""
 _LEVER_M = 0.03
+"""Offset of the centre of mass from the pads in a trial of a commanded turn."""
 
 
 @dataclass(frozen=True)

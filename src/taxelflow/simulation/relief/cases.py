@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 Moved = Literal["hold", "slide", "turn", "slide-turn"]
 _HEX_RINGS, _HEX_PITCH_M = 6, 3e-3
-_FULL_SCALE_KPA = 140.0
+"""Rings and pitch of the hexagonal pad."""
+_FULL_SCALE_KPA = SensorFaults.full_scale_pa / 1e3
 _LARGE = {"handle": 2.2, "fine-handle": 2.2, "letters": 1.5, "cloth": 2.2, "bar": 1.6}
 """Size of objects that a pad cannot hold whole, over that of those that it can."""
 _TURN_RAD = (0.3, 0.5)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from taxelflow.simulation.relief.parameters import Course
 
 _CYCLES = 3
+"""Cycles of the load in a course."""
 _WANDERS = ((1.3, 0.0), (0.9, 0.6))
 """Cycles during the motion, and phase in cycles, of the load's wandering along the object's axes."""
 

@@ -9,13 +9,16 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.simulation.checks import not_negative, positive, within
 
 Shape = Literal[
     "handle", "fine-handle", "nut", "bolt", "key", "coin", "ring", "letters", "dome", "bar", "cloth", "tripod",
 ]  # fmt: skip
 LoadKind = Literal["constant", "ramp", "cycles"]
 _MOST_SCANS = 100_000
+"""Scans of each part of a course at most."""
 LEAST_EXPONENT, MOST_EXPONENT = 0.8, 1.5
+"""Range of the exponent of pressure over depth."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +42,9 @@ class Object:
     def __post_init__(self) -> None:
         if self.shape not in get_args(Shape):
             raise ParameterInvalid("object.shape", self.shape, f"be one of {', '.join(get_args(Shape))}")
-        _positive("object.size_m", self.size_m)
-        _positive("object.relief_m", self.relief_m)
-        _not_negative("object.lever_m", self.lever_m)
+        positive("object.size_m", self.size_m)
+        positive("object.relief_m", self.relief_m)
+        not_negative("object.lever_m", self.lever_m)
 
 
 @dataclass(frozen=True)
@@ -61,12 +64,12 @@ class Skin:
     """Side of a taxel's sensitive area divided by the pitch, above 0 and at most 1."""
 
     def __post_init__(self) -> None:
-        _positive("skin.stiffness_pa_m", self.stiffness_pa_m)
-        _positive("skin.reference_m", self.reference_m)
-        _within("skin.exponent", self.exponent, LEAST_EXPONENT, MOST_EXPONENT)
+        positive("skin.stiffness_pa_m", self.stiffness_pa_m)
+        positive("skin.reference_m", self.reference_m)
+        within("skin.exponent", self.exponent, LEAST_EXPONENT, MOST_EXPONENT)
         for sigma_m in self.cover_m:
-            _not_negative("skin.cover_m", sigma_m)
-        _within("skin.active_share", self.active_share, 0.01, 1.0)
+            not_negative("skin.cover_m", sigma_m)
+        within("skin.active_share", self.active_share, 0.01, 1.0)
 
 
 @dataclass(frozen=True)
@@ -104,14 +107,14 @@ class Course:
     not hold it quite upright; at rest it passes through the load point."""
 
     def __post_init__(self) -> None:
-        _not_negative("course.travel_m", self.travel_m)
-        _not_negative("course.wander_m", self.wander_m)
+        not_negative("course.travel_m", self.travel_m)
+        not_negative("course.wander_m", self.wander_m)
         for name, least in (("idle_scans", 0), ("pressing_scans", 0), ("rest_scans", 0), ("moving_scans", 1)):
-            _within(f"course.{name}", getattr(self, name), least, _MOST_SCANS)
+            within(f"course.{name}", getattr(self, name), least, _MOST_SCANS)
         if self.load not in get_args(LoadKind):
             raise ParameterInvalid("course.load", self.load, f"be one of {', '.join(get_args(LoadKind))}")
         for multiple in self.multiples:
-            _positive("course.multiples", multiple)
+            positive("course.multiples", multiple)
 
     @property
     def scans(self) -> int:
@@ -156,13 +159,13 @@ class SensorFaults:
 
     def __post_init__(self) -> None:
         for name in ("cross_talk", "relaxation", "hysteresis", "scan_share"):
-            _within(f"faults.{name}", getattr(self, name), 0.0, 1.0)
+            within(f"faults.{name}", getattr(self, name), 0.0, 1.0)
         for name in ("creep", "gain_spread", "offset_spread_pa", "noise_pa"):
-            _not_negative(f"faults.{name}", getattr(self, name))
+            not_negative(f"faults.{name}", getattr(self, name))
         for name in ("relaxation_s", "creep_s", "full_scale_pa"):
-            _positive(f"faults.{name}", getattr(self, name))
-        _within("faults.dead", self.dead, 0, 100_000)
-        _within("faults.bits", self.bits, 0, 32)
+            positive(f"faults.{name}", getattr(self, name))
+        within("faults.dead", self.dead, 0, 100_000)
+        within("faults.bits", self.bits, 0, 32)
 
 
 @dataclass(frozen=True)
@@ -184,21 +187,6 @@ class Pressing:
     """Seed of the faults and the noise."""
 
     def __post_init__(self) -> None:
-        _positive("peak_pa", self.peak_pa)
-        _not_negative("force_n", self.force_n)
-        _positive("rate_hz", self.rate_hz)
-
-
-def _positive(name: str, value: float) -> None:
-    if not 0 < value < float("inf"):
-        raise ParameterInvalid(name, value, "be a finite number above 0")
-
-
-def _not_negative(name: str, value: float) -> None:
-    if not 0 <= value < float("inf"):
-        raise ParameterInvalid(name, value, "be 0 or more")
-
-
-def _within(name: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:
-        raise ParameterInvalid(name, value, f"be between {low:g} and {high:g}")
+        positive("peak_pa", self.peak_pa)
+        not_negative("force_n", self.force_n)
+        positive("rate_hz", self.rate_hz)

@@ -29,6 +29,7 @@ _LETTERS = (
 _FEET = ((0.72, -0.1, 0.26, 0.0), (-0.48, 0.62, 0.2, 0.05), (-0.3, -0.68, 0.32, 0.1))
 """Places, radii and heights below the top of the tripod's feet."""
 _WAVES = 14
+"""Cosines in a random texture."""
 _SLOTS = ((0.28, 0.16), (0.5, 0.1), (0.72, 0.18))
 """Places along the blade of the key and depths of its cuts."""
 

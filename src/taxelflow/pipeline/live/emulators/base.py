@@ -1,4 +1,4 @@
-"""What every emulated device is, and how scans are sent through it with faults on the way."""
+"""The protocol of an emulated device, and sending scans through it with faults."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ FAULTS = {
 }
 """Faults by name, with their default extent: s away, s of silence, s of silence, s by which the clock jumps."""
 _GARBAGE_BYTES = 37
+"""Length of what is sent instead of a scan."""
 USUAL = {
     "line": "tcp://127.0.0.1:5000",
     "tcp": "tcp://127.0.0.1:5000",

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _POLL_S = 0.02
+"""Time between two looks whether a peer has come."""
 
 
 class WebSocketServer:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _LONG_S = 3600.0
+"""Longest wait for a consumer."""
 _ZERO_S = 1e-12
 """Stamp of a scan at 0 s, which LSL takes for "now"."""
 

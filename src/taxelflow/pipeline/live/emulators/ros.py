@@ -108,7 +108,7 @@ class Ros2(_Publisher):
     def __init__(self, address: Address, _sensor: Sensor) -> None:
         _check_type(address)
         self._types = Ros2Types()
-        super().__init__(address, f"rt/{address.need_path('ros2:/topic').lstrip('/')}", self._types[_TYPE])
+        super().__init__(address, f"rt/{address.need_path('ros2:/topic').lstrip('/')}", self._types.touch_type)
         if "type" not in address.options:
             self.url = f"{address.url}{'&' if '?' in address.url else '?'}type=tactile_msgs/TactileState"
 

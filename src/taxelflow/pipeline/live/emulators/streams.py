@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _POLL_S = 0.05
+"""Time between two looks whether a reader has come."""
 _NO_LINGER = struct.pack("ii", 1, 0)
 """A connection that is closed so ends without a word, as by a cable."""
 

@@ -1,7 +1,6 @@
-"""Slips in the hand's frame: where contacts lie and how they move there, with covariances; which of them count.
+"""Slips in the hand's frame: positions and motions of the contacts with covariances, and which contacts are used.
 
-Each operation is rounded as in the equations, which a test holds in NumPy: so results do not depend on how many pads
-are worked on at once.
+The kernel rounds each operation as NumPy does, which a test compares: so results do not depend on the size of a block.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Home(NamedTuple):
-    """Where pads are in the hand. R: (pads, 2, 2). origin, pitch: (pads, 2), m. used: (pads,), whether it counts.
+    """Poses of the pads in the hand. R: (pads, 2, 2). origin, pitch: (pads, 2), m. used: (pads,), for the fusion.
 
     doubt: see `RigidField.edge_doubt`.
     """
@@ -34,9 +33,10 @@ class Home(NamedTuple):
 
 
 class Carried(NamedTuple):
-    """place, moved: (scans, pads, 2), of the contact's point and of its motion in the hand. turn, own_turn: (scans,
-    pads, 2), of the motion and of the pose, with its variance; NaN where the pattern does not change by it. known,
-    placed, kept: (scans, pads), the motion is known, the place is, and contact goes on with all of its way known.
+    """Slips in the hand. place, moved: (scans, pads, 2), position of the contact's point, and its displacement. turn,
+    own_turn: (scans, pads, 2), rotation of the displacement and of the pose, each with its variance; NaN where the
+    pattern does not show rotation. known, placed, kept: (scans, pads), whether the displacement is known, whether the
+    position is, and whether the contact continues without a gap in its known motion.
     """
 
     place: Floats
@@ -49,14 +49,15 @@ class Carried(NamedTuple):
 
 
 class Carrier:
-    """Carries slips into the hand block by block; nothing is remembered."""
+    """Transforms slips into the hand's frame block by block, without memory."""
 
     def __init__(self, home: Home) -> None:
         self._home, self._fill = home, Settled(fill_carried)
 
     def step(self, slips: Slips, point: Floats, texture: Texture | None) -> tuple[Carried, Floats, Floats]:
-        """What slips are in the hand, with covariances (scans, pads, 2, 2) of place and motion. point: (scans, pads,
-        2).
+        """Slips in the hand, with covariances (scans, pads, 2, 2) of position and displacement.
+
+        point: (scans, pads, 2), see `Reference`.
         """
         if is_block(len(slips), fill_carried):
             return carry_block(slips, point, texture, self._home)
@@ -99,7 +100,7 @@ def carry_block(slips: Slips, point: Floats, texture: Texture | None, home: Home
 
 
 def _product(A: Floats, B: Floats) -> Floats:
-    """Of stacks of matrices (2, 2); `@` is rounded as the machine's library does it."""
+    """Product of stacks of matrices (2, 2); the rounding of `@` depends on the machine's library."""
     summed: Floats = A[..., :, 0:1] * B[..., 0:1, :] + A[..., :, 1:] * B[..., 1:, :]
     return summed
 
@@ -115,7 +116,7 @@ def fill_carried(
     own: Floats,
     out: Carried,
 ) -> None:
-    """Fill what is carried, and the covariances own (2, scans, pads, 2, 2) of place and motion in the hand's axes.
+    """Fill `Carried`, and the covariances own (2, scans, pads, 2, 2) of position and displacement in the hand's axes.
 
     seen: displacement and pose (scans, pads, 3), each with its covariance (scans, pads, 3, 3). marks: contact, border
     and quality. texture: whether there is one, turns and unobservable.
@@ -127,7 +128,7 @@ def fill_carried(
     most = 0.0
     for row in range(scans * pads):
         scan, pad = row // pads, row % pads
-        most = _largest(moved[scan]) if pad == 0 else most  # a border may have hidden so much motion
+        most = _largest(moved[scan]) if pad == 0 else most  # a border may hide as much motion as the largest
         R, span_ = home.R[pad], span_s[scan, pad]
         span = 0.0 if np.isnan(span_) else span_
         for a in range(2):
@@ -145,7 +146,7 @@ def fill_carried(
             if judged:
                 own[0, scan, pad, a, b] += UNOBSERVABLE_M**2 * unobservable[scan, pad, a, b]
                 own[1, scan, pad, a, b] += (UNOBSERVABLE_M_S * span) ** 2 * unobservable[scan, pad, a, b]
-        for k in range(2):  # R C R^T; a product of matrices in NumPy is rounded as the machine's library does it
+        for k in range(2):  # R C R^T; the rounding of NumPy's product depends on the machine's library
             C = own[k, scan, pad]
             xx, xy, yx, yy = C[0, 0], C[0, 1], C[1, 0], C[1, 1]
             for a in range(2):

@@ -4,7 +4,7 @@ import gc
 
 import pytest
 
-from taxelflow.runtime.turns import uncollected
+from taxelflow.runtime.threads import uncollected
 
 
 def test_nothing_is_collected_until_the_start_is_over() -> None:

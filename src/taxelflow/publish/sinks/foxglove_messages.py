@@ -1,4 +1,4 @@
-"""Scans and slips as messages that Foxglove draws: a point per taxel, a grid per pad, an arrow per slip vector.
+"""Scans and slips as messages for Foxglove: a point per taxel, a grid per pad, an arrow per slip vector.
 
 The messages are those of foxglove-sdk in protobuf. All lie in the frame `hand`, the skin laid flat; pads without a
 place in it stand in a row beside it.
@@ -23,9 +23,11 @@ if TYPE_CHECKING:
 
 _FRAME = "hand"
 _ARROW_S = 0.2
-"""An arrow is as long as the way that the object goes in this time."""
+"""An arrow is as long as the object's path in this time."""
 _SHORTEST_M = 1e-4
+"""Length below which an arrow is not drawn."""
 _FLOAT = 4
+"""Bytes of a number."""
 
 
 class Drawn(NamedTuple):

@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 class Live:
     """Motion and slip from a stream of scans; kernels are compiled when it is made.
 
-    sensor: a built-in name, a TOML file, a `Sensor`, or a `Recording` whose sensor and masks are meant. method,
+    sensor: a built-in name, a TOML file, a `Sensor`, or a `Recording` whose sensor and masks are used. method,
     condition, monitor, calibration, smooth, contacts, parameters: as for `estimate`. Raises what `load_sensor`,
-    `estimator` and `estimate` raise for these. adoptions: those of a former loop, whose results come out once more from
-    the same scans; if left out, what is learned is used when it is ready, and the loop never waits.
+    `estimator` and `estimate` raise for these. adoptions: those of a former loop, to reproduce its results from the
+    same scans; if left out, what is learned is used when it is ready, and the loop never waits.
 
     pads: names along the second axis of results. faults: counts of scans that were repeated or late, and of jumps of
     the clock.
@@ -85,15 +85,15 @@ class Live:
         return dict(self._faults.counts)
 
     def adopted(self) -> list[Adoption]:
-        """What has been learned and put to use since the last call, and in which scan; none for former adoptions."""
+        """Adoptions since the last call, see `runtime.adoption`; none in a loop that reproduces former ones."""
         return self._adopting.taken()
 
     def step(self, t_s: float, values: ArrayLike) -> Output:
-        """Results that this scan makes ready; none for the first scans, from which noise and tare are learned.
+        """Results that are ready after this scan; none for the first scans, from which noise and tare are learned.
 
         t_s: the sensor's clock. values: (columns,), readings in the sensor's unit and order, NaN where one is missing;
-        or (rows, cols) of a sensor with one full grid, row 0 on top. A scan that is repeated or late gives nothing;
-        after a jump of the clock time goes on from the last scan. Raises TaxelCountWrong, RecordingCorrupt, and
+        or (rows, cols) of a sensor with one full grid, row 0 on top. A repeated or late scan gives no result;
+        after a jump of the clock, time continues from the last scan. Raises TaxelCountWrong, RecordingCorrupt, and
         RunEnded after `finish`.
         """
         readings = np.asarray(values, dtype=np.float64)
@@ -112,7 +112,7 @@ class Live:
         return self.push(RawScans(np.array([placed_s]), readings[np.newaxis]))
 
     def push(self, scans: RawScans) -> Output:
-        """Results that these scans make ready: (scans, columns) as the source sends them, later than all before.
+        """Results that are ready after these scans: (scans, columns) as the source sends them, later than all before.
 
         Raises RunEnded after `finish`.
         """
@@ -124,5 +124,5 @@ class Live:
 
 
 def no_time(columns: int) -> RawScans:
-    """No scan."""
+    """A block of no scans."""
     return RawScans(np.zeros(0), np.zeros((0, columns)))

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.fusion.in_hand import Carrier, Home
+from taxelflow.fusion.hand_frame import Carrier, Home
 from taxelflow.fusion.session import nothing
 from taxelflow.numerics.geometry import rotation
 

@@ -1,4 +1,4 @@
-"""Threads that take turns quickly, so that one that answers is not held up by one that computes; starts in one go."""
+"""Python's thread switch interval and garbage collection, set so that a live step is not delayed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SWITCH_S = 2e-3
 
 @contextmanager
 def quick_turns() -> Iterator[None]:
-    """For a while."""
+    """Switch between threads more often, so that a thread that answers does not wait for one that computes."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_S)
     try:
@@ -28,8 +28,10 @@ def quick_turns() -> Iterator[None]:
 
 @contextmanager
 def uncollected() -> Iterator[Callable[[], None]]:
-    """Without garbage collection until what this gives is called, or to the end: a tenth of the time of a start goes
-    into the search for garbage among what has just been imported. Later searches leave out what there is by then.
+    """Pause garbage collection until the function that this yields is called, or until the end.
+
+    Searching what has just been imported for garbage takes a tenth of the time of a start. Later collections skip the
+    objects that exist by then.
     """
     before, started = gc.isenabled(), Event()
     gc.disable()

@@ -1,7 +1,7 @@
 """Other software that measures the shift between two images: OpenCV, scikit-image, OpenPIV (extra `bench`).
 
-Each gives the motion from one image to the next as (columns to the right, rows downwards), in taxels. NaN: it gave
-none.
+Each gives the motion from one image to the next as (columns to the right, rows downwards), in taxels; NaN without a
+result.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _UPSAMPLED = 8
 """Pixels a taxel in the images for DIS, which cannot work on a few pixels."""
 _LEAST = 1e-6
-_UNKNOWN = (float("nan"), float("nan"))
+"""Pressure that keeps quotients and weights above 0, far below a reading."""
 
 
 def peers() -> dict[str, Pair]:
@@ -85,7 +85,7 @@ def _inverse_search(cv2: Any) -> Pair:
 
 
 def _cross_correlation(phase_cross_correlation: Any) -> Pair:
-    """Without normalisation: most phases of so smooth an image are noise."""
+    """Without normalisation: the high frequencies of so smooth an image are noise."""
 
     def pair(before: Floats, after: Floats) -> tuple[float, float]:
         shift, _, _ = phase_cross_correlation(before, after, upsample_factor=20, normalization=None)

@@ -1,8 +1,8 @@
-"""Recordings of a XELA finger with a marker on the object as truth: how fast the object moves at each scan.
+"""Recordings of a XELA finger with a marker on the object, whose speed at each scan is the truth.
 
 A recording is a folder of `xela_sensor1.csv` (x, y, z of each taxel), `marker.csv` (position in m, row by row with the
-sensor's) and `meta_data.csv` (`frequency_hz` of the rows). The marker is seen from the hand. A pose that is frozen bit
-for bit, or farther away than the hand reaches, is lost.
+sensor's) and `meta_data.csv` (`frequency_hz` of the rows). A camera on the hand tracks the marker. A pose
+that repeats bit for bit, or lies farther away than the hand reaches, is lost.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _SENSOR = "xela-4x4@4.7mm"
 """The recordings do not state their pitch; this is that of the uSkin modules of their time."""
 _POSITION = ("marker1_position_x", "marker1_position_y", "marker1_position_z")
 _FARTHEST_M = 1.5
-"""A marker on an object in the hand is nearer to the camera on it."""
+"""A marker on an object in the hand is nearer to the hand's camera than this."""
 _HALF_S = 0.15
 """A speed is measured over this time before and after: three scans of the sensor, four or more of the camera."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Marked:
-    """A recording, and where its marker was seen. t_s: (times,). position: (times, 3), m."""
+    """A recording, and the positions of its marker. t_s: (times,). position: (times, 3), m."""
 
     name: str
     recording: Recording
@@ -53,7 +53,7 @@ class Marked:
         return speed
 
     def _between(self, t_s: Floats, axis: int) -> Floats:
-        """Linear between poses that are no farther apart than a speed is measured over."""
+        """Linear interpolation; NaN between poses farther apart than the time over which a speed is measured."""
         after = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
         known = (self.t_s[after] - self.t_s[after - 1] <= 2 * _HALF_S) & (t_s >= self.t_s[0]) & (t_s <= self.t_s[-1])
         return np.where(known, np.interp(t_s, self.t_s, self.position[:, axis]), np.nan)
