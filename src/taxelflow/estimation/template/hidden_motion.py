@@ -59,7 +59,7 @@ _MOST_SCANS, _LEAST_SHOWN = 40, 1e-3
 
 def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
     """(2,), unit vector along the pad of the motion that no reading shows; 0 if there is none."""
-    if not scanned.unseen_error or solved.grows or scanned.across.any() or len(scanned) < 2:
+    if not scanned.unseen_error or scanned.across.any() or len(scanned) < 2:
         return np.zeros(2)
     texture, by_faults = _texture(scanned, solved)
     shown = _shown_by_centre(scanned)
@@ -211,4 +211,5 @@ def _gains(scanned: Scanned, fit: Fit) -> Floats:
     model = np.where(seen, fit.model, 0.0)
     squares = np.sum(model**2, axis=0)
     off = np.sum(model * (scanned.readings - fit.model), axis=0) / np.where(squares > 0, squares, 1.0)
-    return 1.0 + off
+    gains: Floats = 1.0 + off
+    return gains
