@@ -68,7 +68,10 @@ class Background(Protocol):
 
 @runtime_checkable
 class SkinAware(Protocol):
-    """A session whose covariance holds the sensor's `unseen_error`. To that of any other the pipeline adds it."""
+    """A session whose covariance holds the sensor's `unseen_error`, and what a border hides of a contact.
+
+    To the covariance of any other the pipeline adds the unseen error; its poses of cut contacts are `ambiguous`.
+    """
 
     holds_unseen_error: bool
     """True; a class attribute will do."""

@@ -27,14 +27,18 @@ def start_slips(estimator: Estimator, layout: Layout, mode: Mode) -> SlipsSessio
     return SlipsSession(estimator.start(layout, mode), layout)
 
 
+def judges(session: EstimatorSession) -> bool:
+    """Whether a session's covariance holds what sensor and border hide, so that it judges its own poses."""
+    return isinstance(session, SkinAware) and session.holds_unseen_error
+
+
 class SlipsSession:
     """A `SlipSource` made of an estimator's session. Footprints wait for estimates that are held back."""
 
     def __init__(self, session: EstimatorSession, layout: Layout) -> None:
         self._session, self._boundary = session, Boundary(layout)
-        aware = isinstance(session, SkinAware) and session.holds_unseen_error
         gains = session.gains if isinstance(session, Scaled) else np.ones((len(layout.pads), 2))
-        self._unseen = UnseenError(layout, gains) if layout.unseen_error and not aware else None
+        self._unseen = UnseenError(layout, gains) if layout.unseen_error and not judges(session) else None
         self._none = self._footprint(no_scans(layout.entries, len(layout.pads)))  # compiles the kernels
         pads = self._none.border.shape
         judge_cut(np.zeros((*pads[:2], 3)), self._none.border, np.zeros(pads[:2], np.uint8))

@@ -12,7 +12,7 @@ from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import CalibrationUnfit, NameUnknown, RunEnded, TaxelflowError
 from taxelflow.estimation.base import Background, Calibratable, Learning, Mode
-from taxelflow.estimation.completion import SlipsSession
+from taxelflow.estimation.completion import SlipsSession, judges
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.fusion.spatial.parameters import SpatialField
@@ -157,7 +157,7 @@ class Run:
         self._textures: list[Texture] = []
         self._moved_apart: list[Bools] = []
         self._estimated: list[Slips] = []
-        self._slip = pipeline.monitor.watch(layout, stream=self._stream)
+        self._slip = pipeline.monitor.watch(layout, stream=self._stream, judged=judges(self._estimator))
         self._ended = False
         self._nothing = self._without_scans(no_scans(layout.entries, len(layout.pads)))
 

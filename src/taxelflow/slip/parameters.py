@@ -35,11 +35,14 @@ class SlipMonitor:
             if not 0 <= getattr(self, name) < float("inf"):
                 raise ParameterInvalid(f"monitor.{name}", getattr(self, name), "be 0 or more")
 
-    def watch(self, layout: Layout, *, stream: bool) -> SlipStage:
-        """Start the slip stage: poses, patterns and facing pads together, of a stream or of a recording."""
+    def watch(self, layout: Layout, *, stream: bool, judged: bool = False) -> SlipStage:
+        """Start the slip stage: poses, patterns and facing pads together, of a stream or of a recording.
+
+        judged: whether the method itself judges poses of contacts that a border cuts.
+        """
         from taxelflow.slip.stage import SlipStage
 
-        return SlipStage(layout, **asdict(self), stream=stream)
+        return SlipStage(layout, **asdict(self), stream=stream, judged=judged)
 
     def begin(self, pads: tuple[str, ...]) -> SlipSession:
         """Start a session for a stream by poses alone, over pads of these names: each scan is decided at once."""

@@ -57,15 +57,16 @@ class SlipStage:
         load_m: float,
         settle_s: float,
         stream: bool,
+        judged: bool = False,
     ) -> None:
-        """The options are those of `SlipMonitor`."""
+        """The options are those of `SlipMonitor`. judged: see `SlipMonitor.watch`."""
         pads, parameters = layout.pads, parameter_records(alarms_per_hour, load_m, creep_m_s, settle_s)
         bins = (LIVE_AFTER_BINS, ()) if stream else (AFTER_BINS, BASELINE_BINS)
         self._watch = PatternWatch(layout, creep_m_s, *bins)
         self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)
         self._odds = (LiveOdds if stream else OfflineOdds)(layout.pitch_m)
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
-        self._verdict = Verdict(layout, stream=stream)
+        self._verdict = Verdict(layout, stream=stream, judged=judged)
         self._completed = SlipEvents(pads, stream=stream)
         self._loss = None if stream else BorderLoss(layout)
         self._losses: list[Floats] = []  # of scans that are not judged yet

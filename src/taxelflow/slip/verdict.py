@@ -126,7 +126,8 @@ def decide(
 class Verdict:
     """Slipping and events, block by block."""
 
-    def __init__(self, layout: Layout, *, stream: bool = False) -> None:
+    def __init__(self, layout: Layout, *, stream: bool = False, judged: bool = False) -> None:
+        """judged: see `SlipMonitor.watch`."""
         self._stream = stream
         count = len(layout.pads)
         self._pads = layout.pads
@@ -136,8 +137,8 @@ class Verdict:
         self._separate = [(contact, pad) for contact, pad in enumerate(layout.contact_of.tolist()) if pad >= 0]
         self._slipping = np.zeros((1, count), dtype=np.bool_)
         self._by_odds = np.zeros((1, count), dtype=np.bool_)
-        self._weighs_borders = False
-        """The method's own covariance holds what a border hides: it has found a pose of a cut contact to be `ok`."""
+        self._judged = judged
+        """Whether the method judges poses of cut contacts: it says so, or has found one to be `ok`."""
         self._began_early = np.zeros((1, count), dtype=np.bool_)
         self._suspected: dict[int, Event] = {}
         """Begins of slips by the pose that go on and are only suspected, by pad."""
@@ -193,13 +194,13 @@ class Verdict:
     def _vague(self, slips: Slips, events: list[Event]) -> Bools:
         """(scans, pads), poses that need their pattern's consent to begin a slip."""
         vague: Bools = slips.quality > OK
-        if not self._stream or self._weighs_borders:
+        if not self._stream or self._judged:
             return vague
         cut = slips.border[..., 0] | slips.border[..., 1]
         by_border = cut & (slips.quality == AMBIGUOUS)
         weighs = cut & slips.contact & (slips.quality == OK)
         if weighs.any():
-            self._weighs_borders = True
+            self._judged = True
             by_border &= ~np.logical_or.accumulate(weighs.any(axis=1))[:, np.newaxis]
         vague &= ~by_border | self._in_part | self._visible(slips, events)
         return vague

@@ -2,9 +2,8 @@
 
 Where the border hides a direction from the centre of pressure, see `numerics.cut`, a map alone shows motion along it.
 Slopes of a map do not prove that. Those of a plate may be faults of the taxels. Those of a rod are there between the
-lines that taxels have passed along, where nothing but smoothness determines the map. So the motion is changed by a
-few pitches from the first scan to the last, either way, and held, and all else fitted again. If that leaves no more of
-the readings than faults of the sensor may, they do not determine the motion.
+lines that taxels have passed along, where nothing but smoothness determines the map. So another motion is held, and all
+else fitted again, gains of the taxels included. If hardly more is left, the readings do not determine the motion.
 """
 
 from __future__ import annotations
@@ -26,33 +25,59 @@ from taxelflow.numerics.cut import HIDDEN, find_hidden, open_sides
 from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.estimation.template.bundle_adjustment import Fit
     from taxelflow.estimation.template.observations import Readings, Scanned
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 
 _CHANGED = 2.0
 """Pitches by which the motion is changed: what one taxel reads, its neighbours must read, too."""
-_FAULTS = 0.5
-"""RMS error that faults of taxels make of a contact's readings, as a share of that of the largest, `unseen_error`."""
-_ROUNDS = 4, 3, 3
-"""Rounds of fits, the first with the coarse error."""
+_SCALED, _SHORTEST = (0.5, 1.5), 0.5
+"""Factors of the motion, from a range of so many pitches on: the slopes of a dome's map go with how far it moved."""
+_TIMES, _TIMES_SCALED = 1.5, 1.2
+"""Times the error that the motion leaves as it is; of one that is scaled by a half. Two and a half to 50 times are
+left of objects that are determined, 0.6 to 1.3 of others."""
+_FAULTS = 0.2
+"""What faults of taxels beside their gains leave of the largest reading, as a share of `unseen_error`."""
+_GAIN = 4.0
+"""Largest error of a gain, times `unseen_error`."""
+_LOADED = 0.05
+"""Share of the contact's largest reading from which a taxel's gain is estimated."""
+_LEAST_ERROR = 0.003
+_ROUNDS = 4, 3, 2, 2, 2
+"""Rounds of fits; gains are estimated after each but the first."""
 _FEWEST, _READINGS = 16, 2000
 """Scans, and readings in them, that the smoothing of a map does not outweigh: fewer are repeated."""
 _SHOWN = 2.0
 """Times what faults of the taxels make of a map's slopes."""
-_MOST_SCANS = 50
+_SAME = 0.87
+"""Cosine of directions that are tested as one."""
+_MOST_SCANS, _LEAST_SHOWN = 40, 1e-3
 
 
 def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
     """(2,), unit vector along the pad of the motion that no reading shows; 0 if there is none."""
-    found = np.zeros(2)
-    if not scanned.unseen_error or solved.grows or scanned.across.any() or len(scanned) < 2:
-        return found
-    direction, is_textured = _least_textured(scanned, solved)
-    follows = float(np.hypot(*(_shown_by_centre(scanned) @ direction)))
-    if follows < HIDDEN and not (is_textured and _is_determined(scanned, solved, direction)):
-        found[:] = direction
-    return found
+    if not scanned.unseen_error or scanned.across.any() or len(scanned) < 2:
+        return np.zeros(2)
+    texture, by_faults = _texture(scanned, solved)
+    shown = _shown_by_centre(scanned)
+    for direction in _directions(texture, shown):
+        is_textured = direction @ texture @ direction > _SHOWN * by_faults
+        if not is_textured or not _is_determined(scanned, solved, direction):
+            return direction
+    return np.zeros(2)
+
+
+def _directions(texture: Floats, shown: Floats) -> list[Floats]:
+    """Unit vectors (2,) that the centre of pressure does not follow: along which the map changes least, and that which
+    it follows least. texture, shown: (2, 2).
+    """
+    least_shown = np.linalg.svd(shown)[2][1]
+    least_textured = np.linalg.eigh(texture)[1][:, 0]
+    hidden = [d for d in (least_textured, least_shown) if np.linalg.norm(shown @ d) < HIDDEN]
+    return hidden[:1] if abs(least_textured @ least_shown) > _SAME else hidden
 
 
 def shown_at_rest(scanned: Scanned) -> bool:
@@ -84,26 +109,63 @@ def _hidden(scans: Readings, edge: Bools, sides: Floats, out: Floats) -> None:
         find_hidden(reading, variance, scans.places, sides, middle, out[k])
 
 
-def _least_textured(scanned: Scanned, solved: Solved) -> tuple[Floats, bool]:
-    """(2,), the direction along which the map changes least, and whether more than faults of single taxels make it."""
-    values, slopes, pressure = np.empty((scanned.places.shape[1], 5)), np.zeros((2, 2)), 0.0
-    one = solved.pattern
-    for k in range(0, len(scanned), max(len(scanned) // _MOST_SCANS, 1)):
+def _texture(scanned: Scanned, solved: Solved) -> tuple[Floats, float]:
+    """(2, 2), the map's squared slopes where scans read it, and what faults of single taxels make of them."""
+    some = _spread(len(scanned))
+    slopes, pressure = _slopes(scanned.taken(some), replace(solved, states=solved.states[some]))
+    by_faults = 2.0 * scanned.unseen_error**2 * float(pressure.sum())  # neighbours differ by two faults
+    texture: Floats = slopes.sum(axis=0)
+    return texture, by_faults
+
+
+def _slopes(scanned: Scanned, solved: Solved) -> tuple[Floats, Floats]:
+    """(scans, 2, 2), sum of the products of the map's slopes where each scan reads it; (scans,), of its squares."""
+    values, one = np.empty((scanned.places.shape[1], 5)), solved.pattern
+    slopes, pressure = np.zeros((len(scanned), 2, 2)), np.zeros(len(scanned))
+    for k in range(len(scanned)):
         evaluate(one.coefficients, one.lattice, scanned.places, solved.states[k], scanned.bends[k], values)
         used = (scanned.variance[k] > 0) & np.isfinite(values[:, 0])
-        slopes += values[used, 1:3].T @ values[used, 1:3]
-        pressure += float(np.sum(np.maximum(values[used, 0], 0.0) ** 2))
-    least, directions = np.linalg.eigh(slopes)
-    by_faults = 2.0 * scanned.unseen_error**2 * pressure  # neighbours differ by two faults
-    return directions[:, 0], bool(least[0] > _SHOWN * by_faults)
+        slopes[k] = values[used, 1:3].T @ values[used, 1:3]
+        pressure[k] = float(np.sum(np.maximum(values[used, 0], 0.0) ** 2))
+    return slopes, pressure
+
+
+def _spread(count: int) -> NDArray[np.int64]:
+    """Some of so many scans, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(count, _MOST_SCANS)).round().astype(np.int64))
 
 
 def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
-    """Whether another motion along a direction leaves more of the scans than faults of the sensor may."""
-    most = np.hypot(solved.error, _FAULTS * scanned.unseen_error)
-    scans, states = _repeated(scanned, solved.states)
-    own, progress = replace(solved, states=states), np.linspace(-0.5, 0.5, len(scans))
-    return all(_left_along(scans, own, direction, way * _CHANGED * progress) > most for way in (1.0, -1.0))
+    """Whether every other motion along a direction leaves clearly more of the scans."""
+    some = _spread(len(scanned))
+    scans, states = _repeated(scanned.taken(some), solved.states[some])
+    own, at = replace(solved, states=states), states[:, :2] @ direction
+    left = min(_left_along(scans, own, direction, at, start) for start in _starts(solved))
+    ramp = _CHANGED * _progress(scans, own, direction)
+    changed = [(at + way * ramp, max(_TIMES * left, _FAULTS * scanned.unseen_error)) for way in (1.0, -1.0)]
+    if np.ptp(at) > _SHORTEST:
+        middle = at.mean()
+        changed += [(np.full(len(at), middle), _TIMES * left)]
+        changed += [(middle + factor * (at - middle), _TIMES_SCALED * left) for factor in _SCALED]
+    return all(
+        _left_along(scans, own, direction, other, start) > most for other, most in changed for start in _starts(solved)
+    )
+
+
+def _starts(solved: Solved) -> tuple[float, float]:
+    """Errors from which fits begin: a coarse one finds its way; a fine one keeps what small differences determine."""
+    return COARSE, max(solved.error, _LEAST_ERROR)
+
+
+def _progress(scanned: Scanned, solved: Solved, direction: Floats) -> Floats:
+    """(scans,), from -0.5 to 0.5, by which a motion is changed: most where the map's slopes show it least."""
+    slopes, pressure = _slopes(scanned, solved)
+    tiny = np.finfo(float).tiny
+    shown = (slopes @ direction) @ direction / np.maximum(pressure, tiny)
+    pace = 1.0 / (_LEAST_SHOWN + shown / max(shown.max(), tiny))
+    progress = np.cumsum(pace) - 0.5 * pace
+    changed: Floats = (progress - progress[0]) / (progress[-1] - progress[0]) - 0.5
+    return changed
 
 
 def _repeated(scanned: Scanned, states: Floats) -> tuple[Scanned, Floats]:
@@ -116,23 +178,38 @@ def _repeated(scanned: Scanned, states: Floats) -> tuple[Scanned, Floats]:
     return replace(scanned.taken(which), t_s=np.arange(float(len(which)))), states[which]
 
 
-def _left_along(scanned: Scanned, solved: Solved, direction: Floats, changed: Floats) -> float:
-    """The error that a fit leaves whose places along a direction, changed by (scans,) pitches, are held.
+def _left_along(scanned: Scanned, solved: Solved, direction: Floats, at: Floats, error: float) -> float:
+    """The error that a fit leaves whose places along a direction, (scans,) in pitches, are held.
 
-    The size is free: of a map that tapers, motion stands for a contact that widens with its load.
+    Gains of the taxels are free within bounds, as a plate slides over them; so is the size: of a map that tapers,
+    motion stands for a contact that widens with its load.
     """
     cos, sin = direction
     turned = np.array([[cos, sin], [-sin, cos]])
     along = replace(scanned, places=turned @ scanned.places)
     states = solved.states.copy()
     states[:, :2] = states[:, :2] @ turned.T
-    states_of(states).x[:] += changed
+    states_of(states).x[:] = at
     pattern = covering(along, states)
-    fill(pattern, along.with_error(COARSE), states)
+    fill(pattern, along.with_error(error), states)
     stiffness = along.stiffness(turns=solved.turns, gain_std=solved.gain_std, size=SIZE_STD**-2)
     stiffness[0] = np.inf
-    error = COARSE
-    for rounds in _ROUNDS:
-        fit = refine(pattern, along, states, rounds=rounds, error=error, stiffness=stiffness)
-        error = learned_error(fit, along)
+    most, gains = _GAIN * scanned.unseen_error, np.ones(scanned.readings.shape[1])
+    now = along
+    for k, rounds in enumerate(_ROUNDS):
+        fit = refine(pattern, now, states, rounds=rounds, error=error, stiffness=stiffness)
+        error = learned_error(fit, now)
+        if k > 0:
+            gains = np.clip(gains * _gains(now, fit), 1.0 - most, 1.0 + most)
+            now = along.divided(gains)
     return error
+
+
+def _gains(scanned: Scanned, fit: Fit) -> Floats:
+    """(taxels,), by which the readings of each are larger than the fit's."""
+    seen = (fit.weight > 0) & (fit.model > _LOADED * scanned.amplitude)
+    model = np.where(seen, fit.model, 0.0)
+    squares = np.sum(model**2, axis=0)
+    off = np.sum(model * (scanned.readings - fit.model), axis=0) / np.where(squares > 0, squares, 1.0)
+    gains: Floats = 1.0 + off
+    return gains
