@@ -37,16 +37,16 @@ _CHANGED = 2.0
 _SCALED, _SHORTEST = (0.5, 1.5), 0.5
 """Factors of the motion, from a range of so many pitches on: the slopes of a dome's map go with how far it moved."""
 _TIMES, _TIMES_SCALED = 1.5, 1.2
-"""Times the error that the motion leaves as it is; of one that is scaled by a half. Two and a half to 50 times are
-left of objects that are determined, 0.6 to 1.3 of others."""
+"""Times the error that the motion leaves as it is, which another leaves at least; the same of one that is scaled."""
 _FAULTS = 0.2
 """What faults of taxels beside their gains leave of the largest reading, as a share of `unseen_error`."""
-_GAIN = 4.0
-"""Largest error of a gain, times `unseen_error`."""
+_GAIN, _MOST_GAIN = 4.0, 0.5
+"""Largest error of a gain, times `unseen_error`, and at all."""
 _LOADED = 0.05
 """Share of the contact's largest reading from which a taxel's gain is estimated."""
 _LEAST_ERROR = 0.003
-_ROUNDS = 4, 3, 2, 2, 2
+"""The smallest error from which a fit begins."""
+_ROUNDS = 3, 2, 2, 2
 """Rounds of fits; gains are estimated after each but the first."""
 _FEWEST, _READINGS = 16, 2000
 """Scans, and readings in them, that the smoothing of a map does not outweigh: fewer are repeated."""
@@ -54,7 +54,9 @@ _SHOWN = 2.0
 """Times what faults of the taxels make of a map's slopes."""
 _SAME = 0.87
 """Cosine of directions that are tested as one."""
-_MOST_SCANS, _LEAST_SHOWN = 40, 1e-3
+_MOST_SCANS = 24
+_LEAST_SHOWN = 1e-3
+"""Share of the largest slopes, and of the largest pressure, squared, below which a scan is not known to show less."""
 
 
 def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
@@ -160,9 +162,8 @@ def _starts(solved: Solved) -> tuple[float, float]:
 def _progress(scanned: Scanned, solved: Solved, direction: Floats) -> Floats:
     """(scans,), from -0.5 to 0.5, by which a motion is changed: most where the map's slopes show it least."""
     slopes, pressure = _slopes(scanned, solved)
-    tiny = np.finfo(float).tiny
-    shown = (slopes @ direction) @ direction / np.maximum(pressure, tiny)
-    pace = 1.0 / (_LEAST_SHOWN + shown / max(shown.max(), tiny))
+    shown = (slopes @ direction) @ direction / np.maximum(pressure, _LEAST_SHOWN * scanned.amplitude**2)
+    pace = 1.0 / (_LEAST_SHOWN + shown / max(shown.max(), np.finfo(float).tiny))
     progress = np.cumsum(pace) - 0.5 * pace
     changed: Floats = (progress - progress[0]) / (progress[-1] - progress[0]) - 0.5
     return changed
@@ -194,7 +195,7 @@ def _left_along(scanned: Scanned, solved: Solved, direction: Floats, at: Floats,
     fill(pattern, along.with_error(error), states)
     stiffness = along.stiffness(turns=solved.turns, gain_std=solved.gain_std, size=SIZE_STD**-2)
     stiffness[0] = np.inf
-    most, gains = _GAIN * scanned.unseen_error, np.ones(scanned.readings.shape[1])
+    most, gains = min(_GAIN * scanned.unseen_error, _MOST_GAIN), np.ones(scanned.readings.shape[1])
     now = along
     for k, rounds in enumerate(_ROUNDS):
         fit = refine(pattern, now, states, rounds=rounds, error=error, stiffness=stiffness)
