@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import sys
+import time
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -11,6 +12,7 @@ from msgspec.structs import replace
 
 from streaming import PALM, SCANS, awaited, connected, free_port, lines, opened, published, running, slid
 from taxelflow.acquire.devices import tcp
+from taxelflow.acquire.devices.base import Faults
 from taxelflow.errors import AddressInvalid, PortTaken, SourceUnreachable
 from taxelflow.messages import RawScans
 from taxelflow.pipeline.live.loop import Limits
@@ -107,3 +109,30 @@ def test_a_client_that_sends_keeps_another_one_waiting(tmp_path: Path) -> None:
         first.sendall(b"".join(lines(scans)))
     assert len(published(tmp_path / "a.jsonl")) == SCANS
     assert not reports[0].source.faults.counts
+
+
+def test_a_silence_is_one_loss_however_often_its_time_is_out(caplog: pytest.LogCaptureFixture) -> None:
+    port = free_port()
+    with opened(f"udp-listen://127.0.0.1:{port}?timeout=0.01") as source:
+        arrivals = iter(source)
+        silence = time.monotonic() + 0.5
+        while time.monotonic() < silence:
+            assert next(arrivals) is None
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
+            device.sendto(lines(slid())[0], ("127.0.0.1", port))
+        awaited(lambda: next(arrivals) is not None)
+    assert dict(source.faults.counts) == {"connection lost": 1, "connected again": 1}
+    assert [record.message.split(":")[0] for record in caplog.records[1:]] == ["connection lost", "connected again"]
+
+
+def test_a_fault_that_comes_again_and_again_is_counted_and_logged_once_a_minute(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults, now = Faults(), [0.0]
+    monkeypatch.setattr("taxelflow.acquire.devices.base.time.monotonic", lambda: now[0])
+    for now[0] in (0.0, 1.0, 59.0, 60.0):
+        faults.report("connection lost", "reset; connecting again")
+        faults.report("cannot write", f"file {now[0]:.0f}")
+    assert faults.counts["connection lost"] == 4
+    assert sum("reset" in record.message for record in caplog.records) == 2
+    assert sum("file" in record.message for record in caplog.records) == 4

@@ -120,8 +120,9 @@ class ByteSource:
                 if not self._keep:
                     return
             except OSError as error:
+                if not self._lost:  # else the silence goes on: nothing has come since the loss was reported
+                    self.faults.report("connection lost", f"{_words(error)}; connecting again")
                 self._open, self._lost = False, True
-                self.faults.report("connection lost", f"{_words(error)}; connecting again")
                 self._transport.close()
                 self._parser.restart()
                 yield from backoff.pause()
