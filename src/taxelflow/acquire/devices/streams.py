@@ -178,9 +178,7 @@ def parser_of(
         raise AddressInvalid(address.url, f"time-unit={unit}", "it for lines with a time only")
     if sensor.frame is not None and form == "binary":
         return FrameParser(sensor.frame, columns, faults, timed=timed)
-    return LineParser(
-        columns, faults, timed=timed, joins_late=joins_late, ends_cut=ends_cut, unit_s=SECONDS_PER[unit]
-    )
+    return LineParser(columns, faults, timed=timed, joins_late=joins_late, ends_cut=ends_cut, unit_s=SECONDS_PER[unit])
 
 
 def _words(error: OSError) -> str:
