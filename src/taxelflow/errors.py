@@ -166,10 +166,11 @@ class RecordingTruncated(RecordingError):
 class TaxelCountWrong(RecordingError):
     """The number of taxels per scan differs from the sensor's."""
 
-    def __init__(self, path: Path | str, seen: int, sensor: str, expected: int) -> None:
+    def __init__(self, path: Path | str, seen: int, sensor: str, expected: int, remedy: str = "") -> None:
+        """remedy: beside another sensor."""
         super().__init__(
             f"{path} has {seen} taxels per scan but sensor {sensor!r} has {expected}; "
-            "choose the matching sensor with --sensor NAME or --sensor FILE.toml"
+            f"{remedy and f'{remedy}, or '}choose the matching sensor with --sensor NAME or --sensor FILE.toml"
         )
 
 
