@@ -49,7 +49,7 @@ class SinkWorker(threading.Thread):
     def __init__(self, name: str, sink: Sink, faults: Faults) -> None:
         super().__init__(name=f"taxelflow-{name}", daemon=True)  # a thread that is stuck must not outlive the run
         self.label, self.sink = name, sink
-        self.published = 0
+        self._passed = 0
         self.latencies = Latencies()
         self.ended = False
         self._faults = faults
@@ -66,6 +66,12 @@ class SinkWorker(threading.Thread):
     def dropped(self) -> int:
         """Scans, or lines for a client, that were not passed on."""
         return self._dropped + self.sink.dropped
+
+    @property
+    def published(self) -> int:
+        """Scans passed to the sink, without those that it then lost: of a file that gathers, some only at its end."""
+        lost = self.sink.dropped if self.sink.lossless else 0  # a server counts each client's
+        return max(self._passed - lost, 0)
 
     def offer(self, item: Update | Raw) -> None:
         """Queue it; returns at once. The thread is woken by `wake`, or when much waits."""
@@ -173,12 +179,10 @@ class SinkWorker(threading.Thread):
     def _pass(self, item: Update | Raw) -> None:
         if isinstance(item, Raw):
             self.sink.write_raw(item.scans, late=item.late)
-            self.published += len(item)
+            self._passed += len(item)
             return
-        before = self.sink.dropped
         self.sink.write(item)
-        lost = self.sink.dropped - before if self.sink.lossless else 0  # a server counts each client's
-        self.published += 0 if self.sink.raw else len(item) - lost
+        self._passed += 0 if self.sink.raw else len(item)
         now, arrived_s = time.monotonic(), item.arrived_s
         if self._settled_s is not None:
             self.latencies.add_all(now - arrived_s[arrived_s >= self._settled_s])
