@@ -197,8 +197,27 @@ def test_a_sink_that_fails_or_is_stuck_holds_up_nobody(fails: bool) -> None:
     assert time.monotonic() - began < 1.0
     worker.finish(Ending(None, ()))
     assert worker.ended
-    assert worker.dropped + worker.published == 100 or fails
+    assert worker.dropped + worker.published == 100
     assert faults.counts["a sink has failed"] == fails
+
+
+@pytest.mark.parametrize("scheme", ["mcap", "jsonl"])
+def test_each_scan_is_published_or_dropped_once_where_a_sink_fails(
+    scheme: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sink = registry.find("sink", scheme)
+
+    def failing(*_arguments: Any) -> None:
+        raise RuntimeError("broken")
+
+    monkeypatch.setattr(f"{sink.__module__}.{'McapSink' if scheme == 'mcap' else 'JsonFile'}.write", failing)
+    with running(
+        "rig:stroke?speed=max", f"{scheme}:{tmp_path}/a", f"jsonl-listen://127.0.0.1:{free_port()}"
+    ) as reports:
+        pass
+    worker = reports[0].workers[0]
+    assert reports[0].source.faults.counts["a sink has failed"] == 1
+    assert worker.published + worker.dropped == 140
 
 
 class _Taken(_Stuck):
