@@ -28,6 +28,7 @@ TaxelflowError
 │   └── GainsUnknown          recording and truth do not determine the gains
 ├── BatchUnlike               a directory holds a batch with other settings
 ├── ClusterFault              workers or the scheduler failed; recordings are left undone
+├── PluginBroken              a part of another package cannot be imported
 ├── EstimatorBroken           an estimator of another package breaks its protocol
 ├── RunEnded                  scans come after the end of a live run
 ├── TruthInvalid              a robot's trajectory cannot be read
@@ -403,6 +404,14 @@ class GraphicsMissing(TaxelflowError):
 
     def __init__(self, seen: str) -> None:
         super().__init__(f"cannot render pictures: {seen}; install EGL (libegl1 with Mesa) or OSMesa (libosmesa6)")
+
+
+class PluginBroken(TaxelflowError):
+    """A part of another package cannot be imported. error: what the import raised."""
+
+    def __init__(self, stage: str, name: str, where: str, package: str, error: Exception) -> None:
+        seen = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        super().__init__(f"cannot import {stage} {name!r} from {where} ({seen}); mend or remove the package {package}")
 
 
 class ExtraMissing(TaxelflowError):
