@@ -38,6 +38,7 @@ FACTS: dict[str, tuple[object, ...]] = {
     "CalibrationUnfit": ("sensor 'hand'", "sensor 'foot'"),
     "GainsUnknown": ("the object did not move", "move it"),
     "EstimatorBroken": ("MySession", 3, 2),
+    "PluginBroken": ("estimator", "other", "plug:Other", "plug", RuntimeError("no\nlicence")),
     "RunEnded": (),
     "TruthInvalid": (Path("truth.csv"), "it is empty"),
     "AddressInvalid": ("tcp:5000", "it has no host and port", "tcp://HOST:PORT"),

@@ -28,6 +28,7 @@ TaxelflowError
 │   └── GainsUnknown          recording and truth do not determine the gains
 ├── BatchUnlike               a directory holds a batch with other settings
 ├── ClusterFault              workers or the scheduler failed; recordings are left undone
+├── PluginBroken              a part of another package cannot be imported
 ├── EstimatorBroken           an estimator of another package breaks its protocol
 ├── RunEnded                  scans come after the end of a live run
 ├── TruthInvalid              a robot's trajectory cannot be read
@@ -166,10 +167,11 @@ class RecordingTruncated(RecordingError):
 class TaxelCountWrong(RecordingError):
     """The number of taxels per scan differs from the sensor's."""
 
-    def __init__(self, path: Path | str, seen: int, sensor: str, expected: int) -> None:
+    def __init__(self, path: Path | str, seen: int, sensor: str, expected: int, remedy: str = "") -> None:
+        """remedy: beside another sensor."""
         super().__init__(
             f"{path} has {seen} taxels per scan but sensor {sensor!r} has {expected}; "
-            "choose the matching sensor with --sensor NAME or --sensor FILE.toml"
+            f"{remedy and f'{remedy}, or '}choose the matching sensor with --sensor NAME or --sensor FILE.toml"
         )
 
 
@@ -402,6 +404,14 @@ class GraphicsMissing(TaxelflowError):
 
     def __init__(self, seen: str) -> None:
         super().__init__(f"cannot render pictures: {seen}; install EGL (libegl1 with Mesa) or OSMesa (libosmesa6)")
+
+
+class PluginBroken(TaxelflowError):
+    """A part of another package cannot be imported. error: what the import raised."""
+
+    def __init__(self, stage: str, name: str, where: str, package: str, error: Exception) -> None:
+        seen = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        super().__init__(f"cannot import {stage} {name!r} from {where} ({seen}); mend or remove the package {package}")
 
 
 class ExtraMissing(TaxelflowError):

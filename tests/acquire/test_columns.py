@@ -199,3 +199,27 @@ def test_the_icub_logs_are_read(recordings: Path) -> None:
         assert sent.shape == (12, 60)
         assert ((sent > 200) & (sent <= 255)).all()
         np.testing.assert_array_equal(recording.load().values, 255 - sent)
+
+
+@pytest.mark.parametrize(
+    ("header", "seen", "remedy"),
+    [
+        (",t_s,v0,v1", 3, "leave out '' with --columns.taxels 2-3, or choose the matching sensor with --sensor NAME"),
+        ("t_s,v0,v1,", 3, "leave out '' with --columns.taxels 1-2, or"),
+        ("Unnamed: 0,t_s,left,right", 3, "leave out 'Unnamed: 0' with --columns.taxels 2-3, or"),
+        ("t_s,frame,v0,v1,label", 4, "leave out 'frame', 'label' with --columns.taxels 2-3, or"),
+        ("t_s,v0,v1,v2", 3, "leave out columns that are no taxels with --columns.taxels, or"),
+        ("v0,t_s,v1,", 3, "leave out columns that are no taxels with --columns.taxels, or"),
+        ("t_s,v0", 1, "; choose the matching sensor"),
+    ],
+)
+def test_columns_that_are_no_taxels_are_named_with_the_option_for_them(
+    header: str, seen: int, remedy: str, tmp_path: Path
+) -> None:
+    rows = ",".join("1" for _ in header.split(","))
+    with pytest.raises(TaxelCountWrong) as caught:
+        read(tmp_path, f"{header}\n{rows}\n", 2)
+    assert f"has {seen} taxels per scan but sensor 'plain' has 2;" in str(caught.value)
+    assert remedy in str(caught.value)
+    if "2-3" in remedy:
+        assert read(tmp_path, f"{header}\n{rows}\n", 2, taxels=("2-3",)).values.tolist() == [[1, 1]]

@@ -128,6 +128,15 @@ def long_mcap(folder: Path) -> tuple[Path, Recording]:
     return path, recording
 
 
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+def test_an_mcap_that_ends_before_its_first_scan_is_refused_as_cut(share: float, tmp_path: Path) -> None:
+    path = converted(".mcap")(tmp_path)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * content.index(b"zstd"))])  # within the first chunk, or before it
+    with pytest.raises(RecordingCorrupt, match=r"whole.mcap: it ends before its first scan \(.*\); record it again$"):
+        read(path)
+
+
 def test_of_a_truncated_mcap_what_is_there_is_read(tmp_path: Path) -> None:
     path, recording = long_mcap(tmp_path)
     content = path.read_bytes()

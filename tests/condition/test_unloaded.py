@@ -96,3 +96,30 @@ def test_from_a_few_scans_no_level_of_contact_is_named(tmp_path: Path) -> None:
     assert "is unknown from so short a recording" in short
     assert "contact begins at" not in short
     assert "contact begins at" in long
+
+
+def test_zeros_are_shown_without_a_sign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = save(tmp_path / "a.npz", np.full((60, 28), -0.0))
+    assert main(["info", str(path), "--sensor", "grid:4x7@10mm"]) == 0
+    said = capsys.readouterr()
+    assert "0..0" in said.out
+    assert "-0" not in said.out
+    assert "all readings are 0 count" in said.err
+
+
+def test_numbers_that_no_sensor_sends_are_noted_once(tmp_path: Path) -> None:
+    notes = notes_of(save(tmp_path / "a.npz", np.full((6000, 28), 1e300)))
+    says = "numbers beyond 1e+30 are taken as missing readings, such as 1e+300: check how the recording was written"
+    assert notes.count(says) == 1
+    assert any(note.endswith("no taxel has readings") for note in notes)
+
+
+@pytest.mark.parametrize("missing", [np.nan, np.inf, -np.inf])
+def test_what_usually_stands_for_a_missing_reading_is_not_doubted(tmp_path: Path, missing: float) -> None:
+    values = grasp(3000.0, 2.0)
+    values[30:40, 3] = missing
+    assert not any("beyond" in note for note in notes_of(save(tmp_path / "a.npz", values)))
+
+
+def test_the_largest_numbers_that_are_taken_overflow_nothing(tmp_path: Path) -> None:
+    notes_of(save(tmp_path / "a.npz", np.full((60, 28), 1e30)))  # warnings are errors

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from browsed import installed_browser
 from rigged import estimated, refused, rigged, strokes_by_both
 from synthetic import dome
 from taxelflow.cli import main
@@ -172,14 +173,35 @@ def test_names_cannot_break_the_page(tmp_path: Path) -> None:
     assert "<i>own" not in page
 
 
-def test_a_recording_without_contact_has_a_report(tmp_path: Path) -> None:
+@pytest.fixture
+def untouched(tmp_path: Path) -> Path:
     sensor = Sensor(name="own", unit="Pa", pads=(Pad(name="pad", rows=4, cols=7, pitch_m=(0.01, 0.01)),))
     values = np.random.default_rng(0).normal(0, 100, (60, 28))
     np.savez(tmp_path / "a.npz", t=np.arange(60) / 10, pressure=values, sensor=msgspec.json.encode(sensor).decode())
     make_report([estimated(tmp_path / "a.npz", tmp_path / "a")], tmp_path / "a.html")
-    (recording,) = charts((tmp_path / "a.html").read_text())
+    return tmp_path / "a.html"
+
+
+def test_a_recording_without_contact_has_a_report(untouched: Path) -> None:
+    (recording,) = charts(untouched.read_text())
     assert recording["results"] == recording["scans"] == []
     assert recording["no_scans"] == "No pad was touched."
+
+
+def test_a_browser_draws_the_report_of_a_recording_without_contact(untouched: Path) -> None:
+    executable = installed_browser()
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
+        errors: list[str] = []
+        tab = browser.new_page()
+        tab.on("pageerror", lambda error: errors.append(str(error)))
+        tab.goto(untouched.as_uri())
+        ready = tab.wait_for_function("document.body.dataset.ready || null", timeout=5000)
+        assert ready.json_value() == "yes"
+        browser.close()
+    assert not errors
 
 
 @pytest.mark.long

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 import sys
+from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING
 
 import pytest
 
+from rigged import refused
 from taxelflow.cli import main
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.estimation.centroid.convolution import Convolution
@@ -89,3 +91,31 @@ def test_the_command_line_knows_the_estimators_of_other_packages(
     file = recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa"
     assert main(["estimate", str(file), "--out", str(tmp_path / "out"), "--method", plugin, "--gain", "2"]) == 0
     assert '"gain": 2.0' in (tmp_path / "out" / "summary.json").read_text()
+
+
+@pytest.mark.parametrize(
+    ("module", "seen"),
+    [
+        ("raise RuntimeError('no\\nlicence')", "RuntimeError: no licence"),
+        ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
+        ("def broken(:", "SyntaxError: "),
+        ("Another = 1", "AttributeError: module 'plug_for_taxelflow' has no attribute 'Other'"),
+        (None, "ModuleNotFoundError: No module named 'plug_for_taxelflow'"),
+    ],
+)
+def test_a_plugin_that_cannot_be_imported_is_named_in_one_line(
+    plugin: str, module: str | None, seen: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "site" / "plug_for_taxelflow.py"
+    file.unlink() if module is None else file.write_text(module)
+    (tmp_path / "a.csv").write_text("t_s,v0,v1\n0,1,1\n")
+    said = refused(capsys, "estimate", tmp_path / "a.csv", "--sensor", "grid:1x2@4mm", "--method", plugin, "--out", "x")
+    assert f"cannot import estimator 'other' from plug_for_taxelflow:Other ({seen}" in said
+    assert said.endswith("; mend or remove the package plug\n")
+    assert registry.summary("estimator", plugin) == ""
+
+
+def test_help_survives_a_plugin_whose_package_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    point = EntryPoint("gone", "no_such_package.module:Score", "taxelflow.score")
+    monkeypatch.setattr(registry, "_plugins", lambda _stage: {"gone": point})
+    assert registry.summary("score", "gone") == ""

@@ -9,7 +9,7 @@ import pytest
 from taxelflow.errors import ExtraMissing, SensorFileInvalid
 from taxelflow.numerics.geometry import se3_exp, se3_log
 from taxelflow.sensors.catalogue import load_sensor
-from taxelflow.sensors.hand import HandModelInvalid, JointsInvalid, joint_angles
+from taxelflow.sensors.hand import Hand, HandModelInvalid, JointsInvalid, check_hand, joint_angles
 from taxelflow.sensors.kinematics import Kinematics, PadKinematics, angles_of
 
 ARM = """<robot name="arm"><link name="base"/><link name="upper"/><link name="lower"/><link name="pad"/>
@@ -128,8 +128,34 @@ def test_errors_name_what_is_wrong() -> None:
         angles_of(("a",), {"c": 1.0}, "test")
     with pytest.raises(JointsInvalid, match="joint 'f1' has two angles; give each joint one"):
         joint_angles("f1=1 f2=2 f1=3")
-    with pytest.raises(JointsInvalid, match="'f1:1' is not JOINT=ANGLE"):
-        joint_angles("f1:1")
+    with pytest.raises(JointsInvalid, match="joint 'f 1' has two angles"):
+        joint_angles("f 1=1, f 1=3")
+
+
+@pytest.mark.parametrize(
+    ("given", "part"),
+    [
+        ("f1:1", "f1:1"),
+        ("", ""),
+        ("a=1 index joint 1=x b=2", "index joint 1=x"),
+        ("a=1, b", "b"),
+        ("a=1degrees", "a=1degrees"),
+        ("a = 1", "a ="),
+        ("=1", "=1"),
+    ],
+)
+def test_what_is_no_angle_of_a_joint_is_named(given: str, part: str) -> None:
+    with pytest.raises(JointsInvalid, match=f"{part!r} is not JOINT=ANGLE; give JOINT=ANGLE pairs .*unit\\)$"):
+        joint_angles(given)
+
+
+def test_names_of_joints_may_hold_blanks() -> None:
+    assert joint_angles(" index joint 1=0.2 thumb=1.5rad,ring joint\t2=-.5e0 ") == {
+        "index joint 1": 0.2,
+        "thumb": 1.5,
+        "ring joint\t2": -0.5,
+    }
+    check_hand(Hand("m", joints="index joint 1=0.2", poses=("half open: index joint 1=0.2 thumb=1",)), {}, "test")
 
 
 def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

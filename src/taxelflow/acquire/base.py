@@ -18,6 +18,7 @@ from taxelflow.errors import (
     printable,
 )
 from taxelflow.messages import Bools, Floats, Joints, RawScans, cut, joined
+from taxelflow.sensors.channels import doubted_numbers
 from taxelflow.sensors.sensor import Sensor, with_contacts, with_shear
 
 if TYPE_CHECKING:
@@ -187,7 +188,7 @@ class Reading:
     Its blocks are in C order, whatever a reader's are: kernels compile for each order of an array that they meet.
     Iterating raises TaxelCountWrong, TimesNotIncreasing and RecordingCorrupt. The iteration ends normally where a
     recording is truncated; `loss` is then that error. scans, repeated: numbers of scans delivered and dropped so far.
-    notes: those of the recording, and one if the scan rate is implausible.
+    notes: those of the recording, and of a scan rate or numbers that no sensor has.
     """
 
     def __init__(self, recording: Recording, *, mapped: bool = True) -> None:
@@ -231,6 +232,7 @@ class Reading:
             seen = block.values.shape[1]
             raise TaxelCountWrong(self._recording.source, seen, sensor.name, sensor.channel_map.columns)
         if self._mapped:
+            self.notes += doubted_numbers(block.values, self.notes)
             block = sensor.channel_map.of_source(block)
         block = replace(block, t_s=np.ascontiguousarray(block.t_s), values=np.ascontiguousarray(block.values))
         block = self._in_order(block)

@@ -24,6 +24,8 @@ _SEPARATORS = {",": "','", ";": "';'", "\t": "tab", "|": "'|'", " ": "space"}
 """Separators of fields that a header of one field suggests, as `--columns.delimiter` takes them."""
 _SHOWN = 60
 """Characters of a header that a message shows."""
+_UNNAMED = r"Unnamed: \d+|__index_level_\d+__"
+"""Names that pandas gives to columns without one."""
 SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of times."""
 SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
@@ -152,6 +154,22 @@ class Columns:
             seen = f"columns are not sorted: {names[first]!r} comes before a smaller number"
             raise RecordingCorrupt(path, seen, "choose the sensor's order: --columns.order number, or file")
         return by_number if self.order == "number" else found
+
+
+def fewer_taxels(names: list[str], chosen: list[int], wanted: int) -> str:
+    """What to do about more columns than taxels: such as an index of pandas, or what a trailing comma makes."""
+    if len(chosen) <= wanted:
+        return ""
+    alike: dict[str, list[int]] = {}
+    for number in chosen:
+        alike.setdefault(re.sub(r"\d+", "#", names[number]), []).append(number)
+    kinds = [list(kind) for kind in alike.values()]
+    kinds.append([n for n in chosen if names[n].strip() and not re.fullmatch(_UNNAMED, names[n])])
+    fits = next((kind for kind in kinds if len(kind) == wanted and kind[-1] - kind[0] == wanted - 1), None)
+    if fits is None:
+        return "leave out columns that are no taxels with --columns.taxels"
+    left = ", ".join(repr(names[n]) for n in chosen if n not in fits)[:_SHOWN]
+    return f"leave out {left} with --columns.taxels {fits[0]}-{fits[-1]}"
 
 
 def _matching(pattern: str, names: list[str]) -> list[int]:

@@ -17,7 +17,7 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 
 from taxelflow.acquire.base import Recording
-from taxelflow.acquire.columns import JOINT, REMEDY, Columns
+from taxelflow.acquire.columns import JOINT, REMEDY, Columns, fewer_taxels
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_BYTES, BLOCK_SCANS
 from taxelflow.acquire.times import is_iso, iso_seconds, read_times, timed
@@ -64,7 +64,8 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
     if sensor is None:
         raise SensorNeeded(path, builtin_sensors())
     if len(taxels) != sensor.channel_map.columns:
-        raise TaxelCountWrong(path, len(taxels), sensor.name, sensor.channel_map.columns)
+        wanted = sensor.channel_map.columns
+        raise TaxelCountWrong(path, len(taxels), sensor.name, wanted, fewer_taxels(names, taxels, wanted))
     row = next(records, "") if asked.header else first
     iso = time is not None and _has_iso_time(row, delimiter, time)
     table = _Table(path, asked, delimiter, len(fields), time, np.array(taxels), iso)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.acquire.base import Recording
-from taxelflow.acquire.columns import JOINT, SECONDS_PER, Columns
+from taxelflow.acquire.columns import JOINT, SECONDS_PER, Columns, fewer_taxels
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_SCANS, MOST_ARRAY_BYTES, Budget, check_expansion, scans_per_block
 from taxelflow.acquire.metadata import joints_text_in, masked_in, sensor_in, texts_of, truth_in
@@ -63,7 +63,10 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
     if sensor is None:
         raise SensorNeeded(path, builtin_sensors())
     if len(table.taxels) != sensor.channel_map.columns:
-        raise TaxelCountWrong(path, len(table.taxels), sensor.name, sensor.channel_map.columns)
+        wanted = sensor.channel_map.columns
+        chosen = [schema.names.index(name) for name in table.taxels]
+        remedy = fewer_taxels(schema.names, chosen, wanted)
+        raise TaxelCountWrong(path, len(chosen), sensor.name, wanted, remedy)
     check_expansion(path, 8 * scans * (1 + len(table.taxels) + len(table.joints)))
     notes = (
         () if asked.rate_hz is None else (f"times computed from the rate of {asked.rate_hz:g} Hz: the log has none",)

@@ -178,7 +178,8 @@ def _find_rest(readings: _Readings, sigma: Floats, reach: float) -> Resting:
         unloaded *= known
         total = unloaded.sum(axis=1)
         if is_clipped:
-            mills = np.exp(-0.5 * edge**2 - 0.5 * np.log(2 * np.pi) - below)
+            largest = np.log1p(np.maximum(-edge, 0.0))  # rounding exceeds it far below, and then overflows
+            mills = np.exp(np.minimum(-0.5 * edge**2 - 0.5 * np.log(2 * np.pi) - below, largest))
             weighed = np.where(clipped, _each(level - sigma * mills), y)
             weighed *= unloaded
         else:

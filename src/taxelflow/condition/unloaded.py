@@ -41,7 +41,7 @@ def no_contact(windows: Floats, learned: Baseline, sensor: Sensor, contact_on: f
     lowest = to_unit * float(np.min(readings, initial=np.inf, where=known))
     highest = to_unit * float(np.max(readings, initial=-np.inf, where=known))
     if highest == lowest:
-        return f"{what}: all readings are {lowest:.4g} {sensor.unit}"
+        return f"{what}: all readings are {lowest + 0.0:.4g} {sensor.unit}"  # never -0
     seen = f"{what}: readings range from {lowest:.4g} to {highest:.4g} {sensor.unit}"
     if np.count_nonzero(known.any(axis=2)) < _FEWEST_SCANS:
         return f"{seen}; the noise, and so the level at which contact begins, is unknown from so short a recording"

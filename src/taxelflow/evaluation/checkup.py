@@ -174,8 +174,8 @@ def _pad(
         cols=cols,
         taxels=len(live),
         masked=int(np.sum(~live)),
-        lowest=_finite(tally.lowest[own].min()),
-        highest=_finite(tally.highest[own].max()),
+        lowest=_finite(tally.lowest[own].min() + 0.0),  # never -0
+        highest=_finite(tally.highest[own].max() + 0.0),
         noise=typical / to_si if typical > UNKNOWN_NOISE else None,
         tared=bool(learned.tared[number]),
         contact_scans=round(seen.contact_share[number] * tally.reading.scans),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,14 +28,17 @@ _DRAWS_S = 1.0
 """A browser that has loaded the page draws the first picture in this time, also where it draws without a GPU. It needs
 a core and a half for that, more than a small computer has beside the estimate."""
 
+_log = logging.getLogger("taxelflow")
+
 
 @dataclass
 class Filling:
-    """Fills the history of a method from a recording."""
+    """Fills the history of a method from a recording. notes: what was lost or odd, once it is estimated."""
 
     recording: Recording
     pipeline: Pipeline
     history: History
+    notes: list[str] = field(default_factory=list)
 
     def fill(self) -> None:
         """Read, condition, estimate: first the pressures, then the results."""
@@ -54,6 +58,7 @@ class Filling:
             self.history.add(_results_of(output), output.events)
         self.history.patterns = run.patterns
         self.history.complete = True
+        self.notes = [*run.reading.notes, *run.notes, *([str(run.reading.loss)] if run.reading.loss else [])]
 
     def decide(self, alarms_per_hour: float) -> None:
         """Detect slips again, at another rate of false alarms; the old results are shown until then."""
@@ -137,6 +142,8 @@ class Playing:
     def _estimate(self) -> None:
         for filling in self._fillings:
             filling.estimate()
+        for note in dict.fromkeys(note for filling in self._fillings for note in filling.notes):
+            _log.warning("%s", note)
 
     def close(self) -> None:
         """Stop to show, and the server."""

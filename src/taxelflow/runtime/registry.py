@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from taxelflow.errors import NameUnknown
+from taxelflow.errors import NameUnknown, PluginBroken, TaxelflowError
 
 PARTS: dict[str, dict[str, str]] = {
     "reader": {
@@ -135,25 +135,35 @@ def check(stage: str, name: str) -> None:
 
 
 def find(stage: str, name: str) -> Any:
-    """The part of that name, imported now. Raises NameUnknown with the list of names."""
+    """The part of that name, imported now. Raises NameUnknown with the list of names, PluginBroken."""
     if name in PARTS[stage]:
         module, _, attribute = PARTS[stage][name].partition(":")
         return getattr(import_module(module), attribute)
     check(stage, name)
-    return _plugins(stage)[name].load()
+    point = _plugins(stage)[name]
+    try:
+        return point.load()
+    except TaxelflowError:  # such as a missing extra
+        raise
+    except Exception as error:  # whatever stands in another's module
+        raise PluginBroken(stage, name, point.value, point.dist.name if point.dist else "?", error) from error
 
 
 def summary(stage: str, name: str) -> str:
     """First line of a part's docstring, read from its source file: the part itself is not imported.
 
-    Empty if there is no source or no docstring.
+    Empty if there is no source that can be read, or no docstring.
     """
     where = PARTS[stage].get(name) or _plugins(stage)[name].value
     module, _, attribute = where.partition(":")
-    found = find_spec(module)
-    if found is None or found.origin is None or not found.origin.endswith(".py"):
+    try:
+        found = find_spec(module)
+        if found is None or found.origin is None or not found.origin.endswith(".py"):
+            return ""
+        body = ast.parse(Path(found.origin).read_text(encoding="utf-8")).body
+    except (ImportError, OSError, SyntaxError, ValueError):  # another's package is broken: help is given all the same
         return ""
-    for node in ast.parse(Path(found.origin).read_text(encoding="utf-8")).body:
+    for node in body:
         if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == attribute:
             return (ast.get_docstring(node) or "").partition("\n")[0]
     return ""

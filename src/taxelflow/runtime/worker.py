@@ -121,7 +121,7 @@ def serve(requests: IO[bytes], results: IO[bytes]) -> None:
     while True:
         try:
             function, arguments = pickle.load(requests)
-        except EOFError:
+        except (EOFError, pickle.UnpicklingError):  # the latter where it was killed in the middle of a request
             return
         answer: tuple[object, Exception | None]
         try:

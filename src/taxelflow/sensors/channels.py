@@ -25,6 +25,7 @@ Indices = NDArray[np.int64]
 
 _LARGEST = 1e30
 """Largest number that a source may send, in any unit."""
+_BEYOND = f"numbers beyond {_LARGEST:g} are taken as missing readings"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,3 +132,13 @@ def _places_of(pad: Pad) -> Indices:
         return own  # the source also sends a number for each missing taxel
     rank: Indices = np.argsort(np.argsort(own))
     return rank
+
+
+def doubted_numbers(sent: Floats, notes: Sequence[str]) -> list[str]:
+    """A note if a source's numbers (scans, columns) are beyond any sensor's, unless `notes` have it. Infinite ones are
+    a usual word for missing.
+    """
+    if any(note.startswith(_BEYOND) for note in notes):
+        return []
+    large = sent[(np.abs(sent) > _LARGEST) & np.isfinite(sent)]
+    return [f"{_BEYOND}, such as {large[0]:.4g}: check how the recording was written"] if large.size else []

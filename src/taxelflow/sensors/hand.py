@@ -16,7 +16,12 @@ if TYPE_CHECKING:
 
 _MOST_BYTES = 1 << 22
 """Largest model: meshes are not part of a URDF or MJCF."""
-_SETTING = re.compile(r"(?P<joint>[^\s=,]+)=(?P<angle>[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?)(?P<unit>deg|rad)?")
+_SETTING = re.compile(
+    r"(?P<joint>[^\s=,][^=,]*)=(?P<angle>[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?)(?P<unit>deg|rad)?([\s,]+|$)"
+)
+"""A joint's name may hold blanks: an angle ends a setting, not a blank."""
+_PART = re.compile(r"[^=,]*(?:=[^\s,]*)?")
+"""What stands in a setting's place."""
 Std = Annotated[float, Meta(ge=0, lt=1)]
 
 
@@ -27,16 +32,16 @@ class HandModelInvalid(TaxelflowError):
         super().__init__(f"hand model of {source}: {seen}; {remedy}")
 
 
-_JOINTS = (
-    "give JOINT=ANGLE pairs such as 'spread=60deg f1=1.2' (rad without a unit), a named pose, or a csv with columns "
-    "t_s and the joints"
-)
+PAIRS = "give JOINT=ANGLE pairs such as 'spread=60deg f1=1.2' (rad without a unit)"
+"""What to do about angles that are no pairs, where nothing else is taken."""
+PAIRS_POSE_OR_TABLE = f"{PAIRS}, a named pose, or a csv with columns t_s and the joints"
+"""The same, where a recording is read."""
 
 
 class JointsInvalid(TaxelflowError):
     """Joint angles that the user gives cannot be read."""
 
-    def __init__(self, given: str, seen: str, remedy: str = _JOINTS) -> None:
+    def __init__(self, given: str, seen: str, remedy: str = PAIRS_POSE_OR_TABLE) -> None:
         super().__init__(f"joint angles {given!r}: {seen}; {remedy}")
 
 
@@ -61,17 +66,23 @@ class Hand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=T
         return dict(pose.split(":", 1) for pose in self.poses if ":" in pose).get(name)
 
 
-def joint_angles(text: str) -> dict[str, float]:
-    """Angles in rad by joint from text such as `spread=60deg f1=1.2`. Raises JointsInvalid."""
-    angles = {}
-    for part in re.split(r"[\s,]+", text.strip()):
-        found = _SETTING.fullmatch(part)
+def joint_angles(text: str, remedy: str = PAIRS) -> dict[str, float]:
+    """Angles in rad by joint from text such as `spread=60deg f1=1.2`. remedy: what else is taken.
+
+    Raises JointsInvalid.
+    """
+    text, at = text.strip(), 0
+    angles: dict[str, float] = {}
+    while at < len(text) or not angles:
+        found = _SETTING.match(text, at)
         if found is None:
-            raise JointsInvalid(text, f"{part!r} is not JOINT=ANGLE")
+            part = _PART.findall(text, at)[0]
+            raise JointsInvalid(text, f"{part!r} is not JOINT=ANGLE", remedy)
         if found["joint"] in angles:
             raise JointsInvalid(text, f"joint {found['joint']!r} has two angles", "give each joint one")
         angle = float(found["angle"])
         angles[found["joint"]] = radians(angle) if found["unit"] == "deg" else angle
+        at = found.end()
     return angles
 
 

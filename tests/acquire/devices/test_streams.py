@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import sys
+import time
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -11,6 +12,8 @@ from msgspec.structs import replace
 
 from streaming import PALM, SCANS, awaited, connected, free_port, lines, opened, published, running, slid
 from taxelflow.acquire.devices import tcp
+from taxelflow.acquire.devices.base import Faults
+from taxelflow.acquire.devices.line import LineParser
 from taxelflow.errors import AddressInvalid, PortTaken, SourceUnreachable
 from taxelflow.messages import RawScans
 from taxelflow.pipeline.live.loop import Limits
@@ -107,3 +110,60 @@ def test_a_client_that_sends_keeps_another_one_waiting(tmp_path: Path) -> None:
         first.sendall(b"".join(lines(scans)))
     assert len(published(tmp_path / "a.jsonl")) == SCANS
     assert not reports[0].source.faults.counts
+
+
+def test_a_silence_is_one_loss_however_often_its_time_is_out(caplog: pytest.LogCaptureFixture) -> None:
+    port = free_port()
+    with opened(f"udp-listen://127.0.0.1:{port}?timeout=0.01") as source:
+        arrivals = iter(source)
+        silence = time.monotonic() + 0.5
+        while time.monotonic() < silence:
+            assert next(arrivals) is None
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
+            device.sendto(lines(slid())[0], ("127.0.0.1", port))
+        awaited(lambda: next(arrivals) is not None)
+    assert dict(source.faults.counts) == {"connection lost": 1, "connected again": 1}
+    assert [record.message.split(":")[0] for record in caplog.records[1:]] == ["connection lost", "connected again"]
+
+
+def test_a_fault_that_comes_again_and_again_is_counted_and_logged_once_a_minute(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults, now = Faults(), [0.0]
+    monkeypatch.setattr("taxelflow.acquire.devices.base.time.monotonic", lambda: now[0])
+    for now[0] in (0.0, 1.0, 59.0, 60.0):
+        faults.report("connection lost", "reset; connecting again")
+        faults.report("cannot write", f"file {now[0]:.0f}")
+    assert faults.counts["connection lost"] == 4
+    assert sum("reset" in record.message for record in caplog.records) == 2
+    assert sum("file" in record.message for record in caplog.records) == 4
+
+
+def test_a_last_line_that_may_be_cut_in_its_last_number_is_no_scan(tmp_path: Path) -> None:
+    scans, port = slid(), free_port()
+    with (
+        running(f"tcp-listen://127.0.0.1:{port}", f"jsonl:{tmp_path}/a.jsonl") as reports,
+        connected(port) as device,
+    ):
+        device.sendall(b"".join(lines(scans))[:-3])  # the sender was killed; the count of numbers is right
+    assert [row["t_s"] for row in published(tmp_path / "a.jsonl")] == scans.t_s.tolist()[:-1]
+    assert dict(reports[0].source.faults.counts) == {"bad line": 1}
+
+
+def test_the_last_line_of_standard_input_needs_no_newline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "lines").write_bytes(b"".join(lines(slid()))[:-1])
+    with (tmp_path / "lines").open() as given:
+        monkeypatch.setattr(sys, "stdin", given)
+        with running("stdin:", f"jsonl:{tmp_path}/a.jsonl") as reports:
+            awaited(lambda: reports != [])
+    assert len(published(tmp_path / "a.jsonl")) == SCANS
+    assert not reports[0].source.faults.counts
+
+
+@pytest.mark.parametrize("rest", [b"", b"  \r", b"# the end"])
+def test_what_is_no_line_may_end_a_connection(rest: bytes) -> None:
+    faults = Faults()
+    parser = LineParser(2, faults, timed=True, ends_cut=True)
+    assert len(parser.feed(b"1,2,3\n" + rest)) == 1
+    assert parser.end() == []
+    assert not faults.counts

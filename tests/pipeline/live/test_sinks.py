@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import stat
 import threading
 import time
 from contextlib import suppress
@@ -119,6 +120,49 @@ def test_a_disk_that_is_full_from_the_start_does_not_hold_up_the_run(
         sink.close(Ending(None, (), failed=True))
 
 
+@pytest.mark.parametrize("scheme", ["mcap", "tables", "jsonl"])
+@pytest.mark.parametrize("room", [0, 30_000])
+def test_scans_for_which_a_file_has_no_room_are_dropped_and_not_published(
+    scheme: str, room: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left, write = [room], os.write
+
+    def limited(descriptor: int, content: Any) -> int:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):  # a pipe between processes
+            return write(descriptor, content)
+        if not left[0]:
+            raise OSError(28, "No space left on device")
+        taken = min(left[0], len(content))
+        left[0] -= taken
+        return write(descriptor, content[:taken])
+
+    monkeypatch.setattr("taxelflow.publish.sinks.patient.os.write", limited)
+    monkeypatch.setattr("taxelflow.publish.sinks.patient._RETRY_S", 0.01)
+    monkeypatch.setattr(PatientFile, "give_up", lambda file: setattr(file, "_deadline", 0.0))
+    with running("rig:stroke?speed=max", f"{scheme}:{tmp_path}/a") as reports:
+        pass
+    (worker,) = reports[0].workers
+    assert worker.published + worker.dropped == 140
+    assert 0 < worker.published < 140 if scheme == "jsonl" and room else worker.published < 140
+    if not room:
+        assert worker.published == 0
+
+
+def test_a_parquet_file_that_has_no_end_has_no_scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+
+    def full(*_arguments: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(parquet.ParquetWriter, "write_table", full)
+    with running("rig:stroke?speed=max", f"parquet:{tmp_path}") as reports:
+        pass
+    (worker,) = reports[0].workers
+    assert (worker.published, worker.dropped) == (0, 140)
+    (seen,) = [kind for kind in reports[0].source.faults.counts if kind.startswith("a sink")]
+    assert seen == "a sink cannot be closed"
+
+
 class _Stuck(ResultSink):
     """Takes one update and never comes back, or fails."""
 
@@ -153,8 +197,27 @@ def test_a_sink_that_fails_or_is_stuck_holds_up_nobody(fails: bool) -> None:
     assert time.monotonic() - began < 1.0
     worker.finish(Ending(None, ()))
     assert worker.ended
-    assert worker.dropped + worker.published == 100 or fails
+    assert worker.dropped + worker.published == 100
     assert faults.counts["a sink has failed"] == fails
+
+
+@pytest.mark.parametrize("scheme", ["mcap", "jsonl"])
+def test_each_scan_is_published_or_dropped_once_where_a_sink_fails(
+    scheme: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sink = registry.find("sink", scheme)
+
+    def failing(*_arguments: Any) -> None:
+        raise RuntimeError("broken")
+
+    monkeypatch.setattr(f"{sink.__module__}.{'McapSink' if scheme == 'mcap' else 'JsonFile'}.write", failing)
+    with running(
+        "rig:stroke?speed=max", f"{scheme}:{tmp_path}/a", f"jsonl-listen://127.0.0.1:{free_port()}"
+    ) as reports:
+        pass
+    worker = reports[0].workers[0]
+    assert reports[0].source.faults.counts["a sink has failed"] == 1
+    assert worker.published + worker.dropped == 140
 
 
 class _Taken(_Stuck):

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -16,7 +17,7 @@ from streaming import awaited
 from taxelflow.acquire.base import Recording
 from taxelflow.errors import ExtraMissing
 from taxelflow.evaluation.view import Filling, Playing
-from taxelflow.pipeline.api import convert, estimate, estimator
+from taxelflow.pipeline.api import convert, estimate, estimator, read
 from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay
@@ -57,6 +58,24 @@ def test_a_recording_fills_the_page_with_what_estimate_gives(stroke: Recording) 
     assert np.array_equal(known.slipping, asked.slipping)
     assert np.array_equal(history.times, asked.slips.t_s)
     assert history.events == asked.events
+
+
+def test_what_is_lost_or_odd_of_a_recording_is_told_once(
+    stroke: Recording, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
+    path = tmp_path / "a.csv"
+    convert(stroke, path)
+    path.write_text(path.read_text().rstrip("\n")[:-40])  # as of a recorder that was killed
+    cut = replace(read(path, stroke.sensor), notes=("a note of the reader",))
+    playing = Playing(cut, ("convolution", "sum"), PageServer(port=0))
+    try:
+        playing.fill()
+    finally:
+        playing.close()
+    note, loss = (record.message for record in caplog.records)
+    assert note == "a note of the reader"
+    assert "a.csv is truncated: 79 scans could be read" in loss
 
 
 def test_slips_are_decided_anew_at_another_rate_of_false_alarms(stroke: Recording) -> None:

@@ -46,6 +46,16 @@ def test_a_sensor_without_a_hand_is_told_to_leave_the_angles_out() -> None:
         in_space(load_sensor("hexagon-61"), "spread=60deg")
 
 
+def test_angles_beyond_a_range_are_noted_and_no_table_is_offered(caplog: pytest.LogCaptureFixture) -> None:
+    in_space(load_sensor("barretthand-162"), "f1=69 f2=1")
+    says = "joint f1 is at 69 rad, its range is 0 to 2.443 rad: check that its angles are in rad"
+    assert [record.message for record in caplog.records] == [says]
+    with pytest.raises(
+        JointsInvalid, match=r"'angles.csv' is not JOINT=ANGLE; .* \(rad without a unit\) or a named pose$"
+    ):
+        in_space(load_sensor("barretthand-162"), "angles.csv")
+
+
 def test_a_hand_around_its_object_is_shown_from_two_sides() -> None:
     hand = in_space(load_sensor("schunk-sdh2"), "parallel")
     figure = space_figure(hand, None, "parallel")

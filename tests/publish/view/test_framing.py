@@ -65,3 +65,10 @@ def test_each_window_is_fitted_as_it_changes_until_its_user_moves_the_camera(sce
     camera.aspect, camera.position = 0.9, 1.2 * first
     framing.fit(camera)
     np.testing.assert_array_equal(camera.position, 1.2 * first)
+
+
+def test_windows_that_open_at_once_are_all_fitted(scene: Scene) -> None:
+    framing, cameras = Framing(scene), [opened(scene, 0.9, number) for number in range(3)]
+    for camera in cameras:
+        framing.fit(camera)
+    assert all(half_width(scene, camera) < 1.0 for camera in cameras)

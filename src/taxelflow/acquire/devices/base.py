@@ -21,6 +21,9 @@ POLL_S = 0.1
 PIECE_BYTES = 1 << 16
 """Bytes that a source reads at once, at most: the usual size of a pipe and of a socket's buffer."""
 
+_PAUSE_S = 60.0
+"""Time for which a fault that comes again in the same words is only counted."""
+
 _log = logging.getLogger("taxelflow")
 
 
@@ -41,6 +44,7 @@ class Faults:
     """Counts of what went wrong, by kind; the first of each kind is logged."""
 
     counts: Counter[str] = field(default_factory=Counter)
+    _logged_s: dict[tuple[str, str], float] = field(default_factory=dict)
 
     def count(self, kind: str, seen: str = "", times: int = 1) -> None:
         """One more of a kind. seen: what exactly, for the log."""
@@ -49,9 +53,15 @@ class Faults:
         self.counts[kind] += times
 
     def report(self, kind: str, seen: str) -> None:
-        """Count and log each time, for faults that end and come again, such as a lost connection."""
-        _log.warning("%s: %s", kind, seen)
+        """Count each time, and log, for faults that end and come again, such as a lost connection.
+
+        A connection that flaps for a night must not fill the log: the same words are logged once a minute at most.
+        """
         self.counts[kind] += 1
+        now = time.monotonic()
+        if now - self._logged_s.get((kind, seen), float("-inf")) >= _PAUSE_S:
+            self._logged_s[kind, seen] = now
+            _log.warning("%s: %s", kind, seen)
 
 
 class Source(Protocol):

@@ -26,11 +26,20 @@ class LineParser:
     """
 
     def __init__(
-        self, columns: int, faults: Faults, *, timed: bool, joins_late: bool = False, unit_s: float = 1.0
+        self,
+        columns: int,
+        faults: Faults,
+        *,
+        timed: bool,
+        joins_late: bool = False,
+        ends_cut: bool = False,
+        unit_s: float = 1.0,
     ) -> None:
-        """joins_late: the first bytes may be the rest of a line, and are left out up to its end. unit_s: of times."""
+        """joins_late: the first bytes may be the rest of a line, and are left out up to its end. ends_cut: the last
+        line may be the beginning of one, and counts with its newline only. unit_s: of times.
+        """
         self._columns, self._faults, self._timed, self._unit_s = columns, faults, timed, unit_s
-        self._joins_late = joins_late
+        self._joins_late, self._ends_cut = joins_late, ends_cut
         self.restart()
 
     def restart(self) -> None:
@@ -50,7 +59,14 @@ class LineParser:
         return [scan for line in lines if (scan := self._scan(line)) is not None]
 
     def end(self) -> list[tuple[float | None, Floats]]:
-        """See `Parser`."""
+        """See `Parser`. Of a line that was cut in its last number, the count of numbers is right: only its newline
+        tells that it is whole.
+        """
+        rest = self._rest.strip()
+        if self._ends_cut and rest and not rest.startswith(b"#") and not self._skips:
+            seen = rest[-20:].decode(errors="replace")
+            self._faults.count("bad line", f"the last one, ...{seen!r}, may be cut; send a newline after each line")
+            self._rest = b""
         return self.feed(b"\n") if self._rest else []
 
     def _scan(self, line: bytes) -> tuple[float | None, Floats] | None:

@@ -120,8 +120,9 @@ class ByteSource:
                 if not self._keep:
                     return
             except OSError as error:
+                if not self._lost:  # else the silence goes on: nothing has come since the loss was reported
+                    self.faults.report("connection lost", f"{_words(error)}; connecting again")
                 self._open, self._lost = False, True
-                self.faults.report("connection lost", f"{_words(error)}; connecting again")
                 self._transport.close()
                 self._parser.restart()
                 yield from backoff.pause()
@@ -159,8 +160,13 @@ def need_sensor(address: Address, sensor: Sensor | None) -> Sensor:
     return sensor
 
 
-def parser_of(address: Address, sensor: Sensor, faults: Faults, *, joins_late: bool = False) -> Parser:
-    """Lines, or binary frames if the sensor file describes them. Raises AddressInvalid."""
+def parser_of(
+    address: Address, sensor: Sensor, faults: Faults, *, joins_late: bool = False, ends_cut: bool = False
+) -> Parser:
+    """Lines, or binary frames if the sensor file describes them. joins_late, ends_cut: as of `LineParser`.
+
+    Raises AddressInvalid.
+    """
     from taxelflow.acquire.devices.frames import FrameParser
     from taxelflow.acquire.devices.line import LineParser
 
@@ -172,7 +178,7 @@ def parser_of(address: Address, sensor: Sensor, faults: Faults, *, joins_late: b
         raise AddressInvalid(address.url, f"time-unit={unit}", "it for lines with a time only")
     if sensor.frame is not None and form == "binary":
         return FrameParser(sensor.frame, columns, faults, timed=timed)
-    return LineParser(columns, faults, timed=timed, joins_late=joins_late, unit_s=SECONDS_PER[unit])
+    return LineParser(columns, faults, timed=timed, joins_late=joins_late, ends_cut=ends_cut, unit_s=SECONDS_PER[unit])
 
 
 def _words(error: OSError) -> str:

@@ -133,4 +133,5 @@ def listen(address: Address, sensor: Sensor | None) -> ByteSource:
 def _source(address: Address, sensor: Sensor | None, transport: _Client | _Listener) -> ByteSource:
     address.check_options(LINE_OPTIONS)
     sensor, faults = need_sensor(address, sensor), Faults()
-    return ByteSource(address, sensor, transport, parser_of(address, sensor, faults), faults)
+    parser = parser_of(address, sensor, faults, ends_cut=True)  # the system closes for a program that was killed, too
+    return ByteSource(address, sensor, transport, parser, faults)

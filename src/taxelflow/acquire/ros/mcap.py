@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from taxelflow.acquire.limits import MOST_CHUNK_BYTES, Budget, unpack_lz4, unpack_zstd
 from taxelflow.acquire.ros.kinds import ros2_name
 from taxelflow.acquire.ros.topics import Topic
-from taxelflow.errors import RecordingTooLarge, RecordingTruncated
+from taxelflow.errors import RecordingCorrupt, RecordingTooLarge, RecordingTruncated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -35,7 +35,16 @@ class McapSource:
     """Reads an MCAP file from its start, in constant memory; the summary at its end saves one pass."""
 
     def __init__(self, path: Path) -> None:
+        """Raises RecordingCorrupt for a file that is cut before anything can be read, and the parser's errors."""
+        from mcap.exceptions import EndOfFile, RecordLengthLimitExceeded
+
         self._path = path
+        try:
+            self._open()
+        except (EndOfFile, RecordLengthLimitExceeded) as error:  # as of a run that was killed in its first second
+            raise RecordingCorrupt(path, f"it ends before its first scan ({seen(error)})", "record it again") from error
+
+    def _open(self) -> None:
         self.metadata = self._metadata()
         summary = self._summary()
         if summary is not None and summary.statistics is not None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from taxelflow.fusion.spatial.window_rows import along_planes
 from taxelflow.sensors.hand import JointsInvalid
+from taxelflow.sensors.joint_ranges import notes_beyond_ranges
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.sensors.surface import PadSurface
 
@@ -15,9 +16,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats, Joints
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
-
-_ENCODER = 0.1
-"""Amount by which an angle (rad), or a slide (m), may exceed its range: encoders and models have offsets."""
 
 
 class Places:
@@ -89,23 +87,7 @@ class Places:
         return [f"no place in space in {counts} of {self._scans} scans for {names}: {self._lack()}", *self._beyond()]
 
     def _beyond(self) -> list[str]:
-        """A note for each joint whose angles lie outside its range by more than encoders are off."""
-        joints, model = self._joints, self._kinematics.model
-        if joints is None or model is None or not len(joints.t_s):
-            return []
-        notes = []
-        for name, unit, (low, high) in zip(model.joints, model.units, model.ranges.tolist(), strict=True):
-            if name not in joints.names:
-                continue
-            angles = joints.angles[:, joints.names.index(name)]
-            smallest, largest = float(np.nanmin(angles)), float(np.nanmax(angles))
-            if smallest < low - _ENCODER or largest > high + _ENCODER:
-                seen = f"{smallest:.4g}" if smallest == largest else f"{smallest:.4g} to {largest:.4g}"
-                notes.append(
-                    f"joint {name} is at {seen} {unit}, its range is {low:.4g} to {high:.4g} {unit}: "
-                    f"check that its angles are in {unit}"
-                )
-        return notes
+        return notes_beyond_ranges(self._joints, self._kinematics.model)
 
     def check(self) -> None:
         """Raises JointsInvalid if angles that the user gave place no pad in any scan."""

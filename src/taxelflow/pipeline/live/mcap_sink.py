@@ -59,11 +59,10 @@ class McapSink:
     lossless = True
     raw = True
     texts = True
-    dropped = 0
     gathers_s = 0.01
 
     def __init__(self, path: Path, *, drawn: bool) -> None:
-        self._path, self._wants_drawing = path, drawn
+        self._path, self._wants_drawing, self.dropped = path, drawn, 0
         self.files = (path,)
         for module in ("mcap.writer", "rosbags.typesys"):  # once a source is open it must not wait for these
             import_module(module)
@@ -86,6 +85,7 @@ class McapSink:
 
     def write_raw(self, scans: RawScans, *, late: bool) -> None:
         """See `Sink`."""
+        self._unsure += len(scans)
         if late:
             for t_s, values in zip(scans.t_s.tolist(), scans.values.tolist(), strict=True):
                 self._write_json("/late", t_s, {"t_s": t_s, "values": values})
@@ -129,15 +129,23 @@ class McapSink:
 
     def close(self, _ending: Ending) -> None:
         """See `Sink`."""
+        self._flush()  # what the summary loses is no scan
         self._scans.finish()
         self._buffered.close()
 
     _drawn_s = float("-inf")
     _flushed_s = float("-inf")
+    _unsure = 0
+    """Scans since the last flush: they stand in chunks, of which a part cannot be read."""
+    _lost_bytes = 0
 
     def _flush(self) -> None:
         self._scans.writer.flush()  # type: ignore[no-untyped-call]
         self._flushed_s = time.monotonic()
+        if self._file.lost > self._lost_bytes:
+            self._lost_bytes = self._file.lost
+            self.dropped += self._unsure
+        self._unsure = 0
 
     def _write_json(self, topic: str, t_s: float, content: object) -> None:
         self._add(topic, nanoseconds(t_s), msgspec.json.encode(content))

@@ -49,7 +49,7 @@ class SinkWorker(threading.Thread):
     def __init__(self, name: str, sink: Sink, faults: Faults) -> None:
         super().__init__(name=f"taxelflow-{name}", daemon=True)  # a thread that is stuck must not outlive the run
         self.label, self.sink = name, sink
-        self.published = 0
+        self._passed = self._in_hand = 0
         self.latencies = Latencies()
         self.ended = False
         self._faults = faults
@@ -67,13 +67,19 @@ class SinkWorker(threading.Thread):
         """Scans, or lines for a client, that were not passed on."""
         return self._dropped + self.sink.dropped
 
+    @property
+    def published(self) -> int:
+        """Scans passed to the sink, without those that it then lost: of a file that gathers, some only at its end."""
+        lost = self.sink.dropped if self.sink.lossless else 0  # a server counts each client's
+        return max(self._passed - lost, 0)
+
     def offer(self, item: Update | Raw) -> None:
         """Queue it; returns at once. The thread is woken by `wake`, or when much waits."""
         with self._come:
             if self._settled_s is None and isinstance(item, Update):  # the first scans wait until noise is known
                 self._settled_s = float(item.arrived_s[-1])
             if self.ended:
-                self._dropped += len(item)
+                self._dropped += self._counted(item)
                 return
             if len(self._waiting) >= self._most:
                 self._drop(item)
@@ -109,7 +115,7 @@ class SinkWorker(threading.Thread):
         self.sink.hurry()
         self.join(_GRACE_S)
         if self.is_alive():
-            left = sum(map(len, self._waiting))
+            left = sum(map(self._counted, self._waiting))
             self._dropped += left
             self._faults.report("a sink is stuck", f"{self.label}; {left} scans are lost")
 
@@ -122,9 +128,9 @@ class SinkWorker(threading.Thread):
         if not self._dropped:
             self._faults.report("a sink is too slow", f"{self.label}; scans are dropped for it")
         if self.sink.lossless:
-            self._dropped += len(item)
+            self._dropped += self._counted(item)
         else:
-            self._dropped += len(self._waiting.popleft())
+            self._dropped += self._counted(self._waiting.popleft())
             self._waiting.append(item)
 
     def run(self) -> None:
@@ -141,7 +147,7 @@ class SinkWorker(threading.Thread):
             self._faults.report("a sink has failed", f"{self.label}: {error}")
         with self._come:
             self.ended = True
-            self._dropped += sum(map(len, self._waiting))
+            self._dropped += self._in_hand + sum(map(self._counted, self._waiting))
             self._waiting.clear()
         try:
             self.sink.close(self._closing or Ending(None, ()))
@@ -159,6 +165,7 @@ class SinkWorker(threading.Thread):
         """What waits, items of a kind joined; scans as they came before what they gave."""
         with self._come:
             items = [self._waiting.popleft() for _ in range(min(len(self._waiting), _BATCH))]
+        self._in_hand = sum(map(self._counted, items))
         self._busy_since = time.monotonic()
         if len(items) == 1:
             yield items[0]
@@ -170,15 +177,19 @@ class SinkWorker(threading.Thread):
         if updates := [item for item in items if isinstance(item, Update)]:
             yield joined(updates)
 
+    def _counted(self, item: Update | Raw) -> int:
+        """Scans of an item; none of results beside the scans themselves."""
+        return len(item) if isinstance(item, Raw) or not self.sink.raw else 0
+
     def _pass(self, item: Update | Raw) -> None:
         if isinstance(item, Raw):
             self.sink.write_raw(item.scans, late=item.late)
-            self.published += len(item)
+        else:
+            self.sink.write(item)
+        self._in_hand -= self._counted(item)
+        self._passed += self._counted(item)
+        if isinstance(item, Raw):
             return
-        before = self.sink.dropped
-        self.sink.write(item)
-        lost = self.sink.dropped - before if self.sink.lossless else 0  # a server counts each client's
-        self.published += 0 if self.sink.raw else len(item) - lost
         now, arrived_s = time.monotonic(), item.arrived_s
         if self._settled_s is not None:
             self.latencies.add_all(now - arrived_s[arrived_s >= self._settled_s])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -10,10 +11,12 @@ import msgspec
 import numpy as np
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.messages import Joints
 from taxelflow.publish.plots.names import finger, free_places, write_names
 from taxelflow.publish.plots.solid import draw_faces, faces, frame, on_paper
 from taxelflow.publish.plots.style import GREY, MAGENTA, TINTS, VERMILION, caption, pale, save, styled, wrapped
-from taxelflow.sensors.hand import JointsInvalid, joint_angles
+from taxelflow.sensors.hand import PAIRS, JointsInvalid, joint_angles
+from taxelflow.sensors.joint_ranges import notes_beyond_ranges
 from taxelflow.sensors.kinematics import PadKinematics, angles_of
 from taxelflow.sensors.pad_geometry import geometry_of
 from taxelflow.sensors.projection import SphereMap
@@ -37,6 +40,8 @@ _SIDES = ((-60.0, 25.0), (120.0, 25.0))
 """Azimuth and elevation of the two views, deg."""
 _NAME = 7.0
 """Size of a pad's name, points."""
+
+_log = logging.getLogger("taxelflow")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,12 +80,17 @@ def draw_space(sensor: Sensor, joints: str, out: Path) -> Path:
 
 
 def in_space(sensor: Sensor, joints: str) -> InSpace:
-    """Taxels in space at joint angles. Raises JointsInvalid, HandModelInvalid, ExtraMissing."""
+    """Taxels in space at joint angles; notes of those beyond their ranges are logged.
+
+    Raises JointsInvalid, HandModelInvalid, ExtraMissing.
+    """
     named = None if sensor.hand is None else sensor.hand.pose(joints)
     kinematics = PadKinematics(sensor)
     if not kinematics.placed.any():
         raise JointsInvalid(joints, f"no pad of {sensor.name} has a link or a pose", "leave --joints out")
-    angles = angles_of(kinematics.joints, joint_angles(named or joints), sensor.name)
+    angles = angles_of(kinematics.joints, joint_angles(named or joints, f"{PAIRS} or a named pose"), sensor.name)
+    for note in notes_beyond_ranges(Joints(kinematics.joints, np.zeros(1), angles[np.newaxis]), kinematics.model):
+        _log.warning("%s", note)
     T = kinematics.poses(angles[np.newaxis])[0]
     places: list[Floats] = []
     normals: list[Floats] = []

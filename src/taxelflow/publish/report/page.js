@@ -246,7 +246,7 @@
         if (banded) bands.push({ series: [at + 1, at + 2], fill: shade(colour, 0.18) });
       }
       const holder = pick(`.chart.${name}`);
-      const data = () => uPlot.join(shown.map((result) => table(result, (result.levels[pad] || {})[name], view, name === "load" ? 0 : result.lag_s)));
+      const data = () => shown.length ? uPlot.join(shown.map((result) => table(result, (result.levels[pad] || {})[name], view, name === "load" ? 0 : result.lag_s))) : [[]]; // no load where nothing was touched
       const range = (_, low, high) => {
         if (name === "load") return [-4, 106];
         const side = name === "x" ? 0 : 2, extent = recording.extent[pad];

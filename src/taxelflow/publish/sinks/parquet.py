@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import SinkUnusable
@@ -14,6 +14,7 @@ from taxelflow.publish.sinks.base import ResultSink, Update
 from taxelflow.publish.sinks.patient import opened_alone
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from taxelflow.publish.sinks.base import Ending, Head
@@ -27,11 +28,10 @@ class ParquetSink(ResultSink):
     """slips.parquet, object.parquet and events.parquet. Files of a killed run cannot be read."""
 
     lossless = True
-    dropped = 0
     gathers_s = 0.05
 
     def __init__(self, directory: Path) -> None:
-        self._directory = directory
+        self._directory, self.dropped = directory, 0
         self.files = tuple(directory / f"{name}.parquet" for name in NAMES)
         self._held: list[Update] = []
         self._written_s = time.monotonic()
@@ -56,6 +56,7 @@ class ParquetSink(ResultSink):
     def write(self, update: Update) -> None:
         """See `Sink`."""
         self._held.append(update)
+        self._given += len(update)
 
     def tick(self) -> None:
         """See `Sink`."""
@@ -67,15 +68,30 @@ class ParquetSink(ResultSink):
 
     def close(self, _ending: Ending) -> None:
         """See `Sink`."""
-        if self._held:
-            self._write()
-        self._tables.__exit__()
-        os.close(self._lock)
+        try:
+            if self._held:
+                self._write()
+            with self._all_or_nothing():
+                self._tables.__exit__()
+        finally:
+            os.close(self._lock)
+
+    _given = 0
+
+    @contextmanager
+    def _all_or_nothing(self) -> Iterator[None]:
+        """A file that could not be written to its end cannot be read at all."""
+        try:
+            yield
+        except BaseException:
+            self.dropped = self._given
+            raise
 
     def _write(self) -> None:
         whole = joined(self._held)
         self._held, self._written_s = [], time.monotonic()
-        self._tables.write(whole.slips, whole.slipping, whole.motions, whole.events, whole.evidence)
+        with self._all_or_nothing():
+            self._tables.write(whole.slips, whole.slipping, whole.motions, whole.events, whole.evidence)
 
 
 def write(address: Address) -> ParquetSink:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,11 +23,10 @@ class TablesSink(ResultSink):
     """
 
     lossless = True
-    dropped = 0
     gathers_s = 0.05
 
     def __init__(self, directory: Path) -> None:
-        self._directory = directory
+        self._directory, self.dropped = directory, 0
         self.files = tuple(directory / name for name in FILES)
         self._opened: list[PatientFile] = []
 
@@ -45,12 +45,20 @@ class TablesSink(ResultSink):
             raise SinkUnusable(f"tables:{self._directory}", error.strerror or str(error)) from error
 
     def write(self, update: Update) -> None:
-        """See `Sink`."""
+        """See `Sink`. A scan is lost if its rows are in one of the tables: the last ones of what was written now."""
+        before = [(file.tell(), file.lost) for file in self._opened]
         self._tables.write(
             update.slips, update.slipping, update.motions, update.events, update.contacts, update.evidence
         )
         if update.spatial is not None:
             self._tables.write_spatial(update.spatial)
+        before += [(0, 0)] * (len(self._opened) - len(before))  # a table that began with this update
+        shares = [
+            (file.lost - lost) / (file.tell() - at)
+            for file, (at, lost) in zip(self._opened, before, strict=True)
+            if file.lost > lost
+        ]
+        self.dropped += ceil(len(update) * max(shares, default=0.0))
 
     def hurry(self) -> None:
         """See `Sink`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,23 +17,37 @@ _SAME = 1e-3
 """Change of the aspect ratio, and of the camera's place as a share of its distance, that is ignored."""
 
 
+_MOST_OFFERED = 64
+"""Places of the camera that are remembered, as those at which a browser may have opened."""
+
+
 class Framing:
-    """The aspect ratio that each browser's view was fitted to, and the place that its camera was given."""
+    """The aspect ratio that each browser's view was fitted to, and the place that its camera was given.
+
+    A browser opens at the place that was the latest one when it asked for the page. By the time that it is fitted,
+    another browser may have been, and the latest place be that one's.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._fitted: dict[int, tuple[float, Floats]] = {}
+        self._offered: deque[tuple[float, Floats]] = deque([(scene.aspect, scene.position)], _MOST_OFFERED)
 
     def fit(self, camera: Any) -> None:
         """Fit the view into a browser whose aspect ratio has changed, unless its user has moved the camera."""
         client, scene = camera.client, self._scene
+        if scene.position is not self._offered[-1][1]:
+            self._offered.append((scene.aspect, scene.position))
         aspect = min(float(camera.aspect), ASPECT)
-        before, place = self._fitted.get(client.client_id, (scene.aspect, scene.position))
+        own = self._fitted.get(client.client_id)
         position, look_at = np.array(camera.position), np.array(camera.look_at)
-        away = float(np.linalg.norm(position - place)) > _SAME * float(np.linalg.norm(position - look_at))
-        if away or not aspect > 0 or abs(aspect - before) < _SAME:
+        near = _SAME * float(np.linalg.norm(position - look_at))
+        given = reversed(self._offered) if own is None else [own]
+        before = next((ratio for ratio, place in given if float(np.linalg.norm(position - place)) <= near), None)
+        if before is None or not aspect > 0 or abs(aspect - before) < _SAME:
             return
         found = scene.frame(position - look_at, aspect)
+        self._offered.append((scene.aspect, scene.position))
         self._fitted[client.client_id] = aspect, found.position
         with client.atomic():
             camera.position, camera.look_at = found.position, found.look_at
