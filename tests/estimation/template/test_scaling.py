@@ -87,7 +87,8 @@ def test_a_group_that_has_a_part_of_a_growing_contact_doubts_its_pose() -> None:
     assert len(whole) > 200
     assert whole.max() < 1e-3
     away, deviations = excursion(result, "palm_left")
-    assert ((away > 3e-4) & (deviations > 3.0)).mean() < 0.1  # with the likeliest hypothesis alone, it is 0.8
+    wrong = np.count_nonzero((away > 3e-4) & (deviations > 3.0))
+    assert wrong <= 0.1 * len(away)  # with the likeliest hypothesis alone, it is 0.8
     starts = [event for event in result.events if event.event == "slip_start"]
     assert not [event for event in starts if event.pad in ("palm_left", "palm_right") and event.quality == "ok"]
 
@@ -96,6 +97,8 @@ def excursion(result: Result, pad: str) -> tuple[Floats, Floats]:
     """Distances of `ok` poses from their median, m, and over their standard deviations."""
     slips, number = result.slips, result.sensor.layout.pads.index(pad)
     ok = (slips.quality[:, number] == OK) & slips.contact[:, number]
+    if not ok.any():
+        return np.zeros(0), np.zeros(0)
     away = slips.pose[ok, number, :2] - np.median(slips.pose[ok, number, :2], axis=0)
     deviation = np.sqrt(slips.covariance[ok, number][:, [0, 1], [0, 1]])
     return np.hypot(*away.T), (np.abs(away) / deviation).max(axis=1)
