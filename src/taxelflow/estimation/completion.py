@@ -44,6 +44,11 @@ class SlipsSession:
         judge_cut(np.zeros((*pads[:2], 3)), self._none.border, np.zeros(pads[:2], np.uint8))
         self._held: list[Footprint] = []
 
+    @property
+    def judges(self) -> bool:
+        """Whether the estimator judges its own poses, see `judges`."""
+        return judges(self._session)
+
     def step(self, scans: Scans) -> Slips:
         """Slips of all pads; fewer rows than scans where the estimator holds some back. Raises EstimatorBroken."""
         self._held.append(self._footprint(scans))

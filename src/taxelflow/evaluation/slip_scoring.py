@@ -111,7 +111,7 @@ def watch_job(job: Job, hours: float) -> dict[tuple[str, Mode], Tally]:
         with announced():
             session = start_slips(api.estimator(method), recording.layout, mode)
             slips = joined([session.step(scans), session.finish()])
-        watch = monitor.watch(recording.layout, stream=mode == "stream")
+        watch = monitor.watch(recording.layout, stream=mode == "stream", judged=session.judges)
         watch.see(scans)
         judged = (watch.step(slips), watch.finish())
         own = [event for part in judged for event in part.events if event.pad == truth.pad]

@@ -138,7 +138,7 @@ class Verdict:
         self._slipping = np.zeros((1, count), dtype=np.bool_)
         self._by_odds = np.zeros((1, count), dtype=np.bool_)
         self._judged = judged
-        """Whether the method judges poses of cut contacts: it says so, or has found one to be `ok`."""
+        """Whether the method judges poses of cut contacts: it declares it, or one of them is `ok`."""
         self._began_early = np.zeros((1, count), dtype=np.bool_)
         self._suspected: dict[int, Event] = {}
         """Begins of slips by the pose that go on and are only suspected, by pad."""

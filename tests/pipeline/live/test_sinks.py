@@ -301,6 +301,6 @@ def test_parquet_files_hold_the_rows_of_the_lines(tmp_path: Path) -> None:
     assert [row["t_s"] for row in slips] == [line["t_s"] for line in seen]
     assert [row["slipping"] for row in slips] == [line["pads"]["pad0"]["slipping"] for line in seen]
     events = parquet.read_table(tmp_path / "tables" / "events.parquet").to_pylist()
-    told = [(event["event"], event["quality"]) for line in seen for event in line["events"]]
-    assert [(row["event"], row["quality"]) for row in events] == told
-    assert told[0] == ("contact", None)
+    reported = [(event["event"], event["quality"]) for line in seen for event in line["events"]]
+    assert [(row["event"], row["quality"]) for row in events] == reported
+    assert reported[0] == ("contact", None)

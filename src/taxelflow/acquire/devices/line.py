@@ -59,8 +59,8 @@ class LineParser:
         return [scan for line in lines if (scan := self._scan(line)) is not None]
 
     def end(self) -> list[tuple[float | None, Floats]]:
-        """See `Parser`. Of a line that was cut in its last number, the count of numbers is right: only its newline
-        tells that it is whole.
+        """See `Parser`. A line that was cut in its last number has the right count of numbers: only the newline
+        shows that it is complete.
         """
         rest = self._rest.strip()
         if self._ends_cut and rest and not rest.startswith(b"#") and not self._skips:

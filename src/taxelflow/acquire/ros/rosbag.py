@@ -30,7 +30,7 @@ _REINDEX = "the recorder was not closed, or the file is truncated: run `rosbag r
 _MOST_METADATA_BYTES = 1 << 20
 """Size of a metadata.yaml at most: a bag of 1000 files needs 0.2 MB, and its parser is slow."""
 _MOST_TOPICS = 10_000
-"""Topics of a bag at most; more are taken for damage."""
+"""Largest number of topics of a bag; a file with more is damaged."""
 _READ_TABLES = ("schema", "topics", "messages", "message_definitions")
 
 

@@ -32,7 +32,7 @@ _OVERLAP = 4
 _MOST_BYTES = 2e8
 """Memory that solving a contact may take; a longer contact is solved in windows."""
 _BYTES_PER_READING = 250
-"""What that takes for each reading."""
+"""Memory for solving a contact, per reading."""
 _FEWEST = 100
 """Scans of a window, at least."""
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _CHANGED = 2.0
 """Pitches by which the motion is changed: what one taxel reads, its neighbours must read, too."""
 _SCALED, _SHORTEST = (0.5, 1.5), 0.5
-"""Factors of the motion, from a range of so many pitches on: the slopes of a dome's map go with how far it moved."""
+"""Factors of the motion, if its range exceeds this many pitches: the curvature of a dome's map depends on its path."""
 _TIMES, _TIMES_SCALED = 1.5, 1.2
 """Times the error that the motion leaves as it is, which another leaves at least; the same of one that is scaled."""
 _FAULTS = 0.2
@@ -133,7 +133,7 @@ def _slopes(scanned: Scanned, solved: Solved) -> tuple[Floats, Floats]:
 
 
 def _spread(count: int) -> NDArray[np.int64]:
-    """Some of so many scans, evenly spread."""
+    """Numbers of at most `_MOST_SCANS` of `count` scans, evenly spread."""
     return np.unique(np.linspace(0, count - 1, min(count, _MOST_SCANS)).round().astype(np.int64))
 
 

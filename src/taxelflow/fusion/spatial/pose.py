@@ -92,9 +92,8 @@ def fit_pose(
         linearise(seen, scan, centre, limits, contacts, anchors, body)
         fill_joints(J, joint_std, centre, limits.length_m, contacts)
         doubt_all(contacts, usual)
-        verdict = solve_robustly(
-            contacts, limits.pose_m, usual, solution
-        )  # blames contacts anew in each step, as the pose gets better
+        # Each step rejects contacts anew, because the pose improves.
+        verdict = solve_robustly(contacts, limits.pose_m, usual, solution)
         for i in range(3):
             step[i], step[3 + i] = solution.xi[i], solution.xi[3 + i] / limits.length_m
         move_about(centre, step, body.pose)

@@ -6,19 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.publish.view import motion_marks as marks
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
 from taxelflow.publish.view.lighting import lit
-from taxelflow.publish.view.motion_marks import (
-    CLEAR_SIGMAS,
-    MOST_RAD,
-    SIGMAS,
-    STEPS,
-    TURN_S,
-    WIDEST,
-    thickness,
-    twist_arrow,
-)
 from taxelflow.publish.view.palette import GREY, MAGENTA
 
 if TYPE_CHECKING:
@@ -33,12 +24,12 @@ class ObjectMotion:
 
     def __init__(self, server: Any, size_m: float) -> None:
         self._size = size_m
-        none, thick = np.zeros((STEPS, 2, 3)), thickness(size_m)
+        none, thick = np.zeros((marks.STEPS, 2, 3)), marks.thickness(size_m)
         lines = server.scene.add_line_segments
         self._arc = lines("/object/turn", none, MAGENTA, thickness=thick, visible=False)
         self._path = lines("/object/path", none, MAGENTA, thickness=0.7 * thick, visible=False)
         self._cross = lines("/object/centre", none[:2], MAGENTA, thickness=thick, visible=False)
-        self._arrow = twist_arrow(server, size_m)
+        self._arrow = marks.twist_arrow(server, size_m)
         self._spread = add_batch(server, "/object/spread", shapes.ring(0.94, 1.0), 1, side="double", visible=False)
 
     def show(self, results: Results | None, trail: Results | None, height_m: float, per_speed_s: float) -> None:
@@ -56,7 +47,9 @@ class ObjectMotion:
         self._arrow.points = np.array([[origin, origin + arrow]])
         self._arrow.visible = moves and float(np.hypot(*arrow[:2])) > 0.03 * self._size
         turns = _clear(motions.velocity[0, 2:], motions.velocity_covariance[0, 2:, 2:])
-        self._arc.points = _arc(origin, 0.07 * self._size, float(np.clip(omega * TURN_S, -MOST_RAD, MOST_RAD)))
+        self._arc.points = _arc(
+            origin, 0.07 * self._size, float(np.clip(omega * marks.TURN_S, -marks.MOST_RAD, marks.MOST_RAD))
+        )
         self._arc.visible = turns
         centre = motions.centre[0]
         within = bool(np.isfinite(centre).all()) and float(np.hypot(*centre)) < 2 * self._size
@@ -73,8 +66,8 @@ class ObjectMotion:
         self._draw_spread(here, results.motions.pose_covariance[0, :2, :2], height_m)
         self._path.visible = len(points) > 2
         if len(points) > 2:
-            chosen = points[np.linspace(0, len(points) - 1, STEPS + 1).astype(int)]
-            places = np.column_stack([chosen, np.full(STEPS + 1, height_m)])
+            chosen = points[np.linspace(0, len(points) - 1, marks.STEPS + 1).astype(int)]
+            places = np.column_stack([chosen, np.full(marks.STEPS + 1, height_m)])
             self._path.points = np.stack([places[:-1], places[1:]], axis=1)
 
     def _draw_spread(self, here: Floats, covariance: Floats, height_m: float) -> None:
@@ -83,8 +76,8 @@ class ObjectMotion:
         if not self._spread.visible:
             return
         variance, axes = np.linalg.eigh(covariance)
-        reach = SIGMAS * np.sqrt(np.maximum(variance, 0.0))
-        most = WIDEST * self._size
+        reach = marks.SIGMAS * np.sqrt(np.maximum(variance, 0.0))
+        most = marks.WIDEST * self._size
         angle = 0.5 * np.arctan2(axes[1, 0], axes[0, 0])
         put(
             self._spread,
@@ -99,11 +92,11 @@ def _clear(velocity: Floats, covariance: Floats) -> bool:
     """Whether a velocity is clearly not 0."""
     if not (np.isfinite(velocity).all() and np.isfinite(covariance).all()):
         return False
-    return bool(velocity @ velocity > CLEAR_SIGMAS**2 * np.trace(covariance))
+    return bool(velocity @ velocity > marks.CLEAR_SIGMAS**2 * np.trace(covariance))
 
 
 def _arc(origin: Floats, radius: float, angle_rad: float) -> Floats:
-    turn = np.linspace(0.0, angle_rad, STEPS + 1)
-    ring = origin + radius * np.stack([np.cos(turn), np.sin(turn), np.zeros(STEPS + 1)], axis=1)
+    turn = np.linspace(0.0, angle_rad, marks.STEPS + 1)
+    ring = origin + radius * np.stack([np.cos(turn), np.sin(turn), np.zeros(marks.STEPS + 1)], axis=1)
     segments: Floats = np.stack([ring[:-1], ring[1:]], axis=1)
     return segments

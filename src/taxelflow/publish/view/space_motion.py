@@ -11,19 +11,10 @@ import numpy as np
 
 from taxelflow.numerics.geometry import hat, rotate
 from taxelflow.publish.spatial import basis_of
+from taxelflow.publish.view import motion_marks as marks
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
 from taxelflow.publish.view.lighting import lit
-from taxelflow.publish.view.motion_marks import (
-    CLEAR_SIGMAS,
-    MOST_RAD,
-    SIGMAS,
-    STEPS,
-    TURN_S,
-    WIDEST,
-    thickness,
-    twist_arrow,
-)
 from taxelflow.publish.view.palette import GREY, MAGENTA
 
 if TYPE_CHECKING:
@@ -46,14 +37,14 @@ class SpaceMotion:
 
     def __init__(self, server: Any, size_m: float) -> None:
         self._size = size_m
-        none, thick = np.zeros((STEPS, 2, 3)), thickness(size_m)
+        none, thick = np.zeros((marks.STEPS, 2, 3)), marks.thickness(size_m)
         lines = server.scene.add_line_segments
-        self._turn = lines("/object/turn", np.zeros((STEPS + 2, 2, 3)), MAGENTA, thickness=thick, visible=False)
+        self._turn = lines("/object/turn", np.zeros((marks.STEPS + 2, 2, 3)), MAGENTA, thickness=thick, visible=False)
         self._axis = lines("/object/axis", none[:1], MAGENTA, thickness=0.5 * thick, visible=False)
         self._blind = lines("/object/unseen", np.zeros((_BLIND, 2, 3)), GREY, thickness=0.7 * thick, visible=False)
-        colours = np.tile(np.array(MAGENTA, dtype=np.uint8), (STEPS, 2, 1))
+        colours = np.tile(np.array(MAGENTA, dtype=np.uint8), (marks.STEPS, 2, 1))
         self._path = lines("/object/path", none, colours, thickness=0.7 * thick, visible=False)
-        self._arrow = twist_arrow(server, size_m)
+        self._arrow = marks.twist_arrow(server, size_m)
         self._spread = add_batch(
             server, "/object/spread", shapes.ring(0.96, 1.0), _ELLIPSES, side="double", visible=False
         )
@@ -85,7 +76,7 @@ class SpaceMotion:
         if not turns:
             return
         rate = float(np.linalg.norm(omega))
-        arc = _arc(middle, 0.1 * self._size, omega / rate, min(rate * TURN_S, MOST_RAD), STEPS)
+        arc = _arc(middle, 0.1 * self._size, omega / rate, min(rate * marks.TURN_S, marks.MOST_RAD), marks.STEPS)
         sides = np.array([[middle, arc[0, 0]], [middle, arc[-1, 1]]])
         self._turn.points = np.concatenate([arc, sides])
         through = middle + np.cross(omega, speed) / rate**2
@@ -107,9 +98,9 @@ class SpaceMotion:
             return
         variance, axes = np.linalg.eigh(own)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
-        reach = SIGMAS * np.sqrt(np.maximum(variance, 0.0))
-        drawn = np.clip(reach, shapes.NONE, WIDEST * self._size)
-        colour = lit(GREY if reach.max() > WIDEST * self._size else MAGENTA)
+        reach = marks.SIGMAS * np.sqrt(np.maximum(variance, 0.0))
+        drawn = np.clip(reach, shapes.NONE, marks.WIDEST * self._size)
+        colour = lit(GREY if reach.max() > marks.WIDEST * self._size else MAGENTA)
         put(
             self._spread,
             batched_positions=np.tile(middle, (_ELLIPSES, 1)),
@@ -119,7 +110,7 @@ class SpaceMotion:
         )
 
     def _show_path(self, trail: SpatialMotions, middle: Floats) -> None:
-        path, observed = path_of(trail, middle, STEPS + 1)
+        path, observed = path_of(trail, middle, marks.STEPS + 1)
         self._path.visible = bool(len(path))
         if len(path):
             known = (observed[:-1] & observed[1:])[:, np.newaxis, np.newaxis]
@@ -178,7 +169,7 @@ def _clear(velocity: Floats, covariance: Floats) -> bool:
     if not (np.isfinite(velocity).all() and np.isfinite(covariance).all()):
         return False
     length = float(velocity @ velocity)
-    return length**2 > CLEAR_SIGMAS**2 * float(velocity @ covariance @ velocity)
+    return length**2 > marks.CLEAR_SIGMAS**2 * float(velocity @ covariance @ velocity)
 
 
 def _arc(middle: Floats, radius: float, axis: Floats, angle_rad: float, steps: int) -> Floats:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.online.track_state import BLURRED
 from taxelflow.estimation.template.online.witness import reported_place, turned_by
 from taxelflow.numerics.bspline import state_of, states_of
+from taxelflow.numerics.rounding import BLURRED
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.online.keyframes import Keyframes

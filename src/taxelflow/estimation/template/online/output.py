@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, MISTAKEN, MOST_UNEXPLAINED, fits
-from taxelflow.estimation.template.online.track_state import BLURRED, FAINT, GONE, NOTHING, NOVEL, Room, Rows, Track
+from taxelflow.estimation.template.online.track_state import FAINT, GONE, NOTHING, NOVEL, Room, Rows, Track
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
     carry,
@@ -20,6 +20,7 @@ from taxelflow.estimation.template.online.witness import (
 from taxelflow.estimation.template.two_witnesses import transformed
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
 from taxelflow.numerics.bspline import state_of
+from taxelflow.numerics.rounding import BLURRED
 from taxelflow.numerics.small_linalg import eigenvalues2, factor5, solved5
 from taxelflow.runtime.compiling import lean_kernel
 

@@ -21,7 +21,6 @@ from taxelflow.estimation.template.online.rows import room_for, rows_of
 from taxelflow.estimation.template.online.spreading import Turns, most_at_once
 from taxelflow.estimation.template.online.step import ASKS, BOTH, ELSEWHERE, REPORT
 from taxelflow.estimation.template.online.track_state import (
-    BLURRED,
     FAINT,
     GONE,
     Rows,
@@ -32,6 +31,7 @@ from taxelflow.estimation.template.online.witness import arm_on_map, put_anew, r
 from taxelflow.estimation.template.warmup import compile_batch, compile_stream
 from taxelflow.messages import Bools, Estimates, Scans, no_scans
 from taxelflow.numerics.bspline import state_of
+from taxelflow.numerics.rounding import BLURRED
 from taxelflow.runtime.worker import worker
 
 if TYPE_CHECKING:

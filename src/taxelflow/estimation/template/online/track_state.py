@@ -15,9 +15,7 @@ StateVector = Annotated[Floats, 5]
 StateMatrix = Annotated[Floats, 5, 5]
 MOST_KEYFRAMES = 60
 HUBER = 5.0
-"""Standard deviations from which on a reading is held down."""
-BLURRED = 0.25
-"""A place is known badly from this standard deviation on, in pitches."""
+"""Standard deviations above which a reading weighs less."""
 FAINT = 3.0
 """A pattern from scans fainter by this factor is not worth keeping."""
 NOTHING, NOVEL, GONE = range(3)

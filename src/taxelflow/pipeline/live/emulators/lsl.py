@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _LONG_S = 3600.0
 """Longest wait for a consumer."""
 _ZERO_S = 1e-12
-"""Stamp of a scan at 0 s, which LSL takes for "now"."""
+"""Stamp of a scan at 0 s: LSL replaces a stamp of 0 by the present time."""
 
 
 class Lsl:

@@ -25,7 +25,7 @@ _TYPE = "tactile_msgs/msg/TactileState"
 
 
 def _check_type(address: Address) -> None:
-    """Raises AddressInvalid if a run with this URL would take the messages for those of another type."""
+    """Raises AddressInvalid if a run with this URL would decode the messages as another type."""
     asked = address.options.get("type", _TYPE)
     if asked.replace("/msg/", "/") != _TYPE.replace("/msg/", "/"):
         seen = f"type={asked}, but the emulated device sends tactile_msgs/TactileState"
