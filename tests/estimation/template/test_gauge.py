@@ -14,9 +14,10 @@ from estimation.template.test_taxel_gains import sliding
 from taxelflow.estimation.template.online.gauge import Reported, hold
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import Learned
-from taxelflow.estimation.template.online.track_state import BLURRED, Track
+from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.estimation.template.online.witness import anchor, arm_on_map, find_centre, reported_place, turned_by
 from taxelflow.numerics.records import record, records
+from taxelflow.numerics.rounding import BLURRED
 
 PITCH_M = 3e-3
 seeds = st.integers(0, 2**32 - 1)
