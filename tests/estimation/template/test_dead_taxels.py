@@ -8,8 +8,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from costly import mostly_long
+from synthetic import grid_sensor, recorded
 from taxelflow.estimation.template.contact_solver import solve_contact
-from taxelflow.estimation.template.dead_taxels import silent_taxels
+from taxelflow.estimation.template.dead_taxels import silent_taxels, working
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.pipeline import api
 from taxelflow.simulation.relief.cases import PLACES, case, sensor_at
@@ -189,3 +190,22 @@ def test_a_taxel_that_clearly_reads_under_load_is_weak_and_not_dead() -> None:
     disc = slid("disc", across(2.0))
     disc.readings[:, 22] *= 0.35
     assert solve_contact(disc).dead.tolist() == []
+
+
+@pytest.mark.parametrize("before", [True, False], ids=["known to work", "not touched before"])
+def test_a_taxel_that_reads_in_another_contact_is_not_dead(before: bool) -> None:
+    """A ring at rest keeps its hole over a taxel, as over a dead one."""
+    ring = np.tile([[4.0, 2.0]], (20, 1))
+    other, idle = slid("disc", across(2.0)).readings if before else slid("disc", ring[:1] + 100.0).readings, 10
+    nothing = np.random.default_rng(1).normal(0.0, NOISE, (idle, TAXELS.shape[1]))
+    values = np.concatenate([nothing, other, nothing, slid("ring", ring).readings, nothing])
+    sensor = grid_sensor(ROWS, COLUMNS, pitch_m=(0.004, 0.004))
+    notes = api.estimate(recorded(1e3 * values, sensor), "template").summary.notes
+    assert any("do not answer to the pattern: taxels 22 of" in note for note in notes) is not before
+
+
+def test_light_scans_and_noise_show_of_no_taxel_that_it_works() -> None:
+    readings, noise = np.zeros((2, 4)), np.full(4, NOISE)
+    readings[0] = 1.0, 0.11, 0.09, 9 * NOISE
+    readings[1] = 0.19, 0.0, 0.0, 0.18
+    assert working(readings, noise).tolist() == [True, True, False, False]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from synthetic import grid_sensor
+from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.hand_gains import HandGains
 from taxelflow.estimation.template.online.track_state import Scan
 from taxelflow.messages import Floats
@@ -57,3 +58,12 @@ def test_noise_where_nothing_touches_makes_no_taxel_alive() -> None:
     own, faint = with_a_dead_taxel(), np.zeros(9)
     faint[DEAD] = 5.0 * NOISE
     assert own.divided(scan(faint)).variance[DEAD] == 0.0
+
+
+@pytest.mark.parametrize(("read", "works"), [(0.5 * LOUDEST, True), (0.05 * LOUDEST, False)])
+def test_what_a_contact_has_shown_to_work_is_known_to_the_next(read: float, works: bool) -> None:
+    own, readings = HandGains(PAD.layout), np.tile(loaded(read).reading, (4, 1))
+    nothing = np.zeros(9)
+    scanned = Scanned.of(np.arange(4.0), np.zeros((2, 9)), readings, np.full((4, 9), NOISE**2), nothing, nothing)
+    own.ended(0, scanned)
+    assert own.alive.tolist() == [taxel != DEAD or works for taxel in range(9)]

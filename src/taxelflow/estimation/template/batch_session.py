@@ -11,6 +11,7 @@ from taxelflow.estimation.template.brief_gaps import bridged, formed
 from taxelflow.estimation.template.bundle_adjustment import information_of
 from taxelflow.estimation.template.centre_of_pressure import witnessed
 from taxelflow.estimation.template.contact_solver import solve_contact
+from taxelflow.estimation.template.dead_taxels import working
 from taxelflow.estimation.template.deforming import CHANGES, MEMORY, Moment, follow_changing
 from taxelflow.estimation.template.depth import DEPTH_STD, as_pressure, with_depth
 from taxelflow.estimation.template.map_doubt import of_map
@@ -100,6 +101,7 @@ class BatchSession:
         self._open: list[_Open | None] = [None] * len(layout.pads)
         self._done: list[_Done] = []
         self._dead: dict[str, set[int]] = {}
+        self._alive = np.zeros(int(layout.source.max(initial=-1)) + 1, np.bool_)  # by taxel of the scan
         self.patterns = Maps()
 
     @property
@@ -146,13 +148,8 @@ class BatchSession:
         layout, own = self._layout, self._layout.of_pad(pad)
         scans = cut(self._all(), contact.start - self._first, stop - self._first)
         pitch_m = float(self._pitch_m[pad])
-        readings = np.ascontiguousarray(scans.pressure[:, own])
-        variance = np.repeat((scans.noise[own] ** 2)[np.newaxis], len(scans), axis=0)
-        variance[~scans.complete[:, pad, np.newaxis] & (readings == 0)] = 0.0  # missing, not unloaded
-        places = np.stack([layout.x_m[own], layout.y_m[own]]) / pitch_m
-        has_turned = contact.before is not None and bool(np.isfinite(contact.before.pose[:, 2]).all())
-        unseen = 0.0 if has_turned else layout.unseen_error  # what a window before has shown needs no proof
-        scanned = Scanned.of(scans.t_s, places, readings, variance, scans.ceiling[own], self._delay[own], unseen)
+        scanned = self._scanned(pad, scans, contact)
+        readings = scanned.readings
         with on_one_core():  # the matrices are too small to share among cores
             whole = scanned.variance.copy()
             # Where a sensor's faults may be anything, they look like a depth: it is then no better a model.
@@ -206,6 +203,19 @@ class BatchSession:
         )
         self._done.append(_Done(pad, contact.start, known, poses, scans.t_s))
         return poses
+
+    def _scanned(self, pad: int, scans: Scans, contact: _Open) -> Scanned:
+        """A pad's part of the scans of a contact."""
+        layout, own = self._layout, self._layout.of_pad(pad)
+        readings = np.ascontiguousarray(scans.pressure[:, own])
+        variance = np.repeat((scans.noise[own] ** 2)[np.newaxis], len(scans), axis=0)
+        variance[~scans.complete[:, pad, np.newaxis] & (readings == 0)] = 0.0  # missing, not unloaded
+        places = np.stack([layout.x_m[own], layout.y_m[own]]) / self._pitch_m[pad]
+        has_turned = contact.before is not None and bool(np.isfinite(contact.before.pose[:, 2]).all())
+        unseen = 0.0 if has_turned else layout.unseen_error  # what a window before has shown needs no proof
+        self._alive[layout.source[own]] |= working(readings, scans.noise[own])
+        limits = scans.ceiling[own], self._delay[own], unseen, self._alive[layout.source[own]]
+        return Scanned.of(scans.t_s, places, readings, variance, *limits)
 
     def _all(self) -> Scans:
         self._held = [joined(self._held or [no_scans(self._layout.entries, len(self._layout.pads))])]

@@ -72,6 +72,17 @@ def unanswering(scanned: Scanned, fit: Fit) -> int | None:
     return worst if share[worst] < _FAULT.dead else None
 
 
+def working(readings: Floats, noise: Floats) -> Bools:
+    """(taxels,), which clearly respond to a load in scans (scans, taxels) of their pad, of whatever contact.
+
+    noise: (taxels,), standard deviations. Light scans count for nothing: cross-talk is a large share of their readings.
+    """
+    largest = readings.max(axis=1, initial=0.0, keepdims=True)
+    clear = (readings > _SILENCE.silent * largest) & (readings > _SILENCE.strong * noise)
+    found: Bools = np.any(clear & (largest > _SILENCE.high * largest.max(initial=0.0)), axis=0)
+    return found
+
+
 def answers(reading: Floats, variance: Floats, dead: NDArray[np.int64]) -> NDArray[np.int64]:
     """The taxels among `dead` that clearly respond to a load in a scan (taxels,) of their pad."""
     least = np.maximum(_SILENCE.silent * reading.max(), _SILENCE.strong * np.sqrt(variance[dead]))
@@ -132,13 +143,13 @@ def _quiet(scanned: Scanned) -> Bools:
 
 def _answered(scanned: Scanned) -> Bools:
     """(taxels,), which have read what a dead one cannot: more than noise, and more than the error that the sensor
-    declares unseen, for cross-talk reaches dead taxels, too.
+    declares unseen, for cross-talk reaches dead taxels, too; or are known to work by another contact.
     """
     noise = _SILENCE.strong * np.sqrt(scanned.variance)
     unseen = OUT * scanned.unseen_error * scanned.amplitude
     least = np.minimum(np.maximum(noise, unseen), _SILENCE.silent * scanned.amplitude)
     answered: Bools = np.any(scanned.loaded() & (scanned.readings > least), axis=0)
-    return answered
+    return answered | scanned.alive
 
 
 def silent_taxels(scanned: Scanned) -> NDArray[np.int64]:

@@ -104,7 +104,7 @@ class Scanned:
 
     t_s: (scans,). places: (2, taxels) in pitches. readings, variance: (scans, taxels), the latter 0 where a reading
     is not used. ceiling: (taxels,). delay_s: (taxels,), see `delays_of`. bends: (scans, 3, taxels or 0),
-    see `spline.evaluate`. unseen_error: see `Layout`.
+    see `spline.evaluate`. unseen_error: see `Layout`. alive: (taxels,), those known to work.
     """
 
     t_s: Floats
@@ -114,7 +114,8 @@ class Scanned:
     ceiling: Floats
     delay_s: Floats
     bends: Floats
-    unseen_error: float = 0.0
+    unseen_error: float
+    alive: Bools
 
     @classmethod
     def of(
@@ -126,10 +127,13 @@ class Scanned:
         ceiling: Floats,
         delay_s: Floats,
         unseen_error: float = 0.0,
+        alive: Bools | None = None,
     ) -> Scanned:
         """Scans whose poses are not known yet."""
         width = len(delay_s) if delay_s.any() else 0
-        return cls(t_s, places, readings, variance, ceiling, delay_s, np.zeros((len(t_s), 3, width)), unseen_error)
+        working = np.zeros(len(delay_s), np.bool_) if alive is None else alive
+        straight = np.zeros((len(t_s), 3, width))
+        return cls(t_s, places, readings, variance, ceiling, delay_s, straight, unseen_error, working)
 
     def __len__(self) -> int:
         return len(self.t_s)

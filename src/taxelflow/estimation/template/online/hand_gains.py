@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.dead_taxels import answers
+from taxelflow.estimation.template.dead_taxels import answers, working
 from taxelflow.estimation.template.observations import divided
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.online.track_state import Scan
     from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
@@ -19,12 +20,12 @@ if TYPE_CHECKING:
 
 class HandGains:
     """value: (entries,), infinite where a map calls a taxel dead, until it reads under load: what few keyframes have
-    seen silent may have been beside the object.
+    seen silent may have been beside the object. alive: (entries,), those that have read under load.
     """
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
-        self.value = np.ones(layout.entries)
+        self.value, self.alive = np.ones(layout.entries), np.zeros(layout.entries, np.bool_)
         self._equal = True  # all are 1
         self._dead: dict[int, NDArray[np.int64]] = {}  # by pad
 
@@ -32,6 +33,10 @@ class HandGains:
         """Take over a map's gains (taxels,) of a pad."""
         self.value[self._layout.of_pad(pad)] = gains
         self._note(pad)
+
+    def ended(self, pad: int, scanned: Scanned) -> None:
+        """Learn from the keyframes of a contact that ends which taxels of a pad work."""
+        self.alive[self._layout.of_pad(pad)] |= working(scanned.readings, np.sqrt(scanned.variance[0]))
 
     def divided(self, scan: Scan) -> Scan:
         """A scan with its readings divided by the gains."""
@@ -41,7 +46,7 @@ class HandGains:
             own = self._layout.of_pad(pad)
             alive = answers(scan.reading[own], scan.variance[own], dead)
             if len(alive):
-                self.value[own][alive] = 1.0
+                self.value[own][alive], self.alive[own][alive] = 1.0, True
                 self._note(pad)
         reading, variance, ceiling = divided(scan.reading, scan.variance, scan.ceiling, self.value)
         return scan._replace(reading=reading, variance=variance, ceiling=ceiling)

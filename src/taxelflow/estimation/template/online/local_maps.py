@@ -179,9 +179,10 @@ class LocalMaps:
         self._register_again(pad)
 
     def _first(self, pad: int, scan: Scan) -> FirstScan:
-        part, gains = self.part(pad, scan), self.gains.value[self._layout.of_pad(pad)].copy()
-        as_read, middle = self._as_read(pad, scan), self._middle(pad, scan)[:2]
-        return FirstScan(scan.t, part, as_read, gains, self.hand.floor, self._late(pad), middle)
+        own = self._layout.of_pad(pad)
+        gains, alive = self.gains.value[own].copy(), self.gains.alive[own].copy()
+        part, as_read, middle = self.part(pad, scan), self._as_read(pad, scan), self._middle(pad, scan)[:2]
+        return FirstScan(scan.t, part, as_read, gains, alive, self.hand.floor, self._late(pad), middle)
 
     def _middle(self, pad: int, scan: Scan) -> Floats:
         """(5,), see `middle_of`."""
@@ -294,4 +295,5 @@ class LocalMaps:
         """Remember the pattern of a contact that ends, as a map."""
         known = self.learners[pad].learned
         if known is not None:
+            self.gains.ended(pad, known.keyframes.scanned)
             self.ended.add(map_of(self._layout.pads[pad], known, self.track(pad), float(self.hand.pitch_m[pad])))

@@ -62,13 +62,19 @@ _YOUNG_ROUNDS = 6
 
 
 def first_pattern(
-    t_s: float, scan: PadScan, delay_s: Floats, gains: Floats, unseen_error: float, at: Floats | None = None
+    t_s: float,
+    scan: PadScan,
+    delay_s: Floats,
+    gains: Floats,
+    unseen_error: float,
+    at: Floats | None = None,
+    alive: Bools | None = None,
 ) -> Learned:
     """A pattern from a single scan as it was read, its origin at the contact's centroid, or at the place `at` (2,).
 
-    gains: (taxels,).
+    gains: (taxels,). alive: (taxels,), those known to work.
     """
-    one = (scan.reading[np.newaxis], scan.variance[np.newaxis], scan.ceiling, delay_s, unseen_error)
+    one = (scan.reading[np.newaxis], scan.variance[np.newaxis], scan.ceiling, delay_s, unseen_error, alive)
     scanned = Scanned.of(np.array([t_s]), scan.places, *one)
     state = np.array([[*(scanned.centroids()[0] if at is None else at), 0.0, 1.0, 0.0]])
     learned = learn(

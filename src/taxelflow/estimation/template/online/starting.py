@@ -12,18 +12,20 @@ if TYPE_CHECKING:
 
     from taxelflow.estimation.template.online.local_map import Learned
     from taxelflow.estimation.template.online.track_state import PadScan
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
 
 
 class FirstScan(NamedTuple):
-    """The scan that a pattern begins with. part: as_read, divided by the taxels' gains (taxels,). unseen_error: see
-    `Layout`. delay_s: (taxels,), see `observations.delays_of`. middle: (2,), centroid of the contact.
+    """The scan that a pattern begins with. part: as_read, divided by the taxels' gains (taxels,). alive: (taxels,),
+    those known to work. unseen_error: see `Layout`. delay_s: (taxels,), see `observations.delays_of`. middle: (2,),
+    centroid of the contact.
     """
 
     t_s: float
     part: PadScan
     as_read: PadScan
     gains: Floats
+    alive: Bools
     unseen_error: float
     delay_s: Floats
     middle: Floats
@@ -51,5 +53,6 @@ def begun(first: FirstScan, library: Sequence[Learned]) -> Begun:
 
 def begun_anew(first: FirstScan, at: Floats | None) -> Begun:
     """A new pattern, with its origin at the place `at` (2,), else at the contact's centroid."""
-    learned = first_pattern(first.t_s, first.as_read, first.delay_s, first.gains, first.unseen_error, at)
+    gains, alive = first.gains, first.alive
+    learned = first_pattern(first.t_s, first.as_read, first.delay_s, gains, first.unseen_error, at, alive=alive)
     return Begun(learned, learned.keyframes.states[0], first.middle, again=False)
