@@ -150,7 +150,9 @@ def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
         changed += [(np.full(len(at), middle), _TIMES * left)]
         changed += [(middle + factor * (at - middle), _TIMES_SCALED * left) for factor in _SCALED]
     return all(
-        _left_along(scans, own, direction, other, start) > most for other, most in changed for start in _starts(solved)
+        _left_along(scans, own, direction, other, start, most=most) > most
+        for other, most in changed
+        for start in _starts(solved)
     )
 
 
@@ -179,11 +181,14 @@ def _repeated(scanned: Scanned, states: Floats) -> tuple[Scanned, Floats]:
     return replace(scanned.taken(which), t_s=np.arange(float(len(which)))), states[which]
 
 
-def _left_along(scanned: Scanned, solved: Solved, direction: Floats, at: Floats, error: float) -> float:
+def _left_along(
+    scanned: Scanned, solved: Solved, direction: Floats, at: Floats, error: float, *, most: float = 0.0
+) -> float:
     """The error that a fit leaves whose places along a direction, (scans,) in pitches, are held.
 
     Gains of the taxels are free within bounds, as a plate slides over them; so is the size: of a map that tapers,
-    motion stands for a contact that widens with its load.
+    motion stands for a contact that widens with its load. most: an error of which only the side matters; the fit ends
+    once it is below, or so far above that no gains can bring it there.
     """
     cos, sin = direction
     turned = np.array([[cos, sin], [-sin, cos]])
@@ -195,15 +200,23 @@ def _left_along(scanned: Scanned, solved: Solved, direction: Floats, at: Floats,
     fill(pattern, along.with_error(error), states)
     stiffness = along.stiffness(turns=solved.turns, gain_std=solved.gain_std, size=SIZE_STD**-2)
     stiffness[0] = np.inf
-    most, gains = min(_GAIN * scanned.unseen_error, _MOST_GAIN), np.ones(scanned.readings.shape[1])
+    off, gains = min(_GAIN * scanned.unseen_error, _MOST_GAIN), np.ones(scanned.readings.shape[1])
     now = along
     for k, rounds in enumerate(_ROUNDS):
         fit = refine(pattern, now, states, rounds=rounds, error=error, stiffness=stiffness)
         error = learned_error(fit, now)
+        if error <= most or (k == 0 and error - off * _rms(along) > most > 0.0):
+            break
         if k > 0:
-            gains = np.clip(gains * _gains(now, fit), 1.0 - most, 1.0 + most)
+            gains = np.clip(gains * _gains(now, fit), 1.0 - off, 1.0 + off)
             now = along.divided(gains)
     return error
+
+
+def _rms(scanned: Scanned) -> float:
+    """Root mean square of the loaded readings, as a share of the largest."""
+    squared = scanned.load() ** 2
+    return float(np.sqrt(squared.sum() / max(np.count_nonzero(squared), 1))) / scanned.amplitude
 
 
 def _gains(scanned: Scanned, fit: Fit) -> Floats:
