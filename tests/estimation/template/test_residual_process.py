@@ -12,7 +12,7 @@ from numba import njit
 
 from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.residual_process import bring, fades, keep
+from taxelflow.estimation.template.online.residual_process import decay, predict, update
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.numerics.bspline import STATE, evaluate
 from taxelflow.numerics.records import Records, records
@@ -69,7 +69,7 @@ def kept(
     tracks: Records,
 ) -> float:
     room = np.empty((2, TAXELS))
-    return keep(surface, taxels, error, registered, still, brought, rest, np.zeros(STATE), room, tracks[0])
+    return update(surface, taxels, error, registered, still, brought, rest, np.zeros(STATE), room, tracks[0])
 
 
 def carried(readings: Floats, *, still: bool = False, ceiling: Floats = NEVER) -> tuple[Floats, Floats, list[float]]:
@@ -80,7 +80,7 @@ def carried(readings: Floats, *, still: bool = False, ceiling: Floats = NEVER) -
     for reading in readings:
         if chis:
             brought = np.empty((3, TAXELS))
-            bring(SPAN_S, 0.0, rest, part(reading, ceiling=ceiling), brought)
+            predict(SPAN_S, 0.0, rest, part(reading, ceiling=ceiling), brought)
             expected = values() + reading - brought[0]
         left = reading - expected
         registered = float(np.mean(left**2 / VARIANCE))
@@ -121,10 +121,10 @@ def test_of_a_still_object_the_patterns_own_error_stays_too() -> None:
 
 @given(span=st.floats(0.0, 10.0), more=st.floats(0.01, 10.0), moved=st.floats(0.0, 5.0), further=st.floats(0.01, 5.0))
 def test_a_rest_dies_away_with_time_and_motion(span: float, more: float, moved: float, further: float) -> None:
-    assert fades(0.0, 0.0) == 1.0
-    left = fades(span, moved)
-    assert fades(span + more, moved) < left
-    assert fades(span, moved + further) < left
+    assert decay(0.0, 0.0) == 1.0
+    left = decay(span, moved)
+    assert decay(span + more, moved) < left
+    assert decay(span, moved + further) < left
 
 
 def test_a_reading_of_nothing_leaves_nothing_where_the_pattern_is_below_zero() -> None:
@@ -152,9 +152,9 @@ def test_the_residual_of_a_masked_taxel_dies_away() -> None:
     arguments = (Surface(pattern(), np.zeros((25, 25)), LATTICE), scan, ERROR)
     for _ in range(3):
         before = rest[0, 7]
-        bring(SPAN_S, 0.0, rest, part(reading, masked), brought)
+        predict(SPAN_S, 0.0, rest, part(reading, masked), brought)
         kept(*arguments, 1.0, False, brought, rest, tracks)
-        assert rest[0, 7] == pytest.approx(fades(SPAN_S, 0.0) * before)
+        assert rest[0, 7] == pytest.approx(decay(SPAN_S, 0.0) * before)
     rest[0, 7] = 1.0  # of an earlier contact
     kept(*arguments, 1.0, False, np.zeros((3, 0)), rest, tracks)
     assert rest[0, 7] == 0.0
@@ -176,6 +176,6 @@ def test_a_masked_taxel_has_no_part_in_it() -> None:
     masked = VARIANCE.copy()
     masked[7] = 0.0
     rest, out = np.ones((3, TAXELS)), np.empty((3, TAXELS))
-    bring(SPAN_S, 0.0, rest, part(noisy(1)[0], masked), out)
+    predict(SPAN_S, 0.0, rest, part(noisy(1)[0], masked), out)
     assert out[1, 7] == 0.0
     assert out[1, 8] == pytest.approx(VARIANCE[8] + 1.0, rel=0.05)

@@ -13,6 +13,7 @@ from taxelflow.estimation.template.linearization import laid_out
 from taxelflow.estimation.template.map import MARGIN, SPACING, Pattern, Sums
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.numerics.bspline import STATE, in_object, pose_part, state_of, states_of
+from taxelflow.numerics.robust import CHEAPER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,8 +35,6 @@ class _Schedule:
     huber: float = 6.0
     """Standard deviations above which a reading weighs less."""
     iterations: int = 30
-    cheaper: float = 1e-3
-    """What a further start must lower the cost by."""
     near_border: float = 0.5
     """Pitches from a loaded taxel to the border of the pattern below which the pattern grows."""
     most_knots: int = 40_000
@@ -123,7 +122,7 @@ class Tracker:
             cost, chi, count = register(
                 self.pattern.surface, taxels, prior, _SCHEDULE.huber, _SCHEDULE.iterations, state, information
             )
-            if cost < best - _SCHEDULE.cheaper:
+            if cost < best - CHEAPER:
                 best = cost
                 self.states[k] = state
                 kept, chi_per_reading = information.copy(), chi / max(count, 1)

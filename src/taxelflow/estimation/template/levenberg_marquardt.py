@@ -18,10 +18,12 @@ _ENOUGH = 1e-2
 the next one would be about a hundredth of that."""
 HELD = 1e12
 """Prior information of a component of the state that is held at its prior."""
-MAY_BE_HELD = (0, 1, 2, 4)
-"""Components of the state that may be held: all but the gain."""
-ROOM = 9
-"""Rows of five numbers that a registration needs as workspace."""
+FREE = 1e-6
+"""Prior information on a place that may be anywhere: 1 / pitch^2."""
+MAY_BE_HELD = tuple(part for part, name in enumerate(State._fields) if name != "gain")
+"""Components of the state that may be held."""
+ROOM = STATE + 4
+"""Rows of five numbers that a registration needs as workspace: a matrix and four vectors."""
 _LEAST_GAIN = 0.1
 """Least ratio of the gain after a step to that before."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4

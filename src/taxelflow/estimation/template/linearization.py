@@ -14,13 +14,12 @@ from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of, value_at
 from taxelflow.numerics.robust import OUTLIER
+from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.small_linalg import put_lower
 from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
 _LANES = 8
 """Taxels are padded to a multiple of this, so that loops over them are vectorised."""
-_UNEXPLAINED = 9.0
-"""Squared reading over its variance above which a reading off the lattice is an unexplained load, and an outlier."""
 
 
 class LaidOut(NamedTuple):
@@ -91,6 +90,21 @@ def pressure_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
 
 
 @inlined
+def frame_of(lattice: Floats, state: Floats) -> tuple[float, float, float, float, float, float, float]:
+    """Of a state (5,): x, y, gain; cosine and sine of theta, in knots per pitch; place of knot (0, 0), in knots."""
+    h, left, low = lattice
+    x, y, theta, gain, size = state_of(state)
+    scale = np.exp(-size) / h
+    return x, y, gain, scale * np.cos(theta), scale * np.sin(theta), left / h, low / h
+
+
+@inlined
+def turned(taxels: LaidOut, i: int, cos: float, sin: float) -> tuple[float, float]:
+    """Cosine and sine of the object's angle when a taxel is read, from those of the scan."""
+    return cos * taxels.cos[i] - sin * taxels.sin[i], sin * taxels.cos[i] + cos * taxels.sin[i]
+
+
+@inlined
 def nearest(grid: Floats, x: float, y: float) -> float:
     """Value of grid (ny, nx) at the knot nearest to a place counted in knots, which lies on the lattice."""
     value: float = grid[np.uint64(int(y + 0.5)), np.uint64(int(x + 0.5))]
@@ -115,18 +129,13 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
     states; W holds the doubt even where it is not what explains a reading.
     """
     c, doubt = surface.c, surface.doubt
-    h, left, low = surface.lattice
-    left, low = left / h, low / h
-    x, y, theta, gain, size = state_of(state)
-    scale = np.exp(-size) / h
-    cos_0, sin_0 = scale * np.cos(theta), scale * np.sin(theta)
+    x, y, gain, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
     certain = len(doubt) == 0
     cost = chi = used = 0.0
     xx = xy = yy = xg = yg = gg = xr = yr = gr = 0.0
     tx = ty = tg = tt = tr = sx = sy = sg = st = ss = sr = 0.0
     for i in range(len(taxels.x)):
-        cos = cos_0 * taxels.cos[i] - sin_0 * taxels.sin[i]
-        sin = sin_0 * taxels.cos[i] + cos_0 * taxels.sin[i]
+        cos, sin = turned(taxels, i, cos_0, sin_0)
         dx, dy = taxels.x[i] - x, taxels.y[i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
         q, qu, qw = pressure_at(c, u - left, w - low)
@@ -142,7 +151,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         speaks = live and not clipped and not above
         fits = speaks and known
         z2 = residual * residual * weight
-        unexplained = speaks and not known and z2 > _UNEXPLAINED  # a load off the lattice
+        unexplained = speaks and not known and z2 > SIGNIFICANT**2  # a load off the lattice
         chi += z2 if fits else (min(z2, OUTLIER) if unexplained else 0.0)
         z, far = np.sqrt(z2), z2 > huber * huber
         doubted = (2.0 * huber * z - huber * huber if far else z2) + _log_inverse(variance * weight if live else 1.0)
@@ -182,15 +191,10 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
 @lean_kernel
 def look_up(surface: Surface, taxels: LaidOut, state: Floats, out: Floats) -> None:
     """Fill out (2, n) with q at the first n taxels, NaN off the lattice, and its variance."""
-    h, left, low = surface.lattice
-    left, low = left / h, low / h
-    at = state_of(state)
-    scale = np.exp(-at.size) / h
-    cos_0, sin_0 = scale * np.cos(at.theta), scale * np.sin(at.theta)
+    x, y, _, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
     for i in range(out.shape[1]):
-        cos = cos_0 * taxels.cos[i] - sin_0 * taxels.sin[i]
-        sin = sin_0 * taxels.cos[i] + cos_0 * taxels.sin[i]
-        dx, dy = taxels.x[i] - at.x, taxels.y[i] - at.y
+        cos, sin = turned(taxels, i, cos_0, sin_0)
+        dx, dy = taxels.x[i] - x, taxels.y[i] - y
         u, w = cos * dx + sin * dy - left, cos * dy - sin * dx - low
         out[0, i] = pressure_at(surface.c, u, w)[0]
         out[1, i] = 0.0 if np.isnan(out[0, i]) else nearest(surface.doubt, u, w)

@@ -17,8 +17,8 @@ SPACING = 0.5
 """Distance of the knots, in pitches."""
 MARGIN = 1.5
 """Pitches around the loaded taxels that a pattern covers."""
-_BEYOND = 3
-"""Knots beyond that, which a cubic spline needs."""
+_BEYOND = WIDTH - 1
+"""Knots beyond that, which the spline needs."""
 _ROUGH_PRIOR = 0.12
 """Expected second difference over half a pitch, relative to the largest pressure."""
 

@@ -1,4 +1,4 @@
-"""What was learned, in the frame of the pattern before: the point that is reported stays."""
+"""Gauge alignment: an adjusted map is shifted into the frame of the map before, so that the reported point stays."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.bundle_adjustment import covariance_of
 from taxelflow.estimation.template.pose_output import arm_of
 from taxelflow.estimation.template.solution import shown_centre
-from taxelflow.numerics.bspline import STATE, states_of
+from taxelflow.numerics.bspline import states_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
@@ -43,7 +44,7 @@ def _reframed(states: Floats, before: Floats, information: Floats, pattern: Patt
     Those count most of which the scans know most: information (n, 5, 5). Some may have been wrong before, so it is
     their weighted median that stays. Only the origin moves: a turned lattice would have to be learned again.
     """
-    own = np.linalg.inv(information + 1e-9 * np.eye(STATE))
+    own = covariance_of(information)
     weight = 1.0 / (own[:, 0, 0] + own[:, 1, 1])
     theta = states_of(states).theta
     cos, sin = np.cos(theta), np.sin(theta)
