@@ -22,7 +22,7 @@ from estimation.template.test_residual_process import (
 )
 from rigged import rigged
 from synthetic import dome, grid_sensor, recorded
-from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits, unexplained
 from taxelflow.estimation.template.online.map_update import first_pattern
@@ -49,7 +49,7 @@ def compared(
 ) -> tuple[float, Floats]:
     """What is left, and where the pattern has its centre (2,)."""
     centre = np.zeros(2)
-    taxels = laid_out(PLACES, WHOLE, reading, variance, ceiling, ERROR)
+    taxels = pack_scan(PLACES, WHOLE, reading, variance, ceiling, ERROR)
     return unexplained(SURFACE, taxels, ERROR, state, centre), centre
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
-from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.residual_process import decay, predict, update
 from taxelflow.estimation.template.online.track_state import PadScan, Track
@@ -84,7 +84,7 @@ def carried(readings: Floats, *, still: bool = False, ceiling: Floats = NEVER) -
             expected = values() + reading - brought[0]
         left = reading - expected
         registered = float(np.mean(left**2 / VARIANCE))
-        taxels = laid_out(PLACES, WHOLE, reading, VARIANCE, ceiling, ERROR)
+        taxels = pack_scan(PLACES, WHOLE, reading, VARIANCE, ceiling, ERROR)
         chi = kept(surface, taxels, ERROR, registered, still, brought, rest, tracks)
         chis.append(chi)
     return rest, expected, chis
@@ -148,7 +148,7 @@ def test_the_residual_of_a_masked_taxel_dies_away() -> None:
     masked, tracks = VARIANCE.copy(), track()
     masked[7] = 0.0
     rest, brought, reading = np.ones((3, TAXELS)), np.empty((3, TAXELS)), noisy(1)[0]
-    scan = laid_out(PLACES, WHOLE, reading, masked, NEVER, ERROR)
+    scan = pack_scan(PLACES, WHOLE, reading, masked, NEVER, ERROR)
     arguments = (Surface(pattern(), np.zeros((25, 25)), LATTICE), scan, ERROR)
     for _ in range(3):
         before = rest[0, 7]
@@ -165,7 +165,7 @@ def test_a_taxel_off_the_lattice_has_no_rest_but_may_read_anything_next(reading:
     places, readings = PLACES.copy(), noisy(1)[0]
     places[0, 7], readings[7] = 50.0, reading
     rest, tracks = np.ones((3, TAXELS)), track()
-    scan = laid_out(places, WHOLE, readings, VARIANCE, NEVER, ERROR)
+    scan = pack_scan(places, WHOLE, readings, VARIANCE, NEVER, ERROR)
     arguments = (Surface(pattern(), np.zeros((25, 25)), LATTICE), scan, ERROR)
     kept(*arguments, 1.0, False, np.zeros((3, 0)), rest, tracks)
     assert rest[0, 7] == 0.0

@@ -12,7 +12,7 @@ import numpy as np
 
 from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, Prior, register
-from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface as Known
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bspline import STATE, State, evaluate, put, state_of
@@ -128,7 +128,7 @@ def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Flo
     loose_turn = _LOOSE_TURN if turns else HELD
     put(State(loose_x, loose_y, loose_turn, _LOOSE_GAIN / guess.gain**2, HELD), stiffness)
     prior, known = Prior(mean, stiffness), Known(surface.c, surface.variance, surface.lattice)
-    taxels = laid_out(points.places, np.zeros((3, 0)), points.reading, points.variance, points.ceiling, 0.0)
+    taxels = pack_scan(points.places, np.zeros((3, 0)), points.reading, points.variance, points.ceiling, 0.0)
     information = np.zeros((STATE, STATE))
     trial, best = np.empty(STATE), np.inf
     for start in range(2):

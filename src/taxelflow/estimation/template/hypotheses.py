@@ -10,7 +10,7 @@ import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
 from taxelflow.estimation.template.depth import DEPTH_STD, as_heights, take_depth, with_depth
-from taxelflow.estimation.template.initialization import Tracker
+from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.estimation.template.observations import COARSE
@@ -168,9 +168,9 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
 
 def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
     """Coarse fits from several starts: states tracked from scan to scan, and with the centroid."""
-    tracker = Tracker(scanned, start_scan(scanned), scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
-    tracker.run()
-    starts = (tracker.states, centred(scanned, tracker.states))
+    mapper = IncrementalMapper(scanned, start_scan(scanned), scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
+    mapper.register_all()
+    starts = (mapper.states, centred(scanned, mapper.states))
     return [coarse(scanned, states, turns=turns) for states in starts]
 
 
@@ -249,7 +249,7 @@ def _refined(scanned: Scanned, start: Solved, *, most_error: float) -> Solved:
     """`refined` with the error bounded."""
     own = replace(start, depth=start.depth.copy())
     for most in _ROUNDS:
-        learned, error = level(own), min(learned_error(own.fit, scanned), most_error)
+        learned, error = normalize_gains(own), min(learned_error(own.fit, scanned), most_error)
         own.gain_std = learned if len(scanned) >= ENOUGH_SCANS else own.gain_std
         scanned.bend(own.states)
         own.fit = _fit(scanned, own, rounds=most, error=error)
@@ -266,7 +266,7 @@ def start_scan(scanned: Scanned) -> int:
     return int(np.argmin(np.where(load >= _LOADED_SHARE * load.max(), away, np.inf)))
 
 
-def level(solved: Solved) -> float:
+def normalize_gains(solved: Solved) -> float:
     """Normalise the gains to mean 1, in place, by scaling pattern and depth; returns their standard deviation.
 
     Both are taken from the scans that determine their gain best.

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import LaidOut, linearise
+from taxelflow.estimation.template.linearization import Packed, linearise
 from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
@@ -40,7 +40,7 @@ class Prior(NamedTuple):
 @kernel
 def register(
     surface: Surface,
-    taxels: LaidOut,
+    taxels: Packed,
     prior: Prior,
     huber: float,
     iterations: int | np.int64,
@@ -49,7 +49,7 @@ def register(
 ) -> tuple[float, float, int]:
     """Refine state (5,) so that the pattern explains one scan; information (5, 5) becomes J^T W J with the prior.
 
-    taxels: the scan, from `linearization.laid_out`; a masked taxel does not count, a saturated reading only as far
+    taxels: the scan, from `linearization.pack_scan`; a masked taxel does not count, a saturated reading only as far
     as the model lies below it. huber: standard deviations above which a reading weighs less. Returns the cost
     (robust -2 log likelihood with prior, of the readings off the lattice, too; the pattern's doubt counts where it
     explains a reading), chi-square, and how many readings that is over: those on the lattice, and loads off it.
@@ -60,7 +60,7 @@ def register(
 @lean_kernel
 def refine_state(
     surface: Surface,
-    taxels: LaidOut,
+    taxels: Packed,
     prior: Prior,
     huber: float,
     iterations: int | np.int64,

@@ -22,7 +22,7 @@ _LANES = 8
 """Taxels are padded to a multiple of this, so that loops over them are vectorised."""
 
 
-class LaidOut(NamedTuple):
+class Packed(NamedTuple):
     """A scan as a structure of arrays for `linearise`, (taxels,) each.
 
     x, y: place, less the object's motion within the scan until the taxel is read. cos, sin: of the rotation until
@@ -39,15 +39,15 @@ class LaidOut(NamedTuple):
 
 
 @kernel
-def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ceiling: Floats, error: float) -> LaidOut:
+def pack_scan(places: Floats, bend: Floats, reading: Floats, variance: Floats, ceiling: Floats, error: float) -> Packed:
     """The structure of arrays of a scan, padded with masked taxels. bend: (3, taxels) or (3, 0), see `evaluate`.
 
     error: standard deviation of the model error of each reading.
     """
     rows = np.empty((7, lanes_for(len(reading))))  # one allocation, to save time
-    taxels = LaidOut(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
-    lay_places(places, bend, len(reading), taxels)
-    lay_readings(reading, variance, ceiling, error, taxels)
+    taxels = Packed(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
+    pack_places(places, bend, len(reading), taxels)
+    pack_readings(reading, variance, ceiling, error, taxels)
     return taxels
 
 
@@ -58,8 +58,8 @@ def lanes_for(taxels: int) -> int:
 
 
 @lean_kernel
-def lay_places(places: Floats, bend: Floats, count: int, taxels: LaidOut) -> None:
-    """Fill in the places of this many taxels. Arguments as for `laid_out`."""
+def pack_places(places: Floats, bend: Floats, count: int, taxels: Packed) -> None:
+    """Fill in the places of this many taxels. Arguments as for `pack_scan`."""
     for i in range(len(taxels.x)):
         here = i < count
         taxels.x[i], taxels.y[i] = places[0, i] if here else 0.0, places[1, i] if here else 0.0
@@ -71,8 +71,8 @@ def lay_places(places: Floats, bend: Floats, count: int, taxels: LaidOut) -> Non
 
 
 @lean_kernel
-def lay_readings(reading: Floats, variance: Floats, ceiling: Floats, error: float, taxels: LaidOut) -> None:
-    """Fill in the readings. Arguments as for `laid_out`."""
+def pack_readings(reading: Floats, variance: Floats, ceiling: Floats, error: float, taxels: Packed) -> None:
+    """Fill in the readings. Arguments as for `pack_scan`."""
     count = len(reading)
     for i in range(count):
         taxels.reading[i], taxels.ceiling[i] = reading[i], ceiling[i]
@@ -99,7 +99,7 @@ def frame_of(lattice: Floats, state: Floats) -> tuple[float, float, float, float
 
 
 @inlined
-def turned(taxels: LaidOut, i: int, cos: float, sin: float) -> tuple[float, float]:
+def turned(taxels: Packed, i: int, cos: float, sin: float) -> tuple[float, float]:
     """Cosine and sine of the object's angle when a taxel is read, from those of the scan."""
     return cos * taxels.cos[i] - sin * taxels.sin[i], sin * taxels.cos[i] + cos * taxels.sin[i]
 
@@ -121,11 +121,11 @@ def _log_inverse(share: float) -> float:
 
 @lean_kernel
 def linearise(  # noqa: PLR0915  one loop, as vector registers need it
-    surface: Surface, taxels: LaidOut, huber: float, state: Floats, normal: Floats, right: Floats
+    surface: Surface, taxels: Packed, huber: float, state: Floats, normal: Floats, right: Floats
 ) -> tuple[float, float, int]:
     """Fill normal (5, 5), its lower half, with J^T W J, right (5,) with J^T W (y - model) at a state (5,).
 
-    taxels: from `laid_out`. Others, and what is returned, as for `register`, but without the prior. The cost ranks
+    taxels: from `pack_scan`. Others, and what is returned, as for `register`, but without the prior. The cost ranks
     states; W holds the doubt even where it is not what explains a reading.
     """
     c, doubt = surface.c, surface.doubt
@@ -189,7 +189,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
 
 
 @lean_kernel
-def look_up(surface: Surface, taxels: LaidOut, state: Floats, out: Floats) -> None:
+def look_up(surface: Surface, taxels: Packed, state: Floats, out: Floats) -> None:
     """Fill out (2, n) with q at the first n taxels, NaN off the lattice, and its variance."""
     x, y, _, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
     for i in range(out.shape[1]):

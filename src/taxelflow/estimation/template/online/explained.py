@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import LaidOut, frame_of, nearest, pressure_at, turned
+from taxelflow.estimation.template.linearization import Packed, frame_of, nearest, pressure_at, turned
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import Floats
@@ -27,10 +27,10 @@ MISTAKEN = 2
 
 
 @lean_kernel
-def unexplained(surface: Surface, taxels: LaidOut, error: float, state: Floats, centre: Floats) -> float:
+def unexplained(surface: Surface, taxels: Packed, error: float, state: Floats, centre: Floats) -> float:
     """Share of the readings' power that a map leaves at a state (5,), beyond noise.
 
-    taxels: from `linearization.laid_out`, with the model error in their variance. centre: (2,), filled with the centre
+    taxels: from `linearization.pack_scan`, with the model error in their variance. centre: (2,), filled with the centre
     of the pressure that the map predicts; the state's place if it predicts none.
     """
     x, y, gain, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
@@ -67,7 +67,7 @@ def _put_mean(x: float, y: float, mx: float, my: float, total: float, centre: Fl
 
 @lean_kernel
 def unexplained_and_doubted(
-    surface: Surface, taxels: LaidOut, error: float, more: float, state: Floats, centre: Floats, normal: Floats
+    surface: Surface, taxels: Packed, error: float, more: float, state: Floats, centre: Floats, normal: Floats
 ) -> float:
     """`unexplained`; and normal (5, 5) as `linearise` fills it without robust weights, each variance larger by `more`.
 

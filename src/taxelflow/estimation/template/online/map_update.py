@@ -21,13 +21,13 @@ from taxelflow.estimation.template.hypotheses import (
     refined,
     start_scan,
 )
-from taxelflow.estimation.template.initialization import Tracker
+from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import FIRST_SLACK, LocalMap
-from taxelflow.estimation.template.online.reframing import in_frame_of
+from taxelflow.estimation.template.online.reframing import align_gauge
 from taxelflow.estimation.template.online.track_state import NEAR, YOUNG_KEYFRAMES
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.numerics.blas import on_one_core
@@ -118,7 +118,7 @@ def _learn(known: LocalMap) -> LocalMap:
     before = (keyframes.angled if best.turns and not known.turns else keyframes.states).copy()
     before[:, :2] += known.origin
     turned = float(np.median(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
-    states, origin, off = in_frame_of(before, best, scanned, turned)
+    states, origin, off = align_gauge(before, best, scanned, turned)
     slack = np.full(2, FIRST_SLACK) if best.grows and not known.grows else _slack(known, off)
     shown = known.shown if looked == known.looked else best.shown
     reports_turn = best.turns and shown and (known.reports_turn or bool(slack[1] < _REPORTED * FIRST_SLACK))
@@ -239,9 +239,9 @@ def _again(known: LocalMap, scanned: Scanned, states: Floats) -> Solved:
 def _retraced(scanned: Scanned, *, turns: bool) -> Floats:
     """States (n, 5) of keyframes, one registered after the other as in a batch."""
     own = scanned.taken(np.arange(len(scanned)))
-    tracker = Tracker(own, start_scan(own), own.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
-    tracker.run()
-    return tracker.states
+    mapper = IncrementalMapper(own, start_scan(own), own.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
+    mapper.register_all()
+    return mapper.states
 
 
 def _slack(known: LocalMap, off: Floats) -> Floats:

@@ -16,7 +16,7 @@ _PERSISTS_S = 1.0
 
 
 @lean_kernel
-def stays(m: Track, span: float) -> bool:
+def is_at_rest(m: Track, span: float) -> bool:
     """Whether the object rests; updates its low-passed place."""
     now = state_of(m.state)
     away = np.hypot(now.x - m.place[0], now.y - m.place[1])
@@ -29,7 +29,7 @@ def stays(m: Track, span: float) -> bool:
 
 
 @lean_kernel
-def remember(t: float, span: float, last: Floats, middle: Floats, m: Track) -> None:
+def update_motion(t: float, span: float, last: Floats, middle: Floats, m: Track) -> None:
     """Update velocity, persistence, and the centre of pressure that the next scan is predicted from."""
     if span > 0.0:
         faded, product, square = np.exp(-span / _PERSISTS_S), 0.0, 0.0

@@ -19,11 +19,11 @@ from taxelflow.estimation.template.online.track_state import (
 )
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
-    carry,
     find_centre,
     find_sure_shift,
     follow_centre,
     leave_open,
+    move_covariance,
     reported_arm,
     weigh_pose,
     weigh_step,
@@ -57,8 +57,8 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
     _invert(m.doubted, scale, cov)
     _invert(m.step, scale, noise)
     arm_x, arm_y = reported_arm(scale, m)
-    carry(arm_x, arm_y, cov)
-    carry(arm_x, arm_y, noise)
+    move_covariance(arm_x, arm_y, cov)
+    move_covariance(arm_x, arm_y, noise)
     pose[0] = scale * (m.state[0] + m.origin[0]) + arm_x
     pose[1] = scale * (m.state[1] + m.origin[1]) + arm_y
     pose[2] = m.state[2] - m.theta_0

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 
-def in_frame_of(before: Floats, best: Solved, scanned: Scanned, turned: float) -> tuple[Floats, Floats, Floats]:
+def align_gauge(before: Floats, best: Solved, scanned: Scanned, turned: float) -> tuple[Floats, Floats, Floats]:
     """States (n, 5) of a solved contact in the frame of those before (n, 5), the origin (2,) of a frame that grows, and
     how far the states are from those before (n, 5), x and y at the centre of pressure.
 
@@ -32,13 +32,13 @@ def in_frame_of(before: Floats, best: Solved, scanned: Scanned, turned: float) -
     shown = shown_centre(scanned, before)
     middle = np.zeros(2) if shown is None else shown
     arms = arm_of(middle, best.states - away) - arm_of(middle, before)
-    states = _reframed(best.states, before[:, :2] - arms, best.fit.information, best.pattern)
+    states = _fix_gauge(best.states, before[:, :2] - arms, best.fit.information, best.pattern)
     off = states - before - away
     off[:, :2] += arms
     return states, np.zeros(2), off
 
 
-def _reframed(states: Floats, before: Floats, information: Floats, pattern: Pattern) -> Floats:
+def _fix_gauge(states: Floats, before: Floats, information: Floats, pattern: Pattern) -> Floats:
     """States (n, 5) with the object's frame shifted, and the pattern with it, so that most are where they were, (n, 2).
 
     Those count most of which the scans know most: information (n, 5, 5). Some may have been wrong before, so it is

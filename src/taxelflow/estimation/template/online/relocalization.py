@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, ROOM, Prior, refine_state
-from taxelflow.estimation.template.linearization import LaidOut, laid_out
+from taxelflow.estimation.template.linearization import Packed, pack_scan
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, unexplained
 from taxelflow.messages import Floats
@@ -57,7 +57,7 @@ class Found(NamedTuple):
 @kernel
 def _best_of(
     surface: Surface,
-    taxels: LaidOut,
+    taxels: Packed,
     starts: Floats,
     stiffness: Floats,
     limits: tuple[float, float],
@@ -109,7 +109,7 @@ def relocalise(
     coefficients, doubt = np.ascontiguousarray(pattern.coefficients), np.ascontiguousarray(DOUBT * pattern.doubt)
     surface = Surface(coefficients, doubt, pattern.lattice)
     error = known.error * min(known.scanned.amplitude, float(scan.reading.max()))  # it may touch but lightly
-    taxels = laid_out(scan.places, np.zeros((3, 0)), scan.reading, scan.variance, scan.ceiling, error)
+    taxels = pack_scan(scan.places, np.zeros((3, 0)), scan.reading, scan.variance, scan.ceiling, error)
     outward = middle / max(float(np.hypot(*middle)), 1e-9)
     steps = np.arange(12) if theta is None else np.arange(-1, 2)
     angles = steps * (np.pi / 6) if known.turns else np.zeros(1)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import LaidOut, linearise, look_up
+from taxelflow.estimation.template.linearization import Packed, linearise, look_up
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import Floats
@@ -58,7 +58,7 @@ def decay(span: float, moved: float) -> float:
 @lean_kernel
 def update(
     surface: Surface,
-    taxels: LaidOut,
+    taxels: Packed,
     error: float,
     registered: float,
     still: bool,
@@ -70,7 +70,7 @@ def update(
 ) -> float:
     """Update rest (3, taxels) by a registered scan; chi-square per reading on the map alone.
 
-    taxels: from `linearization.laid_out`, with the error in. registered: chi-square per reading that registration left,
+    taxels: from `linearization.pack_scan`, with the error in. registered: chi-square per reading after registration,
     over the usual. still: whether the map's own error stays, too. brought: (3, taxels), from `predict`, or (3, 0) if
     the process begins. room: (2, taxels), to work in. m.information becomes that of the pose on the map alone.
     """

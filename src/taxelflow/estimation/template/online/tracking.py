@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, MAY_BE_HELD, Prior, refine_state
-from taxelflow.estimation.template.linearization import LaidOut, lanes_for, lay_places, lay_readings
+from taxelflow.estimation.template.linearization import Packed, lanes_for, pack_places, pack_readings
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import fits, unexplained, unexplained_and_doubted
-from taxelflow.estimation.template.online.motion import remember, stays
+from taxelflow.estimation.template.online.motion import is_at_rest, update_motion
 from taxelflow.estimation.template.online.residual_process import predict, update
 from taxelflow.estimation.template.online.track_state import SAME, TURN_STD, Hand, PadScan, Patterns, Room, Scan, Track
 from taxelflow.estimation.template.online.witness import find_shift, middle_of
@@ -93,7 +93,7 @@ def _follow_pad(
     level = _level(scan, m)
     error = m.error * level
     full = lanes_for(count)
-    taxels = LaidOut(
+    taxels = Packed(
         lanes[0, :full],
         lanes[1, :full],
         lanes[2, :full],
@@ -102,8 +102,8 @@ def _follow_pad(
         lanes[5, :full],
         lanes[6, :full],
     )
-    lay_places(scan.places, bend, count, taxels)
-    lay_readings(scan.reading, scan.variance, scan.ceiling, error, taxels)
+    pack_places(scan.places, bend, count, taxels)
+    pack_readings(scan.reading, scan.variance, scan.ceiling, error, taxels)
     chi, usual = np.inf, m.usual
     if not m.carries or (poor and (may_turn or may_grow)):
         search = Search(states, span, usual, grown_std, may_turn, may_grow)
@@ -111,15 +111,15 @@ def _follow_pad(
     if m.carries:
         usual = 1.0
         predict(span, _surely_moved(m, span), rest, scan, brought)
-        less = LaidOut(taxels.x, taxels.y, taxels.cos, taxels.sin, lanes[7, :full], lanes[8, :full], lanes[9, :full])
-        lay_readings(brought[0, :count], brought[1, :count], brought[2, :count], 0.0, less)
+        less = Packed(taxels.x, taxels.y, taxels.cos, taxels.sin, lanes[7, :full], lanes[8, :full], lanes[9, :full])
+        pack_readings(brought[0, :count], brought[1, :count], brought[2, :count], 0.0, less)
         search = Search(states, span, usual, grown_std, False, False)
         chi = _search(Surface(surface.c, surface.doubt[:0], surface.lattice), less, search, m)
     for a in range(STATE):
         for b in range(STATE):
             m.step[a, b] = m.information[a, b]
     m.chi = chi
-    rests = stays(m, span) or m.changing
+    rests = is_at_rest(m, span) or m.changing
     for i in range(len(scan.reading)):
         rest[3, i] = scan.reading[i] - brought[0, i] if m.carries else 0.0
     if m.carries or rests or chi > GATE * usual:
@@ -130,7 +130,7 @@ def _follow_pad(
     _judge(surface, taxels, error, floor * level, stiffness, m)
     _add_lag(bend, scan, m)
     find_shift(floor, m)
-    remember(t, span, last, middle, m)
+    update_motion(t, span, last, middle, m)
 
 
 @lean_kernel
@@ -144,7 +144,7 @@ def _level(scan: PadScan, m: Track) -> float:
 
 
 @lean_kernel
-def _judge(surface: Surface, taxels: LaidOut, error: float, unseen: float, stiffness: Floats, m: Track) -> None:
+def _judge(surface: Surface, taxels: Packed, error: float, unseen: float, stiffness: Floats, m: Track) -> None:
     """Fill m.unexplained, m.shift, and m.doubted with the information that is left if readings have the error that the
     sensor may have unseen. error, unseen: of a reading, by the pattern and by the sensor.
     """
@@ -202,7 +202,7 @@ def _surely_moved(m: Track, span: float) -> float:
 
 
 @lean_kernel
-def _search(surface: Surface, taxels: LaidOut, search: Search, m: Track) -> float:
+def _search(surface: Surface, taxels: Packed, search: Search, m: Track) -> float:
     """Register a scan in one way after the other until it fits well; m.state and m.information become the best.
 
     Returns chi-square per reading.
@@ -247,7 +247,7 @@ def _take(state: Floats, information: Floats, m: Track) -> None:
 
 
 @lean_kernel
-def _misfit(cost: float, taxels: LaidOut) -> float:
+def _misfit(cost: float, taxels: Packed) -> float:
     """What a cost is above that of readings which fit."""
     for i in range(len(taxels.variance)):
         cost -= 1.0 if taxels.variance[i] > 0.0 else 0.0

@@ -110,7 +110,7 @@ def reported_arm(scale: float, m: Track) -> tuple[float, float]:
 
 
 @lean_kernel
-def carry(x: float, y: float, cov: Floats) -> None:
+def move_covariance(x: float, y: float, cov: Floats) -> None:
     """Make a covariance (3, 3) of a pose that of a point of the object at x and y from it."""
     turn, along, across = cov[2, 2], cov[0, 2], cov[1, 2]
     cov[0, 0] += y * y * turn - 2.0 * y * along
