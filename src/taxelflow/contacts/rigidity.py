@@ -36,8 +36,7 @@ _MIN_CHANGED_SCANS = 5
 """Scans in a row for which a distance must have changed: a load that shifts for a moment moves a centroid too."""
 _CHANGE_PITCHES, _CHANGE_WIDTHS = 0.5, 0.25
 """A distance has changed if it differs certainly, by this many pitches (sampling moves centroids by less), and by this
-share of the sum of the two widths. On the rig, feet of any size, noise and growth stay below 0.13 of
-it."""
+share of the sum of the two widths. On the rig, feet of any size, noise and growth stay below 0.13 of it."""
 _WIDTH_RATIO = 1.25
 """Largest ratio of two widths (radius of gyration) that count as the same: a contact that grows moves its centroid."""
 
