@@ -28,6 +28,8 @@ _DROPPED = {
     "contact", "tendon", "light", "camera", "site", "keyframe", "custom", "extension", "fluid", "deformable", "mujoco",
 }  # fmt: skip
 """Elements of URDF and MJCF that do not move a link; `mujoco` inside a URDF holds compiler options for meshes."""
+_SLIDES, _TURNS = 2, 3
+"""MuJoCo's types of joints with one coordinate."""
 
 
 class Kinematics:
@@ -57,13 +59,12 @@ class Kinematics:
         driven = {follower for follower, _, _ in self._coupled}
         self._free = [joint for joint in range(self._model.njnt) if joint not in driven]
         self._driver = {joint: joint for joint in self._free} | {one: other for one, other, _ in self._coupled}
-        self._slides = self._model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
         self._check_types()
         address = self._model.jnt_qposadr
         self._address = [int(address[joint]) for joint in self._free]
         self._followers = [(int(address[one]), int(address[other]), terms) for one, other, terms in self._coupled]
         self.joints = tuple(self._joint_name(joint) for joint in self._free)
-        self.units = tuple("m" if self._slides[joint] else "rad" for joint in self._free)
+        self.units = tuple("m" if self._model.jnt_type[joint] == _SLIDES else "rad" for joint in self._free)
         limited = self._model.jnt_limited[self._free].astype(np.bool_)[:, np.newaxis]
         self.ranges: Floats = np.where(limited, self._model.jnt_range[self._free], [[-np.inf, np.inf]])
 
@@ -181,8 +182,7 @@ class Kinematics:
         ]
 
     def _check_types(self) -> None:
-        simple = self._slides | (self._model.jnt_type == self._mujoco.mjtJoint.mjJNT_HINGE)
-        wrong = [joint for joint in self._free if not simple[joint]]
+        wrong = [joint for joint in self._free if self._model.jnt_type[joint] not in (_SLIDES, _TURNS)]
         if wrong:
             seen = f"joint {self._joint_name(wrong[0])!r} has more than one coordinate"
             raise HandModelInvalid(self._source, seen, "use hinges and slides; leave out a floating base")
