@@ -34,22 +34,22 @@ from taxelflow.errors import (
     TaxelflowError,
     written_at,
 )
-from taxelflow.evaluation.commands import PARTLY_READ, Bench, Calibrate, Figures, Info, Plot, Score
+from taxelflow.evaluation.commands import Bench, Calibrate, Figures, Info, Plot, Score
 from taxelflow.evaluation.control_command import Control
 from taxelflow.evaluation.design_command import Design
 from taxelflow.evaluation.media_commands import Film, Report, View
-from taxelflow.pipeline.batch.command import INTERRUPTED, Batch
+from taxelflow.pipeline.batch.command import Batch
 from taxelflow.pipeline.batch.options import Estimating
 from taxelflow.pipeline.live.command import Record, Run
 from taxelflow.pipeline.live.emulators.command import Emulate
 from taxelflow.runtime import registry
+from taxelflow.runtime.exit_codes import BAD_INPUT, INTERRUPTED, PARTLY_DONE
 from taxelflow.simulation.command import Simulate
 from taxelflow.simulation.scenario import SCENARIOS
 
 DESCRIPTION = """Touch-based motion sensing for robot hands: pressure scans in, object motion and slip out.
 
 Version: taxelflow --version. Shell completion: taxelflow --tyro-print-completion bash (or zsh)."""
-BAD_INPUT = 2  # exit code, beside those of the commands
 _OUTPUT = "standard output"
 _REMEDIES = {errno.ENOSPC: "make room there", errno.EEXIST: "a file is in the way of a directory: give another one"}
 
@@ -102,7 +102,7 @@ class Estimate(Recorded, Estimating):
             note_on_stderr(summary)
         else:
             print_summary(summary, self.out)
-        return PARTLY_READ if summary.loss else 0
+        return PARTLY_DONE if summary.loss else 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +141,7 @@ class Convert(Recorded):
             print(f"taxelflow: {left_out(recording)}", file=sys.stderr)
         for note in (*reading.notes, *([reading.loss] if reading.loss else [])):
             print(f"taxelflow: {note}", file=sys.stderr)
-        return PARTLY_READ if reading.loss else 0
+        return PARTLY_DONE if reading.loss else 0
 
 
 @dataclass(frozen=True)

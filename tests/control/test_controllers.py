@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxelflow.control.agreement import Agreement
-from taxelflow.control.balance import G_M_S2, Shown
+from taxelflow.control.balance import Shown
 from taxelflow.control.base import Touch
 from taxelflow.control.baselines import CentroidSpeed, Constant, Threshold
 from taxelflow.control.hold import Hold
@@ -17,6 +17,7 @@ from taxelflow.control.motion import LetMove, Pivot, Slid, Slide, Turned
 from taxelflow.control.slipped_force import SlippedForce
 from taxelflow.control.touch import TouchStream
 from taxelflow.errors import ParameterInvalid
+from taxelflow.numerics.gravity import G_M_S2
 from taxelflow.runtime import registry
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.mujoco.gripper import sensor_of

@@ -7,7 +7,8 @@ import pytest
 
 from taxelflow.cli import main
 from taxelflow.evaluation.control_sweep import doubled_bound_m
-from taxelflow.simulation.mujoco.events import EVENT_S, G_M_S2
+from taxelflow.numerics.gravity import G_M_S2
+from taxelflow.simulation.mujoco.events import EVENT_S
 from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.trial import Trial
 

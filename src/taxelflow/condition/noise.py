@@ -16,6 +16,7 @@ from scipy.special import gammainc, gammaln, logsumexp
 
 from taxelflow.condition.resting import far_from_loads, rest_likelihood
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.rounding import ROUNDING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,7 +33,7 @@ _STRANGE_SHARE = 1e-3
 """Share of taxels whose noise is not like the others': it may have any level."""
 _DOF_SHARE = 0.514
 """Degrees of freedom of the mean square of second differences, a difference: neighbouring ones are correlated."""
-_SECOND_DIFFERENCE_VARIANCE = 6.0
+_SECOND_DIFFERENCE_VARIANCE = 1.0**2 + 2.0**2 + 1.0**2
 """Variance of a - 2 b + c over that of one reading."""
 _QUIET_SHARES = np.array([0.05, 0.3, 0.9])
 """Shares of windows in which a taxel is loaded steadily: equally likely before anything is seen."""
@@ -58,8 +59,6 @@ _MAX_REST_SCANS, _MAX_REST_READINGS = 96, 12_000
 """Scans and readings that are searched for unloaded ones, at most: for 1 % of a noise common to all."""
 _MAX_READINGS = 200_000
 """Readings that are searched for the quantisation step, at most: sorting takes time."""
-_ROUNDING = 1e-9
-"""Relative error of a count that was scaled and scaled back."""
 _MIN_LEVELS = 16
 """With fewer distinct readings the smallest step may be that of an image of few values, not the converter's."""
 _RANGE_QUANTILE = 0.995
@@ -138,7 +137,7 @@ def are_whole(numbers: Floats) -> bool:
     """
     some = numbers[np.isfinite(numbers)]
     whole = np.round(some)
-    return bool((np.abs(some - whole) <= _ROUNDING * np.maximum(1.0, np.abs(some))).all())
+    return bool((np.abs(some - whole) <= ROUNDING * np.maximum(1.0, np.abs(some))).all())
 
 
 def _levels(readings: Floats) -> Floats:
@@ -161,7 +160,7 @@ def _step(levels: Floats) -> float:
         return 0.0
     with np.errstate(over="ignore"):
         steps = np.diff(levels)
-    tiny = 1e-9 * max(largest, float(np.abs(levels).max()))  # smaller ones are rounding errors
+    tiny = ROUNDING * max(largest, float(np.abs(levels).max()))  # smaller ones are rounding errors
     step = float(steps[steps > tiny].min(initial=largest))
     return step if step < largest / _MIN_LEVELS else 0.0
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.checks import positive
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -56,8 +57,7 @@ class Conditioner:
             raise ParameterInvalid("lowpass_hz", self.lowpass_hz, "be a frequency in Hz, or 0 for no filter")
         if not (1 <= self.median_scans < 100 and self.median_scans % 2):
             raise ParameterInvalid("median_scans", self.median_scans, "be an odd number of scans from 1 to 99")
-        if not 0 < self.contact_on < float("inf"):
-            raise ParameterInvalid("contact_on", self.contact_on, "be a finite number above 0")
+        positive("contact_on", self.contact_on)
         if not 0 < self.contact_off <= self.contact_on:
             raise ParameterInvalid(
                 "contact_off", self.contact_off, f"be above 0 and at most contact_on, {self.contact_on}"

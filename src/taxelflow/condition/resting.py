@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import log_ndtr
 
+from taxelflow.numerics.rounding import CERTAIN
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -22,9 +24,7 @@ if TYPE_CHECKING:
 
 NEAR_LOAD_SHARE = 0.1
 """Beside a load above this share of the sensor's range, no reading counts as unloaded: the skirt of a contact is not
-noise."""
-_NEAR_LOAD_SIGMAS = 6.0
-"""... unless that is within this many standard deviations of the usual scatter: in a sensor without any load."""
+noise. Nor is a load within the usual scatter, in a sensor without any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ def far_from_loads(readings: Floats, near: NDArray[np.int64]) -> Floats:
     change = change[np.isfinite(change)]
     scatter = float(np.median(change)) / _LEVEL.normal_median / 6**0.5 if change.size else 0.0
     most = float(np.max(load, initial=0.0, where=np.isfinite(load)))
-    loaded = ~(load <= max(NEAR_LOAD_SHARE * most, _NEAR_LOAD_SIGMAS * scatter)) & ~np.isnan(readings)
+    loaded = ~(load <= max(NEAR_LOAD_SHARE * most, CERTAIN * scatter)) & ~np.isnan(readings)
     beside: Bools = loaded.copy()
     for column in near.T:
         beside |= loaded[:, column]

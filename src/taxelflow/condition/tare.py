@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from taxelflow.condition.resting import NEAR_LOAD_SHARE, far_from_loads, find_rest
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.centroid import LOADED_SIGMAS
 from taxelflow.numerics.robust import MAD_TO_SIGMA
+from taxelflow.numerics.rounding import CERTAIN
 
 MAX_OFFSET_SHARE = NEAR_LOAD_SHARE
 """Largest offset as a share of the reference (full scale, or the largest reading): a larger one may be a load."""
-OUTLIER_SIGMAS = 6.0
-"""A taxel farther from the pad's median than this many robust standard deviations (1.4826 MAD) is an outlier."""
 MIN_GEARY_RATIO = 0.5
 """Smallest Geary ratio, the mean squared difference of neighbours over that of taxels drawn at random, of an
 unstructured offset. Random offsets of 24 taxels fall below it 3 times in 10,000; a contact does, unless it is about as
@@ -41,9 +41,6 @@ MIN_IDLE_SCANS = 3.0
 """Unloaded scans from which a taxel's offset is known: fewer may be a light load that just pauses."""
 MIN_KNOWN_SHARE = 1 / 3
 """Share of a pad's taxels that must be unloaded at some time: fewer may be the rim of a contact."""
-LOADED_SIGMAS = 4.0
-"""A taxel whose lowest level is this many robust standard deviations above the pad's median was never unloaded."""
-
 LIKELY_SPREADS = 2.0
 """Where a taxel is never unloaded together with its neighbours, its own lowest level counts if it is within this many
 standard deviations of the pad's offsets, and loads come on top."""
@@ -76,7 +73,7 @@ def estimate_offset(
     live = complete[:, :, ~masked]
     with np.errstate(over="ignore", invalid="ignore"):
         sums = live.mean(axis=1).sum(axis=1)
-        tolerance = OUTLIER_SIGMAS * np.sqrt(np.sum(noise[~masked] ** 2) / live.shape[1])
+        tolerance = CERTAIN * np.sqrt(np.sum(noise[~masked] ** 2) / live.shape[1])
     idle = live[sums <= sums.min() + tolerance]
     offset = np.zeros(len(masked))
     offset[~masked] = idle.mean(axis=(0, 1))
@@ -107,11 +104,11 @@ def is_unstructured(offset: Floats, masked: Bools, neighbours: NDArray[np.int64]
     live = offset[~masked]
     deviation = np.abs(live - np.median(live))
     spread = max(MAD_TO_SIGMA * float(np.median(deviation)), offset_std)
-    if deviation.max() > OUTLIER_SIGMAS * spread:
+    if deviation.max() > CERTAIN * spread:
         return False
     pairs = neighbours[~masked[neighbours].any(axis=1)]
     if len(pairs) < MIN_NEIGHBOUR_PAIRS:
-        return bool(np.abs(live).max() <= OUTLIER_SIGMAS * offset_std)
+        return bool(np.abs(live).max() <= CERTAIN * offset_std)
     variance = float(np.var(live))
     if variance <= (FLAT_SIGMAS * offset_std) ** 2:
         return True

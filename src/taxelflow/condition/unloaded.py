@@ -19,8 +19,8 @@ _QUIETER = 4.0
 """... the latter must span at least this many times as much as the former, or nothing is reported."""
 _DOWNWARDS = 4.0
 """Factor by which touched taxels must fall more below the idle level than they rise above it."""
-_FEWEST = 4
-"""Taxels that this test needs."""
+_FEWEST = round(1.0 / _QUIET_SHARE)
+"""Taxels that this test needs: one in each share."""
 _FEWEST_SCANS = 5
 """Scans from which the noise is known."""
 

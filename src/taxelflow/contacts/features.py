@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.checks import not_negative
 
 if TYPE_CHECKING:
     from taxelflow.contacts.session import ContactSession
@@ -20,8 +20,7 @@ class ContactFeatures:
     """Threshold of a loaded taxel, standard deviations of its noise."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.threshold < float("inf"):
-            raise ParameterInvalid("features.threshold", self.threshold, "be 0 or more")
+        not_negative("features.threshold", self.threshold)
 
     def start(self, sensor: Sensor, contact_on: float, contact_off: float, *, stream: bool = False) -> ContactSession:
         """Begin a session of the contact stage; the thresholds are those of `Conditioner`.

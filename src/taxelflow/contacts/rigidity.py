@@ -21,6 +21,7 @@ from taxelflow.contacts.pairs import CheckedPad, Memory, Pair, Place, Shape
 from taxelflow.contacts.segmentation import NEAR, ContactState, ContactTracker, Labels
 from taxelflow.messages import Bools, Floats, cut, no_scans
 from taxelflow.numerics.records import Records, records
+from taxelflow.numerics.rounding import CERTAIN
 from taxelflow.runtime.compiling import announced, kernel, routine
 
 if TYPE_CHECKING:
@@ -33,10 +34,9 @@ _REFERENCE_SCANS = 5
 """Scans whose mean is the reference distance of a pair."""
 _MIN_CHANGED_SCANS = 5
 """Scans in a row for which a distance must have changed: a load that shifts for a moment moves a centroid too."""
-_CHANGE_SIGMAS, _CHANGE_PITCHES, _CHANGE_WIDTHS = 6.0, 0.5, 0.25
-"""A distance has changed if it differs by this many standard deviations, this many pitches (sampling moves centroids by
-less), and this share of the sum of the two widths. On the rig, feet of any size, noise and growth stay below 0.13 of
-it."""
+_CHANGE_PITCHES, _CHANGE_WIDTHS = 0.5, 0.25
+"""A distance has changed if it differs certainly, by this many pitches (sampling moves centroids by less), and by this
+share of the sum of the two widths. On the rig, feet of any size, noise and growth stay below 0.13 of it."""
 _WIDTH_RATIO = 1.25
 """Largest ratio of two widths (radius of gyration) that count as the same: a contact that grows moves its centroid."""
 
@@ -252,7 +252,7 @@ def _significant_change(one: Shape, other: Shape, pad: CheckedPad, pair: Pair) -
         return 0.0
     same = _same_width(one.width_m, pair.width_m) and _same_width(other.width_m, pair.other_width_m)
     change_m = abs(distance_m - pair.distance_m)
-    by_noise_m = _CHANGE_SIGMAS * np.sqrt(one.variance + other.variance)
+    by_noise_m = CERTAIN * np.sqrt(one.variance + other.variance)
     by_width_m = _CHANGE_WIDTHS * (pair.width_m + pair.other_width_m)
     least_m = max(by_noise_m, _CHANGE_PITCHES * pad.pitch_m, by_width_m) + pad.stretch * pair.distance_m
     pair.changed_scans = pair.changed_scans + 1 if same and change_m > least_m else 0

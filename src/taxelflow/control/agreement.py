@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.numerics.robust import OUTLIER
+from taxelflow.runtime.checks import positive
 
 if TYPE_CHECKING:
     from taxelflow.control.base import Touch
     from taxelflow.messages import Bools, Floats
-
-_MOST = 25.0
-"""Upper limit of a scan's chi-square in the learned noise, and of a pad that is used beside others."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +48,7 @@ class Agreement:
         if not 0 <= self.load_m < float("inf"):
             raise ParameterInvalid("agreement.load_m", self.load_m, "be a finite number, 0 or more")
         for name in ("sigmas", "alerted_sigmas", "acceleration_m_s2", "noise_m_s", "memory_s"):
-            if not 0 < getattr(self, name) < float("inf"):
-                raise ParameterInvalid(f"agreement.{name}", getattr(self, name), "be a finite number above 0")
+            positive(f"agreement.{name}", getattr(self, name))
 
     def start(self) -> AgreementSession:
         """Begin at rest, with the covariances that the pads report."""
@@ -97,7 +95,7 @@ class AgreementSession:
         chi_square = _apart(velocity, axes, noise)
         if chi_square is not None:
             share = 0.0 if alerted else min(touch.dt_s / p.memory_s, 1.0)
-            self._excess += share * (max(min(chi_square, _MOST), 1.0) - self._excess)
+            self._excess += share * (max(min(chi_square, OUTLIER), 1.0) - self._excess)
             now = max(self._excess, chi_square)
         if len(velocity):
             along = axes.reshape(-1, count)
@@ -131,7 +129,7 @@ class AgreementSession:
         own = noise[known, :, known]
         spread = axes[known] @ self._covariance @ axes[known].transpose(0, 2, 1) + own
         jumps = np.zeros(len(known), dtype=np.bool_)
-        jumps[known] = (off.transpose(0, 2, 1) @ np.linalg.solve(spread, off))[:, 0, 0] > _MOST
+        jumps[known] = (off.transpose(0, 2, 1) @ np.linalg.solve(spread, off))[:, 0, 0] > OUTLIER
         doubted = jumps & ~self._jumped if len(self._jumped) and not jumps[known].all() else np.zeros_like(jumps)
         self._jumped = jumps
         return known & ~doubted

@@ -15,8 +15,8 @@ from collections import deque
 
 import numpy as np
 
-G_M_S2 = 9.81
-"""Load over mass of an object that hangs in the grip. If it is pulled or shaken, F* is overestimated."""
+from taxelflow.numerics.gravity import G_M_S2
+
 _LARGEST_SHARE = 0.7
 """Upper limit of a / w: beyond it the grip is practically open."""
 _LOOK_BACK = 4

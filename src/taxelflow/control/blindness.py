@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.checks import positive
 
 if TYPE_CHECKING:
     from taxelflow.control.base import Touch
@@ -26,8 +26,7 @@ class Blindness:
 
     def __post_init__(self) -> None:
         for name in ("detail_m", "memory_s"):
-            if not 0 < getattr(self, name) < float("inf"):
-                raise ParameterInvalid(f"blindness.{name}", getattr(self, name), "be a finite number above 0")
+            positive(f"blindness.{name}", getattr(self, name))
 
     def start(self) -> BlindnessSession:
         """Begin with pads that are not blind; they stay so while they have no image."""

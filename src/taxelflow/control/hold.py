@@ -12,10 +12,11 @@ from math import exp, log
 import numpy as np
 
 from taxelflow.control.agreement import Agreement
-from taxelflow.control.balance import G_M_S2, Balance, Shown
+from taxelflow.control.balance import Balance, Shown
 from taxelflow.control.base import Touch
 from taxelflow.control.blindness import Blindness
 from taxelflow.control.slipped_force import SlippedForce
+from taxelflow.numerics.gravity import G_M_S2
 
 _MIDDLE = np.zeros(2)
 """Point of the object whose motion is evaluated, on facing pads: their middle, near the object's centre of mass."""

@@ -13,13 +13,13 @@ from typing import Protocol
 import numpy as np
 
 from taxelflow.control.agreement import Agreement
-from taxelflow.control.balance import G_M_S2, Balance
+from taxelflow.control.balance import Balance
 from taxelflow.control.base import Touch
+from taxelflow.numerics.gravity import G_M_S2
+from taxelflow.numerics.robust import OUTLIER
 
 _RATIO_S = 0.2
 """Time over which the ratio of a commanded force to a felt one is learned."""
-_APART = 25.0
-"""Chi-square beyond which the turns of two pads differ: then only that which is nearer to the turn before counts."""
 _LEAST_RAD2_S2 = 1e-8
 """Least variance of a turn, so that none is certain."""
 
@@ -124,7 +124,7 @@ class Turned:
         """Add a scan; the rate of rotation in the sense of the turn so far, rad/s."""
         known = np.isfinite(touch.velocity[:, 2])
         turns, variances = touch.velocity[known, 2], touch.covariance[known, 2, 2]
-        if len(turns) and np.ptp(turns) ** 2 > _APART * variances.sum():  # one of them has jumped
+        if len(turns) and np.ptp(turns) ** 2 > OUTLIER * variances.sum():  # one of them has jumped
             nearer = [np.abs(turns - self._rate_rad_s).argmin()]
             turns, variances = turns[nearer], variances[nearer]
         if len(turns):  # a pad that has jumped by less knows that it is less certain

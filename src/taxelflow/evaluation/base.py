@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import msgspec
 
-from taxelflow.errors import ParameterInvalid, written_at
+from taxelflow.errors import written_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -91,9 +91,3 @@ def _text(cell: Cell) -> str:
     if isinstance(cell, float):
         return f"{cell:.6g}" if isfinite(cell) else ""
     return "" if cell is None else str(cell)
-
-
-def at_least(name: str, value: int, least: int) -> None:
-    """Raises ParameterInvalid if an option is smaller than it may be."""
-    if value < least:
-        raise ParameterInvalid(name, value, f"be at least {least}")

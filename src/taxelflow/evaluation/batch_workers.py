@@ -19,13 +19,14 @@ import msgspec
 from rich.console import Console
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number
 from taxelflow.pipeline import api
 from taxelflow.pipeline.batch.cluster import connected, outcomes
 from taxelflow.pipeline.batch.task import Settings
 from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime.checks import at_least
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import save
 

@@ -18,13 +18,14 @@ import numpy as np
 
 from taxelflow.errors import ExtraMissing
 from taxelflow.estimation.template.online.session import StreamSession
+from taxelflow.evaluation.live_hand import BASELINE_PA, to_and_fro
 from taxelflow.evaluation.peer_methods import needed
 from taxelflow.messages import Scans, cut
 from taxelflow.pipeline import api
 from taxelflow.runtime import registry
 from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.catalogue import load_sensor
-from taxelflow.simulation.scenario import SCENARIOS, Contact, Motion
+from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
@@ -36,11 +37,7 @@ if TYPE_CHECKING:
 
 STEPPED = ("lnorm", "convolution", "template", "registration")
 """Methods that are timed, where they are registered."""
-_SENSOR = "barretthand-162"
-_RATE_HZ = 100.0
-_SPEED_M_S = 0.01
-_OFFSET_PA = 4e3
-"""Baseline of the rig's sensor, which is subtracted again."""
+RATE_HZ = 100.0
 _ROUNDS = 1000
 """Timed rounds, one scan each."""
 _WARM = 100
@@ -94,33 +91,17 @@ def hand_in_contact(rounds: int) -> tuple[Layout, list[Scans]]:
     """Conditioned scans, one a block, of the paper's hand with every pad in contact; the groups are left out."""
     count = _INNER * rounds
     stroke = SCENARIOS["stroke"]
-    sensor = msgspec.structs.replace(load_sensor(_SENSOR), groups=())
+    sensor = msgspec.structs.replace(load_sensor(stroke.sensor), groups=())
     layout = sensor.layout
     pressure = np.zeros((count, layout.taxels))
-    for pad, name in enumerate(layout.pads):
-        pitch = float(layout.pitch_m[pad].min())
-        strokes = int(np.ceil(count / _RATE_HZ * _SPEED_M_S / pitch)) + 1
-        scenario = replace(
-            stroke,
-            sensor=_SENSOR,
-            pad=name,
-            seed=pad,
-            contact=Contact("elongated", radius_m=pitch, aspect=1.5),
-            motion=Motion(
-                speed_m_s=_SPEED_M_S,
-                direction_rad=0.7,
-                travel_m=pitch,
-                strokes=strokes,
-                middle_m=(0.0, 0.0),
-                rest_s=0.0,
-            ),
-            sensing=replace(stroke.sensing, rate_hz=_RATE_HZ, baseline_pa=(_OFFSET_PA, _OFFSET_PA)),
-        )
+    sensing = replace(stroke.sensing, rate_hz=RATE_HZ, baseline_pa=(BASELINE_PA, BASELINE_PA))
+    for pad in range(len(layout.pads)):
         own = layout.of_pad(pad)
-        pressure[:, own] = simulate(scenario).load().values[:count, own] * sensor.to_si - _OFFSET_PA
+        scenario = to_and_fro(layout, pad, sensing, seconds=count / RATE_HZ, radius_pitches=1.0)
+        pressure[:, own] = simulate(scenario).load().values[:count, own] * sensor.to_si - BASELINE_PA
     contact = np.ones((count, len(layout.pads)), dtype=np.bool_)
     noise, ceiling = np.full(layout.entries, stroke.sensing.noise_pa), np.full(layout.entries, np.inf)
-    block = Scans(np.arange(count) / _RATE_HZ, pressure, noise, ceiling, contact, contact)
+    block = Scans(np.arange(count) / RATE_HZ, pressure, noise, ceiling, contact, contact)
     return layout, [cut(block, k, k + 1) for k in range(count)]
 
 
@@ -187,7 +168,7 @@ def _in_turn(
     try:
         for round_ in range(warm + rounds):
             if _round(steps, learning, taken, round_, warm):
-                sleep(_INNER / _RATE_HZ)
+                sleep(_INNER / RATE_HZ)
     finally:
         gc.enable()
     return {what: np.array(times) for what, times in taken.items() if times}

@@ -9,6 +9,7 @@ import numpy as np
 
 from taxelflow.acquire.joints import asked_joints
 from taxelflow.errors import ExtraMissing
+from taxelflow.evaluation.bench_peers import RATE_HZ
 from taxelflow.fusion.spatial.parameters import SpatialField
 from taxelflow.fusion.spatial.session import SpatialSession
 from taxelflow.messages import cut
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 _HAND = "barretthand-162"
 """That of the grasp."""
-_STEP_S = 0.01
 _WARM = 60
 """Scans until the window is full, and all contacts are anchored."""
 
@@ -42,7 +42,7 @@ def space_steps(sensor: Sensor) -> dict[str, Callable[[int], object]]:
 
     def scan(number: int) -> tuple[Slips, Floats]:
         k = there_and_back[number % len(there_and_back)]
-        slips = replace(cut(result.slips, k, k + 1), t_s=np.array([_STEP_S * number]))
+        slips = replace(cut(result.slips, k, k + 1), t_s=np.array([number / RATE_HZ]))
         return slips, result.contacts.centroid[k : k + 1]
 
     joints = asked_joints("spread", recording.sensor)

@@ -26,6 +26,7 @@ from scipy.sparse import bsr_array, csr_array
 
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.numerics.geometry import rotation
+from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.load import state_at
 from taxelflow.simulation.motion import move
@@ -37,7 +38,9 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.simulation.scenario import Scenario
 
-_STEPS = (5e-3, 5e-3, 0.03)
+FEWEST = 3
+"""Scans of a contact below which nothing is left when offset and angle were taken off."""
+_STEP_PITCHES, _STEP_RAD = 5e-3, 0.03
 """Steps of the central differences, in pitches and rad: about the resolution of a scan, so that structure that is too
 fine to be observed (the cells of the elastic solver's fields) has little effect."""
 _LOOSE = np.diag([1.0, 1.0, 1e-2])
@@ -48,10 +51,6 @@ _PRESSED = 0.01
 """Share of the largest pressure above which a taxel lies on the object."""
 _FREE = 10.0
 """Prior standard deviation of the pattern's coefficients, over the largest pressure: practically no prior."""
-_RIDGE = 1e-9
-"""Share of the information with the pattern known that is added to every pose: their common motion has hardly any."""
-_FEWEST = 3
-"""Scans of a contact below which it has no bound."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +113,7 @@ def bound_of(scenario: Scenario, t_s: Floats, *, jointly: bool = True) -> Bound:
     unknown, since_known, since_unknown = (np.full_like(known, np.nan) for _ in range(3))
     alone = _covariances(information, axes.stop)
     for contact in _runs(scored):
-        if len(contact) < _FEWEST:
+        if len(contact) < FEWEST:
             continue
         own, later = alone[contact], contact[1:]
         since_known[later, axes] = _since(pose[contact, 2], own, np.zeros_like(own))
@@ -165,7 +164,7 @@ def modelled(scenario: Scenario, layout: Layout, pad: int, t_s: Floats) -> Model
     own, sensing = layout.of_pad(pad), scenario.sensing
     taxels = np.arange(layout.taxels)[own]
     pressure = pressures(scenario, layout, [pad], t_s)[:, own]
-    steps = np.array(_STEPS) * [*layout.pitch_m[pad], 1.0]
+    steps = np.array([*(_STEP_PITCHES * layout.pitch_m[pad]), _STEP_RAD])
     there, back = (
         np.stack([pressures(scenario, layout, [pad], t_s, shift)[:, own] for shift in np.diag(way)], axis=-1)
         for way in (steps, -steps)
@@ -201,7 +200,8 @@ def _jointly(model: Model, pose: Floats, known: Floats, contact: Any, knot_m: fl
     crossed = solve_triangular(factor, (pattern.T @ _blocks(by_pose)).toarray(), lower=True)
     information = _blocks(np.swapaxes(by_pose, 1, 2) @ by_pose).toarray() - crossed.T @ crossed
     gauge = _gauge(pose[contact, 2], scale)
-    whole = cho_factor(information + _RIDGE * np.eye(scans * axes), lower=True)
+    # The common motion of all poses has hardly any information.
+    whole = cho_factor(information + ROUNDING * np.eye(scans * axes), lower=True)
     covariance = cho_solve(whole, np.eye(scans * axes))
     variance = _without(gauge, (scale / _spread(scale)).reshape(-1, 1) ** 2, covariance)
     deviation: Floats = np.sqrt(variance).reshape(scans, axes) * scale

@@ -25,6 +25,7 @@ from taxelflow.evaluation.gainfit import GainFit, Sightings, fit_gains
 from taxelflow.messages import Scans, Slips, joined
 from taxelflow.pipeline import api
 from taxelflow.runtime import registry
+from taxelflow.runtime.checks import not_negative
 from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
 
@@ -57,8 +58,7 @@ def calibrate(
     """
     estimator = _calibratable(method)
     for name, value in (("search_s", search_s), ("edge", edge), ("within_m", 1.0 if within_m is None else within_m)):
-        if not 0 <= value < float("inf"):
-            raise ParameterInvalid(name, value, "be 0 or more")
+        not_negative(name, value)
     layout = recording.layout
     names = layout.pads[: layout.pad_count]
     if pad is not None and pad not in names:

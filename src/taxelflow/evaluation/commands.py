@@ -17,14 +17,15 @@ from tyro.conf import Positional
 from taxelflow.acquire.options import Recorded
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.base import at_least, write_tables
+from taxelflow.evaluation.base import write_tables
 from taxelflow.runtime import registry
+from taxelflow.runtime.checks import at_least
+from taxelflow.runtime.exit_codes import PARTLY_DONE
 
 if TYPE_CHECKING:
-    from taxelflow.evaluation.base import Score as AnyScore
+    from collections.abc import Callable, Sequence
 
-PARTLY_READ = 1
-"""Exit code of a command that could read a part of a recording only."""
+    from taxelflow.evaluation.base import Score as AnyScore
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +112,7 @@ class Info(Recorded):
             show_checkup(checkup)
         for note in (*checkup.notes, *([checkup.loss] if checkup.loss else [])):
             print(f"taxelflow: {note}", file=sys.stderr)
-        return PARTLY_READ if checkup.loss else 0
+        return PARTLY_DONE if checkup.loss else 0
 
 
 @dataclass(frozen=True)
@@ -166,34 +167,45 @@ class Figures:
 
 
 @dataclass(frozen=True)
-class Bench:
+class Output:
+    """What is done with a report."""
+
+    json: bool = False
+    """Print JSON instead of tables."""
+    csv: Path | None = None
+    """Write the rows to this .csv file, too; further tables go to NAME-TABLE.csv beside NAME.csv."""
+
+    def __post_init__(self) -> None:
+        check_csv(self.csv)
+
+    def give(self, report: Any, show: Callable[[], None], *, drawn: Sequence[Path] = ()) -> int:
+        """Write and print a report; the exit code. show: prints its tables. drawn: files with pictures of it."""
+        from taxelflow.publish.summary import to_json
+
+        written = [] if self.csv is None else write_tables(report.tables(), self.csv)
+        if self.json:
+            sys.stdout.buffer.write(to_json(report))
+        else:
+            show()
+            name_files([*written, *drawn])
+        return 0
+
+
+@dataclass(frozen=True)
+class Bench(Output):
     """Measure speed: kernels against the literal equations, where the time goes, start of the command line."""
 
     recording: Path | None = None
     """Recording to measure reading and estimating on; a simulated one if left out."""
-    json: bool = False
-    """Print JSON instead of tables."""
-    csv: Path | None = None
-    """Write the steps to this .csv file, too; further tables go to NAME-TABLE.csv beside NAME.csv."""
-
-    def __post_init__(self) -> None:
-        check_csv(self.csv)
 
     def run(self, _rest: list[str]) -> int:
         """Run and print."""
         from taxelflow.evaluation.bench import bench
         from taxelflow.evaluation.bench_table import show_bench
-        from taxelflow.publish.summary import to_json
         from taxelflow.publish.terminal import counted
 
         found = bench(self.recording, counted)
-        written = [] if self.csv is None else write_tables(found.tables(), self.csv)
-        if self.json:
-            sys.stdout.buffer.write(to_json(found))
-        else:
-            show_bench(found)
-            name_files(written)
-        return 0
+        return self.give(found, lambda: show_bench(found))
 
 
 @dataclass(frozen=True)
@@ -211,31 +223,11 @@ class Score:
         if not rest or rest[0].startswith("-"):
             return _list_scores(rest)
 
-        from taxelflow.publish.summary import to_json
         from taxelflow.publish.terminal import counted
 
         score, output = _parsed(registry.find("score", rest[0]), rest)
         report = score.run(counted)
-        written = [] if output.csv is None else write_tables(report.tables(), output.csv)
-        if output.json:
-            sys.stdout.buffer.write(to_json(report))
-            return 0
-        report.show()
-        name_files(written)
-        return 0
-
-
-@dataclass(frozen=True)
-class Output:
-    """What is done with the report of a score."""
-
-    json: bool = False
-    """Print JSON instead of tables."""
-    csv: Path | None = None
-    """Write the rows to this .csv file, too; further tables of the score go to NAME-TABLE.csv beside NAME.csv."""
-
-    def __post_init__(self) -> None:
-        check_csv(self.csv)
+        return output.give(report, report.show)
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,15 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from taxelflow.evaluation.base import Table, at_least, unwatched
+from taxelflow.evaluation.base import Table, unwatched
+from taxelflow.evaluation.bound import FEWEST
 from taxelflow.evaluation.cells import caption
 from taxelflow.evaluation.nees import SPANS, Consistency, consistency
-from taxelflow.evaluation.pose_errors import FEWEST, without_frame
+from taxelflow.evaluation.pose_errors import without_frame
 from taxelflow.messages import LOST, OK
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime.checks import at_least
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import of_second, simulate
 

@@ -15,7 +15,7 @@ from taxelflow.control.touch import TouchStream
 from taxelflow.simulation.mujoco.events import END_S
 from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.skin import Skin
-from taxelflow.simulation.mujoco.trial import DROPPED_M, Moment, Rehearsal, Trial
+from taxelflow.simulation.mujoco.trial import DROPPED_M, FORCE_COST, NEAR_M, Moment, Rehearsal, Trial
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -29,10 +29,6 @@ if TYPE_CHECKING:
 
 RESTING_M, RESTING_S = 0.001, 1.0
 """An object is held if it slid less than `DROPPED_M`, and less than 1 mm in the last second."""
-WITHIN_MM = 5.0
-"""Slid distance below which an object is held well."""
-FORCE_COST = 0.25
-"""Cost of a force of twice the least; an object that is lost, or slides 5 mm or more, costs 1."""
 MOTION_END_S, RESTED_S = 9.0, 0.5
 """Latest end of a trial in which an object is let slide or turn, and the time it is watched after the motion."""
 
@@ -74,7 +70,7 @@ class ControlReport(msgspec.Struct, frozen=True):
 
 def is_near(row: TrialRow) -> bool:
     """Whether an object was held and slid less than 5 mm."""
-    return row.held and row.slid_mm < WITHIN_MM
+    return row.held and row.slid_mm < 1e3 * NEAR_M
 
 
 def cost_of(rows: Sequence[TrialRow]) -> float:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.commands import check_csv
 from taxelflow.runtime import registry
+from taxelflow.runtime.checks import not_negative
+from taxelflow.runtime.exit_codes import PARTLY_DONE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,8 +22,6 @@ if TYPE_CHECKING:
     from taxelflow.simulation.mujoco.plant import Actuator
     from taxelflow.simulation.mujoco.trial import Trial
 
-NOT_GRASPED = 1
-"""Exit code if an object was not grasped in some trial."""
 _MOTIONS = ("slide", "pivot")
 _BY_MM, _BY_DEG = 5.0, 45.0
 """Default slide and turn of the controllers that let an object move."""
@@ -86,8 +86,7 @@ class Control:
             return self._run()
 
     def _run(self) -> int:
-        if self.tune < 0:
-            raise ParameterInvalid("tune", self.tune, "be 0 or more")
+        not_negative("tune", self.tune)
         check_csv(self.csv)
         self._check_hand()
         if self.json and self.against:
@@ -170,7 +169,7 @@ class Control:
             self._print_json(report)
         else:
             report.show()
-        return NOT_GRASPED if any(row.grasped < row.trials for row in report.rows) else 0
+        return PARTLY_DONE if any(row.grasped < row.trials for row in report.rows) else 0
 
     def _print_json(self, report: Any) -> None:
         import msgspec
@@ -267,4 +266,4 @@ def _blamed(rows: Sequence[TrialRow | MotionRow]) -> int:
     lost = [row for row in rows if not row.grasped]
     for row in lost:
         print(f"taxelflow: trial {row.seed} ({row.object}) was not grasped before the lift", file=sys.stderr)
-    return NOT_GRASPED if lost else 0
+    return PARTLY_DONE if lost else 0

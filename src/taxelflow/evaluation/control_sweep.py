@@ -10,8 +10,9 @@ from rich.console import Console
 
 from taxelflow.evaluation.base import Table, table_of
 from taxelflow.evaluation.control import ControlReport
+from taxelflow.numerics.gravity import G_M_S2
 from taxelflow.publish.quiet import quiet_table
-from taxelflow.simulation.mujoco.events import EVENT_S, G_M_S2
+from taxelflow.simulation.mujoco.events import EVENT_S
 from taxelflow.simulation.mujoco.plant import Actuator
 
 if TYPE_CHECKING:

@@ -18,9 +18,10 @@ from rich.console import Console
 from scipy.optimize import least_squares
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime.checks import at_least, positive
 
 if TYPE_CHECKING:
     from taxelflow.evaluation.base import Table, Watch
@@ -69,8 +70,7 @@ class Design:
         for size, pitch in product(self.size_mm, self.pitch_mm):
             if not 1 <= size / pitch <= 50:
                 raise ParameterInvalid("pitch_mm", pitch, f"be between 1/50 of the object and the object, {size:g} mm")
-        if not 0 < self.window_s < float("inf"):
-            raise ParameterInvalid("window_s", self.window_s, "be a finite number above 0")
+        positive("window_s", self.window_s)
 
     def run(self, watched: Watch = unwatched) -> DesignReport:
         """Draw poses, compute bounds, fit."""

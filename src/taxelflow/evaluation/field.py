@@ -14,10 +14,11 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number, short
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime.checks import at_least
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.simulation.scenario import SCENARIOS

@@ -15,7 +15,7 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.bound import modelled
 from taxelflow.evaluation.cells import caption, number, short
 from taxelflow.evaluation.field import SCENES
@@ -23,6 +23,7 @@ from taxelflow.evaluation.grasp_rows import GraspRow, grasp_rows
 from taxelflow.numerics.geometry import rotation
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime.checks import at_least
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.motion import move
 from taxelflow.simulation.relief.parameters import LEAST_EXPONENT, MOST_EXPONENT

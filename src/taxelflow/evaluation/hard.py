@@ -14,12 +14,13 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number, short, solved_by
 from taxelflow.evaluation.hard_cases import CASES
 from taxelflow.evaluation.strokes import SPEEDS_MM_S, bounds, rms_of, strokes_by, trial, ungrouped
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime.checks import at_least
 from taxelflow.simulation.scenario import Solver
 from taxelflow.simulation.simulate import simulate
 

@@ -16,7 +16,7 @@ from tyro.conf import Positional
 
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Mode
-from taxelflow.evaluation.base import Table, at_least, unwatched
+from taxelflow.evaluation.base import Table, unwatched
 from taxelflow.evaluation.bound import bound_of
 from taxelflow.evaluation.cells import caption, number, solved_by
 from taxelflow.evaluation.limits_rows import (
@@ -43,6 +43,7 @@ from taxelflow.evaluation.strokes import ungrouped
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime import registry
+from taxelflow.runtime.checks import at_least
 from taxelflow.simulation.scenario import SCENARIOS, Solver
 from taxelflow.simulation.simulate import simulate
 

@@ -27,6 +27,7 @@ from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime.checks import not_negative
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -140,8 +141,7 @@ class LiveBench:
             if not value > 0:
                 raise ParameterInvalid(name, value, "be above 0")
         for name, seed in (("late-seeds", self.late_seeds), ("late-seed", self.late_seed)):
-            if seed < 0:
-                raise ParameterInvalid(name, seed, "be 0 or more")
+            not_negative(name, seed)
 
     def run(self, watched: Watch = unwatched) -> LiveReport:
         """Measure."""

@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 
 from taxelflow.estimation.template.parameters import Template
-from taxelflow.evaluation.pose_errors import FEWEST, without_frame
+from taxelflow.evaluation.bound import FEWEST
+from taxelflow.evaluation.pose_errors import without_frame
 from taxelflow.evaluation.strokes import ungrouped
 from taxelflow.messages import LOST, OK, joined
 from taxelflow.pipeline.stages import Pipeline

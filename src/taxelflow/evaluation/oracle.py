@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.slip.measurement import MIN_STD_M
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -24,8 +26,6 @@ _OVERSHOOT = 0.02
 """Factor on the threshold. The statistic overshoots it by far in a single scan, so that false alarms are rarer than the
 threshold alone implies.
 """
-_MIN_STD_M = 1e-6
-"""Least standard deviation of a pose; some methods report 0."""
 _STOPS_PER_S = 3.6
 """One over the mean duration of the rig's slips."""
 _SCANS_BEFORE, _SCANS_AFTER = 60, 30
@@ -40,7 +40,7 @@ def called(
     place: (scans, 2), where the object is in truth. covariance: (scans, 2, 2) of its pose. runs: the slips, first scan
     and first after. alarm_s: mean time between false alarms. seed: of the errors.
     """
-    covariance = covariance + _MIN_STD_M**2 * np.eye(2)
+    covariance = covariance + MIN_STD_M**2 * np.eye(2)
     root, information = (np.asarray(of(covariance), dtype=np.float64) for of in (np.linalg.cholesky, np.linalg.inv))
     seen = place + np.einsum("kxy,ky->kx", root, np.random.default_rng(seed).standard_normal(place.shape))
     slipping, rests = np.zeros(len(t_s), dtype=np.bool_), 0

@@ -16,7 +16,7 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.base import Table, at_least, table_of, unwatched
+from taxelflow.evaluation.base import Table, table_of, unwatched
 from taxelflow.evaluation.cells import caption, decimals, short, solved_by
 from taxelflow.evaluation.peer_methods import peers
 from taxelflow.evaluation.strokes import (
@@ -24,6 +24,7 @@ from taxelflow.evaluation.strokes import (
     SPEEDS_MM_S,
     Row,
     Stroke,
+    Strokes,
     bounds,
     cut,
     rows_of,
@@ -34,7 +35,6 @@ from taxelflow.evaluation.strokes import (
 )
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
-from taxelflow.simulation.scenario import Solver
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
@@ -79,24 +79,11 @@ class Best(msgspec.Struct, frozen=True):
 
 
 @dataclass(frozen=True)
-class Peers:
+class Peers(Strokes):
     """Compare with OpenCV, scikit-image, OpenPIV (extra `bench`).
 
     All estimate the velocity of the strokes of Table I.
     """
-
-    strokes: int = 1000
-    """Strokes at each speed, 2 or more; half of them go backward, so an odd number is rounded up."""
-    seed: int = 0
-    """Seed of the first trial, 0 or more; the trials are those of `score table1` with this seed."""
-    methods: tuple[str, ...] = ()
-    """Estimators of taxelflow to score; lnorm, convolution and template if left out."""
-    solver: Solver = "analytic"
-    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `elastic`)."""
-
-    def __post_init__(self) -> None:
-        at_least("strokes", self.strokes, 2)
-        at_least("seed", self.seed, 0)
 
     def run(self, watched: Watch = unwatched) -> PeersReport:
         """Run the strokes through our estimators and the peers. Raises ExtraMissing, NameUnknown, ParameterInvalid."""

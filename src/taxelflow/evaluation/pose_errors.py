@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.evaluation.bound import FEWEST
 from taxelflow.messages import LOST, OK
 from taxelflow.numerics.geometry import rotation
 from taxelflow.simulation.motion import move
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     from taxelflow.evaluation.bound import Bound
     from taxelflow.messages import Bools, Floats, Slips
     from taxelflow.simulation.scenario import Scenario
-
-FEWEST = 3
-"""Scans of a contact below which nothing is left when offset and angle were taken off."""
 
 
 @dataclass(frozen=True, slots=True)

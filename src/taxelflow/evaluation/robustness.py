@@ -14,11 +14,12 @@ from rich.console import Console
 
 from taxelflow.errors import NameUnknown, TipsOver
 from taxelflow.estimation.base import Mode
-from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number, short
 from taxelflow.evaluation.robustness_rows import SIMPLE, CaseRow, RobustnessSummary, row_of, summaries, with_ratios
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime.checks import at_least
 from taxelflow.simulation.relief.cases import EFFECTS, PLACES, Moved, case, sensor_at
 from taxelflow.simulation.relief.parameters import Shape
 from taxelflow.simulation.relief.simulate import simulate_relief

@@ -9,6 +9,7 @@ import numpy as np
 
 from taxelflow.evaluation.pose_errors import without_frame
 from taxelflow.messages import LOST, OK
+from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.simulation.relief.course import follow
 
 if TYPE_CHECKING:
@@ -23,8 +24,8 @@ _SETTLED_S = 1.0
 """Time after the first contact from which a stream is scored, s."""
 _FEWEST_SHARE = 0.5
 """Least share of the scans in contact that must have a pose, or else a method has no error."""
-_SIGMAS, _WRONG_M = 3.0, 3e-4
-"""An error above both is wrong, where the quality is ok."""
+_WRONG_M = 3e-4
+"""A significant error above this is wrong, where the quality is ok."""
 _WORSE, _BETTER = 1.1, 1 / 3
 """Ratios above which a case is worse, and below which it is better."""
 
@@ -145,7 +146,7 @@ def _normalised(error: Floats, covariance: Floats) -> tuple[Floats, Floats]:
 def _wrong(error: Floats, squared: Floats) -> Bools:
     """Whether a position (scans,) is off by more than 3 sigma and 0.3 mm. squared: (scans,), over the covariance."""
     with np.errstate(invalid="ignore"):
-        wrong: Bools = (squared > _SIGMAS**2) & (np.hypot(error[:, 0], error[:, 1]) > _WRONG_M)
+        wrong: Bools = (squared > SIGNIFICANT**2) & (np.hypot(error[:, 0], error[:, 1]) > _WRONG_M)
     return wrong
 
 

@@ -18,13 +18,13 @@ import numpy as np
 from rich.console import Console
 from scipy.stats import chi2
 
-from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.base import Mode
-from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number
 from taxelflow.evaluation.slip_scoring import MODES, NOISE, OBJECTS, Job, Tally, found_by
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime.checks import at_least, not_negative
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
@@ -111,8 +111,7 @@ class Slip:
         at_least("seeds", self.seeds, 0)
         at_least("seed", self.seed, 0)
         at_least("processes", self.processes, 1)
-        if not 0 <= self.hours < float("inf"):
-            raise ParameterInvalid("hours", self.hours, "be 0 or more")
+        not_negative("hours", self.hours)
         SlipMonitor(alarms_per_hour=self.alarms_per_hour)  # refuses a rate that cannot be
 
     def run(self, watched: Watch = unwatched) -> SlipReport:

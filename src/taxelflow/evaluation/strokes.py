@@ -17,10 +17,12 @@ from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.base import unwatched
 from taxelflow.evaluation.bound import bound_of
 from taxelflow.messages import LOST, joined
+from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.pipeline import api
 from taxelflow.runtime import registry
+from taxelflow.runtime.checks import at_least
 from taxelflow.runtime.compiling import announced
-from taxelflow.simulation.scenario import SCENARIOS, Scenario
+from taxelflow.simulation.scenario import SCENARIOS, Scenario, Solver
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
     from taxelflow.evaluation.base import Watch
     from taxelflow.messages import Bools, Floats, Scans, Slips
-    from taxelflow.simulation.scenario import Solver
 
 PAPER_METHODS = ("lnorm", "convolution")
 OUR_METHODS = ("template",)
@@ -42,8 +43,6 @@ SPEEDS_MM_S = (25, 50)
 SETS = ("all", "interior")
 _INTERIOR_M = 0.022
 """Further out, a contact of this size leaves the 70 mm of the palm."""
-_FEWEST = 3
-"""A line through fewer positions is no velocity."""
 
 
 class Row(msgspec.Struct, frozen=True):
@@ -75,6 +74,24 @@ class Stroke:
     backward: bool
     all: float
     interior: float
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """Options of the scores on many strokes."""
+
+    strokes: int = 1000
+    """Strokes at each speed, 2 or more; half of them go backward, so an odd number is rounded up."""
+    seed: int = 0
+    """Seed of the first trial, 0 or more; the others count up from it. Scores with one seed have the same trials."""
+    methods: tuple[str, ...] = ()
+    """Estimators to score; lnorm, convolution and template if left out."""
+    solver: Solver = "analytic"
+    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `elastic`)."""
+
+    def __post_init__(self) -> None:
+        at_least("strokes", self.strokes, 2)
+        at_least("seed", self.seed, 0)
 
 
 Seen = dict[tuple[str | int, str], list[Stroke]]
@@ -196,7 +213,7 @@ def slope(
     weight: (scans,), 1 for all if left out. piece: (scans,); positions of different numbers have origins of their own,
     so that lines of one slope are fitted side by side.
     """
-    if used.sum() < _FEWEST:
+    if used.sum() < LINE_POINTS:
         return float("nan")
     t, x = t_s[used], x[used]
     w = np.ones(len(t)) if weight is None else weight[used]

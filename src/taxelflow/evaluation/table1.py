@@ -13,12 +13,20 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.base import at_least, table_of, unwatched
+from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, decimals, short, solved_by
-from taxelflow.evaluation.strokes import Row, Stroke, rows_of, run_trials, scored_methods, strokes_by, ungrouped
+from taxelflow.evaluation.strokes import (
+    Row,
+    Stroke,
+    Strokes,
+    rows_of,
+    run_trials,
+    scored_methods,
+    strokes_by,
+    ungrouped,
+)
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
-from taxelflow.simulation.scenario import Solver
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
@@ -50,24 +58,11 @@ PAPER = (
 
 
 @dataclass(frozen=True)
-class Table1:
+class Table1(Strokes):
     """Compare the velocity of strokes with the paper's Table I.
 
     An airbag is slid over the palm, backward and forward, with object, line and phase drawn at random.
     """
-
-    strokes: int = 1000
-    """Number of strokes at each speed, 2 or more; half of them go backward, so an odd number is rounded up."""
-    seed: int = 0
-    """Seed of the first trial, 0 or more; the others count up from it."""
-    methods: tuple[str, ...] = ()
-    """Estimators to score; lnorm, convolution and template if left out."""
-    solver: Solver = "analytic"
-    """Contact model of the rig: analytic, or elastic (seconds a contact; extra `elastic`)."""
-
-    def __post_init__(self) -> None:
-        at_least("strokes", self.strokes, 2)
-        at_least("seed", self.seed, 0)
 
     def run(self, watched: Watch = unwatched) -> Table1Report:
         """Simulate and estimate the strokes, and as many again at 25 mm/s to fit the factors.

@@ -10,7 +10,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import Watch, unwatched
 from taxelflow.evaluation.view import Playing
 from taxelflow.publish.video import check_video, write_video
-from taxelflow.publish.view.browser import drawn_by, headless, installed_browser
+from taxelflow.publish.view.browser import PATIENCE_S, drawn_by, headless, installed_browser
 from taxelflow.publish.view.camera import FOV_RAD
 from taxelflow.publish.view.server import PANEL_PIXELS, PageServer
 
@@ -29,8 +29,6 @@ _BORDER = 160
 """Of the window around the picture, pixels."""
 _MOST_FRAMES = 10_000
 """Frames of a film at most: bounds its time and size."""
-_TIMEOUT_S = 120.0
-"""Time for a picture: the first one compiles shaders."""
 
 
 class Part(NamedTuple):
@@ -88,8 +86,8 @@ def _frames(page: Page, drawn: Any, times: Any) -> Iterator[Frame]:
             found = page.scene.frame(page.direction(), WIDTH / HEIGHT)
             drawn.camera.position, drawn.camera.look_at = found.position, found.look_at  # its background is behind
             camera = {"wxyz": found.wxyz, "position": found.position, "fov": FOV_RAD}
-            drawn.get_render(HEIGHT, WIDTH, timeout=_TIMEOUT_S, **camera)  # the first one may lack its labels
-        frame = drawn.get_render(HEIGHT, WIDTH, timeout=_TIMEOUT_S, **camera)
+            drawn.get_render(HEIGHT, WIDTH, timeout=PATIENCE_S, **camera)  # the first one may lack its labels
+        frame = drawn.get_render(HEIGHT, WIDTH, timeout=PATIENCE_S, **camera)
         yield np.ascontiguousarray(frame[..., :3])
 
 

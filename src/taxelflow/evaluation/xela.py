@@ -26,6 +26,7 @@ from taxelflow.evaluation.marker_recordings import marked_recordings, open_marke
 from taxelflow.messages import OK
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime.checks import not_negative
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -112,8 +113,7 @@ class Xela:
     """Delay of the slips of a stream besides that of its poses, s; subtracted before they are scored."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.stream_delay_s < float("inf"):
-            raise ParameterInvalid("stream_delay_s", self.stream_delay_s, "be 0 or more")
+        not_negative("stream_delay_s", self.stream_delay_s)
         if self.folder is None:
             raise ParameterInvalid("folder", "nothing", "name the folder of the recordings")
 

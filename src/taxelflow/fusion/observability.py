@@ -1,6 +1,6 @@
 """Limits of observability of the object's motion: from where a direction counts as unknown, and how unknown it is."""
 
-BLIND_M_S, BLIND_M = 0.02, 0.005
-"""Standard deviations of velocity and position, m/s and m, beyond which a direction is not observable."""
+BLIND_M_S = 0.02
+"""Standard deviation of a velocity, m/s, beyond which a direction is not observable; of a position: `BLIND_M`."""
 BLIND = 10.0
 """Standard deviation of a direction that is not observable, over that limit."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.checks import not_negative
 
 if TYPE_CHECKING:
     from taxelflow.fusion.session import FieldSession
@@ -22,8 +22,7 @@ class RigidField:
     covariance holds at a border too, has nothing added."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.edge_doubt < float("inf"):
-            raise ParameterInvalid("edge_doubt", self.edge_doubt, "be 0 or more")
+        not_negative("edge_doubt", self.edge_doubt)
 
     def start(self, layout: Layout) -> FieldSession:
         """Begin a session."""

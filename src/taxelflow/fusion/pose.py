@@ -9,7 +9,6 @@ import numpy as np
 from taxelflow.fusion.hand_frame import Carried
 from taxelflow.fusion.misfit import LEAST_FREEDOM, MEMORY
 from taxelflow.fusion.twist import (
-    LEAST_VARIANCE_M2,
     Equations,
     Row,
     add_point,
@@ -21,7 +20,7 @@ from taxelflow.fusion.twist import (
 )
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, Vector
-from taxelflow.numerics.rounding import LINEAR_RAD
+from taxelflow.numerics.rounding import LEAST_VARIANCE_M2, LINEAR_RAD
 from taxelflow.numerics.se2 import rotate, rotate_back
 from taxelflow.numerics.se3 import count_true
 from taxelflow.numerics.small_linalg import inverse2

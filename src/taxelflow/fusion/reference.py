@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.fusion.observability import BLIND, BLIND_M, BLIND_M_S
+from taxelflow.fusion.observability import BLIND, BLIND_M_S
+from taxelflow.numerics.rounding import BLIND_M
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel
 

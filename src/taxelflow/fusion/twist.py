@@ -16,15 +16,12 @@ import numpy as np
 from taxelflow.fusion.hand_frame import Carried
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, Vector
+from taxelflow.numerics.rounding import LEAST_VARIANCE_M2, SIGNIFICANT
 from taxelflow.numerics.small_linalg import eigenvalues2, inverse2, inverse3
 from taxelflow.runtime.compiling import kernel, routine
 
 _LEAST_DISTANCE_M = 1e-3
 """Distance of places below which they have no information on a rotation."""
-_CENTRE_SIGMAS = 3.0
-"""Rate of rotation, in standard deviations, above which a centre of rotation is reported."""
-LEAST_VARIANCE_M2 = 1e-18
-"""Added to the variance of a place or a displacement, which may be 0: a nanometre, squared."""
 
 
 class Row:
@@ -211,7 +208,7 @@ def spans_a_plane(affine: Floats) -> bool:
 def find_centre(row: Row) -> None:
     """Where the velocity is 0: c = (-v_y, v_x) / omega, and its standard deviations to first order."""
     vx, vy, omega, P = row.velocity[0], row.velocity[1], row.velocity[2], row.velocity_covariance
-    if omega * omega <= _CENTRE_SIGMAS**2 * P[2, 2]:
+    if omega * omega <= SIGNIFICANT**2 * P[2, 2]:
         return
     cx, cy = -vy / omega, vx / omega
     row.centre[0], row.centre[1] = cx, cy

@@ -15,16 +15,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.banded import WIDTH
 from taxelflow.runtime.compiling import inlined, kernel, routine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-STATE = 5
-"""Components of a state."""
-
-KNOTS = 16
-"""Knots that a reading depends on: four along each axis."""
+KNOTS = WIDTH**2
+"""Knots that a reading depends on."""
 _1, _2, _3 = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
@@ -36,6 +34,10 @@ class State(NamedTuple):
     theta: float
     gain: float
     size: float
+
+
+STATE = len(State._fields)
+"""Components of a state."""
 
 
 class States(NamedTuple):

@@ -6,6 +6,8 @@ from typing import Final
 
 FARTHEST_S: Final = 1.8e10
 """Times up to this, in the year 2540, are whole nanoseconds of 64 bits; a device that sends a later one has failed."""
+ROUNDING_S: Final = 1e-9
+"""Rounding of a clock: a time or a difference below this is 0."""
 SAME_S: Final = 1e-6
 """Times closer than this are of one scan: files of results hold whole microseconds."""
 

@@ -24,8 +24,8 @@ HIDDEN = 0.5
 """Least share of a motion that a centre of pressure must follow to be evidence of it."""
 _NEAR = 1.7
 """Pitches within which taxels are neighbours, on square and on triangular lattices."""
-_BESIDE = 0.3
-"""Offset along an axis, in pitches, above which a neighbour lies on that side."""
+IN_LINE = 0.3
+"""Offset along an axis, in pitches, up to which taxels lie in one line across it; those that jut out show little."""
 
 
 def open_sides(places: Floats) -> Floats:
@@ -36,7 +36,7 @@ def open_sides(places: Floats) -> Floats:
     apart = places[:, np.newaxis, :] - places[:, :, np.newaxis]
     near = np.hypot(*apart) < _NEAR
     ways = [(sign * apart[axis], np.abs(apart[1 - axis])) for axis in range(2) for sign in (-1.0, 1.0)]
-    return np.array([~np.any(near & (on > _BESIDE) & (on > beside - 1e-9), axis=1) for on, beside in ways], np.float64)
+    return np.array([~np.any(near & (on > IN_LINE) & (on > beside - 1e-9), axis=1) for on, beside in ways], np.float64)
 
 
 @kernel

@@ -8,10 +8,14 @@ from taxelflow.runtime.compiling import inlined, kernel
 
 MAD_TO_SIGMA = 1.4826
 """Standard deviation of normal numbers over their median absolute deviation."""
-OUTLIER = 25.0
-"""The most that one reading adds to chi-square: 5 standard deviations, squared."""
-_GATE = 2.0
-"""A scan fits up to this many times the reduced chi-square that is expected, and a margin for few readings."""
+HUBER = 5.0
+"""Standard deviations above which a reading of a registered scan weighs less."""
+OUTLIER = HUBER**2
+"""The most that one reading adds to chi-square, and from which on a measurement is an outlier."""
+CHEAPER = 1e-3
+"""What a further start of a registration must lower the cost by, to be more than rounding."""
+GATE = 2.0
+"""A scan fits up to this many times the reduced chi-square that is expected."""
 
 
 @inlined
@@ -23,5 +27,8 @@ def huber_weight(z: float, threshold: float) -> float:
 
 @kernel
 def gate(expected: float, count: float) -> float:
-    """Reduced chi-square (per reading) up to which a scan of `count` readings fits, if `expected` is usual."""
-    return float(expected * _GATE * (1.0 + 2.0 / np.sqrt(max(count, 1.0))))
+    """Reduced chi-square (per reading) up to which a scan of `count` readings fits, if `expected` is usual.
+
+    With a margin for few readings.
+    """
+    return float(expected * GATE * (1.0 + 2.0 / np.sqrt(max(count, 1.0))))

@@ -1,8 +1,20 @@
-"""Bounds that several stages share: of rounding, of an angle that is linear, of a position that is known."""
+"""Bounds that several stages share: of rounding, of noise, of an angle that is linear, of a position that is known."""
 
 ROUNDING = 1e-9
 """Relative error: a sum that cancels to less than this share of its terms is 0, and closer numbers are equal."""
+LEAST_VARIANCE_M2 = 1e-18
+"""Added to the variance of a place, which may be 0: a nanometre, squared."""
+SIGNIFICANT = 3.0
+"""Standard deviations beyond which noise does not explain a difference."""
+CERTAIN = 6.0
+"""Standard deviations that noise never exceeds, however many readings there are."""
+LINE_POINTS = 3
+"""Fewest points that determine a straight line and its error."""
+OBSERVABLE = 4.0
+"""A turn is observable if the information on it is this many times what noise alone would pretend."""
 LINEAR_RAD = 0.5
 """Standard deviation of an angle up to which positions are linear in it; an angle with a larger one is not reported."""
+BLIND_M = 0.005
+"""Standard deviation of a position, m, beyond which it is not observable along that direction."""
 BLURRED = 0.25
 """Standard deviation of a position, in pitches, above which a scan does not determine it along that direction."""

@@ -19,10 +19,10 @@ import numpy as np
 from taxelflow.acquire.base import Recording
 from taxelflow.messages import Joints, RawScans
 from taxelflow.numerics.geometry import se3_exp, se3_inverse
+from taxelflow.runtime.checks import positive
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import joint_angles
 from taxelflow.sensors.kinematics import PadKinematics, angles_of
-from taxelflow.simulation.checks import positive
 from taxelflow.simulation.relief.course import Followed
 from taxelflow.simulation.relief.parameters import Object, Pressing, Skin
 from taxelflow.simulation.relief.simulate import pressed_along
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 FINGERS = tuple(f"finger{number}_{part}" for number in (1, 2, 3) for part in ("tip", "mid"))
 """Pads that touch: the object moves along them, away from the palm."""
-_STEPS = (2e-4, 2e-4, 0.01)
-"""Steps of the derivatives for the bound, to both sides: m, m, rad."""
+_STEP_M, _STEP_RAD = 2e-4, 0.01
+"""Steps of the derivatives for the bound, to both sides."""
 _FINGERS_HZ = 1.3
 """Frequency at which the fingers sway."""
 
@@ -140,7 +140,7 @@ def grasp_bound(grasp: Grasp, grasped: Grasped, scans: list[int]) -> Floats:
                     - pressed_along(pressing, layout, pad, chosen, _shifted(path, -step))
                 )
                 / (2 * np.abs(step).max())
-                for step in np.diag(_STEPS)
+                for step in np.diag((_STEP_M, _STEP_M, _STEP_RAD))
             ],
             axis=-1,
         )

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.geometry import rotation
+from taxelflow.simulation.seeds import STICK_SLIP
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
     from taxelflow.simulation.parameters import Motion
-
-SEED_STICK_SLIP = 1
-"""Number of the random generator of holds and slips, beside the scenario's seed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +72,7 @@ def _strokes(motion: Motion, t_s: Floats) -> _Plan:
 
 def _stick_slip(motion: Motion, t_s: Floats, seed: int) -> _Plan:
     """Alternating holds and slips; a slip is straight at constant speed and turn rate."""
-    random = np.random.default_rng([seed, SEED_STICK_SLIP])
+    random = np.random.default_rng([seed, STICK_SLIP])
     end_s = motion.rest_s + motion.stick_slip_s
     knots = [np.array([motion.rest_s, 0.0, 0.0, 0.0, 0.0, 0.0])]  # t, shift x, shift y, turn, slid, turned
     slips = [False]  # before the first knot

@@ -7,7 +7,7 @@ from math import hypot
 from typing import Literal, get_args
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.simulation.checks import not_negative, positive, within
+from taxelflow.runtime.checks import not_negative, positive, within
 
 Shape = Literal["airbag", "hertz", "elongated", "feet", "textured", "bulb"]
 LONG = ("elongated", "bulb")

@@ -7,6 +7,7 @@ from math import pi
 from typing import Literal
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.checks import not_negative
 from taxelflow.simulation.parameters import TEXTURED, Contact, Load, Motion, Second, Sensing
 
 __all__ = ["DESCRIPTIONS", "SCENARIOS", "Contact", "Load", "Motion", "Scenario", "Second", "Sensing", "Solver"]
@@ -35,8 +36,7 @@ class Scenario:
     sensing: Sensing = field(default_factory=Sensing)
 
     def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise ParameterInvalid("seed", self.seed, "be 0 or more")
+        not_negative("seed", self.seed)
         motion_s = self.motion.duration_s
         if motion_s * self.sensing.rate_hz < 1:
             duty = f"be at least {1 / motion_s:.3g} Hz, for one scan in a motion of {motion_s:.3g} s"

@@ -1,7 +1,4 @@
-"""Model of the sensor: gains, offsets, noise, drift, time stamps, rolling scan.
-
-Jitter, drift and common gain have random generators of their own, so that one of them changes no other random number.
-"""
+"""Model of the sensor: gains, offsets, noise, drift, time stamps, rolling scan."""
 
 from __future__ import annotations
 
@@ -9,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.simulation.seeds import DRIFT, JITTER, WOBBLE
+
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.simulation.parameters import Sensing
 
-SEED_JITTER, SEED_DRIFT, SEED_WOBBLE = 3, 4, 5
-"""Numbers of these generators, beside the scenario's seed."""
 _DRIFT_SPREAD = 0.3
 """Standard deviation of the taxels' drift rates over their mean."""
 _MOST_JITTER = 0.45
@@ -33,7 +30,7 @@ def reported(sensing: Sensing, t_s: Floats, seed: int) -> Floats:
     if not sensing.jitter_s:
         return t_s
     most = _MOST_JITTER / sensing.rate_hz
-    jitter = sensing.jitter_s * np.random.default_rng([seed, SEED_JITTER]).standard_normal(len(t_s))
+    jitter = sensing.jitter_s * np.random.default_rng([seed, JITTER]).standard_normal(len(t_s))
     times: Floats = np.asarray(t_s + np.clip(jitter, -most, most), dtype=np.float64)
     return times
 
@@ -55,10 +52,10 @@ def sense(sensing: Sensing, pressure_pa: Floats, t_s: Floats, random: np.random.
     offset: Floats = np.asarray(random.uniform(*sensing.baseline_pa, taxels), dtype=np.float64)
     noise = sensing.noise_pa * random.standard_normal(pressure_pa.shape)
     if sensing.gain_wobble:
-        wobble = np.random.default_rng([seed, SEED_WOBBLE]).standard_normal((scans, 1))
+        wobble = np.random.default_rng([seed, WOBBLE]).standard_normal((scans, 1))
         pressure_pa = pressure_pa * (1.0 + sensing.gain_wobble * wobble)
     if sensing.drift_pa_s:
-        spread = np.random.default_rng([seed, SEED_DRIFT]).standard_normal(taxels)
+        spread = np.random.default_rng([seed, DRIFT]).standard_normal(taxels)
         rate_pa_s = sensing.drift_pa_s * (1.0 + _DRIFT_SPREAD * spread)
         offset = offset + rate_pa_s * t_s[:, np.newaxis]
     step = sensing.full_scale_pa / (2**sensing.bits - 1)

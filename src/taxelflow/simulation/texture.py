@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.simulation.seeds import TEXTURE
+
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.simulation.parameters import Contact
 
-SEED_TEXTURE = 2
-"""Number of the random generator of the texture, beside the scenario's seed."""
 _WAVES = 12
 """Cosines in a texture: enough for an irregular pattern in every direction."""
 _WAVELENGTHS = (0.7, 1.5)
@@ -52,7 +52,7 @@ class Texture:
 
 def texture_of(contact: Contact, seed: int) -> Texture:
     """Texture of an object: waves in all directions, of similar wavelengths."""
-    random = np.random.default_rng([seed, SEED_TEXTURE])
+    random = np.random.default_rng([seed, TEXTURE])
     length = contact.wavelength_m * random.uniform(*_WAVELENGTHS, _WAVES)
     direction = random.uniform(0.0, np.pi, _WAVES)
     wave = 2 * np.pi / length[:, np.newaxis] * np.stack([np.cos(direction), np.sin(direction)], axis=1)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.messages import AMBIGUOUS
+from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.sensors.border import border_of
 
 if TYPE_CHECKING:
@@ -29,8 +30,6 @@ _MIN_STEPS = 3
 """Displacements for a velocity with two to spare."""
 _ITERATIONS = 50
 """Of the speed, on which its own weights depend; each halves the error, or better."""
-_STEADY_SIGMAS = 3.0
-"""The velocity was constant if the chi-square of the scans is at most this many standard deviations above its mean."""
 
 
 class BorderLoss:
@@ -118,7 +117,7 @@ def steady_velocity(parts: list[Steps]) -> Velocity | None:
         mean = (weight * velocity).sum(axis=0) / weight.sum(axis=0)
     count = velocity.size
     chi_square = float((weight * (velocity - mean) ** 2).sum())
-    if chi_square > count + _STEADY_SIGMAS * sqrt(2.0 * count):
+    if chi_square > count + SIGNIFICANT * sqrt(2.0 * count):
         return None
     # Losses of neighbours are alike: as a mean they do not fall with the number of scans, as noise does.
     bias = (weight * hidden).sum(axis=0) / weight.sum(axis=0)

@@ -7,6 +7,7 @@ from math import erfc
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.clock import ROUNDING_S
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.slip.covariance import multiply, translation_variance
@@ -36,8 +37,6 @@ _END_SIGMAS = 2.5
 scans exceed it."""
 _END_P_VALUE = erfc(_END_SIGMAS / np.sqrt(2.0))
 """Of the same."""
-_MIN_DURATION_S = 1e-9
-"""Lower limit of the duration of a slip, against division by 0."""
 
 
 class PadState:
@@ -213,7 +212,7 @@ def _test_stop(odds: float, parameters: Parameters, state: PadState, change: Cha
     change.statistic = _STOP_ODDS / odds
     if odds > _STOP_ODDS and not slide.stop_reported:
         slide.stop_reported = True
-        duration_s = max(stop.since_s - slide.start_s, _MIN_DURATION_S)
+        duration_s = max(stop.since_s - slide.start_s, ROUNDING_S)
         for axis in range(3):
             slide.residual[axis] = (stop.position[axis] - slide.origin[axis]) / duration_s
         _report(stop.since_s, slide.residual, not slide.yaw_lost, change)

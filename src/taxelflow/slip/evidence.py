@@ -9,6 +9,8 @@ forward and backward for a recording.
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
@@ -22,6 +24,8 @@ GROWTH = 0.2
 """Unexplained change per change of the log load, of a contact not known yet: a patch that grows changes its pattern.
 Ten recordings: 0.1. A Gaussian patch whose width grows as the cube root of its load: 0.33. A patch that grows over a
 border: 0.6, which has to be learned."""
+_GROWTH_BINS, _PRIOR_GROWTH_BINS = 30, 5
+"""Bins whose median is the growth of a contact, and how many have the usual value at first."""
 _SLIP_FACTOR = 6.0
 """Change of a pattern in a slip over that at rest; the spread of the change of shear grows as much."""
 _SPREAD = 0.6
@@ -34,6 +38,11 @@ _LARGEST_RATIO = 10.0
 """Upper limit of a log likelihood ratio: a bin is no proof."""
 REST_S, SLIDE_S = 5.0, 0.7
 """Prior mean durations of rest and of a slip in the hand."""
+
+
+def first_growths() -> deque[float]:
+    """Growths of the latest bins, of a contact not known yet."""
+    return deque([GROWTH] * _PRIOR_GROWTH_BINS, maxlen=_GROWTH_BINS)
 
 
 def log_likelihood_ratio(

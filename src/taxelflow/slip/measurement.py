@@ -8,22 +8,22 @@ from typing import Annotated
 import numpy as np
 
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Bytes, Floats, Slips
+from taxelflow.numerics.clock import ROUNDING_S
 from taxelflow.numerics.records import Records, Vector, record_dtype
+from taxelflow.numerics.rounding import BLIND_M
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.slip.covariance import Covariance
 
 _UNRESOLVED_FACTOR = 9.0
 """Factor on the variance of a pose whose scan does not fit the method's model: three times the standard deviation."""
-UNOBSERVABLE_RATIO, UNOBSERVABLE_M = 100.0, 0.005
-"""An axis x or y is not observable if its standard deviation exceeds this multiple of the other's, and this many m. The
+UNOBSERVABLE_RATIO = 100.0
+"""An axis x or y is not observable if its standard deviation exceeds this multiple of the other's, and `BLIND_M`. The
 centroid of a line of taxels has no variance across the line, which is no evidence about motion along it."""
 _MEAN_WEIGHT, _MAX_VARIANCE_RATIO = 0.05, 4.0
 """Weight of a pose in the mean variance at rest (about 20 poses), and the multiple of the mean at which it is cut."""
 MIN_STD_M, MIN_STD_RAD = 1e-6, 1e-5
 """Lower limit of the standard deviation of a pose, below any sensor's; some methods report 0."""
-_TIME_TOLERANCE_S = 1e-9
-"""Rounding of a clock."""
 
 
 class Parameters:
@@ -154,7 +154,7 @@ def measure(scan: Observation, measurement: Measurement) -> bool:
         step = scan.displacement[axis]
         measurement.position[axis] += step if not np.isnan(step) else 0.0
     shared = scan.lag_s > 0.0
-    if shared and not scan.t_s - 2.0 * scan.lag_s > measurement.previous_s + _TIME_TOLERANCE_S:
+    if shared and not scan.t_s - 2.0 * scan.lag_s > measurement.previous_s + ROUNDING_S:
         return False
     measurement.t_s = scan.t_s
     # A displacement is the difference of two poses: half of its covariance is that of one pose.
@@ -229,7 +229,7 @@ def _one_observable_axis(matrix: Floats) -> bool:
 @routine
 def _unobservable(own: float, other: float) -> bool:
     """Whether an axis is not observable, by the variances along it and along the other axis, m^2."""
-    return bool(own > max(UNOBSERVABLE_RATIO**2 * other, UNOBSERVABLE_M**2))
+    return bool(own > max(UNOBSERVABLE_RATIO**2 * other, BLIND_M**2))
 
 
 @routine

@@ -15,6 +15,7 @@ import numpy as np
 
 from taxelflow.messages import Event, Floats, Slips
 from taxelflow.numerics.rounding import ROUNDING
+from taxelflow.slip.measurement import MIN_STD_M
 from taxelflow.slip.session import Detected, SlipSession
 
 if TYPE_CHECKING:
@@ -29,8 +30,6 @@ _SEARCH_SCANS, _STEPS_PER_SCAN = 8.0, 10
 """The change is searched within this many scans of the detector's estimate, on a grid of this many points per scan."""
 _RETURN_SIGMAS = 4.0
 """A short slip counts if its end is this many standard deviations away from its start."""
-_MIN_VARIANCE = 1e-12
-"""Lower limit of a variance in the weights, m^2 or rad^2: below any pose's."""
 
 
 @dataclass(slots=True, eq=False)
@@ -182,7 +181,7 @@ class OfflineSlipSession:
             return event.onset_s
         here = slice(low, high)
         path = np.cumsum(np.where(np.arange(high - low)[:, np.newaxis] > 0, moved[here], 0.0), axis=0)
-        weight = 1.0 / np.maximum(self._variance[start:stop, number][here], _MIN_VARIANCE)
+        weight = 1.0 / np.maximum(self._variance[start:stop, number][here], MIN_STD_M**2)
         known = np.isfinite(path).all(axis=0) & np.isfinite(weight).all(axis=0)
         side = 1 if event.event == "slip_start" else -1
         return _fit_change_point(t[here], path[:, known], weight[:, known], event.onset_s, side)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.checks import not_negative, positive
 
 if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
@@ -29,11 +29,9 @@ class SlipMonitor:
     """Age of a contact from which on slips are detected, s."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.alarms_per_hour < float("inf"):
-            raise ParameterInvalid("monitor.alarms_per_hour", self.alarms_per_hour, "be a finite number above 0")
+        positive("monitor.alarms_per_hour", self.alarms_per_hour)
         for name in ("creep_m_s", "load_m", "settle_s"):
-            if not 0 <= getattr(self, name) < float("inf"):
-                raise ParameterInvalid(f"monitor.{name}", getattr(self, name), "be 0 or more")
+            not_negative(f"monitor.{name}", getattr(self, name))
 
     def watch(self, layout: Layout, *, stream: bool, judged: bool = False) -> SlipStage:
         """Start the slip stage: poses, patterns and facing pads together, of a stream or of a recording.

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.slip.shear_change import ShearNoise, spread
 
 if TYPE_CHECKING:
@@ -40,8 +41,6 @@ STEADY_RISE = 0.1
 _STIRRED_SIGMAS = 3.0
 """Standard deviations of the squared norm of noise by which a pattern at rest must have changed to count as stirred.
 With two, 7 of 150 firm contacts that stick and slip were called restless in their first second, and stayed so."""
-_RIDGE = 1e-9
-"""Relative to the squared norm of the pattern: tilts of a line of taxels have one dimension only."""
 _OWN = 6
 """Values of a pad and bin beside those of longer baselines."""
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
@@ -251,7 +250,8 @@ def _explained(squares: Floats, products: Floats) -> tuple[Floats, Floats]:
     unit of the places do not matter.
     """
     normal = squares[_SYMMETRIC].transpose(2, 0, 1)
-    normal = normal + (_RIDGE * squares[0] + 1e-300)[:, np.newaxis, np.newaxis] * np.eye(3)
+    # Tilts of a line of taxels have one dimension only.
+    normal = normal + (ROUNDING * squares[0] + 1e-300)[:, np.newaxis, np.newaxis] * np.eye(3)
     score = products.T[..., np.newaxis]
     tilted = (score * np.linalg.solve(normal, score)).sum(axis=(1, 2))
     return products[0] ** 2 / squares[0], tilted

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import OK
+from taxelflow.numerics.rounding import SIGNIFICANT
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips
 
-_SIGMAS = 3.0
 _SHARE = 0.25
 """Of a pitch: a motion that poses must exclude. On 19 recordings of a real finger whose poses are `ok` in slips of 4 mm
 and more, their three standard deviations are 0.35 pitches and more."""
@@ -46,5 +46,5 @@ class PoseRest:
         places = np.stack([place for place, _ in self._poses])
         deviations = np.stack([deviation for _, deviation in self._poses])
         way_m = np.hypot(*(places.max(axis=0) - places.min(axis=0)).T)
-        excluded: Bools = way_m + _SIGMAS * deviations.max(axis=0) < self._most_m
+        excluded: Bools = way_m + SIGNIFICANT * deviations.max(axis=0) < self._most_m
         return excluded

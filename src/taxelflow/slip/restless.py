@@ -8,13 +8,12 @@ Where the pose has it rest, the change of the pattern with its load is learned, 
 
 from __future__ import annotations
 
-from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
-from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_S
+from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_S, first_growths
 from taxelflow.slip.pattern_change import BIN_S, STEADY_RISE
 
 if TYPE_CHECKING:
@@ -28,8 +27,6 @@ _MEMORY_BINS = 1000.0
 """Bins at rest that are remembered, 100 s: restlessness is a property of skin and arm, not of a contact."""
 _LONG_BINS = REST_S / BIN_S
 """A slip by the pose that lasts longer than objects rest is in doubt."""
-_GROWTH_BINS, _PRIOR_GROWTH_BINS = 30, 5
-"""Bins whose median is the growth, and how many have its usual value at first."""
 
 
 class RestlessPads:
@@ -41,7 +38,7 @@ class RestlessPads:
         self._stirred, self._rest = np.zeros(pads), np.zeros(pads)
         self._calm, self._slipped = np.zeros(pads, dtype=np.int64), np.zeros(pads, dtype=np.int64)
         self._last = np.full(pads, np.nan)
-        self._growths = [deque([GROWTH] * _PRIOR_GROWTH_BINS, maxlen=_GROWTH_BINS) for _ in range(pads)]
+        self._growths = [first_growths() for _ in range(pads)]
         self._growth = np.full(pads, GROWTH)
 
     @property

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.slip.evidence import GROWTH
+from taxelflow.slip.evidence import GROWTH, first_growths
 from taxelflow.slip.pattern_change import STEADY_RISE
 
 if TYPE_CHECKING:
@@ -21,8 +21,6 @@ _REST_SPREAD = 0.01
 """Of a pad that is not known yet: the median of ten recordings of one sensor."""
 _REST_BINS, _PRIOR_BINS = 100, 10
 """Bins at rest whose median it is, and how many have the usual value at first."""
-_GROWTH_BINS, _PRIOR_GROWTH_BINS = 30, 5
-"""The same of its growth with the load."""
 
 
 class ShearRest:
@@ -30,7 +28,7 @@ class ShearRest:
 
     def __init__(self, pads: int) -> None:
         self._spreads = [deque([_REST_SPREAD] * _PRIOR_BINS, maxlen=_REST_BINS) for _ in range(pads)]
-        self._growths = [deque([GROWTH] * _PRIOR_GROWTH_BINS, maxlen=_GROWTH_BINS) for _ in range(pads)]
+        self._growths = [first_growths() for _ in range(pads)]
         self.spread, self.growth = np.full(pads, _REST_SPREAD), np.full(pads, GROWTH)
 
     def update(self, changes: PatternChanges, scan: int, log_ratio: Floats) -> None:

@@ -7,13 +7,15 @@ stream gives each event at once, so that only the end carries the motion, from t
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import isnan, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.clock import ROUNDING_S
 from taxelflow.numerics.records import records
+from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.settled import Settled
 from taxelflow.slip.cut_contact import Steps, at_velocity, steady_velocity, steps_of
@@ -25,11 +27,6 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Bools, Event, Floats, Slips
     from taxelflow.numerics.records import Records
-
-_MIN_POSES = 3
-"""Poses for a fit of position and velocity with one to spare."""
-_SAME_S = 1e-9
-"""Rounding of a clock."""
 
 
 @dataclass(slots=True, eq=False)
@@ -142,9 +139,9 @@ class SlipEvents:
         progress = self._progress[pad]
         start_s, rows = start.event.onset_s, self._room[pad, : progress["held"]]
         end_s = float(progress["last_s"]) if end_s is None else end_s
-        inside = (rows["t_s"] >= start_s - _SAME_S) & (rows["t_s"] <= end_s + _SAME_S)
+        inside = (rows["t_s"] >= start_s - ROUNDING_S) & (rows["t_s"] <= end_s + ROUNDING_S)
         inside &= np.isfinite(rows["pose"][:, 0])
-        if not progress["lost"] and inside.sum() >= _MIN_POSES:
+        if not progress["lost"] and inside.sum() >= LINE_POINTS:
             known: Records = rows if inside.all() else rows[inside]
             with suppress(np.linalg.LinAlgError):  # a method from elsewhere may give poses without covariance
                 motion = fit_slip(known["t_s"].copy(), known["pose"].copy(), known["covariance"].copy(), start_s, end_s)
@@ -164,16 +161,5 @@ def _with_motion(event: Event, motion: SlipMotion) -> Event:
     """An event with the motion of its slip; what the detector saw of it stays where the motion is unknown."""
     if isnan(motion.speed_m_s):
         return replace(event, duration_s=motion.duration_s, std_duration_s=motion.std_duration_s)
-    return replace(
-        event,
-        direction_rad=motion.direction_rad,
-        speed_m_s=motion.speed_m_s,
-        turn_rad_s=motion.turn_rad / motion.duration_s if not isnan(motion.turn_rad) else nan,
-        path_m=motion.path_m,
-        turn_rad=motion.turn_rad,
-        duration_s=motion.duration_s,
-        std_speed_m_s=motion.std_speed_m_s,
-        std_path_m=motion.std_path_m,
-        std_turn_rad=motion.std_turn_rad,
-        std_duration_s=motion.std_duration_s,
-    )
+    turn_rad_s = motion.turn_rad / motion.duration_s if not isnan(motion.turn_rad) else nan
+    return replace(event, turn_rad_s=turn_rad_s, **asdict(motion))

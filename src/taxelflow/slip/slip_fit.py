@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, Vector, records
+from taxelflow.numerics.rounding import BLIND_M
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import kernel, routine
-from taxelflow.slip.measurement import MIN_STD_M, MIN_STD_RAD, UNOBSERVABLE_M, UNOBSERVABLE_RATIO
+from taxelflow.slip.measurement import MIN_STD_M, MIN_STD_RAD, UNOBSERVABLE_RATIO
 from taxelflow.slip.slip_knots import Knot, Spline, Sums, add_up, backward, forward, place_knots
 
 _MAX_CORRELATION = 0.95
@@ -140,7 +141,7 @@ def integrate_slip(displacement: Floats, covariance: Floats, start_s: float, end
 def _observable_axes(pose: Floats, covariance: Floats) -> list[int]:
     """Coordinates that are known in all scans and observable."""
     variance = _median(np.diagonal(covariance, axis1=1, axis2=2))
-    most = max(UNOBSERVABLE_RATIO**2 * float(np.min(variance[:2])), UNOBSERVABLE_M**2)
+    most = max(UNOBSERVABLE_RATIO**2 * float(np.min(variance[:2])), BLIND_M**2)
     known = np.isfinite(pose).all(axis=0) & np.isfinite(variance)
     known[:2] &= ~(variance[:2] > most)
     return np.flatnonzero(known).tolist()

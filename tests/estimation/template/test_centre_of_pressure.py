@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxelflow.acquire.base import Recording
-from taxelflow.estimation.template.online.witness import carry
+from taxelflow.estimation.template.online.witness import move_covariance
 from taxelflow.estimation.template.two_witnesses import combine, surely
 from taxelflow.evaluation.robustness_rows import CaseRow, row_of
 from taxelflow.messages import OK, Floats
@@ -103,9 +103,9 @@ def test_a_point_carried_there_and_back_has_the_covariance_that_it_had(seed: int
     x, y = random.normal(size=2)
     lever = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
     carried = cov.copy()
-    carry(x, y, carried)
+    move_covariance(x, y, carried)
     np.testing.assert_allclose(carried, lever @ cov @ lever.T, atol=1e-9)
-    carry(-x, -y, carried)
+    move_covariance(-x, -y, carried)
     np.testing.assert_allclose(carried, cov, atol=1e-9)
 
 

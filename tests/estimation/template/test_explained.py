@@ -22,11 +22,11 @@ from estimation.template.test_residual_process import (
 )
 from rigged import rigged
 from synthetic import dome, grid_sensor, recorded
-from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits, unexplained
 from taxelflow.estimation.template.online.map_update import first_pattern
-from taxelflow.estimation.template.online.relocalization import recognised
+from taxelflow.estimation.template.online.relocalization import relocalise
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import LOST
 from taxelflow.numerics.records import record
@@ -49,7 +49,7 @@ def compared(
 ) -> tuple[float, Floats]:
     """What is left, and where the pattern has its centre (2,)."""
     centre = np.zeros(2)
-    taxels = laid_out(PLACES, WHOLE, reading, variance, ceiling, ERROR)
+    taxels = pack_scan(PLACES, WHOLE, reading, variance, ceiling, ERROR)
     return unexplained(SURFACE, taxels, ERROR, state, centre), centre
 
 
@@ -109,8 +109,8 @@ def test_a_known_pattern_is_not_recognised_where_it_explains_nothing() -> None:
     bump = scan_of(100.0 * np.exp(-0.5 * (places[0] ** 2 + places[1] ** 2)))
     known = first_pattern(0.0, bump, still, np.ones(places.shape[1]), 0.05)
     far = scan_of(np.where((places[0] == 9.0) & (np.abs(places[1]) < 1.5), 30.0, 0.0))
-    assert recognised(known, np.zeros(2), bump) is not None
-    assert recognised(known, np.zeros(2), far) is None
+    assert relocalise(known, np.zeros(2), bump) is not None
+    assert relocalise(known, np.zeros(2), far) is None
 
 
 def test_a_pattern_that_explains_nothing_is_given_up_after_two_scans() -> None:

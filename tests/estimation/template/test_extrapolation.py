@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.extrapolation import level_off, looked_at, near
+from taxelflow.estimation.template.extrapolation import coverage, extrapolate, near
 from taxelflow.estimation.template.hypotheses import covering
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import COARSE, Scanned
@@ -30,7 +30,7 @@ def levelled(scan: Scanned) -> tuple[tuple[Floats, Floats], Floats, Floats]:
     pattern = covering(scan, at_rest())
     fill(pattern, scan.with_error(COARSE), at_rest())
     steep = pattern.coefficients
-    level_off(pattern, scan, at_rest())
+    extrapolate(pattern, scan, at_rest())
     return pattern.knots, steep, pattern.coefficients
 
 
@@ -38,7 +38,7 @@ def test_taxels_observe_their_place_in_the_objects_frame() -> None:
     scan, state = scanned(), at_rest()
     scan.variance[0, 5] = 0.0
     state[0] = State(1.0, -2.0, np.pi / 2, 1.0, np.log(2.0))
-    looked = looked_at(scan, state)
+    looked = coverage(scan, state)
     assert len(looked) == 63
     x, y = scan.places[:, 0]
     np.testing.assert_allclose(looked[0], [0.5 * (y + 2.0), -0.5 * (x - 1.0)])
@@ -48,7 +48,7 @@ def test_a_taxel_that_is_read_later_looks_from_where_the_object_was() -> None:
     scan = scanned()
     scan.bends = np.zeros((1, 3, 64))
     scan.bends[0, 0] = 0.25
-    np.testing.assert_allclose(looked_at(scan, at_rest()), scan.places.T - [0.25, 0.0])
+    np.testing.assert_allclose(coverage(scan, at_rest()), scan.places.T - [0.25, 0.0])
 
 
 def test_near_is_within_reach() -> None:

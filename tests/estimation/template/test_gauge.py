@@ -13,7 +13,7 @@ from estimation.template.test_map_update import keyframes_of
 from estimation.template.test_taxel_gains import sliding
 from taxelflow.estimation.template.online.gauge import Reported, hold
 from taxelflow.estimation.template.online.keyframes import Keyframes
-from taxelflow.estimation.template.online.local_map import Learned
+from taxelflow.estimation.template.online.local_map import LocalMap
 from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.estimation.template.online.witness import anchor, arm_on_map, find_centre, reported_place, turned_by
 from taxelflow.numerics.records import record, records
@@ -30,7 +30,7 @@ def track() -> Track:
     return m
 
 
-def turning(seed: int) -> tuple[Learned, Reported, np.ndarray, np.ndarray]:
+def turning(seed: int) -> tuple[LocalMap, Reported, np.ndarray, np.ndarray]:
     """A map of an object that turns, and where each of its keyframes was reported (n, 2), with its variance (n,)."""
     random = np.random.default_rng(seed)
     scanned, at, _ = sliding(0.0)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxelflow.estimation.template.levenberg_marquardt import Prior, register
-from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface
 from taxelflow.numerics.bspline import STATE, evaluate, state_of
 from taxelflow.numerics.small_linalg import solve_small
@@ -48,7 +48,7 @@ def fit(reading: Floats, *, variance: Any = NOISE**2, ceiling: float = np.inf, t
     state, information = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.zeros((STATE, STATE))
     stiffness = np.array([0.0, 0.0, 0.0 if turns else 1e12, 0.0, 1e12])
     noise = np.broadcast_to(variance, TAXELS).copy()
-    taxels = laid_out(PLACES, WHOLE, reading, noise, np.full(TAXELS, ceiling), 0.0)
+    taxels = pack_scan(PLACES, WHOLE, reading, noise, np.full(TAXELS, ceiling), 0.0)
     surface = Surface(bumps(), np.zeros((0, 0)), LATTICE)
     _, chi, count = register(surface, taxels, Prior(state.copy(), stiffness), 3.0, 30, state, information)
     return state, information, chi, count
@@ -124,7 +124,7 @@ def test_a_pattern_in_doubt_is_no_explanation() -> None:
     reading, cost, chi = scan(CLEAR, 0), [], []
     for doubt in (known, unknown):
         state, information = CLEAR.copy(), np.zeros((STATE, STATE))
-        taxels = laid_out(PLACES, WHOLE, reading, np.full(TAXELS, NOISE**2), np.full(TAXELS, np.inf), 0.0)
+        taxels = pack_scan(PLACES, WHOLE, reading, np.full(TAXELS, NOISE**2), np.full(TAXELS, np.inf), 0.0)
         prior = Prior(state.copy(), np.array([0.0, 0.0, 0.0, 0.0, 1e12]))
         surface = Surface(bumps(), doubt, LATTICE)
         found, misfit, _ = register(surface, taxels, prior, 3.0, 30, state, information)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.estimation.template.linearization import laid_out, linearise, look_up
+from taxelflow.estimation.template.linearization import linearise, look_up, pack_scan
 from taxelflow.estimation.template.map import Surface
 from taxelflow.numerics.bspline import STATE, evaluate, state_of, states_of
 
@@ -58,7 +58,7 @@ def test_the_normal_equations_are_those_of_a_plain_sum(seed: int, taxels: int, *
     q = np.empty((taxels, 5))
     evaluate(c, LATTICE, places, state, bend, q)
     normal, right = np.zeros((STATE, STATE)), np.zeros(STATE)
-    scan = laid_out(places, bend, reading, variance, ceiling, ERROR)
+    scan = pack_scan(places, bend, reading, variance, ceiling, ERROR)
     _, chi, _ = linearise(Surface(c, np.zeros((0, 0)), LATTICE), scan, HUBER, state, normal, right)
     expected, toward, misfit = twin(q, state, reading, variance, ceiling)
     np.testing.assert_allclose(np.tril(normal), np.tril(expected), rtol=1e-9, atol=1e-9)
@@ -69,7 +69,7 @@ def test_the_normal_equations_are_those_of_a_plain_sum(seed: int, taxels: int, *
 @given(taxels=st.integers(0, 20))
 def test_a_scan_is_filled_up_with_taxels_without_weight(taxels: int) -> None:
     ones = np.ones(taxels)
-    scan = laid_out(np.ones((2, taxels)), np.zeros((3, 0)), ones, ones, ones, 1.0)
+    scan = pack_scan(np.ones((2, taxels)), np.zeros((3, 0)), ones, ones, ones, 1.0)
     assert all(len(row) == len(scan.x) >= taxels for row in scan)
     assert (scan.variance[:taxels] == 2.0).all()
     assert (scan.variance[taxels:] == 0.0).all()
@@ -77,7 +77,7 @@ def test_a_scan_is_filled_up_with_taxels_without_weight(taxels: int) -> None:
 
 def test_a_doubtful_pattern_weighs_less() -> None:
     c, places, bend, state, reading = drawn(0, 24, delayed=False)
-    scan = laid_out(places, bend, reading, np.full(24, 0.25), np.full(24, np.inf), 0.0)
+    scan = pack_scan(places, bend, reading, np.full(24, 0.25), np.full(24, np.inf), 0.0)
     sums = []
     for doubt in (np.zeros((0, 0)), np.zeros(SHAPE), np.full(SHAPE, 100.0)):
         normal = np.zeros((STATE, STATE))
@@ -92,7 +92,7 @@ def test_looking_up_gives_the_value_and_the_nearest_doubt() -> None:
     doubt = np.random.default_rng(1).uniform(1.0, 2.0, SHAPE)
     q, out = np.empty((24, 5)), np.empty((2, 24))
     evaluate(c, LATTICE, places, state, bend, q)
-    look_up(Surface(c, doubt, LATTICE), laid_out(places, bend, reading, reading, reading, 0.0), state, out)
+    look_up(Surface(c, doubt, LATTICE), pack_scan(places, bend, reading, reading, reading, 0.0), state, out)
     np.testing.assert_allclose(out[0], np.maximum(q[:, 0], 0.0))
     known = np.isfinite(out[0])
     assert known.any()
@@ -117,7 +117,7 @@ def test_the_cost_does_not_change_when_an_unloaded_taxel_comes_onto_the_lattice(
     places[side // 2, 0] = border
     noise = np.full(12, 0.25)
     reading = np.clip(random.normal(0.0, 0.5, 12), -1.0, 1.0)  # a load is another matter
-    scan = laid_out(places, np.zeros((3, 0)), reading, noise, np.full(12, np.inf), ERROR)
+    scan = pack_scan(places, np.zeros((3, 0)), reading, noise, np.full(12, np.inf), ERROR)
     costs = []
     for off in (-1e-9, 1e-9):
         state = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
@@ -131,7 +131,7 @@ def test_the_cost_does_not_change_when_an_unloaded_taxel_comes_onto_the_lattice(
 @pytest.mark.parametrize(("reading", "explained"), [(0.3, False), (8.0, True)])
 def test_doubt_costs_only_where_it_explains_a_reading(reading: float, *, explained: bool) -> None:
     one = np.array([reading]), np.array([0.25]), np.array([np.inf])
-    scan = laid_out(np.zeros((2, 1)), np.zeros((3, 0)), *one, 0.0)
+    scan = pack_scan(np.zeros((2, 1)), np.zeros((3, 0)), *one, 0.0)
     state = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
 
     def cost(doubt: Floats) -> float:

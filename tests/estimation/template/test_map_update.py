@@ -10,16 +10,16 @@ from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.hypotheses import covering
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes
-from taxelflow.estimation.template.online.local_map import Learned
+from taxelflow.estimation.template.online.local_map import LocalMap
 from taxelflow.estimation.template.online.map_update import _anchor, learn
 
 
-def keyframes_of(scanned: Scanned, at: np.ndarray, gains: np.ndarray) -> Learned:
+def keyframes_of(scanned: Scanned, at: np.ndarray, gains: np.ndarray) -> LocalMap:
     """What a stream knows of these scans, each at a place (2,) of `at`, when its hypotheses are to be compared."""
     states = np.zeros((len(scanned), 5))
     states[:, :2], states[:, 3] = at, 1.0
     keyframes = Keyframes(scanned, states, states.copy())
-    return Learned(covering(scanned, states), keyframes, 2.0, gains, unseen_error=0.05, taken=len(scanned))
+    return LocalMap(covering(scanned, states), keyframes, 2.0, gains, unseen_error=0.05, taken=len(scanned))
 
 
 def test_a_wrong_motion_is_given_up_though_gains_explain_it() -> None:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.estimation.template.online.local_map import Learned
-from taxelflow.estimation.template.online.mapping_thread import Learner, Novel, Workers
+from taxelflow.estimation.template.online.local_map import LocalMap
+from taxelflow.estimation.template.online.mapping_thread import Candidate, Learner, Workers
 from taxelflow.runtime.adoption import Adoption, AsRecorded, Lane, Late, WhenReady
 
 if TYPE_CHECKING:
@@ -29,18 +29,18 @@ class Mapper:
         return self.asked[-1][1]
 
 
-def learned(keyframes: int, **known: Any) -> Learned:
-    return Learned(None, [0] * keyframes, 1.0, np.ones(1), **known)  # type: ignore[arg-type]
+def learned(keyframes: int, **known: Any) -> LocalMap:
+    return LocalMap(None, [0] * keyframes, 1.0, np.ones(1), **known)  # type: ignore[arg-type]
 
 
-def moving(adopting: Adopting, scans: int, **known: Any) -> tuple[Learner, Mapper, list[Learned]]:
+def moving(adopting: Adopting, scans: int, **known: Any) -> tuple[Learner, Mapper, list[LocalMap]]:
     """A learner whose contact moves for this many scans at 100 Hz, each of them new."""
-    mapper, used = Mapper(), list[Learned]()
+    mapper, used = Mapper(), list[LocalMap]()
     learner = Learner("pad", Workers(mapper, mapper), 0.1, adopting)
     learner.learned = learned(1, **known)
     for scan in range(scans):
         t_s = 0.01 * scan
-        learner.learn_from(Novel(t_s, *(np.zeros(1),) * 3, np.zeros(5)))
+        learner.learn_from(Candidate(t_s, *(np.zeros(1),) * 3, np.zeros(5)))
         learner.go_on(t_s, used.append, may_turn=False)
     return learner, mapper, used
 
@@ -110,7 +110,7 @@ def test_scans_that_wait_move_with_the_newest_keyframe_of_a_new_pattern() -> Non
     learner._newest = np.array([1.0, 2.0, 0.0, 2.0, 0.0])
     keyframes = SimpleNamespace(states=np.array([[3.0, 1.0, 0.5, 1.0, 0.0]]))
     state = np.array([1.5, 2.0, 0.0, 3.0, 0.0])
-    still, turns = (Learned(None, keyframes, 1.0, np.ones(1), turns=turns) for turns in (False, True))  # type: ignore[arg-type]
+    still, turns = (LocalMap(None, keyframes, 1.0, np.ones(1), turns=turns) for turns in (False, True))  # type: ignore[arg-type]
     np.testing.assert_allclose(learner.shifted(still, state.copy()), [2.0, -1.0, 0.0])
     np.testing.assert_allclose(learner.shifted(turns, state), [2.0, -1.0, 0.5])
     np.testing.assert_allclose(state, [1.5, 2.0, 0.0, 1.5, 0.0])  # the last scan has to be registered there

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
-from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.residual_process import bring, fades, keep
+from taxelflow.estimation.template.online.residual_process import decay, predict, update
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.numerics.bspline import STATE, evaluate
 from taxelflow.numerics.records import Records, records
@@ -69,7 +69,7 @@ def kept(
     tracks: Records,
 ) -> float:
     room = np.empty((2, TAXELS))
-    return keep(surface, taxels, error, registered, still, brought, rest, np.zeros(STATE), room, tracks[0])
+    return update(surface, taxels, error, registered, still, brought, rest, np.zeros(STATE), room, tracks[0])
 
 
 def carried(readings: Floats, *, still: bool = False, ceiling: Floats = NEVER) -> tuple[Floats, Floats, list[float]]:
@@ -80,11 +80,11 @@ def carried(readings: Floats, *, still: bool = False, ceiling: Floats = NEVER) -
     for reading in readings:
         if chis:
             brought = np.empty((3, TAXELS))
-            bring(SPAN_S, 0.0, rest, part(reading, ceiling=ceiling), brought)
+            predict(SPAN_S, 0.0, rest, part(reading, ceiling=ceiling), brought)
             expected = values() + reading - brought[0]
         left = reading - expected
         registered = float(np.mean(left**2 / VARIANCE))
-        taxels = laid_out(PLACES, WHOLE, reading, VARIANCE, ceiling, ERROR)
+        taxels = pack_scan(PLACES, WHOLE, reading, VARIANCE, ceiling, ERROR)
         chi = kept(surface, taxels, ERROR, registered, still, brought, rest, tracks)
         chis.append(chi)
     return rest, expected, chis
@@ -121,10 +121,10 @@ def test_of_a_still_object_the_patterns_own_error_stays_too() -> None:
 
 @given(span=st.floats(0.0, 10.0), more=st.floats(0.01, 10.0), moved=st.floats(0.0, 5.0), further=st.floats(0.01, 5.0))
 def test_a_rest_dies_away_with_time_and_motion(span: float, more: float, moved: float, further: float) -> None:
-    assert fades(0.0, 0.0) == 1.0
-    left = fades(span, moved)
-    assert fades(span + more, moved) < left
-    assert fades(span, moved + further) < left
+    assert decay(0.0, 0.0) == 1.0
+    left = decay(span, moved)
+    assert decay(span + more, moved) < left
+    assert decay(span, moved + further) < left
 
 
 def test_a_reading_of_nothing_leaves_nothing_where_the_pattern_is_below_zero() -> None:
@@ -148,13 +148,13 @@ def test_the_residual_of_a_masked_taxel_dies_away() -> None:
     masked, tracks = VARIANCE.copy(), track()
     masked[7] = 0.0
     rest, brought, reading = np.ones((3, TAXELS)), np.empty((3, TAXELS)), noisy(1)[0]
-    scan = laid_out(PLACES, WHOLE, reading, masked, NEVER, ERROR)
+    scan = pack_scan(PLACES, WHOLE, reading, masked, NEVER, ERROR)
     arguments = (Surface(pattern(), np.zeros((25, 25)), LATTICE), scan, ERROR)
     for _ in range(3):
         before = rest[0, 7]
-        bring(SPAN_S, 0.0, rest, part(reading, masked), brought)
+        predict(SPAN_S, 0.0, rest, part(reading, masked), brought)
         kept(*arguments, 1.0, False, brought, rest, tracks)
-        assert rest[0, 7] == pytest.approx(fades(SPAN_S, 0.0) * before)
+        assert rest[0, 7] == pytest.approx(decay(SPAN_S, 0.0) * before)
     rest[0, 7] = 1.0  # of an earlier contact
     kept(*arguments, 1.0, False, np.zeros((3, 0)), rest, tracks)
     assert rest[0, 7] == 0.0
@@ -165,7 +165,7 @@ def test_a_taxel_off_the_lattice_has_no_rest_but_may_read_anything_next(reading:
     places, readings = PLACES.copy(), noisy(1)[0]
     places[0, 7], readings[7] = 50.0, reading
     rest, tracks = np.ones((3, TAXELS)), track()
-    scan = laid_out(places, WHOLE, readings, VARIANCE, NEVER, ERROR)
+    scan = pack_scan(places, WHOLE, readings, VARIANCE, NEVER, ERROR)
     arguments = (Surface(pattern(), np.zeros((25, 25)), LATTICE), scan, ERROR)
     kept(*arguments, 1.0, False, np.zeros((3, 0)), rest, tracks)
     assert rest[0, 7] == 0.0
@@ -176,6 +176,6 @@ def test_a_masked_taxel_has_no_part_in_it() -> None:
     masked = VARIANCE.copy()
     masked[7] = 0.0
     rest, out = np.ones((3, TAXELS)), np.empty((3, TAXELS))
-    bring(SPAN_S, 0.0, rest, part(noisy(1)[0], masked), out)
+    predict(SPAN_S, 0.0, rest, part(noisy(1)[0], masked), out)
     assert out[1, 7] == 0.0
     assert out[1, 8] == pytest.approx(VARIANCE[8] + 1.0, rel=0.05)

@@ -12,9 +12,10 @@ from taxelflow.errors import ExtraMissing, GraphicsMissing, ParameterInvalid
 from taxelflow.evaluation.control import Course
 from taxelflow.evaluation.control_film import film_course
 from taxelflow.numerics.geometry import se3_inverse
+from taxelflow.numerics.gravity import G_M_S2
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.simulation.mujoco.barrett import BarrettHand
-from taxelflow.simulation.mujoco.events import G_M_S2, LIFT_S, Happening
+from taxelflow.simulation.mujoco.events import LIFT_S, Happening
 from taxelflow.simulation.mujoco.hands import check_objects
 from taxelflow.simulation.mujoco.objects import shape
 from taxelflow.simulation.mujoco.plant import Actuator, Held

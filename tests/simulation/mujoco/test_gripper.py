@@ -10,7 +10,8 @@ import pytest
 from costly import mostly_long
 from taxelflow.errors import ExtraMissing, NameUnknown, ParameterInvalid
 from taxelflow.numerics.geometry import se3_of
-from taxelflow.simulation.mujoco.events import EVENTS, G_M_S2, LIFT_S, LIFTED_S, Happening, Load
+from taxelflow.numerics.gravity import G_M_S2
+from taxelflow.simulation.mujoco.events import EVENTS, LIFT_S, LIFTED_S, Happening, Load
 from taxelflow.simulation.mujoco.gripper import Gripper, sensor_of
 from taxelflow.simulation.mujoco.objects import OBJECTS, STANDARD_OBJECTS, shape
 from taxelflow.simulation.mujoco.plant import Actuator, Held

@@ -9,10 +9,8 @@ import numpy as np
 from taxelflow.estimation.centroid.records import Pad, Place, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
+from taxelflow.numerics.rounding import CERTAIN
 from taxelflow.runtime.compiling import kernel, routine
-
-_TIE_SIGMAS = 6.0
-"""A taxel this many standard deviations below the largest cannot be the largest by noise."""
 
 
 class Memory:
@@ -83,7 +81,7 @@ def peak_place(p: Floats, noise: Floats, x: Floats, y: Floats, pad: Pad, share: 
     for k in range(len(p)):
         sd2 = noise[k] ** 2 + noise[best] ** 2 + share * share * (p[k] * p[k] + p[best] * p[best])
         behind = p[best] - p[k]
-        if noise[k] > 0.0 and behind * behind < _TIE_SIGMAS**2 * sd2:
+        if noise[k] > 0.0 and behind * behind < CERTAIN**2 * sd2:
             w = 0.5 * erfc(behind / np.sqrt(2.0 * sd2))
             ex, ey = x[k] - x[best], y[k] - y[best]
             weight += w

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.checks import not_negative
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
@@ -32,8 +33,7 @@ class PrincipalAxis:
     def __post_init__(self) -> None:
         if not 0 < self.most_std_rad < float("inf"):
             raise ParameterInvalid("most_std_rad", self.most_std_rad, "be a finite number above 0, in rad")
-        if not 0 <= self.sigmas < float("inf"):
-            raise ParameterInvalid("sigmas", self.sigmas, "be 0 or more")
+        not_negative("sigmas", self.sigmas)
         if not 0 <= self.least_anisotropy < 1:
             raise ParameterInvalid("least_anisotropy", self.least_anisotropy, "be at least 0 and below 1")
 

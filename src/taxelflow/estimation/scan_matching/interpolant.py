@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.estimation.template.map import MOST_KNOTS
 from taxelflow.estimation.template.observations import across, reach
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.banded import WIDTH, Factor, add_diagonal, add_square, smoothness, solve_band
@@ -29,8 +30,6 @@ _MARGIN_KNOTS = 3
 """Knots beyond the outermost taxels: a step may lead so far off the pad."""
 _FARTHEST = 0.75
 """A knot farther than this from every live taxel, in pitches, is not observed."""
-_MOST_KNOTS = 40_000
-"""Knots of a pad at most: bounds memory and time."""
 VALUE_NOISE, SLOPE_NOISE = 0.764, 2.163
 """Variance of a cubic spline through readings on a grid, and of its slope per pitch, over theirs (means)."""
 
@@ -62,9 +61,9 @@ class Interpolant(NamedTuple):
         """
         live = variance > 0
         low, high = places.min(axis=1), places.max(axis=1)
-        if np.prod(high - low + 7.0) > _MOST_KNOTS:
+        if np.prod(high - low + 2 * _MARGIN_KNOTS + 1) > MOST_KNOTS:
             size = " x ".join(f"{side:.0f}" for side in high - low)
-            duty = f"cover at most {_MOST_KNOTS} square pitches: leave this group out"
+            duty = f"cover at most {MOST_KNOTS} square pitches: leave this group out"
             raise ParameterInvalid(f"extent of {name}", f"{size} pitches", duty)
         usual = float(np.median(variance[live])) if live.any() else 1.0
         relative = variance / usual

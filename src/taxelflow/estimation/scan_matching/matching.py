@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE
-from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
-from taxelflow.estimation.template.linearization import laid_out
+from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, Prior, register
+from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface as Known
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bspline import STATE, State, evaluate, put, state_of
 from taxelflow.numerics.centroid import LOADED_SIGMAS
-from taxelflow.numerics.robust import OUTLIER, huber_weight
+from taxelflow.numerics.robust import CHEAPER, HUBER, OUTLIER, huber_weight
 from taxelflow.numerics.se2 import rotate_back
 from taxelflow.numerics.small_linalg import add_lower, mirror
 from taxelflow.runtime.compiling import inlined, routine
@@ -25,19 +25,15 @@ from taxelflow.runtime.compiling import inlined, routine
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-DOF = 4
-"""Of a state: x, y, theta, gain."""
+DOF = STATE - 1
+"""Of a state: x, y, theta, gain; the size is held."""
 _ITERATIONS = np.int64(20)  # numba compiles `register` again for each constant of Python
-_HUBER = 5.0
-"""Standard deviations from which on a reading's weight is reduced."""
-_LOOSE_SHIFT, _LOOSE_TURN, _LOOSE_GAIN = 1e-6, 1.0, 1e-2
-"""Prior information on no motion, 1 / pitch^2, 1 / rad^2 and 1: enough to hold what nothing determines."""
+_LOOSE_TURN, _LOOSE_GAIN = 1.0, 1e-2
+"""Prior information on no turn, 1 / rad^2, and on no change of the gain: enough to hold what nothing determines."""
 _BOX = 1.5
 """Taxels within this many pitches of the loaded ones take part."""
 _FITS = 1.5
 """Chi-square per reading at which no other start is tried."""
-_LEAST_IMPROVEMENT = 1e-3
-"""A later start replaces an earlier one if it lowers the cost by more than rounding."""
 _MODEL_ERROR = 0.05
 """A scan fits if its residuals are explained by noise and by an error of the surface of this share."""
 
@@ -127,18 +123,18 @@ def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Flo
     """Fill state (5,) with the motion since the surface's scan; starts: no motion, and the centroid's."""
     mean, stiffness = np.empty(STATE), np.empty(STATE)
     put(State(0.0, 0.0, 0.0, guess.gain, 0.0), mean)
-    loose_x = HELD if surface.unobservable[0] > 0.0 else _LOOSE_SHIFT
-    loose_y = HELD if surface.unobservable[1] > 0.0 else _LOOSE_SHIFT
+    loose_x = HELD if surface.unobservable[0] > 0.0 else FREE
+    loose_y = HELD if surface.unobservable[1] > 0.0 else FREE
     loose_turn = _LOOSE_TURN if turns else HELD
     put(State(loose_x, loose_y, loose_turn, _LOOSE_GAIN / guess.gain**2, HELD), stiffness)
     prior, known = Prior(mean, stiffness), Known(surface.c, surface.variance, surface.lattice)
-    taxels = laid_out(points.places, np.zeros((3, 0)), points.reading, points.variance, points.ceiling, 0.0)
+    taxels = pack_scan(points.places, np.zeros((3, 0)), points.reading, points.variance, points.ceiling, 0.0)
     information = np.zeros((STATE, STATE))
     trial, best = np.empty(STATE), np.inf
     for start in range(2):
         put(State(start * guess.x, start * guess.y, 0.0, guess.gain, 0.0), trial)
-        cost, chi, count = register(known, taxels, prior, _HUBER, _ITERATIONS, trial, information)
-        if cost < best - _LEAST_IMPROVEMENT:
+        cost, chi, count = register(known, taxels, prior, HUBER, _ITERATIONS, trial, information)
+        if cost < best - CHEAPER:
             best = cost
             for a in range(STATE):
                 state[a] = trial[a]
@@ -180,7 +176,7 @@ def linearize(surface: Surface, points: Points, fit: Fit) -> tuple[float, float,
         chi += min(z2, OUTLIER)
         misfit += min(residual * residual / (1.0 / w + (_MODEL_ERROR * model) ** 2), OUTLIER)
         count += 1.0
-        w *= huber_weight(np.sqrt(z2), _HUBER)
+        w *= huber_weight(np.sqrt(z2), HUBER)
         fit.weight[i] = w
         for a in range(3):
             fit.jacobian[i, a] = 0.0 if a < 2 and surface.unobservable[a] > 0.0 else gain * values[i, a + 1]

@@ -49,6 +49,7 @@ from taxelflow.numerics.bspline import STATE, State, put
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
+from taxelflow.numerics.rounding import OBSERVABLE
 from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
@@ -56,9 +57,8 @@ if TYPE_CHECKING:
 
 YAW_UNKNOWN, YAW_OBSERVABLE, YAW_LOST = range(3)
 """Of a contact's turn: not observable yet; observable; no longer, so that theta stays empty until the contact ends."""
-_OBSERVABLE, _STILL_OBSERVABLE = 4.0, 2.0
-"""A turn is observable if the information on it exceeds this many times what noise would pretend; it stays so down to
-the second."""
+_STILL_OBSERVABLE = 2.0
+"""An observable turn stays so down to this factor, in place of `OBSERVABLE`, ..."""
 _SURE_RAD = 0.1
 """... and if its standard deviation is below this. What noise does not explain of a scan counts as more noise."""
 
@@ -284,7 +284,7 @@ def _middle(reading: Floats, variance: Floats, places: Floats) -> Floats:
 @routine
 def is_turn_observable(yaw: int, fit: Fit, points: Points, excess: float, g: Floats) -> bool:
     """Whether this scan's information on the turn is real and enough. excess: chi-square per reading, at least 1."""
-    needed = _STILL_OBSERVABLE if yaw == YAW_OBSERVABLE else _OBSERVABLE
+    needed = _STILL_OBSERVABLE if yaw == YAW_OBSERVABLE else OBSERVABLE
     if turn_observability(fit) <= needed * excess:
         return False
     gains(fit, True, g)

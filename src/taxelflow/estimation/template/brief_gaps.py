@@ -13,6 +13,7 @@ import numpy as np
 
 from taxelflow.estimation.template.pose_output import Poses
 from taxelflow.messages import OK, UNRESOLVED
+from taxelflow.numerics.robust import OUTLIER
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
@@ -25,8 +26,6 @@ _FEWEST = 8
 """Known scans from which speeds are learned."""
 _FORMED = 0.5
 """Share of the median load above which a contact is complete: the highest points of an object touch first."""
-_APART = 25.0
-"""Chi-square of a scan against those around it beyond which its pose is an outlier: 5 standard deviations, squared."""
 
 
 def formed(poses: Poses, load: Floats) -> Poses:
@@ -73,7 +72,7 @@ def _is_outlier(pose: Floats, covariance: Floats, information: Floats, mean: Flo
     """Whether a pose contradicts the combined pose of the scans around it, given as information and mean."""
     around = np.linalg.inv(information)
     apart = pose - around @ mean
-    return bool(apart @ np.linalg.solve(covariance + around, apart) > _APART)
+    return bool(apart @ np.linalg.solve(covariance + around, apart) > OUTLIER)
 
 
 def _information_form(pose: Floats, covariance: Floats) -> tuple[Floats, Floats]:

@@ -41,6 +41,8 @@ _WORSE = 1.1
 """A round that increases the cost by this factor is undone."""
 _PROBES = 16
 """Random vectors of the estimate of a trace."""
+LEAST_INFORMATION = 1e-9
+"""Added to the information on each component of a state, which may be 0."""
 _RIDGE = 1e-12
 """Share of a scan's largest information that is added to its diagonal: a scan of one taxel has a singular matrix."""
 
@@ -67,6 +69,11 @@ class Fit:
     bending: float
 
     @property
+    def covariance(self) -> Floats:
+        """(scans, 5, 5), of the states with the pattern held."""
+        return covariance_of(self.information)
+
+    @property
     def reduced(self) -> float:
         """Chi-square per reading."""
         return float(self.chi.sum() / max(self.counts.sum(), 1))
@@ -76,6 +83,11 @@ class Fit:
         """Share of the readings that is left to check the fit by."""
         count = max(int(self.counts.sum()), 1)
         return max(1.0 - self.free / count, 0.1)
+
+
+def covariance_of(information: Floats) -> Floats:
+    """(scans, 5, 5), of states, from their information."""
+    return np.asarray(np.linalg.inv(information + LEAST_INFORMATION * np.eye(STATE)), np.float64)
 
 
 class _Linear:
@@ -105,6 +117,13 @@ class _Linear:
         stencil += pattern.smoothing * self.smooth
         add_diagonal(stencil, pattern.prior)
         right -= pattern.smoothing * self.bent + pattern.prior * pattern.coefficients.ravel()
+
+    def add_prior(self, stiffness: Floats) -> None:
+        """Add the prior of the states, see `refine`, to their information; that of a fixed component becomes 1."""
+        blocks, diagonal = self.normal.blocks, np.arange(STATE)
+        strong = blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)
+        prior = np.where(np.isinf(stiffness), 1.0, stiffness)
+        blocks[:, diagonal, diagonal] += prior + LEAST_INFORMATION + _RIDGE * strong
 
     def determined(self, factor: Factor) -> float:
         """Number of coefficients that the readings determine, not their priors: a trace, by random vectors."""
@@ -177,8 +196,7 @@ def refine(
         linear.regularise()
         normal.gradient[:] -= pull * (states - usual)
         normal.gradient[:, fixed] = 0.0
-        strong = normal.blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)
-        normal.blocks[:, diagonal, diagonal] += np.where(fixed, 1.0, pull) + 1e-9 + _RIDGE * strong
+        linear.add_prior(stiffness)
         factor = Factor(normal.stencil, pattern.shape[1])
         if round_ == rounds:
             break
@@ -213,10 +231,8 @@ def information_of(
     fixed = np.isinf(stiffness)
     linear = _Linear(pattern, scanned.with_error(error), fixed, level)
     linear.update(states)
-    blocks, diagonal = linear.normal.blocks, np.arange(STATE)
-    strong = blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)
-    blocks[:, diagonal, diagonal] += np.where(fixed, 1.0, stiffness) + 1e-9 + _RIDGE * strong
-    return blocks
+    linear.add_prior(stiffness)
+    return linear.normal.blocks
 
 
 def _learn_smoothing(pattern: Pattern, bending: float, error: float) -> None:
@@ -237,9 +253,8 @@ def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Flo
     diagonal = np.arange(STATE)
     blocks[:, diagonal, diagonal] *= 1.0 + damping
     inverse = np.linalg.inv(blocks)
-    frame = pose_part(blocks[:, diagonal, diagonal]).mean(
-        axis=0
-    )  # holds the mean step at 0, which pattern and poses leave open
+    # Holds the mean step at 0, which pattern and poses leave open.
+    frame = pose_part(blocks[:, diagonal, diagonal]).mean(axis=0)
     shape = linear.normal.gradient.shape
 
     def reduced(vector: Floats) -> Floats:

@@ -45,7 +45,7 @@ from taxelflow.estimation.template.anchor import Anchor
 from taxelflow.estimation.template.pose_output import Poses, judge
 from taxelflow.estimation.template.two_witnesses import combine, surely
 from taxelflow.messages import OK
-from taxelflow.numerics.bspline import STATE, states_of
+from taxelflow.numerics.bspline import states_of
 from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, pressure_centre
 from taxelflow.runtime.compiling import kernel
 
@@ -118,7 +118,7 @@ class Centres(NamedTuple):
         found = np.empty((len(scanned), 11))
         _centres(replace(scanned, readings=solved.fit.model).with_error(0.0), scanned.edge, 0.0, found)
         states = solved.states
-        inside, own = _in_body(found[:, :2], states), _own_covariance(solved)
+        inside, own = _in_body(found[:, :2], states), solved.fit.covariance
         known, spread = self.known & (found[:, 3] > 0), own[:, 0, 0] + own[:, 1, 1] + self.spread
         leaps = np.hypot(*np.diff(states[:, :2], axis=0).T) > _LEAP
         run = np.concatenate([[0], np.cumsum(leaps)])
@@ -157,11 +157,6 @@ def _turned(arms: Floats, angles: Floats) -> Floats:
     return turned
 
 
-def _own_covariance(solved: Solved) -> Floats:
-    """(scans, 5, 5), of the states of a solved contact on its map."""
-    return np.asarray(np.linalg.inv(solved.fit.information + 1e-9 * np.eye(STATE)), np.float64)
-
-
 def _sure_shares(shift: Floats, doubts: Floats) -> Floats:
     """(scans,), see `surely`, of shifts (scans, 2) and covariances (scans, 3)."""
     both = zip(shift.tolist(), doubts.tolist(), strict=True)
@@ -177,7 +172,7 @@ def anchor_of(solved: Solved, scanned: Scanned, tilt: float, before: Anchor | No
     if scanned.across.any() or not centres.known.any():
         return None
     centres, inside, off = centres.uncut(solved, scanned, before)
-    own = _own_covariance(solved)
+    own = solved.fit.covariance
     trust = 1.0 / (own[:, 0, 0] + own[:, 1, 1] + centres.spread)
     variance = np.average(0.5 * centres.spread[centres.known], weights=trust[centres.known])
     return Anchor(centres.arm(solved.states, trust), float(variance), inside, scanned.t_s, off)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.hypotheses import FIRST_GAIN_STD
-from taxelflow.estimation.template.initialization import Tracker
+from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.observability import observability
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.pose_output import Poses, to_pad
@@ -102,27 +102,27 @@ def _moment(scanned: Scanned, states: Floats, scan: int, *, turns: bool) -> Mome
     """The pattern of a scan and those before it."""
     which = np.arange(max(scan - MEMORY, 0), scan + 1)
     few = scanned.taken(which)
-    tracker = _tracker(few)
-    tracker.states[:] = states[which]
-    tracker.forget(len(few), len(few))
-    return Moment(tracker.pattern, few, states[which], which, turns)
+    mapper = _mapper(few)
+    mapper.states[:] = states[which]
+    mapper.keep_last(len(few), len(few))
+    return Moment(mapper.pattern, few, states[which], which, turns)
 
 
 def _chain(scanned: Scanned) -> tuple[Floats, Floats, Floats, float]:
     """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), observability of theta."""
-    tracker = _tracker(scanned)
+    mapper = _mapper(scanned)
     steps, misfit, observed = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), [0.0]
     every = max(MEMORY, len(scanned) // _TURNING.samples)
     for k in range(1, len(scanned)):
-        tracker.forget(k, MEMORY)
-        steps[k], misfit[k] = tracker.one(k)
+        mapper.keep_last(k, MEMORY)
+        steps[k], misfit[k] = mapper.register(k)
         if k % every == 0:
-            factor = tracker.sums.solve(tracker.pattern)
-            observed.append(observability(tracker.pattern, scanned, tracker.states, factor, k, COARSE).theta)
+            factor = mapper.information.solve(mapper.pattern)
+            observed.append(observability(mapper.pattern, scanned, mapper.states, factor, k, COARSE).theta)
     steps[0] = steps[1] if len(scanned) > 1 else 1e12 * np.eye(STATE)
-    return tracker.states, steps, misfit, float(np.quantile(observed, _TURNING.quantile))
+    return mapper.states, steps, misfit, float(np.quantile(observed, _TURNING.quantile))
 
 
-def _tracker(scanned: Scanned) -> Tracker:
+def _mapper(scanned: Scanned) -> IncrementalMapper:
     stiffness = scanned.stiffness(turns=True, gain_std=FIRST_GAIN_STD)
-    return Tracker(scanned, 0, stiffness)
+    return IncrementalMapper(scanned, 0, stiffness)

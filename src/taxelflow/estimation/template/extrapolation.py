@@ -20,7 +20,7 @@ _UNLOADED = 0.1
 """Share of the largest pressure below which a margin is unloaded."""
 
 
-def looked_at(scanned: Scanned, states: Floats) -> Floats:
+def coverage(scanned: Scanned, states: Floats) -> Floats:
     """(n, 2) places in the pattern's own frame at which taxels were read."""
     places = np.broadcast_to(scanned.places, (len(scanned), *scanned.places.shape))
     if scanned.rolling:
@@ -41,14 +41,14 @@ def near(looked: Floats, x: Floats, y: Floats, reach: float) -> Bools:
     return close
 
 
-def level_off(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
+def extrapolate(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
     """Extrapolate an unloaded margin as a constant; the smoothness prior would extrapolate it linearly.
 
     A loaded margin, cut by the pad's border, keeps the linear extrapolation: the object is likely to continue there.
     states: (scans, 5), of the scans that the pattern was learned from.
     """
     x, y = pattern.knots
-    looked = looked_at(scanned, states)
+    looked = coverage(scanned, states)
     least, most = looked.min(axis=0), looked.max(axis=0)
     between = (least[0] <= x) & (x <= most[0]) & ((least[1] <= y) & (y <= most[1]))[:, np.newaxis]
     seen = between | near(looked, x, y, _REACH * pattern.lattice[0])

@@ -10,7 +10,7 @@ import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
 from taxelflow.estimation.template.depth import DEPTH_STD, as_heights, take_depth, with_depth
-from taxelflow.estimation.template.initialization import Tracker
+from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.estimation.template.observations import COARSE
@@ -18,15 +18,16 @@ from taxelflow.estimation.template.rivals import agreement, apart_by_growth, apa
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
 from taxelflow.estimation.template.solution import Solved
 from taxelflow.estimation.template.turning import (
+    UNCONVERGED,
+    diagonals_of,
     explains_far_more,
     explains_no_less,
     keeps_its_angle,
     outweighs_faults,
     turns_steadily,
     turns_surely,
-    variances_of,
 )
-from taxelflow.numerics.bspline import STATE, in_object, states_of
+from taxelflow.numerics.bspline import in_object, states_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
@@ -42,8 +43,8 @@ _WELL_KNOWN, _SPREAD = 0.6, (0.05, 0.95)
 """Quantiles: gains with a variance below the first are used; their spread is the distance of the other two."""
 _LEAST_GAIN = 0.05
 """Lower limit of the mean gain by which all are divided."""
-YOUNG = 8
-"""With fewer scans, the spread of the gains is not learned."""
+ENOUGH_SCANS = 8
+"""Scans from which the spread of the gains is learned."""
 _SHARP = 0.005
 """Error with which a sharper pattern is tried."""
 _RIVAL = 1.5
@@ -52,9 +53,6 @@ _MAY_BE_STRAIGHT = 2.0 * COARSE
 """Error of a coarse fit with a constant angle above which the object certainly turns."""
 _FAR_WORSE = 20.0
 """Cost per scan above the best beyond which a coarse fit is not refined: about twice the penalty of a free angle."""
-_LIKELIER = 1.0
-"""Cost per scan by which another start than the known one, or heights from more starts, must be better: fits have not
-fully converged."""
 
 
 def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None) -> Solved:
@@ -69,7 +67,7 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
     tried += [one for turn in turns for one in grown(scanned, tried[0].states, turns=turn)]
     costs = [cost(one, scanned) for one in tried]
     for again in [] if known is None else _from_known(scanned, known, turns):
-        dearer = [_LIKELIER * len(scanned) if one.kind == again.kind else 0.0 for one in tried]
+        dearer = [UNCONVERGED * len(scanned) if one.kind == again.kind else 0.0 for one in tried]
         costs = [*map(add, costs, dearer), cost(again, scanned)]
         tried.append(again)
     limit = min(costs) + _FAR_WORSE * len(scanned)
@@ -114,7 +112,7 @@ def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
     deep = [refined(scanned, replace(one.copy(), depth=np.zeros(len(scanned)))) for one in level]
     clearly = 0.0
     if straight:  # of more fits, one may be cheaper by chance
-        clearly = _LIKELIER * len(scanned)
+        clearly = UNCONVERGED * len(scanned)
         level += [refined(scanned, replace(one.copy(), depth=np.zeros(0))) for one in deep if not one.turns]
     prices = [min((cost(one, scanned, strict=True) for one in fits), default=np.inf) for fits in ([rigid], level, deep)]
     if min(prices) >= prices[0] - clearly:
@@ -125,7 +123,7 @@ def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
 
 def _as_heights(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
     """Initial fits of patterns of heights, from those of pressure."""
-    rigid = [one for one in solved if not one.grows] if len(scanned) >= YOUNG else []
+    rigid = [one for one in solved if not one.grows] if len(scanned) >= ENOUGH_SCANS else []
     return [replace(one.copy(), pattern=as_heights(one.pattern), heights=True) for one in rigid]
 
 
@@ -170,9 +168,9 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
 
 def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
     """Coarse fits from several starts: states tracked from scan to scan, and with the centroid."""
-    tracker = Tracker(scanned, start_scan(scanned), scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
-    tracker.run()
-    starts = (tracker.states, centred(scanned, tracker.states))
+    mapper = IncrementalMapper(scanned, start_scan(scanned), scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
+    mapper.register_all()
+    starts = (mapper.states, centred(scanned, mapper.states))
     return [coarse(scanned, states, turns=turns) for states in starts]
 
 
@@ -251,8 +249,8 @@ def _refined(scanned: Scanned, start: Solved, *, most_error: float) -> Solved:
     """`refined` with the error bounded."""
     own = replace(start, depth=start.depth.copy())
     for most in _ROUNDS:
-        learned, error = level(own), min(learned_error(own.fit, scanned), most_error)
-        own.gain_std = learned if len(scanned) >= YOUNG else own.gain_std
+        learned, error = normalize_gains(own), min(learned_error(own.fit, scanned), most_error)
+        own.gain_std = learned if len(scanned) >= ENOUGH_SCANS else own.gain_std
         scanned.bend(own.states)
         own.fit = _fit(scanned, own, rounds=most, error=error)
         if own.grows:
@@ -268,12 +266,12 @@ def start_scan(scanned: Scanned) -> int:
     return int(np.argmin(np.where(load >= _LOADED_SHARE * load.max(), away, np.inf)))
 
 
-def level(solved: Solved) -> float:
+def normalize_gains(solved: Solved) -> float:
     """Normalise the gains to mean 1, in place, by scaling pattern and depth; returns their standard deviation.
 
     Both are taken from the scans that determine their gain best.
     """
-    variance, gains = variances_of(solved.fit.information + 1e-9 * np.eye(STATE)).gain, states_of(solved.states).gain
+    variance, gains = diagonals_of(solved.fit.covariance).gain, states_of(solved.states).gain
     well = variance <= np.quantile(variance, _WELL_KNOWN)
     mean = max(float(np.median(gains[well])), _LEAST_GAIN)
     low, high = np.quantile(gains[well], _SPREAD)

@@ -9,10 +9,11 @@ import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import refine
 from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
-from taxelflow.estimation.template.linearization import laid_out
-from taxelflow.estimation.template.map import MARGIN, SPACING, Pattern, Sums
+from taxelflow.estimation.template.linearization import pack_scan
+from taxelflow.estimation.template.map import BEYOND, MARGIN, MOST_KNOTS, SPACING, MapInformation, Pattern
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.numerics.bspline import STATE, in_object, pose_part, state_of, states_of
+from taxelflow.numerics.robust import CHEAPER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,18 +35,14 @@ class _Schedule:
     huber: float = 6.0
     """Standard deviations above which a reading weighs less."""
     iterations: int = 30
-    cheaper: float = 1e-3
-    """What a further start must lower the cost by."""
     near_border: float = 0.5
     """Pitches from a loaded taxel to the border of the pattern below which the pattern grows."""
-    most_knots: int = 40_000
-    """Of a pattern: it grows no further, so that memory is bounded if registration fails."""
 
 
 _SCHEDULE = _Schedule()
 
 
-class Tracker:
+class IncrementalMapper:
     """Incremental estimate of the poses of a contact's scans, and of its pattern."""
 
     def __init__(self, scanned: Scanned, start: int, stiffness: Floats) -> None:
@@ -63,28 +60,28 @@ class Tracker:
         self._sum_up()
 
     def _sum_up(self) -> None:
-        """Sums over all scans done, and the pattern they give."""
-        self.sums = Sums(self.pattern)
+        """The information of all scans done, and the pattern that it gives."""
+        self.information = MapInformation(self.pattern)
         self._add(np.array(self.done))
-        self.sums.solve(self.pattern)
+        self.information.solve(self.pattern)
 
     def _add(self, which: NDArray[np.int64]) -> None:
-        self.sums.add(self.pattern, self._readings.taken(which), self.states[which])
+        self.information.add(self.pattern, self._readings.taken(which), self.states[which])
 
-    def run(self) -> None:
+    def register_all(self) -> None:
         """Register every scan, forwards from the start, then backwards."""
         for k in [*range(self.start + 1, len(self.scanned)), *range(self.start - 1, -1, -1)]:
-            self.one(k)
-            self._learn(k)
+            self.register(k)
+            self._add_scan(k)
 
-    def _learn(self, k: int) -> None:
-        """Learn from scan k where it was registered."""
+    def _add_scan(self, k: int) -> None:
+        """Add registered scan k to the pattern, which is solved or refined from time to time."""
         self.done.append(k)
         self._cover(k)
         self._add(np.array([k]))
         count = len(self.done)
         if count < _SCHEDULE.young or count % max(_SCHEDULE.solve_every, count // 10) == 0:
-            self.sums.solve(self.pattern)
+            self.information.solve(self.pattern)
         if count in _SCHEDULE.refine_at and count < len(self.scanned):
             self._refine()
 
@@ -97,7 +94,7 @@ class Tracker:
         self.states[which] = states
         self._sum_up()
 
-    def forget(self, k: int, most: int) -> None:
+    def keep_last(self, k: int, most: int) -> None:
         """Keep only the `most` scans before scan k, and cover what scan k loads if it lies where the last one lies."""
         self.done = list(range(max(self.start, k - most), k))
         reached = [in_object(self.scanned.places[:, self._loaded[j]].T, self.states[j]) for j in self.done]
@@ -106,7 +103,7 @@ class Tracker:
         self.pattern = Pattern.covering(np.concatenate(reached), self.scanned.amplitude)
         self._sum_up()
 
-    def one(self, k: int) -> tuple[Floats, float]:
+    def register(self, k: int) -> tuple[Floats, float]:
         """Register scan k from several starts; the cheapest wins. Its information (5, 5), chi-square per reading."""
         forward = 1 if k > self.start else -1
         scanned, last = self.scanned, self.states[k - forward]
@@ -114,7 +111,7 @@ class Tracker:
         if np.isinf(state_of(self.stiffness).theta):
             states_of(starts).theta[:] = 0.0
         prior = Prior(last.copy(), np.minimum(self.stiffness, HELD))
-        taxels = laid_out(
+        taxels = pack_scan(
             scanned.places, scanned.bends[k], scanned.readings[k], scanned.variance[k], scanned.ceiling, self._error
         )
         best, chi_per_reading, kept = np.inf, np.inf, np.zeros((STATE, STATE))
@@ -123,7 +120,7 @@ class Tracker:
             cost, chi, count = register(
                 self.pattern.surface, taxels, prior, _SCHEDULE.huber, _SCHEDULE.iterations, state, information
             )
-            if cost < best - _SCHEDULE.cheaper:
+            if cost < best - CHEAPER:
                 best = cost
                 self.states[k] = state
                 kept, chi_per_reading = information.copy(), chi / max(count, 1)
@@ -152,18 +149,15 @@ class Tracker:
         if not len(places):
             return
         low, high = self.pattern.box
-        if (places.min(axis=0) - _SCHEDULE.near_border >= low).all() and (
-            places.max(axis=0) + _SCHEDULE.near_border <= high
-        ).all():
+        near = _SCHEDULE.near_border
+        if (places.min(axis=0) - near >= low).all() and (places.max(axis=0) + near <= high).all():
             return
-        corners = np.stack([low + MARGIN, high - MARGIN])
-        if (
-            np.prod((np.ptp(np.concatenate([corners, places]), axis=0) + 2 * MARGIN) / SPACING + 7)
-            > _SCHEDULE.most_knots
-        ):
+        covered = np.vstack([low + MARGIN, high - MARGIN, places])
+        knots = (np.ptp(covered, axis=0) + 2 * MARGIN) / SPACING + 2 * BEYOND + 1
+        if np.prod(knots) > MOST_KNOTS:
             return
         smoothing = self.pattern.smoothing
-        self.pattern = Pattern.covering(np.concatenate([corners, places]), self.scanned.amplitude)
+        self.pattern = Pattern.covering(covered, self.scanned.amplitude)
         self.pattern.smoothing = smoothing
         self.done.remove(k)
         self._sum_up()

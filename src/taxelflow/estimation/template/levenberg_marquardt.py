@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import LaidOut, linearise
+from taxelflow.estimation.template.linearization import Packed, linearise
 from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
@@ -18,10 +18,12 @@ _ENOUGH = 1e-2
 the next one would be about a hundredth of that."""
 HELD = 1e12
 """Prior information of a component of the state that is held at its prior."""
-MAY_BE_HELD = (0, 1, 2, 4)
-"""Components of the state that may be held: all but the gain."""
-ROOM = 9
-"""Rows of five numbers that a registration needs as workspace."""
+FREE = 1e-6
+"""Prior information on a place that may be anywhere: 1 / pitch^2."""
+MAY_BE_HELD = tuple(part for part, name in enumerate(State._fields) if name != "gain")
+"""Components of the state that may be held."""
+ROOM = STATE + 4
+"""Rows of five numbers that a registration needs as workspace: a matrix and four vectors."""
 _LEAST_GAIN = 0.1
 """Least ratio of the gain after a step to that before."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
@@ -38,7 +40,7 @@ class Prior(NamedTuple):
 @kernel
 def register(
     surface: Surface,
-    taxels: LaidOut,
+    taxels: Packed,
     prior: Prior,
     huber: float,
     iterations: int | np.int64,
@@ -47,7 +49,7 @@ def register(
 ) -> tuple[float, float, int]:
     """Refine state (5,) so that the pattern explains one scan; information (5, 5) becomes J^T W J with the prior.
 
-    taxels: the scan, from `linearization.laid_out`; a masked taxel does not count, a saturated reading only as far
+    taxels: the scan, from `linearization.pack_scan`; a masked taxel does not count, a saturated reading only as far
     as the model lies below it. huber: standard deviations above which a reading weighs less. Returns the cost
     (robust -2 log likelihood with prior, of the readings off the lattice, too; the pattern's doubt counts where it
     explains a reading), chi-square, and how many readings that is over: those on the lattice, and loads off it.
@@ -58,7 +60,7 @@ def register(
 @lean_kernel
 def refine_state(
     surface: Surface,
-    taxels: LaidOut,
+    taxels: Packed,
     prior: Prior,
     huber: float,
     iterations: int | np.int64,

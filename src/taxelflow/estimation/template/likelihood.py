@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.depth import DEPTH_STD
-from taxelflow.estimation.template.observations import COARSE
+from taxelflow.estimation.template.observations import COARSE, LOADED_SHARE
 from taxelflow.numerics.robust import OUTLIER
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 _LEAST, _MOST = 1e-3, 0.5
 """Bounds of the error learned, as shares of the largest reading; every known sensor has more noise than the first."""
-_LOADED = 0.03
-"""Share of a contact's largest reading above which a taxel is in the contact."""
 FEWEST = 2
 """Readings per parameter, at least, in the logarithm of its cost."""
 _HALVINGS = 30
@@ -29,7 +27,7 @@ _HALVINGS = 30
 def learned_error(fit: Fit, scanned: Scanned) -> float:
     """Error of a reading, as a share of its contact's largest, that the residuals in the contact significantly show."""
     level = scanned.amplitude
-    within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > _LOADED * level)
+    within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > LOADED_SHARE * level)
     squared, variance = fit.residual[within] ** 2, scanned.variance[within]
     wanted = fit.freedom * len(squared) + float(np.sqrt(2.0 * len(squared)))  # what noise may make of chi-square
 

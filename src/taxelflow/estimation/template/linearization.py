@@ -14,16 +14,15 @@ from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of, value_at
 from taxelflow.numerics.robust import OUTLIER
+from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.small_linalg import put_lower
 from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
 _LANES = 8
 """Taxels are padded to a multiple of this, so that loops over them are vectorised."""
-_UNEXPLAINED = 9.0
-"""Squared reading over its variance above which a reading off the lattice is an unexplained load, and an outlier."""
 
 
-class LaidOut(NamedTuple):
+class Packed(NamedTuple):
     """A scan as a structure of arrays for `linearise`, (taxels,) each.
 
     x, y: place, less the object's motion within the scan until the taxel is read. cos, sin: of the rotation until
@@ -40,15 +39,15 @@ class LaidOut(NamedTuple):
 
 
 @kernel
-def laid_out(places: Floats, bend: Floats, reading: Floats, variance: Floats, ceiling: Floats, error: float) -> LaidOut:
+def pack_scan(places: Floats, bend: Floats, reading: Floats, variance: Floats, ceiling: Floats, error: float) -> Packed:
     """The structure of arrays of a scan, padded with masked taxels. bend: (3, taxels) or (3, 0), see `evaluate`.
 
     error: standard deviation of the model error of each reading.
     """
     rows = np.empty((7, lanes_for(len(reading))))  # one allocation, to save time
-    taxels = LaidOut(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
-    lay_places(places, bend, len(reading), taxels)
-    lay_readings(reading, variance, ceiling, error, taxels)
+    taxels = Packed(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
+    pack_places(places, bend, len(reading), taxels)
+    pack_readings(reading, variance, ceiling, error, taxels)
     return taxels
 
 
@@ -59,8 +58,8 @@ def lanes_for(taxels: int) -> int:
 
 
 @lean_kernel
-def lay_places(places: Floats, bend: Floats, count: int, taxels: LaidOut) -> None:
-    """Fill in the places of this many taxels. Arguments as for `laid_out`."""
+def pack_places(places: Floats, bend: Floats, count: int, taxels: Packed) -> None:
+    """Fill in the places of this many taxels. Arguments as for `pack_scan`."""
     for i in range(len(taxels.x)):
         here = i < count
         taxels.x[i], taxels.y[i] = places[0, i] if here else 0.0, places[1, i] if here else 0.0
@@ -72,8 +71,8 @@ def lay_places(places: Floats, bend: Floats, count: int, taxels: LaidOut) -> Non
 
 
 @lean_kernel
-def lay_readings(reading: Floats, variance: Floats, ceiling: Floats, error: float, taxels: LaidOut) -> None:
-    """Fill in the readings. Arguments as for `laid_out`."""
+def pack_readings(reading: Floats, variance: Floats, ceiling: Floats, error: float, taxels: Packed) -> None:
+    """Fill in the readings. Arguments as for `pack_scan`."""
     count = len(reading)
     for i in range(count):
         taxels.reading[i], taxels.ceiling[i] = reading[i], ceiling[i]
@@ -88,6 +87,21 @@ def pressure_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
     q, qu, qw = value_at(c, x, y)
     pulls = q < 0.0
     return 0.0 if pulls else q, 0.0 if pulls else qu, 0.0 if pulls else qw
+
+
+@inlined
+def frame_of(lattice: Floats, state: Floats) -> tuple[float, float, float, float, float, float, float]:
+    """Of a state (5,): x, y, gain; cosine and sine of theta, in knots per pitch; place of knot (0, 0), in knots."""
+    h, left, low = lattice
+    x, y, theta, gain, size = state_of(state)
+    scale = np.exp(-size) / h
+    return x, y, gain, scale * np.cos(theta), scale * np.sin(theta), left / h, low / h
+
+
+@inlined
+def turned(taxels: Packed, i: int, cos: float, sin: float) -> tuple[float, float]:
+    """Cosine and sine of the object's angle when a taxel is read, from those of the scan."""
+    return cos * taxels.cos[i] - sin * taxels.sin[i], sin * taxels.cos[i] + cos * taxels.sin[i]
 
 
 @inlined
@@ -107,26 +121,21 @@ def _log_inverse(share: float) -> float:
 
 @lean_kernel
 def linearise(  # noqa: PLR0915  one loop, as vector registers need it
-    surface: Surface, taxels: LaidOut, huber: float, state: Floats, normal: Floats, right: Floats
+    surface: Surface, taxels: Packed, huber: float, state: Floats, normal: Floats, right: Floats
 ) -> tuple[float, float, int]:
     """Fill normal (5, 5), its lower half, with J^T W J, right (5,) with J^T W (y - model) at a state (5,).
 
-    taxels: from `laid_out`. Others, and what is returned, as for `register`, but without the prior. The cost ranks
+    taxels: from `pack_scan`. Others, and what is returned, as for `register`, but without the prior. The cost ranks
     states; W holds the doubt even where it is not what explains a reading.
     """
     c, doubt = surface.c, surface.doubt
-    h, left, low = surface.lattice
-    left, low = left / h, low / h
-    x, y, theta, gain, size = state_of(state)
-    scale = np.exp(-size) / h
-    cos_0, sin_0 = scale * np.cos(theta), scale * np.sin(theta)
+    x, y, gain, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
     certain = len(doubt) == 0
     cost = chi = used = 0.0
     xx = xy = yy = xg = yg = gg = xr = yr = gr = 0.0
     tx = ty = tg = tt = tr = sx = sy = sg = st = ss = sr = 0.0
     for i in range(len(taxels.x)):
-        cos = cos_0 * taxels.cos[i] - sin_0 * taxels.sin[i]
-        sin = sin_0 * taxels.cos[i] + cos_0 * taxels.sin[i]
+        cos, sin = turned(taxels, i, cos_0, sin_0)
         dx, dy = taxels.x[i] - x, taxels.y[i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
         q, qu, qw = pressure_at(c, u - left, w - low)
@@ -142,7 +151,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         speaks = live and not clipped and not above
         fits = speaks and known
         z2 = residual * residual * weight
-        unexplained = speaks and not known and z2 > _UNEXPLAINED  # a load off the lattice
+        unexplained = speaks and not known and z2 > SIGNIFICANT**2  # a load off the lattice
         chi += z2 if fits else (min(z2, OUTLIER) if unexplained else 0.0)
         z, far = np.sqrt(z2), z2 > huber * huber
         doubted = (2.0 * huber * z - huber * huber if far else z2) + _log_inverse(variance * weight if live else 1.0)
@@ -180,17 +189,12 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
 
 
 @lean_kernel
-def look_up(surface: Surface, taxels: LaidOut, state: Floats, out: Floats) -> None:
+def look_up(surface: Surface, taxels: Packed, state: Floats, out: Floats) -> None:
     """Fill out (2, n) with q at the first n taxels, NaN off the lattice, and its variance."""
-    h, left, low = surface.lattice
-    left, low = left / h, low / h
-    at = state_of(state)
-    scale = np.exp(-at.size) / h
-    cos_0, sin_0 = scale * np.cos(at.theta), scale * np.sin(at.theta)
+    x, y, _, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
     for i in range(out.shape[1]):
-        cos = cos_0 * taxels.cos[i] - sin_0 * taxels.sin[i]
-        sin = sin_0 * taxels.cos[i] + cos_0 * taxels.sin[i]
-        dx, dy = taxels.x[i] - at.x, taxels.y[i] - at.y
+        cos, sin = turned(taxels, i, cos_0, sin_0)
+        dx, dy = taxels.x[i] - x, taxels.y[i] - y
         u, w = cos * dx + sin * dy - left, cos * dy - sin * dx - low
         out[0, i] = pressure_at(surface.c, u, w)[0]
         out[1, i] = 0.0 if np.isnan(out[0, i]) else nearest(surface.doubt, u, w)

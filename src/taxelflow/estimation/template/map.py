@@ -17,8 +17,10 @@ SPACING = 0.5
 """Distance of the knots, in pitches."""
 MARGIN = 1.5
 """Pitches around the loaded taxels that a pattern covers."""
-_BEYOND = 3
-"""Knots beyond that, which a cubic spline needs."""
+MOST_KNOTS = 40_000
+"""Knots of a surface at most: bounds memory and time, also if registration fails."""
+BEYOND = WIDTH - 1
+"""Knots beyond that, which the spline needs."""
 _ROUGH_PRIOR = 0.12
 """Expected second difference over half a pitch, relative to the largest pressure."""
 
@@ -50,9 +52,9 @@ class Pattern:
         """A pattern of zeros over places (n, 2) that the object loads, and a margin around them."""
         places = places if len(places) else np.zeros((1, 2))
         low, high = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
-        count = np.ceil((high - low) / SPACING).astype(int) + 2 * _BEYOND + 1
+        count = np.ceil((high - low) / SPACING).astype(int) + 2 * BEYOND + 1
         shape = (int(count[1]), int(count[0]))
-        lattice = np.array([SPACING, low[0] - _BEYOND * SPACING, low[1] - _BEYOND * SPACING])
+        lattice = np.array([SPACING, low[0] - BEYOND * SPACING, low[1] - BEYOND * SPACING])
         pattern = cls(lattice, np.zeros(shape), amplitude, np.full(shape, amplitude**2), 1.0)
         pattern.smoothing = pattern.usual_smoothing
         return pattern
@@ -107,7 +109,7 @@ class Pattern:
         return float(np.sqrt(max(square, 0.25)))
 
 
-class Sums:
+class MapInformation:
     """Normal equations of a pattern whose scans' states are known."""
 
     def __init__(self, pattern: Pattern) -> None:
@@ -133,16 +135,16 @@ class Sums:
 
 def fill(pattern: Pattern, readings: Readings, states: Floats) -> Factor:
     """Make pattern what explains the scans at these states (n, 5) best."""
-    sums = Sums(pattern)
-    sums.add(pattern, readings, states)
-    return sums.solve(pattern)
+    information = MapInformation(pattern)
+    information.add(pattern, readings, states)
+    return information.solve(pattern)
 
 
 @long_kernel
 def add_scans(
     surface: Surface, readings: Readings, states: Floats, stencil: Floats, right: Floats, support: Floats
 ) -> None:
-    """Add scans to stencil (knots, WIDTH, 2 WIDTH - 1), right and support (knots,); see `Sums.add`.
+    """Add scans to stencil (knots, WIDTH, 2 WIDTH - 1), right and support (knots,); see `MapInformation.add`.
 
     A saturated reading counts as it reads: the pattern is learned from the scans in which the place is not so.
     """

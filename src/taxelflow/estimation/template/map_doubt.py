@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import csr_array
 
+from taxelflow.estimation.template.bundle_adjustment import LEAST_INFORMATION
 from taxelflow.estimation.template.normal_equations import Normal, assemble
 from taxelflow.numerics.banded import WIDTH, add_diagonal, dense, smoothness
-from taxelflow.numerics.bspline import KNOTS, STATE
+from taxelflow.numerics.bspline import KNOTS, STATE, pose_part
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
 _MOST = 2_000_000
 """Scans times knots at most: beyond, the map's error is neglected, because many scans determine it well."""
-_POSE = 3
-"""The first components of a state, which a change of the frame moves: x, y, theta."""
 
 
 def of_map(
@@ -43,18 +42,18 @@ def of_map(
     assemble(pattern.surface, readings, states, np.where(fixed, 0.0, 1.0), level, normal)
     normal.stencil[:] += pattern.smoothing * smoothness(pattern.shape)
     add_diagonal(normal.stencil, pattern.prior)
-    pull = np.diag(np.where(fixed, 1.0, stiffness) + 1e-9)
-    held = np.linalg.inv(normal.blocks + pull)
+    pull = np.diag(np.where(fixed, 1.0, stiffness) + LEAST_INFORMATION)
+    held = np.asarray(np.linalg.inv(normal.blocks + pull), np.float64)
     held[:, fixed] = held[:, :, fixed] = 0.0
     crossed = _crossed(normal, pattern.shape[1])
     moved = held @ crossed
     information = dense(normal.stencil, pattern.shape[1]) - crossed.reshape(-1, knots).T @ moved.reshape(-1, knots)
     of_knots = np.linalg.inv(information)
-    frame = held[:, :, :_POSE]
+    frame = pose_part(held)  # a change of the frame moves poses only
     by_frame = of_knots @ np.einsum("kac,kab->cb", crossed, frame)
     frame = frame + moved @ by_frame
     own = moved @ of_knots @ moved.transpose(0, 2, 1)
-    found: Floats = own - frame @ np.linalg.pinv(frame[:, :_POSE].sum(axis=0)) @ frame.transpose(0, 2, 1)
+    found: Floats = own - frame @ np.linalg.pinv(frame.sum(axis=0)[: frame.shape[2]]) @ frame.transpose(0, 2, 1)
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg.lapack import dtbtrs
 from scipy.ndimage import convolve
 
-from taxelflow.estimation.template.extrapolation import looked_at, near
+from taxelflow.estimation.template.extrapolation import coverage, near
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.messages import LearnedPattern
 from taxelflow.numerics.blas import on_one_core
@@ -107,7 +107,7 @@ def mapped(
     last, theta = states[-1], float(np.nan_to_num(pose[2]))
     turn, back = _rotation(state_of(last).theta - theta), _rotation(-theta)
     shift = back @ (last[:2] - pose[:2])
-    looked = looked_at(scanned, states) @ turn.T + shift
+    looked = coverage(scanned, states) @ turn.T + shift
     low, high = pattern.box
     corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]) @ turn.T + shift
     low = np.maximum(corners.min(axis=0), looked.min(axis=0) - 1.0)

@@ -9,6 +9,10 @@ import numpy as np
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import pose_part
+from taxelflow.numerics.centroid import LOADED_SIGMAS
+from taxelflow.numerics.clock import ROUNDING_S
+from taxelflow.numerics.cut import IN_LINE
+from taxelflow.numerics.rounding import SIGNIFICANT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,26 +23,12 @@ if TYPE_CHECKING:
 COARSE = 0.06
 """Error of a reading, as a share of its contact's largest, with which every fit begins: the flanks of a contact, where
 cross-talk, offsets and hysteresis are large, then weigh no more than its middle. It finds the basin."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Load:
-    """Which readings are loaded."""
-
-    sigmas: float = 4.0
-    share: float = 0.03
-    well: float = 0.9
-    """Quantile of the scans' largest readings."""
-
-
-_LOADED = _Load()
-
-OUT = 3.0
+LOADED_SHARE = 0.03
+"""Share of a contact's largest reading above which a taxel is in the contact."""
+_WELL_LOADED = 0.9
+"""Quantile of the scans' largest readings that stands for the contact's."""
+OUT = SIGNIFICANT
 """Standard deviations from which a reading stands out."""
-_AT_ONCE_S = 1e-9
-"""Below this a delay is rounding."""
-_APART = 0.3
-"""Taxels closer than this, in pitches, along an axis lie in a line across it; those that jut out show little."""
 _LOOSE_TURN = 1e-3
 """Keeps a turn that nothing determines from wandering: 1 / rad^2."""
 
@@ -52,7 +42,7 @@ def delays_of(layout: Layout) -> tuple[Floats, Floats]:
     taxels = np.diff(layout.starts)
     mean = np.add.reduceat(layout.delay_s, layout.starts[:-1]) / taxels
     late: Floats = layout.delay_s - np.repeat(mean, taxels)
-    return np.where(np.abs(late) > _AT_ONCE_S, late, 0.0), mean
+    return np.where(np.abs(late) > ROUNDING_S, late, 0.0), mean
 
 
 def strength(readings: Floats, variance: Floats) -> Floats:
@@ -71,7 +61,7 @@ def across(places: Floats, live: Bools) -> Bools:
     """(2,), True where x or y leads across the line in which all live (taxels,) lie: any motion along it fits some
     pattern.
     """
-    in_line: Bools = np.ptp(places[:, live] if live.any() else places, axis=1) < _APART
+    in_line: Bools = np.ptp(places[:, live] if live.any() else places, axis=1) < IN_LINE
     return in_line
 
 
@@ -149,7 +139,7 @@ class Scanned:
         a single reading may be wrong.
         """
         largest = self.readings.max(axis=1, initial=0.0, where=self.variance > 0)
-        return float(np.quantile(largest, _LOADED.well)) or 1.0
+        return float(np.quantile(largest, _WELL_LOADED)) or 1.0
 
     @property
     def reach(self) -> float:
@@ -202,7 +192,7 @@ class Scanned:
 
     def loaded(self) -> NDArray[np.bool_]:
         """(scans, taxels), readings that the object surely makes."""
-        floor = np.maximum(_LOADED.sigmas * np.sqrt(self.variance), _LOADED.share * self.amplitude)
+        floor = np.maximum(LOADED_SIGMAS * np.sqrt(self.variance), LOADED_SHARE * self.amplitude)
         sure: NDArray[np.bool_] = (self.readings > floor) & (self.variance > 0)
         return sure
 
@@ -217,7 +207,7 @@ class Scanned:
         centre: Floats = (weight @ self.places.T) / total[:, np.newaxis]
         return centre
 
-    def bend(self, states: Floats, which: NDArray[np.int64] | slice = slice(None)) -> None:
+    def bend(self, states: Floats) -> None:
         """Take from the states (scans, 5) how far the object moves while a scan is read."""
         if self.rolling:
             span = np.diff(self.t_s, prepend=np.nan, append=np.nan)
@@ -226,4 +216,4 @@ class Scanned:
             velocity = (
                 np.nanmean([step[:-1] / before, step[1:] / after], axis=0) if len(self) > 1 else 0.0 * pose_part(states)
             )
-            self.bends[which] = (velocity[:, :, np.newaxis] * self.delay_s)[which]
+            self.bends[:] = velocity[:, :, np.newaxis] * self.delay_s

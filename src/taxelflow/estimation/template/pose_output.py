@@ -10,15 +10,13 @@ import numpy as np
 from taxelflow.estimation.template.likelihood import misfit
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 from taxelflow.numerics.bspline import STATE, states_of
+from taxelflow.numerics.robust import GATE
 from taxelflow.numerics.rounding import BLURRED
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bytes, Floats
-
-_UNRESOLVED = 2.0
-"""Chi-square per degree of freedom above which a scan does not fit."""
 
 
 @dataclass(slots=True, eq=False)
@@ -161,7 +159,7 @@ def judge(covariance: Floats, misfit: Floats, pitch_m: float) -> Bytes:
     # Where a scan holds hardly any information, its inverse may have lost its sign to rounding.
     is_known = (xx > 0) & (yy > 0) & (largest <= (BLURRED * pitch_m) ** 2)
     quality = np.where(is_known, OK, AMBIGUOUS)
-    quality = np.where(misfit > _UNRESOLVED, UNRESOLVED, quality)
+    quality = np.where(misfit > GATE, UNRESOLVED, quality)
     return quality.astype(np.uint8)
 
 

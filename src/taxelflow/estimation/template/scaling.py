@@ -33,11 +33,11 @@ _TERMS = 4
 """Coefficients of the polynomial by which the position depends on the size."""
 _GAIN_STD = 1.0
 """Prior standard deviation of the gains: here they follow the load, which varies much."""
-_SHARES = (0.05, 20.0)
-"""Bounds of the load over that of the first scan fitted."""
-_PLACE, _ELSEWHERE, _SLIDES = 0.02, 1.0, 0.25
-"""Standard deviations: of positions, in pitches; of the fixed point from the origin, in pitches; and of the velocity at
-which an object slides while it is pressed, in pitches per s."""
+_MOST_SHARE = 20.0
+"""Largest ratio of the load to that of the first scan fitted, and the largest inverse of it."""
+_PLACE, _SLIDES = 0.02, 0.25
+"""Standard deviations over that of the fixed point from the origin, one pitch: of positions; and of the velocity, per
+s, at which an object slides while it is pressed."""
 _ROUNDS = 15
 """Of the coarse fit: more than without growth, for it starts from the load alone."""
 
@@ -69,7 +69,7 @@ def _places_that_may_stay(scanned: Scanned, start: int) -> list[Floats]:
 def _grown_around(scanned: Scanned, place: Floats, start: int) -> tuple[Pattern, Floats, Fit]:
     """`grown_starts` around a given place (2,)."""
     load = scanned.load().sum(axis=1)
-    share = np.clip(load / max(float(load[start]), 1e-300), *_SHARES)
+    share = np.clip(load / max(float(load[start]), 1e-300), 1.0 / _MOST_SHARE, _MOST_SHARE)
     held = np.zeros((len(scanned), STATE))
     held[:, :2] = place
     parts = states_of(held)
@@ -91,7 +91,7 @@ def may_have_grown(scanned: Scanned, states: Floats) -> bool:
     least, most = np.quantile(load, _LOADS)
     if len(scanned) < _FEWEST or most < _DIFFER * max(least, 1e-300):
         return False
-    with_load = np.vander(np.clip(load / most, *_SHARES) ** _POWER, _TERMS)
+    with_load = np.vander(np.clip(load / most, 1.0 / _MOST_SHARE, _MOST_SHARE) ** _POWER, _TERMS)
     places = states[:, :2]
     left = places - with_load @ np.linalg.lstsq(with_load, places, rcond=None)[0]
     return bool(np.ptp(left, axis=0).max() <= _STAYS)
@@ -109,7 +109,7 @@ def centre(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
     since = (scanned.t_s - scanned.t_s.mean())[:, np.newaxis, np.newaxis] * np.eye(2)
     apart = np.concatenate([arms - arms.mean(axis=0), since], axis=2).reshape(-1, 4)
     away = (states[:, :2] - states[:, :2].mean(axis=0)).ravel()
-    known = np.diag(np.repeat([_PLACE / _ELSEWHERE, _PLACE / _SLIDES], 2))
+    known = np.diag(np.repeat([_PLACE, _PLACE / _SLIDES], 2))
     body = -np.linalg.lstsq(np.concatenate([apart, known]), np.append(away, np.zeros(4)), rcond=None)[0][:2]
     states[:, :2] += arms @ body
     pattern.lattice = pattern.lattice - np.array([0.0, *body])

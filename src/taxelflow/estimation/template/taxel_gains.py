@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.likelihood import cost
+from taxelflow.estimation.template.likelihood import FEWEST, cost
+from taxelflow.estimation.template.observations import LOADED_SHARE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,9 +32,6 @@ class _Learning:
     """Standard deviation of the gains before anything is known, and the largest."""
     limits: tuple[float, float] = (0.5, 2.0)
     """Bounds of a gain; a taxel beyond is faulty, which `dead_taxels` and `condition.health` detect."""
-    loaded: float = 0.03
-    """Share of the contact's largest reading from which a model's reading shows its taxel's gain."""
-    fewest: int = 2
     passes: int = 2
 
 
@@ -80,7 +78,7 @@ def with_gains(scanned: Scanned, solved: Solved, refined: Callable[[Scanned, Sol
 def _estimated(scanned: Scanned, solved: Solved, before: Floats, spread: float) -> Gains:
     """The gains with which the model of a fit explains the readings best; before: (taxels,), those in the fit."""
     fit, level = solved.fit, scanned.amplitude
-    seen = (fit.weight > 0) & (fit.model > _LEARNING.loaded * level) & (scanned.readings < scanned.ceiling)
+    seen = (fit.weight > 0) & (fit.model > LOADED_SHARE * level) & (scanned.readings < scanned.ceiling)
     model = np.where(seen, fit.model, 0.0)
     variance = np.where(scanned.variance > 0, scanned.variance + (solved.error * level * before) ** 2, np.inf)
     shown = np.sum(model**2 / variance, axis=0)
@@ -90,6 +88,6 @@ def _estimated(scanned: Scanned, solved: Solved, before: Floats, spread: float) 
     if known.any():
         spread = float(min(np.sqrt(np.mean(off[known] ** 2 + left[known])), _LEARNING.most_spread))
     off, determined = pull / (shown + spread**-2), 1.0 - 1.0 / (1.0 + shown * spread**2)
-    counts = np.maximum(np.count_nonzero(seen, axis=0), _LEARNING.fewest)
+    counts = np.maximum(np.count_nonzero(seen, axis=0), FEWEST)
     penalty = float(np.sum(off[known] ** 2) / spread**2 + np.sum(determined[known] * np.log(counts[known])))
     return Gains(np.clip(1.0 + off, *_LEARNING.limits), spread, penalty, float(np.sum(pull * off)))

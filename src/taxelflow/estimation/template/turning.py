@@ -11,23 +11,22 @@ from taxelflow.estimation.template.likelihood import FEWEST, cost, touched, unex
 from taxelflow.estimation.template.observability import observability
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.numerics.bspline import States, states_of
+from taxelflow.numerics.rounding import OBSERVABLE, SIGNIFICANT
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Floats
 
-_MOST, _STILL = 0.9, 9.0
-"""An object has not turned if this quantile of its squared angles, over their variances, is below the second number."""
+_MOST = 0.9
+"""An object has not turned if this share of its angles is insignificant."""
 _JERKY = 2.0
 """Median of the squared second differences of an angle, over their variances, up to which a rotation is smooth. Noise
 alone gives 0.45."""
 _STEADY = 12.0
 """Scans per parameter of an angle that changes smoothly."""
-_UNCONVERGED = 1.0
-"""Cost per scan that a fit may exceed another one by, because it has not fully converged."""
-_SEEN = 4.0
-"""An angle is observable if its information exceeds that from noise in the pattern by this factor."""
+UNCONVERGED = 1.0
+"""Cost per scan by which two fits may differ because they have not fully converged."""
 
 
 def explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
@@ -40,7 +39,7 @@ def explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
 
 def explains_no_less(free: Solved, held: Solved, scanned: Scanned) -> bool:
     """Whether the free fit, which contains the held one, is as good: if not, it has ended in a local minimum."""
-    return unexplained(free, scanned) <= unexplained(held, scanned) + _UNCONVERGED * len(scanned)
+    return unexplained(free, scanned) <= unexplained(held, scanned) + UNCONVERGED * len(scanned)
 
 
 def outweighs_faults(free: Solved, held: Solved, scanned: Scanned) -> bool:
@@ -55,11 +54,11 @@ def outweighs_faults(free: Solved, held: Solved, scanned: Scanned) -> bool:
 
 def turns_surely(free: Solved, scanned: Scanned) -> bool:
     """Whether the angle of a free fit is observable, and changes as smoothly as noise allows."""
-    variance = variances_of(free.fit.information).theta
+    variance = _variances_of(free.fit.information).theta
     jerk = np.diff(states_of(free.states).theta, 2)
     noise = variance[:-2] + 4.0 * variance[1:-1] + variance[2:]
     steady = len(jerk) == 0 or float(np.median(jerk**2 / noise)) < _JERKY
-    return steady and _observability(free, scanned) > _SEEN
+    return steady and _observability(free, scanned) > OBSERVABLE
 
 
 def turns_steadily(free: Solved, held: Solved, scanned: Scanned) -> bool:
@@ -77,23 +76,23 @@ def turns_steadily(free: Solved, held: Solved, scanned: Scanned) -> bool:
 
 def keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
     """Whether the angle of a free fit is observable and constant; a pattern of noise makes any angle look constant."""
-    variance, theta = variances_of(free.fit.information).theta, states_of(free.states).theta
+    variance, theta = _variances_of(free.fit.information).theta, states_of(free.states).theta
     theta = theta - np.median(theta)
-    return bool(np.quantile(theta**2 / variance, _MOST) < _STILL and _observability(free, scanned) > _SEEN)
+    return bool(np.quantile(theta**2 / variance, _MOST) < SIGNIFICANT**2 and _observability(free, scanned) > OBSERVABLE)
 
 
 def _observability(free: Solved, scanned: Scanned) -> float:
     """Observability of the angle, see `observability`, in the scan with the most information on it."""
-    scan = int(np.argmax(_diagonals(free.fit.information).theta))
+    scan = int(np.argmax(diagonals_of(free.fit.information).theta))
     error = max(free.error, COARSE)
     return float(observability(free.pattern, scanned, free.states, free.fit.factor, scan, error).theta)
 
 
-def _diagonals(matrices: Floats) -> States:
+def diagonals_of(matrices: Floats) -> States:
     """Diagonals of matrices (scans, 5, 5) over states."""
     return states_of(matrices.diagonal(axis1=1, axis2=2))
 
 
-def variances_of(information: Floats) -> States:
+def _variances_of(information: Floats) -> States:
     """Variances of states, from their information (scans, 5, 5)."""
-    return _diagonals(np.asarray(np.linalg.inv(information), np.float64))
+    return diagonals_of(np.asarray(np.linalg.inv(information), np.float64))

@@ -8,13 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.rounding import LEAST_VARIANCE_M2, SIGNIFICANT
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import inlined, lean_kernel
-
-_LEAST = 1e-18
-"""Added to variances, which may be 0, m^2."""
-_EXPLAINED = 9.0
-"""Chi-square up to which the errors of c and p explain a shift by the border: 3 standard deviations, squared."""
 
 
 @lean_kernel
@@ -44,7 +40,7 @@ def combine(
     doubt: D as xx, xy, yy. apart: c - p. shows_turn: whether the map determines the angle, whose variance stays.
     All are in the same unit.
     """
-    map_xx, map_xy, map_yy = cov[0, 0] + _LEAST, cov[0, 1], cov[1, 1] + _LEAST
+    map_xx, map_xy, map_yy = cov[0, 0] + LEAST_VARIANCE_M2, cov[0, 1], cov[1, 1] + LEAST_VARIANCE_M2
     wider = 1.0 if shows_turn else _inflation((map_xx, map_xy, map_yy), doubt, apart)
     map_xx, map_xy, map_yy = wider * map_xx, wider * map_xy, wider * map_yy
     xx, xy, yy = inverse2(map_xx + doubt[0], map_xy + doubt[1], map_yy + doubt[2])
@@ -54,7 +50,7 @@ def combine(
     p, q, r, s = 1.0 - weight[0, 0], -weight[0, 1], -weight[1, 0], 1.0 - weight[1, 1]
     own = transformed(p, q, r, s, (map_xx, map_xy, map_yy))
     other = transformed(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], doubt)
-    ratio = np.sqrt((own[0] + own[2] + _LEAST) / (other[0] + other[2] + _LEAST))
+    ratio = np.sqrt((own[0] + own[2] + LEAST_VARIANCE_M2) / (other[0] + other[2] + LEAST_VARIANCE_M2))
     scale = max(chi, 1.0)
     cov[0, 0] = scale * ((1.0 + 1.0 / ratio) * own[0] + (1.0 + ratio) * other[0])
     cov[1, 1] = scale * ((1.0 + 1.0 / ratio) * own[2] + (1.0 + ratio) * other[2])
@@ -73,7 +69,7 @@ def surely(shift: tuple[float, float], doubt: tuple[float, float, float]) -> flo
     (x, y), (xx, xy, yy) = shift, doubt
     square = xx * yy - xy * xy
     chi = yy * x * x - 2.0 * xy * x * y + xx * y * y
-    return float(1.0 - _EXPLAINED * square / chi) if chi > _EXPLAINED * square else 0.0
+    return float(1.0 - SIGNIFICANT**2 * square / chi) if chi > SIGNIFICANT**2 * square else 0.0
 
 
 @inlined

@@ -9,7 +9,7 @@ import numpy as np
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.map_update import first_pattern, learn
-from taxelflow.estimation.template.online.relocalization import recognised
+from taxelflow.estimation.template.online.relocalization import relocalise
 from taxelflow.estimation.template.online.track_state import PadScan
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.cut import open_sides
@@ -37,7 +37,7 @@ def compile_stream() -> None:
         learned.keyframes = learned.keyframes.with_scan(*scan)
     learned.fresh = len(scanned) - 1
     with on_one_core():
-        recognised(learn(learned), np.zeros(2), part)
+        relocalise(learn(learned), np.zeros(2), part)
 
 
 def made_up() -> Scanned:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from taxelflow.errors import ExtraMissing, ParameterInvalid
-from taxelflow.fusion.observability import BLIND_M, BLIND_M_S
+from taxelflow.errors import ExtraMissing
+from taxelflow.fusion.observability import BLIND_M_S
+from taxelflow.numerics.rounding import BLIND_M
+from taxelflow.runtime.checks import not_negative, positive
 
 if TYPE_CHECKING:
     from taxelflow.fusion.spatial.session import SpatialSession
@@ -32,11 +34,9 @@ class SpatialField:
 
     def __post_init__(self) -> None:
         for name in ("window_s", "edge_doubt"):
-            if not 0 <= getattr(self, name) < float("inf"):
-                raise ParameterInvalid(f"spatial.{name}", getattr(self, name), "be 0 or more")
+            not_negative(f"spatial.{name}", getattr(self, name))
         for name in ("blind_m_s", "blind_m", "length_m"):
-            if not 0 < getattr(self, name) < float("inf"):
-                raise ParameterInvalid(f"spatial.{name}", getattr(self, name), "be a finite number above 0")
+            positive(f"spatial.{name}", getattr(self, name))
 
     def begin(self, sensor: Sensor, joints: Joints | None) -> tuple[SpatialSession | None, list[str]]:
         """As `start`, but a note to the user where there is no session for lack of MuJoCo or of joint angles.

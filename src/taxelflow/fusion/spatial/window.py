@@ -12,11 +12,10 @@ import numpy as np
 
 from taxelflow.fusion.reference import UNOBSERVABLE_M_S
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.numerics.se3 import copy_matrix
 from taxelflow.runtime.compiling import lean_kernel, routine
 
-_FEWEST = 3
-"""Scans that a line needs."""
 _SMALL = 0.01
 """Tangents below which three terms of the arctangent's series are used, exact to 1e-15 rad."""
 _LEAST_SHARE = 0.4
@@ -75,7 +74,7 @@ def rates(seen: Seen, scan: int, window_s: float, out: Velocities) -> None:
             going_on = seen.kept[first, pad]
             first -= 1
         first += 1
-        if count >= _FEWEST and seen.t_s[scan] - seen.t_s[first] >= _LEAST_SHARE * window_s:
+        if count >= LINE_POINTS and seen.t_s[scan] - seen.t_s[first] >= _LEAST_SHARE * window_s:
             fit_line(seen, pad, first, scan, out)
 
 

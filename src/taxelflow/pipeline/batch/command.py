@@ -15,9 +15,7 @@ from taxelflow.acquire.options import Source
 from taxelflow.errors import ParameterInvalid
 from taxelflow.pipeline.batch.options import Estimating
 from taxelflow.runtime.addresses import MOST_PORT
-
-SOME_FAILED, INTERRUPTED = 1, 130
-"""Exit codes; the latter is that of a shell for a process ended by Ctrl+C, 128 + SIGINT."""
+from taxelflow.runtime.exit_codes import INTERRUPTED, PARTLY_DONE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +72,7 @@ class Batch(Source, Estimating):
             print(line)
         for line in report.complaints():
             print(f"taxelflow: {line}", file=sys.stderr)
-        return SOME_FAILED if report.failed else 0
+        return PARTLY_DONE if report.failed else 0
 
 
 def _check_port(scheduler: str) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.publish.plots.lanes import draw_lanes
 from taxelflow.publish.plots.style import GREY, INK, SLIP, look, plain
 from taxelflow.publish.results import spans
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Event, Floats
     from taxelflow.publish.results import Track
 
-_FEWEST = 3
-"""Positions below which a stroke has no slope."""
 _CROWDED = 400
 """Positions above which their marks are small."""
 _MOST_NUMBERS = 8
@@ -146,7 +145,7 @@ def _draw_lines(
     for first, last in strokes:
         t_s, at_mm = track.t_s, 1e3 * track.position_m[:, component]
         used = np.isfinite(at_mm) & (t_s >= first) & (t_s <= last)
-        if used.sum() < _FEWEST:
+        if used.sum() < LINE_POINTS:
             continue
         slope, offset = np.polyfit(t_s[used] - start_s, at_mm[used], 1)
         ends = np.array([t_s[used][0], t_s[used][-1]]) - start_s

@@ -13,6 +13,7 @@ import numpy as np
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Joints
 from taxelflow.publish.plots.names import finger, free_places, write_names
+from taxelflow.publish.plots.packing import NAME
 from taxelflow.publish.plots.solid import draw_faces, faces, frame, on_paper
 from taxelflow.publish.plots.style import GREY, MAGENTA, TINTS, VERMILION, caption, pale, save, styled, wrapped
 from taxelflow.sensors.hand import PAIRS, JointsInvalid, joint_angles
@@ -38,8 +39,6 @@ _DISTORTED = 4.0
 """Distances on the map, over those on the skin, from which it would mislead."""
 _SIDES = ((-60.0, 25.0), (120.0, 25.0))
 """Azimuth and elevation of the two views, deg."""
-_NAME = 7.0
-"""Size of a pad's name, points."""
 
 _log = logging.getLogger("taxelflow")
 
@@ -152,7 +151,7 @@ def _write_names(axis: Axes, hand: InSpace, arrows: tuple[Floats, Floats], drawn
     pads = [np.flatnonzero(hand.pad == pad) for pad in np.unique(hand.pad)]
     shapes = [drawn(np.concatenate([hand.faces[taxel] for taxel in own])) for own in pads]
     along = np.concatenate([arrows[0] + share * arrows[1] for share in np.linspace(0.0, 1.0, 9)])
-    write_names(axis, free_places(axis, shapes, hand.names, _NAME, drawn(along)), _NAME)
+    write_names(axis, free_places(axis, shapes, hand.names, NAME, drawn(along)), NAME)
 
 
 def _tints(hand: InSpace) -> list[str]:

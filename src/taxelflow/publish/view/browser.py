@@ -23,7 +23,7 @@ _MAC = "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome"
 DRAWS = ("--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 """Flags by which a browser draws in software where there is no graphics card."""
 _QUIET = ("--headless=new", "--no-first-run", "--disable-extensions", "--mute-audio", "--hide-scrollbars")
-_PATIENCE_S = 120.0
+PATIENCE_S = 120.0
 """Time for a headless browser to load the page."""
 
 
@@ -85,10 +85,10 @@ def drawn_by(page: Page, beside: int) -> Any:
 
     Raises BrowserFailed.
     """
-    end = time.monotonic() + _PATIENCE_S
+    end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
         for client in page.clients.values():
             if 0 < client.camera.image_width <= beside:
                 return client
         time.sleep(0.05)
-    raise BrowserFailed(f"nothing within {_PATIENCE_S:.0f} s")
+    raise BrowserFailed(f"nothing within {PATIENCE_S:.0f} s")

@@ -31,7 +31,7 @@ _EXPOSURE = 1 / 0.6
 """Of three.js's ACESFilmicToneMapping."""
 _TO_CURVE = np.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]])
 _FROM_CURVE = np.array([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]])
-_UP_2, _UP_1, _UP_0 = 1.0, 0.0245786, -0.000090537
+_UP_1, _UP_0 = 0.0245786, -0.000090537
 _DOWN_2, _DOWN_1, _DOWN_0 = 0.983729, 0.4329510, 0.238081
 """The curve: (v^2 + _UP_1 v + _UP_0) / (_DOWN_2 v^2 + _DOWN_1 v + _DOWN_0)."""
 _HIGHEST = 0.97
@@ -59,7 +59,7 @@ def as_lit(colours: Any) -> NDArray[np.uint8]:
     """
     wanted = _linear(np.asarray(colours, dtype=np.float64) / 255.0)
     curve = np.clip(wanted @ np.linalg.inv(_FROM_CURVE).T, 0.0, _HIGHEST)
-    a, b, c = _UP_2 - curve * _DOWN_2, _UP_1 - curve * _DOWN_1, _UP_0 - curve * _DOWN_0
+    a, b, c = 1.0 - curve * _DOWN_2, _UP_1 - curve * _DOWN_1, _UP_0 - curve * _DOWN_0
     light = (-b + np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))) / (2 * a)
     surface = light @ np.linalg.inv(_TO_CURVE).T / (_EXPOSURE * _LIGHT)
     found: NDArray[np.uint8] = (255.0 * np.clip(surface, 0.0, 1.0)).round().astype(np.uint8)
@@ -76,7 +76,7 @@ def seen(surfaces: Any) -> Floats:
     """sRGB (..., 3) of how surfaces of these reflectances (..., 3) look: the inverse of `as_lit`."""
     light = np.asarray(surfaces, dtype=np.float64) / 255.0 * _LIGHT * _EXPOSURE
     v = light @ _TO_CURVE.T
-    curve = (v * (_UP_2 * v + _UP_1) + _UP_0) / (v * (_DOWN_2 * v + _DOWN_1) + _DOWN_0)
+    curve = (v * (v + _UP_1) + _UP_0) / (v * (_DOWN_2 * v + _DOWN_1) + _DOWN_0)
     found: Floats = 255.0 * _encoded(np.clip(curve @ _FROM_CURVE.T, 0.0, 1.0))
     return found
 

@@ -18,8 +18,6 @@ SIGMAS = 2.0
 """Standard deviations that the ellipse, or ellipsoid, of the place reaches to."""
 WIDEST = 0.1
 """Largest half axis of it that is drawn, as a share of the hand's size: a larger one is cut to this, and grey."""
-CLEAR_SIGMAS = 3.0
-"""Velocities of fewer standard deviations are not drawn."""
 _THICK = 0.0055
 """Thickness of the arc, as a share of the hand's size."""
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.publish.view import motion_marks as marks
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
@@ -92,7 +93,7 @@ def _clear(velocity: Floats, covariance: Floats) -> bool:
     """Whether a velocity is clearly not 0."""
     if not (np.isfinite(velocity).all() and np.isfinite(covariance).all()):
         return False
-    return bool(velocity @ velocity > marks.CLEAR_SIGMAS**2 * np.trace(covariance))
+    return bool(velocity @ velocity > SIGNIFICANT**2 * np.trace(covariance))
 
 
 def _arc(origin: Floats, radius: float, angle_rad: float) -> Floats:

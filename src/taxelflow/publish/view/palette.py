@@ -46,7 +46,6 @@ class Theme:
     idle: Rgb
     line: Rgb
     ring: Rgb
-    unlit: Rgb
     second: Rgb
     words: Rgb
     link: Rgb
@@ -71,7 +70,6 @@ DARK = Theme(
     idle=(72, 79, 97),
     line=(255, 255, 255),
     ring=(128, 134, 148),
-    unlit=(72, 79, 97),
     second=(90, 215, 255),
     words=(196, 201, 212),
     link=(104, 113, 132),
@@ -83,7 +81,6 @@ LIGHT = Theme(
     idle=(176, 183, 197),
     line=(20, 22, 28),
     ring=(90, 96, 110),
-    unlit=(176, 183, 197),
     second=(0, 120, 190),
     words=(66, 71, 84),
     link=(150, 158, 174),

@@ -284,7 +284,7 @@ class Scene:
             return
         self._lit = drawn
         orange, plate = lit(VERMILION), lit(self.theme.plate)
-        pressed = np.where(touched[:, np.newaxis], lit(GREEN), lit(self.theme.unlit))
+        pressed = np.where(touched[:, np.newaxis], lit(GREEN), lit(self.theme.idle))
         shown = touched | slips | (not self._names.crowded)  # lights of crowded pads in space would hide them
         size = np.array((2.0, 2.0, 0.5)) * self._radius
         scales = np.where(shown[:, np.newaxis], size, shapes.NONE)

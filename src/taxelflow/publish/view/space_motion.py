@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.numerics.geometry import hat, rotate
+from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.publish.spatial import basis_of
 from taxelflow.publish.view import motion_marks as marks
 from taxelflow.publish.view import shapes
@@ -169,7 +170,7 @@ def _clear(velocity: Floats, covariance: Floats) -> bool:
     if not (np.isfinite(velocity).all() and np.isfinite(covariance).all()):
         return False
     length = float(velocity @ velocity)
-    return length**2 > marks.CLEAR_SIGMAS**2 * float(velocity @ covariance @ velocity)
+    return length**2 > SIGNIFICANT**2 * float(velocity @ covariance @ velocity)
 
 
 def _arc(middle: Floats, radius: float, axis: Floats, angle_rad: float, steps: int) -> Floats:

@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import LOST, NO_POSE
+from taxelflow.numerics.rounding import SIGNIFICANT
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
     from taxelflow.publish.view.history import Results
     from taxelflow.publish.view.placement import Placement
     from taxelflow.sensors.layout import Layout
-
-_SIGMAS = 3.0
-"""A velocity of fewer standard deviations is not drawn while the pad does not slip."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +70,7 @@ class Field:
             known = slips.quality[0, pad] not in (NO_POSE, LOST) and np.isfinite(flat).all()
             with np.errstate(invalid="ignore"):
                 spread = np.sqrt(variance[pad]) / slips.span_s[0, pad]
-            clear = results.slipping[0, pad] or np.hypot(*flat) > _SIGMAS * spread
+            clear = results.slipping[0, pad] or np.hypot(*flat) > SIGNIFICANT * spread
             if known and clear:
                 velocity[pad] = tangent @ flat
         return Vectors(start, velocity, normal, touched)

@@ -18,7 +18,7 @@ from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.kinematics import model_text
 from taxelflow.simulation.mujoco.camera import View
 from taxelflow.simulation.mujoco.gripper_model import COUPLING_SOLREF, GAP_M
-from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
+from taxelflow.simulation.mujoco.plant import GRASPED, Actuator, Held, Plant, Truth
 from taxelflow.simulation.mujoco.scene import SHEET_M, add_contacts, mechanism, scene, sheet
 from taxelflow.simulation.mujoco.skin import Skin
 
@@ -54,8 +54,8 @@ _LEVER_S = 0.05
 """Time constant with which the hand learns it."""
 _TOUCHED_N = 0.3
 """Force from which on it does."""
-_GRASPED, _FINGER = 0.5, 0.1
-"""Least share of a force in the grip, and on each finger, that is a grasp."""
+_FINGER = 0.1
+"""Least share of that force on each finger."""
 
 
 @dataclass
@@ -112,7 +112,7 @@ class BarrettHand:
     def grasps(self, truth: Truth, force_n: float) -> bool:
         """Whether the grip has half of that force or more, and each finger a tenth of that."""
         fingers = [truth.normal_n[own].sum() for own in self._of_finger]
-        return truth.force_n > _GRASPED * force_n and bool(min(fingers) > _FINGER * _GRASPED * force_n)
+        return truth.force_n > GRASPED * force_n and bool(min(fingers) > _FINGER * GRASPED * force_n)
 
     def _spec(self, mujoco: Any) -> Any:
         """The world with the object, and the hand attached to it."""

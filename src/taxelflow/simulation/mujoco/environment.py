@@ -16,13 +16,9 @@ from taxelflow.simulation.mujoco.events import END_S, LIFTED_S, STANDARD_EVENTS
 from taxelflow.simulation.mujoco.objects import STANDARD_OBJECTS
 from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.skin import Skin
-from taxelflow.simulation.mujoco.trial import DROPPED_M, Rehearsal, Trial
+from taxelflow.simulation.mujoco.trial import DROPPED_M, FORCE_COST, NEAR_M, Rehearsal, Trial
 
 ID = "taxelflow/GripHold-v0"
-_NEAR_M = 0.005
-"""Slid distance that costs 1."""
-_FORCE_COST_1_S = 0.25
-"""Cost per second of a force of twice the least."""
 _LOST = -10.0
 """Reward of the loss of the object, which ends the episode."""
 _MOST_SEED = 2**31
@@ -94,7 +90,7 @@ class GripHold(gymnasium.Env[Observation, NDArray[np.float32]]):
         excess = max(moment.truth.force_n / self._least_n(moment.truth.t_s) - 1.0, 0.0)
         dt_s = 1.0 / rehearsal.plant.rate_hz
         lost = slid_m >= DROPPED_M
-        reward = -abs(slid_m - before_m) / _NEAR_M - _FORCE_COST_1_S * excess * dt_s + lost * _LOST
+        reward = -abs(slid_m - before_m) / NEAR_M - FORCE_COST * excess * dt_s + lost * _LOST
         over = rehearsal.t_s >= END_S - 1e-9
         return self._seen(moment.readings, force_n), reward, lost, over and not lost, self._info()
 

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.errors import NameUnknown
+from taxelflow.numerics.gravity import G_M_S2
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
-G_M_S2 = 9.81
-"""Standard gravity."""
 LIFT_S, LIFTED_S, EVENT_S, END_S = 0.8, 1.0, 1.3, 4.3
 """Times of a trial: the support begins to go, and is gone; the event begins; the trial ends."""
 

@@ -11,7 +11,7 @@ from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.simulation.mujoco.camera import View
 from taxelflow.simulation.mujoco.gripper_model import SIDES, mjcf
-from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
+from taxelflow.simulation.mujoco.plant import GRASPED, Actuator, Held, Plant, Truth
 from taxelflow.simulation.mujoco.scene import add_contacts
 from taxelflow.simulation.mujoco.skin import Skin
 
@@ -23,8 +23,6 @@ _JAW_M = 0.025
 """Place of a pad in the sensor's description; the jaws move, and only their directions matter."""
 _FACING = ((0.5, 0.5, 0.5, 0.5), (0.5, -0.5, -0.5, 0.5))
 """Quaternions of the pads: z out of the skin to the other pad, y up, x along world y and against it."""
-_GRASPED = 0.5
-"""Least share of a force on each pad that is a grasp."""
 
 
 @dataclass
@@ -71,7 +69,7 @@ class Gripper:
 
     def grasps(self, truth: Truth, force_n: float) -> bool:
         """Whether each pad has half of that force or more."""
-        return bool((truth.normal_n > _GRASPED * force_n).all())
+        return bool((truth.normal_n > GRASPED * force_n).all())
 
     def _spec(self, mujoco: Any) -> Any:
         spec = mujoco.MjSpec.from_string(mjcf(self.held.shape, self.held.inertial(), self.skin, self.actuator))

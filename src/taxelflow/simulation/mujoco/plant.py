@@ -13,7 +13,8 @@ import numpy as np
 
 from taxelflow.errors import ExtraMissing, ParameterInvalid
 from taxelflow.numerics.geometry import se3_inverse
-from taxelflow.simulation.checks import positive
+from taxelflow.runtime.checks import positive
+from taxelflow.simulation.mujoco.camera import Viewed
 from taxelflow.simulation.mujoco.scene import TIMESTEP_S
 
 if TYPE_CHECKING:
@@ -21,13 +22,14 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats
     from taxelflow.sensors.sensor import Sensor
-    from taxelflow.simulation.mujoco.camera import View
     from taxelflow.simulation.mujoco.events import Load
     from taxelflow.simulation.mujoco.objects import Shape
     from taxelflow.simulation.mujoco.skin import Skin
 
 GYRATION_M2 = 0.05**2 / 3
 """Moment of inertia over mass, that of a cube of 71 mm."""
+GRASPED = 0.5
+"""Least share of a commanded force that is a grasp."""
 _SLIDING_M_S = 1e-3
 """Speed from which on kinetic friction acts, where it differs from static."""
 
@@ -93,23 +95,8 @@ class Truth:
         return float(self.normal_n.sum()) / 2
 
 
-class Grip(Protocol):
+class Grip(Viewed, Protocol):
     """A plant with a force to command: the gripper or a hand."""
-
-    @property
-    def view(self) -> View:
-        """For pictures."""
-        ...
-
-    @property
-    def model(self) -> Any:
-        """MuJoCo's model."""
-        ...
-
-    @property
-    def data(self) -> Any:
-        """MuJoCo's state."""
-        ...
 
     @property
     def rate_hz(self) -> float:

@@ -12,9 +12,8 @@ from functools import cache
 
 import numpy as np
 
-from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Bools, Floats
-from taxelflow.simulation.checks import not_negative, positive
+from taxelflow.runtime.checks import at_least, not_negative, positive
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,7 @@ class Skin:
 
     def __post_init__(self) -> None:
         for name in ("rows", "cols", "fine"):
-            if getattr(self, name) < 1:
-                raise ParameterInvalid(f"skin.{name}", getattr(self, name), "be at least 1")
+            at_least(f"skin.{name}", getattr(self, name), 1)
         for name in ("pitch_m", "stiffness_pa_m", "full_scale_pa"):
             positive(f"skin.{name}", getattr(self, name))
         for name in ("cover_m", "noise_pa"):

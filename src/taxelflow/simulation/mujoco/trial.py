@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.errors import ParameterInvalid
-from taxelflow.simulation.mujoco.events import END_S, G_M_S2, LIFT_S, Happening
+from taxelflow.numerics.gravity import G_M_S2
+from taxelflow.runtime.checks import at_least, not_negative
+from taxelflow.simulation.mujoco.events import END_S, LIFT_S, Happening
 from taxelflow.simulation.mujoco.hands import check_objects, grip
 from taxelflow.simulation.mujoco.objects import shape
 from taxelflow.simulation.mujoco.plant import Actuator, Held
@@ -28,6 +29,8 @@ HANDOVER_S = LIFT_S
 """From when on the controller commands the force."""
 DROPPED_M = 0.03
 """An object that slid so far is lost: a pad is 32 mm high."""
+NEAR_M, FORCE_COST = 0.005, 0.25
+"""Slid distance that costs 1, and cost of a force of twice the least."""
 _LEVER_M = 0.03
 """Offset of the centre of mass from the pads in a trial of a commanded turn."""
 
@@ -47,8 +50,7 @@ class Trial:
     @classmethod
     def drawn(cls, seed: int, kind: str, event: str) -> Trial:
         """Everything random about a trial, from its seed. Raises NameUnknown, ParameterInvalid."""
-        if seed < 0:
-            raise ParameterInvalid("seed", seed, "be 0 or more")
+        not_negative("seed", seed)
         random = np.random.default_rng(seed)
         mass_kg, friction = random.uniform(0.1, 0.5), random.uniform(0.35, 0.9)
         offset_m = tuple(random.uniform(-0.003, 0.003, 2).tolist())
@@ -126,8 +128,7 @@ def drawn_in_turn(
     seed: int, trials: int, objects: tuple[str, ...], events: tuple[str, ...], draw: Callable[[int, str, str], Trial]
 ) -> Iterator[Trial]:
     """Trials of seeds seed, seed + 1, ...: objects and events in turn, so that all pairs come before one repeats."""
-    if trials < 1:
-        raise ParameterInvalid("trials", trials, "be at least 1")
+    at_least("trials", trials, 1)
     cycle = int(np.lcm(len(objects), len(events)))
     for number in range(trials):
         event = events[(number + number // cycle) % len(events)]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _GAIN, _OFFSET, _NOISE, _DEAD = range(4)
 """Numbers of the generators, beside the seed."""
-_PLAYS = (0.125, 0.25, 0.375, 0.5)
+_PLAYS = np.arange(1, 5) / 8
 """Half-widths of play over the largest reading."""
 _LOADED = 0.3
 """Largest reading, over that of all taxels, from which a taxel may be a dead one: others would not be missed."""
@@ -75,7 +75,7 @@ def lagged(value: Floats, scans: float) -> Floats:
 
 def with_play(value: Floats) -> Floats:
     """Mean of plays (scans, taxels) of several widths; at rest under a load that has risen from 0."""
-    wide = np.array(_PLAYS)[:, np.newaxis] * float(value.max(initial=0.0))
+    wide = _PLAYS[:, np.newaxis] * float(value.max(initial=0.0))
     follower = np.zeros((len(_PLAYS), value.shape[1]))
     found = np.empty_like(value)
     for k, now in enumerate(value):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.simulation.checks import not_negative, positive, within
+from taxelflow.runtime.checks import not_negative, positive, within
 
 Shape = Literal[
     "handle", "fine-handle", "nut", "bolt", "key", "coin", "ring", "letters", "dome", "bar", "cloth", "tripod",

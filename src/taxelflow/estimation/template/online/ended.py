@@ -1,4 +1,4 @@
-"""The maps of contacts that have ended, made beside the stream where it must not wait for them."""
+"""Export of the maps of contacts that have ended, beside the stream where it must not wait."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from concurrent.futures import Future
 
-    from taxelflow.estimation.template.online.local_map import Learned
+    from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.estimation.template.online.track_state import Track
     from taxelflow.messages import LearnedPattern
     from taxelflow.runtime.worker import Runs
@@ -27,7 +27,7 @@ _MOST_WAITING = 32
 """From this number on they are made even while something is being learned."""
 
 
-def map_of(pad: str, known: Learned, m: Track, pitch_m: float) -> Work:
+def map_of(pad: str, known: LocalMap, m: Track, pitch_m: float) -> Work:
     """What makes the map of a contact on a pad that has ended."""
     states = known.keyframes.states
     theta = state_of(states[-1]).theta - (m.theta_0 if known.turns else 0.0)

@@ -1,85 +1,84 @@
-"""Whether a pattern explains a scan.
+"""Whether a map explains a scan: the share of the readings' power that its residuals hold.
 
-Chi-square per reading does not show it: most taxels of a pad are silent, and a pattern that lies beside the load
-explains all of those.
+Chi-square per reading does not show it: most taxels of a pad are silent, and a map that lies beside the load explains
+all of those.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import LaidOut, nearest, pressure_at
+from taxelflow.estimation.template.linearization import Packed, frame_of, nearest, pressure_at, turned
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import STATE, state_of
+from taxelflow.numerics.bspline import STATE
 from taxelflow.numerics.robust import gate
+from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.small_linalg import put_lower
-from taxelflow.runtime.compiling import lean_kernel
+from taxelflow.runtime.compiling import inlined, lean_kernel
 
 MOST_UNEXPLAINED = 0.5
-"""Share of the readings, squared, up to which a pattern explains a scan: it explains more than it leaves."""
+"""Share of the readings' power up to which a map explains a scan: it explains more than it leaves."""
 KNOWN_UNEXPLAINED = 0.1
-"""The same, up to which a scan shows the object of a pattern; doubt of it is no evidence."""
+"""The same, up to which a scan shows the object of a known map; its variance is not counted as evidence."""
 MISTAKEN = 2
-"""After this many scans in a row that do not fit its pattern, it is another object."""
-_SURELY = 3.0
-"""Standard deviations of noise that are no evidence against a pattern."""
+"""After this many consecutive scans that do not fit its map, it is another object."""
 
 
 @lean_kernel
-def unexplained(surface: Surface, taxels: LaidOut, error: float, state: Floats, centre: Floats) -> float:
-    """Share of the readings, squared, that a pattern leaves at a state (5,), beyond noise.
+def unexplained(surface: Surface, taxels: Packed, error: float, state: Floats, centre: Floats) -> float:
+    """Share of the readings' power that a map leaves at a state (5,), beyond noise.
 
-    taxels: from `linearization.laid_out`, with the error in. centre: (2,), filled with the centre of the pressure that
-    the pattern shows on them; the state's place if it shows none.
+    taxels: from `linearization.pack_scan`, with the model error in their variance. centre: (2,), filled with the centre
+    of the pressure that the map predicts; the state's place if it predicts none.
     """
-    h, left, low = surface.lattice
-    left, low = left / h, low / h
-    x, y, theta, gain, size = state_of(state)
-    scale = np.exp(-size) / h
-    cos_0, sin_0 = scale * np.cos(theta), scale * np.sin(theta)
-    remains = whole = total = sx = sy = 0.0
+    x, y, gain, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
+    remains = whole = total = mx = my = 0.0
     for i in range(len(taxels.x)):  # without a branch, as vector registers need it
-        cos = cos_0 * taxels.cos[i] - sin_0 * taxels.sin[i]
-        sin = sin_0 * taxels.cos[i] + cos_0 * taxels.sin[i]
+        cos, sin = turned(taxels, i, cos_0, sin_0)
         dx, dy = taxels.x[i] - x, taxels.y[i] - y
         q, _, _ = pressure_at(surface.c, cos * dx + sin * dy - left, cos * dy - sin * dx - low)
         reading, variance = taxels.reading[i], taxels.variance[i]
         model, live = 0.0 if np.isnan(q) else gain * q, variance != 0.0
-        off = reading - model
-        seen = model if live else 0.0
-        total += seen
-        sx += seen * dx
-        sy += seen * dy
-        counts = live and (off > 0.0 or reading < taxels.ceiling[i])
-        beyond = off * off - _SURELY * _SURELY * (variance - error * error)
-        remains += beyond if counts and beyond > 0.0 else 0.0
+        shown = model if live else 0.0
+        total, mx, my = total + shown, mx + shown * dx, my + shown * dy
+        remains += _left(reading - model, reading, variance, taxels.ceiling[i], error)
         whole += reading * reading if live else 0.0
+    _put_mean(x, y, mx, my, total, centre)
+    return float(remains / whole) if whole > 0.0 else 0.0
+
+
+@inlined
+def _left(off: float, reading: float, variance: float, ceiling: float, error: float) -> float:
+    """Square of a residual beyond significant noise; 0 of a masked taxel, or of one at its ceiling."""
+    counts = variance != 0.0 and (off > 0.0 or reading < ceiling)
+    beyond = off * off - SIGNIFICANT**2 * (variance - error * error)
+    return beyond if counts and beyond > 0.0 else 0.0
+
+
+@inlined
+def _put_mean(x: float, y: float, mx: float, my: float, total: float, centre: Floats) -> None:
+    """Fill centre (2,) with the mean of weighted offsets from x and y, whose sums these are; x and y without weight."""
     centre[0], centre[1] = x, y
     if total > 0.0:
-        centre[0], centre[1] = x + sx / total, y + sy / total
-    return float(remains / whole) if whole > 0.0 else 0.0
+        centre[0], centre[1] = x + mx / total, y + my / total
 
 
 @lean_kernel
 def unexplained_and_doubted(
-    surface: Surface, taxels: LaidOut, error: float, more: float, state: Floats, centre: Floats, normal: Floats
+    surface: Surface, taxels: Packed, error: float, more: float, state: Floats, centre: Floats, normal: Floats
 ) -> float:
-    """`unexplained`; and normal (5, 5) as `linearise` fills it where no reading is held down, the variance of each
-    larger by `more`. Both at once, because it takes most of the time to look up the pattern.
+    """`unexplained`; and normal (5, 5) as `linearise` fills it without robust weights, each variance larger by `more`.
+
+    Both at once, because evaluating the map takes most of the time.
     """
     c, doubt = surface.c, surface.doubt
-    h, left, low = surface.lattice
-    left, low = left / h, low / h
-    x, y, theta, gain, size = state_of(state)
-    scale = np.exp(-size) / h
-    cos_0, sin_0 = scale * np.cos(theta), scale * np.sin(theta)
+    x, y, gain, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
     remains = whole = total = mx = my = 0.0
     xx = xy = yy = xg = yg = gg = tx = ty = tg = tt = sx = sy = sg = st = ss = 0.0
     for i in range(len(taxels.x)):
-        cos = cos_0 * taxels.cos[i] - sin_0 * taxels.sin[i]
-        sin = sin_0 * taxels.cos[i] + cos_0 * taxels.sin[i]
+        cos, sin = turned(taxels, i, cos_0, sin_0)
         dx, dy = taxels.x[i] - x, taxels.y[i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
         q, qu, qw = pressure_at(c, u - left, w - low)
@@ -89,9 +88,7 @@ def unexplained_and_doubted(
         off = reading - model
         shown = model if live else 0.0
         total, mx, my = total + shown, mx + shown * dx, my + shown * dy
-        counts = live and (off > 0.0 or reading < taxels.ceiling[i])
-        beyond = off * off - _SURELY * _SURELY * (variance - error * error)
-        remains += beyond if counts and beyond > 0.0 else 0.0
+        remains += _left(off, reading, variance, taxels.ceiling[i], error)
         whole += reading * reading if live else 0.0
         doubtful = gain * gain * nearest(doubt, u - left, w - low) if known else 0.0
         clipped = reading == 0.0 and model <= 0.0  # the sensor clips there
@@ -107,13 +104,11 @@ def unexplained_and_doubted(
         xg, yg, tg, gg = xg + wg * jx, yg + wg * jy, tg + wg * jt, gg + wg * q
         sx, sy, st, sg, ss = sx + ws * jx, sy + ws * jy, st + ws * jt, sg + ws * q, ss + ws * js
     put_lower((xx, xy, yy, tx, ty, tt, xg, yg, tg, gg, sx, sy, st, sg, ss), normal, STATE)
-    centre[0], centre[1] = x, y
-    if total > 0.0:
-        centre[0], centre[1] = x + mx / total, y + my / total
+    _put_mean(x, y, mx, my, total, centre)
     return float(remains / whole) if whole > 0.0 else 0.0
 
 
 @lean_kernel
 def fits(m: Track) -> bool:
-    """Whether the last scan fits the pattern where the object was looked for."""
+    """Whether the map explains the last scan at the state that it was registered to."""
     return bool(m.chi <= gate(m.usual, m.count) and m.unexplained <= MOST_UNEXPLAINED)

@@ -1,11 +1,11 @@
-"""Where the frame of a map is put that has been adjusted: what was reported stays where it was on average.
+"""The gauge of an adjusted map: its frame is put so that what was reported stays where it was on average.
 
 Readings do not determine which point of an object is reported, the gauge of its map. Keyframes move when they are
 adjusted, and no choice of that point puts all of them where they were reported. This one does on average over the time
 that each keyframe stands for; those reported with a large variance count less. What is reported next has the error of
 the map now, not the sum of those of all before.
 
-A turn that a map does not have misleads it. The frame of such a map stays on the centre of pressure, see `witness`.
+A map without rotation keeps its frame on the centre of pressure, see `witness`: a turn would mislead this mean.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from taxelflow.numerics.rounding import BLURRED
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.online.keyframes import Keyframes
-    from taxelflow.estimation.template.online.local_map import Learned
+    from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.estimation.template.online.track_state import Track
     from taxelflow.messages import Floats
 
@@ -92,7 +92,7 @@ class Reported:
         return mean
 
 
-def hold(m: Track, learned: Learned, reported: Reported, pitch_m: float) -> None:
+def hold(m: Track, learned: LocalMap, reported: Reported, pitch_m: float) -> None:
     """Put the reported point of an object that turns where its keyframes were reported on average.
 
     An object that was known before, or that is seen along a line only, keeps its point, as one that grows does.

@@ -1,4 +1,4 @@
-"""The taxels of a hand as the kernels of a stream read them, with room for these to work in."""
+"""A layout as the kernels of a stream read it, with workspace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gains of a hand's taxels, which maps have learned: what readings are divided by, scan by scan."""
+"""Gains of a hand's taxels as the maps have estimated them: each scan is divided by them."""
 
 from __future__ import annotations
 

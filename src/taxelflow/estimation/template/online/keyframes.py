@@ -1,4 +1,4 @@
-"""Scans that a pattern in a stream is learned from."""
+"""Keyframes of a stream: the scans that its map is estimated from."""
 
 from __future__ import annotations
 

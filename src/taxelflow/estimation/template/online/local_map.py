@@ -1,4 +1,4 @@
-"""A pattern in a stream, and what goes with it."""
+"""The local map of a stream: a pattern, its keyframes, and what is known of their errors."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from taxelflow.estimation.template.hypotheses import FIRST_GAIN_STD
 from taxelflow.estimation.template.observations import COARSE, strength
+from taxelflow.estimation.template.online.track_state import FAINT
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.anchor import Anchor
@@ -17,55 +18,65 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.online.keyframes import Keyframes
     from taxelflow.messages import Floats
 
-FIRST_SLACK = (0.0025, 0.0025)
-"""Before anything is known of how good a pattern is: pitches^2, rad^2."""
-_NOTHING, _CLEARLY = 10.0, 3.0
-"""Scans of less strength may be noise; one that is stronger by this factor is not."""
+FIRST_SLACK = 0.0025
+"""Variance of poses by the error of a map that is not known yet: pitches^2, and rad^2."""
+_NOTHING = 10.0
+"""Scans of less strength may be noise; one that is stronger by `FAINT` is not."""
+_LEAST_GAIN_STD = 0.05
+"""Least standard deviation of the gain from scan to scan, as a share of it."""
 _MATURE, _SETTLED = 10, 0.05
 """Keyframes, and variance in pitches^2, from and up to which a pattern is known well."""
 
 
 @dataclass(slots=True, eq=False)
-class Learned:
-    """A pattern and what goes with it.
-
-    keyframes: it was learned from, their states in its frame. gains: (taxels,), of the pad's taxels. usual: chi-square
-    per reading of a scan that fits. slack: (2,) how wrong poses on the pattern before have been, variance of x and y
-    (pitches^2) and of theta (rad^2). tilt, rival: variance of x and y, pitches^2, that a tilt of the load, and another
-    hypothesis, may explain. fresh: how many of the last keyframes were registered on the pattern before. taken: scans
-    that have ever been keyframes. looked: how many had been when the hypotheses were last compared. turned: by how much
-    its theta differs from that of the pattern before. error: see `Scanned.with_error`. gain_std: from scan to scan.
-    turns, grows, shown: see `Solved`. reports_turn: whether fits have agreed well enough on it. changing: it does not
-    stay the same, and only the last keyframes count. unseen_error: see `Layout`. origin: (2,) in pitches, added to what
-    is reported: the frame of a pattern that grows is at the point that stays. arm: (3, 2), see `arm_on_map`, when
-    its contact ended. anchor: of the keyframes, see `anchor_of`. hidden: see `Solved`; decided: whether it is known.
-    """
+class LocalMap:
+    """A pattern, its keyframes, and what has been estimated with it; lengths in pitches."""
 
     pattern: Pattern
     keyframes: Keyframes
+    """Those that the pattern was estimated from, with states in its frame."""
     radius: float
+    """Of gyration of the pattern."""
     gains: Floats
+    """(taxels,), of the pad's taxels; infinite if dead."""
     error: float = COARSE
+    """See `Scanned.with_error`."""
     usual: float = 1.0
+    """Chi-square per reading of a scan that fits."""
     gain_std: float = FIRST_GAIN_STD
+    """Standard deviation of the scans' gains."""
     turns: bool = False
     grows: bool = False
     shown: bool = True
+    """See `Solved`."""
     reports_turn: bool = False
+    """Whether fits have agreed well enough on the turn."""
     changing: bool = False
+    """Whether the pattern does not stay the same: only the last keyframes count."""
     turned: float = 0.0
-    slack: Floats = field(default_factory=lambda: np.array(FIRST_SLACK))
+    """Angle of this frame from that of the map before."""
+    slack: Floats = field(default_factory=lambda: np.full(2, FIRST_SLACK))
+    """(2,), variance of x and y, and of theta, by the error of the map: how far poses on the map before were off."""
     unseen_error: float = 0.0
+    """See `Layout`."""
     tilt: float = 0.0
     rival: float = 0.0
+    """Variance of x and y that a tilt of the load, and another hypothesis, may explain."""
     origin: Floats = field(default_factory=lambda: np.zeros(2))
+    """(2,), added to what is reported: the frame of a pattern that grows is at its fixed point."""
     arm: Floats = field(default_factory=lambda: np.zeros((3, 2)))
+    """(3, 2), see `arm_on_map`, at the end of the contact."""
     anchor: Anchor | None = None
+    """Of the keyframes, see `anchor_of`."""
     hidden: Floats = field(default_factory=lambda: np.zeros(2))
     decided: bool = False
+    """See `Solved`, and whether it is known."""
     fresh: int = 0
+    """Number of the last keyframes that were registered to the map before."""
     taken: int = 1
+    """Scans that have ever been keyframes, ..."""
     looked: int = 0
+    """... and how many of them when the hypotheses were last compared."""
 
     @property
     def scanned(self) -> Scanned:
@@ -84,13 +95,18 @@ class Learned:
         return self.tilt + self.rival
 
     @property
+    def loose_gain_std(self) -> float:
+        """How far the gain may move from scan to scan, as a share of it."""
+        return max(3.0 * self.gain_std, _LEAST_GAIN_STD)
+
+    @property
     def mature(self) -> bool:
         """Whether the pattern is known well enough to look for it elsewhere."""
         known = len(self.keyframes) >= _MATURE and self.slack[0] < _SETTLED
         return not self.changing and known and self.error <= COARSE
 
     def is_noise_beside(self, reading: Floats, variance: Floats) -> bool:
-        """Whether it was learned from hardly more than noise, and a scan (taxels,) is clearly more."""
+        """Whether the keyframes are hardly more than noise, and a scan (taxels,) is clearly more."""
         before = strength(self.keyframes.scanned.readings, variance).max()  # noise may have been known badly then
         now = strength(reading, variance)
-        return bool(before < min(_NOTHING, now / _CLEARLY))
+        return bool(before < min(_NOTHING, now / FAINT))

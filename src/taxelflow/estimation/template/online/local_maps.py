@@ -1,4 +1,4 @@
-"""The patterns that the scans of a hand are registered on, as they begin, are learned, and are put in."""
+"""The local map of each pad: how it begins with a contact, is replaced by an adjusted one, and ends."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from taxelflow.estimation.template.online.ended import Ended, map_of
 from taxelflow.estimation.template.online.gauge import hold
 from taxelflow.estimation.template.online.hand import hand_of, places_of
 from taxelflow.estimation.template.online.hand_gains import HandGains
-from taxelflow.estimation.template.online.mapping_thread import Learner, Novel, Workers
+from taxelflow.estimation.template.online.mapping_thread import Candidate, Learner, Workers
 from taxelflow.estimation.template.online.relocalization import DOUBT
 from taxelflow.estimation.template.online.rows import room_for, rows_of
 from taxelflow.estimation.template.online.spreading import most_at_once
@@ -20,6 +20,7 @@ from taxelflow.estimation.template.online.starting import Begun, FirstScan, begu
 from taxelflow.estimation.template.online.step import FOLLOW, follow_hand
 from taxelflow.estimation.template.online.track_state import (
     MOST_KEYFRAMES,
+    TURN_STD,
     PadScan,
     Patterns,
     Rows,
@@ -41,23 +42,20 @@ from taxelflow.runtime.adoption import AtFixedTimes
 from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.online.local_map import Learned
+    from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.messages import Floats
     from taxelflow.runtime.adoption import Adopting
     from taxelflow.sensors.layout import Layout
 
-_TURN_STD = 0.1
-"""How far theta may move from scan to scan, rad."""
-_LEAST_GAIN_STD = 0.05
 _PROBATION = 3
 """A pattern that was recognised is looked for all over the pad until this many scans have shown where it is."""
 
 
 class LocalMaps:
-    """Tracks and patterns of all pads, what is being learned, and the maps of contacts that ended.
+    """Tracks and maps of all pads, and the mapping beside the stream.
 
-    hand, tracks, stored: as kernels read them. learners: (pads,). ended: maps of ended contacts. gains: by which
-    readings are divided.
+    hand, tracks, stored: as kernels read them. learners: (pads,). ended: exported maps of contacts that ended. gains:
+    of the taxels, by which readings are divided.
     """
 
     def __init__(self, layout: Layout, workers: Workers, latency_s: float, adopting: Adopting | None = None) -> None:
@@ -84,7 +82,7 @@ class LocalMaps:
             return
         late = self._late(pad) if len(self.hand.delay) else np.zeros(0)
         bend, state = tracks["speed"][pad][:, np.newaxis] * late, tracks["state"][pad]
-        own.learn_from(Novel(scan.t, scan.reading[taxels].copy(), scan.variance[taxels].copy(), bend, state.copy()))
+        own.learn_from(Candidate(scan.t, scan.reading[taxels].copy(), scan.variance[taxels].copy(), bend, state.copy()))
         held = int(tracks["keyframes"][pad])
         if held < MOST_KEYFRAMES:
             tracks["keyframe"][pad, held] = state
@@ -122,7 +120,7 @@ class LocalMaps:
             if own.learned is not None:
                 self._open_across(pad, own.learned)
 
-    def _open_across(self, pad: int, learned: Learned) -> None:
+    def _open_across(self, pad: int, learned: LocalMap) -> None:
         """Leave open where the object is across a line of taxels, the pattern's or those that are left."""
         scanned = learned.keyframes.scanned
         self.track(pad).across[:] = scanned.reach * (scanned.across | self._across[pad])
@@ -190,7 +188,7 @@ class LocalMaps:
         middle_of(part, self.hand.floor, middle)
         return middle
 
-    def _put(self, pad: int, learned: Learned) -> None:
+    def _put(self, pad: int, learned: LocalMap) -> None:
         """Make what was learned the pattern that scans are registered on."""
         pattern, m = learned.pattern, self.track(pad)
         (rows, cols), room = pattern.shape, self.stored.patterns.shape[1:]
@@ -207,8 +205,8 @@ class LocalMaps:
         m.error, m.usual, m.radius = learned.error, learned.usual, learned.radius
         m.amplitude = learned.scanned.amplitude
         self.gains.put(pad, learned.gains)
-        m.turn_std = _TURN_STD if learned.turns else 0.0
-        m.gain_std = max(3.0 * learned.gain_std, _LEAST_GAIN_STD)
+        m.turn_std = TURN_STD if learned.turns else 0.0
+        m.gain_std = learned.loose_gain_std
         m.changing, m.seen, m.grows = learned.changing, learned.reports_turn, learned.grows or m.grows
         m.slack, m.slack_t = learned.slack[0] + learned.unseen, learned.slack[1]
         self._open_across(pad, learned)
@@ -228,7 +226,7 @@ class LocalMaps:
         for own in due[:most]:
             own.lane.adopt(now_s)
 
-    def _improve(self, pad: int, new: Learned) -> None:
+    def _improve(self, pad: int, new: LocalMap) -> None:
         """Put in what was learned, and register the last scan again, so that its change is no motion."""
         own, m, old = self.learners[pad], self.track(pad), self.learners[pad].learned
         if old is None:

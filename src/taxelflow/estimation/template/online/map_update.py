@@ -1,4 +1,4 @@
-"""How a pattern in a stream is learned from its keyframes, beside the stream: by the hypotheses of a batch."""
+"""Map update of a stream: bundle adjustment of the keyframes, and the hypotheses of a batch."""
 
 from __future__ import annotations
 
@@ -7,29 +7,32 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.bundle_adjustment import covariance_of
 from taxelflow.estimation.template.centre_of_pressure import anchor_of
 from taxelflow.estimation.template.contact_solver import solve_contact
-from taxelflow.estimation.template.extrapolation import level_off
+from taxelflow.estimation.template.deforming import CHANGES, MEMORY
+from taxelflow.estimation.template.extrapolation import extrapolate
 from taxelflow.estimation.template.hidden_motion import shown_at_rest
 from taxelflow.estimation.template.hypotheses import (
+    ENOUGH_SCANS,
     FIRST_GAIN_STD,
-    YOUNG,
     coarse,
     covering,
     refined,
     start_scan,
 )
-from taxelflow.estimation.template.initialization import Tracker
+from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
-from taxelflow.estimation.template.online.local_map import FIRST_SLACK, Learned
-from taxelflow.estimation.template.online.reframing import in_frame_of
+from taxelflow.estimation.template.online.local_map import FIRST_SLACK, LocalMap
+from taxelflow.estimation.template.online.reframing import align_gauge
+from taxelflow.estimation.template.online.track_state import NEAR, YOUNG_KEYFRAMES
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.numerics.blas import on_one_core
-from taxelflow.numerics.bspline import STATE, states_of
-from taxelflow.numerics.robust import gate
+from taxelflow.numerics.bspline import states_of
+from taxelflow.numerics.robust import GATE, gate
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.anchor import Anchor
@@ -37,24 +40,18 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 
-_NEAR, _FAR = 0.25, 1.0
-"""Keyframes closer than this, in pitches, show the same; further for contacts whose size varies: what the size leaves
-unexplained seems to move them."""
-_DECIDE, _MORE = 4, 1.5
-"""Keyframes from which hypotheses are compared, and factor of keyframes taken after which they are compared again."""
+_FAR = 1.0
+"""In place of `NEAR` for contacts whose size varies: what the size leaves unexplained seems to move them."""
+_DECIDE, MORE = 4, 1.5
+"""Keyframes from which hypotheses are compared; and factor of keyframes after which work on them is worth repeating."""
 _YOUNG_ERROR = 0.005
-"""Of a pattern of `YOUNG` keyframes an error below this is not believed, nor that of more below its share."""
+"""Of a pattern of `ENOUGH_SCANS` keyframes an error below this is not believed, nor that of more below its share."""
 _REPORTED = 0.1
 """Share of the first slack from which on a turn is reported: that of a pattern on which two more fits have agreed."""
 _CUT_SLACK = 0.5
 """What is added to the first slack, times the share of the load that lies at the border."""
-_CHANGES, _SEEN_ENOUGH, _LAST = 2.0 * COARSE, 12, 4
-"""A pattern that leaves twice the error that fits begin with, of this many keyframes, changes; then the last few make
-it."""
 _MOST_SLACK, _FORGET = (1.0, 0.3), 0.2
 """Largest slack; and what stays of that before when keyframes have hardly moved."""
-_MOST_USUAL = 2.0
-"""Chi-square per reading up to which scans are explained."""
 _STRANGE = 2.0
 """How many times what still fits a keyframe may be from the others."""
 _YOUNG_ROUNDS = 6
@@ -69,7 +66,7 @@ def first_pattern(
     unseen_error: float,
     at: Floats | None = None,
     alive: Bools | None = None,
-) -> Learned:
+) -> LocalMap:
     """A pattern from a single scan as it was read, its origin at the contact's centroid, or at the place `at` (2,).
 
     gains: (taxels,). alive: (taxels,), those known to work.
@@ -78,33 +75,33 @@ def first_pattern(
     scanned = Scanned.of(np.array([t_s]), scan.places, *one)
     state = np.array([[*(scanned.centroids()[0] if at is None else at), 0.0, 1.0, 0.0]])
     learned = learn(
-        Learned(covering(scanned, state), Keyframes(scanned, state, state), 1.0, gains, unseen_error=unseen_error)
+        LocalMap(covering(scanned, state), Keyframes(scanned, state, state), 1.0, gains, unseen_error=unseen_error)
     )
     learned.slack[0] += _CUT_SLACK * most_whole(learned.keyframes)[1]
     return learned
 
 
-def learn(known: Learned) -> Learned:
-    """The pattern learned again from its keyframes; poses are refined with it where the object has moved.
+def learn(known: LocalMap) -> LocalMap:
+    """The map estimated again from its keyframes, with their poses where the object has moved.
 
-    The frame stays as well as the keyframes determine it.
+    Its frame stays, as far as the keyframes determine it.
     """
     with on_one_core():
         new = _forgetting(known) if known.changing else _learn(known)
-    level_off(new.pattern, new.keyframes.scanned, new.keyframes.states)
+    extrapolate(new.pattern, new.keyframes.scanned, new.keyframes.states)
     return new
 
 
-def _forgetting(known: Learned) -> Learned:
+def _forgetting(known: LocalMap) -> LocalMap:
     """A pattern of the last few keyframes, where they are: it does not stay for long enough to be refined."""
-    old, most = known.keyframes, slice(-_LAST, None)
+    old, most = known.keyframes, slice(-MEMORY, None)
     keyframes = Keyframes(old.scanned.taken(most), old.states[most], old.angled[most])
     new = _filled(known, keyframes)
     slack = np.minimum(known.slack + FIRST_SLACK, _MOST_SLACK)
-    return replace(new, error=COARSE, usual=_MOST_USUAL, gain_std=FIRST_GAIN_STD, slack=slack, changing=True)
+    return replace(new, error=COARSE, usual=GATE, gain_std=FIRST_GAIN_STD, slack=slack, changing=True)
 
 
-def _filled(known: Learned, keyframes: Keyframes) -> Learned:
+def _filled(known: LocalMap, keyframes: Keyframes) -> LocalMap:
     """The pattern that explains keyframes where they are."""
     new = replace(known, keyframes=keyframes, turned=0.0)
     pattern = covering(new.scanned, keyframes.states)
@@ -112,9 +109,9 @@ def _filled(known: Learned, keyframes: Keyframes) -> Learned:
     return replace(new, pattern=pattern, radius=pattern.radius())
 
 
-def _learn(known: Learned) -> Learned:
+def _learn(known: LocalMap) -> LocalMap:
     keyframes = known.keyframes
-    count, near = len(keyframes), _FAR if keyframes.grown else _NEAR
+    count, near = len(keyframes), _FAR if keyframes.grown else NEAR
     moved = keyframes.spread(known.radius) > near or _grown_now(known)
     if count <= 2 or not moved:
         new = _filled(known, keyframes)
@@ -127,19 +124,19 @@ def _learn(known: Learned) -> Learned:
     before = (keyframes.angled if best.turns and not known.turns else keyframes.states).copy()
     before[:, :2] += known.origin
     turned = float(np.median(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
-    states, origin, off = in_frame_of(before, best, scanned, turned)
-    slack = np.array(FIRST_SLACK) if best.grows and not known.grows else _slack(known, off)
+    states, origin, off = align_gauge(before, best, scanned, turned)
+    slack = np.full(2, FIRST_SLACK) if best.grows and not known.grows else _slack(known, off)
     shown = known.shown if looked == known.looked else best.shown
-    reports_turn = best.turns and shown and (known.reports_turn or bool(slack[1] < _REPORTED * FIRST_SLACK[1]))
+    reports_turn = best.turns and shown and (known.reports_turn or bool(slack[1] < _REPORTED * FIRST_SLACK))
     new = replace(
         known,
         pattern=pattern,
         keyframes=Keyframes(keyframes.scanned, states, states if best.turns else keyframes.angled.copy()),
         gains=gains,
         radius=pattern.radius(),
-        error=max(best.error, _YOUNG_ERROR * float(np.sqrt(YOUNG / count))),
-        usual=float(np.clip(best.fit.reduced / best.fit.freedom, 1.0, _MOST_USUAL)),
-        gain_std=best.gain_std if count >= YOUNG else FIRST_GAIN_STD,
+        error=max(best.error, _YOUNG_ERROR * float(np.sqrt(ENOUGH_SCANS / count))),
+        usual=float(np.clip(best.fit.reduced / best.fit.freedom, 1.0, GATE)),
+        gain_std=best.gain_std if count >= ENOUGH_SCANS else FIRST_GAIN_STD,
         turns=best.turns,
         grows=best.grows,
         shown=shown,
@@ -157,12 +154,12 @@ def _learn(known: Learned) -> Learned:
     own = replace(pattern)
     fill(own, scanned.with_error(max(new.error, _YOUNG_ERROR)), states)
     pattern.doubt = own.doubt
-    if count < _SEEN_ENOUGH:
+    if count < YOUNG_KEYFRAMES:
         return new
-    return _forgetting(new) if new.error > _CHANGES else _without_strangers(new, best)
+    return _forgetting(new) if new.error > CHANGES else _without_strangers(new, best)
 
 
-def _anchor(known: Learned, gains: Floats, best: Solved) -> Anchor | None:
+def _anchor(known: LocalMap, gains: Floats, best: Solved) -> Anchor | None:
     """See `anchor_of`; None where the centre of pressure is no witness. gains: (taxels,), infinite of dead ones."""
     if best.grows or not known.unseen_error:
         return None
@@ -173,14 +170,14 @@ def _anchor(known: Learned, gains: Floats, best: Solved) -> Anchor | None:
 
 def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:
     """Variance of x and y, in pitches^2, that a tilt of the load adds in the last keyframes."""
-    last = slice(-_LAST, None)
+    last = slice(-MEMORY, None)
     own, states = best.fit.information[last], best.states[last]
     tilted = without_tilt(own, best.pattern, scanned.taken(last), states, max(best.error, tilt_std), tilt_std)
-    more = np.linalg.inv(tilted + 1e-9 * np.eye(STATE)) - np.linalg.inv(own + 1e-9 * np.eye(STATE))
+    more = covariance_of(tilted) - covariance_of(own)
     return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, _MOST_SLACK[0]))
 
 
-def _without_strangers(new: Learned, best: Solved) -> Learned:
+def _without_strangers(new: LocalMap, best: Solved) -> LocalMap:
     """What was learned without the keyframes that fit far worse than most: they were registered at a wrong place."""
     kept = np.flatnonzero(~_strange(best))
     if not 0 < len(best.states) - len(kept) <= len(best.states) / 4:
@@ -198,20 +195,20 @@ def _strange(solved: Solved) -> Bools:
     return strange
 
 
-def _grown_now(known: Learned) -> bool:
+def _grown_now(known: LocalMap) -> bool:
     """Whether sizes differ, so that hypotheses are worth comparing though the object has hardly moved."""
-    return known.keyframes.grown and known.taken >= _MORE * max(known.looked, 1)
+    return known.keyframes.grown and known.taken >= MORE * max(known.looked, 1)
 
 
-def _best(known: Learned) -> tuple[Solved, int]:
+def _best(known: LocalMap) -> tuple[Solved, int]:
     """The likeliest hypothesis on the keyframes, and how many had been taken when they were last compared.
 
     They are compared as in a batch, on the readings as they are: gains that were learned with a wrong motion hide it.
     """
     keyframes, taken = known.keyframes, known.taken
-    if len(keyframes) < _DECIDE or taken < _MORE * known.looked:
+    if len(keyframes) < _DECIDE or taken < MORE * known.looked:
         present = _again(known, known.scanned, keyframes.states.copy())
-        if taken < max(_SEEN_ENOUGH, known.looked + _LAST) or not _strange(present).any():
+        if taken < max(YOUNG_KEYFRAMES, known.looked + MEMORY) or not _strange(present).any():
             return present, known.looked
     scanned = replace(keyframes.scanned, variance=keyframes.scanned.variance.copy())
     dead = np.flatnonzero(np.isinf(known.gains)).tolist()
@@ -219,7 +216,7 @@ def _best(known: Learned) -> tuple[Solved, int]:
     return _with_former_gains(known, scanned, best), taken
 
 
-def _with_former_gains(known: Learned, scanned: Scanned, best: Solved) -> Solved:
+def _with_former_gains(known: LocalMap, scanned: Scanned, best: Solved) -> Solved:
     """A solved contact with a gain of each taxel, which is infinite if it is dead: those known from a contact before
     where these scans determine none, but are likelier with them.
     """
@@ -235,9 +232,9 @@ def _with_former_gains(known: Learned, scanned: Scanned, best: Solved) -> Solved
     return replace(other, gains=former) if cost(other, divided) < cost(best, scanned) else replace(best, gains=gains)
 
 
-def _again(known: Learned, scanned: Scanned, states: Floats) -> Solved:
+def _again(known: LocalMap, scanned: Scanned, states: Floats) -> Solved:
     """The present hypothesis, from where the keyframes are."""
-    if len(scanned) < YOUNG:
+    if len(scanned) < ENOUGH_SCANS:
         starts = [states, _retraced(scanned, turns=known.turns)]
         fits = [coarse(scanned, one, turns=known.turns, rounds=_YOUNG_ROUNDS) for one in starts]
         return min(fits, key=lambda one: one.error)
@@ -248,13 +245,13 @@ def _again(known: Learned, scanned: Scanned, states: Floats) -> Solved:
 def _retraced(scanned: Scanned, *, turns: bool) -> Floats:
     """States (n, 5) of keyframes, one registered after the other as in a batch."""
     own = scanned.taken(np.arange(len(scanned)))
-    tracker = Tracker(own, start_scan(own), own.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
-    tracker.run()
-    return tracker.states
+    mapper = IncrementalMapper(own, start_scan(own), own.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
+    mapper.register_all()
+    return mapper.states
 
 
-def _slack(known: Learned, off: Floats) -> Floats:
-    """(2,), see `Learned`: from how far the last keyframes were from where they are, off (n, 5)."""
+def _slack(known: LocalMap, off: Floats) -> Floats:
+    """(2,), see `LocalMap`: from how far the last keyframes were from where they are, off (n, 5)."""
     fresh = off[len(off) - known.fresh :]
     if not len(fresh):
         return known.slack

@@ -1,4 +1,4 @@
-"""What a pad has learned, and is learning beside the stream."""
+"""Mapping beside the stream: a pad's map, its former maps, and the keyframes that wait to be added."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.online.gauge import Reported
-from taxelflow.estimation.template.online.map_update import learn
+from taxelflow.estimation.template.online.map_update import MORE, learn
+from taxelflow.estimation.template.online.track_state import YOUNG_KEYFRAMES
 from taxelflow.numerics.bspline import State, state_of
 from taxelflow.runtime.adoption import Lane
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from taxelflow.estimation.template.online.local_map import Learned
+    from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.estimation.template.online.starting import Begun
     from taxelflow.messages import Floats
     from taxelflow.runtime.adoption import Adopting
@@ -24,16 +25,12 @@ if TYPE_CHECKING:
 
 _LIBRARY = 4
 """Patterns of former contacts that a pad remembers."""
-_YOUNG, _YOUNG_LATENCY = 12, 0.2
-"""A pattern of few keyframes is learned faster, and adopted after this share of the usual time."""
-_MORE = 1.5
-"""Factor of keyframes after which what is overdue is asked for again, with all of them."""
+_YOUNG_LATENCY = 0.2
+"""A young map is learned faster, and adopted after this share of the usual time."""
 
 
-class Novel(NamedTuple):
-    """A scan to be learned from: reading and variance (taxels,), bend (3, taxels) or (3, 0), the state (5,) in which it
-    was registered.
-    """
+class Candidate(NamedTuple):
+    """A keyframe candidate: reading and variance (taxels,), bend (3, taxels) or (3, 0), and registered state (5,)."""
 
     t_s: float
     reading: Floats
@@ -43,8 +40,8 @@ class Novel(NamedTuple):
 
 
 class Workers(NamedTuple):
-    """mapper: learns patterns from many scans, which takes long. starter: those that contacts begin with; it is not the
-    same, so that a new contact is not kept waiting.
+    """mapper: adjusts maps of many keyframes, which takes long. starter: makes the first map of a contact, which must
+    not wait for that.
     """
 
     mapper: Runs
@@ -52,29 +49,28 @@ class Workers(NamedTuple):
 
 
 class Learner:
-    """A pad's pattern, those that it had before, and scans on their way to become keyframes.
+    """A pad's map, its former maps, and keyframe candidates.
 
-    learned: the pattern that scans are registered on. library: former ones. reported: where its keyframes were
-    reported. lane: what is being learned. beginning:
-    whether that is a new pattern.
+    learned: the map that scans are registered to. library: former maps. reported: where its keyframes were reported.
+    lane: what is being computed. beginning: whether that is the first map of a contact.
     """
 
     def __init__(self, pad: str, workers: Workers, latency_s: float, adopting: Adopting) -> None:
-        self.learned: Learned | None = None
-        self.library: list[Learned] = []
+        self.learned: LocalMap | None = None
+        self.library: list[LocalMap] = []
         self.lane = Lane(pad, adopting)
         self.reported = Reported()
         self.beginning = False
         self._workers, self._latency_s = workers, latency_s
-        self._waiting: list[Novel] = []  # not learned from by the pattern in use
+        self._waiting: list[Candidate] = []  # not learned from by the pattern in use
         self._asked = 0  # of these, how many the newest request has
         self._newest: Floats | None = None
 
-    def learn_from(self, scan: Novel) -> None:
+    def learn_from(self, scan: Candidate) -> None:
         """One more, when what is being learned has been adopted."""
         self._waiting.append(scan)
 
-    def go_on(self, now_s: float, put: Callable[[Learned], None], *, may_turn: bool) -> None:
+    def go_on(self, now_s: float, put: Callable[[LocalMap], None], *, may_turn: bool) -> None:
         """Begin to learn from what waits, if nothing is being learned; ask again for what is overdue. put: adopts it.
 
         While it is overdue more scans come. A map that is learned from them as well is later, and far better.
@@ -84,16 +80,16 @@ class Learner:
             return
         if self.lane.busy and (now_s <= self.lane.planned_s or known.grows or known.changing or self.beginning):
             return
-        if self.lane.busy and len(known.keyframes) + waiting < _MORE * (len(known.keyframes) + self._asked):
+        if self.lane.busy and len(known.keyframes) + waiting < MORE * (len(known.keyframes) + self._asked):
             return
         fresh, newest, self._asked = self._waiting.copy(), self._waiting[-1].state.copy(), waiting
         known = replace(known, fresh=waiting, looked=0 if may_turn and not known.turns else known.looked)
-        share = _YOUNG_LATENCY if len(known.keyframes) + waiting < _YOUNG else 1.0
+        share = _YOUNG_LATENCY if len(known.keyframes) + waiting < YOUNG_KEYFRAMES else 1.0
         begun_s = max(fresh[-1].t_s, now_s)
         work = self._workers.mapper.submit(learn_from, known, fresh)
         self.lane.renew(work, begun_s, begun_s + share * self._latency_s, partial(self._adopt, put, fresh, newest))
 
-    def _adopt(self, put: Callable[[Learned], None], fresh: list[Novel], newest: Floats, new: Learned) -> None:
+    def _adopt(self, put: Callable[[LocalMap], None], fresh: list[Candidate], newest: Floats, new: LocalMap) -> None:
         """Adopt what was learned from these scans. Later requests were for the pattern before: of another kind."""
         before, self._newest = self.learned, newest
         learned = {id(scan) for scan in fresh}
@@ -121,7 +117,7 @@ class Learner:
         job = self.lane.taken(now_s)
         if job is None:
             return 0.0
-        new: Learned = job.result.result()
+        new: LocalMap = job.result.result()
         self.learned = new
         return new.turned
 
@@ -135,7 +131,7 @@ class Learner:
             self.library = [*self.library, replace(self.learned, arm=arm)][-_LIBRARY:]
         self.learned = None
 
-    def take_over(self, new: Learned, states: Iterable[Floats]) -> None:
+    def take_over(self, new: LocalMap, states: Iterable[Floats]) -> None:
         """Carry states (5,), in place, and those of the scans that wait, into the frame of a pattern that grows.
 
         Its origin, its size and its gain have changed as they have for the newest keyframe.
@@ -149,7 +145,7 @@ class Learner:
         for state in (*states, *(scan.state for scan in self._waiting)):
             state[:] = (state + step) * times
 
-    def shifted(self, new: Learned, state: Floats) -> Floats:
+    def shifted(self, new: LocalMap, state: Floats) -> Floats:
         """(3,), by how much the newest keyframe has moved on a new pattern; the gain of a state (5,) changes as its."""
         if self._newest is None:
             return np.zeros(3)
@@ -164,7 +160,7 @@ class Learner:
             scan.state[:3] += step[:3]
 
 
-def learn_from(known: Learned, fresh: list[Novel]) -> Learned:
+def learn_from(known: LocalMap, fresh: list[Candidate]) -> LocalMap:
     """A pattern that has also learned from these scans, of which many may have come while it was learned before."""
     keyframes = known.keyframes
     for scan in fresh:

@@ -1,4 +1,4 @@
-"""How the object of a pad has moved from scan to scan."""
+"""Motion model of a pad's object: whether it rests, and what the next scan is predicted from."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from taxelflow.numerics.bspline import state_of
 from taxelflow.runtime.compiling import lean_kernel
 
 _MOVES, _SETTLES_S = 0.15, 0.2
-"""An object that is closer, in pitches, than this to where it was in this many seconds is still."""
+"""An object rests if it is within this many pitches of its low-passed place, whose time constant this is."""
 _PERSISTS_S = 1.0
-"""Time over which is learned how much of a step goes on in the next."""
+"""Time constant of the mean products of consecutive steps, from which persistence is estimated."""
 
 
 @lean_kernel
-def stays(m: Track, span: float) -> bool:
-    """Whether the object is where it has been lately, of which this scan becomes a part."""
+def is_at_rest(m: Track, span: float) -> bool:
+    """Whether the object rests; updates its low-passed place."""
     now = state_of(m.state)
     away = np.hypot(now.x - m.place[0], now.y - m.place[1])
     away += m.radius * abs(now.theta - m.place[2])
@@ -29,8 +29,8 @@ def stays(m: Track, span: float) -> bool:
 
 
 @lean_kernel
-def remember(t: float, span: float, last: Floats, middle: Floats, m: Track) -> None:
-    """Keep what the next scan is predicted from."""
+def update_motion(t: float, span: float, last: Floats, middle: Floats, m: Track) -> None:
+    """Update velocity, persistence, and the centre of pressure that the next scan is predicted from."""
     if span > 0.0:
         faded, product, square = np.exp(-span / _PERSISTS_S), 0.0, 0.0
         for a in range(3):

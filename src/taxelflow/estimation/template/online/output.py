@@ -1,18 +1,29 @@
-"""What follows from a registered scan: slips with covariance and quality, and what it calls for."""
+"""Output of a registered scan: pose, displacement, covariances, quality; and whether it becomes a keyframe."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, MISTAKEN, MOST_UNEXPLAINED, fits
-from taxelflow.estimation.template.online.track_state import FAINT, GONE, NOTHING, NOVEL, Room, Rows, Track
+from taxelflow.estimation.template.online.track_state import (
+    FAINT,
+    GONE,
+    NEAR,
+    NOTHING,
+    NOVEL,
+    SAME,
+    YOUNG_KEYFRAMES,
+    Room,
+    Rows,
+    Track,
+)
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
-    carry,
     find_centre,
     find_sure_shift,
     follow_centre,
     leave_open,
+    move_covariance,
     reported_arm,
     weigh_pose,
     weigh_step,
@@ -31,10 +42,6 @@ _PATIENCE, _MOST_POOR = 5, 20
 where they do not fit at all, for a pattern that changes is learned again."""
 _LEAP = 1.5
 """A scan that moves this many radii and pitches at once is not believed."""
-_YOUNG = 12
-"""A pattern of fewer keyframes learns from every scan that does not fit."""
-_NEAR, _SAME = 0.25, 5
-"""Keyframes closer than this, in pitches, show the same, and this many are enough."""
 _LEAST = 1e-12
 """Information that is always there, for rounding."""
 _LOUDER = 0.5
@@ -50,8 +57,8 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
     _invert(m.doubted, scale, cov)
     _invert(m.step, scale, noise)
     arm_x, arm_y = reported_arm(scale, m)
-    carry(arm_x, arm_y, cov)
-    carry(arm_x, arm_y, noise)
+    move_covariance(arm_x, arm_y, cov)
+    move_covariance(arm_x, arm_y, noise)
     pose[0] = scale * (m.state[0] + m.origin[0]) + arm_x
     pose[1] = scale * (m.state[1] + m.origin[1]) + arm_y
     pose[2] = m.state[2] - m.theta_0
@@ -78,17 +85,17 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
     rows.quality[k, pad] = AMBIGUOUS if blurred or in_line or unsure or m.changing else OK
     if fits(m):
         m.poor = 0.0
-        clear = largest < (BLURRED * scale) ** 2 or m.keyframes < _YOUNG
+        clear = largest < (BLURRED * scale) ** 2 or m.keyframes < YOUNG_KEYFRAMES
         if clear and (m.changing or not _shown(m)):
             m.flag = NOVEL
     else:
         rows.quality[k, pad] = UNRESOLVED
         _add_poor(m)
-        if m.poor >= _PATIENCE or m.keyframes < _YOUNG:
+        if m.poor >= _PATIENCE or m.keyframes < YOUNG_KEYFRAMES:
             m.flag = NOVEL
     if unsure:
         m.flag = NOTHING  # a pattern must not learn from where it is not
-    if state_of(m.state).gain > FAINT and m.keyframes < _YOUNG:
+    if state_of(m.state).gain > FAINT and m.keyframes < YOUNG_KEYFRAMES:
         m.flag = NOVEL
     given_up = m.poor >= _MOST_POOR and m.unexplained > KNOWN_UNEXPLAINED
     if moved > _LEAP * (1.0 + m.radius) or given_up:
@@ -163,12 +170,12 @@ def _shown(m: Track) -> bool:
     for k in range(m.keyframes):
         shown = state_of(m.keyframe[k])
         dx, dy = now.x - shown.x, now.y - shown.y
-        if dx * dx + dy * dy >= _NEAR * _NEAR:
+        if dx * dx + dy * dy >= NEAR * NEAR:
             continue
         apart = np.sqrt(dx * dx + dy * dy) + m.radius * abs(now.theta - shown.theta)
-        apart += abs(np.log(now.gain / shown.gain)) * _NEAR / _LOUDER
-        close += 1 if apart < _NEAR else 0
-        if close == _SAME:
+        apart += abs(np.log(now.gain / shown.gain)) * NEAR / _LOUDER
+        close += 1 if apart < NEAR else 0
+        if close == SAME:
             return True
     return False
 

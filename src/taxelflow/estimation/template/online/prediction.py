@@ -1,4 +1,4 @@
-"""What a scan should be, by the patterns and the motion known before it."""
+"""The forward model of a stream: readings that map, state and motion predict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was learned, in the frame of the pattern before: the point that is reported stays."""
+"""Gauge alignment: an adjusted map is shifted into the frame of the map before, so that the reported point stays."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.bundle_adjustment import covariance_of
 from taxelflow.estimation.template.pose_output import arm_of
 from taxelflow.estimation.template.solution import shown_centre
-from taxelflow.numerics.bspline import STATE, states_of
+from taxelflow.numerics.bspline import states_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 
-def in_frame_of(before: Floats, best: Solved, scanned: Scanned, turned: float) -> tuple[Floats, Floats, Floats]:
+def align_gauge(before: Floats, best: Solved, scanned: Scanned, turned: float) -> tuple[Floats, Floats, Floats]:
     """States (n, 5) of a solved contact in the frame of those before (n, 5), the origin (2,) of a frame that grows, and
     how far the states are from those before (n, 5), x and y at the centre of pressure.
 
@@ -31,19 +32,19 @@ def in_frame_of(before: Floats, best: Solved, scanned: Scanned, turned: float) -
     shown = shown_centre(scanned, before)
     middle = np.zeros(2) if shown is None else shown
     arms = arm_of(middle, best.states - away) - arm_of(middle, before)
-    states = _reframed(best.states, before[:, :2] - arms, best.fit.information, best.pattern)
+    states = _fix_gauge(best.states, before[:, :2] - arms, best.fit.information, best.pattern)
     off = states - before - away
     off[:, :2] += arms
     return states, np.zeros(2), off
 
 
-def _reframed(states: Floats, before: Floats, information: Floats, pattern: Pattern) -> Floats:
+def _fix_gauge(states: Floats, before: Floats, information: Floats, pattern: Pattern) -> Floats:
     """States (n, 5) with the object's frame shifted, and the pattern with it, so that most are where they were, (n, 2).
 
     Those count most of which the scans know most: information (n, 5, 5). Some may have been wrong before, so it is
     their weighted median that stays. Only the origin moves: a turned lattice would have to be learned again.
     """
-    own = np.linalg.inv(information + 1e-9 * np.eye(STATE))
+    own = covariance_of(information)
     weight = 1.0 / (own[:, 0, 0] + own[:, 1, 1])
     theta = states_of(states).theta
     cos, sin = np.cos(theta), np.sin(theta)

@@ -1,29 +1,28 @@
-"""Known patterns, looked for all over a pad."""
+"""Relocalisation: registration of a scan to a former map from starts all over the pad."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.levenberg_marquardt import HELD, ROOM, Prior, refine_state
-from taxelflow.estimation.template.linearization import LaidOut, laid_out
+from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, ROOM, Prior, refine_state
+from taxelflow.estimation.template.linearization import Packed, pack_scan
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, unexplained
-from taxelflow.estimation.template.online.track_state import HUBER
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, state_of, states_of
-from taxelflow.numerics.robust import gate
+from taxelflow.numerics.robust import HUBER, gate
 from taxelflow.runtime.compiling import kernel
 from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.online.local_map import Learned
+    from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.estimation.template.online.track_state import PadScan, Track
 
 DOUBT = 0.25
-"""How much of a pattern's rough doubt counts when scans are registered."""
+"""Share of a map's approximate variance that counts when scans are registered."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,10 +45,19 @@ _SEARCH = _Search()
 _ITERATIONS = np.int64(20)
 
 
+class Found(NamedTuple):
+    """Where a scan fits a known map: state (5,), its information (5, 5), chi-square per reading, number of readings."""
+
+    state: Floats
+    information: Floats
+    chi: float
+    readings: int
+
+
 @kernel
 def _best_of(
     surface: Surface,
-    taxels: LaidOut,
+    taxels: Packed,
     starts: Floats,
     stiffness: Floats,
     limits: tuple[float, float],
@@ -85,14 +93,13 @@ def _best_of(
 _best = Settled(_best_of)
 
 
-def recognised(
-    known: Learned,
+def relocalise(
+    known: LocalMap,
     middle: Floats,
     scan: PadScan,
     theta: float | None = None,
-) -> tuple[Floats, Floats, float, int] | None:
-    """Where a known pattern explains a scan, or None: state (5,), its information (5, 5), chi-square per reading and
-    how many readings. middle: (2,) centroid of the scan.
+) -> Found | None:
+    """Where a known pattern explains a scan, or None. middle: (2,) centroid of the scan.
 
     The object may lie partly beyond the pad's border, so it is looked for further out, too; where a turn can be seen,
     at all angles, or at those around theta. A few taxels at the border may be explained by many a place along it: it is
@@ -102,7 +109,7 @@ def recognised(
     coefficients, doubt = np.ascontiguousarray(pattern.coefficients), np.ascontiguousarray(DOUBT * pattern.doubt)
     surface = Surface(coefficients, doubt, pattern.lattice)
     error = known.error * min(known.scanned.amplitude, float(scan.reading.max()))  # it may touch but lightly
-    taxels = laid_out(scan.places, np.zeros((3, 0)), scan.reading, scan.variance, scan.ceiling, error)
+    taxels = pack_scan(scan.places, np.zeros((3, 0)), scan.reading, scan.variance, scan.ceiling, error)
     outward = middle / max(float(np.hypot(*middle)), 1e-9)
     steps = np.arange(12) if theta is None else np.arange(-1, 2)
     angles = steps * (np.pi / 6) if known.turns else np.zeros(1)
@@ -119,11 +126,11 @@ def recognised(
     starts[:, :2][:, across] = known.keyframes.states[-1, :2][across]
     place = np.where(across, HELD, _SEARCH.about**-2)
     state, information = np.zeros(STATE), np.zeros((STATE, STATE))
-    for gain_std in (max(3.0 * known.gain_std, 0.05), 1.0):
-        stiffness = np.array([*place, 1e-6 if known.turns else HELD, gain_std**-2, HELD])
+    for gain_std in (known.loose_gain_std, 1.0):
+        stiffness = np.array([*place, FREE if known.turns else HELD, gain_std**-2, HELD])
         chi, count = _best(surface, taxels, starts, stiffness, (float(known.usual), float(error)), state, information)
         if count:
-            return state, information, chi / count, count
+            return Found(state, information, chi / count, count)
     return None
 
 
@@ -133,8 +140,7 @@ def close(found: Floats, known: Floats) -> bool:
     return bool(np.hypot(leap.x, leap.y) < _SEARCH.leap[0] and abs(leap.theta) < _SEARCH.leap[1])
 
 
-def surely_elsewhere(found: tuple[Floats, Floats, float, int], m: Track) -> bool:
+def surely_elsewhere(found: Found, m: Track) -> bool:
     """Whether a state found from nothing but a scan is to be believed, and not the one that was followed."""
-    place, _, chi, count = found
-    better = m.chi * m.count < chi * count - _SEARCH.surely * m.usual
-    return bool(not better and np.hypot(*(place - m.state)[:2]) > _SEARCH.same)
+    better = m.chi * m.count < found.chi * found.readings - _SEARCH.surely * m.usual
+    return bool(not better and np.hypot(*(found.state - m.state)[:2]) > _SEARCH.same)

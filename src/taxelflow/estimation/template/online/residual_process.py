@@ -1,24 +1,23 @@
-"""What a pattern leaves unexplained in a scan, carried over to the next.
+"""The residual process: what the map does not explain of a scan, and of the next one, too.
 
-Skin and object give way, so the pattern of a real contact changes more slowly than scans follow one another: what is
-left of one scan is left of the next, too. It is kept as one number a taxel, r, that dies away with time and motion,
-with a variance v; R^2 is what v is at rest::
+Skin and object yield, so the residuals of a real contact change more slowly than scans follow one another. Each taxel's
+is an AR(1) process: its mean r and variance v are those of a Kalman filter, and R^2 is the stationary variance::
 
-    before the next scan   r <- a r           v <- a^2 v + (1 - a^2) R^2
-    the scan is registered by  y - g q = r,   weights 1 / (noise^2 + v)
-    after it               r <- r + k (y - g q - r)   v <- (1 - k) v,   k = v / (v + noise^2)
+    predict                r <- a r           v <- a^2 v + (1 - a^2) R^2
+    register the scan by   y - g q = r,       weights 1 / (noise^2 + v)
+    update                 r <- r + k (y - g q - r)   v <- (1 - k) v,   k = v / (v + noise^2)
 
-A taxel off the lattice has no rest, but the variance of what may be there.
+a decays with time and motion. Of a taxel off the lattice r is 0, and v the variance of what may be there.
 
-Where the pattern explains scans as well as their noise lets it, R and with it r are nothing, and poses are those on the
-pattern. The worse it does, the more a pose comes from the scan before.
+A map that explains scans to within their noise has R = 0, and poses are those on the map. When it explains a scan
+poorly, its pose relies more on the previous scan.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import LaidOut, linearise, look_up
+from taxelflow.estimation.template.linearization import Packed, linearise, look_up
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import Floats
@@ -27,19 +26,21 @@ from taxelflow.numerics.small_linalg import mirror
 from taxelflow.runtime.compiling import lean_kernel
 
 _TIME_S, _LENGTH = 1.0, 0.3
-"""In which a rest dies away: s, pitches."""
+"""In which a residual decays: s, pitches."""
 _FITS = 1.5
-"""Chi-square over the usual up to which nothing is left."""
+"""Chi-square over the usual up to which the stationary variance is 0."""
 _BEYOND = 0.1
-"""Of the peak, what a pattern may be wrong by just beyond its lattice."""
+"""Standard deviation of the pressure just beyond the lattice, as a share of the peak."""
 
 
 @lean_kernel
-def bring(span: float, moved: float, rest: Floats, scan: PadScan, out: Floats) -> None:
-    """Fill out (3, taxels) with reading, variance and ceiling, less what is left of rest (3, taxels: r, v, R^2) after a
-    span (s) and a motion (pitches). A pattern registered on them as if it had no error is registered with its rest.
+def predict(span: float, moved: float, rest: Floats, scan: PadScan, out: Floats) -> None:
+    """Fill out (3, taxels) with a scan's reading, variance and ceiling, less the predicted residual.
+
+    rest: (3, taxels), r, v and R^2. span: since the last scan, s. moved: pitches. A map without errors of its own is
+    registered to the result.
     """
-    a = fades(span, moved)
+    a = decay(span, moved)
     for i in range(rest.shape[1]):
         out[0, i] = scan.reading[i] - a * rest[0, i]
         out[1, i] = scan.variance[i]
@@ -49,15 +50,15 @@ def bring(span: float, moved: float, rest: Floats, scan: PadScan, out: Floats) -
 
 
 @lean_kernel
-def fades(span: float, moved: float) -> float:
-    """What is left of a rest after a span (s) and a motion (pitches)."""
+def decay(span: float, moved: float) -> float:
+    """The factor a, after a span (s) and a motion (pitches)."""
     return float(np.exp(-span / _TIME_S - moved / _LENGTH))
 
 
 @lean_kernel
-def keep(
+def update(
     surface: Surface,
-    taxels: LaidOut,
+    taxels: Packed,
     error: float,
     registered: float,
     still: bool,
@@ -67,12 +68,11 @@ def keep(
     room: Floats,
     m: Track,
 ) -> float:
-    """Update rest (3, taxels) by a registered scan; chi-square per reading on the pattern alone.
+    """Update rest (3, taxels) by a registered scan; chi-square per reading on the map alone.
 
-    taxels: from `linearization.laid_out`, with the error in. registered: chi-square per reading that registration left,
-    over the usual. still: whether the pattern's own error stays, too. brought: (3, taxels), from `bring`, or (3, 0) if
-    there was no rest before. room: (2, taxels), to work in. m.information becomes that of the pose on the pattern
-    alone.
+    taxels: from `linearization.pack_scan`, with the error in. registered: chi-square per reading after registration,
+    over the usual. still: whether the map's own error stays, too. brought: (3, taxels), from `predict`, or (3, 0) if
+    the process begins. room: (2, taxels), to work in. m.information becomes that of the pose on the map alone.
     """
     right = room[0, :STATE]  # overwritten by `look_up`
     state, information = m.state, m.information

@@ -16,7 +16,7 @@ from taxelflow.estimation.template.online.explained import MISTAKEN, MOST_UNEXPL
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.prediction import change, expected
-from taxelflow.estimation.template.online.relocalization import close, recognised, surely_elsewhere
+from taxelflow.estimation.template.online.relocalization import close, relocalise, surely_elsewhere
 from taxelflow.estimation.template.online.rows import room_for, rows_of
 from taxelflow.estimation.template.online.spreading import Turns, most_at_once
 from taxelflow.estimation.template.online.step import ASKS, BOTH, ELSEWHERE, REPORT
@@ -165,15 +165,15 @@ class StreamSession:
         if fit and np.diagonal(m.information)[:2].min() > BLURRED**-2:
             m.probation = max(m.probation - 1.0, 0.0)
         part = self._maps.part(pad, scan)
-        found = recognised(known, m.centroid, part, float(state_of(m.state).theta) if near else None)
+        found = relocalise(known, m.centroid, part, float(state_of(m.state).theta) if near else None)
         if found is None and not near and not fit and m.poor >= MISTAKEN:
             m.broken += _doubt_of_place(m)
             self._maps.learn_anew(pad, scan)
-        if found is None or (near and not close(found[0], m.state)):
+        if found is None or (near and not close(found.state, m.state)):
             return
         if not fit or surely_elsewhere(found, m):
             m.state[:], m.information[:], m.chi, m.count = found
-            m.doubted[:], m.step[:] = found[1], found[1]
+            m.doubted[:], m.step[:] = found.information, found.information
             m.unexplained = min(m.unexplained, MOST_UNEXPLAINED)  # or it had not been found
             m.carries = False
             put_anew(m)

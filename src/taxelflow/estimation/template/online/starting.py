@@ -1,16 +1,16 @@
-"""The pattern that a contact begins with: one known from before, or a new one from a single scan."""
+"""The map that a contact begins with: a former one that explains its first scan, or a new one from that scan."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
 from taxelflow.estimation.template.online.map_update import first_pattern
-from taxelflow.estimation.template.online.relocalization import recognised
+from taxelflow.estimation.template.online.relocalization import relocalise
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from taxelflow.estimation.template.online.local_map import Learned
+    from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.estimation.template.online.track_state import PadScan
     from taxelflow.messages import Bools, Floats
 
@@ -36,18 +36,18 @@ class Begun(NamedTuple):
     `FirstScan`.
     """
 
-    learned: Learned
+    learned: LocalMap
     state: Floats
     middle: Floats
     again: bool
 
 
-def begun(first: FirstScan, library: Sequence[Learned]) -> Begun:
+def begun(first: FirstScan, library: Sequence[LocalMap]) -> Begun:
     """A pattern of the library that explains the scan, the latest first, else a new one."""
     for known in reversed(library):
-        found = recognised(known, first.middle, first.part)
+        found = relocalise(known, first.middle, first.part)
         if found is not None:
-            return Begun(known, found[0], first.middle, again=True)
+            return Begun(known, found.state, first.middle, again=True)
     return begun_anew(first, None)
 
 

@@ -1,4 +1,4 @@
-"""What a pad remembers from scan to scan, and the arrays of a hand as kernels read them."""
+"""State of a pad's track from scan to scan, and the arrays of a hand as kernels read them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,14 @@ StateVector = Annotated[Floats, 5]
 """A state, see `bspline`."""
 StateMatrix = Annotated[Floats, 5, 5]
 MOST_KEYFRAMES = 60
-HUBER = 5.0
-"""Standard deviations above which a reading weighs less."""
+YOUNG_KEYFRAMES = 12
+"""A map of fewer keyframes is young: it is adopted sooner, and learns from every scan that does not fit."""
+NEAR = 0.25
+"""Scans whose places on the map are closer than this, in pitches, show the same, ..."""
+SAME = 5
+"""... and this many keyframes that show the same are enough."""
+TURN_STD = 0.1
+"""How far theta may move from scan to scan, rad."""
 FAINT = 3.0
 """A pattern from scans fainter by this factor is not worth keeping."""
 NOTHING, NOVEL, GONE = range(3)

@@ -1,4 +1,4 @@
-"""One scan after the other: every pad's scan registered to its pattern, in one call for the whole hand."""
+"""Tracking: each scan is registered to the maps of all pads in contact, in one call for the whole hand."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.levenberg_marquardt import HELD, MAY_BE_HELD, Prior, refine_state
-from taxelflow.estimation.template.linearization import LaidOut, lanes_for, lay_places, lay_readings
+from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, MAY_BE_HELD, Prior, refine_state
+from taxelflow.estimation.template.linearization import Packed, lanes_for, pack_places, pack_readings
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import fits, unexplained, unexplained_and_doubted
-from taxelflow.estimation.template.online.motion import remember, stays
-from taxelflow.estimation.template.online.residual_process import bring, keep
-from taxelflow.estimation.template.online.track_state import HUBER, Hand, PadScan, Patterns, Room, Scan, Track
+from taxelflow.estimation.template.online.motion import is_at_rest, update_motion
+from taxelflow.estimation.template.online.residual_process import predict, update
+from taxelflow.estimation.template.online.track_state import SAME, TURN_STD, Hand, PadScan, Patterns, Room, Scan, Track
 from taxelflow.estimation.template.online.witness import find_shift, middle_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
 from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance
 from taxelflow.numerics.cut import find_hidden
 from taxelflow.numerics.records import Records
-from taxelflow.numerics.robust import gate
+from taxelflow.numerics.robust import CHEAPER, GATE, HUBER, gate
 from taxelflow.numerics.small_linalg import mirror
 from taxelflow.runtime.compiling import lean_kernel
 
@@ -27,20 +27,14 @@ _PREDICTED, _AS_BEFORE, _WITH_CENTROID, _LOOSE, _TURNS, _GROWS, _ATTEMPTS = rang
 """Ways to register a scan: from where it should be, where it was, where its centroid has gone; with a gain that may
 jump; and for an object that may have begun to turn, or to grow with the load."""
 _ITERATIONS = np.int64(12)  # numba compiles `register` again for each constant of Python
-_POOR = 2.0
-"""A scan that fits worse than usual by this factor is tried from other starts."""
-_REST = 2.0
-"""And what it leaves is carried over to the next."""
-_FREE = 1e-6
-"""Stiffness of a place."""
 _LOOSE_GAIN_STD = 0.5
-_CHEAPER, _PAID = 1e-3, 0.3
-"""What an attempt must lower the cost by; and the share of the misfit that turning or growing must explain."""
-_STAYS, _SAME = 0.5, 5
-"""Only an object that has stayed within this many pitches, for this many keyframes, may be seen to grow."""
+_PAID = 0.3
+"""Share of the misfit that turning or growing must explain."""
+_STAYS = 0.5
+"""Only an object that has stayed within this many pitches, while keyframes came, may be seen to grow."""
 _GROWTH, _LEAST_GROWTH, _FIRST_GROWTH = 0.5, 0.002, 0.1
 """Change of the size's logarithm from scan to scan, per change of the load's; and where it first shows."""
-_CUT, _FIRST_TURN_STD = 0.1, 0.1
+_CUT = 0.1
 """A contact is cut if so much of its load lies at the border; an object that is whole may begin to turn."""
 
 
@@ -92,14 +86,14 @@ def _follow_pad(
     m.cut = m.cut or middle[2] > _CUT
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
     may_turn = m.turn_std == 0.0 and not m.cut and not in_line
-    may_grow = not m.grows and m.away <= _STAYS and m.keyframes >= _SAME
+    may_grow = not m.grows and m.away <= _STAYS and m.keyframes >= SAME
     poor = not fits(m)
     grown_std = _growth(m.load, middle[3])
     _bend(m, delay, bend)
     level = _level(scan, m)
     error = m.error * level
     full = lanes_for(count)
-    taxels = LaidOut(
+    taxels = Packed(
         lanes[0, :full],
         lanes[1, :full],
         lanes[2, :full],
@@ -108,35 +102,35 @@ def _follow_pad(
         lanes[5, :full],
         lanes[6, :full],
     )
-    lay_places(scan.places, bend, count, taxels)
-    lay_readings(scan.reading, scan.variance, scan.ceiling, error, taxels)
+    pack_places(scan.places, bend, count, taxels)
+    pack_readings(scan.reading, scan.variance, scan.ceiling, error, taxels)
     chi, usual = np.inf, m.usual
     if not m.carries or (poor and (may_turn or may_grow)):
         search = Search(states, span, usual, grown_std, may_turn, may_grow)
         chi = _search(surface, taxels, search, m)
     if m.carries:
         usual = 1.0
-        bring(span, _surely_moved(m, span), rest, scan, brought)
-        less = LaidOut(taxels.x, taxels.y, taxels.cos, taxels.sin, lanes[7, :full], lanes[8, :full], lanes[9, :full])
-        lay_readings(brought[0, :count], brought[1, :count], brought[2, :count], 0.0, less)
+        predict(span, _surely_moved(m, span), rest, scan, brought)
+        less = Packed(taxels.x, taxels.y, taxels.cos, taxels.sin, lanes[7, :full], lanes[8, :full], lanes[9, :full])
+        pack_readings(brought[0, :count], brought[1, :count], brought[2, :count], 0.0, less)
         search = Search(states, span, usual, grown_std, False, False)
         chi = _search(Surface(surface.c, surface.doubt[:0], surface.lattice), less, search, m)
     for a in range(STATE):
         for b in range(STATE):
             m.step[a, b] = m.information[a, b]
     m.chi = chi
-    rests = stays(m, span) or m.changing
+    rests = is_at_rest(m, span) or m.changing
     for i in range(len(scan.reading)):
         rest[3, i] = scan.reading[i] - brought[0, i] if m.carries else 0.0
-    if m.carries or rests or chi > _REST * usual:
+    if m.carries or rests or chi > GATE * usual:
         _stiffen(m, m.turn_std, grown_std if m.grows else 0.0, state_of(stiffness).gain, stiffness)
         before = brought[:, : count if m.carries else 0]
-        m.chi = keep(surface, taxels, error, chi / usual, rests, before, rest, stiffness, lanes[16:], m)
-        m.carries = rests or m.chi > _REST * m.usual
+        m.chi = update(surface, taxels, error, chi / usual, rests, before, rest, stiffness, lanes[16:], m)
+        m.carries = rests or m.chi > GATE * m.usual
     _judge(surface, taxels, error, floor * level, stiffness, m)
     _add_lag(bend, scan, m)
     find_shift(floor, m)
-    remember(t, span, last, middle, m)
+    update_motion(t, span, last, middle, m)
 
 
 @lean_kernel
@@ -150,7 +144,7 @@ def _level(scan: PadScan, m: Track) -> float:
 
 
 @lean_kernel
-def _judge(surface: Surface, taxels: LaidOut, error: float, unseen: float, stiffness: Floats, m: Track) -> None:
+def _judge(surface: Surface, taxels: Packed, error: float, unseen: float, stiffness: Floats, m: Track) -> None:
     """Fill m.unexplained, m.shift, and m.doubted with the information that is left if readings have the error that the
     sensor may have unseen. error, unseen: of a reading, by the pattern and by the sensor.
     """
@@ -208,8 +202,8 @@ def _surely_moved(m: Track, span: float) -> float:
 
 
 @lean_kernel
-def _search(surface: Surface, taxels: LaidOut, search: Search, m: Track) -> float:
-    """Register a scan in one way after the other until it fits; m.state and m.information become the best.
+def _search(surface: Surface, taxels: Packed, search: Search, m: Track) -> float:
+    """Register a scan in one way after the other until it fits well; m.state and m.information become the best.
 
     Returns chi-square per reading.
     """
@@ -225,7 +219,7 @@ def _search(surface: Surface, taxels: LaidOut, search: Search, m: Track) -> floa
         put(_start(attempt, last, search, m), trial)
         turn_std, grown_std = m.turn_std, search.grown_std if m.grows else 0.0
         if attempt == _TURNS:
-            turn_std = _FIRST_TURN_STD
+            turn_std = TURN_STD
         elif attempt == _GROWS:
             grown_std = _FIRST_GROWTH
         gain_std = m.gain_std if attempt < _LOOSE else _LOOSE_GAIN_STD
@@ -234,11 +228,11 @@ def _search(surface: Surface, taxels: LaidOut, search: Search, m: Track) -> floa
         put(State(last.x, last.y, theta, last.gain, last.size), mean)
         prior = Prior(mean, stiffness)
         cost, chi, count = refine_state(surface, taxels, prior, HUBER, _ITERATIONS, trial, found, states[10:])
-        if cost < best - (_CHEAPER if attempt < _TURNS else _PAID * _misfit(best, taxels)):
+        if cost < best - (CHEAPER if attempt < _TURNS else _PAID * _misfit(best, taxels)):
             best, best_chi, m.count = cost, chi / max(count, 1), count
             _take(trial, found, m)
             _learn_freedom(attempt, m)
-        if best_chi <= _POOR * search.usual:
+        if best_chi <= GATE * search.usual:
             break
     return best_chi
 
@@ -253,11 +247,11 @@ def _take(state: Floats, information: Floats, m: Track) -> None:
 
 
 @lean_kernel
-def _misfit(cost: float, taxels: LaidOut) -> float:
+def _misfit(cost: float, taxels: Packed) -> float:
     """What a cost is above that of readings which fit."""
     for i in range(len(taxels.variance)):
         cost -= 1.0 if taxels.variance[i] > 0.0 else 0.0
-    return max(cost, _CHEAPER)
+    return max(cost, CHEAPER)
 
 
 @lean_kernel
@@ -277,8 +271,8 @@ def _start(attempt: int, last: State, search: Search, m: Track) -> State:
 @lean_kernel
 def _stiffen(m: Track, turn_std: float, grown_std: float, gain: float, stiffness: Floats) -> None:
     """Fill stiffness (5,), with the gain's given; an angle or a size whose standard deviation is 0 is held."""
-    x = HELD if m.across[0] > 0.0 else _FREE
-    y = HELD if m.across[1] > 0.0 else _FREE
+    x = HELD if m.across[0] > 0.0 else FREE
+    y = HELD if m.across[1] > 0.0 else FREE
     theta = 1.0 / turn_std**2 if turn_std > 0.0 else HELD
     size = 1.0 / grown_std**2 if grown_std > 0.0 else HELD
     put(State(x, y, theta, gain, size), stiffness)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.centre_of_pressure import BORDER_ERROR
-from taxelflow.estimation.template.online.track_state import PadScan, Track
+from taxelflow.estimation.template.online.track_state import NEAR, PadScan, Track
 from taxelflow.estimation.template.two_witnesses import combine, surely, transformed
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 _LEAST = 1e-12
 """Share of a matrix below which its elements off the diagonal are rounding."""
-_STAYS = 0.25
-"""Pitches up to which an object has not moved."""
 
 
 @kernel
@@ -112,7 +110,7 @@ def reported_arm(scale: float, m: Track) -> tuple[float, float]:
 
 
 @lean_kernel
-def carry(x: float, y: float, cov: Floats) -> None:
+def move_covariance(x: float, y: float, cov: Floats) -> None:
     """Make a covariance (3, 3) of a pose that of a point of the object at x and y from it."""
     turn, along, across = cov[2, 2], cov[0, 2], cov[1, 2]
     cov[0, 0] += y * y * turn - 2.0 * y * along
@@ -155,7 +153,7 @@ def follow_centre(scale: float, floor: float, m: Track) -> None:
     a pitch, m.
     """
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
-    enters = floor <= 0.0 and m.cut and m.away > _STAYS
+    enters = floor <= 0.0 and m.cut and m.away > NEAR
     if m.seen or m.grows or in_line or enters or m.load <= 0.0:
         return
     before_x, before_y = reported_arm(scale, m)

@@ -1,4 +1,4 @@
-"""Checks of the rig's parameters; each raises ParameterInvalid."""
+"""Checks of parameters; each raises ParameterInvalid."""
 
 from __future__ import annotations
 
@@ -21,3 +21,9 @@ def within(name: str, value: float, low: float, high: float) -> None:
     """From low to high."""
     if not low <= value <= high:
         raise ParameterInvalid(name, value, f"be between {low:g} and {high:g}")
+
+
+def at_least(name: str, value: int, least: int) -> None:
+    """A number that is not smaller."""
+    if value < least:
+        raise ParameterInvalid(name, value, f"be at least {least}")
