@@ -6,10 +6,11 @@ A coefficient is coupled only with those fewer than WIDTH knots away, so the sym
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 from taxelflow.runtime.compiling import inlined, long_kernel, routine
 
@@ -84,17 +85,18 @@ def _multiply_knot(coupled: Floats, j: int, nx: int, vector: Floats, out: Floats
 
 @long_kernel
 def to_band(stencil: Floats, nx: int, band: Floats) -> None:
-    """Fill the lower band (offsets, knots) that `scipy.linalg.cholesky_banded` takes."""
+    """Fill the lower band by columns, (knots, offsets): transposed, it is what LAPACK takes."""
     band[:] = 0.0
     for dy in range(WIDTH):
         for k in range(stencil.shape[2]):
             offset = dy * nx + k - WIDTH + 1
             for j in range(len(stencil) if offset >= 0 else 0):
-                band[offset, j] += stencil[j, dy, k]
+                band[j, offset] += stencil[j, dy, k]
 
 
+@lru_cache(maxsize=16)
 def smoothness(shape: tuple[int, int]) -> Floats:
-    """Stencil of the sum of squared second differences along x, along y, and twice across."""
+    """Stencil of the sum of squared second differences along x, along y, and twice across. It is shared."""
     ny, nx = shape
     stencil = np.zeros((ny * nx, WIDTH, 2 * WIDTH - 1))
     knots: NDArray[np.int64] = np.arange(ny * nx).reshape(ny, nx)
@@ -126,13 +128,16 @@ class Factor:
     """Cholesky factor of a positive matrix that is given as a stencil. lower: (band, knots), as LAPACK keeps it."""
 
     def __init__(self, stencil: Floats, nx: int) -> None:
-        band = np.empty(((WIDTH - 1) * (nx + 1) + 1, len(stencil)))
+        band = np.empty((len(stencil), (WIDTH - 1) * (nx + 1) + 1))
         to_band(stencil, nx, band)
-        self.lower: Floats = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
+        lower, not_positive = dpbtrf(band.T, lower=1, overwrite_ab=1)  # without what `scipy.linalg` checks each time
+        if not_positive:
+            raise np.linalg.LinAlgError(f"the normal equations of {len(band)} knots are not positive definite")
+        self.lower: Floats = lower
 
     def solve(self, right: Floats) -> Floats:
         """The solution for one right-hand side (knots,) or several (knots, n)."""
-        solution: Floats = cho_solve_banded((self.lower, True), right, check_finite=False)
+        solution: Floats = dpbtrs(self.lower, right, lower=1)[0]
         return solution
 
 
