@@ -39,13 +39,15 @@ FULL = {"xela": 65535, "dsa": 4095, "barrett-can": 15, "inspire-modbus": 4095}
 SCANS = 30
 
 
-def sent_and_received(kind: str, faults: tuple[Fault, ...] = ()) -> tuple[Playback, Floats, list[Any], Any]:
+def sent_and_received(
+    kind: str, faults: tuple[Fault, ...] = (), host: str = "127.0.0.1"
+) -> tuple[Playback, Floats, list[Any], Any]:
     """The playback, what was to be sent, arrivals and the source of an emulated device."""
     form, name = DEVICES[kind]
     sensor = load_sensor(name)
     columns = sensor.channel_map.columns
     values = np.random.default_rng(0).integers(0, FULL[kind], (SCANS, columns)).astype(float)
-    url = form.format(port=free_port())
+    url = form.format(port=free_port()).replace("127.0.0.1", host)
     arrived: list[Any] = []
     done = threading.Event()
 
@@ -74,6 +76,13 @@ def test_what_a_device_sends_arrives_exactly(kind: str) -> None:
     playback, values, arrived, source = sent_and_received(kind)
     assert playback.whole == SCANS
     assert np.array_equal([arrival.values for arrival in arrived], values)
+    assert not source.faults.counts
+
+
+@pytest.mark.parametrize("kind", ["xela", "inspire-modbus"])
+def test_a_device_may_have_an_ipv6_address(kind: str) -> None:
+    _, _, arrived, source = sent_and_received(kind, host="[::1]")
+    assert arrived
     assert not source.faults.counts
 
 
