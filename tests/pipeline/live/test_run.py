@@ -318,6 +318,8 @@ def test_live_refuses_a_scan_of_another_size() -> None:
         ("tcp://127.0.0.1:99999", "0-65535"),
         ("nothing", "no scheme"),
         ("tcp://127.0.0.1:5?tim=arrival", "unknown option 'tim'"),
+        ("replay:grasp?1.npz?speed=max", r"unknown option '1.npz\?speed'; .*speed, topic; \? in a path is written %3F"),
+        ("tcp://127.0.0.1:5?time=arrival&time=device", "option 'time' is given twice; give each option once"),
         ("tcp://127.0.0.1:5?time=soon", "time=device or arrival"),
         ("serial:", "no path"),
         ("rig:nowhere", "known are stroke"),
