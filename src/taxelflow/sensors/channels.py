@@ -140,5 +140,17 @@ def doubted_numbers(sent: Floats, notes: Sequence[str]) -> list[str]:
     """
     if any(note.startswith(_BEYOND) for note in notes):
         return []
-    large = sent[(np.abs(sent) > _LARGEST) & np.isfinite(sent)]
+    large = _absurd(sent)
     return [f"{_BEYOND}, such as {large[0]:.4g}: check how the recording was written"] if large.size else []
+
+
+def doubted_number(sent: Floats) -> str:
+    """The same of a scan (columns,) of a live source, in words; empty if there is nothing to report."""
+    large = _absurd(sent)
+    return f"{large[0]:.4g}: {_BEYOND}" if large.size else ""
+
+
+def _absurd(sent: Floats) -> Floats:
+    """Finite numbers beyond any sensor's."""
+    beyond = np.abs(sent) > _LARGEST
+    return sent[beyond & np.isfinite(sent)] if beyond.any() else sent[:0]

@@ -157,6 +157,17 @@ def test_a_time_that_cannot_be_costs_that_scan_only(tmp_path: Path) -> None:
     assert np.array_equal(taxelflow.read(tmp_path / "a.mcap").load().t_s, scans.t_s)
 
 
+def test_a_number_beyond_any_sensors_is_reported_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    scans, port = slid(), free_port()
+    scans.values[30:33, 5] = 1e300
+    scans.values[40, 5] = np.inf
+    with running(f"tcp-listen://127.0.0.1:{port}", f"jsonl:{tmp_path}/a.jsonl") as reports, connected(port) as device:
+        device.sendall(b"".join(lines(scans)))
+    assert dict(reports[0].source.faults.counts) == {"absurd number": 3}
+    said = [record.message for record in caplog.records if "absurd" in record.message]
+    assert said == ["absurd number: 1e+300: numbers beyond 1e+30 are taken as missing readings"]
+
+
 @pytest.mark.long
 def test_the_results_in_an_mcap_file_are_those_of_the_lines(tmp_path: Path) -> None:
     port = free_port()

@@ -40,8 +40,8 @@ class Live:
     `estimator` and `estimate` raise for these. adoptions: those of a former loop, to reproduce its results from the
     same scans; if left out, what is learned is used when it is ready, and the loop never waits.
 
-    pads: names along the second axis of results. faults: counts of scans that were repeated or late, and of jumps of
-    the clock.
+    pads: names along the second axis of results. faults: counts of scans that were repeated or late, that hold a
+    number beyond 1e30, which is a missing reading, and of jumps of the clock.
     """
 
     def __init__(
@@ -109,6 +109,7 @@ class Live:
         placed_s = self._timeline.place(Arrival(time.monotonic(), float(t_s), readings))
         if placed_s is None:
             return self.push(no_time(columns))
+        self._faults.count_absurd(readings)
         return self.push(RawScans(np.array([placed_s]), readings[np.newaxis]))
 
     def push(self, scans: RawScans) -> Output:
