@@ -120,6 +120,8 @@ def test_the_modbus_library_says_nothing_of_its_own(caplog: pytest.LogCaptureFix
     with pytest.raises(ConnectionError, match="no Modbus server answers"):
         hand.open()
     assert not caplog.records
+    logging.getLogger("pymodbus.logging").warning("of another client in this process")
+    assert len(caplog.records) == 1
 
 
 def test_a_puck_that_is_silent_leaves_its_readings_missing() -> None:
