@@ -13,7 +13,7 @@ import pytest
 
 import taxelflow
 from taxelflow.cli import main
-from taxelflow.errors import NameUnknown, SensorNeeded
+from taxelflow.errors import NameUnknown, PluginBroken, SensorNeeded
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "extending.md").read_text()
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
@@ -73,7 +73,7 @@ def test_the_reader_reads_what_was_written(capsys: pytest.CaptureFixture[str]) -
         taxelflow.read("stroke.raw")
     with Path("stroke.raw").open("ab") as file:
         file.write(b"half")
-    reading = taxelflow.read("stroke.raw", "palm.toml").blocks()
+    reading = taxelflow.read("stroke.raw", "my-palm").blocks()
     assert len(list(reading)) == 1
     assert reading.loss is not None
 
@@ -106,3 +106,16 @@ def test_the_score_runs_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
 def test_an_unknown_name_lists_those_of_the_package() -> None:
     with pytest.raises(NameUnknown, match="centroid"):
         taxelflow.estimator("centroids")
+    with pytest.raises(NameUnknown, match="my-palm, a plain grid"):
+        taxelflow.load_sensor("my-plam")
+
+
+def test_the_sensor_of_the_package_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sensors"]) == 0
+    assert "my-palm " in capsys.readouterr().out
+
+
+def test_a_sensor_that_is_none_is_one_line_that_names_the_package() -> None:
+    Path("my_touch/palm.py").write_text("def palm():\n    return 28\n")
+    with pytest.raises(PluginBroken, match=r"'my-palm' from my_touch\.palm:palm .*int, not a .* the package my-touch"):
+        taxelflow.load_sensor("my-palm")
