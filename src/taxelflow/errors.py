@@ -44,6 +44,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from difflib import get_close_matches
+from math import isfinite
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ if TYPE_CHECKING:
 
 _MOST_LISTED = 30
 """Names that a message lists at most."""
+_PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z")
+"""Suffixes of files that hold others."""
 _LONGEST = 4000
 """Characters of a message at most: it may quote what a file contains."""
 
@@ -142,7 +145,8 @@ class FormatUnknown(RecordingError):
     def __init__(self, path: Path, known: Iterable[str], part: str = "reader") -> None:
         seen = f"its suffix is {path.suffix!r}" if path.suffix else "it has no suffix"
         suffixes = [name for name in known if name.startswith(".")]
-        super().__init__(f"no {part} for {path}: {seen}; known are {', '.join(suffixes)}")
+        unpack = "unpack it first; " if path.suffix in _PACKED and part == "reader" else ""
+        super().__init__(f"no {part} for {path}: {seen}; {unpack}known are {', '.join(suffixes)}")
 
 
 class RecordingCorrupt(RecordingError):
@@ -186,10 +190,13 @@ class TimesNotIncreasing(RecordingError):
     """A time stamp is smaller than the previous one, or not finite."""
 
     def __init__(self, path: Path | str, scan: int, before_s: float, t_s: float) -> None:
-        super().__init__(
-            f"times in {path} do not increase: scan {scan} is at {t_s:.6f} s after {before_s:.6f} s; "
+        seen = f"scan {scan} is at {t_s:.6f} s after {before_s:.6f} s"
+        remedy = (
             "sort the recording by time (scans with a repeated stamp are dropped, decreasing stamps are not repaired)"
         )
+        if not isfinite(t_s):
+            seen, remedy = f"scan {scan} has no time ({t_s})", "leave out scans without a finite time"
+        super().__init__(f"times in {path} do not increase: {seen}; {remedy}")
 
 
 class SensorNeeded(RecordingError):

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import gzip
+import re
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +109,23 @@ def test_a_log_without_times_has_a_rate_and_that_is_noted(tmp_path: Path) -> Non
         ("# my log\nt_s,a,b\n0,1,2\n", "starts with '# my log'; pass over lines of comments with --columns.skip N", {}),
         ("t_s,a,b\n0,1,2\n", "no column 'stamp': the header starts with 't_s,a,b'", {"time": "stamp"}),
         ("t_s,a,b\n0,1,2\n", "3 taxels per scan but sensor 'plain' has 2", {"rate_hz": 1.0}),
-        ("t_s,a,b\n0,1,left\n", "scan 0: could not convert string to float: 'left'", {}),
+        (
+            "t_s,a,b\n0,1,left\n",
+            "scan 0: column 'b' holds 'left', which is no number; leave the field of a missing",
+            {},
+        ),
+        (
+            't_s,a,b\n0,"0,5","1,5"\n',
+            "column 'a' holds '0,5', which is no number; write numbers with a decimal point",
+            {},
+        ),
+        ("t_s,a,b\n12:34:05.1,1,2\n", "column 't_s' holds '12:34:05.1', which is no time; give times as numbers,", {}),
+        ("t_s,a,b\n2024-05-01,1,2\nnoon,1,2\n", "scan 1: column 't_s' holds 'noon', which is no time; give times", {}),
+        ("0.0,1,2\n0.1,1,2\n", "where it has no header, add --columns.no-header and the time's column, such as", {}),
+        ("0,1,2\n", "give the number of the time's column, such as --columns.time 0, or the rate", {"header": False}),
+        ("Time [ms],a,b\n0,1,2\n", "name the time with --columns.time 'Time [ms]' --columns.time-unit ms", {}),
+        ("n,stamp,a,b\n0,0,1,2\n", "name the time with --columns.time 'stamp'", {}),
+        ("force_a,force_b\n1,2\n", "'force_a,force_b'; a recording has a header row `t_s,", {}),
         (
             "0 1 2\n1 2\n3 4 5\n",
             "scan 1 has 2 columns, the first 3",
@@ -118,7 +136,14 @@ def test_a_log_without_times_has_a_rate_and_that_is_noted(tmp_path: Path) -> Non
 def test_what_does_not_fit_is_refused_with_what_was_found(
     tmp_path: Path, text: str, match: str, asked: dict[str, Any]
 ) -> None:
-    refused(tmp_path, text, match.replace("*", r"\*"), **asked)
+    refused(tmp_path, text, re.escape(match), **asked)
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, lambda text: text.decode().encode("utf-16")], ids=["gzip", "utf-16"])
+def test_a_file_that_is_no_text_is_named_as_that(tmp_path: Path, pack: Any) -> None:
+    (tmp_path / "a.csv").write_bytes(pack(b"t_s,a,b\n0,1,2\n" * 20))
+    with pytest.raises(RecordingCorrupt, match=r"it is no text in UTF-8: unpack it .gunzip. or convert it .iconv"):
+        open_csv(tmp_path / "a.csv", plain(2))
 
 
 def test_a_cut_last_scan_of_several_rows_is_a_loss(tmp_path: Path) -> None:

@@ -70,6 +70,9 @@ def test_objects_are_not_loaded_and_a_cut_file_is_refused(tmp_path: Path) -> Non
     np.save(tmp_path / "a.npy", np.array([object()]), allow_pickle=True)
     with pytest.raises(RecordingCorrupt):
         read(tmp_path / "a.npy", SENSOR, columns=RATE)
+    (tmp_path / "a.npy").write_text("0.0,1,2,3,4,5,6\n")
+    with pytest.raises(RecordingCorrupt, match="the magic string is not correct"):
+        read(tmp_path / "a.npy", SENSOR, columns=RATE)
     np.save(tmp_path / "b.npy", VALUES)
     (tmp_path / "b.npy").write_bytes((tmp_path / "b.npy").read_bytes()[:-10])
     with pytest.raises(RecordingCorrupt, match=r"numpy\.save"):

@@ -177,6 +177,9 @@ def test_what_cannot_be_read_is_refused_with_the_reason(tmp_path: Path) -> None:
         (tmp_path / name).write_text("")
         with pytest.raises(FormatUnknown, match=r"known are \.npz, \.csv, \.dsa"):
             api.read(tmp_path / name)
+    (tmp_path / "scans.csv.gz").write_bytes(b"")
+    with pytest.raises(FormatUnknown, match=r"its suffix is '.gz'; unpack it first; known are"):
+        api.read(tmp_path / "scans.csv.gz")
     (tmp_path / "scans.csv").write_text("t_s,a\n0,1\n")
     with pytest.raises(SensorNeeded):
         api.read(tmp_path / "scans.csv")

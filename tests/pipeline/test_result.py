@@ -191,3 +191,11 @@ def test_a_result_is_drawn(result: taxelflow.Result, tmp_path: Path) -> None:
     files = result.plot(tmp_path / "pictures", "png")
     assert {file.name for file in files} >= {"position-pad0.png", "path-convolution.png"}
     assert all(file.is_file() for file in files)
+
+
+@pytest.mark.parametrize(("repeats", "noted"), [(1, False), (5, True)])
+def test_stamps_that_are_too_coarse_are_noted(repeats: int, noted: bool) -> None:
+    t_s = np.arange(60) // repeats / 10
+    t_s[1] = t_s[0]  # one that a logger wrote twice
+    notes = taxelflow.estimate(taxelflow.recording(t_s, moving(), PALM)).summary.notes
+    assert any(note.startswith("dropped 48 scans with the time stamp of the one before, 12") for note in notes) == noted

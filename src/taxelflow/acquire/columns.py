@@ -9,23 +9,14 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal
 
+from taxelflow.acquire.table_remedies import for_time
 from taxelflow.errors import ParameterInvalid, RecordingCorrupt
 from taxelflow.sensors.toml_text import parse_toml, read_limited
 
-REMEDY = (
-    "a recording has a header row `t_s,...` and then one row per scan: time in s, a number per taxel; "
-    "for other shapes see --columns in --help"
-)
-"""Remedy for a file that is not such a table."""
-
 JOINT = "joint:"
 """Beginning of the names of columns with joint angles, in rad."""
-_SEPARATORS = {",": "','", ";": "';'", "\t": "tab", "|": "'|'", " ": "space"}
-"""Separators of fields that a header of one field suggests, as `--columns.delimiter` takes them."""
 _SHOWN = 60
 """Characters of a header that a message shows."""
-_UNNAMED = r"Unnamed: \d+|__index_level_\d+__"
-"""Names that pandas gives to columns without one."""
 SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of times."""
 SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
@@ -138,11 +129,7 @@ class Columns:
         if self.time.isdecimal() and int(self.time) < len(names):
             return int(self.time)
         seen = f"no column {self.time!r}: the header starts with {','.join(names[:3])[:_SHOWN]!r}"
-        separator = next((one for one in _SEPARATORS if one in names[0]), None) if len(names) == 1 else None
-        remedy = REMEDY if separator is None else f"set --columns.delimiter {_SEPARATORS[separator]}"
-        if names and names[0].startswith("#"):
-            remedy = "pass over lines of comments with --columns.skip N, or name the time with --columns.time"
-        raise RecordingCorrupt(path, seen, remedy)
+        raise RecordingCorrupt(path, seen, for_time(names, header=self.header))
 
     def _ordered(self, path: Path, names: list[str], found: list[int]) -> list[int]:
         if len({re.sub(r"\d+", "#", names[number]) for number in found}) > 1 and self.order is None:
@@ -154,22 +141,6 @@ class Columns:
             seen = f"columns are not sorted: {names[first]!r} comes before a smaller number"
             raise RecordingCorrupt(path, seen, "choose the sensor's order: --columns.order number, or file")
         return by_number if self.order == "number" else found
-
-
-def fewer_taxels(names: list[str], chosen: list[int], wanted: int) -> str:
-    """What to do about more columns than taxels: such as an index of pandas, or what a trailing comma makes."""
-    if len(chosen) <= wanted:
-        return ""
-    alike: dict[str, list[int]] = {}
-    for number in chosen:
-        alike.setdefault(re.sub(r"\d+", "#", names[number]), []).append(number)
-    kinds = [list(kind) for kind in alike.values()]
-    kinds.append([n for n in chosen if names[n].strip() and not re.fullmatch(_UNNAMED, names[n])])
-    fits = next((kind for kind in kinds if len(kind) == wanted and kind[-1] - kind[0] == wanted - 1), None)
-    if fits is None:
-        return "leave out columns that are no taxels with --columns.taxels"
-    left = ", ".join(repr(names[n]) for n in chosen if n not in fits)[:_SHOWN]
-    return f"leave out {left} with --columns.taxels {fits[0]}-{fits[-1]}"
 
 
 def _matching(pattern: str, names: list[str]) -> list[int]:
