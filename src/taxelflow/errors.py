@@ -67,7 +67,7 @@ def printable(text: str) -> str:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """The question after the known name that is most like this one; empty if none is like it."""
-    near = get_close_matches(name.lower(), list(known), n=1)
+    near = get_close_matches(str(name).lower(), list(known), n=1)
     return f"did you mean {near[0]!r}? " if near else ""
 
 

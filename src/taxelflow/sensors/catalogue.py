@@ -45,12 +45,13 @@ def catalogue() -> list[tuple[str, Sensor]]:
     return listed + [(name, _announced(name)) for name in registry.names("sensor")]
 
 
-def load_sensor(name: str) -> Sensor:
+def load_sensor(name: str | Path) -> Sensor:
     """A built-in sensor, one of another package or a plain grid by name, or one from a TOML file by path.
 
     Raises NameUnknown (with the list of names), PitchNeeded, GridNameInvalid, SensorFileInvalid (with file, table and
     field), PluginBroken.
     """
+    name = str(name)
     stem, _, at = name.partition("@")
     if stem in builtin_sensors():
         return _builtin(stem, at)

@@ -19,7 +19,14 @@ from msgspec.structs import replace
 import taxelflow
 from streaming import PALM, SCANS, connected, free_port, lines, opened, published, running, slid
 from synthetic import grid_sensor
-from taxelflow.errors import RecordingCorrupt, RunEnded, SourceUnreachable, TaxelCountWrong, TaxelflowError
+from taxelflow.errors import (
+    ParameterInvalid,
+    RecordingCorrupt,
+    RunEnded,
+    SourceUnreachable,
+    TaxelCountWrong,
+    TaxelflowError,
+)
 from taxelflow.messages import RawScans, joined
 from taxelflow.pipeline.live.adoptions import asked_adoptions
 from taxelflow.pipeline.live.api import Live
@@ -270,6 +277,21 @@ def test_live_gives_results_at_once_and_survives_its_clock() -> None:
     assert live.faults == {"scan repeated": 1, "scan late": 1, "clock jumped": 1}
 
 
+def test_a_masked_reading_is_missing_in_a_loop() -> None:
+    scans, masked, missing = slid(30), Live(PALM), Live(PALM)
+    for t_s, values in zip(scans.t_s.tolist(), scans.values, strict=True):
+        out = masked.step(t_s, np.ma.masked_array(values, mask=np.arange(28) == 14))
+        same = missing.step(t_s, np.where(np.arange(28) == 14, np.nan, values))
+    np.testing.assert_array_equal(out.slips.pose, same.slips.pose)
+    np.testing.assert_array_equal(out.slips.load, same.slips.load)
+
+
+@pytest.mark.parametrize("sensor", [None, 3])
+def test_live_needs_a_sensor(sensor: Any) -> None:
+    with pytest.raises(ParameterInvalid, match="sensor must be a name, a TOML file, a Sensor or a Recording"):
+        Live(sensor)
+
+
 @pytest.mark.parametrize("order", ["row-major", "column-major"])
 @pytest.mark.parametrize("memory", ["C", "F"])
 def test_live_takes_a_scan_as_the_image_of_a_full_grid(order: str, memory: Any) -> None:
@@ -320,6 +342,8 @@ def test_live_takes_no_scan_after_its_end() -> None:
 def test_live_refuses_a_scan_of_another_size() -> None:
     with pytest.raises(TaxelCountWrong, match="the scan has 2 taxels per scan but sensor 'grid' has 28"):
         Live(PALM).step(0.0, [1.0, 2.0])
+    with pytest.raises(TaxelCountWrong, match="a block has 2 taxels per scan"):
+        Live(PALM).push(RawScans(np.zeros(1), np.zeros((1, 2))))
 
 
 @pytest.mark.parametrize(
