@@ -54,7 +54,7 @@ class Report:
     def lines(self) -> list[str]:
         """A few lines for the terminal."""
         lines = [
-            f"{self.recordings} recordings: {self.before + self.now} done ({self.now} now, {self.before} before), "
+            f"{self.recordings} recording{'s' * (self.recordings != 1)}: {self.before + self.now} done ({self.now} now, {self.before} before), "
             f"{len(self.failed)} failed"
         ]
         if self.recorded_s > 0:
