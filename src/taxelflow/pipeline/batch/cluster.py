@@ -59,7 +59,7 @@ def connected(scheduler: str | None, workers: int | None, *, most: int) -> Itera
         import dask
         from dask.system import CPU_COUNT
         from distributed import Client, LocalCluster
-        from distributed.comm import parse_address, parse_host_port
+        from distributed.comm.addressing import parse_address, parse_host_port
         from distributed.comm.registry import get_backend
     except ImportError as error:
         raise ExtraMissing("cluster", "distributed") from error
