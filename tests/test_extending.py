@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import taxelflow
+from bagged import write_bag
 from taxelflow.cli import main
 from taxelflow.errors import NameUnknown, PluginBroken, SensorNeeded
 
@@ -62,6 +63,16 @@ def test_the_sensor_is_drawn_and_simulated(capsys: pytest.CaptureFixture[str]) -
     assert "palm" in capsys.readouterr().out
     assert command("simulate") == 0
     assert taxelflow.read("stroke.npz").sensor.name == "my-palm"
+
+
+def test_a_bag_of_the_packages_message_is_read() -> None:
+    rows = np.arange(20 * 28.0).reshape(20, 28)
+    write_bag(Path("touch.bag"), {"/touch": ("my_msgs/msg/Touch", [[row] for row in rows])})
+    np.testing.assert_array_equal(taxelflow.read("touch.bag", "my-palm").load().values, rows)
+    Path("my_touch/message.py").write_text("TOUCH = 28\n")
+    del sys.modules["my_touch.message"]
+    with pytest.raises(PluginBroken, match=r"cannot import message 'touch' .* it is a int, not a Kind"):
+        taxelflow.read("touch.bag", "my-palm")
 
 
 def test_the_reader_reads_what_was_written(capsys: pytest.CaptureFixture[str]) -> None:

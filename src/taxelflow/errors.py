@@ -211,12 +211,16 @@ class SensorNeeded(RecordingError):
 class TopicUnclear(RecordingError):
     """A bag has no suitable topic, or several."""
 
-    def __init__(self, path: Path, seen: str, topics: Iterable[str], option: str = "--topic") -> None:
+    def __init__(
+        self, path: Path, seen: str, topics: Iterable[str], option: str = "--topic", *, remedy: str = ""
+    ) -> None:
+        """remedy: where choosing another topic does not help."""
         names = list(topics)
         more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
         listed = ", ".join(names[:_MOST_LISTED]) + more
-        remedy = f"choose one with {option}: {listed}" if listed else "the bag has no topics: record it again"
-        super().__init__(f"cannot choose a topic of {path}: {seen}; {remedy}")
+        usual = f"choose one with {option}: {listed}" if listed else "the bag has no topics: record it again"
+        does = f"its topics are {listed}; {remedy}" if remedy else usual
+        super().__init__(f"cannot choose a topic of {path}: {seen}; {does}")
 
 
 class SensorFileInvalid(TaxelflowError):

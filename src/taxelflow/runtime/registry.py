@@ -49,6 +49,7 @@ PARTS: dict[str, dict[str, str]] = {
         "principal_axis": "taxelflow.estimation.centroid.principal_axis:PrincipalAxis",
     },
     "sensor": {},  # built-in ones are the files of `sensors/data`
+    "message": {},  # built-in ones are the table of `acquire/ros/kinds`
     "source": {
         "tcp": "taxelflow.acquire.devices.tcp:connect",
         "tcp-listen": "taxelflow.acquire.devices.tcp:listen",
