@@ -170,11 +170,16 @@ def likely_unit(rate_hz: float) -> str | None:
     return next(fit, None)
 
 
+def epoch_units(stamp_s: float) -> list[str]:
+    """Units in which a stamp would be a time since 1970 of these decades. stamp_s: as if it were in s."""
+    return [name for name, seconds in SECONDS_PER.items() if _LATEST_S / 4 < stamp_s * seconds < _LATEST_S]
+
+
 def doubted_rate(rate_hz: float, first_s: float) -> list[str]:
     """A note if no tactile sensor scans at this rate, with the likely unit of the times. first_s: the first of them."""
     if SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
         return []
-    units = [name for name, seconds in SECONDS_PER.items() if _LATEST_S / 4 < first_s * seconds < _LATEST_S]
+    units = epoch_units(first_s)
     units += filter(None, [likely_unit(rate_hz)])
     likely = f"the times are likely in {units[0]}" if units and units[0] != "s" else "check that times are in s"
     how = f"--columns.time-unit {units[0]}" if units and units[0] != "s" else "--columns.time-unit"
