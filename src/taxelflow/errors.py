@@ -173,6 +173,8 @@ class TaxelCountWrong(RecordingError):
 
     def __init__(self, path: Path | str, seen: int, sensor: str, expected: int, remedy: str = "") -> None:
         """remedy: beside another sensor."""
+        if expected == 3 * seen:
+            remedy = "for readings of one axis give a sensor file without axes = 3"
         super().__init__(
             f"{path} has {seen} taxels per scan but sensor {sensor!r} has {expected}; "
             f"{remedy and f'{remedy}, or '}choose the matching sensor with --sensor NAME or --sensor FILE.toml"

@@ -75,6 +75,15 @@ class ChannelMap:
             return RawScans(raw.t_s, values)
         return RawScans(raw.t_s, values, np.take(sent, self.shear_column, axis=1) * self.shear_factor)
 
+    def arranged(self, images: Floats) -> Floats:
+        """(scans, taxels), a source's numbers in the order of the layout -> (scans, columns) in the source's order.
+
+        Columns of no taxel are 0.
+        """
+        values = np.zeros((len(images), self.columns))
+        values[:, self.column] = images
+        return values
+
     def to_source(self, readings: Floats, shear: Floats | None = None) -> Floats:
         """Inverse of `to_readings`: (scans, taxels) -> (scans, columns), columns of no taxel at the
         common offset, 0 without one. shear: (scans, taxels, 2) of a sensor that declares it; else those columns are of

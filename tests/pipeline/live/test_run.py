@@ -277,6 +277,15 @@ def test_live_gives_results_at_once_and_survives_its_clock() -> None:
     assert live.faults == {"scan repeated": 1, "scan late": 1, "clock jumped": 1}
 
 
+def test_an_image_in_a_loop_is_what_the_sensor_sent() -> None:
+    scans, inverted = slid(30), replace(PALM, offset=9e5, polarity=-1)
+    flat, image = Live(inverted), Live(inverted)
+    for t_s, values in zip(scans.t_s.tolist(), 9e5 - scans.values, strict=True):
+        one, other = flat.step(t_s, values), image.step(t_s, values.reshape(4, 7))
+    assert one.slips.contact.any()
+    np.testing.assert_array_equal(other.slips.load, one.slips.load)
+
+
 def test_a_masked_reading_is_missing_in_a_loop() -> None:
     scans, masked, missing = slid(30), Live(PALM), Live(PALM)
     for t_s, values in zip(scans.t_s.tolist(), scans.values, strict=True):

@@ -95,7 +95,7 @@ class Live:
         sensor = self.recording.sensor
         columns = sensor.channel_map.columns
         if readings.ndim == 2 and readings.shape == sensor.layout.full_grid:
-            readings = sensor.channel_map.to_source(readings.reshape(1, -1))[0]
+            readings = sensor.channel_map.arranged(readings.reshape(1, -1))[0]
         if readings.ndim != 1:
             remedy = f"give ({columns},)" + (f", or {sensor.layout.full_grid}" if sensor.layout.full_grid else "")
             raise RecordingCorrupt("the scan", f"it has shape {readings.shape}", remedy)
