@@ -139,6 +139,15 @@ def test_what_does_not_fit_is_refused_with_what_was_found(
     refused(tmp_path, text, re.escape(match), **asked)
 
 
+def test_columns_and_files_may_be_given_as_python_has_them(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("0\n1\n")
+    text, numbered = "0.0,1,2\n0.1,3,4\n", Columns(time=0, header=False)  # type: ignore[arg-type]
+    (tmp_path / "a.csv").write_text(text)
+    assert open_csv(tmp_path / "a.csv", plain(2), numbered).load().t_s.tolist() == [0.0, 0.1]
+    apart = Columns(times=str(tmp_path / "t.txt"), header=False, taxels=("1-2",))  # type: ignore[arg-type]
+    assert open_csv(tmp_path / "a.csv", plain(2), apart).load().t_s.tolist() == [0.0, 1.0]
+
+
 @pytest.mark.parametrize("pack", [gzip.compress, lambda text: text.decode().encode("utf-16")], ids=["gzip", "utf-16"])
 def test_a_file_that_is_no_text_is_named_as_that(tmp_path: Path, pack: Any) -> None:
     (tmp_path / "a.csv").write_bytes(pack(b"t_s,a,b\n0,1,2\n" * 20))
@@ -187,6 +196,9 @@ def test_a_broken_mapping_is_refused(tmp_path: Path, text: str, match: str) -> N
         ({"skip": -1}, "columns.skip must be at least 0"),
         ({"rows_per_scan": 0}, "columns.rows_per_scan must be at least 1"),
         ({"rows_per_scan": 2}, "add --columns.no-header"),
+        ({"taxels": "p*"}, r"columns.taxels must be a tuple of patterns, such as \('p\*',\)"),
+        ({"time_unit": "sec"}, "columns.time_unit must be one of s, ms, us, ns"),
+        ({"order": "nmber"}, "columns.order must be one of file, number"),
         ({"delimiter": "::"}, r"columns.delimiter must be one character, tab or space \(got '::'\)"),
     ],
 )

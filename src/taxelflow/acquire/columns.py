@@ -62,6 +62,7 @@ class Columns:
     `files` of the sensor file."""
 
     def __post_init__(self) -> None:
+        self._settle_types()
         for name, value, least in (("skip", self.skip, 0), ("rows_per_scan", self.rows_per_scan, 1)):
             if value < least:
                 raise ParameterInvalid(f"columns.{name}", value, f"be at least {least}")
@@ -75,6 +76,20 @@ class Columns:
             )
         if self.delimiter is not None and self.delimiter not in ("tab", "space") and len(self.delimiter) != 1:
             raise ParameterInvalid("columns.delimiter", self.delimiter, "be one character, tab or space")
+
+    def _settle_types(self) -> None:
+        """What Python's users write instead: numbers of columns, paths as text. Raises ParameterInvalid."""
+        object.__setattr__(self, "time", str(self.time))
+        for name in ("file", "times"):
+            if isinstance(path := getattr(self, name), str):
+                object.__setattr__(self, name, Path(path))
+        for name in ("taxels", "pads"):
+            if isinstance(given := getattr(self, name), str):  # it would be taken letter by letter
+                raise ParameterInvalid(f"columns.{name}", given, f"be a tuple of patterns, such as ({given!r},)")
+        for name, known in (("time_unit", list(SECONDS_PER)), ("order", [None, "file", "number"])):
+            if getattr(self, name) not in known:
+                words = ", ".join(str(one) for one in known if one is not None)
+                raise ParameterInvalid(f"columns.{name}", getattr(self, name), f"be one of {words}")
 
     @property
     def seconds(self) -> float:

@@ -56,6 +56,8 @@ def read(
     RecordingMissing, FormatUnknown, SensorNeeded, TopicUnclear, RecordingCorrupt, TaxelCountWrong, NameUnknown,
     ParameterInvalid, ExtraMissing.
     """
+    if columns is not None and not isinstance(columns, Columns):
+        raise ParameterInvalid("columns", columns, "be a Columns")
     path = Path(path)
     suffix = path.suffix.lower()
     if (path / _BAG_DIRECTORY).is_file():
