@@ -89,6 +89,13 @@ def test_the_reader_reads_what_was_written(capsys: pytest.CaptureFixture[str]) -
     assert reading.loss is not None
 
 
+def test_a_reader_that_gives_no_recording_is_named_with_its_package() -> None:
+    Path("my_touch/raw.py").write_text("def open_raw(path, sensor):\n    return [0.0]\n")
+    Path("stroke.raw").write_bytes(b"1")
+    with pytest.raises(PluginBroken, match=r"reader '.raw' from .* gives a list, not a Recording"):
+        taxelflow.read("stroke.raw", "my-palm")
+
+
 def test_the_estimator_reports_the_border_share_of_convolution(capsys: pytest.CaptureFixture[str]) -> None:
     command("simulate")
     capsys.readouterr()

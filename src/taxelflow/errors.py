@@ -354,11 +354,8 @@ class ClusterFault(TaxelflowError):
 class EstimatorBroken(TaxelflowError):
     """An estimator's session breaks its protocol."""
 
-    def __init__(self, session: str, rows: int, scans: int) -> None:
-        super().__init__(
-            f"{session} gave estimates of {rows} scans where at most {scans} were waiting; "
-            "its step must give one row per scan, in order, none twice"
-        )
+    def __init__(self, session: str, seen: str, remedy: str) -> None:
+        super().__init__(f"{session} gave {seen}; {remedy}")
 
 
 class RunEnded(TaxelflowError):

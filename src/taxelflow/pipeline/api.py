@@ -81,7 +81,10 @@ def read(
     for name in asked.keys() - signature(opener).parameters.keys():
         seen = columns.changed() if columns is not None and name == "columns" else asked[name]
         raise ParameterInvalid(name, seen, f"be left out for {suffix} recordings: it has no meaning there")
-    recording = cast("Recording", opener(path, sensor, **asked))
+    recording = opener(path, sensor, **asked)
+    if not isinstance(recording, Recording):
+        error = TypeError(f"it gives a {type(recording).__name__}, not a Recording")
+        raise registry.broken("reader", suffix, error)
     return recording if joints is None else replace(recording, joints=asked_joints(joints, recording.sensor))
 
 
