@@ -115,6 +115,19 @@ def test_all_registers_of_the_inspire_hand_are_read() -> None:
     assert len(arrived[0].values) == 1062
 
 
+def test_a_hand_of_fewer_readings_is_named_in_a_short_line(caplog: pytest.LogCaptureFixture) -> None:
+    small, url = load_sensor("xela-4x4@4mm"), f"inspire-modbus://127.0.0.1:{free_port()}"
+    with (
+        registry.find("emulator", "inspire-modbus")(parse_address(url), small),
+        opened(url, load_sensor("inspire-rh56dftp@3mm")) as source,
+    ):
+        for _ in zip(range(3), source, strict=False):
+            pass
+    assert "connection lost: the hand has 48 of 1062 readings; connecting again" in {
+        record.message for record in caplog.records
+    }
+
+
 def test_the_modbus_library_says_nothing_of_its_own(caplog: pytest.LogCaptureFixture) -> None:
     hand = ModbusHand("127.0.0.1", free_port(), 1062, 50.0)
     with pytest.raises(ConnectionError, match="no Modbus server answers"):

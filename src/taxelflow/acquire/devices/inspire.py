@@ -75,8 +75,12 @@ class ModbusHand:
                     answer = self._client.read_holding_registers(FIRST + BYTES * len(registers), count=count)
             except self._fault as error:
                 raise ConnectionError(str(error)) from error
-            if answer.isError() or len(answer.registers) != count:
+            if answer.isError():
                 raise ConnectionError(f"the hand answers {answer}")
+            if len(answer.registers) != count:
+                raise ConnectionError(
+                    f"the hand has {len(registers) + len(answer.registers)} of {self._values} readings"
+                )
             registers += answer.registers
         return np.array(registers, np.uint16).tobytes()
 
