@@ -172,9 +172,18 @@ def test_a_mapping_may_stand_in_a_file_and_what_is_given_beside_it_comes_first(t
     assert raw.values.tolist() == [[3]]
 
 
+def test_a_mapping_in_a_file_may_name_a_file_beside_it_and_a_column_by_number(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("7\n")
+    (tmp_path / "log.toml").write_text('times = "t.txt"\ntaxels = ["a"]\n')
+    assert read(tmp_path, "n,a\n5,1\n", 1, file=tmp_path / "log.toml").t_s.tolist() == [7]
+    (tmp_path / "log.toml").write_text("time = 1\n")
+    assert read(tmp_path, "a,ms\n5,8\n", 1, file=tmp_path / "log.toml").t_s.tolist() == [8]
+
+
 @pytest.mark.parametrize(
     ("text", "match"),
     [
+        ("times = 3", "a path is text, not 3"),
         ("tiem = 1", "must have only the fields time, time_unit, times, rate_hz.*tiem"),
         ("time_unit = 'h'", "columns.file must be a readable TOML file: Invalid enum value 'h'"),
         ("time = ", "columns.file must be a readable TOML file"),

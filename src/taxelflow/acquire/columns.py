@@ -109,10 +109,18 @@ class Columns:
             if unknown := table.keys() - set(known):
                 duty = f"have only the fields {', '.join(known)}"
                 raise ParameterInvalid(f"{self.file}", ", ".join(sorted(unknown)), duty)
-            from_file = msgspec.convert(table, Columns)
+            if type(table.get("time")) is int:
+                table["time"] = str(table["time"])
+            from_file = msgspec.convert(table, Columns, dec_hook=self._beside)
         except (OSError, ValueError, msgspec.ValidationError) as error:
             raise ParameterInvalid("columns.file", str(self.file), f"be a readable TOML file: {error}") from error
         return replace(from_file, **given)
+
+    def _beside(self, _kind: type[Path], given: object) -> Path:
+        """A path in `file` is relative to its folder."""
+        if self.file is None or not isinstance(given, str):
+            raise ValueError(f"a path is text, not {given!r}")
+        return self.file.parent / given
 
     def changed(self) -> dict[str, object]:
         """The fields that differ from their defaults."""
